@@ -1,0 +1,79 @@
+"""The catalogue of physical effects: one effect, one file; others come in by the entry point `lptn.effects`."""
+
+from __future__ import annotations
+
+from functools import cache
+from importlib.metadata import entry_points
+
+from lptn.effects.base import (
+    EdgeEffect,
+    Effect,
+    LinkEffect,
+    LossEffect,
+    MassEffect,
+    NodeEffect,
+    SensorEffect,
+    Signature,
+)
+from lptn.effects.conduction import Conduction
+from lptn.effects.constant_heat import ConstantHeat
+from lptn.effects.copper_loss import CopperLoss
+from lptn.effects.coulomb_friction import CoulombFriction
+from lptn.effects.forced_convection import ForcedConvection
+from lptn.effects.heat_input import HeatInput
+from lptn.effects.iron_loss import IronLoss
+from lptn.effects.natural_convection import NaturalConvection
+from lptn.effects.radiation import Radiation
+from lptn.effects.resistance_rise import ResistanceRise
+from lptn.effects.second_mass import SecondMass
+from lptn.effects.sensor_lag import SensorLag
+from lptn.effects.sensor_offset import SensorOffset
+from lptn.effects.torque_constant_drop import TorqueConstantDrop
+from lptn.effects.viscous_friction import ViscousFriction
+
+_BUILT_IN: tuple[type[Effect], ...] = (
+    CopperLoss,
+    HeatInput,
+    ConstantHeat,
+    CoulombFriction,
+    ViscousFriction,
+    IronLoss,
+    ResistanceRise,
+    TorqueConstantDrop,
+    NaturalConvection,
+    ForcedConvection,
+    Radiation,
+    Conduction,
+    SecondMass,
+    SensorLag,
+    SensorOffset,
+)
+
+
+@cache
+def catalogue() -> dict[str, type[Effect]]:
+    """Every effect by its key: the built-in ones, then those of installed plug-ins.
+
+    Raises:
+        TypeError: a plug-in's entry is not an `Effect`.
+    """
+    effects = {effect.key: effect for effect in _BUILT_IN}
+    for entry in entry_points(group="lptn.effects"):
+        effect = entry.load()
+        if not (isinstance(effect, type) and issubclass(effect, Effect)):
+            raise TypeError(f"plug-in {entry.name} ({entry.value}) is not a subclass of lptn.effects.Effect")
+        effects.setdefault(effect.key, effect)
+    return effects
+
+
+__all__ = [
+    "EdgeEffect",
+    "Effect",
+    "LinkEffect",
+    "LossEffect",
+    "MassEffect",
+    "NodeEffect",
+    "SensorEffect",
+    "Signature",
+    "catalogue",
+]

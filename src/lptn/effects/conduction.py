@@ -1,0 +1,32 @@
+"""Two parts that touch, or share a bracket, exchange heat."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+from lptn.effects.base import EdgeEffect, Signature, Symbol
+from lptn.parameters import Parameter
+
+
+class Conduction(EdgeEffect):
+    r"""Conduction between two nodes.
+
+    .. math:: Q_{i} = G \, (T_j - T_i) = -Q_{j}
+
+    Source: source S0, row E5 (sign corrected).
+    """
+
+    key = "conduction"
+    title = "conduction between two nodes"
+    parameters = (
+        Parameter("conductance", 0.3, "W/K", (0.0, 100.0), off=0.0, typical=0.3, title="thermal conductance"),
+    )
+    signature = Signature(
+        looks_like="an unpowered node warms beside a powered one, and the powered one is predicted too hot",
+        separate_by="power one of the two for 20 min, then only the other",
+        confused_with=("constant_heat",),
+    )
+    source = "source S0, row E5"
+
+    def conductance(self, p: SimpleNamespace) -> Symbol:
+        return p.conductance

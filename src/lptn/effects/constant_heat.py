@@ -1,0 +1,30 @@
+"""Something beside the motor gives off a steady heat."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+from lptn.effects.base import NodeEffect, Signature, Symbol
+from lptn.parameters import Parameter
+
+
+class ConstantHeat(NodeEffect):
+    r"""Constant heat: drive electronics, holding brake, sun.
+
+    .. math:: Q = Q_0
+
+    Source: source S0, row E1 (Q_other).
+    """
+
+    key = "constant_heat"
+    title = "constant heat"
+    parameters = (Parameter("power", 3.0, "W", (0.0, 1e4), off=0.0, typical=3.0, title="constant heat"),)
+    signature = Signature(
+        looks_like="predicted too cold all the time, at rest as well",
+        separate_by="leave the robot powered and resting for an hour; then switch it off for an hour",
+        confused_with=("sensor_offset",),
+    )
+    source = "source S0, row E1"
+
+    def heat(self, temperature: Symbol, inputs: SimpleNamespace, p: SimpleNamespace) -> Symbol:
+        return p.power

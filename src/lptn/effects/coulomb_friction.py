@@ -1,0 +1,36 @@
+"""Dry friction in a moving joint turns into heat."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+from lptn.effects.base import NodeEffect, Signature, Symbol
+from lptn.parameters import Parameter
+
+
+class CoulombFriction(NodeEffect):
+    r"""Heat of Coulomb friction.
+
+    .. math:: Q = F_k \, |\dot q|
+
+    The mean of the absolute speed gives the exact mean heat. The sign follows the physics, not the
+    printed formula, which gives negative heat for backward motion.
+
+    Source: source S0, rows E7 and E8 (corrected).
+    """
+
+    key = "coulomb_friction"
+    title = "Coulomb friction of the joint"
+    needs = ("velocity",)
+    parameters = (
+        Parameter("torque", 0.25, "N*m", (0.0, 50.0), off=0.0, typical=0.25, title="Coulomb friction torque"),
+    )
+    signature = Signature(
+        looks_like="predicted too cold whenever the joint moves, in proportion to its speed",
+        separate_by="swing the unloaded leg at two speeds, 15 min each",
+        confused_with=("viscous_friction", "iron_loss"),
+    )
+    source = "source S0, rows E7, E8"
+
+    def heat(self, temperature: Symbol, inputs: SimpleNamespace, p: SimpleNamespace) -> Symbol:
+        return p.torque * abs(inputs.velocity)

@@ -1,0 +1,35 @@
+"""Air moved by the robot's own motion carries more heat away as it travels faster."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+from lptn.effects.base import LinkEffect, Signature, Symbol
+from lptn.parameters import Parameter
+
+
+class ForcedConvection(LinkEffect):
+    r"""Resistance to the surroundings falls with base speed.
+
+    .. math:: R(v) = R_0 / (1 + \gamma |v|)
+
+    Source: source S0, row E3.
+    """
+
+    key = "forced_convection"
+    title = "forced convection with base speed"
+    needs = ("base_speed",)
+    parameters = (
+        Parameter("gamma", 0.5, "s/m", (0.0, 20.0), off=0.0, typical=0.5, title="forced-convection gain"),
+    )
+    signature = Signature(
+        looks_like="predicted too hot while travelling, right while standing",
+        separate_by="same joint torque, standing and at two speeds, 15 min each",
+        confused_with=("natural_convection",),
+    )
+    source = "source S0, row E3"
+
+    def conductance_factor(
+        self, temperature: Symbol, surroundings: Symbol, inputs: SimpleNamespace, p: SimpleNamespace
+    ) -> Symbol:
+        return 1 + p.gamma * abs(inputs.base_speed)

@@ -1,0 +1,37 @@
+"""The field that turns with the rotor heats the iron it passes through."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+from lptn.effects.base import NodeEffect, Signature, Symbol
+from lptn.parameters import Parameter
+
+
+class IronLoss(NodeEffect):
+    r"""Hysteresis and eddy-current heat, together a power of the speed.
+
+    .. math:: Q = k \, |\omega|^n
+
+    The exponent lies between 1 (hysteresis) and 2 (eddy currents); at the ends it can't be told from
+    Coulomb and viscous friction. It is held at 1.5 unless freed.
+
+    Source: Steinmetz's law at constant flux; eddy part 0.004 W s²/rad² in source S0, virtual robot.
+    """
+
+    key = "iron_loss"
+    title = "speed-dependent iron loss"
+    needs = ("velocity_rms",)
+    parameters = (
+        Parameter("gain", 0.05, "W*(s/rad)^n", (0.0, 100.0), off=0.0, typical=0.05, title="loss at 1 rad/s"),
+        Parameter("exponent", 1.5, "1", (1.0, 2.0), typical=1.0, title="exponent of the speed", fixed=True),
+    )
+    signature = Signature(
+        looks_like="predicted too cold when the joint moves fast, even unloaded",
+        separate_by="spin the unloaded motor at three speeds, 15 min each",
+        confused_with=("viscous_friction", "coulomb_friction"),
+    )
+    source = "Steinmetz's law at constant flux"
+
+    def heat(self, temperature: Symbol, inputs: SimpleNamespace, p: SimpleNamespace) -> Symbol:
+        return p.gain * abs(inputs.velocity_rms) ** p.exponent

@@ -1,0 +1,38 @@
+"""A hotter surface drives more air past itself."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import casadi as ca
+
+from lptn.effects.base import LinkEffect, Signature, Symbol
+from lptn.parameters import Parameter
+
+
+class NaturalConvection(LinkEffect):
+    r"""Resistance to the surroundings falls with the temperature difference.
+
+    .. math:: R(\Delta T) = R_0 \, e^{-\beta \Delta T}
+
+    Source: source S0, row E3 (empirical; the heat loss is monotone for a difference above -1/β).
+    """
+
+    key = "natural_convection"
+    title = "natural convection growing with the temperature difference"
+    parameters = (
+        Parameter(
+            "beta", 0.006, "1/K", (0.0, 0.05), off=0.0, typical=0.006, title="natural-convection exponent"
+        ),
+    )
+    signature = Signature(
+        looks_like="predicted too hot at the hottest, too cold at the coolest, in the same run",
+        separate_by="heat to 60 degC or more, then cool down unpowered for 30 min, at two ambients",
+        confused_with=("radiation",),
+    )
+    source = "source S0, row E3"
+
+    def conductance_factor(
+        self, temperature: Symbol, surroundings: Symbol, inputs: SimpleNamespace, p: SimpleNamespace
+    ) -> Symbol:
+        return ca.exp(p.beta * (temperature - surroundings))

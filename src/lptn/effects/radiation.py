@@ -1,0 +1,39 @@
+"""A hot surface radiates to its surroundings."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+from lptn.effects.base import LinkEffect, Signature, Symbol
+from lptn.parameters import Parameter
+
+STEFAN_BOLTZMANN = 5.670374419e-8  # W/(m² K⁴)
+ZERO_CELSIUS = 273.15  # K
+
+
+class Radiation(LinkEffect):
+    r"""Grey-body exchange with the surroundings.
+
+    .. math:: Q = \sigma \, \varepsilon A \, (T_E^4 - T^4) \quad \text{in kelvin}
+
+    Source: Stefan-Boltzmann law; size of a joint's area from source S0, virtual robot.
+    """
+
+    key = "radiation"
+    title = "radiation to the surroundings"
+    parameters = (
+        Parameter("area", 0.01, "m^2", (0.0, 10.0), off=0.0, typical=0.01, title="emissivity times area"),
+    )
+    signature = Signature(
+        looks_like="predicted too hot at the hottest; the more so at a warm ambient",
+        separate_by="the same heating and cool-down at 8 and at 33 degC ambient",
+        confused_with=("natural_convection",),
+    )
+    source = "Stefan-Boltzmann law"
+
+    def extra_heat(self, temperature: Symbol, surroundings: Symbol, p: SimpleNamespace) -> Symbol:
+        return (
+            STEFAN_BOLTZMANN
+            * p.area
+            * ((surroundings + ZERO_CELSIUS) ** 4 - (temperature + ZERO_CELSIUS) ** 4)
+        )

@@ -1,0 +1,38 @@
+"""A hot winding has more resistance and so more copper loss."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+from lptn.effects.base import LossEffect, Signature, Symbol
+from lptn.parameters import Parameter
+
+
+class ResistanceRise(LossEffect):
+    r"""Winding resistance rises with temperature.
+
+    .. math:: R_d(T) = R_d \, [1 + \alpha (T - T_\mathrm{ref})]
+
+    Source: source S0, row E6; source S1, row E2.5 (one documented coefficient, 0.0039 1/K for copper).
+    """
+
+    key = "resistance_rise"
+    title = "winding resistance rising with temperature"
+    acts_on = "copper_loss"
+    parameters = (
+        Parameter(
+            "alpha", 0.0039, "1/K", (0.0, 0.02), off=0.0, typical=0.0039, title="temperature coefficient"
+        ),
+        Parameter(
+            "reference", 25.0, "degC", (-50.0, 200.0), typical=25.0, title="reference temperature", fixed=True
+        ),
+    )
+    signature = Signature(
+        looks_like="predicted too cold under load when already hot, right under the same load when cool",
+        separate_by="the same torque from a cold and from a hot start; log the current besides the torque",
+        confused_with=("torque_constant_drop",),
+    )
+    source = "source S0, row E6"
+
+    def factor(self, temperature: Symbol, p: SimpleNamespace) -> Symbol:
+        return 1 + p.alpha * (temperature - p.reference)

@@ -1,0 +1,48 @@
+"""Part of the heat goes in and out of a mass that has no sensor."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+from lptn.effects.base import MassEffect, Signature, Symbol
+from lptn.parameters import Parameter
+
+
+class SecondMass(MassEffect):
+    r"""A second thermal mass behind a resistance: housing behind winding, gearbox behind motor.
+
+    .. math:: Q = \frac{C_2}{t_2} (T_2 - T), \qquad \dot T_2 = (T - T_2) / t_2
+
+    With the time constant :math:`t_2 = R_2 C_2` as the shape, the capacitance enters as an amplitude.
+
+    Source: source S1, two-node network (§4 of the project's source table); winding and housing.
+    """
+
+    key = "second_mass"
+    title = "a second thermal mass"
+    parameters = (
+        Parameter(
+            "capacity", 50.0, "J/K", (0.0, 1e5), off=0.0, typical=50.0, title="capacitance of the second mass"
+        ),
+        Parameter(
+            "time_constant",
+            120.0,
+            "s",
+            (1.0, 2e4),
+            typical=120.0,
+            title="its time constant",
+            grid=(15.0, 60.0, 240.0, 900.0),
+        ),
+    )
+    signature = Signature(
+        looks_like="fast at first, slow later: predicted too slow at the onset of heating, too fast after it",
+        separate_by="a step of load for 20 min from rest, then 40 min of rest",
+        confused_with=("sensor_lag",),
+    )
+    source = "source S1, two-node network"
+
+    def heat(self, temperature: Symbol, state: Symbol, p: SimpleNamespace) -> Symbol:
+        return p.capacity / p.time_constant * (state - temperature)
+
+    def rate(self, temperature: Symbol, state: Symbol, p: SimpleNamespace) -> Symbol:
+        return (temperature - state) / p.time_constant

@@ -1,0 +1,47 @@
+"""The sensor follows the node's temperature late."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+from lptn.effects.base import SensorEffect, Signature, Symbol
+from lptn.parameters import Parameter
+
+
+class SensorLag(SensorEffect):
+    r"""First-order lag of the sensor: glue, a bead of epoxy, a filter.
+
+    .. math:: y = T + a (T_s - T), \qquad \dot T_s = (T - T_s) / t_s
+
+    The share *a* is 0 when off and 1 for a sensor that is wholly behind the lag.
+
+    Source: first-order sensor; source S1, row N13 (thermocouples on the housing).
+    """
+
+    key = "sensor_lag"
+    title = "sensor lag"
+    has_state = True
+    parameters = (
+        Parameter("share", 1.0, "1", (0.0, 1.0), off=0.0, on=1.0, typical=1.0, title="share behind the lag"),
+        Parameter(
+            "time_constant",
+            15.0,
+            "s",
+            (0.5, 1e3),
+            typical=15.0,
+            title="time constant",
+            grid=(5.0, 15.0, 45.0),
+        ),
+    )
+    signature = Signature(
+        looks_like="the reading comes late at every change of load, by the same time up and down",
+        separate_by="short strong bursts of load, 1 min on and 3 min off",
+        confused_with=("second_mass",),
+    )
+    source = "first-order sensor"
+
+    def error(self, temperature: Symbol, state: Symbol, p: SimpleNamespace) -> Symbol:
+        return p.share * (state - temperature)
+
+    def rate(self, temperature: Symbol, state: Symbol, p: SimpleNamespace) -> Symbol:
+        return (temperature - state) / p.time_constant

@@ -1,0 +1,32 @@
+"""The sensor reads too high or too low by a constant."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+from lptn.effects.base import SensorEffect, Signature, Symbol
+from lptn.parameters import Parameter
+
+
+class SensorOffset(SensorEffect):
+    r"""Constant error of the reading.
+
+    .. math:: y = T + b
+
+    Source: definition; source S1, row N13 (thermocouples of ±5 °C).
+    """
+
+    key = "sensor_offset"
+    title = "sensor offset"
+    parameters = (
+        Parameter("offset", 1.0, "K", (-30.0, 30.0), off=0.0, typical=1.0, title="reading minus temperature"),
+    )
+    signature = Signature(
+        looks_like="predicted off by the same amount all the time, and a rested robot reads off ambient",
+        separate_by="a plain cool-down to a known ambient, at two ambient temperatures",
+        confused_with=("constant_heat",),
+    )
+    source = "definition"
+
+    def error(self, temperature: Symbol, state: Symbol, p: SimpleNamespace) -> Symbol:
+        return p.offset

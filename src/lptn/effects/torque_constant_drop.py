@@ -1,0 +1,41 @@
+"""Warm magnets give less torque per ampere, so the same torque takes more current."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+from lptn.effects.base import LossEffect, Signature, Symbol
+from lptn.parameters import Parameter
+
+
+class TorqueConstantDrop(LossEffect):
+    r"""Torque constant falls with temperature.
+
+    .. math:: k_\tau(T) = k_\tau \, [1 - \kappa (T - T_\mathrm{ref})], \qquad Q \propto k_\tau(T)^{-2}
+
+    It matters only where the heat is computed from torque; a logged current already holds it.
+
+    Source: source S1, row E2.6 (0.0012 1/K).
+    """
+
+    key = "torque_constant_drop"
+    title = "torque constant falling with temperature"
+    acts_on = "copper_loss"
+    needs = ("torque",)
+    parameters = (
+        Parameter(
+            "kappa", 0.0012, "1/K", (0.0, 0.005), off=0.0, typical=0.0012, title="temperature coefficient"
+        ),
+        Parameter(
+            "reference", 25.0, "degC", (-50.0, 200.0), typical=25.0, title="reference temperature", fixed=True
+        ),
+    )
+    signature = Signature(
+        looks_like="predicted too cold under load when already hot, from the logged torque",
+        separate_by="log the current besides the torque: at equal torque it rises with temperature",
+        confused_with=("resistance_rise",),
+    )
+    source = "source S1, row E2.6"
+
+    def factor(self, temperature: Symbol, p: SimpleNamespace) -> Symbol:
+        return (1 - p.kappa * (temperature - p.reference)) ** -2

@@ -1,0 +1,35 @@
+"""Oil and grease in a moving joint turn motion into heat."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+from lptn.effects.base import NodeEffect, Signature, Symbol
+from lptn.parameters import Parameter
+
+
+class ViscousFriction(NodeEffect):
+    r"""Heat of viscous friction.
+
+    .. math:: Q = D \, \dot q^2
+
+    The mean of the squared speed gives the exact mean heat. Eddy-current loss has the same form.
+
+    Source: source S0, rows E7 and E8 (corrected).
+    """
+
+    key = "viscous_friction"
+    title = "viscous friction of the joint"
+    needs = ("velocity_rms",)
+    parameters = (
+        Parameter("damping", 0.04, "N*m*s/rad", (0.0, 10.0), off=0.0, typical=0.04, title="viscous damping"),
+    )
+    signature = Signature(
+        looks_like="predicted too cold when the joint moves fast, with the square of its speed",
+        separate_by="swing the unloaded leg at two speeds, 15 min each",
+        confused_with=("iron_loss", "coulomb_friction"),
+    )
+    source = "source S0, rows E7, E8"
+
+    def heat(self, temperature: Symbol, inputs: SimpleNamespace, p: SimpleNamespace) -> Symbol:
+        return p.damping * inputs.velocity_rms**2

@@ -1,0 +1,133 @@
+"""Parameters from runs: start values, coarse search, fine search, and what the result is worth."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from lptn.arrays import FloatArray
+from lptn.identify.gauss_newton import Progress, Solution, minimise
+from lptn.identify.integral_start import integral_start
+from lptn.identify.problem import Point, Problem
+from lptn.identify.uncertainty import Uncertainty, uncertainty
+from lptn.model import Model
+from lptn.noise import Noise, balanced_sigma, estimate_noise
+from lptn.simulate import Drive, drive
+
+_COARSE_STEP = 10.0  # s
+_LEAST_COARSE = 150  # steps that a run must keep to be worth a coarse search
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A fitted model.
+
+    Args:
+        model: the model that was fitted, with the values found in it.
+        problem: the least-squares problem at full resolution.
+        z: its unknowns at the solution.
+        cost: half the sum of squared weighted residuals, priors included.
+        noise: the sensors' noise.
+        uncertainty: of the free parameters.
+        iterations: of all searches together.
+        status: IPOPT's word, or `"interrupted"`.
+    """
+
+    model: Model
+    problem: Problem
+    z: FloatArray
+    cost: float
+    noise: Noise
+    uncertainty: Uncertainty
+    iterations: int
+    status: str
+
+    @property
+    def point(self) -> Point:
+        """Parameter values and initial states."""
+        return self.problem.point(self.z)
+
+    @property
+    def rmse(self) -> float:
+        """Root mean square of measured minus predicted, over all readings that count [K]."""
+        errors = self.problem.errors(self.z)
+        counted = [error[driven.counted] for error, driven in zip(errors, self.problem.drives, strict=True)]
+        return float(np.sqrt(np.mean(np.concatenate(counted) ** 2)))
+
+    @property
+    def errors(self) -> dict[str, float]:
+        """Standard error of each free parameter by name, in its unit."""
+        names = [self.model.unknowns[index].name for index in self.problem.free]
+        return dict(zip(names, self.uncertainty.errors.tolist(), strict=True))
+
+
+def fit(
+    model: Model,
+    drives: Sequence[Drive],
+    *,
+    mirror_weight: float = 0.0,
+    sigma: FloatArray | None = None,
+    guess: FloatArray | None = None,
+    starts: Sequence[FloatArray] | None = None,
+    progress: Progress | None = None,
+) -> Fit:
+    """Fit the free parameters, and the initial states of each run, to free-running simulations.
+
+    Args:
+        model: the model.
+        drives: the runs, with the readings that count.
+        mirror_weight: λ of the left-right regulariser.
+        sigma: standard deviation that weighs each node [K]; by default balanced between nodes with
+            large and small excursions.
+        guess: parameter values to start from, shape (m,); by default the better of the model's own and
+            those of the integrated heat balance.
+        starts: initial states to start from, together with `guess`.
+        progress: called after each iteration.
+    """
+    noise = estimate_noise(drives, model.nodes)
+    sigma = balanced_sigma(drives, noise) if sigma is None else sigma
+    problem = Problem(model, drives, sigma, mirror_weight)
+    iterations = 0
+    if guess is None:
+        coarse = Problem(model, [_coarse(model, driven) for driven in drives], sigma, mirror_weight)
+        best = min(
+            (coarse.guess(values) for values in (model.values, integral_start(model, coarse.drives, sigma))),
+            key=coarse.cost,
+        )
+        rough = minimise(coarse, best, progress)
+        iterations += rough.iterations
+        found = coarse.point(rough.z)
+        z = problem.guess(found.values, found.starts)
+        if rough.status == "interrupted":
+            return _fit(problem, replace(rough, z=z, cost=problem.cost(z)), noise, iterations)
+    else:
+        z = problem.guess(guess, starts)
+    solution = minimise(problem, z, progress)
+    return _fit(problem, solution, noise, iterations + solution.iterations)
+
+
+def fit_starts(model: Model, drives: Sequence[Drive], sigma: FloatArray) -> list[FloatArray]:
+    """Initial states of runs from their counted readings, the parameters being held."""
+    found = []
+    for driven in drives:
+        problem = Problem(model, [driven], sigma, free=())
+        found += problem.point(minimise(problem, problem.guess(model.values)).z).starts
+    return found
+
+
+def _fit(problem: Problem, solution: Solution, noise: Noise, iterations: int) -> Fit:
+    model = problem.model.with_values(problem.point(solution.z).values)
+    spread = uncertainty(problem, solution.z)
+    return Fit(model, problem, solution.z, solution.cost, noise, spread, iterations, solution.status)
+
+
+def _coarse(model: Model, driven: Drive) -> Drive:
+    """The same run in steps of about 10 s, where it is long enough."""
+    factor = min(round(_COARSE_STEP / driven.run.step), len(driven) // _LEAST_COARSE)
+    if factor < 2:
+        return driven
+    coarse = drive(model, driven.run.coarsen(factor))
+    blocks = driven.counted[:, : len(coarse) * factor].reshape(len(model.nodes), -1, factor)
+    return replace(coarse, counted=coarse.counted & blocks.all(axis=2))

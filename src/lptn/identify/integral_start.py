@@ -1,0 +1,162 @@
+"""Start values without a guess: linear least squares on the integrated heat balance.
+
+Integrating ``C dT/dt = Σ (T_j - T_i)/R + Σ Q`` once along the *measured* temperatures leaves an equation that is
+linear in capacitances, conductances and amplitudes of heat: no simulation, no guess, milliseconds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import casadi as ca
+import numpy as np
+from scipy.optimize import lsq_linear
+
+from lptn.arrays import FloatArray
+from lptn.model import Model
+from lptn.simulate import Drive
+
+_MOST_ROWS = 400  # instants of each run that enter
+_RIDGE = 1.0  # weight of the declared value, in standard deviations of the data
+
+
+def integral_start(model: Model, drives: Sequence[Drive], sigma: FloatArray) -> FloatArray:
+    """Parameter values, shape (m,), that balance the integrated heat; nonlinear ones stay as declared.
+
+    Args:
+        model: the model; its values serve where the data say nothing.
+        drives: the runs; unmeasured nodes contribute no equation.
+        sigma: scatter of each node's readings [K], shape (nodes,).
+    """
+    system = _LinearBalance(model)
+    if not system.chosen:
+        return model.values
+    rows, sides = [], []
+    for driven in drives:
+        matrix, side = system.equations(driven, sigma)
+        rows.append(matrix)
+        sides.append(side)
+    # Each run adds unknown constants (the noise of its first readings); they stand beside the parameters.
+    constants = sum(len(model.nodes) for _ in drives)
+    width = len(system.chosen)
+    stacked = np.zeros((sum(len(row) for row in rows), width + constants))
+    start = 0
+    for number, row in enumerate(rows):
+        first = width + number * len(model.nodes)
+        stacked[start : start + len(row), :width] = row[:, :width]
+        stacked[start : start + len(row), first : first + len(model.nodes)] = row[:, width:]
+        start += len(row)
+    return system.solve(stacked, np.concatenate(sides))
+
+
+class _LinearBalance:
+    """C·ΔT - ∫q as an expression linear in transformed parameters w (conductances instead of resistances)."""
+
+    def __init__(self, model: Model) -> None:
+        self.model = model
+        x, u, p, rates, _ = model.symbols
+        capacities = [model.network.capacities[node] for node in model.nodes]
+        self._inverse = np.array([unknown.name.startswith("resistance.") for unknown in model.unknowns])
+        w = ca.SX.sym("w", len(model.unknowns))
+        as_declared = ca.vertcat(*(1 / w[i] if inverse else w[i] for i, inverse in enumerate(self._inverse)))
+        heat = ca.substitute(rates[: len(capacities)] * p[capacities], p, as_declared)
+        self.chosen = [
+            i
+            for i in model.free
+            if model.unknowns[i].name.startswith(("capacity.", "resistance.")) or _is_amplitude(model, i)
+        ]
+        self.chosen = _jointly_linear(heat, w, self.chosen)
+        self._capacities = capacities
+        self._heat = ca.Function("heat", [x, u, w], [heat, ca.densify(ca.jacobian(heat, w[self.chosen]))])
+        self._declared = self._to_w(model.values)
+
+    def equations(self, driven: Drive, sigma: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Rows [∂/∂w, ∂/∂constants] and right-hand sides of one run, in standard deviations."""
+        model, nodes = self.model, len(self.model.nodes)
+        temperatures = _filled(driven)
+        states = temperatures[np.array(model.owners)]
+        n = len(driven)
+        w0 = self._declared.copy()
+        w0[self.chosen] = 0.0  # the part of the heat that no chosen parameter moves
+        heat, by_w = self._heat.map(n)(states, driven.inputs, np.repeat(w0[:, None], n, axis=1))
+        given = _integrated(heat.full(), driven.run.step)
+        slopes = by_w.full().reshape(nodes, n, len(self.chosen))
+        moved = np.stack([_integrated(slopes[i].T, driven.run.step).T for i in range(nodes)])
+        rise = temperatures - temperatures[:, :1]
+        picked = np.unique(np.linspace(0, n - 1, min(n, _MOST_ROWS)).astype(int))
+        rows, sides = [], []
+        for i in range(nodes):
+            kept = picked[driven.counted[i][picked]]
+            capacity = self._capacities[i]
+            scale = 1.0 / (self._declared[capacity] * sigma[i])
+            block = -moved[i][kept]
+            side = given[i][kept]
+            if capacity in self.chosen:
+                block[:, self.chosen.index(capacity)] += rise[i][kept]
+            else:
+                side = side - self._declared[capacity] * rise[i][kept]
+            constant = np.zeros((len(kept), nodes))
+            constant[:, i] = 1.0
+            rows.append(np.hstack([block * scale, constant]))
+            sides.append(side * scale)
+        return np.vstack(rows), np.concatenate(sides)
+
+    def solve(self, rows: FloatArray, sides: FloatArray) -> FloatArray:
+        """Bounded least squares with a weak pull to the declared values."""
+        model, width = self.model, len(self.chosen)
+        bounds = np.array([self._bounds(i) for i in self.chosen])
+        scale = np.array([self._scale(i) for i in self.chosen])
+        columns = np.concatenate([scale, np.ones(rows.shape[1] - width)])
+        pull = np.eye(width, rows.shape[1]) * _RIDGE
+        target = self._declared[self.chosen] / scale * _RIDGE
+        lower = np.concatenate([bounds[:, 0] / scale, np.full(rows.shape[1] - width, -np.inf)])
+        upper = np.concatenate([bounds[:, 1] / scale, np.full(rows.shape[1] - width, np.inf)])
+        found = lsq_linear(np.vstack([rows * columns, pull]), np.concatenate([sides, target]), (lower, upper))
+        w = self._declared.copy()
+        w[self.chosen] = found.x[:width] * scale
+        values = np.where(self._inverse, 1.0 / np.where(w == 0, np.inf, w), w)
+        return np.where(np.isin(np.arange(len(values)), self.chosen), values, model.values)
+
+    def _bounds(self, index: int) -> tuple[float, float]:
+        lower, upper = self.model.unknowns[index].declared.bounds
+        return (1 / upper, 1 / lower if lower > 0 else np.inf) if self._inverse[index] else (lower, upper)
+
+    def _scale(self, index: int) -> float:
+        typical = abs(self.model.unknowns[index].declared.typical) or 1.0
+        return abs(self._declared[index]) or typical
+
+    def _to_w(self, values: FloatArray) -> FloatArray:
+        return np.where(self._inverse, 1.0 / np.where(self._inverse, values, 1.0), values)
+
+
+def _is_amplitude(model: Model, index: int) -> bool:
+    return model.unknowns[index].declared.off is not None
+
+
+def _jointly_linear(heat: ca.SX, w: ca.SX, chosen: list[int]) -> list[int]:
+    """The chosen parameters less those that multiply another one (a gain on a conductance)."""
+    kept: list[int] = []
+    for index in chosen:
+        slope = ca.jacobian(heat, w[[*kept, index]])
+        if not ca.depends_on(slope, w[[*kept, index]]):
+            kept.append(index)
+    return kept
+
+
+def _filled(driven: Drive) -> FloatArray:
+    """Measured temperatures with gaps bridged; an unmeasured node takes the mean of the others."""
+    n = len(driven)
+    filled = np.full_like(driven.measured, np.nan)
+    for row, readings in enumerate(driven.measured):
+        finite = np.isfinite(readings)
+        if finite.any():
+            filled[row] = np.interp(np.arange(n), np.flatnonzero(finite), readings[finite])
+    mean = np.nanmean(filled, axis=0)
+    return np.where(np.isnan(filled), mean, filled)
+
+
+def _integrated(rates: FloatArray, step: float) -> FloatArray:
+    """∫ from the start to each instant, along the last axis."""
+    return np.concatenate(
+        [np.zeros((*rates.shape[:-1], 1)), np.cumsum(rates, axis=-1)[..., :-1] * step], axis=-1
+    )

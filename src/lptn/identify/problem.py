@@ -1,0 +1,200 @@
+"""The weighted least-squares problem of a fit: unknowns, residuals and their derivatives."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from lptn.arrays import FloatArray
+from lptn.model import Model
+from lptn.parameters import Transform
+from lptn.sensitivity import sensitivities
+from lptn.simulate import Drive, SimulationError, default_start, simulate
+
+# How far initial states may lie from the first guess [K], one standard deviation: wide for a node whose
+# first readings the cost holds anyway, narrower for states that no sensor sees.
+_NODE_SPREAD = 10.0
+_HIDDEN_SPREAD = 5.0
+
+
+@dataclass(frozen=True)
+class Point:
+    """A point of the search, taken apart: parameter values (m,) and initial states of each run."""
+
+    values: FloatArray
+    starts: list[FloatArray]
+
+
+class Problem:
+    """Residuals of free-running simulations, with priors on initial states and a left-right regulariser.
+
+    The unknowns are the coordinates of the free parameters, then for each run the initial temperatures of
+    the nodes and how far each hidden state lies from its node's temperature.
+
+    Args:
+        model: the model to fit; its values are used for the parameters that stay fixed.
+        drives: the runs.
+        sigma: standard deviation that weighs each node's residuals [K], shape (nodes,).
+        mirror_weight: λ of the regulariser that pulls the logarithms of left and right parameters
+            together (source S0, row E14, on logarithms so that λ has no unit).
+        free: indices of the parameters to fit; the model's own free ones by default.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        drives: Sequence[Drive],
+        sigma: FloatArray,
+        mirror_weight: float = 0.0,
+        free: Sequence[int] | None = None,
+    ) -> None:
+        self.model, self.drives, self.sigma = model, list(drives), sigma
+        self.mirror_weight = mirror_weight
+        self.free = list(model.free if free is None else free)
+        self._transform = Transform([model.unknowns[index] for index in self.free])
+        self._guesses = [default_start(model, driven) for driven in self.drives]
+        self._mirrors = self._mirror_rows(mirror_weight)
+        self.readings = sum(int(driven.counted.sum()) for driven in self.drives)
+        """Number of readings that count."""
+
+    @property
+    def size(self) -> int:
+        """Number of unknowns."""
+        return len(self.free) + len(self.drives) * len(self.model.states)
+
+    def guess(self, values: FloatArray, starts: Sequence[FloatArray] | None = None) -> FloatArray:
+        """The unknowns, shape (size,), at given parameter values and initial states."""
+        starts = self._guesses if starts is None else starts
+        return np.concatenate(
+            [self._transform.forward(values[self.free]), *(self._relative(x) for x in starts)]
+        )
+
+    def point(self, z: FloatArray) -> Point:
+        """Parameter values and initial states at the unknowns z."""
+        values = self.model.values
+        values[self.free] = self._transform.backward(z[: len(self.free)])
+        count = len(self.model.states)
+        parts = z[len(self.free) :].reshape(-1, count)
+        return Point(values, [self._absolute(part) for part in parts])
+
+    def bounds(self) -> tuple[FloatArray, FloatArray]:
+        """Least and largest admissible unknowns."""
+        declared = np.array([self.model.unknowns[index].declared.bounds for index in self.free]).reshape(
+            -1, 2
+        )
+        lower, upper = np.full(self.size, -np.inf), np.full(self.size, np.inf)
+        lower[: len(self.free)] = self._transform.forward(declared[:, 0])
+        upper[: len(self.free)] = self._transform.forward(declared[:, 1])
+        return lower, upper
+
+    def slope(self, values: FloatArray) -> FloatArray:
+        """d value / d unknown of the free parameters."""
+        return self._transform.slope(values[self.free])
+
+    def residuals(self, z: FloatArray) -> FloatArray:
+        """Weighted residuals, measured minus predicted over σ; then the priors'. No derivatives: quick.
+
+        Raises:
+            SimulationError: the point makes the model too stiff, or it runs away.
+        """
+        point = self.point(z)
+        rows = [
+            self._whitened(driven, simulate(self.model, driven, point.values, start).readings)
+            for driven, start in zip(self.drives, point.starts, strict=True)
+        ]
+        return np.concatenate([*rows, self._prior_residuals(z, point)])
+
+    def cost(self, z: FloatArray) -> float:
+        """Half the sum of squared residuals; infinite where the model can't be simulated."""
+        try:
+            return 0.5 * float(np.sum(self.residuals(z) ** 2))
+        except SimulationError:
+            return float("inf")
+
+    def jacobian(self, z: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Residuals (rows,) and their Jacobian (rows, size).
+
+        Raises:
+            SimulationError: the point makes the model too stiff, or it runs away.
+        """
+        point, rows, blocks = self.point(z), [], []
+        slope, count = self.slope(point.values), len(self.model.states)
+        for number, (driven, start) in enumerate(zip(self.drives, point.starts, strict=True)):
+            moved = sensitivities(self.model, driven, point.values, self.free, start)
+            rows.append(self._whitened(driven, moved.readings))
+            scale = -1.0 / np.repeat(self.sigma, driven.counted.sum(axis=1))[:, None]
+            block = np.zeros((len(rows[-1]), self.size))
+            block[:, : len(self.free)] = moved.by_parameter[driven.counted] * slope * scale
+            first = len(self.free) + number * count
+            block[:, first : first + count] = self._by_relative(moved.by_start[driven.counted]) * scale
+            blocks.append(block)
+        blocks.append(self._prior_jacobian())
+        return np.concatenate([*rows, self._prior_residuals(z, point)]), np.vstack(blocks)
+
+    def errors(self, z: FloatArray) -> list[FloatArray]:
+        """Measured minus predicted [K] for each run, shape (nodes, n), NaN where nothing was measured."""
+        point = self.point(z)
+        return [
+            driven.measured - simulate(self.model, driven, point.values, start).readings
+            for driven, start in zip(self.drives, point.starts, strict=True)
+        ]
+
+    # --- initial states ---------------------------------------------------------------------------
+
+    def _relative(self, states: FloatArray) -> FloatArray:
+        nodes = len(self.model.nodes)
+        relative = states.copy()
+        relative[nodes:] -= states[np.array(self.model.owners[nodes:], dtype=int)]
+        return relative
+
+    def _absolute(self, relative: FloatArray) -> FloatArray:
+        nodes = len(self.model.nodes)
+        states = relative.copy()
+        states[nodes:] += relative[np.array(self.model.owners[nodes:], dtype=int)]
+        return states
+
+    def _by_relative(self, by_start: FloatArray) -> FloatArray:
+        """A node's initial temperature takes its hidden states along."""
+        moved = by_start.copy()
+        for state in range(len(self.model.nodes), len(self.model.states)):
+            moved[..., self.model.owners[state]] += by_start[..., state]
+        return moved
+
+    # --- priors -----------------------------------------------------------------------------------
+
+    @property
+    def _spread(self) -> FloatArray:
+        nodes = len(self.model.nodes)
+        return np.where(np.arange(len(self.model.states)) < nodes, _NODE_SPREAD, _HIDDEN_SPREAD)
+
+    def _prior_residuals(self, z: FloatArray, point: Point) -> FloatArray:
+        parts = [
+            (self._relative(start) - self._relative(guess)) / self._spread
+            for start, guess in zip(point.starts, self._guesses, strict=True)
+        ]
+        return np.concatenate([*parts, self._mirrors @ z[: len(self.free)]]) if parts else np.zeros(0)
+
+    def _prior_jacobian(self) -> FloatArray:
+        starts = np.diag(np.tile(1.0 / self._spread, len(self.drives)))
+        free = len(self.free)
+        jacobian = np.zeros((len(starts) + len(self._mirrors), self.size))
+        jacobian[: len(starts), free:] = starts
+        jacobian[len(starts) :, :free] = self._mirrors
+        return jacobian
+
+    def _mirror_rows(self, weight: float) -> FloatArray:
+        """One row for each left-right pair of free parameters: sqrt(λ) times their difference."""
+        where = {self.model.unknowns[index].name: row for row, index in enumerate(self.free)}
+        rows = []
+        for index in self.free:
+            unknown = self.model.unknowns[index]
+            if weight > 0 and unknown.mirror in where and unknown.name < unknown.mirror:
+                row = np.zeros(len(self.free))
+                row[where[unknown.name]], row[where[unknown.mirror]] = np.sqrt(weight), -np.sqrt(weight)
+                rows.append(row)
+        return np.array(rows).reshape(-1, len(self.free))
+
+    def _whitened(self, driven: Drive, readings: FloatArray) -> FloatArray:
+        return ((driven.measured - readings) / self.sigma[:, None])[driven.counted]

@@ -1,0 +1,102 @@
+"""How well the data determine each parameter: standard errors, correlations, and what they leave open."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lptn.arrays import FloatArray
+from lptn.identify.problem import Problem
+
+_OPEN = 0.7  # standard error of a logarithm (or share of the typical size) above which a value means little
+_SINGULAR = 1e-9  # eigenvalue, relative to the largest, of a combination that moves no temperature
+_CLOSE = 1e-4  # distance to a bound, in the search's coordinates
+
+
+@dataclass(frozen=True)
+class Uncertainty:
+    """What the data say of the free parameters.
+
+    Args:
+        errors: standard errors, in each parameter's unit, shape (free,); infinite where undetermined.
+        covariance: of the search's coordinates, shape (free, free).
+        correlations: shape (free, free).
+        warnings: one sentence for each parameter or combination that the data don't determine.
+    """
+
+    errors: FloatArray
+    covariance: FloatArray
+    correlations: FloatArray
+    warnings: tuple[str, ...]
+
+
+def uncertainty(problem: Problem, z: FloatArray) -> Uncertainty:
+    """Uncertainty at the solution `z`, widened for residuals that are correlated in time or larger than σ."""
+    count = len(problem.free)
+    if count == 0:
+        return Uncertainty(np.zeros(0), np.zeros((0, 0)), np.zeros((0, 0)), ())
+    residuals, jacobian = problem.jacobian(z)
+    information = _without_starts(jacobian, count)
+    eigenvalues, vectors = np.linalg.eigh(information)
+    largest = max(float(eigenvalues[-1]), 1e-300)
+    open_directions = eigenvalues < _SINGULAR * largest
+    inverse = np.where(open_directions, 0.0, 1.0 / np.where(open_directions, 1.0, eigenvalues))
+    covariance = (vectors * inverse) @ vectors.T * _widening(residuals[: problem.readings])
+    spread = np.sqrt(np.diag(covariance))
+    loose = (np.abs(vectors[:, open_directions]) > 0.05).any(axis=1)
+    slope = problem.slope(problem.point(z).values)
+    errors = np.where(loose, np.inf, spread * np.abs(slope))
+    scale = np.where(spread > 0, spread, 1.0)
+    names = [problem.model.unknowns[index].name for index in problem.free]
+    warnings = _combinations(names, vectors[:, open_directions])
+    warnings += _loose(problem, z, names, spread, loose)
+    return Uncertainty(errors, covariance, covariance / np.outer(scale, scale), tuple(warnings))
+
+
+def _without_starts(jacobian: FloatArray, count: int) -> FloatArray:
+    """Information on the parameters once the initial states are fitted along: a Schur complement."""
+    whole = jacobian.T @ jacobian
+    if whole.shape[0] == count:
+        return whole
+    cross = whole[:count, count:]
+    return whole[:count, :count] - cross @ np.linalg.solve(whole[count:, count:], cross.T)
+
+
+def _widening(residuals: FloatArray) -> float:
+    """Factor on the covariance: mean square of the residuals times their correlation time, in samples."""
+    square = float(np.mean(residuals**2)) if residuals.size else 1.0
+    if residuals.size < 3 or square == 0:
+        return 1.0
+    lag_one = float(np.mean(residuals[1:] * residuals[:-1])) / square
+    lag_one = min(max(lag_one, 0.0), 0.999)
+    return max(square, 1.0) * (1 + lag_one) / (1 - lag_one)
+
+
+def _combinations(names: list[str], vectors: FloatArray) -> list[str]:
+    warnings = []
+    for vector in vectors.T:
+        involved = [name for name, share in zip(names, vector, strict=True) if abs(share) > 0.05]
+        same_size = np.ptp(np.abs(vector[np.abs(vector) > 0.05])) < 0.01
+        advice = "multiplying them all by one factor (resistances: dividing) changes no temperature; fix one of them"
+        other = "the data leave this combination open; fix one of them or measure more"
+        warnings.append(f"{', '.join(involved)}: {advice if same_size and len(involved) > 1 else other}")
+    return warnings
+
+
+def _loose(
+    problem: Problem, z: FloatArray, names: list[str], spread: FloatArray, open_: FloatArray
+) -> list[str]:
+    lower, upper = problem.bounds()
+    warnings = []
+    for row, name in enumerate(names):
+        unknown = problem.model.unknowns[problem.free[row]]
+        at_bound = z[row] - lower[row] < _CLOSE or upper[row] - z[row] < _CLOSE
+        if at_bound and unknown.declared.off is None:
+            bounds = " to ".join(f"{bound:g}" for bound in unknown.declared.bounds)
+            warnings.append(f"{name}: ends at its bound ({bounds} {unknown.declared.unit})")
+        elif spread[row] > _OPEN and not open_[row] and unknown.logarithmic:
+            warnings.append(
+                f"{name}: not determined by these data (a factor of {np.exp(min(spread[row], 20)):.2g} either way)"
+            )
+    return warnings

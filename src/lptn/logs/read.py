@@ -1,0 +1,199 @@
+"""A log read into runs: mapped, checked, split at its gaps and resampled."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from lptn.arrays import FloatArray
+from lptn.errors import InputError
+from lptn.files import fingerprint
+from lptn.logs.checks import check_time, check_values
+from lptn.logs.columns import ColumnSource
+from lptn.logs.features import raw_keys
+from lptn.logs.quantisation import quantisation_step
+from lptn.logs.resample import Samples, driven, grid, hold, measured
+from lptn.logs.run import Run
+from lptn.logs.select import Selection, select
+from lptn.logs.stretches import find_stretches
+from lptn.logs.tables import Table, open_table
+
+_FEWEST_STEPS = 10
+
+
+def read_log(
+    path: str | Path,
+    columns: Mapping[str, ColumnSource] | None = None,
+    *,
+    step: float | None = None,
+    max_gap: float | None = None,
+    inputs: Collection[str] = (),
+    outputs: Collection[str] = (),
+    optional: Collection[str] = (),
+) -> list[Run]:
+    """Read a CSV or Parquet log into runs, one for each stretch between gaps in the inputs.
+
+    Inputs hold from sample to sample; over a step torque and current keep their RMS, velocity and speed the
+    mean of the absolute value. Temperatures are the mean over a step, or are interpolated at its start where
+    a step holds about one sample.
+
+    Args:
+        path: a `.csv`, `.csv.gz` or `.parquet` file.
+        columns: where the quantities stand, for a log whose columns are not called `<quantity>.<place>`.
+        step: s, of the runs; None for the log's own or 1 s, whichever is longer.
+        max_gap: s, the longest gap in time or in an input that is bridged; None for max(10 s, 5 steps).
+        inputs: `<feature>.<place>` columns that the model is driven by.
+        outputs: temperature columns that the model predicts. Neither given: all columns are kept.
+        optional: inputs that are kept where the log has them without a gap.
+
+    Returns:
+        the runs in order of time, at least one.
+
+    Raises:
+        InputError: the file, a column or a value can't be used.
+    """
+    path = Path(path)
+    for name, value in (("step", step), ("max_gap", max_gap)):
+        if value is not None and not (math.isfinite(value) and value > 0):
+            raise InputError(path, name, f"{value:g} s", "a time above 0 s")
+    table = open_table(path)
+    chosen = select(table, columns or {}, inputs, outputs, optional)
+    samples, notes = _load(table, chosen)
+    chosen, samples, spared = _without_gappy(chosen, samples, {*inputs, *outputs} or set(chosen.inputs))
+    chosen, samples, emptied = _without_empty(table, chosen, samples)
+    step, said = _grid(step, samples.period)
+    max_gap = max_gap if max_gap is not None else max(10.0, 5 * step)
+    if max_gap < 1.5 * samples.period:
+        expected = f"more than 1.5 sampling periods of {samples.period:.3g} s"
+        raise InputError(path, "max_gap", f"{max_gap:g} s", expected)
+    return _runs(path, chosen, samples, step, max_gap, [*chosen.notes, *notes, *spared, *emptied, *said])
+
+
+def _load(table: Table, chosen: Selection) -> tuple[Samples, list[str]]:
+    """The log's samples in SI and degC, checked, and notes."""
+    numbers = table.numbers(name for source in chosen.sources.values() for name in source.columns)
+    raw: dict[str, FloatArray] = {}
+    for key, source in chosen.sources.items():
+        raw[key] = source.values(key, numbers)
+        if key != "time":
+            check_values(table, key, source, raw[key])
+    time = raw.pop("time")
+    keep, notes = check_time(table, chosen.sources["time"].columns[0], time)
+    if keep.size < time.size:
+        time, raw = time[keep], {key: values[keep] for key, values in raw.items()}
+    return Samples(time, raw), [*notes, *_temperature_notes(raw)]
+
+
+def _temperature_notes(raw: Mapping[str, FloatArray]) -> list[str]:
+    notes = []
+    for key, values in raw.items():
+        if not key.startswith("temperature."):
+            continue
+        missing = int(np.isnan(values).sum())
+        if 0 < missing < values.size:
+            notes.append(f"{key}: {missing} of {values.size} readings are missing.")
+    return notes + [f"{key}: sensor steps of {step:g} K." for key, step in _resolution(raw).items()]
+
+
+def _resolution(raw: Mapping[str, FloatArray]) -> dict[str, float]:
+    """The step, K, of each temperature sensor that moves in steps."""
+    steps = {key: quantisation_step(values) for key, values in raw.items() if key.startswith("temperature.")}
+    return {key: step for key, step in steps.items() if step > 0}
+
+
+def _without_gappy(
+    chosen: Selection, samples: Samples, needed: Collection[str]
+) -> tuple[Selection, Samples, list[str]]:
+    """Leave out inputs that nobody needs and that would cut the log into pieces."""
+    gappy = {key for key, values in samples.raw.items() if np.isnan(values).any()}
+    spared = [
+        column
+        for column in chosen.inputs
+        if column not in needed and not gappy.isdisjoint(raw_keys(column, samples.raw))
+    ]
+    if not spared:
+        return chosen, samples, []
+    inputs = tuple(column for column in chosen.inputs if column not in spared)
+    kept = {key for column in (*inputs, *chosen.outputs) for key in raw_keys(column, samples.raw)}
+    raw = {key: values for key, values in samples.raw.items() if key in kept}
+    notes = [f"{column}: has gaps, and the model does not need it; left out." for column in spared]
+    return replace(chosen, inputs=inputs), replace(samples, raw=raw), notes
+
+
+def _without_empty(table: Table, chosen: Selection, samples: Samples) -> tuple[Selection, Samples, list[str]]:
+    """Leave out columns that hold no number at all, unless the model can't do without."""
+    empty = [key for key, values in samples.raw.items() if np.isnan(values).all()]
+    if not empty:
+        return chosen, samples, []
+    rest = {key: values for key, values in samples.raw.items() if key not in empty}
+    lost = [column for column in chosen.inputs if not all(key in rest for key in raw_keys(column, rest))]
+    outputs = tuple(column for column in chosen.outputs if column in rest)
+    inputs = tuple(column for column in chosen.inputs if column not in lost)
+    none_left = not outputs and (chosen.outputs or not inputs)
+    if (lost and not chosen.everything) or none_left:
+        needed = {key for column in lost for key in raw_keys(column, samples.raw)}
+        key = next((key for key in empty if key in needed), empty[0])
+        place = f"column '{chosen.sources[key].columns[0]}'"
+        raise InputError(table.path, place, "no value in any row", f"numbers for {key}")
+    notes = [f"{key}: no value in any row; left out." for key in empty]
+    return replace(chosen, inputs=inputs, outputs=outputs), replace(samples, raw=rest), notes
+
+
+def _grid(step: float | None, period: float) -> tuple[float, list[str]]:
+    """The runs' step, s, and a note where it is not what was asked for."""
+    own = float(f"{period:.3g}")
+    if step is None:
+        return max(own, 1.0), []
+    if step < own:
+        return own, [f"time: sampled every {own:g} s, so steps of {own:g} s are used in place of {step:g} s."]
+    return step, []
+
+
+def _runs(
+    path: Path, chosen: Selection, samples: Samples, step: float, max_gap: float, notes: list[str]
+) -> list[Run]:
+    needed = {key: values for key, values in samples.raw.items() if key not in chosen.outputs}
+    spans, gaps = find_stretches(samples.time, samples.period, needed, max_gap)
+    counts = [math.floor((stop - start) / step + 1e-6) for start, stop in spans]
+    kept = [(start, n) for (start, _), n in zip(spans, counts, strict=True) if n >= _FEWEST_STEPS]
+    if not kept:
+        found = f"at most {max(counts, default=0)} steps of {step:g} s in one stretch"
+        expected = f"a stretch of at least {_FEWEST_STEPS} steps without a gap over {max_gap:g} s"
+        raise InputError(path, "log", found, expected)
+    if len(kept) < len(spans):
+        dropped = f"{len(spans) - len(kept)} of {len(spans)} stretches"
+        gaps.append(f"log: {dropped} hold fewer than {_FEWEST_STEPS} steps of {step:g} s; dropped.")
+    stem = path.name.removesuffix(".gz").rpartition(".")[0]
+    whole = Run(
+        name=stem,
+        step=step,
+        time=samples.time,
+        columns={},
+        averaged=step >= 1.5 * samples.period,
+        source=str(path),
+        fingerprint=fingerprint(path),
+        notes=_merged([*notes, *gaps]),
+        resolution=_resolution(samples.raw),
+    )
+    held = replace(samples, raw={key: hold(values) for key, values in needed.items()})
+    runs = []
+    for number, (start, n) in enumerate(kept, start=1):
+        columns = driven(held, chosen.inputs, start, step, n) | measured(
+            samples, chosen.outputs, start, step, n, max_gap
+        )
+        name = f"{stem}#{number}" if len(spans) > 1 else stem
+        runs.append(replace(whole, name=name, time=grid(start, step, n), columns=columns))
+    return runs
+
+
+def _merged(notes: list[str]) -> tuple[str, ...]:
+    """Notes that say the same of several columns made one."""
+    subjects: dict[str, list[str]] = {}
+    for note in notes:
+        subject, _, text = note.partition(": ")
+        subjects.setdefault(text, []).append(subject)
+    return tuple(f"{', '.join(names)}: {text}" for text, names in subjects.items())

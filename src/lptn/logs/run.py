@@ -1,0 +1,92 @@
+"""A run: one uninterrupted stretch of a log on a uniform time grid, in SI and degC."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+from lptn.arrays import FloatArray
+from lptn.errors import InputError
+from lptn.logs.features import reduce_blocks
+
+
+@dataclass(frozen=True)
+class Run:
+    """One stretch of a log.
+
+    Attributes:
+        name: file stem; pieces of a split log are `stem#1`, `stem#2`.
+        step: s, the same throughout.
+        time: (n,) s, start of each interval, in the log's own clock.
+        columns: `<feature>.<place>` -> (n,); temperatures in degC, NaN where missing; all else SI, never NaN.
+        averaged: temperatures are means over [t, t+step); if False, values at t. Inputs hold over the step.
+        source: the file it came from.
+        fingerprint: SHA-256 of the file's bytes.
+        resolution: for a temperature column whose sensor moves in steps, the step in K.
+        notes: what was found in the file and how it was treated, a sentence each.
+    """
+
+    name: str
+    step: float
+    time: FloatArray
+    columns: Mapping[str, FloatArray]
+    averaged: bool
+    source: str
+    fingerprint: str
+    notes: tuple[str, ...] = ()
+    resolution: Mapping[str, float] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return int(self.time.size)
+
+    def has(self, column: str) -> bool:
+        """Whether the run holds `<feature>.<place>`."""
+        return column in self.columns
+
+    def temperature(self, place: str) -> FloatArray:
+        """Temperatures at `place`, (n,) degC, NaN where missing.
+
+        Raises:
+            InputError: that place is not measured.
+        """
+        column = f"temperature.{place}"
+        if column not in self.columns:
+            measured = ", ".join(name for name in self.columns if name.startswith("temperature."))
+            raise InputError(
+                self.source, f"column {column}", "no such column", f"one of: {measured or 'none'}"
+            )
+        return self.columns[column]
+
+    def slice(self, start: float, stop: float) -> Run:
+        """The intervals that begin at or after `start` and before `stop`, both s in the log's clock.
+
+        Raises:
+            InputError: no interval begins there.
+        """
+        # Grid points carry rounding errors; a millionth of a step must not decide.
+        chosen = (self.time >= start - 1e-6 * self.step) & (self.time < stop - 1e-6 * self.step)
+        if not chosen.any():
+            span = f"{self.time[0]:g} to {self.time[-1] + self.step:g} s" if len(self) else "a run with data"
+            raise InputError(self.source, f"time window {start:g} to {stop:g} s", "no data in it", span)
+        columns = {name: values[chosen] for name, values in self.columns.items()}
+        return replace(self, time=self.time[chosen], columns=columns)
+
+    def coarsen(self, factor: int) -> Run:
+        """Blocks of `factor` steps made one: RMS where the feature is an RMS, else means; a rest is dropped.
+
+        Raises:
+            InputError: `factor` is below 1 or longer than the run.
+        """
+        if not 1 <= factor <= len(self):
+            raise InputError(
+                self.source, "coarsen", f"factor {factor}", f"a whole number from 1 to {len(self)}"
+            )
+        if factor == 1:
+            return self
+        return replace(
+            self,
+            step=self.step * factor,
+            time=self.time[: len(self) // factor * factor : factor],
+            columns={name: reduce_blocks(name, values, factor) for name, values in self.columns.items()},
+            averaged=True,
+        )

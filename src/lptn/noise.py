@@ -1,0 +1,70 @@
+"""How far a sensor's readings scatter by themselves: white noise and the steps of a coarse sensor."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from lptn.arrays import FloatArray
+from lptn.simulate import Drive
+
+_MAD_TO_SIGMA = 1.4826
+_LEAST = 1e-3  # K; a noise-free log must not weigh infinitely
+
+
+@dataclass(frozen=True)
+class Noise:
+    """The scatter of each node's readings, as the runs hold them.
+
+    Args:
+        white: standard deviation of white noise [K], shape (nodes,).
+        step: step of a quantised sensor [K], 0 where it is fine, shape (nodes,).
+    """
+
+    white: FloatArray
+    step: FloatArray
+
+    @property
+    def floor(self) -> FloatArray:
+        """The RMSE that a perfect model would show [K], shape (nodes,)."""
+        return np.maximum(np.hypot(self.white, self.step / np.sqrt(12.0)), _LEAST)
+
+
+def estimate_noise(drives: Sequence[Drive], nodes: Sequence[str]) -> Noise:
+    """Noise of each node's sensor from the runs themselves.
+
+    White noise comes from second differences, which a slow temperature hardly enters, by their median
+    absolute value, which rare jumps hardly enter. A sensor that moves in steps shows no such noise
+    most of the time; its floor is the step over √12.
+    """
+    white = np.zeros(len(nodes))
+    step = np.zeros(len(nodes))
+    for row, node in enumerate(nodes):
+        second = np.concatenate([_second_differences(driven.measured[row]) for driven in drives])
+        if second.size:
+            white[row] = _MAD_TO_SIGMA * float(np.median(np.abs(second))) / np.sqrt(6.0)
+        step[row] = max(
+            (driven.run.resolution.get(f"temperature.{node}", 0.0) for driven in drives), default=0.0
+        )
+    return Noise(white, step)
+
+
+def balanced_sigma(drives: Sequence[Drive], noise: Noise, share: float = 0.02) -> FloatArray:
+    """Standard deviations that weigh each node [K], shape (nodes,).
+
+    Besides its noise, a node is granted a model error of `share` of its excursion, so that a joint that
+    swings by 40 K does not silence one that swings by 5 K.
+    """
+    sigma = noise.floor.copy()
+    for row in range(len(sigma)):
+        readings = np.concatenate([driven.measured[row][driven.counted[row]] for driven in drives])
+        if readings.size:
+            sigma[row] = np.hypot(sigma[row], share * float(readings.std()))
+    return sigma
+
+
+def _second_differences(readings: FloatArray) -> FloatArray:
+    second = readings[2:] - 2 * readings[1:-1] + readings[:-2]
+    return second[np.isfinite(second)]

@@ -1,0 +1,87 @@
+"""Names of places: globs, classes of like joints, left and right, edges."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from fnmatch import fnmatchcase
+
+EVERYWHERE = "*"
+_MIRRORED = (("FL", "FR"), ("RL", "RR"), ("left", "right"), ("Left", "Right"), ("l", "r"), ("L", "R"))
+
+
+def matching(pattern: str, names: Iterable[str]) -> list[str]:
+    """The names that a glob such as `"*_calf"` matches, in their own order."""
+    return [name for name in names if fnmatchcase(name, pattern)]
+
+
+def is_glob(name: str) -> bool:
+    """Whether a name stands for many."""
+    return any(character in name for character in "*?[")
+
+
+def class_of(name: str) -> str:
+    """The class of a place: `FR_calf` is a `*_calf`, `heater2` a `heater*`."""
+    if "~" in name:
+        return edge(*(class_of(end) for end in name.split("~")))
+    if "_" in name:
+        return "*_" + name.split("_", 1)[1]
+    stem = name.rstrip("0123456789")
+    return name if stem in ("", name) else stem + "*"
+
+
+def mirrored(name: str) -> str | None:
+    """The same place on the other side of the robot, `None` where it has no side."""
+    if "~" in name:
+        ends = name.split("~")
+        others = [mirrored(end) or end for end in ends]
+        return None if others == ends else edge(*others)
+    for left, right in _MIRRORED:
+        for here, there in ((left, right), (right, left)):
+            if name.startswith(here + "_"):
+                return there + name[len(here) :]
+            if name.endswith("_" + here):
+                return name[: -len(here)] + there
+    return None
+
+
+def edge(one: str, other: str) -> str:
+    """The name of the edge between two places: `"a~b"`, names in alphabetical order."""
+    return "~".join(sorted((one, other)))
+
+
+def expand_pair(patterns: Sequence[str], names: Sequence[str]) -> list[tuple[str, str]]:
+    """All pairs of places that two patterns stand for.
+
+    `{leg}` in both patterns means the same text in both; a glob pairs each name that it matches with
+    each name of the other pattern.
+    """
+    first, second = patterns
+    pairs = []
+    for one in names:
+        captured = _capture(first, one)
+        if captured is None:
+            continue
+        filled = re.sub(r"\{(\w+)\}", lambda field: captured.get(field[1], field[0]), second)  # noqa: B023
+        pairs += [(one, other) for other in names if other != one and _capture(filled, other) is not None]
+    unique: dict[str, tuple[str, str]] = {}
+    for pair in pairs:
+        unique.setdefault(edge(*pair), pair)
+    return list(unique.values())
+
+
+def _capture(pattern: str, name: str) -> dict[str, str] | None:
+    """What each `{field}` of the pattern stands for in the name; `None` if they don't match."""
+    parts = re.split(r"(\{\w+\}|\*|\?)", pattern)
+    expression, seen = "", set()
+    for part in parts:
+        field = part[1:-1] if part.startswith("{") else ""
+        if field and field in seen:
+            expression += f"(?P={field})"
+        elif field:
+            expression += f"(?P<{field}>[^~]+?)"
+            seen.add(field)
+        else:
+            expression += {"*": ".*", "?": "."}.get(part, re.escape(part))
+    match = re.fullmatch(expression, name)
+    return None if match is None else match.groupdict()

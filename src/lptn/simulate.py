@@ -1,0 +1,169 @@
+"""A model driven by a run."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from math import ceil, log2
+
+import numpy as np
+
+from lptn.arrays import BoolArray, FloatArray
+from lptn.errors import InputError
+from lptn.logs import Run
+from lptn.model import Model
+
+_MAX_RATE = 1.0  # product of an internal step and the fastest rate; RK4 is stable up to 2.78
+_MAX_SUBSTEPS = 256
+_START_SAMPLES = 5
+
+
+class SimulationError(ArithmeticError):
+    """The model at these parameters is too stiff, or runs away."""
+
+
+@dataclass(frozen=True)
+class Drive:
+    """A run as one model sees it.
+
+    Args:
+        run: where it comes from.
+        inputs: shape (number of inputs, n), held over each step.
+        measured: readings of the model's nodes [degC], shape (number of nodes, n), NaN where missing.
+        counted: which readings count in the cost, shape (number of nodes, n).
+        start: mean of each node's first readings [degC], NaN for a node that isn't measured.
+    """
+
+    run: Run
+    inputs: FloatArray
+    measured: FloatArray
+    counted: BoolArray
+    start: FloatArray
+
+    def __len__(self) -> int:
+        return int(self.inputs.shape[1])
+
+    def count(self, window: tuple[float, float]) -> Drive:
+        """The same drive, counting only readings with start <= time < stop [s]."""
+        inside = (self.run.time >= window[0]) & (self.run.time < window[1])
+        return replace(self, counted=np.isfinite(self.measured) & inside)
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """States at the n + 1 ends of the steps, shape (number of states, n + 1), and n readings of each node."""
+
+    states: FloatArray
+    readings: FloatArray
+
+
+def drive(model: Model, run: Run) -> Drive:
+    """What of a run the model needs.
+
+    Raises:
+        InputError: the run lacks an input, or measures none of the model's nodes.
+    """
+    measured = np.full((len(model.nodes), len(run)), np.nan)
+    for row, node in enumerate(model.nodes):
+        if run.has(f"temperature.{node}"):
+            measured[row] = run.temperature(node)
+    if not np.isfinite(measured).any():
+        names = ", ".join(f"temperature.{node}" for node in model.nodes)
+        raise InputError(run.source, "temperature columns", "no reading of any node of the model", names)
+    start = np.array([_first(row) for row in measured])
+    inputs = np.empty((len(model.inputs), len(run)))
+    for row, column in enumerate(model.inputs):
+        if column in model.started:
+            inputs[row] = np.nanmean(start)
+        elif run.has(column):
+            inputs[row] = run.columns[column]
+        else:
+            raise InputError(
+                run.source, f"column {column}", "no such column", f"the input {column} of the model"
+            )
+    return Drive(run, inputs, measured, np.isfinite(measured), start)
+
+
+def default_start(model: Model, driven: Drive) -> FloatArray:
+    """States to start from [degC], shape (number of states,): the first readings, hidden states in equilibrium."""
+    nodes = np.where(np.isnan(driven.start), np.nanmean(driven.start), driven.start)
+    return nodes[np.array(model.owners)]
+
+
+def substeps(model: Model, driven: Drive, values: FloatArray, start: FloatArray) -> int:
+    """How many internal steps each step of the run needs: a power of two.
+
+    The fastest rate is bounded by the row sums of the Jacobian at a sample of the inputs.
+
+    Raises:
+        SimulationError: more than 256 would be needed.
+    """
+    picked = np.unique(np.linspace(0, len(driven) - 1, min(len(driven), 25)).astype(int))
+    fastest = max(
+        float(np.abs(model.state_jacobian(start, driven.inputs[:, k], values).full()).sum(axis=1).max())
+        for k in picked
+    )
+    if not np.isfinite(fastest) or fastest * driven.run.step > _MAX_RATE * _MAX_SUBSTEPS:
+        raise SimulationError(
+            f"fastest rate {fastest:.3g} 1/s is too fast for steps of {driven.run.step:g} s"
+        )
+    return 2 ** max(0, ceil(log2(max(fastest * driven.run.step / _MAX_RATE, 1e-9))))
+
+
+def states_along(
+    model: Model, driven: Drive, values: FloatArray, start: FloatArray, parts: int
+) -> FloatArray:
+    """States at the ends of all internal steps, shape (number of states, n · parts + 1).
+
+    Raises:
+        SimulationError: a state is not finite.
+    """
+    inputs = np.repeat(driven.inputs, parts, axis=1)
+    run = model.run(inputs.shape[1])
+    path = run(start, inputs, values, driven.run.step / parts).full()
+    if not np.isfinite(path).all():
+        raise SimulationError(f"the temperatures of run {driven.run.name} run away at these parameters")
+    return np.hstack([start[:, None], path])
+
+
+def simulate(
+    model: Model, driven: Drive, values: FloatArray | None = None, start: FloatArray | None = None
+) -> Trajectory:
+    """Free-running simulation of a whole run: no measurement corrects it after its start.
+
+    Args:
+        values: parameters, shape (m,); the model's own by default.
+        start: initial states [degC]; by default the first readings.
+
+    Raises:
+        SimulationError: the parameters make the model too stiff, or it runs away.
+    """
+    values = model.values if values is None else values
+    start = default_start(model, driven) if start is None else start
+    parts = substeps(model, driven, values, start)
+    states = states_along(model, driven, values, start, parts)[:, ::parts]
+    readings = model.output.map(states.shape[1])(
+        states, np.repeat(values[:, None], states.shape[1], axis=1)
+    ).full()
+    return Trajectory(states, over_steps(readings, driven.run.averaged))
+
+
+def over_steps(ends: FloatArray, averaged: bool) -> FloatArray:
+    """From values at the n + 1 ends of steps, along the last axis, to what a log holds: means, or samples."""
+    return 0.5 * (ends[..., :-1] + ends[..., 1:]) if averaged else ends[..., :-1]
+
+
+def needed_columns(model: Model) -> tuple[list[str], list[str]]:
+    """Log columns that the model needs as inputs, and those that it predicts."""
+    inputs = [column for column in model.inputs if column not in model.started]
+    return inputs, [f"temperature.{node}" for node in model.nodes]
+
+
+def drives(model: Model, runs: Sequence[Run]) -> list[Drive]:
+    """`drive` for each of several runs."""
+    return [drive(model, run) for run in runs]
+
+
+def _first(readings: FloatArray) -> float:
+    finite = readings[np.isfinite(readings)]
+    return float(finite[:_START_SAMPLES].mean()) if finite.size else float("nan")

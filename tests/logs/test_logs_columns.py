@@ -1,0 +1,105 @@
+"""Column tables and --map: what is read, converted and refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lptn.logs import ColumnSource, parse_columns, parse_map_option
+
+
+@pytest.mark.parametrize(
+    ("key", "unit", "value", "expected"),
+    [
+        ("temperature.a", "K", 300.0, 26.85),
+        ("temperature.a", "degC", 20.0, 20.0),
+        ("temperature.a", "degF", 212.0, 100.0),
+        ("torque.a", "N*m", 2.0, 2.0),
+        ("torque.a", "N.m", 2.0, 2.0),
+        ("torque.a", "Nm", 2.0, 2.0),
+        ("current.a", "mA", 1500.0, 1.5),
+        ("current.a", "A", 1.5, 1.5),
+        ("velocity.a", "rpm", 60.0, 2 * np.pi),
+        ("velocity.a", "1/min", 60.0, 2 * np.pi),
+        ("velocity.a", "rev/min", 60.0, 2 * np.pi),
+        ("velocity.a", "Hz", 1.0, 2 * np.pi),
+        ("velocity.a", "deg/s", 180.0, np.pi),
+        ("velocity.a", "rad/s", 3.0, 3.0),
+        ("speed.base", "km/h", 3.6, 1.0),
+        ("power.pc", "W", 5.0, 5.0),
+        ("power.pc", "mW", 5.0, 0.005),
+        ("duty.fan", "%", 50.0, 0.5),
+        ("voltage.bus", "mV", 5.0, 0.005),
+        ("time", "ms", 5.0, 0.005),
+        ("time", "us", 5.0, 5e-6),
+        ("time", "ns", 5.0, 5e-9),
+        ("time", "s", 5.0, 5.0),
+    ],
+)
+def test_units_become_si(key: str, unit: str, value: float, expected: float) -> None:
+    source = parse_columns({key: {"column": "x", "unit": unit}}, "m.toml", "[columns]")[key]
+    assert source.values(key, {"x": np.array([value])})[0] == pytest.approx(expected, rel=1e-12)
+
+
+def test_scale_and_offset_come_before_the_unit() -> None:
+    table = {"temperature.a": {"column": "T", "unit": "K", "scale": 2.0, "offset": 73.15}}
+    source = parse_columns(table, "m.toml", "[columns]")["temperature.a"]
+    assert source == ColumnSource(("T",), "K", 2.0, 73.15)
+    assert source.values("temperature.a", {"T": np.array([100.0])})[0] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_norm_joins_columns() -> None:
+    source = parse_columns({"current.a": {"norm": ["d", "q"], "unit": "mA"}}, "m.toml", "[columns]")[
+        "current.a"
+    ]
+    values = source.values("current.a", {"d": np.array([3000.0]), "q": np.array([-4000.0])})
+    assert values.tolist() == pytest.approx([5.0])
+
+
+@pytest.mark.parametrize(
+    ("key", "entry", "found", "expected"),
+    [
+        ("temperature.a", {"column": "T", "units": "K"}, "key 'units'", "column, norm, unit, scale, offset"),
+        ("temperature", "T", "key 'temperature'", "<quantity>.<place>"),
+        ("torque.a", {"column": "M", "unit": "W"}, "unit 'W'", "a unit of torque, such as N*m"),
+        ("torque.a", {"column": "M", "unit": "%"}, "unit '%'", "a unit of torque"),
+        ("power.a", {"column": "P", "unit": "%"}, "unit '%'", "a unit of power, such as W"),
+        ("speed.base", {"column": "v", "unit": "rpm"}, "unit 'rpm'", "a unit of speed, such as m/s"),
+        ("torque.a", {"column": "M", "unit": "bananas("}, "unit 'bananas('", "a unit of torque"),
+        ("torque.a", {"column": "M", "unit": 3}, "3", "the name of a unit"),
+        ("torque.a", {"column": "M", "scale": "2"}, "'2'", "a finite number"),
+        ("torque.a", {"column": "M", "scale": 0}, "0", "a finite number but 0"),
+        ("torque.a", {"column": "M", "offset": float("nan")}, "nan", "a finite number"),
+        ("torque.a", {"column": "M", "norm": ["M", "N"]}, "both column and norm", "one of them"),
+        ("torque.a", {"unit": "N*m"}, "neither column nor norm", "one of them"),
+        ("torque.a", {"norm": ["M"]}, "['M']", "two or more column names"),
+        ("torque.a", {"column": 1}, "1", "the name of a column"),
+        ("torque.a", 5, "5", "a column's name or a table"),
+    ],
+)
+def test_a_wrong_entry_is_named(refuse: object, key: str, entry: object, found: str, expected: str) -> None:
+    assert callable(refuse)
+    line = refuse("m.toml", parse_columns, {key: entry}, "m.toml", "[columns]")
+    assert line.startswith(f"m.toml: [columns] {key}")
+    assert f"found {found}" in line
+    assert expected in line.partition("expected ")[2]
+
+
+@pytest.mark.parametrize(
+    ("text", "key", "source"),
+    [
+        ("temperature.a=T1", "temperature.a", ColumnSource(("T1",))),
+        ("temperature.a=T1[degF]", "temperature.a", ColumnSource(("T1",), "degF")),
+        ("temperature.a = Motor temp [degF]", "temperature.a", ColumnSource(("Motor temp",), "degF")),
+        ("torque.a=M[Nm][]", "torque.a", ColumnSource(("M[Nm]",))),
+        ("time=a=b[ms]", "time", ColumnSource(("a=b",), "ms")),
+    ],
+)
+def test_map_options_are_read(text: str, key: str, source: ColumnSource) -> None:
+    assert parse_map_option(text) == (key, source)
+
+
+@pytest.mark.parametrize("text", ["temperature.a", "=T1", "temperature.a=", "a=T1", "torque.a=M[degC]"])
+def test_a_wrong_map_option_is_named(refuse: object, text: str) -> None:
+    assert callable(refuse)
+    refuse("--map", parse_map_option, text)

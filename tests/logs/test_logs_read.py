@@ -1,0 +1,216 @@
+"""What reading makes of a good log, or of one with gaps."""
+
+from __future__ import annotations
+
+import gzip
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from lptn.files import fingerprint
+from lptn.logs import ColumnSource, read_log
+
+Write = Callable[..., Path]
+
+
+def seconds(n: int, period: float = 1.0) -> list[object]:
+    return [round(period * k, 9) for k in range(n)]
+
+
+def test_about_one_sample_a_step_is_interpolated(write: Write) -> None:
+    torque = [-1.0, 2.0] * 10
+    path = write({"time": seconds(20), "temperature.a": list(range(20)), "torque.a": torque})
+    (run,) = read_log(path)
+    assert (run.name, run.step, run.averaged, len(run)) == ("log", 1.0, False, 20)
+    assert (run.source, run.fingerprint, run.notes) == (str(path), fingerprint(path), ())
+    np.testing.assert_allclose(run.temperature("a"), np.arange(20.0), rtol=1e-12)
+    np.testing.assert_allclose(run.columns["torque.a"], np.abs(torque), rtol=1e-12)
+
+
+def test_jittered_samples_are_held_and_interpolated(write: Write) -> None:
+    time = [0, 1, 2.5, *range(3, 15)]
+    path = write({"time": time, "temperature.a": time, "torque.a": [1, 1, 3, *([0] * 12)]})
+    (run,) = read_log(path)
+    np.testing.assert_allclose(run.temperature("a"), np.arange(15.0), rtol=1e-12)
+    np.testing.assert_allclose(run.columns["torque.a"][:4], [1, 1, np.sqrt(5.0), 0])
+
+
+def test_many_samples_a_step_are_averaged(write: Write) -> None:
+    rng = np.random.default_rng(0)
+    torque, velocity = rng.normal(size=(2, 205)).round(6)
+    temperature = (20 + rng.normal(size=205)).round(6)
+    columns = {"temperature.a": temperature, "torque.a": torque, "velocity.a": velocity}
+    path = write({"time": seconds(205, 0.1)} | {name: list(values) for name, values in columns.items()})
+    (run,) = read_log(path, step=2.0)
+    assert run.averaged
+    assert len(run) == 10
+    np.testing.assert_allclose(run.time, 2.0 * np.arange(10))
+
+    def blocks(values: np.ndarray) -> np.ndarray:
+        return np.asarray(values[:200].reshape(10, 20))
+
+    np.testing.assert_allclose(run.temperature("a"), blocks(temperature).mean(axis=1), rtol=1e-9)
+    np.testing.assert_allclose(run.columns["torque.a"] ** 2, (blocks(torque) ** 2).mean(axis=1), rtol=1e-9)
+    np.testing.assert_allclose(run.columns["velocity.a"], np.abs(blocks(velocity)).mean(axis=1), rtol=1e-9)
+    power = np.abs(blocks(torque) * blocks(velocity)).mean(axis=1)
+    np.testing.assert_allclose(run.columns["mechanical_power.a"], power, rtol=1e-9)
+
+
+@pytest.mark.parametrize(("period", "expected"), [(0.1, 1.0), (1.0, 1.0), (2.5004, 2.5)])
+def test_the_step_comes_from_the_log(write: Write, period: float, expected: float) -> None:
+    (run,) = read_log(write({"time": seconds(150, period), "temperature.a": [20.0] * 150}))
+    assert run.step == expected
+
+
+def test_a_step_below_the_sampling_period_is_not_taken(write: Write) -> None:
+    (run,) = read_log(write({"time": seconds(20, 2.5), "temperature.a": [20.0] * 20}), step=1.0)
+    assert run.step == 2.5
+    assert run.notes == ("time: sampled every 2.5 s, so steps of 2.5 s are used in place of 1 s.",)
+
+
+def test_repeated_stamps_keep_the_first(write: Write) -> None:
+    path = write({"time": [0, *seconds(20)], "power.a": [7, 50, *([50] * 19)], "temperature.a": [20] * 21})
+    (run,) = read_log(path)
+    np.testing.assert_allclose(run.columns["power.a"][:2], [7, 50])
+    assert "time: 1 of 21 rows repeat a time stamp; the first of each is kept." in run.notes
+
+
+def test_missing_temperatures_stay_missing(write: Write) -> None:
+    values: list[object] = [20.5, None, "nan", *([21.25] * 17)]
+    (run,) = read_log(write({"time": seconds(20), "temperature.a": values, "torque.a": [1] * 20}))
+    np.testing.assert_array_equal(run.temperature("a")[:4], [20.5, np.nan, np.nan, 21.25])
+    assert "temperature.a: 2 of 20 readings are missing." in run.notes
+
+
+def test_a_short_gap_in_an_input_is_bridged(write: Write) -> None:
+    torque: list[object] = [*[2.0] * 5, *[None] * 3, *[1.0] * 12]
+    (run,) = read_log(write({"time": seconds(20), "torque.a": torque, "temperature.a": [20.0] * 20}))
+    np.testing.assert_allclose(run.columns["torque.a"], [2.0] * 8 + [1.0] * 12)
+    assert run.notes == ("torque.a: 1 gap up to 4 s, bridged by holding the last value.",)
+
+
+def test_a_long_gap_in_an_input_splits_the_log(write: Write) -> None:
+    torque: list[object] = [*[2.0] * 15, *[None] * 20, *[1.0] * 15]
+    path = write({"time": seconds(50), "torque.a": torque, "temperature.a": list(range(50))})
+    first, second = read_log(path)
+    assert (first.name, second.name) == ("log#1", "log#2")
+    assert (len(first), len(second)) == (15, 15)
+    assert second.time[0] == 35.0
+    np.testing.assert_allclose(second.temperature("a"), np.arange(35.0, 50.0))
+    assert "torque.a: 1 gap over 10 s, the longest 21 s; the log is split there." in second.notes
+    (whole,) = read_log(path, max_gap=30.0)
+    assert len(whole) == 50
+
+
+def test_a_gap_in_time_splits_the_log_and_short_pieces_go(write: Write) -> None:
+    time = [*range(20), *range(100, 105), *range(200, 220)]
+    runs = read_log(write({"time": time, "temperature.a": [20.0] * 45}))
+    assert [(run.name, run.time[0], len(run)) for run in runs] == [("log#1", 0.0, 20), ("log#2", 200.0, 20)]
+    assert "log: 1 of 3 stretches hold fewer than 10 steps of 1 s; dropped." in runs[0].notes
+
+
+def test_missing_inputs_at_the_ends_are_cut_off(write: Write) -> None:
+    torque: list[object] = [*[None] * 3, *[1.0] * 15, *[None] * 2]
+    (run,) = read_log(write({"time": seconds(20), "torque.a": torque, "temperature.a": list(range(20))}))
+    assert (run.time[0], len(run)) == (3.0, 15)
+    assert run.notes == ("torque.a: no value in the first 3 s and the last 2 s; cut off.",)
+
+
+def test_a_temperature_that_drives_the_model_is_whole(write: Write) -> None:
+    ambient: list[object] = [*[20.0] * 5, *[None] * 2, *[21.0] * 13]
+    path = write({"time": seconds(20), "temperature.ambient": ambient, "temperature.a": list(range(20))})
+    (run,) = read_log(path, inputs=["temperature.ambient"], outputs=["temperature.a"])
+    np.testing.assert_allclose(run.temperature("ambient"), [20.0] * 7 + [21.0] * 13)
+
+
+def test_only_what_is_asked_for_is_kept_and_judged(write: Write) -> None:
+    columns: dict[str, list[object]] = {
+        "t": seconds(20),
+        "M": [-2.0] * 20,
+        "w": ["broken"] * 20,
+        "T": [20] * 20,
+    }
+    mapping = {
+        "time": ColumnSource(("t",)),
+        "torque.a": ColumnSource(("M",)),
+        "velocity.a": ColumnSource(("w",)),
+        "temperature.a": ColumnSource(("T",)),
+    }
+    (run,) = read_log(
+        write(columns), mapping, inputs=["torque.a"], outputs=["temperature.a", "temperature.b"]
+    )
+    assert set(run.columns) == {"torque.a", "temperature.a"}
+    assert run.notes == ("temperature.b: not in the log, so not measured.",)
+
+
+def test_an_empty_column_is_left_out(write: Write) -> None:
+    path = write({"time": seconds(20), "temperature.a": [20] * 20, "torque.a": [None] * 20})
+    (run,) = read_log(path)
+    assert set(run.columns) == {"temperature.a"}
+    assert run.notes == ("torque.a: no value in any row; left out.",)
+
+
+def test_coarse_sensors_are_said(write: Write) -> None:
+    values = [20] * 10 + [21] * 10
+    path = write({"time": seconds(20), "temperature.a": values, "temperature.b": values})
+    assert read_log(path)[0].notes == ("temperature.a, temperature.b: sensor steps of 1 K.",)
+
+
+def test_parquet_gives_the_same_run(tmp_path: Path) -> None:
+    frame = pd.DataFrame(
+        {"time": np.arange(30.0), "temperature.a": np.linspace(20, 30, 30, dtype=np.float32)}
+    )
+    frame["torque.a"] = [1, 2, 3] * 10
+    frame.to_parquet(tmp_path / "log.parquet")
+    frame.astype(float).to_csv(tmp_path / "log.csv", index=False)
+    (parquet,), (text,) = read_log(tmp_path / "log.parquet"), read_log(tmp_path / "log.csv")
+    assert parquet.columns.keys() == text.columns.keys()
+    for name, values in parquet.columns.items():
+        np.testing.assert_allclose(values, text.columns[name], rtol=1e-12)
+
+
+def test_a_run_written_to_parquet_reads_back(write: Write, tmp_path: Path) -> None:
+    rng = np.random.default_rng(1)
+    columns = {
+        "torque.a": rng.normal(size=200),
+        "velocity.a": rng.normal(size=200),
+        "temperature.a": np.ones(200),
+    }
+    path = write({"time": seconds(200, 0.1)} | {name: list(values) for name, values in columns.items()})
+    (run,) = read_log(path)
+    pd.DataFrame({"time": run.time, **run.columns}).to_parquet(tmp_path / "run.parquet")
+    (again,) = read_log(tmp_path / "run.parquet")
+    for name in ("torque.a", "velocity.a", "velocity_rms.a", "mechanical_power.a"):
+        np.testing.assert_allclose(again.columns[name], run.columns[name], rtol=1e-12)
+
+
+def test_parquet_time_stamps_become_seconds(tmp_path: Path) -> None:
+    stamps = pd.date_range("2024-01-01", periods=20, freq="2s", tz="Europe/Berlin")
+    pd.DataFrame({"time": stamps, "temperature.a": 20.0}).to_parquet(tmp_path / "log.parquet")
+    (run,) = read_log(tmp_path / "log.parquet")
+    assert (run.step, run.time[0]) == (2.0, 1704063600.0)
+    pd.DataFrame({"time": stamps - stamps[0], "temperature.a": 20.0}).to_parquet(tmp_path / "log.parquet")
+    (run,) = read_log(tmp_path / "log.parquet")
+    assert (run.step, run.time[-1]) == (2.0, 38.0)
+
+
+@pytest.mark.parametrize(
+    ("separator", "comma", "start"),
+    [
+        (",", ".", "# made by hand\n"),
+        (", ", ".", "\ufeff"),
+        (";", ".", ""),
+        (";", ",", ""),
+        ("\t", ".", "\n\n"),
+    ],
+)
+def test_csv_dialects(tmp_path: Path, separator: str, comma: str, start: str) -> None:
+    rows = [f"{k}{separator}{20 + k / 4}".replace(".", comma) for k in range(20)]
+    text = start + "\n".join([f"time{separator}temperature.a", *rows[:9], "# a remark", "", *rows[9:]])
+    (tmp_path / "log.csv.gz").write_bytes(gzip.compress(text.encode()))
+    (run,) = read_log(tmp_path / "log.csv.gz")
+    assert run.name == "log"
+    np.testing.assert_allclose(run.temperature("a"), 20 + np.arange(20) / 4)

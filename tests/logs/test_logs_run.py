@@ -1,0 +1,59 @@
+"""A run's own methods."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lptn.errors import InputError
+from lptn.logs import Run
+
+
+@pytest.fixture
+def run() -> Run:
+    columns = {
+        "temperature.a": np.array([20.0, 22.0, np.nan, 26.0, np.nan, np.nan, 30.0]),
+        "torque.a": np.array([3.0, 4.0, 1.0, 1.0, 0.0, 2.0, 9.0]),
+        "velocity.a": np.array([1.0, 3.0, 0.0, 2.0, 1.0, 1.0, 9.0]),
+    }
+    return Run("r", 0.1, 5.0 + 0.1 * np.arange(7.0), columns, False, "r.csv", "00", ("said.",))
+
+
+def test_coarsen_reduces_each_column_by_its_rule(run: Run) -> None:
+    coarse = run.coarsen(2)
+    assert len(coarse) == 3
+    assert coarse.averaged
+    assert coarse.step == pytest.approx(0.2)
+    np.testing.assert_allclose(coarse.time, [5.0, 5.2, 5.4])
+    np.testing.assert_array_equal(coarse.temperature("a"), [21.0, 26.0, np.nan])
+    np.testing.assert_allclose(coarse.columns["torque.a"], [np.sqrt(12.5), 1.0, np.sqrt(2.0)])
+    np.testing.assert_allclose(coarse.columns["velocity.a"], [2.0, 1.0, 1.0])
+    assert coarse.notes == ("said.",)
+
+
+def test_coarsen_by_one_changes_nothing(run: Run) -> None:
+    assert run.coarsen(1) is run
+
+
+def test_slice_takes_whole_steps_despite_rounding(run: Run) -> None:
+    part = run.slice(5.3, 5.6)  # 5.0 + 0.1 * 3 is above 5.3 by rounding, 5.0 + 0.1 * 6 is 5.6
+    np.testing.assert_allclose(part.time, [5.3, 5.4, 5.5])
+    np.testing.assert_array_equal(part.columns["torque.a"], [1.0, 0.0, 2.0])
+
+
+@pytest.mark.parametrize("factor", [0, 8])
+def test_an_impossible_factor_is_refused(run: Run, factor: int) -> None:
+    with pytest.raises(InputError, match=f"r.csv: coarsen: found factor {factor}; expected a whole number"):
+        run.coarsen(factor)
+
+
+def test_an_empty_window_is_refused(run: Run) -> None:
+    with pytest.raises(InputError, match=r"time window 9 to 10 s: found no data in it; expected 5 to 5.7 s"):
+        run.slice(9.0, 10.0)
+
+
+def test_an_unmeasured_place_is_refused(run: Run) -> None:
+    assert run.has("temperature.a")
+    assert not run.has("temperature.b")
+    with pytest.raises(InputError, match=r"column temperature.b: .* one of: temperature.a"):
+        run.temperature("b")
