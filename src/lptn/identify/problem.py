@@ -194,7 +194,7 @@ class Problem:
                 row = np.zeros(len(self.free))
                 row[where[unknown.name]], row[where[unknown.mirror]] = np.sqrt(weight), -np.sqrt(weight)
                 rows.append(row)
-        return np.array(rows).reshape(-1, len(self.free))
+        return np.array(rows, dtype=float).reshape(len(rows), len(self.free))
 
     def _whitened(self, driven: Drive, readings: FloatArray) -> FloatArray:
         return ((driven.measured - readings) / self.sigma[:, None])[driven.counted]

@@ -1,0 +1,211 @@
+"""Which catalogue effect is missing, where, how sure, and what else would look the same."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from lptn.compare import Errors, predict
+from lptn.diagnose.candidates import candidates
+from lptn.diagnose.refit import Refit, refit_all, shortlist
+from lptn.diagnose.score import Scores, score
+from lptn.evidence import Evidence, Part
+from lptn.identify import Fit, fit
+from lptn.model import Model
+from lptn.simulate import drive
+
+Verdict = Literal["adequate", "missing", "unexplained"]
+Report = Callable[[str], None]
+"""Called with a sentence on what is being done."""
+
+SEARCH_STEP = 5.0  # s; effects are sought on means over so long, which loses little and saves most of the time
+_MOST_REFITS = 6
+_LACK = 1.5  # block means above so much of their bound by chance are more than noise
+_EXPLAINED = 0.5  # share of the excess misfit that an effect must remove to be called what is missing
+_SIGNIFICANT = 0.05
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One candidate that was refitted.
+
+    Args:
+        refit: the fitted larger model.
+        rmse_fit: error on the fitted runs [K].
+        holdout: errors on held-out runs, `None` without any.
+        p_value: how often chance alone would score as much, over all candidates.
+        alike: candidates that these data can't tell from it.
+    """
+
+    refit: Refit
+    rmse_fit: float
+    holdout: Errors | None
+    p_value: float
+    alike: tuple[tuple[str, str], ...]
+
+    @property
+    def key(self) -> tuple[str, str]:
+        """Effect and place."""
+        return self.refit.candidate.key
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """What a fitted model lacks.
+
+    Args:
+        verdict: `"adequate"`: within the noise; `"missing"`: an effect of the catalogue removes most of the
+            misfit; `"unexplained"`: misfit that no effect of the catalogue removes.
+        fit: the fitted baseline.
+        rmse_fit: its error on the fitted runs [K].
+        holdout: its errors on held-out runs, `None` without any.
+        scores: all candidates, scored.
+        findings: those that were refitted, best first.
+    """
+
+    verdict: Verdict
+    fit: Fit
+    rmse_fit: float
+    holdout: Errors | None
+    scores: Scores
+    findings: tuple[Finding, ...]
+
+    def as_json(self) -> dict[str, object]:
+        """The diagnosis as other tools read it."""
+        before = None if self.holdout is None else self.holdout.rmse
+        listed = [
+            {
+                "effect": finding.key[0],
+                "at": finding.key[1],
+                "rank": rank,
+                "rmse_fit": finding.rmse_fit,
+                "rmse_holdout_before": before,
+                "rmse_holdout_after": None if finding.holdout is None else finding.holdout.rmse,
+                "p_value": finding.p_value,
+                "indistinguishable_from": [list(other) for other in finding.alike],
+                "separate_by": finding.refit.candidate.effect.signature.separate_by,
+            }
+            for rank, finding in enumerate(self.findings, start=1)
+        ]
+        return {
+            "verdict": self.verdict,
+            "rmse_fit": self.rmse_fit,
+            "rmse_holdout": before,
+            "lack_of_fit": self.scores.lack,
+            "candidates": listed,
+        }
+
+
+def diagnose(
+    model: Model,
+    data: Evidence,
+    *,
+    refits: int = _MOST_REFITS,
+    executor: Executor | None = None,
+    report: Report = lambda _: None,
+) -> Diagnosis:
+    """Fit the model, score every candidate, refit the best few, and judge.
+
+    Args:
+        model: the model to question.
+        data: the runs to fit, and those held out.
+        refits: how many candidates to refit at least.
+        executor: where refits run; here, one after the other, by default.
+        report: told what is being done.
+
+    Raises:
+        InputError: a run lacks an input of the model.
+    """
+    coarse = data.coarsened(SEARCH_STEP)
+    report("fitting the model as it stands")
+    return examine(fit_parts(model, coarse.fit), coarse, refits=refits, executor=executor, report=report)
+
+
+def examine(
+    base: Fit,
+    data: Evidence,
+    *,
+    refits: int = _MOST_REFITS,
+    executor: Executor | None = None,
+    report: Report = lambda _: None,
+) -> Diagnosis:
+    """`diagnose` for a model that is fitted already, on data of the step it was fitted with."""
+    columns = set.intersection(*(set(part.run.columns) for part in data.fit))
+    found = candidates(base.model.network, columns)
+    report(f"scoring {len(found)} candidates")
+    scores = score(base, found)
+    worthwhile = shortlist(scores, refits)
+    report(f"refitting {len(worthwhile)} of them")
+    done = refit_all(base, worthwhile, executor)
+    findings = _findings(base, done, scores, data)
+    verdict = _verdict(base, done, scores)
+    return Diagnosis(verdict, base, base.rmse, holdout_errors(base, data.holdout), scores, findings)
+
+
+def fit_parts(model: Model, parts: Sequence[Part]) -> Fit:
+    """Fit a model to the counted stretches of runs."""
+    return fit(model, [drive(model, part.run).count(part.counted) for part in parts])
+
+
+def holdout_errors(done: Fit, parts: Sequence[Part]) -> Errors | None:
+    """Errors of a fitted model on runs that it never saw, `None` without any."""
+    if not parts:
+        return None
+    errors = [predict(done.model, part, done.problem.sigma).error.ravel() for part in parts]
+    return Errors.of(np.concatenate(errors))
+
+
+def _findings(base: Fit, done: Sequence[Refit], scores: Scores, data: Evidence) -> tuple[Finding, ...]:
+    gains = {each.candidate.key: each.gain for each in scores.ranked}
+    return tuple(
+        Finding(
+            each,
+            each.fit.rmse,
+            holdout_errors(each.fit, data.holdout),
+            scores.p_value(gains[each.candidate.key]),
+            _alike(each, done, scores, base),
+        )
+        for each in done
+    )
+
+
+def _alike(one: Refit, done: Sequence[Refit], scores: Scores, base: Fit) -> tuple[tuple[str, str], ...]:
+    """Candidates whose fit is worse or better by no more than chance, in units of the misfit that remains.
+
+    An effect everywhere is not confused with the same effect at one of those places: it is the wider claim.
+    """
+    chance = _chance_level(base)
+    excess = max(1.0, 2 * one.fit.cost / max(base.problem.readings, 1) / chance)
+    allowed = scores.threshold * excess
+    return tuple(
+        other.candidate.key
+        for other in done
+        if other.candidate.key != one.candidate.key and abs(other.criterion - one.criterion) <= allowed
+    )
+
+
+def _chance_level(base: Fit) -> float:
+    """Mean square of weighted residuals that noise alone would leave."""
+    weights = np.concatenate([driven.counted.sum(axis=1) for driven in base.problem.drives]).reshape(
+        len(base.problem.drives), -1
+    )
+    share = (base.noise.floor / base.problem.sigma) ** 2
+    return float((weights.sum(axis=0) * share).sum() / max(weights.sum(), 1))
+
+
+def _verdict(base: Fit, done: Sequence[Refit], scores: Scores) -> Verdict:
+    lacking = any(value > _LACK for value in scores.lack.values())
+    best = scores.ranked[0].gain if scores.ranked else 0.0
+    noticed = scores.p_value(best) < _SIGNIFICANT
+    if not lacking and not noticed:
+        return "adequate"
+    if not noticed or not done:
+        return "unexplained"
+    excess = 2 * base.cost - _chance_level(base) * base.problem.readings
+    removed = 2 * (base.cost - done[0].fit.cost)
+    return "missing" if removed > _EXPLAINED * max(excess, 0.0) else "unexplained"
+

@@ -1,0 +1,133 @@
+"""Candidates refitted exactly: the score is a first-order guess, the refit is what counts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from math import log
+
+import numpy as np
+
+from lptn.arrays import FloatArray
+from lptn.diagnose.candidates import Candidate
+from lptn.diagnose.score import Score, Scores
+from lptn.identify import Fit, fit
+from lptn.model import Model
+from lptn.network import EffectDeclaration, Network
+from lptn.simulate import Drive, default_start, drive
+
+_SAME_FAMILY_SHARE = 0.25  # the best place of an effect is refitted if it scores so much of the best gain
+_TYPICAL_RANGE = (0.02, 20.0)  # first-order amplitudes outside this share of the typical size are not trusted
+
+
+@dataclass(frozen=True)
+class Refit:
+    """One candidate, fitted with everything else free.
+
+    Args:
+        candidate: effect and place.
+        declaration: the effect as it was added.
+        fit: the fit of the larger model.
+        parameters: how many free parameters were added.
+        criterion: sum of squared weighted residuals with `parameters` paid for; lower is better.
+    """
+
+    candidate: Candidate
+    declaration: EffectDeclaration
+    fit: Fit
+    parameters: int
+    criterion: float
+
+
+def shortlist(scores: Scores, most: int) -> list[Score]:
+    """The candidates worth an exact refit: the best few, and the best place of every effect that scores well.
+
+    Effects with an inner state look alike to first order, so each effect gets its chance.
+    """
+    chosen = [score for score in scores.ranked[:most] if score.gain > 0]
+    families = {score.candidate.effect for score in chosen}
+    for score in scores.ranked[most:]:
+        if chosen and score.gain < _SAME_FAMILY_SHARE * chosen[0].gain:
+            break
+        if score.candidate.effect not in families:
+            families.add(score.candidate.effect)
+            chosen.append(score)
+    return chosen
+
+
+def refit_all(base: Fit, scores: Sequence[Score], executor: Executor | None = None) -> list[Refit]:
+    """Refit each candidate, best criterion first.
+
+    Args:
+        base: the fitted baseline.
+        scores: candidates with their first-order sizes.
+        executor: where to run them; here, one after the other, by default.
+    """
+    tasks = [(base, score) for score in scores]
+    done = list(executor.map(_refit, tasks)) if executor else [_refit(task) for task in tasks]
+    return sorted(done, key=lambda each: each.criterion)
+
+
+def refit(base: Fit, declaration: EffectDeclaration) -> Fit:
+    """The baseline and one more effect, started from the baseline's solution."""
+    network = base.model.network.with_effects([declaration])
+    return continued(base, network)
+
+
+def continued(base: Fit, network: Network) -> Fit:
+    """Fit a network that differs from a fitted one by some effects, started from its solution."""
+    model = Model(network)
+    problem = base.problem
+    drives = [_redriven(model, driven) for driven in problem.drives]
+    known = {unknown.name: unknown.value for unknown in base.model.unknowns}
+    guess = np.array([known.get(unknown.name, unknown.value) for unknown in model.unknowns])
+    starts = [
+        _carried(base.model, model, start, default_start(model, driven))
+        for start, driven in zip(base.point.starts, drives, strict=True)
+    ]
+    return fit(
+        model, drives, mirror_weight=problem.mirror_weight, sigma=problem.sigma, guess=guess, starts=starts
+    )
+
+
+def criterion(done: Fit) -> float:
+    """Sum of squared weighted residuals in units of the noise they leave, parameters paid for as by BIC.
+
+    Neighbouring residuals repeat each other; only independent ones pay, so the price is that of the
+    effective sample size.
+    """
+    return 2 * done.cost
+
+
+def price(base: Fit, parameters: int) -> float:
+    """What added parameters must gain, in weighted squares, to be worth having."""
+    problem = base.problem
+    mean_square = 2 * base.cost / max(problem.readings, 1)
+    return parameters * mean_square * log(max(problem.readings, 3))
+
+
+def _refit(task: tuple[Fit, Score]) -> Refit:
+    base, score = task
+    amplitude = score.candidate.effect.amplitude()
+    size = None
+    if amplitude is not None:
+        least, most = (share * abs(amplitude.typical) for share in _TYPICAL_RANGE)
+        size = float(np.sign(score.amplitude) * np.clip(abs(score.amplitude), least, most))
+    declaration = score.candidate.declaration(size, score.shape)
+    done = refit(base, declaration)
+    added = len(done.problem.free) - len(base.problem.free)
+    return Refit(score.candidate, declaration, done, added, 2 * done.cost + price(done, added))
+
+
+def _redriven(model: Model, driven: Drive) -> Drive:
+    """The same run and the same counted readings for another model."""
+    again = drive(model, driven.run)
+    return Drive(again.run, again.inputs, again.measured, driven.counted, again.start)
+
+
+def _carried(old: Model, new: Model, states: FloatArray, fallback: FloatArray) -> FloatArray:
+    """Initial states of the new model: those of the old one by name, new hidden states in equilibrium."""
+    known = dict(zip(old.states, states.tolist(), strict=True))
+    nodes = [known.get(name, value) for name, value in zip(new.nodes, fallback[: len(new.nodes)], strict=True)]
+    return np.array([known.get(name, nodes[owner]) for name, owner in zip(new.states, new.owners, strict=True)])

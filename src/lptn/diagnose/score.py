@@ -1,0 +1,218 @@
+"""How much each candidate would lower the misfit, from one pass of sensitivities at the fitted baseline.
+
+All sites are switched off in one model with every candidate in it, which equals the baseline to the last bit. The
+derivative of its readings by a site's amplitude, with everything that the fitted parameters could imitate
+projected out, is what the candidate would leave on the residual. This is the score (Lagrange-multiplier) test.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from lptn.arrays import FloatArray
+from lptn.diagnose.candidates import Candidate, Site, sites
+from lptn.identify import Fit
+from lptn.model import Model
+from lptn.sensitivity import sensitivities
+from lptn.simulate import drive
+
+_TRIALS = 200
+_BLOCK = 60.0  # s; noise averages out over a block, a missing effect does not
+_FAINT = 1e-8  # of a column's length left after projection: the fitted parameters imitate it wholly
+
+
+@dataclass(frozen=True)
+class Score:
+    """One candidate, scored.
+
+    Args:
+        candidate: effect and place.
+        gain: by how much adding it would lower the sum of squared weighted residuals, to first order.
+        amplitude: its size to first order, in the amplitude's unit.
+        shape: the shape of the grid that scores best.
+        direction: its trace on the residual, projected and normalised, shape (rows,).
+    """
+
+    candidate: Candidate
+    gain: float
+    amplitude: float
+    shape: float | None
+    direction: FloatArray
+
+
+@dataclass(frozen=True)
+class Scores:
+    """All candidates, best first, and what chance alone would score.
+
+    Args:
+        ranked: the scores.
+        chance: largest gain among all candidates in each simulated log without any missing effect.
+        lack: mean square of 60 s block means of each node's residuals, in units of its bound by chance.
+    """
+
+    ranked: list[Score]
+    chance: FloatArray
+    lack: dict[str, float]
+
+    @property
+    def threshold(self) -> float:
+        """The gain that chance exceeds once in twenty logs."""
+        return float(np.quantile(self.chance, 0.95)) if self.chance.size else 0.0
+
+    def p_value(self, gain: float) -> float:
+        """How often chance alone reaches a gain, over all candidates."""
+        return float((1 + np.sum(self.chance >= gain)) / (1 + len(self.chance)))
+
+
+def score(fit: Fit, found: Sequence[Candidate], seed: int = 0) -> Scores:
+    """Score every candidate against the residuals of a fit.
+
+    Args:
+        fit: the fitted baseline.
+        found: the candidates.
+        seed: of the simulated logs.
+    """
+    places = sites(found)
+    baseline, columns = _design(fit, places)
+    basis = np.linalg.qr(_regular(baseline))[0]
+    residual = _projected(_residual(fit), basis)
+    projected = _projected(columns, basis)
+    directions = _combine(found, places, projected, columns)
+    ranked = [_score(candidate, options, residual) for candidate, options in zip(found, directions, strict=True)]
+    rng = np.random.default_rng(seed)
+    noise = _projected(_simulated_noise(fit, rng), basis)
+    chance = _chance(directions, noise)
+    ranked.sort(key=lambda each: -each.gain)
+    return Scores(ranked, chance, _lack_of_fit(fit, residual, noise))
+
+
+Options = list[tuple[float | None, FloatArray, float, bool]]
+"""For each shape: its value, the normalised direction, the projected column's length, whether one-sided."""
+
+
+def _design(fit: Fit, places: Sequence[Site]) -> tuple[FloatArray, FloatArray]:
+    """Weighted derivatives of all readings that count: by the fit's unknowns, and by the sites' amplitudes."""
+    problem = fit.problem
+    _, baseline = problem.jacobian(fit.z)
+    full = Model(fit.model.network.with_effects(site.declaration() for site in places))
+    index = {unknown.name: number for number, unknown in enumerate(full.unknowns)}
+    chosen = [index[f"{site.label}.{_amplitude_name(site)}.{site.place}"] for site in places]
+    core = len(fit.model.states)  # effects are added behind the network's own, and so are their states
+    blocks = []
+    for driven, start in zip(problem.drives, fit.point.starts, strict=True):
+        wide = drive(full, driven.run)
+        states = np.concatenate([start, start[np.array(full.owners[core:], dtype=int)]])
+        moved = sensitivities(full, wide, full.values, chosen, states, core=core)
+        scale = 1.0 / np.repeat(problem.sigma, driven.counted.sum(axis=1))[:, None]
+        blocks.append(moved.by_parameter[driven.counted] * scale)
+    columns = np.vstack([*blocks, np.zeros((len(baseline) - sum(map(len, blocks)), len(places)))])
+    return baseline, columns
+
+
+def _amplitude_name(site: Site) -> str:
+    amplitude = site.effect.amplitude()
+    return "" if amplitude is None else amplitude.name
+
+
+def _regular(baseline: FloatArray) -> FloatArray:
+    """The baseline's columns scaled to length one; empty ones left out."""
+    length = np.linalg.norm(baseline, axis=0)
+    kept = length > 0
+    return baseline[:, kept] / length[kept]
+
+
+def _projected(columns: FloatArray, basis: FloatArray) -> FloatArray:
+    return columns - basis @ (basis.T @ columns)
+
+
+def _residual(fit: Fit) -> FloatArray:
+    return fit.problem.residuals(fit.z)
+
+
+def _combine(
+    found: Sequence[Candidate], places: Sequence[Site], projected: FloatArray, columns: FloatArray
+) -> list[Options]:
+    """For each candidate its directions: the sum of its places' columns, at each shape."""
+    where = {site: number for number, site in enumerate(places)}
+    combined = []
+    for candidate in found:
+        shape, amplitude = candidate.effect.shape(), candidate.effect.amplitude()
+        options: Options = []
+        for value in shape.grid if shape else (None,):
+            members = [where[Site(candidate.effect, place, value)] for place in candidate.places]
+            column = projected[:, members].sum(axis=1)
+            whole = float(np.linalg.norm(columns[:, members].sum(axis=1)))
+            length = float(np.linalg.norm(column))
+            if length > _FAINT * whole:
+                one_sided = amplitude is not None and amplitude.bounds[0] == amplitude.off
+                options.append((value, column / length, length, one_sided))
+        combined.append(options)
+    return combined
+
+
+def _score(candidate: Candidate, options: Options, residual: FloatArray) -> Score:
+    best = Score(candidate, 0.0, 0.0, None, np.zeros_like(residual))
+    for shape, direction, length, one_sided in options:
+        statistic = float(direction @ residual)
+        if one_sided and statistic < 0:
+            continue
+        if statistic**2 > best.gain:
+            best = Score(candidate, statistic**2, statistic / length, shape, direction)
+    return best
+
+
+def _chance(directions: Sequence[Options], noise: FloatArray) -> FloatArray:
+    """The largest gain over all candidates in each simulated log."""
+    largest = np.zeros(noise.shape[1])
+    flat = [(direction, one_sided) for options in directions for _, direction, _, one_sided in options]
+    if not flat:
+        return largest
+    statistics = np.array([direction for direction, _ in flat]) @ noise
+    one_sided = np.array([side for _, side in flat])[:, None]
+    return np.max(np.where(one_sided & (statistics < 0), 0.0, statistics) ** 2, axis=0)
+
+
+def _simulated_noise(fit: Fit, rng: np.random.Generator) -> FloatArray:
+    """Weighted residuals of a perfect model: white noise and rounding about the predicted readings, (rows, trials)."""
+    problem, columns = fit.problem, []
+    errors = problem.errors(fit.z)
+    for driven, error in zip(problem.drives, errors, strict=True):
+        predicted = driven.measured - error
+        for row, sigma in enumerate(problem.sigma):
+            clean = predicted[row][driven.counted[row]][:, None]
+            white = rng.normal(0.0, fit.noise.white[row] or 1e-12, (len(clean), _TRIALS))
+            step = fit.noise.step[row]
+            if step > 0:
+                # The sensor's steps lie anywhere: a random phase makes the trials differ.
+                phase = rng.uniform(0.0, step, _TRIALS)
+                white = np.round((clean + white + phase) / step) * step - phase - clean
+            columns.append(white / sigma)
+    noise = np.vstack(columns)
+    # One matrix holds all runs in the order of the residuals; the priors' rows carry no noise.
+    rows = len(problem.residuals(fit.z))
+    return np.vstack([noise, np.zeros((rows - len(noise), _TRIALS))])
+
+
+def _lack_of_fit(fit: Fit, residual: FloatArray, noise: FloatArray) -> dict[str, float]:
+    """Each node's mean square of block means, as a share of what chance exceeds once in twenty logs."""
+    problem, start = fit.problem, 0
+    measured: dict[str, list[FloatArray]] = {node: [] for node in fit.model.nodes}
+    by_chance: dict[str, list[FloatArray]] = {node: [] for node in fit.model.nodes}
+    for driven in problem.drives:
+        size = max(1, round(_BLOCK / driven.run.step))
+        for row, node in enumerate(fit.model.nodes):
+            count = int(driven.counted[row].sum())
+            span = slice(start, start + count // size * size)
+            measured[node].append(residual[span].reshape(-1, size).mean(axis=1) ** 2)
+            by_chance[node].append(noise[span].reshape(-1, size, noise.shape[1]).mean(axis=1) ** 2)
+            start += count
+    lack = {}
+    for node in fit.model.nodes:
+        squares, chance = np.concatenate(measured[node]), np.vstack(by_chance[node])
+        if squares.size:
+            bound = float(np.quantile(chance.mean(axis=0), 0.95))
+            lack[node] = float(squares.mean() / max(bound, 1e-30))
+    return lack
