@@ -149,9 +149,8 @@ def predict(model: Model, part: Part, sigma: FloatArray) -> Prediction:
         sigma: standard deviation that weighs each node [K], shape (nodes,).
     """
     driven = drive(model, part.run)
-    opening = driven.count(part.opening)
-    # Only the opening is simulated to find the start: what comes later can't reach back.
-    (start,) = fit_starts(model, [_until(model, opening, part.opening[1])], sigma)
+    opening = driven.count(part.opening).until(part.opening[1])
+    (start,) = fit_starts(model, [opening], sigma)
     path = simulate(model, driven, model.values, start)
     return Prediction(part, driven.count(part.counted), path.readings, path.states)
 
@@ -166,14 +165,6 @@ def compare(model: Model, parts: Sequence[Part]) -> Comparison:
     noise = estimate_noise(drives, model.nodes)
     sigma = balanced_sigma(drives, noise)
     return Comparison(model, tuple(predict(model, part, sigma) for part in parts), noise)
-
-
-def _until(model: Model, driven: Drive, stop: float) -> Drive:
-    run = driven.run
-    if stop > run.time[-1]:
-        return driven
-    shorter = drive(model, run.slice(float("-inf"), stop))
-    return Drive(shorter.run, shorter.inputs, shorter.measured, driven.counted[:, : len(shorter)], driven.start)
 
 
 def _binned(node: str, quantity: str, values: FloatArray, error: FloatArray) -> list[Condition]:

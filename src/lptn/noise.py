@@ -54,15 +54,18 @@ def estimate_noise(drives: Sequence[Drive], nodes: Sequence[str]) -> Noise:
 def balanced_sigma(drives: Sequence[Drive], noise: Noise, share: float = 0.02) -> FloatArray:
     """Standard deviations that weigh each node [K], shape (nodes,).
 
-    Besides its noise, a node is granted a model error of `share` of its excursion, so that a joint that
-    swings by 40 K does not silence one that swings by 5 K.
+    Besides its noise, a node is granted a model error of `share` of the geometric mean of its own and the
+    largest excursion: a joint that swings by 40 K neither silences one that swings by 5 K, nor the other
+    way round.
     """
-    sigma = noise.floor.copy()
-    for row in range(len(sigma)):
-        readings = np.concatenate([driven.measured[row][driven.counted[row]] for driven in drives])
-        if readings.size:
-            sigma[row] = np.hypot(sigma[row], share * float(readings.std()))
-    return sigma
+    excursion = np.array([_excursion(drives, row) for row in range(len(noise.white))])
+    return np.hypot(noise.floor, share * np.sqrt(excursion * excursion.max(initial=0.0)))
+
+
+def _excursion(drives: Sequence[Drive], row: int) -> float:
+    """Standard deviation of a node's readings that count [K], 0 where it has none."""
+    readings = np.concatenate([driven.measured[row][driven.counted[row]] for driven in drives])
+    return float(readings.std()) if readings.size else 0.0
 
 
 def _second_differences(readings: FloatArray) -> FloatArray:

@@ -43,6 +43,14 @@ class Drive:
     def __len__(self) -> int:
         return int(self.inputs.shape[1])
 
+    def until(self, stop: float) -> Drive:
+        """The same drive up to a time [s]; a simulation of it costs no more than it shows."""
+        keep = int((self.run.time < stop).sum())
+        if keep == len(self):
+            return self
+        cut = self.run.slice(float("-inf"), stop)
+        return Drive(cut, self.inputs[:, :keep], self.measured[:, :keep], self.counted[:, :keep], self.start)
+
     def count(self, window: tuple[float, float]) -> Drive:
         """The same drive, counting only readings with start <= time < stop [s]."""
         inside = (self.run.time >= window[0]) & (self.run.time < window[1])
@@ -99,10 +107,12 @@ def substeps(model: Model, driven: Drive, values: FloatArray, start: FloatArray)
         SimulationError: more than 256 would be needed.
     """
     picked = np.unique(np.linspace(0, len(driven) - 1, min(len(driven), 25)).astype(int))
-    fastest = max(
-        float(np.abs(model.state_jacobian(start, driven.inputs[:, k], values).full()).sum(axis=1).max())
-        for k in picked
-    )
+    n = len(picked)
+    jacobians = model.made_once(("state_jacobian", n), lambda: model.state_jacobian.map(n))
+    repeated = (np.repeat(column[:, None], n, axis=1) for column in (start, values))
+    states, parameters = repeated
+    rows = np.abs(jacobians(states, driven.inputs[:, picked], parameters).full()).reshape(len(start), n, -1)
+    fastest = float(rows.sum(axis=2).max())
     if not np.isfinite(fastest) or fastest * driven.run.step > _MAX_RATE * _MAX_SUBSTEPS:
         raise SimulationError(
             f"fastest rate {fastest:.3g} 1/s is too fast for steps of {driven.run.step:g} s"

@@ -1,11 +1,26 @@
 """Diagnosis: which catalogue effect is missing, where, how sure, and what else would look the same."""
 
 from lptn.diagnose.candidates import Candidate, candidates
-from lptn.diagnose.diagnosis import Diagnosis, Finding, Verdict, diagnose, examine, fit_parts, holdout_errors
-from lptn.diagnose.refit import Refit, continued, criterion, price
+from lptn.diagnose.diagnosis import (
+    SEARCH_STEP,
+    SIGNIFICANT,
+    TIE,
+    Diagnosis,
+    Finding,
+    Verdict,
+    diagnose,
+    examine,
+    explained,
+    fit_parts,
+    holdout_errors,
+)
+from lptn.diagnose.refit import Refit, continued, worse_by
 from lptn.diagnose.score import Score, Scores, score
 
 __all__ = [
+    "SEARCH_STEP",
+    "SIGNIFICANT",
+    "TIE",
     "Candidate",
     "Diagnosis",
     "Finding",
@@ -15,11 +30,11 @@ __all__ = [
     "Verdict",
     "candidates",
     "continued",
-    "criterion",
     "diagnose",
     "examine",
+    "explained",
     "fit_parts",
     "holdout_errors",
-    "price",
     "score",
+    "worse_by",
 ]

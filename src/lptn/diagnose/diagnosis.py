@@ -14,7 +14,7 @@ from lptn.diagnose.candidates import candidates
 from lptn.diagnose.refit import Refit, refit_all, shortlist
 from lptn.diagnose.score import Scores, score
 from lptn.evidence import Evidence, Part
-from lptn.identify import Fit, fit
+from lptn.identify import Fit, Point, fit
 from lptn.model import Model
 from lptn.simulate import drive
 
@@ -24,9 +24,12 @@ Report = Callable[[str], None]
 
 SEARCH_STEP = 5.0  # s; effects are sought on means over so long, which loses little and saves most of the time
 _MOST_REFITS = 6
+TIE = 10.0
+"""Information criteria closer than this decide nothing (Burnham and Anderson: beyond 10, no support)."""
 _LACK = 1.5  # block means above so much of their bound by chance are more than noise
 _EXPLAINED = 0.5  # share of the excess misfit that an effect must remove to be called what is missing
-_SIGNIFICANT = 0.05
+SIGNIFICANT = 0.05
+"""A score that chance alone reaches less often than this is beyond chance."""
 
 
 @dataclass(frozen=True)
@@ -146,9 +149,10 @@ def examine(
     return Diagnosis(verdict, base, base.rmse, holdout_errors(base, data.holdout), scores, findings)
 
 
-def fit_parts(model: Model, parts: Sequence[Part]) -> Fit:
-    """Fit a model to the counted stretches of runs."""
-    return fit(model, [drive(model, part.run).count(part.counted) for part in parts])
+def fit_parts(model: Model, parts: Sequence[Part], near: Point | None = None) -> Fit:
+    """Fit a model to the counted stretches of runs, from a solution on coarser data where there is one."""
+    drives = [drive(model, part.run).count(part.counted).until(part.counted[1]) for part in parts]
+    return fit(model, drives) if near is None else fit(model, drives, guess=near.values, starts=near.starts)
 
 
 def holdout_errors(done: Fit, parts: Sequence[Part]) -> Errors | None:
@@ -167,24 +171,16 @@ def _findings(base: Fit, done: Sequence[Refit], scores: Scores, data: Evidence) 
             each.fit.rmse,
             holdout_errors(each.fit, data.holdout),
             scores.p_value(gains[each.candidate.key]),
-            _alike(each, done, scores, base),
+            _alike(each, done),
         )
         for each in done
     )
 
 
-def _alike(one: Refit, done: Sequence[Refit], scores: Scores, base: Fit) -> tuple[tuple[str, str], ...]:
-    """Candidates whose fit is worse or better by no more than chance, in units of the misfit that remains.
-
-    An effect everywhere is not confused with the same effect at one of those places: it is the wider claim.
-    """
-    chance = _chance_level(base)
-    excess = max(1.0, 2 * one.fit.cost / max(base.problem.readings, 1) / chance)
-    allowed = scores.threshold * excess
+def _alike(one: Refit, done: Sequence[Refit]) -> tuple[tuple[str, str], ...]:
+    """Candidates that explain the data as well as one does."""
     return tuple(
-        other.candidate.key
-        for other in done
-        if other.candidate.key != one.candidate.key and abs(other.criterion - one.criterion) <= allowed
+        other.candidate.key for other in done if other is not one and abs(one.gain - other.gain) <= TIE
     )
 
 
@@ -200,12 +196,15 @@ def _chance_level(base: Fit) -> float:
 def _verdict(base: Fit, done: Sequence[Refit], scores: Scores) -> Verdict:
     lacking = any(value > _LACK for value in scores.lack.values())
     best = scores.ranked[0].gain if scores.ranked else 0.0
-    noticed = scores.p_value(best) < _SIGNIFICANT
+    noticed = scores.p_value(best) < SIGNIFICANT
     if not lacking and not noticed:
         return "adequate"
     if not noticed or not done:
         return "unexplained"
-    excess = 2 * base.cost - _chance_level(base) * base.problem.readings
-    removed = 2 * (base.cost - done[0].fit.cost)
-    return "missing" if removed > _EXPLAINED * max(excess, 0.0) else "unexplained"
+    return "missing" if explained(base, done[0].fit) else "unexplained"
 
+
+def explained(base: Fit, done: Fit) -> bool:
+    """Whether a larger model removes most of the misfit that noise does not account for."""
+    excess = 2 * base.cost - _chance_level(base) * base.problem.readings
+    return 2 * (base.cost - done.cost) > _EXPLAINED * max(excess, 0.0)

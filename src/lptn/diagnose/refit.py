@@ -30,14 +30,14 @@ class Refit:
         declaration: the effect as it was added.
         fit: the fit of the larger model.
         parameters: how many free parameters were added.
-        criterion: sum of squared weighted residuals with `parameters` paid for; lower is better.
+        gain: how much better it explains the data than the baseline, parameters paid for.
     """
 
     candidate: Candidate
     declaration: EffectDeclaration
     fit: Fit
     parameters: int
-    criterion: float
+    gain: float
 
 
 def shortlist(scores: Scores, most: int) -> list[Score]:
@@ -57,7 +57,7 @@ def shortlist(scores: Scores, most: int) -> list[Score]:
 
 
 def refit_all(base: Fit, scores: Sequence[Score], executor: Executor | None = None) -> list[Refit]:
-    """Refit each candidate, best criterion first.
+    """Refit each candidate, the one that explains most first.
 
     Args:
         base: the fitted baseline.
@@ -66,7 +66,7 @@ def refit_all(base: Fit, scores: Sequence[Score], executor: Executor | None = No
     """
     tasks = [(base, score) for score in scores]
     done = list(executor.map(_refit, tasks)) if executor else [_refit(task) for task in tasks]
-    return sorted(done, key=lambda each: each.criterion)
+    return sorted(done, key=lambda each: -each.gain)
 
 
 def refit(base: Fit, declaration: EffectDeclaration) -> Fit:
@@ -91,20 +91,35 @@ def continued(base: Fit, network: Network) -> Fit:
     )
 
 
-def criterion(done: Fit) -> float:
-    """Sum of squared weighted residuals in units of the noise they leave, parameters paid for as by BIC.
+def worse_by(one: Fit, other: Fit) -> float:
+    """How much worse `one` explains the data than `other`: a difference of information criteria.
 
-    Neighbouring residuals repeat each other; only independent ones pay, so the price is that of the
-    effective sample size.
+    Residuals that repeat each other are not independent evidence. The logarithm of the ratio of misfits
+    therefore counts as often as there are independent residuals in the better of the two fits, and each
+    free parameter costs the logarithm of that number (Schwarz's criterion).
     """
-    return 2 * done.cost
+    better = one if one.cost < other.cost else other
+    independent = independent_readings(better)
+    misfit = independent * log(max(one.cost, 1e-300) / max(other.cost, 1e-300))
+    return misfit + (len(one.problem.free) - len(other.problem.free)) * log(independent)
 
 
-def price(base: Fit, parameters: int) -> float:
-    """What added parameters must gain, in weighted squares, to be worth having."""
-    problem = base.problem
-    mean_square = 2 * base.cost / max(problem.readings, 1)
-    return parameters * mean_square * log(max(problem.readings, 3))
+def independent_readings(done: Fit) -> float:
+    """Number of readings that are as good as independent, from the residuals' correlation in time."""
+    found = 0.0
+    for driven, error in zip(done.problem.drives, done.residuals, strict=True):
+        for row in range(len(error)):
+            residual = error[row][driven.counted[row]]
+            if residual.size > 2:
+                found += residual.size * _independent_share(residual)
+    return max(found, 3.0)
+
+
+def _independent_share(residual: FloatArray) -> float:
+    square = float(np.mean(residual**2))
+    lag_one = float(np.mean(residual[1:] * residual[:-1])) / square if square > 0 else 0.0
+    lag_one = min(max(lag_one, 0.0), 0.999)
+    return (1 - lag_one) / (1 + lag_one)
 
 
 def _refit(task: tuple[Fit, Score]) -> Refit:
@@ -117,7 +132,7 @@ def _refit(task: tuple[Fit, Score]) -> Refit:
     declaration = score.candidate.declaration(size, score.shape)
     done = refit(base, declaration)
     added = len(done.problem.free) - len(base.problem.free)
-    return Refit(score.candidate, declaration, done, added, 2 * done.cost + price(done, added))
+    return Refit(score.candidate, declaration, done, added, worse_by(base, done))
 
 
 def _redriven(model: Model, driven: Drive) -> Drive:

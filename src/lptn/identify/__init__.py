@@ -1,6 +1,6 @@
 """Identification: parameters from runs, by least squares over free-running simulation."""
 
-from lptn.identify.fit import Fit, fit, fit_starts
+from lptn.identify.fitting import Fit, fit, fit_starts
 from lptn.identify.gauss_newton import Progress
 from lptn.identify.problem import Point, Problem
 from lptn.identify.uncertainty import Uncertainty

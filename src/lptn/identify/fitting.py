@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -49,11 +50,16 @@ class Fit:
         """Parameter values and initial states."""
         return self.problem.point(self.z)
 
+    @cached_property
+    def residuals(self) -> list[FloatArray]:
+        """Measured minus predicted [K] for each run, shape (nodes, n), NaN where nothing was measured."""
+        return self.problem.errors(self.z)
+
     @property
     def rmse(self) -> float:
-        """Root mean square of measured minus predicted, over all readings that count [K]."""
-        errors = self.problem.errors(self.z)
-        counted = [error[driven.counted] for error, driven in zip(errors, self.problem.drives, strict=True)]
+        """Root mean square of the residuals over all readings that count [K]."""
+        drives = self.problem.drives
+        counted = [error[driven.counted] for error, driven in zip(self.residuals, drives, strict=True)]
         return float(np.sqrt(np.mean(np.concatenate(counted) ** 2)))
 
     @property
