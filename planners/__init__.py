@@ -1,1 +1,1 @@
-"""The planners ' room: torque planning and cooling trade studies on the same model; installed as `lptn.planners`."""
+"""The planners' room: torque planning and cooling trade studies on the same model; installed as `lptn.planners`."""

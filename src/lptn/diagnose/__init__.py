@@ -3,7 +3,6 @@
 from lptn.diagnose.candidates import Candidate, candidates
 from lptn.diagnose.diagnosis import (
     SEARCH_STEP,
-    SIGNIFICANT,
     TIE,
     Diagnosis,
     Finding,
@@ -14,7 +13,7 @@ from lptn.diagnose.diagnosis import (
     fit_parts,
     holdout_errors,
 )
-from lptn.diagnose.refit import Refit, continued, worse_by
+from lptn.diagnose.refit import SIGNIFICANT, Refit, continued, worse_by
 from lptn.diagnose.score import Score, Scores, score
 
 __all__ = [

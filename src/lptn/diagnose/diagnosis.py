@@ -11,7 +11,7 @@ import numpy as np
 
 from lptn.compare import Errors, predict
 from lptn.diagnose.candidates import candidates
-from lptn.diagnose.refit import Refit, refit_all, shortlist
+from lptn.diagnose.refit import SIGNIFICANT, Refit, refit_all, shortlist
 from lptn.diagnose.score import Scores, score
 from lptn.evidence import Evidence, Part
 from lptn.identify import Fit, Point, fit
@@ -28,8 +28,6 @@ TIE = 10.0
 """Information criteria closer than this decide nothing (Burnham and Anderson: beyond 10, no support)."""
 _LACK = 1.5  # block means above so much of their bound by chance are more than noise
 _EXPLAINED = 0.5  # share of the excess misfit that an effect must remove to be called what is missing
-SIGNIFICANT = 0.05
-"""A score that chance alone reaches less often than this is beyond chance."""
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,9 @@ from lptn.model import Model
 from lptn.network import EffectDeclaration, Network
 from lptn.simulate import Drive, default_start, drive
 
+SIGNIFICANT = 0.05
+"""A score that chance alone reaches less often than this is beyond chance."""
+_ITERATIONS = 40  # enough to rank candidates; the rung that is kept is fitted to the end
 _SAME_FAMILY_SHARE = 0.25  # the best place of an effect is refitted if it scores so much of the best gain
 _TYPICAL_RANGE = (0.02, 20.0)  # first-order amplitudes outside this share of the typical size are not trusted
 
@@ -43,11 +46,13 @@ class Refit:
 def shortlist(scores: Scores, most: int) -> list[Score]:
     """The candidates worth an exact refit: the best few, and the best place of every effect that scores well.
 
-    Effects with an inner state look alike to first order, so each effect gets its chance.
+    None that chance alone would score. Effects with an inner state look alike to first order, so each effect
+    gets its chance.
     """
-    chosen = [score for score in scores.ranked[:most] if score.gain > 0]
+    noticed = [score for score in scores.ranked if scores.p_value(score.gain) < SIGNIFICANT]
+    chosen = noticed[:most]
     families = {score.candidate.effect for score in chosen}
-    for score in scores.ranked[most:]:
+    for score in noticed[most:]:
         if chosen and score.gain < _SAME_FAMILY_SHARE * chosen[0].gain:
             break
         if score.candidate.effect not in families:
@@ -87,7 +92,13 @@ def continued(base: Fit, network: Network) -> Fit:
         for start, driven in zip(base.point.starts, drives, strict=True)
     ]
     return fit(
-        model, drives, mirror_weight=problem.mirror_weight, sigma=problem.sigma, guess=guess, starts=starts
+        model,
+        drives,
+        mirror_weight=problem.mirror_weight,
+        sigma=problem.sigma,
+        guess=guess,
+        starts=starts,
+        iterations=_ITERATIONS,
     )
 
 

@@ -77,6 +77,7 @@ def fit(
     sigma: FloatArray | None = None,
     guess: FloatArray | None = None,
     starts: Sequence[FloatArray] | None = None,
+    iterations: int = 80,
     progress: Progress | None = None,
 ) -> Fit:
     """Fit the free parameters, and the initial states of each run, to free-running simulations.
@@ -90,12 +91,13 @@ def fit(
         guess: parameter values to start from, shape (m,); by default the better of the model's own and
             those of the integrated heat balance.
         starts: initial states to start from, together with `guess`.
+        iterations: how many the last search may take.
         progress: called after each iteration.
     """
     noise = estimate_noise(drives, model.nodes)
     sigma = balanced_sigma(drives, noise) if sigma is None else sigma
     problem = Problem(model, drives, sigma, mirror_weight)
-    iterations = 0
+    before = 0
     if guess is None:
         coarse = Problem(model, [_coarse(model, driven) for driven in drives], sigma, mirror_weight)
         best = min(
@@ -103,15 +105,15 @@ def fit(
             key=coarse.cost,
         )
         rough = minimise(coarse, best, progress)
-        iterations += rough.iterations
+        before = rough.iterations
         found = coarse.point(rough.z)
         z = problem.guess(found.values, found.starts)
         if rough.status == "interrupted":
-            return _fit(problem, replace(rough, z=z, cost=problem.cost(z)), noise, iterations)
+            return _fit(problem, replace(rough, z=z, cost=problem.cost(z)), noise, before)
     else:
         z = problem.guess(guess, starts)
-    solution = minimise(problem, z, progress)
-    return _fit(problem, solution, noise, iterations + solution.iterations)
+    solution = minimise(problem, z, progress, iterations)
+    return _fit(problem, solution, noise, before + solution.iterations)
 
 
 def fit_starts(model: Model, drives: Sequence[Drive], sigma: FloatArray) -> list[FloatArray]:

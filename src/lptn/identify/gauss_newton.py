@@ -22,7 +22,6 @@ Progress = Callable[[int, float], None]
 _IPOPT = {
     "ipopt.print_level": 0,
     "ipopt.sb": "yes",
-    "ipopt.max_iter": 80,
     "ipopt.tol": 1e-7,
     "ipopt.acceptable_tol": 1e-5,
     "ipopt.acceptable_iter": 3,
@@ -37,6 +36,7 @@ _IPOPT = {
     "error_on_fail": False,
     "show_eval_warnings": False,
 }
+_STATUS = {"Solve_Succeeded": "converged", "Solved_To_Acceptable_Level": "converged"}
 _DAMPING = 1e-10  # relative; keeps the Hessian positive where the data say nothing
 
 
@@ -47,7 +47,7 @@ class Solution:
     z: FloatArray
     cost: float
     iterations: int
-    status: str
+    status: str  # "converged", "not converged" or "interrupted"
 
 
 class _Evaluator:
@@ -128,7 +128,9 @@ class _Watcher:
         return [int(self.stopped)]
 
 
-def minimise(problem: Problem, guess: FloatArray, progress: Progress | None = None) -> Solution:
+def minimise(
+    problem: Problem, guess: FloatArray, progress: Progress | None = None, iterations: int = 80
+) -> Solution:
     """The least weighted sum of squares, from `guess`, within the problem's bounds.
 
     Ctrl-C ends the search at the best point so far, with status `"interrupted"`.
@@ -137,6 +139,7 @@ def minimise(problem: Problem, guess: FloatArray, progress: Progress | None = No
         problem: the problem.
         guess: unknowns to start from, shape (size,).
         progress: called after each iteration.
+        iterations: how many to take at most.
     """
     evaluator = _Evaluator(problem)
     watcher = _Watcher(evaluator, progress)
@@ -166,14 +169,14 @@ def minimise(problem: Problem, guess: FloatArray, progress: Progress | None = No
     ]
     cost, gradient, hessian, watch = functions
     x = ca.MX.sym("x", n)
-    options = {**_IPOPT, "grad_f": gradient, "hess_lag": hessian, "iteration_callback": watch}
+    options = {**_IPOPT, "ipopt.max_iter": iterations, "grad_f": gradient, "hess_lag": hessian, "iteration_callback": watch}
     solver = ca.nlpsol("fit", "ipopt", {"x": x, "f": cost(x)}, options)
     lower, upper = problem.bounds()
     guess = np.clip(guess, lower, upper)
     evaluator.cost(guess)
     with _interrupt(watcher):
         solver(x0=guess, lbx=lower, ubx=upper)
-    status = "interrupted" if watcher.stopped else str(solver.stats()["return_status"])
+    status = "interrupted" if watcher.stopped else _STATUS.get(solver.stats()["return_status"], "not converged")
     best, z = evaluator.best
     return Solution(np.clip(z, lower, upper), best / evaluator.scale, max(watcher.iterations, 0), status)
 
