@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
@@ -174,7 +175,7 @@ def _binned(node: str, quantity: str, values: FloatArray, error: FloatArray) -> 
         return []
     edges = np.unique(np.quantile(values[usable], np.linspace(0, 1, _BINS + 1)))
     found = []
-    for lower, upper in zip(edges[:-1], edges[1:], strict=True):
+    for lower, upper in pairwise(edges):
         last = upper == edges[-1]
         inside = usable & (values >= lower) & ((values <= upper) if last else (values < upper))
         if inside.any():

@@ -79,7 +79,9 @@ def evidence(
         raise InputError("--holdout-after", f"{holdout_after:g} s", f"logs from {span}", "a time inside a log")
     before, after = (float("-inf"), holdout_after), (holdout_after, float("inf"))
     later = tuple(Part(run, before, after) for run in continued)
-    return Evidence(tuple(Part(run, before, before) for run in fitted), (*later, *_predicted(holdout)), _predicted(proof))
+    return Evidence(
+        tuple(Part(run, before, before) for run in fitted), (*later, *_predicted(holdout)), _predicted(proof)
+    )
 
 
 def predicted(run: Run) -> Part:

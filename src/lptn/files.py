@@ -20,9 +20,7 @@ def write_whole(path: Path, content: str | bytes) -> None:
     try:
         handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
     except OSError as error:
-        raise InputError(
-            path, "output", error.strerror or str(error), "a folder that can be written"
-        ) from error
+        raise InputError(path, "output", error.strerror or str(error), "a folder that can be written") from error
     try:
         with os.fdopen(handle, "wb") as stream:
             stream.write(data)

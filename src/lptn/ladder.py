@@ -258,12 +258,15 @@ def _chosen(paths: Sequence[_Path]) -> _Path:
 def _clearly_worse(path: _Path, than: _Path) -> bool:
     """Whether held-out errors differ by more than their own scatter."""
     differences = np.concatenate(
-        [_block_squares(one) - _block_squares(other) for one, other in zip(path.predictions, than.predictions, strict=True)]
+        [
+            _block_squares(one) - _block_squares(other)
+            for one, other in zip(path.predictions, than.predictions, strict=True)
+        ]
     )
     if differences.size < 2:
         return path.rank > than.rank
     scatter = float(differences.std(ddof=1)) / np.sqrt(differences.size)
-    return float(differences.mean()) > _CLEAR * scatter
+    return bool(differences.mean() > _CLEAR * scatter)
 
 
 def _block_squares(prediction: Prediction) -> FloatArray:
@@ -272,7 +275,7 @@ def _block_squares(prediction: Prediction) -> FloatArray:
     squares = prediction.error**2
     squares = squares[:, np.isfinite(squares).any(axis=0)]
     whole = squares.shape[1] // size * size
-    return np.nanmean(squares[:, :whole].reshape(len(squares), -1, size), axis=(0, 2))
+    return np.asarray(np.nanmean(squares[:, :whole].reshape(len(squares), -1, size), axis=(0, 2)))
 
 
 def _pruned(path: _Path, report: Report) -> _Path:

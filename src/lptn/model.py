@@ -18,9 +18,7 @@ from lptn.parameters import Unknown
 Made = TypeVar("Made")
 Method = Literal["rk4", "euler", "zoh"]
 _GLOBAL_INPUTS = {"base_speed": "speed.base"}
-_SQUARINGS = (
-    12  # scaling-and-squaring steps of the symbolic matrix exponential: exact up to h |λ| of some 2000
-)
+_SQUARINGS = 12  # scaling-and-squaring steps of the symbolic matrix exponential: exact up to h |λ| of some 2000
 _TAYLOR_ORDER = 10
 
 
@@ -67,6 +65,10 @@ class Model:
         """For each state the index of the node it belongs to."""
         self._made: dict[Hashable, Any] = {}
         self._assemble()
+
+    def __reduce__(self) -> tuple[type[Model], tuple[Network]]:
+        # CasADi's expressions don't travel between processes; the network does, and makes the same model.
+        return Model, (self.network,)
 
     @property
     def values(self) -> FloatArray:
@@ -129,9 +131,7 @@ class Model:
 
     def _inputs_of(self, use: Use) -> SimpleNamespace:
         node = use.ends[0]
-        return SimpleNamespace(
-            **{name: self._input(input_column(name, node)) for name in use.effect.needed()}
-        )
+        return SimpleNamespace(**{name: self._input(input_column(name, node)) for name in use.effect.needed()})
 
     def _parameters_of(self, use: Use) -> SimpleNamespace:
         return SimpleNamespace(**{name: self._p[index] for name, index in use.parameters.items()})
@@ -165,9 +165,7 @@ class Model:
                 factor = factor * other.effect.factor(temperature, self._parameters_of(other))
         return factor
 
-    def _add_heat(
-        self, heat: dict[str, ca.SX], temperature: dict[str, ca.SX], states: dict[int, ca.SX]
-    ) -> None:
+    def _add_heat(self, heat: dict[str, ca.SX], temperature: dict[str, ca.SX], states: dict[int, ca.SX]) -> None:
         for use in self.network.uses:
             p, node = self._parameters_of(use), use.ends[0]
             if isinstance(use.effect, EdgeEffect):
@@ -256,9 +254,7 @@ class Model:
     def _make_step(self, method: Method) -> ca.Function:
         h = ca.SX.sym("h")
         following = {"rk4": self._rk4, "euler": self._euler, "zoh": self._zero_order_hold}[method](h)
-        return ca.Function(
-            "step", [self._x, self._u, self._p, h], [following], ["x", "u", "p", "h"], ["x_next"]
-        )
+        return ca.Function("step", [self._x, self._u, self._p, h], [following], ["x", "u", "p", "h"], ["x_next"])
 
     def _make_run(self, n: int, method: Method) -> ca.Function:
         x, u = ca.MX.sym("x", len(self.states)), ca.MX.sym("u", len(self.inputs), n)
@@ -280,9 +276,7 @@ class Model:
     def _zero_order_hold(self, h: ca.SX) -> ca.SX:
         """x + h φ₁(hA) f(x): exact for f affine in x, by scaling and squaring of a Taylor series."""
         if not self.is_linear:
-            raise ValueError(
-                f"model {self.network.name}: not linear in its temperatures, so no exact step; use rk4"
-            )
+            raise ValueError(f"model {self.network.name}: not linear in its temperatures, so no exact step; use rk4")
         a = ca.densify(ca.jacobian(self._rhs, self._x)) * h / 2**_SQUARINGS
         n = len(self.states)
         identity = ca.SX.eye(n)

@@ -27,9 +27,7 @@ from lptn.units import convert
 
 _CAPACITY = Parameter("capacity", 300.0, "J/K", (1e-3, 1e6), typical=300.0, title="heat capacity")
 _RESISTANCE = Parameter("resistance", 5.0, "K/W", (1e-4, 1e4), typical=5.0, title="thermal resistance")
-_TEMPERATURE = Parameter(
-    "temperature", 20.0, "degC", (-80.0, 200.0), typical=10.0, title="prescribed temperature"
-)
+_TEMPERATURE = Parameter("temperature", 20.0, "degC", (-80.0, 200.0), typical=10.0, title="prescribed temperature")
 _SIGNIFICANT = 6  # digits of a fitted value: more would claim what no fit knows
 
 
@@ -73,9 +71,7 @@ class ModelFile:
         if fit.uncertainty.warnings:
             table.add("warnings", tomlkit.item(list(fit.uncertainty.warnings)).multiline(True))
         data = tomlkit.array()
-        for source, digest in {
-            driven.run.source: driven.run.fingerprint for driven in fit.problem.drives
-        }.items():
+        for source, digest in {driven.run.source: driven.run.fingerprint for driven in fit.problem.drives}.items():
             data.append({"file": Path(source).name, "sha256": digest})
         table.add("data", data.multiline(True))
         parameters = tomlkit.table()
@@ -138,13 +134,9 @@ class _Reader:
         model = self.tables.model
         nodes = [self._node(name, table) for name, table in self.tables.nodes.items()]
         if model.ambient is not None and "ambient" not in self.tables.nodes:
-            nodes.append(
-                NodeDeclaration("ambient", temperature=self._temperature(model.ambient, "model.ambient"))
-            )
+            nodes.append(NodeDeclaration("ambient", temperature=self._temperature(model.ambient, "model.ambient")))
         if not any(node.capacity is not None for node in nodes):
-            raise InputError(
-                self.path, "nodes", "no node with a capacity", "a [nodes.NAME] table with capacity = …"
-            )
+            raise InputError(self.path, "nodes", "no node with a capacity", "a [nodes.NAME] table with capacity = …")
         fitted = {name: entry.value for name, entry in self.tables.fit.parameters.items()}
         named = tuple(name for name in self.tables.nodes if not is_glob(name))
         network = Network(
@@ -173,18 +165,14 @@ class _Reader:
             found = "neither" if table.capacity is None else "both"
             raise InputError(self.path, place, f"{found} capacity and temperature", "one of the two")
         if table.capacity is not None:
-            return NodeDeclaration(
-                name, capacity=self._parameter(_CAPACITY, table.capacity, f"{place}.capacity")
-            )
+            return NodeDeclaration(name, capacity=self._parameter(_CAPACITY, table.capacity, f"{place}.capacity"))
         return NodeDeclaration(name, temperature=self._temperature(table.temperature, f"{place}.temperature"))
 
     def _temperature(self, given: object, place: str) -> str | Parameter:
         if isinstance(given, str):
             if given == START or given.startswith("temperature."):
                 return given
-            raise InputError(
-                self.path, place, f'"{given}"', 'a log column "temperature.<place>", "start", or a number'
-            )
+            raise InputError(self.path, place, f'"{given}"', 'a log column "temperature.<place>", "start", or a number')
         return self._parameter(_TEMPERATURE, given, place)
 
     def _link(self, number: int, link: LinkTable) -> LinkDeclaration:
@@ -197,9 +185,7 @@ class _Reader:
         kind = catalogue().get(table.kind)
         if kind is None:
             near = get_close_matches(table.kind, catalogue(), n=1, cutoff=0.5)
-            hint = (
-                f"{near[0]} (`lptn effects` lists them all)" if near else f"one of {', '.join(catalogue())}"
-            )
+            hint = f"{near[0]} (`lptn effects` lists them all)" if near else f"one of {', '.join(catalogue())}"
             raise InputError(self.path, f"{place}.kind", f'unknown effect "{table.kind}"', hint)
         given = dict(table.model_extra or {})
         words = {name: given.pop(name) for name in kind.options if name in given}
@@ -233,9 +219,7 @@ class _Reader:
                     convert(table.bounds[1], unit, declared.unit),
                 )
         except ValueError as error:
-            raise InputError(
-                self.path, f"{place}.unit", f'"{unit}"', f"a unit like {declared.unit}"
-            ) from error
+            raise InputError(self.path, f"{place}.unit", f'"{unit}"', f"a unit like {declared.unit}") from error
         if bounds[0] > bounds[1]:
             found = f"a lower bound {bounds[0]:g} above the upper {bounds[1]:g}"
             raise InputError(self.path, f"{place}.bounds", found, "[least, greatest]")
@@ -312,9 +296,7 @@ def _validation_error(error: ValidationError, path: Path, text: str) -> InputErr
     keys = [part for part in first["loc"] if isinstance(part, int) or not _is_alternative(part)]
     place = ""
     for key in keys:
-        place += (
-            f"[{key}]" if isinstance(key, int) else f'."{key}"' if "." in key or is_glob(key) else f".{key}"
-        )
+        place += f"[{key}]" if isinstance(key, int) else f'."{key}"' if "." in key or is_glob(key) else f".{key}"
     place = place.lstrip(".") or "file"
     return _with_line(InputError(path, place, _shown(first["input"]), _expectation(first)), path, text)
 
@@ -345,8 +327,4 @@ def _with_line(error: InputError, path: Path, text: str) -> InputError:
     if error.file != str(path) or error.place.startswith("line "):
         return error
     line = locate(text, error.place)
-    return (
-        error
-        if line is None
-        else InputError(path, f"line {line}, {error.place}", error.found, error.expected)
-    )
+    return error if line is None else InputError(path, f"line {line}, {error.place}", error.found, error.expected)

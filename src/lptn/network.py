@@ -275,9 +275,7 @@ class _Assembly:
         for pair in pairs:
             place = edge(*pair)
             if place in taken:
-                raise InputError(
-                    self.origin, where, f"a second link {place}", "each pair of nodes linked once"
-                )
+                raise InputError(self.origin, where, f"a second link {place}", "each pair of nodes linked once")
             if pair[0] in self.prescribed and pair[1] in self.prescribed:
                 continue  # heat between two given temperatures changes nothing
             self.links.append(Link(place, pair, self._unknown("resistance", place, pattern, link.resistance)))

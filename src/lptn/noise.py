@@ -29,7 +29,7 @@ class Noise:
     @property
     def floor(self) -> FloatArray:
         """The RMSE that a perfect model would show [K], shape (nodes,)."""
-        return np.maximum(np.hypot(self.white, self.step / np.sqrt(12.0)), _LEAST)
+        return np.asarray(np.maximum(np.hypot(self.white, self.step / np.sqrt(12.0)), _LEAST))
 
 
 def estimate_noise(drives: Sequence[Drive], nodes: Sequence[str]) -> Noise:
@@ -45,9 +45,7 @@ def estimate_noise(drives: Sequence[Drive], nodes: Sequence[str]) -> Noise:
         second = np.concatenate([_second_differences(driven.measured[row]) for driven in drives])
         if second.size:
             white[row] = _MAD_TO_SIGMA * float(np.median(np.abs(second))) / np.sqrt(6.0)
-        step[row] = max(
-            (driven.run.resolution.get(f"temperature.{node}", 0.0) for driven in drives), default=0.0
-        )
+        step[row] = max((driven.run.resolution.get(f"temperature.{node}", 0.0) for driven in drives), default=0.0)
     return Noise(white, step)
 
 
@@ -59,7 +57,7 @@ def balanced_sigma(drives: Sequence[Drive], noise: Noise, share: float = 0.02) -
     way round.
     """
     excursion = np.array([_excursion(drives, row) for row in range(len(noise.white))])
-    return np.hypot(noise.floor, share * np.sqrt(excursion * excursion.max(initial=0.0)))
+    return np.asarray(np.hypot(noise.floor, share * np.sqrt(excursion * excursion.max(initial=0.0))))
 
 
 def _excursion(drives: Sequence[Drive], row: int) -> float:

@@ -52,9 +52,7 @@ class Parameter:
         if not lower <= upper:
             raise ValueError(f"{self.name}: bounds {lower:g} to {upper:g} are in the wrong order")
         if not lower <= self.value <= upper:
-            raise ValueError(
-                f"{self.name}: value {self.value:g} lies outside its bounds {lower:g} to {upper:g}"
-            )
+            raise ValueError(f"{self.name}: value {self.value:g} lies outside its bounds {lower:g} to {upper:g}")
 
     @property
     def switched_off(self) -> Parameter:
@@ -66,9 +64,7 @@ class Parameter:
         """The same parameter as a newly added effect starts with it."""
         if self.off is None:
             return self
-        return (
-            replace(self, value=self.typical) if self.on is None else replace(self, value=self.on, fixed=True)
-        )
+        return replace(self, value=self.typical) if self.on is None else replace(self, value=self.on, fixed=True)
 
 
 @dataclass(frozen=True)

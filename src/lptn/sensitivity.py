@@ -103,9 +103,7 @@ def _readings(
     derivative = over_steps(np.moveaxis(moved, 0, 2), driven.run.averaged)
     values = model.output.map(ends)(states, np.repeat(p[:, None], ends, axis=1)).full()
     derivative = np.moveaxis(derivative, 2, 1)
-    return Sensitivities(
-        over_steps(values, driven.run.averaged), derivative[:, :, :chosen], derivative[:, :, chosen:]
-    )
+    return Sensitivities(over_steps(values, driven.run.averaged), derivative[:, :, :chosen], derivative[:, :, chosen:])
 
 
 class Jacobians:
@@ -141,7 +139,8 @@ class _Stacked:
         self._patterns = [
             np.array(jacobian.sparsity().get_triplet(), dtype=int).reshape(2, -1) for jacobian in jacobians
         ]
-        nonzeros = ca.vertcat(*(ca.vertcat(*jacobian.nonzeros()) for jacobian in jacobians))
+        entries = [entry for jacobian in jacobians for entry in jacobian.nonzeros()]
+        nonzeros = ca.vertcat(*entries)  # type: ignore[call-overload]
         self._function = ca.Function("nonzeros", arguments, [ca.densify(nonzeros)])
         self._maps: dict[int, ca.Function] = {}
 

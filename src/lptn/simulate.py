@@ -86,16 +86,14 @@ def drive(model: Model, run: Run) -> Drive:
         elif run.has(column):
             inputs[row] = run.columns[column]
         else:
-            raise InputError(
-                run.source, f"column {column}", "no such column", f"the input {column} of the model"
-            )
+            raise InputError(run.source, f"column {column}", "no such column", f"the input {column} of the model")
     return Drive(run, inputs, measured, np.isfinite(measured), start)
 
 
 def default_start(model: Model, driven: Drive) -> FloatArray:
     """States to start from [degC], shape (number of states,): the first readings, hidden states in equilibrium."""
-    nodes = np.where(np.isnan(driven.start), np.nanmean(driven.start), driven.start)
-    return nodes[np.array(model.owners)]
+    nodes: FloatArray = np.where(np.isnan(driven.start), np.nanmean(driven.start), driven.start)
+    return np.asarray(nodes[np.array(model.owners)])
 
 
 def substeps(model: Model, driven: Drive, values: FloatArray, start: FloatArray) -> int:
@@ -114,15 +112,11 @@ def substeps(model: Model, driven: Drive, values: FloatArray, start: FloatArray)
     rows = np.abs(jacobians(states, driven.inputs[:, picked], parameters).full()).reshape(len(start), n, -1)
     fastest = float(rows.sum(axis=2).max())
     if not np.isfinite(fastest) or fastest * driven.run.step > _MAX_RATE * _MAX_SUBSTEPS:
-        raise SimulationError(
-            f"fastest rate {fastest:.3g} 1/s is too fast for steps of {driven.run.step:g} s"
-        )
-    return 2 ** max(0, ceil(log2(max(fastest * driven.run.step / _MAX_RATE, 1e-9))))
+        raise SimulationError(f"fastest rate {fastest:.3g} 1/s is too fast for steps of {driven.run.step:g} s")
+    return 1 << max(0, ceil(log2(max(fastest * driven.run.step / _MAX_RATE, 1e-9))))
 
 
-def states_along(
-    model: Model, driven: Drive, values: FloatArray, start: FloatArray, parts: int
-) -> FloatArray:
+def states_along(model: Model, driven: Drive, values: FloatArray, start: FloatArray, parts: int) -> FloatArray:
     """States at the ends of all internal steps, shape (number of states, n · parts + 1).
 
     Raises:
@@ -152,9 +146,7 @@ def simulate(
     start = default_start(model, driven) if start is None else start
     parts = substeps(model, driven, values, start)
     states = states_along(model, driven, values, start, parts)[:, ::parts]
-    readings = model.output.map(states.shape[1])(
-        states, np.repeat(values[:, None], states.shape[1], axis=1)
-    ).full()
+    readings = model.output.map(states.shape[1])(states, np.repeat(values[:, None], states.shape[1], axis=1)).full()
     return Trajectory(states, over_steps(readings, driven.run.averaged))
 
 

@@ -24,7 +24,5 @@ def convert(value: float, unit: str, target: str) -> float:
         return value
     try:
         return float(registry().Quantity(value, registry().parse_units(unit)).to(target).magnitude)
-    except (
-        Exception
-    ) as error:  # pint raises a dozen kinds of its own, and Python's for a text that is no unit
+    except Exception as error:  # pint raises a dozen kinds of its own, and Python's for a text that is no unit
         raise ValueError(f"unit {unit!r} can't be turned into {target!r}") from error

@@ -14,7 +14,7 @@ from lptn.diagnose.candidates import candidates
 from lptn.diagnose.refit import SIGNIFICANT, Refit, refit_all, shortlist
 from lptn.diagnose.score import Scores, score
 from lptn.evidence import Evidence, Part
-from lptn.identify import Fit, Point, fit
+from lptn.identify import Fit, Point, Progress, fit
 from lptn.model import Model
 from lptn.simulate import drive
 
@@ -147,10 +147,26 @@ def examine(
     return Diagnosis(verdict, base, base.rmse, holdout_errors(base, data.holdout), scores, findings)
 
 
-def fit_parts(model: Model, parts: Sequence[Part], near: Point | None = None) -> Fit:
-    """Fit a model to the counted stretches of runs, from a solution on coarser data where there is one."""
+def fit_parts(
+    model: Model,
+    parts: Sequence[Part],
+    near: Point | None = None,
+    *,
+    mirror_weight: float = 0.0,
+    progress: Progress | None = None,
+) -> Fit:
+    """Fit a model to the counted stretches of runs.
+
+    Args:
+        model: the model.
+        parts: the runs.
+        near: a solution on coarser data, to start from.
+        mirror_weight: λ of the left-right regulariser.
+        progress: called after each iteration.
+    """
     drives = [drive(model, part.run).count(part.counted).until(part.counted[1]) for part in parts]
-    return fit(model, drives) if near is None else fit(model, drives, guess=near.values, starts=near.starts)
+    guess, starts = (None, None) if near is None else (near.values, near.starts)
+    return fit(model, drives, mirror_weight=mirror_weight, guess=guess, starts=starts, progress=progress)
 
 
 def holdout_errors(done: Fit, parts: Sequence[Part]) -> Errors | None:
@@ -177,9 +193,7 @@ def _findings(base: Fit, done: Sequence[Refit], scores: Scores, data: Evidence) 
 
 def _alike(one: Refit, done: Sequence[Refit]) -> tuple[tuple[str, str], ...]:
     """Candidates that explain the data as well as one does."""
-    return tuple(
-        other.candidate.key for other in done if other is not one and abs(one.gain - other.gain) <= TIE
-    )
+    return tuple(other.candidate.key for other in done if other is not one and abs(one.gain - other.gain) <= TIE)
 
 
 def _chance_level(base: Fit) -> float:

@@ -121,11 +121,11 @@ def _regular(baseline: FloatArray) -> FloatArray:
     """The baseline's columns scaled to length one; empty ones left out."""
     length = np.linalg.norm(baseline, axis=0)
     kept = length > 0
-    return baseline[:, kept] / length[kept]
+    return np.asarray(baseline[:, kept] / length[kept])
 
 
 def _projected(columns: FloatArray, basis: FloatArray) -> FloatArray:
-    return columns - basis @ (basis.T @ columns)
+    return np.asarray(columns - basis @ (basis.T @ columns))
 
 
 def _residual(fit: Fit) -> FloatArray:
@@ -172,7 +172,7 @@ def _chance(directions: Sequence[Options], noise: FloatArray) -> FloatArray:
         return largest
     statistics = np.array([direction for direction, _ in flat]) @ noise
     one_sided = np.array([side for _, side in flat])[:, None]
-    return np.max(np.where(one_sided & (statistics < 0), 0.0, statistics) ** 2, axis=0)
+    return np.asarray(np.max(np.where(one_sided & (statistics < 0), 0.0, statistics) ** 2, axis=0))
 
 
 def _simulated_noise(fit: Fit, rng: np.random.Generator) -> FloatArray:

@@ -53,9 +53,7 @@ class Effect(ABC):
         self.chosen = {name: words[0] for name, words in self.options.items()} | chosen
         for name, word in chosen.items():
             if word not in self.options.get(name, ()):
-                raise ValueError(
-                    f"{self.key}: option {name} = {word!r} is not one of {self.options.get(name, ())}"
-                )
+                raise ValueError(f"{self.key}: option {name} = {word!r} is not one of {self.options.get(name, ())}")
 
     @classmethod
     def amplitude(cls) -> Parameter | None:

@@ -23,9 +23,7 @@ class CopperLoss(NodeEffect):
     title = "copper loss"
     options = {"input": ("torque", "current")}  # noqa: RUF012
     parameters = (
-        Parameter(
-            "resistance", 0.15, "ohm", (1e-4, 100.0), typical=0.15, title="winding resistance", fixed=True
-        ),
+        Parameter("resistance", 0.15, "ohm", (1e-4, 100.0), typical=0.15, title="winding resistance", fixed=True),
         Parameter(
             "torque_constant",
             0.84,

@@ -21,9 +21,7 @@ class NaturalConvection(LinkEffect):
     key = "natural_convection"
     title = "natural convection growing with the temperature difference"
     parameters = (
-        Parameter(
-            "beta", 0.006, "1/K", (0.0, 0.05), off=0.0, typical=0.006, title="natural-convection exponent"
-        ),
+        Parameter("beta", 0.006, "1/K", (0.0, 0.05), off=0.0, typical=0.006, title="natural-convection exponent"),
     )
     signature = Signature(
         looks_like="predicted too hot at the hottest, too cold at the coolest, in the same run",

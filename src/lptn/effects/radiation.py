@@ -21,9 +21,7 @@ class Radiation(LinkEffect):
 
     key = "radiation"
     title = "radiation to the surroundings"
-    parameters = (
-        Parameter("area", 0.01, "m^2", (0.0, 10.0), off=0.0, typical=0.01, title="emissivity times area"),
-    )
+    parameters = (Parameter("area", 0.01, "m^2", (0.0, 10.0), off=0.0, typical=0.01, title="emissivity times area"),)
     signature = Signature(
         looks_like="predicted too hot at the hottest; the more so at a warm ambient",
         separate_by="the same heating and cool-down at 8 and at 33 degC ambient",
@@ -32,8 +30,4 @@ class Radiation(LinkEffect):
     source = "Stefan-Boltzmann law"
 
     def extra_heat(self, temperature: Symbol, surroundings: Symbol, p: SimpleNamespace) -> Symbol:
-        return (
-            STEFAN_BOLTZMANN
-            * p.area
-            * ((surroundings + ZERO_CELSIUS) ** 4 - (temperature + ZERO_CELSIUS) ** 4)
-        )
+        return STEFAN_BOLTZMANN * p.area * ((surroundings + ZERO_CELSIUS) ** 4 - (temperature + ZERO_CELSIUS) ** 4)

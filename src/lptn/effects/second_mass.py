@@ -21,9 +21,7 @@ class SecondMass(MassEffect):
     key = "second_mass"
     title = "a second thermal mass"
     parameters = (
-        Parameter(
-            "capacity", 50.0, "J/K", (0.0, 1e5), off=0.0, typical=50.0, title="capacitance of the second mass"
-        ),
+        Parameter("capacity", 50.0, "J/K", (0.0, 1e5), off=0.0, typical=50.0, title="capacitance of the second mass"),
         Parameter(
             "time_constant",
             120.0,

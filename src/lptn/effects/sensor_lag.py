@@ -11,9 +11,9 @@ from lptn.parameters import Parameter
 class SensorLag(SensorEffect):
     r"""First-order lag of the sensor: glue, a bead of epoxy, a filter.
 
-    .. math:: y = T + a (T_s - T), \qquad \dot T_s = (T - T_s) / t_s
+    .. math:: y = T + f (T_s - T), \qquad \dot T_s = (T - T_s) / t_s
 
-    The share *a* is 0 when off and 1 for a sensor that is wholly behind the lag.
+    The fraction *f* is 0 when off and 1 for a sensor that is wholly behind the lag.
 
     Source: first-order sensor; source S1, row N13 (thermocouples on the housing).
     """
@@ -22,7 +22,7 @@ class SensorLag(SensorEffect):
     title = "sensor lag"
     has_state = True
     parameters = (
-        Parameter("share", 1.0, "1", (0.0, 1.0), off=0.0, on=1.0, typical=1.0, title="share behind the lag"),
+        Parameter("fraction", 1.0, "1", (0.0, 1.0), off=0.0, on=1.0, typical=1.0, title="share behind the lag"),
         Parameter(
             "time_constant",
             15.0,
@@ -41,7 +41,7 @@ class SensorLag(SensorEffect):
     source = "first-order sensor"
 
     def error(self, temperature: Symbol, state: Symbol, p: SimpleNamespace) -> Symbol:
-        return p.share * (state - temperature)
+        return p.fraction * (state - temperature)
 
     def rate(self, temperature: Symbol, state: Symbol, p: SimpleNamespace) -> Symbol:
         return (temperature - state) / p.time_constant

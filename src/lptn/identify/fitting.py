@@ -62,6 +62,24 @@ class Fit:
         counted = [error[driven.counted] for error, driven in zip(self.residuals, drives, strict=True)]
         return float(np.sqrt(np.mean(np.concatenate(counted) ** 2)))
 
+    def as_json(self) -> dict[str, object]:
+        """The result as other tools read it."""
+        free = [self.model.unknowns[index] for index in self.problem.free]
+        return {
+            "rmse_fit": self.rmse,
+            "status": self.status,
+            "parameters": {
+                unknown.name: {
+                    "value": unknown.value,
+                    "error": self.errors[unknown.name],
+                    "unit": unknown.declared.unit,
+                }
+                for unknown in free
+            },
+            "correlations": self.uncertainty.correlations.tolist(),
+            "warnings": list(self.uncertainty.warnings),
+        }
+
     @property
     def errors(self) -> dict[str, float]:
         """Standard error of each free parameter by name, in its unit."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import signal
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
@@ -95,6 +95,7 @@ class _Function(ca.Callback):
     ) -> None:
         ca.Callback.__init__(self)
         self._inputs, self._outputs, self._evaluate = inputs, outputs, evaluate
+        self.failure: Exception | None = None
         self.construct(name, {})
 
     def get_n_in(self) -> int:
@@ -109,8 +110,13 @@ class _Function(ca.Callback):
     def get_sparsity_out(self, index: int) -> ca.Sparsity:
         return self._outputs[index]
 
-    def eval(self, arguments: list[ca.DM]) -> list[Any]:
-        return self._evaluate(arguments)
+    def eval(self, arguments: Sequence[ca.DM]) -> list[Any]:
+        # The solver would swallow an exception: it is kept, and raised once the solver has returned.
+        try:
+            return self._evaluate(list(arguments))
+        except Exception as error:
+            self.failure = error
+            return [ca.DM(pattern, np.nan) for pattern in self._outputs]
 
 
 class _Watcher:
@@ -128,9 +134,7 @@ class _Watcher:
         return [int(self.stopped)]
 
 
-def minimise(
-    problem: Problem, guess: FloatArray, progress: Progress | None = None, iterations: int = 80
-) -> Solution:
+def minimise(problem: Problem, guess: FloatArray, progress: Progress | None = None, iterations: int = 80) -> Solution:
     """The least weighted sum of squares, from `guess`, within the problem's bounds.
 
     Ctrl-C ends the search at the best point so far, with status `"interrupted"`.
@@ -162,20 +166,29 @@ def minimise(
         ),
         _Function(
             "watch",
-            [ca.nlpsol_out(i) and _solver_output(i, n) for i in range(ca.nlpsol_n_out())],
+            [_solver_output(i, n) for i in range(ca.nlpsol_n_out())],
             [scalar],
             watcher,
         ),
     ]
     cost, gradient, hessian, watch = functions
     x = ca.MX.sym("x", n)
-    options = {**_IPOPT, "ipopt.max_iter": iterations, "grad_f": gradient, "hess_lag": hessian, "iteration_callback": watch}
-    solver = ca.nlpsol("fit", "ipopt", {"x": x, "f": cost(x)}, options)
+    options = {
+        **_IPOPT,
+        "ipopt.max_iter": iterations,
+        "grad_f": gradient,
+        "hess_lag": hessian,
+        "iteration_callback": watch,
+    }
+    solver = ca.nlpsol("fit", "ipopt", {"x": x, "f": cost(x)}, options)  # type: ignore[dict-item, arg-type]
     lower, upper = problem.bounds()
     guess = np.clip(guess, lower, upper)
     evaluator.cost(guess)
     with _interrupt(watcher):
         solver(x0=guess, lbx=lower, ubx=upper)
+    for function in functions:
+        if function.failure is not None:
+            raise function.failure
     status = "interrupted" if watcher.stopped else _STATUS.get(solver.stats()["return_status"], "not converged")
     best, z = evaluator.best
     return Solution(np.clip(z, lower, upper), best / evaluator.scale, max(watcher.iterations, 0), status)

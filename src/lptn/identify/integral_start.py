@@ -157,6 +157,4 @@ def _filled(driven: Drive) -> FloatArray:
 
 def _integrated(rates: FloatArray, step: float) -> FloatArray:
     """∫ from the start to each instant, along the last axis."""
-    return np.concatenate(
-        [np.zeros((*rates.shape[:-1], 1)), np.cumsum(rates, axis=-1)[..., :-1] * step], axis=-1
-    )
+    return np.concatenate([np.zeros((*rates.shape[:-1], 1)), np.cumsum(rates, axis=-1)[..., :-1] * step], axis=-1)

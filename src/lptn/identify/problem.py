@@ -67,9 +67,7 @@ class Problem:
     def guess(self, values: FloatArray, starts: Sequence[FloatArray] | None = None) -> FloatArray:
         """The unknowns, shape (size,), at given parameter values and initial states."""
         starts = self._guesses if starts is None else starts
-        return np.concatenate(
-            [self._transform.forward(values[self.free]), *(self._relative(x) for x in starts)]
-        )
+        return np.concatenate([self._transform.forward(values[self.free]), *(self._relative(x) for x in starts)])
 
     def point(self, z: FloatArray) -> Point:
         """Parameter values and initial states at the unknowns z."""
@@ -81,9 +79,7 @@ class Problem:
 
     def bounds(self) -> tuple[FloatArray, FloatArray]:
         """Least and largest admissible unknowns."""
-        declared = np.array([self.model.unknowns[index].declared.bounds for index in self.free]).reshape(
-            -1, 2
-        )
+        declared = np.array([self.model.unknowns[index].declared.bounds for index in self.free]).reshape(-1, 2)
         lower, upper = np.full(self.size, -np.inf), np.full(self.size, np.inf)
         lower[: len(self.free)] = self._transform.forward(declared[:, 0])
         upper[: len(self.free)] = self._transform.forward(declared[:, 1])

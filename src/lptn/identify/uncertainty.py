@@ -84,9 +84,7 @@ def _combinations(names: list[str], vectors: FloatArray) -> list[str]:
     return warnings
 
 
-def _loose(
-    problem: Problem, z: FloatArray, names: list[str], spread: FloatArray, open_: FloatArray
-) -> list[str]:
+def _loose(problem: Problem, z: FloatArray, names: list[str], spread: FloatArray, open_: FloatArray) -> list[str]:
     lower, upper = problem.bounds()
     warnings = []
     for row, name in enumerate(names):

@@ -126,7 +126,5 @@ def _number(entry: Mapping[str, object], name: str, default: float, file: str | 
     value = entry.get(name, default)
     usable = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
     if not usable or (name == "scale" and value == 0):
-        raise InputError(
-            file, f"{place} {name}", f"{value!r}", "a finite number" + " but 0" * (name == "scale")
-        )
+        raise InputError(file, f"{place} {name}", f"{value!r}", "a finite number" + " but 0" * (name == "scale"))
     return float(value)  # type: ignore[arg-type]

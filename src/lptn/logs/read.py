@@ -153,9 +153,7 @@ def _grid(step: float | None, period: float) -> tuple[float, list[str]]:
     return step, []
 
 
-def _runs(
-    path: Path, chosen: Selection, samples: Samples, step: float, max_gap: float, notes: list[str]
-) -> list[Run]:
+def _runs(path: Path, chosen: Selection, samples: Samples, step: float, max_gap: float, notes: list[str]) -> list[Run]:
     needed = {key: values for key, values in samples.raw.items() if key not in chosen.outputs}
     spans, gaps = find_stretches(samples.time, samples.period, needed, max_gap)
     counts = [math.floor((stop - start) / step + 1e-6) for start, stop in spans]

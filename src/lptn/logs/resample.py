@@ -29,9 +29,7 @@ def grid(start: float, step: float, n: int) -> FloatArray:
     return start + step * np.arange(n, dtype=np.float64)
 
 
-def driven(
-    held: Samples, columns: Collection[str], start: float, step: float, n: int
-) -> dict[str, FloatArray]:
+def driven(held: Samples, columns: Collection[str], start: float, step: float, n: int) -> dict[str, FloatArray]:
     """Input features on `n` bins of `step` s from `start`, (n,) each, from samples without NaN there."""
     bins = Bins(held.time, start, step, n)
     result = {}

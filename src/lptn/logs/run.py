@@ -52,9 +52,7 @@ class Run:
         column = f"temperature.{place}"
         if column not in self.columns:
             measured = ", ".join(name for name in self.columns if name.startswith("temperature."))
-            raise InputError(
-                self.source, f"column {column}", "no such column", f"one of: {measured or 'none'}"
-            )
+            raise InputError(self.source, f"column {column}", "no such column", f"one of: {measured or 'none'}")
         return self.columns[column]
 
     def slice(self, start: float, stop: float) -> Run:
@@ -78,9 +76,7 @@ class Run:
             InputError: `factor` is below 1 or longer than the run.
         """
         if not 1 <= factor <= len(self):
-            raise InputError(
-                self.source, "coarsen", f"factor {factor}", f"a whole number from 1 to {len(self)}"
-            )
+            raise InputError(self.source, "coarsen", f"factor {factor}", f"a whole number from 1 to {len(self)}")
         if factor == 1:
             return self
         return replace(

@@ -54,9 +54,7 @@ def select(
     measured = tuple(column for column in outputs if not _absent(table, known, column))
     if outputs and not measured:
         _require(table, known, outputs[:1], "")
-    notes = tuple(
-        f"{column}: not in the log, so not measured." for column in outputs if column not in measured
-    )
+    notes = tuple(f"{column}: not in the log, so not measured." for column in outputs if column not in measured)
     there = [
         column
         for column in optional

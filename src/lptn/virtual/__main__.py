@@ -28,9 +28,7 @@ def _parser() -> argparse.ArgumentParser:
         metavar="EFFECT",
         help=f"may be repeated; {', '.join(EFFECTS)}",
     )
-    leg.add_argument(
-        "--at", action="append", default=[], metavar="PLACE", help="one for each --hidden, in order"
-    )
+    leg.add_argument("--at", action="append", default=[], metavar="PLACE", help="one for each --hidden, in order")
     leg.add_argument(
         "--size", action="append", default=[], type=float, help="one for each --hidden, in order, or none (1)"
     )
@@ -51,9 +49,7 @@ def _hidden(effects: list[str], at: list[str], sizes: list[float]) -> list[Hidde
     if len(at) != len(effects):
         raise ValueError(f"--at: found {len(at)}; expected one for each --hidden, so {len(effects)}")
     if sizes and len(sizes) != len(effects):
-        raise ValueError(
-            f"--size: found {len(sizes)}; expected none or one for each --hidden, so {len(effects)}"
-        )
+        raise ValueError(f"--size: found {len(sizes)}; expected none or one for each --hidden, so {len(effects)}")
     return [Hidden(*one) for one in zip(effects, at, sizes or [1.0] * len(effects), strict=True)]
 
 

@@ -40,17 +40,11 @@ class Hidden:
             allowed = ", ".join(places(self.effect))
             raise ValueError(f"place of {self.effect}: found {self.at!r}; expected one of {allowed}")
         if not (math.isfinite(self.size) and self.size >= 0):
-            raise ValueError(
-                f"size of {self.effect}: found {self.size:g}; expected a finite number, 0 or above"
-            )
+            raise ValueError(f"size of {self.effect}: found {self.size:g}; expected a finite number, 0 or above")
 
     def set_in(self, leg: Leg) -> None:
         """Set the effect in this leg, in place."""
-        targets = (
-            range(len(JOINTS))
-            if self.at == EVERYWHERE
-            else [HIP if self.at == EDGE else JOINTS.index(self.at)]
-        )
+        targets = range(len(JOINTS)) if self.at == EVERYWHERE else [HIP if self.at == EDGE else JOINTS.index(self.at)]
         for joint in targets:
             EFFECTS[self.effect](leg, joint, self.size)
 
@@ -112,9 +106,7 @@ def second_mass(leg: Leg, joint: int, size: float) -> None:
     inner = 120.0 * size
     if inner > 0.9 * leg.capacity[joint]:
         largest = 0.9 * leg.capacity[joint] / 120.0
-        raise ValueError(
-            f"size of second_mass: found {size:g}; expected at most {largest:.2f} at {JOINTS[joint]}"
-        )
+        raise ValueError(f"size of second_mass: found {size:g}; expected at most {largest:.2f} at {JOINTS[joint]}")
     if inner > 0:
         leg.capacity[joint] -= inner
         leg.masses.append(Mass(inner, joint, resistance=1.5))

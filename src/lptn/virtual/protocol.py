@@ -141,9 +141,7 @@ def _perform(segment: Segment, rng: np.random.Generator) -> Signals:
     act, count = ACTIVITIES[segment.activity], len(JOINTS)
     time = np.arange(segment.seconds * SAMPLES_PER_SECOND) / SAMPLES_PER_SECOND
     stride = (act.stride[0] + act.stride[1] * segment.pace) * rng.uniform(0.9, 1.1)
-    first, second, moving = (
-        2 * np.pi * (n * stride * time[:, None] + rng.uniform(0, 1, count)) for n in (1, 2, 1)
-    )
+    first, second, moving = (2 * np.pi * (n * stride * time[:, None] + rng.uniform(0, 1, count)) for n in (1, 2, 1))
     # Each segment has its own share of work among the joints: else their heats would go hand in hand.
     effort = rng.uniform(0.75, 1.3, count) * (BODY + segment.load) / BODY * _wander(time, rng)
     torque = effort * (np.array(act.hold) + np.array(act.swing) * (np.sin(first) + 0.3 * np.sin(second)))

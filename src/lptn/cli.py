@@ -1,0 +1,348 @@
+"""The command `lptn`: a thin face on the library."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from collections.abc import Iterator
+from concurrent.futures import Executor, ProcessPoolExecutor
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import cyclopts
+from cyclopts import Parameter as Option
+
+from lptn.errors import InputError
+
+if TYPE_CHECKING:
+    from lptn.compare import Comparison
+    from lptn.evidence import Evidence
+    from lptn.opening import Opened
+
+app = cyclopts.App(
+    name="lptn",
+    help="Thermal networks of electric robot joints: fit, compare, and find the physical effect that is missing.",
+    help_format="plaintext",
+)
+
+Output = Annotated[Path, Option(name=["--output", "-o"], help="File to write.")]
+OptionalOutput = Annotated[Path | None, Option(name=["--output", "-o"], help="File to write the model to.")]
+Json = Annotated[Path | None, Option(name="--json", help="File to write the result to, for programs.")]
+Holdout = Annotated[
+    list[Path] | None,
+    Option(name="--holdout", help="A log that no fit sees; may be given again.", negative=""),
+]
+HoldoutAfter = Annotated[
+    float | None,
+    Option(name="--holdout-after", help="Hold out the fitted logs' own time from here on, in s."),
+]
+Proof = Annotated[
+    list[Path] | None,
+    Option(name="--proof", help="A log looked at once, at the end; may be given again.", negative=""),
+]
+Map = Annotated[
+    list[str] | None,
+    Option(
+        name="--map",
+        help="Other people's column: temperature.FR_calf=T3[degF]; may be given again.",
+        negative="",
+    ),
+]
+Jobs = Annotated[int, Option(name="--jobs", help="Processes that refit candidates side by side.")]
+
+
+@app.command
+def new(preset: str | None = None, *, output: OptionalOutput = None) -> None:
+    """Write a ready model file; without a name, list them.
+
+    Example: lptn new leg -o leg.toml
+    """
+    from lptn.files import write_whole
+    from lptn.robots import presets
+
+    known = presets()
+    if preset is None:
+        print("\n".join(known))
+        return
+    if preset not in known:
+        raise InputError("lptn new", "preset", f"'{preset}'", f"one of {', '.join(known)}")
+    if output is None:
+        print(known[preset], end="")
+    else:
+        write_whole(output, known[preset])
+
+
+@app.command
+def check(model: Path, *logs: Path, map: Map = None) -> None:  # noqa: A002 - the option's name
+    """Say what a model file and logs hold, and what is wrong with them.
+
+    Example: lptn check leg.toml monday.parquet
+    """
+    from lptn.opening import open_model
+    from lptn.terminal import show_check
+
+    opened = open_model(model, map or ())
+    show_check(opened.model, opened.runs(logs))
+
+
+@app.command
+def fit(
+    model: Path,
+    *logs: Path,
+    output: OptionalOutput = None,
+    holdout: Holdout = None,
+    holdout_after: HoldoutAfter = None,
+    mirror_weight: Annotated[float, Option(help="Pull of left and right parameters towards each other.")] = 0.0,
+    json: Json = None,
+    map: Map = None,  # noqa: A002
+) -> None:
+    """Fit the free parameters; Ctrl-C keeps the best point so far.
+
+    Example: lptn fit leg.toml monday.parquet --holdout friday.parquet -o fitted.toml
+    """
+    from lptn.diagnose import fit_parts, holdout_errors
+    from lptn.terminal import progress, show_fit, show_holdout, write_json
+
+    opened, data = _open(model, logs, holdout, holdout_after, None, map)
+    with progress("fitting") as report:
+        done = fit_parts(
+            opened.model,
+            data.fit,
+            mirror_weight=mirror_weight,
+            progress=lambda number, rms: report(f"fitting: iteration {number}, weighted residual {rms:.4g}"),
+        )
+    held = holdout_errors(done, data.holdout)
+    show_fit(done)
+    show_holdout(held)
+    if output is not None:
+        opened.file.with_fit(done).write(output)
+    write_json(json, done.as_json() | {"rmse_holdout": held.rmse if held else None})
+
+
+@app.command
+def compare(
+    model: Path,
+    *logs: Path,
+    json: Json = None,
+    plot: Annotated[Path | None, Option(help="Picture to write: .png, .svg or .pdf.")] = None,
+    map: Map = None,  # noqa: A002
+) -> None:
+    """Predict logs and show where the model fails.
+
+    Example: lptn compare fitted.toml friday.parquet --plot friday.png
+    """
+    from lptn.compare import compare as against
+    from lptn.evidence import evidence
+    from lptn.opening import open_model
+    from lptn.terminal import show_comparison, write_json
+
+    _needs_logs(logs)
+    opened = open_model(model, map or ())
+    comparison = against(opened.model, evidence((), opened.runs(logs)).holdout)
+    show_comparison(comparison)
+    write_json(json, comparison.as_json())
+    if plot is not None:
+        _write_figure(comparison, plot)
+
+
+@app.command
+def diagnose(
+    model: Path,
+    *logs: Path,
+    holdout: Holdout = None,
+    holdout_after: HoldoutAfter = None,
+    json: Json = None,
+    jobs: Jobs = 1,
+    map: Map = None,  # noqa: A002
+) -> None:
+    """Say which effect is missing, where, how sure, and what else would look the same.
+
+    Example: lptn diagnose leg.toml monday.parquet --holdout friday.parquet --json found.json
+    """
+    from lptn.diagnose import diagnose as question
+    from lptn.terminal import progress, show_diagnosis, write_json
+
+    opened, data = _open(model, logs, holdout, holdout_after, None, map)
+    with progress("reading") as report, _executor(jobs) as executor:
+        found = question(opened.model, data, executor=executor, report=report)
+    show_diagnosis(found)
+    write_json(json, found.as_json())
+
+
+@app.command
+def add(
+    model: Path,
+    effect: str,
+    *,
+    at: Annotated[str, Option(help='Node, edge "a~b", pattern such as "*_calf", or "*".')],
+    output: Output,
+) -> None:
+    """Add an effect to a model file, at its typical size.
+
+    Example: lptn add leg.toml forced_convection --at "*" -o next.toml
+    """
+    from lptn.adding import added
+    from lptn.model_file import load_model
+
+    added(load_model(model), effect, at).write(output)
+
+
+@app.command
+def improve(
+    model: Path,
+    *logs: Path,
+    output: OptionalOutput = None,
+    holdout: Holdout = None,
+    holdout_after: HoldoutAfter = None,
+    proof: Proof = None,
+    rungs: Annotated[int, Option(help="Effects to add at most.")] = 6,
+    json: Json = None,
+    report: Annotated[Path | None, Option(help="HTML report to write.")] = None,
+    jobs: Jobs = 1,
+    map: Map = None,  # noqa: A002
+) -> None:
+    """Diagnose, add the missing effect, refit, until nothing is missing; print the ladder.
+
+    Example: lptn improve leg.toml monday.parquet --holdout friday.parquet -o better.toml --report story.html
+    """
+    from lptn.files import write_whole
+    from lptn.ladder import improve as climb
+    from lptn.terminal import progress, show_ladder, write_json
+
+    opened, data = _open(model, logs, holdout, holdout_after, proof, map)
+    with progress("reading") as say, _executor(jobs) as executor:
+        ladder = climb(opened.model, data, most=rungs, executor=executor, report=say)
+    show_ladder(ladder)
+    if output is not None:
+        declared = [rung.declaration for rung in ladder.rungs if rung.declaration is not None]
+        opened.file.with_effects(declared).with_fit(ladder.best.fit).write(output)
+    write_json(json, ladder.as_json())
+    if report is not None:
+        from lptn.report import story_html
+
+        write_whole(report, story_html(ladder, data, opened.model.network.name, (_typed(),)))
+
+
+@app.command
+def effects(key: str | None = None) -> None:
+    """List the catalogue of effects, or show one.
+
+    Example: lptn effects forced_convection
+    """
+    from lptn.terminal import show_effects
+
+    show_effects(key)
+
+
+@app.command
+def simulate(model: Path, log: Path, *, output: Output, map: Map = None) -> None:  # noqa: A002
+    """Predict a log's temperatures and write them as a log (.csv or .parquet).
+
+    Example: lptn simulate fitted.toml friday.parquet -o predicted.csv
+    """
+    from lptn.compare import compare as against
+    from lptn.evidence import evidence
+    from lptn.opening import open_model
+    from lptn.predicted_log import write_predictions
+
+    opened = open_model(model, map or ())
+    write_predictions(against(opened.model, evidence((), opened.runs([log])).holdout), output)
+
+
+@app.command
+def report(
+    model: Path,
+    *logs: Path,
+    output: Output,
+    holdout: Holdout = None,
+    holdout_after: HoldoutAfter = None,
+    proof: Proof = None,
+    jobs: Jobs = 1,
+    map: Map = None,  # noqa: A002
+) -> None:
+    """Tell the whole story in one HTML file: log, fit, where it fails, what is missing, proof.
+
+    Example: lptn report leg.toml monday.parquet --holdout friday.parquet -o story.html
+    """
+    improve(
+        model,
+        *logs,
+        holdout=holdout,
+        holdout_after=holdout_after,
+        proof=proof,
+        report=output,
+        jobs=jobs,
+        map=map,
+    )
+
+
+def _open(
+    model: Path,
+    logs: tuple[Path, ...],
+    holdout: list[Path] | None,
+    holdout_after: float | None,
+    proof: list[Path] | None,
+    mapped: list[str] | None,
+) -> tuple[Opened, Evidence]:
+    from lptn.evidence import evidence
+    from lptn.opening import open_model
+
+    _needs_logs(logs)
+    opened = open_model(model, mapped or ())
+    fitted, held, proving = (opened.runs(group) for group in (logs, holdout or [], proof or []))
+    return opened, evidence(fitted, held, proving, holdout_after)
+
+
+def _needs_logs(logs: tuple[Path, ...]) -> None:
+    if not logs:
+        raise InputError("lptn", "LOGS", "no log", "one log file or more after the model file")
+
+
+@contextmanager
+def _executor(jobs: int) -> Iterator[Executor | None]:
+    if jobs <= 1:
+        yield None
+        return
+    with ProcessPoolExecutor(jobs) as pool:
+        yield pool
+
+
+def _write_figure(comparison: Comparison, path: Path) -> None:
+    import io
+
+    from lptn.files import write_whole
+    from lptn.report import comparison_figure
+
+    kind = path.suffix.lower().removeprefix(".")
+    if kind not in {"png", "svg", "pdf"}:
+        raise InputError(path, "--plot", f"a file name ending in '{path.suffix}'", "one ending in .png, .svg or .pdf")
+    picture = io.BytesIO()
+    comparison_figure(comparison).savefig(picture, format=kind)
+    write_whole(path, picture.getvalue())
+
+
+def _typed() -> str:
+    """The command as it was typed, for the report."""
+    return " ".join(["lptn", *(shlex.quote(word) for word in sys.argv[1:])])
+
+
+def main() -> None:
+    """Run the command line; a user's mistake is one line and exit status 2."""
+    from lptn.terminal import mistake
+
+    try:
+        app(exit_on_error=False, print_error=False)
+    except InputError as error:
+        mistake(error)
+        sys.exit(2)
+    except cyclopts.CycloptsError as error:
+        mistake(f"{error} (`lptn --help` shows how)")
+        sys.exit(2)
+    except KeyboardInterrupt:
+        mistake("stopped; nothing was written")
+        sys.exit(130)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,252 @@
+"""What the command says: tables, progress, JSON, one line for a mistake."""
+
+from __future__ import annotations
+
+import inspect
+import json
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from lptn.compare import Comparison, Errors
+from lptn.diagnose import Diagnosis
+from lptn.effects import catalogue
+from lptn.errors import InputError
+from lptn.files import write_whole
+from lptn.identify import Fit
+from lptn.ladder import Ladder
+from lptn.logs import Run
+from lptn.model import Model
+from lptn.noise import estimate_noise
+from lptn.simulate import drive
+
+out = Console(highlight=False, soft_wrap=True)
+err = Console(stderr=True, highlight=False, soft_wrap=True)
+
+VERDICTS = {
+    "adequate": "adequate: what is left is no more than the sensors' noise",
+    "missing": "missing something: the catalogue explains most of what the model gets wrong",
+    "unexplained": "unexplained: the model is wrong by more than noise, and the catalogue explains little of it",
+}
+
+_REMAINING = {
+    "adequate": "adequate: what is left is no more than the sensors' noise",
+    "missing": "still wrong by more than noise; further effects fitted the fitted runs, but did not help elsewhere",
+    "unexplained": "still wrong by more than noise, and the catalogue explains little of the rest",
+}
+
+
+@contextmanager
+def progress(first: str) -> Iterator[Callable[[str], None]]:
+    """A line that says what is being done; silent where nobody watches."""
+    if not err.is_terminal:
+        yield lambda _: None
+        return
+    with err.status(first) as status:
+        yield status.update
+
+
+def write_json(path: Path | None, content: object) -> None:
+    """Write a result for other programs; numbers that are not finite become null."""
+    if path is not None:
+        write_whole(path, json.dumps(_finite(content), indent=2) + "\n")
+
+
+def mistake(message: object) -> None:
+    """One line on the error stream."""
+    err.print(f"lptn: {' '.join(str(message).split())}", markup=False)
+
+
+def show_ladder(ladder: Ladder) -> None:
+    """The ladder, rung by rung."""
+    table = _table("rung", "effect", "at", "parameters", "fit", "held out", "max held out")
+    proven = any(rung.proof for rung in ladder.rungs)
+    if proven:
+        table.add_column("proof", justify="right")
+    for number, rung in enumerate(ladder.rungs):
+        cells = [str(number), rung.effect or "(as given)", rung.at or "", str(rung.parameters), _kelvin(rung.fit.rmse)]
+        holdout, proof = rung.holdout, rung.proof
+        cells += [_kelvin(holdout.rmse if holdout else None), _kelvin(holdout.max if holdout else None)]
+        table.add_row(*cells, *([_kelvin(proof.rmse if proof else None)] if proven else []))
+    out.print(table)
+    out.print(f"The model as given is {VERDICTS[ladder.verdict]}.")
+    if len(ladder.rungs) > 1:
+        out.print(f"The last rung is {_REMAINING[ladder.remaining]}.")
+    out.print(who_chose(ladder))
+    for number, rung in enumerate(ladder.rungs):
+        if rung.alike:
+            out.print(
+                f"Rung {number}: the fitted data alone could not tell it from {_keys(rung.alike)}.",
+                markup=False,
+            )
+
+
+def who_chose(ladder: Ladder) -> str:
+    """Which data chose the rungs and which proved them."""
+    chose = "Effects were chosen on the fitted data."
+    if ladder.rungs[0].holdout:
+        chose += f" Held-out data chose among {ladder.considered} models that were tried, and where to end."
+    else:
+        chose += " No data were held out: the ladder ends by Schwarz's criterion; nothing proves it."
+    return chose + (" Proof data chose nothing." if ladder.rungs[0].proof else "")
+
+
+def show_diagnosis(found: Diagnosis) -> None:
+    """Verdict, and the candidates that were refitted."""
+    lack = ", ".join(f"{node} {value:.2g}" for node, value in found.scores.lack.items())
+    out.print(f"The model is {VERDICTS[found.verdict]}.")
+    out.print(f"RMSE {_kelvin(found.rmse_fit)} on the fitted runs" + _held_out(found) + ".")
+    out.print(f"Misfit over one-minute means, 1 being the most that noise would leave: {lack}.")
+    if not found.findings:
+        return
+    table = _table("rank", "effect", "at", "fit", "held out", "p", "can't be told from")
+    for rank, finding in enumerate(found.findings, start=1):
+        effect, at = finding.key
+        held = finding.holdout.rmse if finding.holdout else None
+        cells = [str(rank), effect, at, _kelvin(finding.rmse_fit), _kelvin(held), f"{finding.p_value:.2g}"]
+        table.add_row(*cells, _keys(finding.alike))
+    out.print(table)
+    best = found.findings[0]
+    if best.alike:
+        out.print(f"To separate them: {best.refit.candidate.effect.signature.separate_by}.", markup=False)
+
+
+def show_fit(done: Fit) -> None:
+    """Values with standard errors, and what the data leave open."""
+    table = _table("parameter", "value", "± standard error", "unit")
+    for index in done.problem.free:
+        unknown = done.model.unknowns[index]
+        error = done.errors[unknown.name]
+        shown = f"{error:.2g}" if math.isfinite(error) else "not determined"
+        table.add_row(unknown.name, f"{unknown.value:.4g}", shown, unknown.declared.unit)
+    out.print(table)
+    floor = ", ".join(f"{node} {value:.2g}" for node, value in zip(done.model.nodes, done.noise.floor, strict=True))
+    out.print(f"RMSE {_kelvin(done.rmse)}; the sensors' noise alone: {floor} K. Search: {done.status}.")
+    for warning in done.uncertainty.warnings:
+        out.print(f"Warning: {warning}.", markup=False)
+
+
+def show_comparison(comparison: Comparison) -> None:
+    """Errors by run and node, and the conditions in which the model fails worst."""
+    table = _table("run", "node", "RMSE", "max", "mean error", "noise floor")
+    for prediction in comparison.predictions:
+        for node in comparison.model.nodes:
+            errors = comparison.node(node, prediction)
+            if errors.count:
+                cells = (errors.rmse, errors.max, errors.mean, comparison.floor(node))
+                table.add_row(prediction.part.run.name, node, *(_kelvin(cell) for cell in cells))
+    out.print(table)
+    out.print(f"All: RMSE {_kelvin(comparison.all.rmse)}, max {_kelvin(comparison.all.max)}.")
+    worst = sorted(comparison.conditions(), key=lambda each: -each.errors.rmse)[:5]
+    if worst:
+        out.print("It fails worst where:")
+    for each in worst:
+        text = f"  {each.node}, {each.quantity} from {each.lower:.3g} to {each.upper:.3g}: "
+        out.print(text + f"RMSE {_kelvin(each.errors.rmse)}, mean error {each.errors.mean:+.2g} K", markup=False)
+
+
+def show_holdout(errors: Errors | None) -> None:
+    """Errors on runs that the fit never saw."""
+    if errors is not None:
+        out.print(f"Held out: RMSE {_kelvin(errors.rmse)}, max {_kelvin(errors.max)}.")
+
+
+def show_check(model: Model, runs: Sequence[Run]) -> None:
+    """What a model needs and logs hold."""
+    free = len(model.free)
+    out.print(f"Model {model.network.name}: nodes {', '.join(model.nodes)}; {free} free parameters.", markup=False)
+    out.print(f"Inputs: {', '.join(model.inputs)}.", markup=False)
+    for column in model.started:
+        out.print(f"{column} is no column of the log: it is taken from each run's first readings.", markup=False)
+    for run in runs:
+        driven = drive(model, run)
+        noise = estimate_noise([driven], model.nodes)
+        kind = "means" if run.averaged else "samples"
+        out.print(
+            f"\n{run.name}: {len(run)} {kind} of {run.step:g} s, {len(run) * run.step / 60:.3g} min",
+            markup=False,
+        )
+        table = _table("node", "from", "to", "missing", "noise floor")
+        for row, node in enumerate(model.nodes):
+            readings = driven.measured[row]
+            if np.isfinite(readings).any():
+                ends = f"{np.nanmin(readings):.1f} °C", f"{np.nanmax(readings):.1f} °C"
+                missing = f"{np.isnan(readings).mean():.0%}"
+                table.add_row(node, *ends, missing, _kelvin(float(noise.floor[row])))
+            else:
+                table.add_row(node, "not measured", "", "", "")
+        out.print(table)
+        for note in run.notes:
+            out.print(f"  {note}", markup=False)
+
+
+def show_effects(key: str | None) -> None:
+    """The catalogue, or one effect of it.
+
+    Raises:
+        InputError: no effect has this key.
+    """
+    known = catalogue()
+    if key is None:
+        table = _table("effect", "what it is", "at")
+        for name, effect in known.items():
+            table.add_row(name, effect.title, effect.site)
+        out.print(table)
+        return
+    if key not in known:
+        raise InputError("lptn effects", "KEY", f"'{key}'", f"one of {', '.join(known)}")
+    effect = known[key]
+    out.print(inspect.cleandoc(effect.__doc__ or effect.title), markup=False)
+    table = _table("parameter", "what it is", "unit", "typical", "off")
+    for parameter in effect.parameters:
+        off = "" if parameter.off is None else f"{parameter.off:g}"
+        table.add_row(parameter.name, parameter.title, parameter.unit, f"{parameter.typical:g}", off)
+    out.print(table)
+    out.print(f"Looks like: {effect.signature.looks_like}.", markup=False)
+    out.print(f"Separate it by: {effect.signature.separate_by}.", markup=False)
+
+
+def _held_out(found: Diagnosis) -> str:
+    return f", {_kelvin(found.holdout.rmse)} on the held-out ones" if found.holdout else ""
+
+
+def _keys(keys: Sequence[tuple[str, str]]) -> str:
+    return ", ".join(f"{effect} at {at}" for effect, at in keys)
+
+
+def _kelvin(value: float | None) -> str:
+    return "–" if value is None or not math.isfinite(value) else f"{value:.3g} K"
+
+
+def _table(*columns: str) -> Table:
+    table = Table(box=None, header_style="bold", pad_edge=False)
+    for column in columns:
+        numeric = column in {
+            "parameters",
+            "fit",
+            "held out",
+            "max held out",
+            "RMSE",
+            "max",
+            "mean error",
+            "value",
+            "p",
+        }
+        table.add_column(column, justify="right" if numeric else "left", overflow="fold")
+    return table
+
+
+def _finite(content: Any) -> Any:
+    if isinstance(content, Mapping):
+        return {key: _finite(value) for key, value in content.items()}
+    if isinstance(content, list | tuple):
+        return [_finite(value) for value in content]
+    if isinstance(content, float) and not math.isfinite(content):
+        return None
+    return content
