@@ -22,7 +22,7 @@ def added(file: ModelFile, key: str, at: str) -> ModelFile:
     kind = catalogue().get(key)
     if kind is None:
         near = get_close_matches(key, catalogue(), n=1, cutoff=0.5)
-        raise InputError("lptn add", "EFFECT", f"'{key}'", near[0] if near else f"one of {', '.join(catalogue())}")
+        raise InputError("add", "EFFECT", f"'{key}'", near[0] if near else f"one of {', '.join(catalogue())}")
     share: Share = "all" if is_glob(at) or "{" in at else "each"
     parameters = tuple(replace(parameter.switched_on, share=share) for parameter in kind.parameters)
     return file.with_effects([EffectDeclaration(kind(), at, parameters)])

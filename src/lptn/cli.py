@@ -31,7 +31,7 @@ OptionalOutput = Annotated[Path | None, Option(name=["--output", "-o"], help="Fi
 Json = Annotated[Path | None, Option(name="--json", help="File to write the result to, for programs.")]
 Holdout = Annotated[
     list[Path] | None,
-    Option(name="--holdout", help="A log that no fit sees; may be given again.", negative=""),
+    Option(name="--holdout", help="Logs that no fit sees.", negative="", consume_multiple=True),
 ]
 HoldoutAfter = Annotated[
     float | None,
@@ -39,7 +39,7 @@ HoldoutAfter = Annotated[
 ]
 Proof = Annotated[
     list[Path] | None,
-    Option(name="--proof", help="A log looked at once, at the end; may be given again.", negative=""),
+    Option(name="--proof", help="Logs looked at once, at the end.", negative="", consume_multiple=True),
 ]
 Map = Annotated[
     list[str] | None,
@@ -53,7 +53,7 @@ Jobs = Annotated[int, Option(name="--jobs", help="Processes that refit candidate
 
 
 @app.command
-def new(preset: str | None = None, *, output: OptionalOutput = None) -> None:
+def new(preset: str | None = None, /, *, output: OptionalOutput = None) -> None:
     """Write a ready model file; without a name, list them.
 
     Example: lptn new leg -o leg.toml
@@ -66,7 +66,7 @@ def new(preset: str | None = None, *, output: OptionalOutput = None) -> None:
         print("\n".join(known))
         return
     if preset not in known:
-        raise InputError("lptn new", "preset", f"'{preset}'", f"one of {', '.join(known)}")
+        raise InputError("new", "PRESET", f"'{preset}'", f"one of {', '.join(known)}")
     if output is None:
         print(known[preset], end="")
     else:
@@ -74,7 +74,7 @@ def new(preset: str | None = None, *, output: OptionalOutput = None) -> None:
 
 
 @app.command
-def check(model: Path, *logs: Path, map: Map = None) -> None:  # noqa: A002 - the option's name
+def check(model: Path, /, *logs: Path, map: Map = None) -> None:  # noqa: A002 - the option's name
     """Say what a model file and logs hold, and what is wrong with them.
 
     Example: lptn check leg.toml monday.parquet
@@ -89,6 +89,7 @@ def check(model: Path, *logs: Path, map: Map = None) -> None:  # noqa: A002 - th
 @app.command
 def fit(
     model: Path,
+    /,
     *logs: Path,
     output: OptionalOutput = None,
     holdout: Holdout = None,
@@ -123,6 +124,7 @@ def fit(
 @app.command
 def compare(
     model: Path,
+    /,
     *logs: Path,
     json: Json = None,
     plot: Annotated[Path | None, Option(help="Picture to write: .png, .svg or .pdf.")] = None,
@@ -149,6 +151,7 @@ def compare(
 @app.command
 def diagnose(
     model: Path,
+    /,
     *logs: Path,
     holdout: Holdout = None,
     holdout_after: HoldoutAfter = None,
@@ -174,6 +177,7 @@ def diagnose(
 def add(
     model: Path,
     effect: str,
+    /,
     *,
     at: Annotated[str, Option(help='Node, edge "a~b", pattern such as "*_calf", or "*".')],
     output: Output,
@@ -191,6 +195,7 @@ def add(
 @app.command
 def improve(
     model: Path,
+    /,
     *logs: Path,
     output: OptionalOutput = None,
     holdout: Holdout = None,
@@ -215,8 +220,7 @@ def improve(
         ladder = climb(opened.model, data, most=rungs, executor=executor, report=say)
     show_ladder(ladder)
     if output is not None:
-        declared = [rung.declaration for rung in ladder.rungs if rung.declaration is not None]
-        opened.file.with_effects(declared).with_fit(ladder.best.fit).write(output)
+        opened.file.with_effects(ladder.declarations()).with_fit(ladder.best.fit).write(output)
     write_json(json, ladder.as_json())
     if report is not None:
         from lptn.report import story_html
@@ -225,7 +229,7 @@ def improve(
 
 
 @app.command
-def effects(key: str | None = None) -> None:
+def effects(key: str | None = None, /) -> None:
     """List the catalogue of effects, or show one.
 
     Example: lptn effects forced_convection
@@ -236,7 +240,7 @@ def effects(key: str | None = None) -> None:
 
 
 @app.command
-def simulate(model: Path, log: Path, *, output: Output, map: Map = None) -> None:  # noqa: A002
+def simulate(model: Path, log: Path, /, *, output: Output, map: Map = None) -> None:  # noqa: A002
     """Predict a log's temperatures and write them as a log (.csv or .parquet).
 
     Example: lptn simulate fitted.toml friday.parquet -o predicted.csv
@@ -253,6 +257,7 @@ def simulate(model: Path, log: Path, *, output: Output, map: Map = None) -> None
 @app.command
 def report(
     model: Path,
+    /,
     *logs: Path,
     output: Output,
     holdout: Holdout = None,
@@ -296,7 +301,7 @@ def _open(
 
 def _needs_logs(logs: tuple[Path, ...]) -> None:
     if not logs:
-        raise InputError("lptn", "LOGS", "no log", "one log file or more after the model file")
+        raise InputError("command line", "LOGS", "no log", "one log file or more after the model file")
 
 
 @contextmanager

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -111,6 +111,20 @@ class Ladder:
     def best(self) -> Rung:
         """The last rung."""
         return self.rungs[-1]
+
+    def declarations(self) -> list[EffectDeclaration]:
+        """The effects that were added, with the values that the last rung's fit gave them."""
+        fitted = {unknown.name: unknown.value for unknown in self.best.fit.model.unknowns}
+        found = []
+        for rung in self.rungs:
+            if rung.declaration is not None:
+                added, owner = rung.declaration, rung.declaration.at
+                values = tuple(
+                    replace(parameter, value=fitted.get(f"{added.name}.{parameter.name}.{owner}", parameter.value))
+                    for parameter in added.parameters
+                )
+                found.append(replace(added, parameters=values))
+        return found
 
     def as_json(self) -> dict[str, object]:
         """The ladder as other tools read it."""

@@ -57,7 +57,9 @@ class ModelFile:
             tables = tomlkit.aot()
             document["effects"] = tables
         for effect in effects:
-            tables.append(_effect_table(effect))
+            table = _effect_table(effect)
+            table.trivia.indent = "\n"
+            tables.append(table)
         return parse_model(tomlkit.dumps(document), self.path)
 
     def with_fit(self, fit: Fit) -> ModelFile:

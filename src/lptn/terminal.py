@@ -200,7 +200,7 @@ def show_effects(key: str | None) -> None:
         out.print(table)
         return
     if key not in known:
-        raise InputError("lptn effects", "KEY", f"'{key}'", f"one of {', '.join(known)}")
+        raise InputError("effects", "KEY", f"'{key}'", f"one of {', '.join(known)}")
     effect = known[key]
     out.print(inspect.cleandoc(effect.__doc__ or effect.title), markup=False)
     table = _table("parameter", "what it is", "unit", "typical", "off")

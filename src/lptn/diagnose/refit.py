@@ -122,15 +122,20 @@ def independent_readings(done: Fit) -> float:
         for row in range(len(error)):
             residual = error[row][driven.counted[row]]
             if residual.size > 2:
-                found += residual.size * _independent_share(residual)
+                found += residual.size / _correlation_time(residual)
     return max(found, 3.0)
 
 
-def _independent_share(residual: FloatArray) -> float:
-    square = float(np.mean(residual**2))
-    lag_one = float(np.mean(residual[1:] * residual[:-1])) / square if square > 0 else 0.0
-    lag_one = min(max(lag_one, 0.0), 0.999)
-    return (1 - lag_one) / (1 + lag_one)
+def _correlation_time(residual: FloatArray) -> float:
+    """Samples that repeat each other: the autocorrelation summed while pairs of lags stay positive (Geyer 1992)."""
+    spectrum = np.abs(np.fft.rfft(residual, 2 * residual.size)) ** 2
+    correlation = np.fft.irfft(spectrum)[: residual.size]
+    if correlation[0] <= 0:
+        return 1.0
+    correlation = correlation / correlation[0]
+    pairs = correlation[: residual.size // 2 * 2].reshape(-1, 2).sum(axis=1)
+    positive = pairs[: int(np.argmax(pairs <= 0)) if (pairs <= 0).any() else len(pairs)]
+    return max(1.0, 2.0 * float(positive.sum()) - 1.0)
 
 
 def _refit(task: tuple[Fit, Score]) -> Refit:

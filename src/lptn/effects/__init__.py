@@ -28,6 +28,7 @@ from lptn.effects.resistance_rise import ResistanceRise
 from lptn.effects.second_mass import SecondMass
 from lptn.effects.sensor_lag import SensorLag
 from lptn.effects.sensor_offset import SensorOffset
+from lptn.effects.stray_load_loss import StrayLoadLoss
 from lptn.effects.torque_constant_drop import TorqueConstantDrop
 from lptn.effects.viscous_friction import ViscousFriction
 
@@ -38,6 +39,7 @@ _BUILT_IN: tuple[type[Effect], ...] = (
     CoulombFriction,
     ViscousFriction,
     IronLoss,
+    StrayLoadLoss,
     ResistanceRise,
     TorqueConstantDrop,
     NaturalConvection,

@@ -19,7 +19,7 @@ class SensorOffset(SensorEffect):
     key = "sensor_offset"
     title = "sensor offset"
     parameters = (
-        Parameter("offset", 1.0, "K", (-30.0, 30.0), off=0.0, typical=1.0, title="reading minus temperature"),
+        Parameter("offset", 1.0, "K", (-10.0, 10.0), off=0.0, typical=1.0, title="reading minus temperature"),
     )
     signature = Signature(
         looks_like="predicted off by the same amount all the time, and a rested robot reads off ambient",

@@ -106,8 +106,8 @@ def fit(
         mirror_weight: λ of the left-right regulariser.
         sigma: standard deviation that weighs each node [K]; by default balanced between nodes with
             large and small excursions.
-        guess: parameter values to start from, shape (m,); by default the better of the model's own and
-            those of the integrated heat balance.
+        guess: parameter values to start from, shape (m,), unless those of the integrated heat balance are
+            better; without it, a coarse search comes first.
         starts: initial states to start from, together with `guess`.
         iterations: how many the last search may take.
         progress: called after each iteration.
@@ -129,7 +129,8 @@ def fit(
         if rough.status == "interrupted":
             return _fit(problem, replace(rough, z=z, cost=problem.cost(z)), noise, before)
     else:
-        z = problem.guess(guess, starts)
+        balanced = integral_start(model, drives, sigma)
+        z = min((problem.guess(guess, starts), problem.guess(balanced, starts)), key=problem.cost)
     solution = minimise(problem, z, progress, iterations)
     return _fit(problem, solution, noise, before + solution.iterations)
 

@@ -26,7 +26,7 @@ _IPOPT = {
     "ipopt.acceptable_tol": 1e-5,
     "ipopt.acceptable_iter": 3,
     "ipopt.acceptable_obj_change_tol": 1e-7,
-    "ipopt.mu_init": 1e-4,
+    "ipopt.mu_strategy": "adaptive",  # with a fixed schedule, curved valleys take three times the iterations
     "ipopt.bound_push": 1e-6,
     "ipopt.bound_frac": 1e-6,
     "ipopt.nlp_scaling_method": "none",

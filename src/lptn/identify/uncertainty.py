@@ -8,6 +8,7 @@ import numpy as np
 
 from lptn.arrays import FloatArray
 from lptn.identify.problem import Problem
+from lptn.parameters import Unknown
 
 _OPEN = 0.7  # standard error of a logarithm (or share of the typical size) above which a value means little
 _SINGULAR = 1e-9  # eigenvalue, relative to the largest, of a combination that moves no temperature
@@ -86,11 +87,12 @@ def _combinations(names: list[str], vectors: FloatArray) -> list[str]:
 
 def _loose(problem: Problem, z: FloatArray, names: list[str], spread: FloatArray, open_: FloatArray) -> list[str]:
     lower, upper = problem.bounds()
+    values = problem.point(z).values
     warnings = []
     for row, name in enumerate(names):
         unknown = problem.model.unknowns[problem.free[row]]
         at_bound = z[row] - lower[row] < _CLOSE or upper[row] - z[row] < _CLOSE
-        if at_bound and unknown.declared.off is None:
+        if at_bound and not _is_off(unknown, values[problem.free[row]]):
             bounds = " to ".join(f"{bound:g}" for bound in unknown.declared.bounds)
             warnings.append(f"{name}: ends at its bound ({bounds} {unknown.declared.unit})")
         elif spread[row] > _OPEN and not open_[row] and unknown.logarithmic:
@@ -98,3 +100,9 @@ def _loose(problem: Problem, z: FloatArray, names: list[str], spread: FloatArray
                 f"{name}: not determined by these data (a factor of {np.exp(min(spread[row], 20)):.2g} either way)"
             )
     return warnings
+
+
+def _is_off(unknown: Unknown, value: float) -> bool:
+    """Whether an amplitude ended where its effect vanishes, which is a bound but no cause for a warning."""
+    off = unknown.declared.off
+    return off is not None and abs(value - off) < _CLOSE * abs(unknown.declared.typical)
