@@ -111,10 +111,13 @@ class Comparison:
 
     def as_json(self) -> dict[str, object]:
         """The comparison as other tools read it, in kelvin."""
-        runs = {}
+        runs: dict[str, object] = {}
         for prediction in self.predictions:
+            name = prediction.part.run.name
+            # Logs of one name from two folders must not hide each other.
+            name = name if name not in runs else f"{name} ({prediction.part.run.source})"
             errors = {node: self.node(node, prediction) for node in self.model.nodes}
-            runs[prediction.part.run.name] = {
+            runs[name] = {
                 "nodes": {
                     node: {"rmse": each.rmse, "max": each.max, "mean": each.mean, "floor": self.floor(node)}
                     for node, each in errors.items()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable
-from copy import copy
 from types import SimpleNamespace
 from typing import Any, Literal, NamedTuple, TypeVar, cast
 
@@ -77,7 +76,8 @@ class Model:
 
     def with_values(self, values: FloatArray) -> Model:
         """The same model at other parameter values, shape (m,); its functions are shared, not made again."""
-        other = copy(self)
+        other = object.__new__(Model)
+        other.__dict__.update(self.__dict__)
         names = (unknown.name for unknown in self.unknowns)
         other.network = self.network.with_values(dict(zip(names, values.tolist(), strict=True)))
         other.unknowns = other.network.unknowns

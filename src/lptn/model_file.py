@@ -11,7 +11,7 @@ from typing import Any
 
 import tomlkit
 from pydantic import ValidationError
-from tomlkit.exceptions import ParseError
+from tomlkit.exceptions import ParseError, TOMLKitError
 
 from lptn.effects import catalogue
 from lptn.errors import InputError
@@ -27,7 +27,9 @@ from lptn.units import convert
 
 _CAPACITY = Parameter("capacity", 300.0, "J/K", (1e-3, 1e6), typical=300.0, title="heat capacity")
 _RESISTANCE = Parameter("resistance", 5.0, "K/W", (1e-4, 1e4), typical=5.0, title="thermal resistance")
-_TEMPERATURE = Parameter("temperature", 20.0, "degC", (-80.0, 200.0), typical=10.0, title="prescribed temperature")
+_TEMPERATURE = Parameter(
+    "temperature", 20.0, "degC", (-80.0, 200.0), typical=10.0, title="prescribed temperature", fixed=True
+)
 _SIGNIFICANT = 6  # digits of a fitted value: more would claim what no fit knows
 
 
@@ -54,7 +56,11 @@ class ModelFile:
         document = tomlkit.parse(self.text)
         tables = document.get("effects")
         if not isinstance(tables, tomlkit.items.AoT):
+            written = [] if tables is None else tables.unwrap()
             tables = tomlkit.aot()
+            for entry in written:  # an inline array can't be continued by [[effects]]
+                tables.append(tomlkit.item(entry))
+            document.pop("effects", None)
             document["effects"] = tables
         for effect in effects:
             table = _effect_table(effect)
@@ -79,7 +85,8 @@ class ModelFile:
         parameters = tomlkit.table()
         for index in fit.problem.free:
             unknown = fit.model.unknowns[index]
-            entry: dict[str, float | str] = {"value": _rounded(unknown.value)}
+            lower, upper = unknown.declared.bounds
+            entry: dict[str, float | str] = {"value": min(max(_rounded(unknown.value), lower), upper)}
             if math.isfinite(fit.errors[unknown.name]):
                 entry["error"] = _rounded(fit.errors[unknown.name])
             parameters.add(unknown.name, _inline({**entry, "unit": unknown.declared.unit}))
@@ -99,7 +106,7 @@ def load_model(path: Path) -> ModelFile:
         InputError: it can't be read, is not TOML, or says something that can't be a model; with its line.
     """
     try:
-        text = path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "bytes that are not UTF-8 text"
         raise InputError(path, "file", reason or "no file", "a model file (`lptn new` writes one)") from error
@@ -119,6 +126,8 @@ def parse_model(text: str, path: Path) -> ModelFile:
         network = _Reader(path, tables).network()
     except ParseError as error:
         raise InputError(path, f"line {error.line}", _sentence(str(error)), "TOML") from error
+    except TOMLKitError as error:
+        raise InputError(path, "file", _sentence(str(error)), "TOML") from error
     except ValidationError as error:
         raise _validation_error(error, path, text) from error
     except InputError as error:
@@ -222,6 +231,8 @@ class _Reader:
                 )
         except ValueError as error:
             raise InputError(self.path, f"{place}.unit", f'"{unit}"', f"a unit like {declared.unit}") from error
+        if declared.bounds[0] >= 0:  # what can't be negative by nature is not made so by a file
+            bounds = max(bounds[0], declared.bounds[0]), bounds[1]
         if bounds[0] > bounds[1]:
             found = f"a lower bound {bounds[0]:g} above the upper {bounds[1]:g}"
             raise InputError(self.path, f"{place}.bounds", found, "[least, greatest]")
@@ -261,10 +272,14 @@ def _effect_table(effect: EffectDeclaration) -> tomlkit.items.Table:
     for name, word in effect.effect.chosen.items():
         table.add(name, word)
     resolved = effect.resolved
-    if is_glob(effect.at) or "{" in effect.at:
-        table.add("share", next(iter(resolved.values())).share)
+    share = next(iter(resolved.values())).share
+    if share != "each":
+        table.add("share", share)
     for name, parameter in resolved.items():
-        entry: dict[str, object] = {"value": _rounded(parameter.value), "unit": parameter.unit}
+        lower, upper = parameter.bounds
+        entry: dict[str, object] = {"value": min(max(_rounded(parameter.value), lower), upper), "unit": parameter.unit}
+        if parameter.bounds not in [own.bounds for own in effect.effect.parameters if own.name == name]:
+            entry["bounds"] = [lower, upper]
         if parameter.fixed:
             entry["fixed"] = True
         table.add(name, _inline(entry))
@@ -294,6 +309,8 @@ def _flat(columns: Mapping[str, Any]) -> dict[str, object]:
 
 def _validation_error(error: ValidationError, path: Path, text: str) -> InputError:
     first = error.errors()[0]
+    if isinstance(first["input"], Mapping):  # a table was meant: what is wrong inside it says more
+        first = max(error.errors(), key=lambda each: len(each["loc"]))
     # A union reports each alternative with its own name in the path; only the file's own keys are wanted.
     keys = [part for part in first["loc"] if isinstance(part, int) or not _is_alternative(part)]
     place = ""

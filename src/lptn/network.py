@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -11,6 +12,7 @@ from lptn.errors import InputError
 from lptn.parameters import Parameter, Unknown
 from lptn.places import class_of, edge, expand_pair, is_glob, matching, mirrored
 
+_NO_NAME = re.compile(r"[\s.~{}]|^$")
 START = "start"
 """Prescribed temperature taken from the start of each run, for logs without an ambient column."""
 
@@ -238,7 +240,9 @@ class _Assembly:
         lower, upper = declared.bounds
         slack = 1e-9 * max(abs(value), 1.0)
         if not lower - slack <= value <= upper + slack:
-            raise InputError(self.origin, name, f"value {value:g}", f"a value from {lower:g} to {upper:g}")
+            raise InputError(
+                self.origin, f'fit.parameters."{name}"', f"{value!r}", f"a value from {lower!r} to {upper!r}"
+            )
         return replace(declared, value=min(max(value, lower), upper))
 
     def _add_node(self, node: NodeDeclaration, joints: Sequence[str]) -> None:
@@ -248,6 +252,8 @@ class _Assembly:
             known = f"one of {', '.join(joints)}" if joints else "joints listed in [model] joints = [...]"
             raise InputError(self.origin, where, "a pattern that matches no joint", known)
         for name in names:
+            if _NO_NAME.search(name):
+                raise InputError(self.origin, where, f'the name "{name}"', "a name without blanks, dots, ~ or braces")
             if name in self.capacities or name in self.prescribed:
                 raise InputError(self.origin, where, f"node {name} declared twice", "each node once")
             if node.capacity is not None:

@@ -90,8 +90,8 @@ class Unknown:
 
     @property
     def logarithmic(self) -> bool:
-        """Whether the fit works with its logarithm."""
-        return self.declared.bounds[0] > 0
+        """Whether the fit works with its logarithm; degrees Celsius have no natural zero."""
+        return self.declared.bounds[0] > 0 and self.declared.unit != "degC"
 
 
 class Transform:

@@ -72,15 +72,17 @@ def expand_pair(patterns: Sequence[str], names: Sequence[str]) -> list[tuple[str
 
 def _capture(pattern: str, name: str) -> dict[str, str] | None:
     """What each `{field}` of the pattern stands for in the name; `None` if they don't match."""
-    parts = re.split(r"(\{\w+\}|\*|\?)", pattern)
+    parts = re.split(r"(\{[A-Za-z_]\w*\}|\*|\?|\[[^\]]+\])", pattern)
     expression, seen = "", set()
     for part in parts:
-        field = part[1:-1] if part.startswith("{") else ""
+        field = part[1:-1] if re.fullmatch(r"\{\w+\}", part) else ""
         if field and field in seen:
             expression += f"(?P={field})"
         elif field:
             expression += f"(?P<{field}>[^~]+?)"
             seen.add(field)
+        elif part.startswith("[") and part.endswith("]"):
+            expression += part.replace("[!", "[^", 1)
         else:
             expression += {"*": ".*", "?": "."}.get(part, re.escape(part))
     match = re.fullmatch(expression, name)

@@ -79,7 +79,9 @@ def row(done: Trial) -> str:
     hidden = "nothing" if done.hidden is None else f"{done.hidden.effect} at {done.hidden.at}"
     ladder = ", ".join(f"{rung.effect} at {rung.at}" for rung in done.ladder.rungs[1:]) or "–"
     errors = f"{before.rmse:.3f} | {after.rmse:.3f}" if before and after else "– | –"
-    return f"| {hidden} | {done.seed} | {done.ladder.verdict} | {ladder} | {done.right} | {errors} | {done.seconds:.0f} |"
+    return (
+        f"| {hidden} | {done.seed} | {done.ladder.verdict} | {ladder} | {done.right} | {errors} | {done.seconds:.0f} |"
+    )
 
 
 def main() -> None:

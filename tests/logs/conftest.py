@@ -20,8 +20,7 @@ def write(tmp_path: Path) -> Write:
     def _write(columns: dict[str, list[object]], name: str = "log.csv") -> Path:
         rows = [",".join(columns)]
         rows += [
-            ",".join("" if cell is None else str(cell) for cell in row)
-            for row in zip(*columns.values(), strict=True)
+            ",".join("" if cell is None else str(cell) for cell in row) for row in zip(*columns.values(), strict=True)
         ]
         path = tmp_path / name
         path.write_text("\n".join(rows) + "\n")

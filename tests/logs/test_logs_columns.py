@@ -49,9 +49,7 @@ def test_scale_and_offset_come_before_the_unit() -> None:
 
 
 def test_a_norm_joins_columns() -> None:
-    source = parse_columns({"current.a": {"norm": ["d", "q"], "unit": "mA"}}, "m.toml", "[columns]")[
-        "current.a"
-    ]
+    source = parse_columns({"current.a": {"norm": ["d", "q"], "unit": "mA"}}, "m.toml", "[columns]")["current.a"]
     values = source.values("current.a", {"d": np.array([3000.0]), "q": np.array([-4000.0])})
     assert values.tolist() == pytest.approx([5.0])
 

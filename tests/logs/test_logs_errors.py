@@ -84,9 +84,7 @@ def test_a_fault_in_the_table(
 def test_lines_are_counted_past_comments_and_blanks(tmp_path: Path, refuse: Refuse) -> None:
     path = tmp_path / "log.csv"
     rows = [f"{k},{20 + k}" for k in range(20)]
-    path.write_text(
-        "\n".join(["# remark", "", "time,temperature.a", *rows[:5], "# more", "", "5,hot", *rows[6:]])
-    )
+    path.write_text("\n".join(["# remark", "", "time,temperature.a", *rows[:5], "# more", "", "5,hot", *rows[6:]]))
     assert "line 11, column 'temperature.a': found 'hot'" in refuse(path, read_log, path)
 
 
@@ -119,9 +117,7 @@ def test_a_missing_column(
 ) -> None:
     path = write(GOOD)
     line = refuse(path, read_log, path, mapping, inputs=inputs, outputs=outputs)
-    assert (
-        f"{path}: {place}: found no such column; the log has: time, temperature.a, torque.a; expected" in line
-    )
+    assert f"{path}: {place}: found no such column; the log has: time, temperature.a, torque.a; expected" in line
     assert f"or a line in [columns] / {mend}" in line
 
 

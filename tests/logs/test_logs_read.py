@@ -139,9 +139,7 @@ def test_only_what_is_asked_for_is_kept_and_judged(write: Write) -> None:
         "velocity.a": ColumnSource(("w",)),
         "temperature.a": ColumnSource(("T",)),
     }
-    (run,) = read_log(
-        write(columns), mapping, inputs=["torque.a"], outputs=["temperature.a", "temperature.b"]
-    )
+    (run,) = read_log(write(columns), mapping, inputs=["torque.a"], outputs=["temperature.a", "temperature.b"])
     assert set(run.columns) == {"torque.a", "temperature.a"}
     assert run.notes == ("temperature.b: not in the log, so not measured.",)
 
@@ -160,9 +158,7 @@ def test_coarse_sensors_are_said(write: Write) -> None:
 
 
 def test_parquet_gives_the_same_run(tmp_path: Path) -> None:
-    frame = pd.DataFrame(
-        {"time": np.arange(30.0), "temperature.a": np.linspace(20, 30, 30, dtype=np.float32)}
-    )
+    frame = pd.DataFrame({"time": np.arange(30.0), "temperature.a": np.linspace(20, 30, 30, dtype=np.float32)})
     frame["torque.a"] = [1, 2, 3] * 10
     frame.to_parquet(tmp_path / "log.parquet")
     frame.astype(float).to_csv(tmp_path / "log.csv", index=False)

@@ -8,7 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from lptn.logs.features import FloatArray, feature, features_of, raw_keys, reduce_blocks, sample_values
+from lptn.arrays import FloatArray
+from lptn.logs.features import feature, features_of, raw_keys, reduce_blocks, sample_values
 from lptn.logs.resample import Bins, hold, interpolate, mean_in_bins
 
 COLUMNS = ["torque.a", "current.a", "current_abs.a", "velocity.a", "velocity_rms.a", "speed.base", "power.pc"]
@@ -25,9 +26,7 @@ def test_a_block_keeps_the_integral(column: str, factor: int, values: FloatArray
 
 
 @given(st.sampled_from(COLUMNS), arrays(np.float64, 30, elements=st.floats(0.01, 3.0)), st.data())
-def test_a_bin_keeps_the_integral_of_the_held_signal(
-    column: str, gaps: FloatArray, data: st.DataObject
-) -> None:
+def test_a_bin_keeps_the_integral_of_the_held_signal(column: str, gaps: FloatArray, data: st.DataObject) -> None:
     values = data.draw(arrays(np.float64, 30, elements=numbers))
     time = 5.0 + np.concatenate(([0.0], np.cumsum(gaps[:-1])))
     end = time[-1] + gaps[-1]
@@ -78,9 +77,7 @@ def test_means_of_samples_tolerate_rounded_stamps() -> None:
 def test_interpolation_stops_at_nan_and_at_gaps() -> None:
     time, values = np.array([0.0, 1.0, 2.0, 3.0, 9.0]), np.array([10.0, 11.0, np.nan, 13.0, 19.0])
     at = np.array([0.5, 1.0, 1.5, 3.0, 5.0, 9.5])
-    np.testing.assert_array_equal(
-        interpolate(time, values, at, 5.0), [10.5, 11.0, np.nan, 13.0, np.nan, 19.0]
-    )
+    np.testing.assert_array_equal(interpolate(time, values, at, 5.0), [10.5, 11.0, np.nan, 13.0, np.nan, 19.0])
 
 
 def test_hold_repeats_the_last_number() -> None:

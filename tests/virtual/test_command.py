@@ -15,9 +15,7 @@ from lptn.virtual.__main__ import main
 
 def test_command_writes_what_the_function_makes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     text = "leg --hidden forced_convection --at FR_thigh --size 1"
-    text += (
-        " --hidden conduction --at FR_calf~FR_hip --size 0.5 --seed 3 --noise 0.1 --quantisation 1 --rate 1"
-    )
+    text += " --hidden conduction --at FR_calf~FR_hip --size 0.5 --seed 3 --noise 0.1 --quantisation 1 --rate 1"
     assert main([*text.split(), "-o", str(tmp_path)]) == 0
     hidden = [Hidden("forced_convection", "FR_thigh"), Hidden("conduction", "FR_calf~FR_hip", 0.5)]
     logs = leg_logs(hidden, seed=3, noise=0.1, quantisation=1, rate=1)
@@ -62,9 +60,7 @@ def test_folder_that_cannot_be_made(tmp_path: Path, capsys: pytest.CaptureFixtur
 
 
 def test_module_runs() -> None:
-    done = subprocess.run(
-        [sys.executable, "-m", "lptn.virtual", "leg"], capture_output=True, text=True, check=False
-    )
+    done = subprocess.run([sys.executable, "-m", "lptn.virtual", "leg"], capture_output=True, text=True, check=False)
     assert done.returncode == 2
     assert "-o/--output" in done.stderr
     assert done.stderr.count("\n") == 1

@@ -17,9 +17,7 @@ SEED = 0
 def temperatures(hidden: tuple[Hidden, ...] = ()) -> Array:
     """Return the noise-free readings of all runs, of shape (rows, joints)."""
     logs = leg_logs(hidden, seed=SEED, noise=0, rate=1)
-    return np.concatenate(
-        [log[[f"temperature.{joint}" for joint in JOINTS]].to_numpy() for log in logs.values()]
-    )
+    return np.concatenate([log[[f"temperature.{joint}" for joint in JOINTS]].to_numpy() for log in logs.values()])
 
 
 @pytest.mark.parametrize("effect", EFFECTS)
@@ -63,9 +61,7 @@ def test_hottest_effect_everywhere_stays_below_95() -> None:
 
 
 def test_unknown_effect_is_refused_with_the_known_ones() -> None:
-    with pytest.raises(
-        ValueError, match=r"effect: found 'gremlins'; expected one of resistance_rise, .*splash"
-    ):
+    with pytest.raises(ValueError, match=r"effect: found 'gremlins'; expected one of resistance_rise, .*splash"):
         Hidden("gremlins", "FR_hip")
 
 

@@ -135,10 +135,7 @@ def test_warm_start_lags_behind_in_the_hidden_mass() -> None:
 
 def test_rough_tier_spoils_ambient_and_torque() -> None:
     clean, rough = leg_logs(seed=5, noise=0, scatter=0.1), leg_logs(seed=5, noise=0, rough=True)
-    errors = [
-        rough[name]["temperature.ambient"].iloc[0] - clean[name]["temperature.ambient"].iloc[0]
-        for name in clean
-    ]
+    errors = [rough[name]["temperature.ambient"].iloc[0] - clean[name]["temperature.ambient"].iloc[0] for name in clean]
     assert len(set(errors)) == 3
     assert 0 < max(map(abs, errors)) < 2
     moved = clean["fit1"]["torque.FR_calf"] != 0

@@ -7,6 +7,8 @@ from types import SimpleNamespace
 from lptn.effects.base import NodeEffect, Signature, Symbol
 from lptn.parameters import Parameter
 
+_STANDSTILL = 1e-12  # rad/s; keeps the derivative by the exponent finite at rest
+
 
 class IronLoss(NodeEffect):
     r"""Hysteresis and eddy-current heat, together a power of the speed.
@@ -34,4 +36,4 @@ class IronLoss(NodeEffect):
     source = "Steinmetz's law at constant flux"
 
     def heat(self, temperature: Symbol, inputs: SimpleNamespace, p: SimpleNamespace) -> Symbol:
-        return p.gain * abs(inputs.velocity_rms) ** p.exponent
+        return p.gain * (abs(inputs.velocity_rms) + _STANDSTILL) ** p.exponent

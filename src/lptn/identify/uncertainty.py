@@ -99,6 +99,8 @@ def _loose(problem: Problem, z: FloatArray, names: list[str], spread: FloatArray
             warnings.append(
                 f"{name}: not determined by these data (a factor of {np.exp(min(spread[row], 20)):.2g} either way)"
             )
+        elif not unknown.logarithmic and abs(z[row]) < 2 * spread[row] and not open_[row]:
+            warnings.append(f"{name}: these data don't tell it from zero")
     return warnings
 
 

@@ -1,0 +1,80 @@
+"""One plain sentence under each figure: what to see in it."""
+
+from __future__ import annotations
+
+from lptn.compare import Comparison, Condition
+from lptn.evidence import Evidence
+from lptn.ladder import Ladder
+from lptn.report.heatmap import worst
+from lptn.report.ranking import candidates_shown
+from lptn.report.text import kelvin, spanned
+from lptn.report.timeseries import MOST, NOISE_BAND, opening_end, views
+
+_PLAIN = 0.5  # share of the RMSE from which its mean is worth a word
+
+
+def of_ladder(ladder: Ladder) -> str:
+    """Under the falling errors."""
+    last = len(ladder.rungs) - 1
+    held = "the held-out errors say where it ends" if ladder.best.holdout else "no held-out errors check it"
+    return f"RMSE from the model as given (rung 0) to the best model (rung {last}); {held}."
+
+
+def of_maps(given: Comparison, best: Comparison | None, which: str) -> str:
+    """Under the maps of where a model fails."""
+    told = f"RMSE in K on the {which} runs by node and operating condition; the small numbers are each bin's range."
+    place = worst(given)
+    if place is not None:
+        model = "The model as given" if best else "The model"
+        told += f" {model} fails worst at {_where(place)}."
+    left = worst(best) if best else None
+    return told if left is None else f"{told} The best model's worst is {_where(left)}."
+
+
+def of_predictions(given: Comparison, best: Comparison | None, data: Evidence, which: str) -> str:
+    """Under measured and predicted temperatures."""
+    lines = (
+        "The blue line is the model as given, the green one the best model" if best else "The blue line is the model"
+    )
+    below = f"below, predicted minus measured, and ±{NOISE_BAND:g} times the sensor noise in grey"
+    told = f"Temperatures on the {which} runs. {lines}; {below}."
+    if any(opening_end(prediction) is not None for prediction in given.predictions):
+        fitted = {part.run.name for part in data.fit}
+        same = all(prediction.part.run.name in fitted for prediction in given.predictions)
+        found = "the shaded stretch, which was fitted," if same else "the shaded opening"
+        told += f" Readings in {found} only set the start; what follows is predicted freely."
+    else:
+        told += " The start was fitted along with these readings, so this is no proof."
+    count = len(views(given))
+    return f"{told} {_chosen(count)}"
+
+
+def of_one_model(comparison: Comparison) -> str:
+    """Under the figure of a comparison."""
+    told = "Above, measured and predicted temperatures with the error below; "
+    told += f"then RMSE in K by node and operating condition. {_chosen(len(views(comparison)))}"
+    place = worst(comparison)
+    return told if place is None else f"{told} It fails worst at {_where(place)}."
+
+
+def of_ranking(ladder: Ladder) -> str:
+    """Under the ranking of candidates."""
+    shown, whole = len(candidates_shown(ladder.first)), len(ladder.first.scores.ranked)
+    told = "How far each candidate scores beyond chance; chance alone passes the dashed line once in twenty logs."
+    if ladder.first.findings:
+        told += " Filled bars were refitted."
+    if len(ladder.rungs) > 1:
+        told += " Green ones stand on the ladder."
+    return told if shown == whole else f"{told} The {whole - shown} not shown score lower or nothing."
+
+
+def _chosen(count: int) -> str:
+    return f"Shown are the worst {MOST} of {count} nodes and runs." if count > MOST else "All measured nodes are shown."
+
+
+def _where(cell: Condition) -> str:
+    """A condition, its error, and to which side."""
+    told = f"{cell.node}, {spanned(cell.quantity, cell.lower, cell.upper)}, with {kelvin(cell.errors.rmse, 2)}"
+    if abs(cell.errors.mean) < _PLAIN * cell.errors.rmse:
+        return told
+    return f"{told}, predicted too {'hot' if cell.errors.mean > 0 else 'cold'}"

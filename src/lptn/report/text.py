@@ -1,0 +1,80 @@
+"""Numbers and names as people read them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from lptn.effects import Effect, catalogue
+from lptn.evidence import Part, Window
+
+NOTHING = "–"
+
+
+def kelvin(value: float | None, digits: int = 3) -> str:
+    """A temperature difference with its unit; a dash for none."""
+    if value is None or not math.isfinite(value):
+        return NOTHING
+    return f"{significant(value, digits)}\u00a0K"
+
+
+def significant(value: float, digits: int) -> str:
+    """So many digits, zeros among them: 1.00, not 1."""
+    return f"{value:#.{digits}g}".rstrip(".")
+
+
+def number(value: float, digits: int = 4) -> str:
+    """A number with so many significant digits."""
+    return f"{value:.{digits}g}" if math.isfinite(value) else NOTHING
+
+
+def title_of(effect: str) -> str:
+    """What a person calls an effect."""
+    known = catalogue().get(effect)
+    return effect if known is None else known.title
+
+
+def named(effect: str, at: str) -> str:
+    """An effect and its place, in words."""
+    return f"{title_of(effect)} everywhere" if at == "*" else f"{title_of(effect)} at {at}"
+
+
+def place_of(at: str) -> str:
+    """A place as people call it."""
+    return "everywhere" if at == "*" else at
+
+
+def experiment_for(effect: type[Effect]) -> str:
+    """The experiment that tells an effect from its rivals."""
+    return effect.signature.separate_by.replace("degC", "°C")
+
+
+def listed(items: Sequence[str], last: str = "and") -> str:
+    """`a, b and c`."""
+    return items[0] if len(items) == 1 else f"{', '.join(items[:-1])} {last} {items[-1]}"
+
+
+def short(value: float) -> str:
+    """Three digits, and no exponent in the thousands."""
+    return f"{value:.0f}" if 1000 <= abs(value) < 1e6 else f"{value:.3g}"
+
+
+def spanned(quantity: str, lower: float, upper: float) -> str:
+    """A bin of an operating condition: `temperature 46.7 to 54.8 °C`."""
+    name, _, unit = quantity.partition(" [")
+    return f"{name} {short(lower)} to {short(upper)} {unit.rstrip(']')}".rstrip()
+
+
+def duration(seconds: float) -> str:
+    """A time span in s, min or h."""
+    if seconds < 600:
+        return f"{seconds:.3g} s"
+    return f"{seconds / 60:.3g} min" if seconds < 36000 else f"{seconds / 3600:.3g} h"
+
+
+def within(window: Window, part: Part) -> str:
+    """A window of a run, in the log's clock; "all" for the whole run."""
+    run = part.run
+    first, last = float(run.time[0]), float(run.time[-1] + run.step)
+    start, stop = max(window[0], first), min(window[1], last)
+    return "all" if (start, stop) == (first, last) else f"{start:g} to {stop:g} s"

@@ -1,0 +1,109 @@
+"""Small runs, networks and random points that the tests build on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from lptn.arrays import FloatArray
+from lptn.effects import Effect, LossEffect, catalogue
+from lptn.logs import Run
+from lptn.model import Model
+from lptn.network import EffectDeclaration, LinkDeclaration, Network, NodeDeclaration
+from lptn.parameters import Parameter, Unknown
+
+LEG = ("FR_hip", "FR_thigh", "FR_calf")
+AMBIENT = NodeDeclaration("ambient", temperature="temperature.ambient")
+
+
+def capacity(value: float = 300.0, **more: object) -> Parameter:
+    """A heat capacity [J/K]."""
+    return replace(Parameter("capacity", value, "J/K", (1e-3, 1e6), typical=300.0), **more)  # type: ignore[arg-type]
+
+
+def resistance(value: float = 5.0, **more: object) -> Parameter:
+    """A thermal resistance [K/W]."""
+    return replace(Parameter("resistance", value, "K/W", (1e-4, 1e4), typical=5.0), **more)  # type: ignore[arg-type]
+
+
+def node(name: str, value: float = 300.0) -> NodeDeclaration:
+    """A dynamic node."""
+    return NodeDeclaration(name, capacity(value))
+
+
+def link(one: str, other: str, value: float = 5.0) -> LinkDeclaration:
+    """A link."""
+    return LinkDeclaration((one, other), resistance(value))
+
+
+def effect(key: str, at: str = "*", **values: float) -> EffectDeclaration:
+    """An effect of the catalogue with some of its parameters set."""
+    kind = catalogue()[key]
+    chosen = tuple(replace(p, value=values.get(p.name, p.value)) for p in kind.parameters)
+    return EffectDeclaration(kind(), at, chosen)
+
+
+def leg(effects: Sequence[EffectDeclaration] = (), ambient: float | None = 10.0) -> Network:
+    """Three joints of 300 J/K in a row, each with 10 K/W to the ambient, or without any ambient."""
+    links = [link("FR_hip", "FR_thigh", 3.0), link("FR_thigh", "FR_calf", 2.0)]
+    nodes = [node(name) for name in LEG]
+    if ambient is not None:
+        nodes.append(AMBIENT)
+        links += [link(name, "ambient", ambient) for name in LEG]
+    return Network("leg", tuple(nodes), tuple(links), tuple(effects))
+
+
+def two_nodes(effects: Sequence[EffectDeclaration] = ()) -> Network:
+    """Two nodes that touch only the ambient, so that every effect of the catalogue can be added."""
+    links = (link("a", "ambient", 4.0), link("b", "ambient", 7.0))
+    return Network("two", (node("a", 120.0), node("b", 250.0), AMBIENT), links, tuple(effects))
+
+
+def with_every_effect() -> Network:
+    """Two nodes with everything that the catalogue holds, copper loss first since others act on it."""
+    keys = sorted(catalogue(), key=lambda key: issubclass(catalogue()[key], LossEffect))
+    return two_nodes([effect(key) for key in keys])
+
+
+def off(kind: type[Effect]) -> EffectDeclaration:
+    """An effect at its off-value, everywhere."""
+    return EffectDeclaration(kind(), "*", tuple(parameter.switched_off for parameter in kind.parameters))
+
+
+def make_run(columns: Mapping[str, FloatArray], *, step: float = 1.0, averaged: bool = False, name: str = "run") -> Run:
+    """A run of the given columns, from time 0 on."""
+    n = len(next(iter(columns.values())))
+    return Run(name, step, step * np.arange(float(n)), dict(columns), averaged, f"{name}.csv", "00")
+
+
+def random_run(
+    model: Model, n: int, seed: int = 0, *, step: float = 1.0, averaged: bool = False, hold: int = 20
+) -> Run:
+    """A run with every input of the model changing every `hold` steps; its temperatures are only a start."""
+    rng = np.random.default_rng(seed)
+    columns = {f"temperature.{name}": np.full(n, 25.0 + 3.0 * row) for row, name in enumerate(model.nodes)}
+    for column in model.inputs:
+        size = 22.0 if column.startswith("temperature.") else rng.uniform(0.0, 6.0, n // hold + 1).repeat(hold)[:n]
+        columns[column] = np.broadcast_to(np.asarray(size, dtype=float), n).copy()
+    return make_run(columns, step=step, averaged=averaged)
+
+
+def random_inputs(model: Model, rng: np.random.Generator) -> dict[str, float]:
+    """One value for each input, torques and speeds of both signs."""
+    return {
+        column: rng.uniform(0.0, 35.0) if column.startswith("temperature.") else rng.uniform(-6.0, 6.0)
+        for column in model.inputs
+    }
+
+
+def random_value(unknown: Unknown, rng: np.random.Generator) -> float:
+    """An admissible value of the usual size."""
+    declared = unknown.declared
+    lower, upper = declared.bounds
+    size = abs(declared.typical)
+    if lower > 0:
+        low, high = np.log(max(lower, size / 4)), np.log(min(upper, size * 4))
+        return float(np.exp(rng.uniform(low, high)))
+    return float(rng.uniform(max(lower, -3 * size), min(upper, 3 * size)))

@@ -1,0 +1,226 @@
+"""The least-squares problem itself: derivatives, the left-right regulariser, bounds, warnings, interrupts."""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lptn.identify import Problem, fit
+from lptn.model import Model
+from lptn.network import EffectDeclaration, LinkDeclaration, Network, NodeDeclaration
+from lptn.parameters import Share
+from lptn.simulate import drives
+from tests.builders import AMBIENT, capacity, effect, make_run, random_run, resistance, with_every_effect
+from tests.identify_truth import TRUTH, network, truth_run
+
+COARSE = 5.0  # s
+
+
+def _with(effects: list[EffectDeclaration]) -> Network:
+    declared = network()
+    return replace(declared, effects=(*declared.effects, *effects))
+
+
+def _sides(share: Share = "sides") -> Network:
+    joints = ("left_knee", "right_knee")
+    copper = effect("copper_loss", "*", resistance=0.2, torque_constant=1.0)
+    return Network(
+        "sides",
+        (NodeDeclaration("*_knee", capacity(300.0, share=share)), AMBIENT),
+        (LinkDeclaration(("*_knee", "ambient"), resistance(5.0, share=share)),),
+        (copper,),
+        joints,
+    )
+
+
+def _sides_run(model: Model, left: float = 200.0, right: float = 300.0) -> list[float]:
+    return [{"capacity.left_knee": left, "capacity.right_knee": right}.get(u.name, u.value) for u in model.unknowns]
+
+
+def _simulated(model: Model, values: list[float]) -> dict[str, np.ndarray]:
+    run = random_run(model, 200, seed=1, step=COARSE)
+    path = model.run(200)(np.full(len(model.states), 22.0), _inputs(model, run.columns), values, COARSE).full()
+    states = np.hstack([np.full((len(model.states), 1), 22.0), path])[:, :-1]
+    noise = 0.05 * np.random.default_rng(2).standard_normal(states.shape)
+    return {**run.columns, **{f"temperature.{n}": states[i] + noise[i] for i, n in enumerate(model.nodes)}}
+
+
+def _inputs(model: Model, columns: object) -> np.ndarray:
+    assert isinstance(columns, dict)
+    return np.array([columns[name] for name in model.inputs])
+
+
+def test_jacobian_with_priors_and_mirrors_equals_finite_differences() -> None:
+    model = Model(with_every_effect())
+    driven = drives(model, [random_run(model, 60, seed=1), random_run(model, 40, seed=2)])
+    problem = Problem(model, driven, np.array([0.3, 0.5]), mirror_weight=2.0)
+    z = problem.guess(model.values)
+    z[-3:] += 1.0
+    residuals, jacobian = problem.jacobian(z)
+    np.testing.assert_allclose(residuals, problem.residuals(z), rtol=1e-12, atol=1e-12)
+    for column in range(problem.size):
+        e = np.zeros_like(z)
+        e[column] = 1e-5
+        slope = (problem.residuals(z + e) - problem.residuals(z - e)) / 2e-5
+        size = np.abs(slope).max()
+        np.testing.assert_allclose(jacobian[:, column], slope, rtol=1e-5, atol=1e-6 * size + 1e-9)
+
+
+def test_point_and_guess_are_inverses() -> None:
+    model = Model(with_every_effect())
+    problem = Problem(model, drives(model, [random_run(model, 30)]), np.ones(2))
+    start = np.arange(20.0, 20.0 + len(model.states))
+    point = problem.point(problem.guess(model.values, [start]))
+    np.testing.assert_allclose(point.values, model.values, rtol=1e-14)
+    np.testing.assert_allclose(point.starts[0], start, rtol=1e-14)
+
+
+def test_a_point_that_cannot_be_simulated_costs_infinitely_much() -> None:
+    model = Model(network())
+    problem = Problem(model, drives(model, [truth_run(100.0)]), np.ones(2))
+    z = problem.guess(model.values)
+    z[:4] = np.log(1e-3)
+    assert problem.cost(z) == float("inf")
+
+
+def test_no_mirror_weight_leaves_left_and_right_free() -> None:
+    model = Model(_sides())
+    run = make_run(_simulated(model, _sides_run(model)), step=COARSE)
+    found = {u.name: u.value for u in fit(model, drives(model, [run])).model.unknowns}
+    assert found["capacity.left_knee"] == pytest.approx(200.0, rel=0.05)
+    assert found["capacity.right_knee"] == pytest.approx(300.0, rel=0.05)
+
+
+def test_a_large_mirror_weight_makes_left_and_right_equal() -> None:
+    model = Model(_sides())
+    run = make_run(_simulated(model, _sides_run(model)), step=COARSE)
+    found = {u.name: u.value for u in fit(model, drives(model, [run]), mirror_weight=1e9).model.unknowns}
+    assert found["capacity.left_knee"] == pytest.approx(found["capacity.right_knee"], rel=1e-3)
+    assert 200.0 < found["capacity.left_knee"] < 300.0
+    assert found["resistance.ambient~left_knee"] == pytest.approx(found["resistance.ambient~right_knee"], rel=1e-3)
+
+
+def test_a_larger_mirror_weight_brings_them_closer() -> None:
+    model = Model(_sides())
+    run = make_run(_simulated(model, _sides_run(model)), step=COARSE)
+
+    def gap(weight: float) -> float:
+        found = {u.name: u.value for u in fit(model, drives(model, [run]), mirror_weight=weight).model.unknowns}
+        return abs(float(np.log(found["capacity.left_knee"] / found["capacity.right_knee"])))
+
+    assert gap(0.0) > gap(1e4) > gap(1e7)
+
+
+def test_places_that_are_not_shared_by_sides_are_never_pulled_together() -> None:
+    model = Model(_sides("each"))
+    run = make_run(_simulated(model, _sides_run(model)), step=COARSE)
+    found = {u.name: u.value for u in fit(model, drives(model, [run]), mirror_weight=1e9).model.unknowns}
+    assert found["capacity.right_knee"] / found["capacity.left_knee"] == pytest.approx(1.5, rel=0.05)
+
+
+def test_a_scale_that_nothing_fixes_is_said() -> None:
+    """Every capacity and heat times s, every resistance over s: the same temperatures."""
+    declared = network()
+    copper = declared.effects[0]
+    free = replace(copper, parameters=tuple(replace(p, fixed=p.name != "resistance") for p in copper.parameters))
+    model = Model(replace(declared, effects=(free,)))
+    found = fit(model, drives(model, [truth_run(900.0, step=COARSE)]))
+    (warning,) = [text for text in found.uncertainty.warnings if "fix one of them" in text]
+    assert "multiplying them all by one factor" in warning
+    for name in [*TRUTH, "copper_loss.resistance.a"]:
+        assert name in warning
+        assert found.errors[name] == float("inf")
+
+
+def test_a_parameter_that_the_data_cannot_see_is_named() -> None:
+    model = Model(_with([effect("forced_convection", "b")]))
+    run = truth_run(900.0, step=COARSE)
+    run = replace(run, columns={**run.columns, "speed.base": np.zeros(len(run))})
+    found = fit(model, drives(model, [run]))
+    assert any("forced_convection.gamma.b" in text for text in found.uncertainty.warnings)
+    assert found.errors["forced_convection.gamma.b"] == float("inf")
+    assert np.isfinite(found.errors["capacity.a"])
+
+
+def test_a_parameter_that_the_data_hardly_see_is_named() -> None:
+    """A run of a minute says nothing of the way out of a node that a resistance of 4 K/W cools."""
+    model = Model(network())
+    found = fit(model, drives(model, [truth_run(60.0)]))
+    assert any(text.startswith("resistance.ambient~b:") for text in found.uncertainty.warnings)
+
+
+def test_bounds_are_kept_and_the_end_at_one_is_said() -> None:
+    declared = network()
+    narrow = NodeDeclaration("a", capacity(150.0, bounds=(140.0, 160.0)))
+    model = Model(replace(declared, nodes=(narrow, *declared.nodes[1:])))
+    found = fit(model, drives(model, [truth_run(900.0, step=COARSE)]))
+    values = {u.name: u.value for u in found.model.unknowns}
+    assert 140.0 <= values["capacity.a"] < 140.1
+    assert any(text.startswith("capacity.a: ends at its bound (140 to 160 J/K)") for text in found.uncertainty.warnings)
+
+
+def test_a_guess_outside_the_bounds_is_brought_inside() -> None:
+    declared = network()
+    narrow = NodeDeclaration("a", capacity(110.0, bounds=(100.0, 200.0)))
+    model = Model(replace(declared, nodes=(narrow, *declared.nodes[1:])))
+    guess = model.values
+    guess[0] = 900.0
+    found = fit(model, drives(model, [truth_run(900.0, step=COARSE)]), guess=guess)
+    assert found.model.values[0] == pytest.approx(TRUTH["capacity.a"], rel=0.05)
+
+
+def _interrupting(at: int) -> Callable[[int, float], None]:
+    def progress(iteration: int, _rms: float) -> None:
+        if iteration == at:
+            os.kill(os.getpid(), signal.SIGINT)
+
+    return progress
+
+
+@pytest.mark.parametrize("guessed", [True, False])
+def test_ctrl_c_keeps_the_best_point_so_far(guessed: bool) -> None:
+    model = Model(network())
+    driven = drives(model, [truth_run(900.0, step=COARSE)])
+    before = signal.getsignal(signal.SIGINT)
+    found = fit(model, driven, guess=model.values if guessed else None, progress=_interrupting(1))
+    assert found.status == "interrupted"
+    assert signal.getsignal(signal.SIGINT) is before
+    assert found.cost <= found.problem.cost(found.problem.guess(model.values))
+    assert found.cost == pytest.approx(found.problem.cost(found.z), rel=1e-9)
+    assert found.iterations < 5
+
+
+def test_progress_hears_every_iteration_and_the_error_falls() -> None:
+    model = Model(network())
+    heard: list[tuple[int, float]] = []
+    found = fit(
+        model,
+        drives(model, [truth_run(900.0, step=COARSE)]),
+        guess=model.values,
+        progress=lambda iteration, rms: heard.append((iteration, rms)),
+    )
+    assert [iteration for iteration, _ in heard] == list(range(found.iterations + 1))
+    errors = [rms for _, rms in heard]
+    assert errors == sorted(errors, reverse=True)
+
+
+def test_a_mistake_in_the_progress_callback_is_not_swallowed() -> None:
+    model = Model(network())
+
+    def fail(_iteration: int, _rms: float) -> None:
+        raise RuntimeError("broken bar")
+
+    with pytest.raises(RuntimeError, match="broken bar"):
+        fit(model, drives(model, [truth_run(200.0, step=COARSE)]), guess=model.values, progress=fail)
+
+
+def test_few_iterations_end_as_not_converged() -> None:
+    model = Model(network())
+    found = fit(model, drives(model, [truth_run(900.0, step=COARSE)]), guess=model.values, iterations=1)
+    assert found.status == "not converged"
+    assert found.cost <= found.problem.cost(found.problem.guess(model.values))

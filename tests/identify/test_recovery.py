@@ -1,0 +1,163 @@
+"""Known parameters come back from noisy runs of an independent simulation."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lptn.identify import Fit, fit, fit_starts
+from lptn.identify.gauss_newton import minimise
+from lptn.identify.integral_start import integral_start
+from lptn.model import Model
+from lptn.network import Network
+from lptn.noise import balanced_sigma, estimate_noise
+from lptn.parameters import Transform
+from lptn.simulate import drive, drives
+from tests.identify_truth import TRUTH, network, truth_run, with_garbage
+
+
+def _values(found: Fit) -> dict[str, float]:
+    return {u.name: u.value for u in found.model.unknowns if u.free}
+
+
+@pytest.fixture(scope="module")
+def model() -> Model:
+    return Model(network())
+
+
+@pytest.fixture(scope="module")
+def fitted(model: Model) -> Fit:
+    return fit(model, drives(model, [truth_run(1800.0)]))
+
+
+def test_parameters_are_within_five_percent_and_four_standard_errors(fitted: Fit) -> None:
+    assert fitted.status == "converged"
+    assert _values(fitted) == pytest.approx(TRUTH, rel=0.05)
+    for name, value in _values(fitted).items():
+        assert 0 < fitted.errors[name] < 0.05 * TRUTH[name]
+        assert abs(value - TRUTH[name]) < 4 * fitted.errors[name], name
+    assert fitted.uncertainty.warnings == ()
+
+
+def test_residuals_are_the_noise(fitted: Fit) -> None:
+    assert fitted.rmse == pytest.approx(0.1, rel=0.05)
+    assert fitted.noise.white == pytest.approx([0.1, 0.1], rel=0.1)
+    (residuals,) = fitted.residuals
+    assert abs(np.mean(residuals)) < 0.01
+
+
+def test_fixed_parameters_stay(fitted: Fit, model: Model) -> None:
+    held = [i for i in range(len(model.values)) if i not in model.free]
+    np.testing.assert_array_equal(fitted.model.values[held], model.values[held])
+
+
+def test_the_fitted_model_holds_the_values_of_the_point(fitted: Fit) -> None:
+    np.testing.assert_allclose(fitted.model.values, fitted.point.values, rtol=1e-15)
+    assert fitted.problem.cost(fitted.z) == pytest.approx(fitted.cost, rel=1e-9)
+
+
+def test_json_holds_every_free_parameter_with_error_and_unit(fitted: Fit) -> None:
+    found = fitted.as_json()
+    parameters = found["parameters"]
+    assert isinstance(parameters, dict)
+    assert set(parameters) == set(TRUTH)
+    assert set(parameters["capacity.a"]) == {"value", "error", "unit"}
+    assert parameters["capacity.a"]["unit"] == "J/K"
+    assert found["rmse_fit"] == pytest.approx(fitted.rmse)
+
+
+def test_ten_random_starts_reach_the_same_optimum(model: Model) -> None:
+    """The search alone, without the help of the integrated heat balance."""
+    coarse = drives(model, [truth_run(1800.0, step=5.0)])
+    reference = fit(model, coarse)
+    rng = np.random.default_rng(1)
+    for _ in range(10):
+        guess = model.values
+        guess[model.free] = np.array(list(TRUTH.values())) * np.exp(rng.uniform(-np.log(5), np.log(5), len(TRUTH)))
+        problem = reference.problem
+        found = minimise(problem, problem.guess(guess))
+        assert found.status == "converged"
+        assert found.cost == pytest.approx(reference.cost, rel=1e-3)
+        np.testing.assert_allclose(problem.point(found.z).values, reference.point.values, rtol=0.01)
+
+
+def test_a_poor_guess_leads_to_the_same_optimum(model: Model) -> None:
+    coarse = drives(model, [truth_run(1800.0, step=5.0)])
+    assert fit(model, coarse, guess=model.values * 3.0).cost == pytest.approx(fit(model, coarse).cost, rel=1e-3)
+
+
+def test_missing_readings_do_not_count(model: Model) -> None:
+    run = with_garbage(truth_run(1800.0))
+    missing = sum(int(np.isnan(run.temperature(name)).sum()) for name in model.nodes)
+    assert missing > 500
+    found = fit(model, drives(model, [run]))
+    assert found.problem.readings == 2 * len(run) - missing
+    assert _values(found) == pytest.approx(TRUTH, rel=0.05)
+    assert found.rmse == pytest.approx(0.1, rel=0.05)
+
+
+def test_a_node_without_a_sensor_is_found_through_the_others(model: Model) -> None:
+    run = truth_run(1800.0)
+    run = replace(run, columns={name: values for name, values in run.columns.items() if name != "temperature.b"})
+    found = fit(model, drives(model, [run]))
+    assert found.rmse == pytest.approx(0.1, rel=0.05)
+    assert _values(found)["capacity.a"] == pytest.approx(TRUTH["capacity.a"], rel=0.1)
+
+
+def test_runs_of_different_length_are_fitted_together(model: Model) -> None:
+    runs = [truth_run(400.0, seed=1), truth_run(900.0, seed=2), truth_run(1300.0, seed=3)]
+    found = fit(model, drives(model, runs))
+    assert [residuals.shape for residuals in found.residuals] == [(2, 400), (2, 900), (2, 1300)]
+    assert len(found.point.starts) == 3
+    for start, run in zip(found.point.starts, runs, strict=True):
+        air = run.columns["temperature.ambient"][0]
+        assert start == pytest.approx([air, air], abs=0.2)
+    assert _values(found) == pytest.approx(TRUTH, rel=0.05)
+
+
+def test_readings_outside_the_counted_window_do_not_pull(model: Model) -> None:
+    run = truth_run(1800.0)
+    run.columns["temperature.a"][1200:] += 40.0
+    found = fit(model, [drive(model, run).count((0.0, 1200.0))])
+    assert _values(found) == pytest.approx(TRUTH, rel=0.05)
+
+
+def test_integral_start_lands_near_without_a_guess(model: Model) -> None:
+    driven = drives(model, [truth_run(1800.0)])
+    sigma = balanced_sigma(driven, estimate_noise(driven, model.nodes))
+    start = integral_start(model, driven, sigma)
+    found = {model.unknowns[i].name: start[i] for i in model.free}
+    assert found == pytest.approx(TRUTH, rel=0.3)
+
+
+def test_integral_start_of_a_model_with_nothing_free_is_the_model() -> None:
+    declared = network()
+    held = Network(
+        "held",
+        tuple(
+            n if n.capacity is None else replace(n, capacity=replace(n.capacity, fixed=True)) for n in declared.nodes
+        ),
+        tuple(replace(one, resistance=replace(one.resistance, fixed=True)) for one in declared.links),
+        declared.effects,
+    )
+    model = Model(held)
+    driven = drives(model, [truth_run(300.0)])
+    np.testing.assert_array_equal(integral_start(model, driven, np.ones(2)), model.values)
+    assert fit(model, driven).problem.free == []
+
+
+def test_starts_alone_are_found_with_the_parameters_held(model: Model) -> None:
+    true = model.with_values(np.array([TRUTH.get(u.name, u.value) for u in model.unknowns]))
+    (start,) = fit_starts(true, drives(true, [truth_run(300.0, noise=0.5)]), np.array([0.5, 0.5]))
+    assert start == pytest.approx([18.0, 18.0], abs=0.3)
+
+
+def test_transform_goes_there_and_back(model: Model) -> None:
+    transform = Transform(model.unknowns)
+    coordinates = transform.forward(model.values)
+    np.testing.assert_allclose(transform.backward(coordinates), model.values, rtol=1e-14)
+    e = 1e-6
+    slope = (transform.backward(coordinates + e) - transform.backward(coordinates - e)) / (2 * e)
+    np.testing.assert_allclose(transform.slope(model.values), slope, rtol=1e-8)

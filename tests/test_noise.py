@@ -1,0 +1,73 @@
+"""Noise found from the readings themselves, and the weights that follow from it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lptn.logs import Run
+from lptn.model import Model
+from lptn.noise import Noise, balanced_sigma, estimate_noise
+from lptn.simulate import drives
+from tests.builders import make_run, two_nodes
+
+N = 4000
+
+
+def _run(a: np.ndarray, b: np.ndarray, resolution: dict[str, float] | None = None) -> Run:
+    run = make_run({"temperature.a": a, "temperature.b": b, "temperature.ambient": np.full(len(a), 20.0)})
+    return replace(run, resolution=resolution or {})
+
+
+def _noise(*runs: Run) -> Noise:
+    model = Model(two_nodes())
+    return estimate_noise(drives(model, list(runs)), model.nodes)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_white_noise_is_found_within_ten_percent_under_a_slow_swing(seed: int) -> None:
+    rng, time = np.random.default_rng(seed), np.arange(float(N))
+    slow = 40.0 + 20.0 * np.sin(time / 300.0)
+    noise = _noise(_run(slow + 0.1 * rng.standard_normal(N), slow + 0.5 * rng.standard_normal(N)))
+    assert noise.white == pytest.approx([0.1, 0.5], rel=0.1)
+    assert noise.floor == pytest.approx(noise.white, rel=1e-9)
+
+
+def test_rare_jumps_and_gaps_do_not_raise_it() -> None:
+    rng = np.random.default_rng(4)
+    readings = 30.0 + 0.2 * rng.standard_normal(N)
+    readings[::100] += 15.0
+    readings[500:900] = np.nan
+    assert _noise(_run(readings, readings)).white == pytest.approx([0.2, 0.2], rel=0.1)
+
+
+def test_a_sensor_in_steps_of_one_kelvin_has_a_floor_of_one_over_root_twelve() -> None:
+    slow = np.round(40.0 + 20.0 * np.sin(np.arange(float(N)) / 300.0))
+    noise = _noise(_run(slow, slow, {"temperature.a": 1.0, "temperature.b": 1.0}))
+    assert noise.floor == pytest.approx([1 / np.sqrt(12)] * 2, rel=1e-3)
+    error = slow - (40.0 + 20.0 * np.sin(np.arange(float(N)) / 300.0))
+    assert np.sqrt(np.mean(error**2)) == pytest.approx(noise.floor[0], rel=0.05)
+
+
+def test_readings_without_noise_do_not_weigh_infinitely() -> None:
+    noise = _noise(_run(np.full(N, 30.0), np.full(N, np.nan)))
+    assert (noise.floor == 1e-3).all()
+
+
+def test_the_coarsest_run_says_the_step() -> None:
+    still = np.full(50, 30.0)
+    noise = _noise(_run(still, still, {"temperature.a": 0.5}), _run(still, still, {"temperature.a": 1.0}))
+    assert noise.step == pytest.approx([1.0, 0.0])
+
+
+def test_a_node_with_a_small_swing_weighs_more_but_not_without_limit() -> None:
+    rng, time = np.random.default_rng(5), np.arange(float(N))
+    swing = np.sin(time / 300.0)
+    run = _run(40.0 * swing + 0.01 * rng.standard_normal(N), 5.0 * swing + 0.01 * rng.standard_normal(N))
+    model = Model(two_nodes())
+    driven = drives(model, [run])
+    large, small = balanced_sigma(driven, estimate_noise(driven, model.nodes))
+    assert 0.01 < small < large
+    assert large / small == pytest.approx(np.sqrt(8.0), rel=0.05)

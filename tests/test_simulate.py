@@ -1,0 +1,201 @@
+"""A model driven by a run, against scipy."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from lptn.arrays import FloatArray
+from lptn.errors import InputError
+from lptn.logs import Run
+from lptn.model import Model
+from lptn.network import Network, NodeDeclaration
+from lptn.simulate import (
+    SimulationError,
+    default_start,
+    drive,
+    drives,
+    needed_columns,
+    over_steps,
+    simulate,
+    substeps,
+)
+from tests.builders import AMBIENT, effect, leg, link, make_run, node, random_run, two_nodes
+
+SIGMA = 5.670374419e-8
+
+
+def _single(heat_capacity: float, ohms: float, power: float = 0.0) -> Model:
+    effects = (effect("constant_heat", "a", power=power),)
+    return Model(Network("one", (node("a", heat_capacity), AMBIENT), (link("a", "ambient", ohms),), effects))
+
+
+def _still(n: int, *, step: float = 1.0, averaged: bool = False) -> Run:
+    columns = {"temperature.a": np.full(n, 50.0), "temperature.ambient": np.full(n, 20.0)}
+    return make_run(columns, step=step, averaged=averaged)
+
+
+def test_simulation_equals_solve_ivp() -> None:
+    """Two coupled nodes with copper loss, friction, convection and radiation; inputs held over each step."""
+    effects = [
+        effect("copper_loss", "a", resistance=0.5, torque_constant=1.0),
+        effect("coulomb_friction", "b", torque=2.0),
+        effect("conduction", "a~b", conductance=0.7),
+        effect("natural_convection", "a", beta=0.006),
+        effect("radiation", "b", area=0.02),
+    ]
+    model = Model(two_nodes(effects))
+    run = random_run(model, 200, seed=3)
+    torque, speed = run.columns["torque.a"], run.columns["velocity.b"]
+
+    def rates(x: FloatArray, k: int) -> list[float]:
+        a, b = x
+        between = 0.7 * (b - a)
+        into_a = 0.5 * torque[k] ** 2 + between - (a - 22.0) / 4.0 * np.exp(0.006 * (a - 22.0))
+        into_b = 2.0 * abs(speed[k]) - between - (b - 22.0) / 7.0
+        into_b += SIGMA * 0.02 * ((22.0 + 273.15) ** 4 - (b + 273.15) ** 4)
+        return [into_a / 120.0, into_b / 250.0]
+
+    start = np.array([25.0, 28.0])
+    x, truth = start, [start]
+    for k in range(200):
+        x = solve_ivp(lambda _, y, k=k: rates(y, k), (0.0, 1.0), x, rtol=1e-10, atol=1e-10).y[:, -1]  # type: ignore[misc]
+        truth.append(x)
+    path = simulate(model, drive(model, run))
+    expected = np.array(truth).T
+    assert np.ptp(expected) > 5.0
+    np.testing.assert_allclose(path.states, expected, rtol=0, atol=1e-5)
+    np.testing.assert_allclose(path.readings, expected[:, :-1], rtol=0, atol=1e-5)
+
+
+def test_a_stiff_node_is_simulated_in_smaller_steps() -> None:
+    model = _single(1.0, 0.1, power=100.0)  # time constant 0.1 s
+    driven = drive(model, _still(5))
+    parts = substeps(model, driven, model.values, np.array([50.0]))
+    assert parts in (4, 8, 16, 32)  # RK4 is stable from 10 / 2.78 on
+    time = np.arange(6.0)
+    expected = 20.0 + 10.0 + 20.0 * np.exp(-time / 0.1)
+    np.testing.assert_allclose(simulate(model, driven).states[0], expected, atol=1e-2)
+
+
+@pytest.mark.parametrize("rate", [0.5, 0.99, 1.99, 3.9])
+def test_the_fastest_transient_is_within_one_percent_of_its_jump(rate: float) -> None:
+    """The internal step must be small enough for accuracy, not for stability alone."""
+    model = _single(10.0 / rate, 0.1)  # `rate` is the step of 1 s over the time constant
+    states = simulate(model, drive(model, _still(5))).states[0]
+    np.testing.assert_allclose(states, 20.0 + 30.0 * np.exp(-rate * np.arange(6.0)), atol=0.3)
+
+
+def test_a_slow_model_is_not_cut_finer() -> None:
+    model = _single(300.0, 5.0)
+    assert substeps(model, drive(model, _still(5)), model.values, np.array([50.0])) == 1
+
+
+def test_a_hopelessly_stiff_model_is_refused() -> None:
+    model = _single(1e-3, 1e-3)
+    with pytest.raises(SimulationError, match="too fast"):
+        simulate(model, drive(model, _still(5)))
+
+
+def test_parameters_that_are_no_numbers_are_refused() -> None:
+    model = _single(300.0, 5.0)
+    with pytest.raises(SimulationError):
+        simulate(model, drive(model, _still(5)), np.full(len(model.values), np.nan))
+
+
+def test_temperatures_that_run_away_are_refused() -> None:
+    """Copper loss that grows by 0.8 1/s, without a limit: after 1000 s no number holds it."""
+    effects = (effect("copper_loss", "a", resistance=1.0, torque_constant=1.0), effect("resistance_rise", "a"))
+    network = Network("one", (node("a", 1.0), AMBIENT), (link("a", "ambient", 1e3),), effects)
+    model = Model(network)
+    run = _still(1000)
+    run = replace(run, columns={**run.columns, "torque.a": np.full(1000, np.sqrt(0.8 / 0.0039))})
+    with pytest.raises(SimulationError, match="run away"):
+        simulate(model, drive(model, run))
+
+
+def test_averaged_readings_are_means_over_the_steps() -> None:
+    model = _single(10.0, 1.0)  # time constant 10 s
+    sampled = simulate(model, drive(model, _still(30)))
+    averaged = simulate(model, drive(model, _still(30, averaged=True)))
+    np.testing.assert_array_equal(sampled.states, averaged.states)
+    np.testing.assert_array_equal(sampled.readings, sampled.states[:, :-1])
+    time = np.arange(30.0)
+    mean = 20.0 + 30.0 * np.exp(-time / 10.0) * (1 - np.exp(-0.1)) / 0.1
+    np.testing.assert_allclose(averaged.readings[0], mean, atol=0.03)
+    np.testing.assert_array_equal(over_steps(np.array([1.0, 3.0, 7.0]), True), [2.0, 5.0])
+
+
+def test_start_is_the_mean_of_the_first_readings_and_hidden_states_sit_at_their_node() -> None:
+    model = Model(leg([effect("second_mass", "FR_calf")]))
+    readings = np.array([np.nan, 30.0, 31.0, 32.0, 33.0, 34.0, 90.0])
+    columns = {"temperature.FR_calf": readings, "temperature.ambient": np.full(7, 20.0)}
+    driven = drive(model, make_run(columns))
+    np.testing.assert_array_equal(driven.start, [np.nan, np.nan, 32.0])
+    np.testing.assert_array_equal(default_start(model, driven), [32.0, 32.0, 32.0, 32.0])
+
+
+def test_a_given_start_is_where_the_states_begin() -> None:
+    model = Model(leg())
+    run = random_run(model, 10)
+    path = simulate(model, drive(model, run), start=np.array([1.0, 2.0, 3.0]))
+    np.testing.assert_array_equal(path.states[:, 0], [1.0, 2.0, 3.0])
+    assert path.states.shape == (3, 11)
+    assert path.readings.shape == (3, 10)
+
+
+def test_a_missing_input_is_named() -> None:
+    model = Model(leg([effect("coulomb_friction", "FR_calf")]))
+    run = make_run({"temperature.FR_calf": np.full(9, 20.0), "temperature.ambient": np.full(9, 20.0)})
+    with pytest.raises(InputError, match=r"run\.csv: column velocity\.FR_calf"):
+        drive(model, run)
+
+
+def test_a_run_without_a_reading_of_any_node_is_refused() -> None:
+    model = Model(leg())
+    run = make_run({"temperature.FR_calf": np.full(9, np.nan), "temperature.ambient": np.full(9, 20.0)})
+    with pytest.raises(InputError, match="no reading of any node"):
+        drive(model, run)
+
+
+def test_an_ambient_from_the_start_needs_no_column() -> None:
+    network = Network("n", (node("a"), NodeDeclaration("air", temperature="start")), (link("a", "air"),))
+    model = Model(network)
+    driven = drive(model, make_run({"temperature.a": np.linspace(21.0, 25.0, 5)}))
+    np.testing.assert_array_equal(driven.inputs, np.full((1, 5), 23.0))
+    assert needed_columns(model) == ([], ["temperature.a"])
+
+
+def test_needed_columns_are_inputs_and_node_temperatures() -> None:
+    model = Model(leg([effect("coulomb_friction", "FR_calf")]))
+    inputs, outputs = needed_columns(model)
+    assert set(inputs) == {"temperature.ambient", "velocity.FR_calf"}
+    assert outputs == [f"temperature.{name}" for name in model.nodes]
+
+
+def test_a_window_counts_only_readings_inside_it() -> None:
+    model = Model(leg())
+    run = random_run(model, 10)
+    run.columns["temperature.FR_hip"][4] = np.nan
+    (driven,) = drives(model, [run])
+    counted = driven.count((3.0, 6.0)).counted
+    np.testing.assert_array_equal(counted.sum(axis=0), [0, 0, 0, 3, 2, 3, 0, 0, 0, 0])
+
+
+def test_until_keeps_the_beginning() -> None:
+    model = Model(leg())
+    driven = drive(model, random_run(model, 10))
+    short = driven.until(4.0)
+    assert len(short) == len(short.run) == short.measured.shape[1] == short.counted.shape[1] == 4
+    assert driven.until(99.0) is driven
+    np.testing.assert_array_equal(simulate(model, short).states, simulate(model, driven).states[:, :5])
+
+
+def test_until_cuts_run_and_readings_alike_despite_rounding() -> None:
+    model = Model(leg())
+    run = random_run(model, 10, step=0.1)
+    short = drive(model, run).until(float(run.time[3]) + 1e-12)
+    assert len(short) == len(short.run)
