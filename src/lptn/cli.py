@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
@@ -332,12 +332,16 @@ def _typed() -> str:
     return " ".join(["lptn", *(shlex.quote(word) for word in sys.argv[1:])])
 
 
-def main() -> None:
-    """Run the command line; a user's mistake is one line and exit status 2."""
+def main(words: Sequence[str] | None = None) -> None:
+    """Run the command line; a user's mistake is one line and exit status 2.
+
+    Args:
+        words: what stands behind `lptn`; by default what the shell gave.
+    """
     from lptn.terminal import mistake
 
     try:
-        app(exit_on_error=False, print_error=False)
+        app(sys.argv[1:] if words is None else words, exit_on_error=False, print_error=False)
     except InputError as error:
         mistake(error)
         sys.exit(2)

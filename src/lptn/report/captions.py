@@ -5,7 +5,7 @@ from __future__ import annotations
 from lptn.compare import Comparison, Condition
 from lptn.evidence import Evidence
 from lptn.ladder import Ladder
-from lptn.report.heatmap import worst
+from lptn.report.conditions import worst
 from lptn.report.ranking import candidates_shown
 from lptn.report.text import kelvin, spanned
 from lptn.report.timeseries import MOST, NOISE_BAND, opening_end, views
@@ -47,14 +47,6 @@ def of_predictions(given: Comparison, best: Comparison | None, data: Evidence, w
         told += " The start was fitted along with these readings, so this is no proof."
     count = len(views(given))
     return f"{told} {_chosen(count)}"
-
-
-def of_one_model(comparison: Comparison) -> str:
-    """Under the figure of a comparison."""
-    told = "Above, measured and predicted temperatures with the error below; "
-    told += f"then RMSE in K by node and operating condition. {_chosen(len(views(comparison)))}"
-    place = worst(comparison)
-    return told if place is None else f"{told} It fails worst at {_where(place)}."
 
 
 def of_ranking(ladder: Ladder) -> str:

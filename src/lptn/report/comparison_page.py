@@ -5,10 +5,11 @@ from __future__ import annotations
 from lptn.compare import Comparison
 from lptn.evidence import Evidence
 from lptn.report import captions
-from lptn.report.figures import comparison_figure
+from lptn.report.heatmap import error_maps
 from lptn.report.page import picture, render
 from lptn.report.tables import condition_table, data_table, error_table
 from lptn.report.text import kelvin
+from lptn.report.timeseries import predictions_figure
 
 
 def comparison_html(comparison: Comparison, title: str) -> str:
@@ -21,14 +22,18 @@ def comparison_html(comparison: Comparison, title: str) -> str:
     Returns:
         HTML text; the same arguments give the same text.
     """
-    everything = comparison.all
+    everything, parts = comparison.all, tuple(each.part for each in comparison.predictions)
+    maps = error_maps(comparison)
     return render(
         "comparison.html.j2",
         title=title,
         rmse=kelvin(everything.rmse),
         largest=kelvin(everything.max),
-        figure=picture(captions.of_one_model(comparison), comparison_figure(comparison)),
+        predictions=picture(
+            captions.of_predictions(comparison, None, Evidence(()), "compared"), predictions_figure(comparison)
+        ),
+        maps=picture(captions.of_maps(comparison, None, "compared"), *maps) if maps else None,
         errors=error_table(comparison),
         conditions=condition_table(comparison),
-        data=data_table(Evidence((), tuple(each.part for each in comparison.predictions))),
+        data=data_table({"compared": parts}),
     )

@@ -13,7 +13,8 @@ from matplotlib.figure import Figure, FigureBase
 from matplotlib.patches import Rectangle
 
 from lptn.compare import Comparison, Condition
-from lptn.report.style import BEST, GIVEN, RMSE_MAP, SMALL, TEXT, TINY, new_figure, rmse_norm
+from lptn.report.conditions import conditions_of
+from lptn.report.style import BEST, GIVEN, RMSE_MAP, SMALL, TEXT, TINY, new_figure, plain, rmse_norm
 from lptn.report.text import short, significant
 
 _TALLEST = 9.0  # inch; what fits on a printed page
@@ -100,13 +101,8 @@ def draw_maps(figure: FigureBase, rows: Sequence[Row], nodes: Sequence[str], nor
     bar.ax.tick_params(labelsize=SMALL)
 
 
-def worst(comparison: Comparison) -> Condition | None:
-    """The condition in which a model fails worst."""
-    return max(comparison.conditions(), key=lambda each: each.errors.rmse, default=None)
-
-
 def _panels(comparison: Comparison, heading: str, colour: str) -> list[Panel]:
-    cells = comparison.conditions()
+    cells = conditions_of(comparison)
     # A quantity that no node splits into bins (a load that is on or off) only repeats the node's own error.
     count = Counter((cell.quantity, cell.node) for cell in cells)
     quantities = dict.fromkeys(cell.quantity for cell in cells if count[cell.quantity, cell.node] > 1)
@@ -124,7 +120,7 @@ def _draw(ax: Axes, panel: Panel, nodes: Sequence[str], norm: Normalize, *, labe
     ax.set_xlim(0.0, 1.0)
     ax.set_ylim(len(nodes), 0.0)
     ax.set_xticks([])
-    ax.set_yticks([row + 0.5 for row in range(len(nodes))], nodes if labelled else [""] * len(nodes))
+    ax.set_yticks([row + 0.5 for row in range(len(nodes))], [plain(node) if labelled else "" for node in nodes])
     ax.tick_params(length=0, labelsize=SMALL)
     ax.spines[:].set_visible(False)
     unit = "" if "[" in panel.quantity else " [as logged]"

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from lptn.ladder import Ladder, Rung
-from lptn.report.style import FAINT, INK, SMALL, TEXT, dress, new_figure
+from lptn.report.style import FAINT, INK, SMALL, TEXT, dress, new_figure, plain
 from lptn.report.text import place_of, title_of
 
 _WIDE = 8.0  # ratio of errors above which only a logarithmic axis shows them all
@@ -68,4 +68,6 @@ def _error(rung: Rung, data: str) -> float | None:
 
 
 def _label(number: int, rung: Rung) -> str:
-    return "0\nas given" if rung.effect is None else f"{number}\n+ {title_of(rung.effect)}\n{place_of(rung.at or '')}"
+    if rung.effect is None or rung.at is None:
+        return f"{number}\nas given"
+    return f"{number}\n+ {title_of(rung.effect)}\n{plain(place_of(rung.at))}"

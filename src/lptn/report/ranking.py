@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from lptn.diagnose import Diagnosis, Score
-from lptn.report.style import BEST, INK, SMALL, TEXT, dress, new_figure
+from lptn.report.style import BEST, INK, SMALL, TEXT, dress, new_figure, plain
 from lptn.report.text import named
 
 _MOST = 20
@@ -44,7 +44,7 @@ def ranking(found: Diagnosis, added: frozenset[tuple[str, str]] = frozenset()) -
         ax.barh(row, max(share, _LEAST) if wide else share, height=0.65, linewidth=0.8, **fill)
     ax.axvline(1.0, color=INK, linewidth=1.2, linestyle="--")
     ax.set_ylim(len(shown) - 0.4, -0.6)
-    ax.set_yticks(range(len(shown)), [named(*each.candidate.key) for each in shown])
+    ax.set_yticks(range(len(shown)), [plain(named(*each.candidate.key)) for each in shown])
     if wide:
         ax.set_xscale("log")
         ax.set_xlim(left=0.7 * _LEAST)

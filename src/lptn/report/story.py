@@ -49,7 +49,7 @@ def story_html(ladder: Ladder, data: Evidence, title: str, commands: Sequence[st
         parameters=parameter_table(ladder.best.fit, ladder.rungs[0].fit),
         warnings=ladder.best.fit.uncertainty.warnings,
         status=ladder.best.fit.status,
-        data=data_table(data),
+        data=data_table({"fitted": data.fit, "held out": data.holdout, "proof": data.proof}),
         commands=commands,
     )
 

@@ -42,6 +42,11 @@ def dress(ax: Axes) -> None:
     ax.tick_params(labelsize=SMALL)
 
 
+def plain(text: str) -> str:
+    """A user's text for a figure: dollar signs are not mathematics."""
+    return text.replace("$", r"\$")
+
+
 def time_axis(time: FloatArray) -> tuple[FloatArray, str]:
     """Times [s] in the unit that a person reads them in, and the axis label."""
     minutes = time.size > 0 and float(np.ptp(time)) > _LONG

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import re
+import warnings
 from typing import Any
 
 import matplotlib
@@ -24,7 +25,9 @@ def inline_svg(figure: Figure, label: str) -> Markup:
         label: what it shows, for those who can't see it.
     """
     written = io.StringIO()
-    with matplotlib.rc_context(_SETTINGS):
+    with matplotlib.rc_context(_SETTINGS), warnings.catch_warnings():
+        # The text stays text, and the reader's machine has fonts that this one may lack.
+        warnings.filterwarnings("ignore", message="Glyph .* missing from font")
         figure.savefig(written, format="svg", metadata=_NO_METADATA)
     text = written.getvalue()
     # The prolog names a DTD on another machine; the page has no use for it.

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from lptn.compare import Comparison
-from lptn.evidence import Evidence, Part
+from lptn.evidence import Part
 from lptn.identify import Fit
 from lptn.ladder import Ladder
 from lptn.report.certainty import share_by_chance
+from lptn.report.conditions import conditions_of
 from lptn.report.text import NOTHING, duration, experiment_for, kelvin, number, place_of, title_of, within
 
 _WORST = 12  # conditions listed
@@ -78,11 +80,10 @@ def parameter_table(best: Fit, given: Fit) -> Table:
     return Table(heads, tuple(row[: len(heads)] for row in rows), (2, 3, 5))
 
 
-def data_table(data: Evidence) -> Table:
-    """One row for each run and job."""
+def data_table(jobs: Mapping[str, Sequence[Part]]) -> Table:
+    """One row for each run and job: what the runs were used for, and the runs."""
     heads = ("run", "file", "fingerprint", "length", "step", "job", "start found in", "counts", "notes")
-    jobs = (("fitted", data.fit), ("held out", data.holdout), ("proof", data.proof))
-    rows = [_data_row(job, part) for job, parts in jobs for part in parts]
+    rows = [_data_row(job, part) for job, parts in jobs.items() for part in parts]
     return Table(heads, tuple(rows), (3, 4))
 
 
@@ -102,7 +103,7 @@ def error_table(comparison: Comparison) -> Table:
 def condition_table(comparison: Comparison) -> Table:
     """The conditions in which a model fails worst, worst first."""
     heads = ("node", "condition", "from", "to", "RMSE", "largest", "mean (predicted − measured)", "readings")
-    worst = sorted(comparison.conditions(), key=lambda each: -each.errors.rmse)[:_WORST]
+    worst = sorted(conditions_of(comparison), key=lambda each: -each.errors.rmse)[:_WORST]
     rows = []
     for each in worst:
         errors = each.errors

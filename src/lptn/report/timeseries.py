@@ -26,6 +26,7 @@ from lptn.report.style import (
     TEXT,
     dress,
     new_figure,
+    plain,
     time_axis,
 )
 
@@ -121,7 +122,7 @@ def _draw(upper: Axes, lower: Axes, view: View, given: Comparison, best: Compari
             per_second = 1.0 if label.endswith("[s]") else 1 / 60
             ax.axvspan(float(time[0]), opening * per_second, color=OPENING, zorder=0, linewidth=0)
         dress(ax)
-    upper.set_title(f"{node}, run {prediction.part.run.name}", size=TEXT, loc="left", pad=3)
+    upper.set_title(plain(f"{node}, run {prediction.part.run.name}"), size=TEXT, loc="left", pad=3)
     upper.set_ylabel("temperature [°C]", size=SMALL)
     upper.tick_params(labelbottom=False)
     lower.set_ylabel("error [K]", size=SMALL)

@@ -1,0 +1,89 @@
+"""The diagnosis on legs whose truth is known and shares no code with the model."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lptn.diagnose import candidates, diagnose, fit_parts, score
+from lptn.diagnose.refit import independent_readings, refit_all
+from lptn.diagnose.score import Scores
+from lptn.virtual import Hidden
+from tests.diagnose.conftest import Leg
+
+
+@pytest.mark.parametrize(
+    "hidden",
+    [Hidden("forced_convection", "FR_thigh"), Hidden("constant_heat", "FR_calf"), Hidden("sensor_lag", "FR_hip")],
+    ids=lambda hidden: hidden.effect,
+)
+def test_a_hidden_effect_is_named_with_its_place_and_the_held_out_error_falls(leg: Leg, hidden: Hidden) -> None:
+    found = diagnose(*leg(hidden))
+    assert found.verdict == "missing"
+    best = found.findings[0]
+    assert best.key == (hidden.effect, hidden.at)
+    assert best.p_value < 0.05
+    assert found.holdout is not None
+    assert best.holdout is not None
+    assert best.holdout.rmse < found.holdout.rmse
+    assert best.holdout.rmse < 0.08  # K; 0.15 K of noise leave 0.067 K on means over 5 s
+
+
+def test_nothing_hidden_is_adequate(leg: Leg) -> None:
+    found = diagnose(*leg())
+    assert found.verdict == "adequate"
+    assert not found.findings
+    assert max(found.scores.lack.values()) < 1.5
+
+
+def test_nothing_hidden_is_adequate_on_a_sensor_of_1_k_steps(leg: Leg) -> None:
+    assert diagnose(*leg(quantisation=1.0)).verdict == "adequate"
+
+
+def test_heat_that_no_effect_explains_is_called_unexplained(leg: Leg) -> None:
+    found = diagnose(*leg(Hidden("heat_bursts", "FR_thigh")))
+    assert found.verdict == "unexplained"
+    assert max(found.scores.lack, key=lambda node: found.scores.lack[node]) == "FR_thigh"
+
+
+def _scored(leg: Leg, hidden: Hidden) -> tuple[Scores, float, float]:
+    """Scores; the cost of the baseline; the cost with the hidden effect refitted."""
+    model, data = leg(hidden)
+    coarse = data.coarsened(5.0)
+    base = fit_parts(model, coarse.fit)
+    scores = score(base, candidates(model.network, coarse.fit[0].run.columns))
+    truth = [each for each in scores.ranked if each.candidate.key == (hidden.effect, hidden.at)]
+    (refit,) = refit_all(base, truth)
+    return scores, base.cost, refit.fit.cost
+
+
+def test_the_score_predicts_what_the_refit_gains(leg: Leg) -> None:
+    """To first order: a small effect's gain is what an exact refit gains."""
+    hidden = Hidden("constant_heat", "FR_thigh", size=0.3)
+    scores, before, after = _scored(leg, hidden)
+    gain = next(each.gain for each in scores.ranked if each.candidate.key == ("constant_heat", "FR_thigh"))
+    assert gain == pytest.approx(2 * (before - after), rel=0.1)
+
+
+def test_the_score_estimates_the_size(leg: Leg) -> None:
+    scores, _, _ = _scored(leg, Hidden("constant_heat", "FR_thigh", size=0.3))
+    best = scores.ranked[0]
+    assert best.candidate.key == ("constant_heat", "FR_thigh")
+    assert best.amplitude == pytest.approx(0.3 * 1.5, rel=0.2)  # W; 1.5 W is the hidden effect's full size
+
+
+def test_chance_alone_stays_below_the_threshold_as_often_as_stated(leg: Leg) -> None:
+    model, data = leg()
+    base = fit_parts(model, data.coarsened(5.0).fit)
+    scores = score(base, candidates(model.network, data.fit[0].run.columns))
+    assert np.mean(scores.chance > scores.threshold) == pytest.approx(0.05, abs=0.01)
+    assert scores.p_value(scores.threshold * 100) == pytest.approx(1 / (1 + len(scores.chance)))
+
+
+def test_white_residuals_count_nearly_all_and_slow_ones_hardly(leg: Leg) -> None:
+    model, data = leg()
+    good = fit_parts(model, data.coarsened(5.0).fit)
+    assert independent_readings(good) > 0.5 * good.problem.readings
+    model, data = leg(Hidden("forced_convection", "FR_thigh"))
+    poor = fit_parts(model, data.coarsened(5.0).fit)
+    assert independent_readings(poor) < 0.1 * poor.problem.readings

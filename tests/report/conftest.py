@@ -1,0 +1,32 @@
+"""One ladder that finds missing heat, one that finds nothing."""
+
+from __future__ import annotations
+
+import pytest
+
+from lptn.effects.constant_heat import ConstantHeat
+from lptn.evidence import evidence
+from lptn.ladder import improve
+from lptn.model import Model
+from lptn.network import EffectDeclaration
+from lptn.parameters import Parameter
+from tests.report.two_joints import NODES, Told, make_run, robot
+
+
+def _told(truth: Model) -> Told:
+    first, second, third = (make_run(truth, seed, name) for seed, name in ((1, "one"), (2, "two"), (3, "three")))
+    data = evidence([first], [second], [third])
+    return improve(robot(), data), data
+
+
+@pytest.fixture(scope="session")
+def missing() -> Told:
+    """The truth has constant heat at the first joint."""
+    heat = Parameter("power", 3.0, "W", (0.0, 100.0), off=0.0)
+    return _told(robot(EffectDeclaration(ConstantHeat(), NODES[0], (heat,))))
+
+
+@pytest.fixture(scope="session")
+def adequate() -> Told:
+    """The model is the truth."""
+    return _told(robot())

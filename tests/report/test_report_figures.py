@@ -1,0 +1,116 @@
+"""The figures: no empty panel, a unit on every axis, peaks kept, the worst chosen."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from lptn.compare import Comparison, compare
+from lptn.evidence import predicted
+from lptn.report import comparison_figure, error_maps, ladder_curve, predictions_figure, ranking
+from lptn.report.conditions import conditions_of
+from lptn.report.decimate import decimated
+from lptn.report.timeseries import views, worst_views
+from tests.report.two_joints import NODES, Told, make_run, robot
+
+
+def _labels(figure: Figure) -> set[str]:
+    axes = [ax for ax in figure.axes if ax.axison]
+    return {label for ax in axes for label in (ax.get_xlabel(), ax.get_ylabel()) if label}
+
+
+def _comparison(told: Told) -> Comparison:
+    return compare(told[0].rungs[0].fit.model, told[1].holdout)
+
+
+def test_decimation_keeps_extremes() -> None:
+    rng = np.random.default_rng(0)
+    time = np.arange(100_000.0)
+    values = rng.normal(size=time.size)
+    values[[12_345, 67_890]] = 50.0, -50.0
+    thin_time, thin = decimated(time, values, 1000)
+    assert thin.size <= 1000
+    assert (thin.max(), thin.min()) == (50.0, -50.0)
+    assert thin_time[thin.argmax()] == 12_345
+    assert (np.diff(thin_time) > 0).all()
+
+
+def test_decimation_keeps_gaps_and_short_lines() -> None:
+    time = np.arange(10_000.0)
+    values = np.where((time > 3000) & (time < 6000), np.nan, time)
+    thin_time, thin = decimated(time, values, 400)
+    inside = (thin_time > 3100) & (thin_time < 5900)
+    assert inside.any()
+    assert np.isnan(thin[inside]).all()
+    assert decimated(time[:400], values[:400], 400)[0].size == 400
+
+
+def test_every_axis_has_its_unit(missing: Told) -> None:
+    ladder, _ = missing
+    given = _comparison(missing)
+    assert _labels(predictions_figure(given, given)) == {"temperature [°C]", "error [K]", "time [s]"}
+    assert _labels(ladder_curve(ladder, 0.05)) == {"RMSE [K]"}
+    assert _labels(ranking(ladder.first)) == {"score as a multiple of the chance threshold [1]"}
+    (maps,) = error_maps(given, given)
+    assert "RMSE [K]" in _labels(maps)
+    titles = [ax.get_title(loc="left") for ax in maps.axes if ax.get_title(loc="left")]
+    assert titles
+    assert all("[" in title for title in titles)
+
+
+def test_maps_name_every_node_once_on_the_left(missing: Told) -> None:
+    given = _comparison(missing)
+    (maps,) = error_maps(given, given)
+    left = [label.get_text() for label in maps.axes[0].get_yticklabels()]
+    assert left == [NODES[0], NODES[1].replace("$", r"\$")]
+    assert {cell.quantity for cell in given.conditions()} == {
+        ax.get_title(loc="left").removesuffix(", low to high") for ax in maps.axes if ax.get_title(loc="left")
+    }
+
+
+def test_long_times_are_in_minutes() -> None:
+    model = robot()
+    comparison = compare(model, [predicted(make_run(model, 7, "long", count=1800))])
+    found = conditions_of(comparison)
+    times = [each for each in found if each.quantity.startswith("time")]
+    assert {each.quantity for each in times} == {"time since start [min]"}
+    assert max(each.upper for each in times) < 60.0
+    assert "time [min]" in _labels(predictions_figure(comparison))
+
+
+def test_the_worst_views_are_chosen_in_order(missing: Told) -> None:
+    ladder, data = missing
+    runs = [part.run for part in (*data.fit, *data.holdout, *data.proof)]
+    comparison = compare(ladder.rungs[0].fit.model, [predicted(run) for run in (*runs, *runs)])
+    chosen = worst_views(comparison, 3)
+    assert len(views(comparison)) == 12
+    assert chosen == sorted(chosen, key=lambda view: (view.run, view.row))
+    drawn = [ax for ax in predictions_figure(comparison).axes if ax.axison]
+    assert len(drawn) == 2 * 6
+
+
+def test_comparison_figure_of_a_run_too_short_to_sort() -> None:
+    model = robot()
+    run = make_run(model, 1, "short")
+    cut = replace(predicted(run), counted=(580.0, 590.0))
+    comparison = compare(model, [cut])
+    assert not comparison.conditions()
+    assert len([ax for ax in comparison_figure(comparison).axes if ax.axison]) == 4
+
+
+def test_an_unmeasured_node_is_left_out(missing: Told) -> None:
+    model = missing[0].best.fit.model
+    run = missing[1].holdout[0].run
+    columns = {name: values for name, values in run.columns.items() if name != f"temperature.{NODES[1]}"}
+    comparison = compare(model, [predicted(replace(run, columns=columns))])
+    assert [view.row for view in views(comparison)] == [0]
+    assert comparison_figure(comparison).axes
+
+
+def test_ranking_on_both_scales(missing: Told, adequate: Told) -> None:
+    for told in (missing, adequate):
+        found = told[0].first
+        figure = ranking(found, frozenset({("constant_heat", NODES[0])}))
+        assert len(figure.axes[0].patches) >= len(found.findings)

@@ -1,0 +1,172 @@
+"""The story: one page, whole, safe, the same every time, and true to the verdict."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from html.parser import HTMLParser
+
+import pytest
+
+from lptn.compare import compare
+from lptn.evidence import Evidence, predicted
+from lptn.ladder import Ladder
+from lptn.report import comparison_html, story_html
+from lptn.report.words import story_in_words
+from tests.report.two_joints import NODES, Told, make_run, robot
+
+_VOID = {"meta", "br", "hr", "img", "link", "input"}
+_NAMESPACES = {"http://www.w3.org/2000/svg", "http://www.w3.org/1999/xlink"}
+
+
+class Page(HTMLParser):
+    """Reads a page: tags that don't balance, all text, the caption of each figure."""
+
+    def __init__(self, html: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.wrong: list[str] = []
+        self.tags: list[str] = []
+        self.captions: list[str] = []
+        self.text = ""
+        self.feed(html)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append(tag)
+        if tag not in _VOID:
+            self.open.append(tag)
+        if tag == "figcaption":
+            self.captions.append("")
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        if not self.open or self.open.pop() != tag:
+            self.wrong.append(tag)
+
+    def handle_data(self, data: str) -> None:
+        self.text += data
+        if "figcaption" in self.open:
+            self.captions[-1] += data
+
+
+@pytest.fixture(scope="module")
+def html(missing: Told) -> str:
+    return story_html(*missing, "Legs & <script>alert(1)</script>", ("lptn report a.toml 'b <c>.csv'",))
+
+
+def pages(missing: Told) -> list[str]:
+    comparison = compare(missing[0].best.fit.model, missing[1].holdout)
+    return [story_html(*missing, "story"), comparison_html(comparison, "<comparison>")]
+
+
+def test_nothing_is_loaded_from_elsewhere(missing: Told) -> None:
+    for html in pages(missing):
+        assert set(re.findall(r"https?://[^\s\"'<]+", html)) <= _NAMESPACES
+        assert "@import" not in html
+        assert {"script", "link", "img", "iframe"}.isdisjoint(Page(html).tags)
+        targets = re.findall(r'(?:src|href)="([^"]*)"', html)
+        assert all(target.startswith(("#", "data:image/png;base64,")) for target in targets)
+
+
+def test_well_formed_and_small(missing: Told) -> None:
+    for html in pages(missing):
+        page = Page(html)
+        assert not page.wrong
+        assert not page.open
+        assert html.startswith("<!DOCTYPE html>")
+        assert len(html.encode()) < 2_000_000
+
+
+def test_every_figure_has_its_sentence(html: str, missing: Told) -> None:
+    for text in (html, *pages(missing)):
+        page = Page(text)
+        assert page.tags.count("figure") == len(page.captions) > 0
+        assert all(caption.strip().endswith(".") for caption in page.captions)
+    assert Page(html).tags.count("figure") == 4
+    assert all(f"<h2>{number}." in html for number in range(1, 8))
+
+
+def test_user_text_is_escaped(html: str) -> None:
+    assert "<script" not in html
+    assert "<b>" not in html
+    assert "<gap>" not in html
+    page = Page(html)
+    assert all(node in page.text for node in NODES)
+    assert "b <c>.csv" in page.text
+
+
+def test_same_input_same_bytes(missing: Told) -> None:
+    assert pages(missing) == pages(missing)
+
+
+def test_long_logs_stay_small() -> None:
+    model = robot()
+    run = make_run(model, 5, "long", count=18_000)  # 10 h
+    assert len(comparison_html(compare(model, [predicted(run)]), "long").encode()) < 1_000_000
+
+
+def test_words_missing(missing: Told) -> None:
+    ladder, _ = missing
+    assert ladder.verdict == "missing"
+    assert (ladder.best.effect, ladder.best.at) == ("constant_heat", NODES[0])
+    told = " ".join(story_in_words(*missing))
+    assert f"Missing: constant heat at {NODES[0]}." in told
+    assert "Chance alone would score as much in at most 0.5 % of logs" in told
+    assert "Held out: two (60 to 600 s)" in told
+    assert "Proof: three (60 to 600 s). It chose nothing" in told
+    assert "What to do next" in told
+
+
+def test_words_adequate(adequate: Told) -> None:
+    ladder, _ = adequate
+    assert ladder.verdict == "adequate"
+    told = " ".join(story_in_words(*adequate))
+    assert told.startswith("Nothing is missing that these data can show")
+    assert "This holds for what the fitted runs cover: 10 min at" in told
+    assert "use the model" in told
+    assert "nothing to plot" in story_html(*adequate, "adequate")
+
+
+def test_words_unexplained(missing: Told) -> None:
+    ladder, data = missing
+    told = " ".join(story_in_words(replace(ladder, verdict="unexplained"), data))
+    assert "the catalogue does not explain it" in told
+    assert "Do not read what was added as physics." in told
+    assert "How sure" not in told
+    alone = " ".join(story_in_words(_without_rungs(ladder, "unexplained"), data))
+    assert "No effect of the catalogue was worth adding." in alone
+
+
+def test_words_missing_but_nothing_helped(missing: Told) -> None:
+    ladder, data = missing
+    told = " ".join(story_in_words(_without_rungs(ladder, "missing"), data))
+    assert "none was added" in told
+
+
+def test_words_of_rivals(missing: Told) -> None:
+    ladder, data = missing
+    best = replace(ladder.best, alike=(("radiation", NODES[0]), ("sensor_offset", "*")))
+    told = " ".join(story_in_words(replace(ladder, rungs=(ladder.rungs[0], best)), data))
+    assert (
+        f"radiation to the surroundings at {NODES[0]} and sensor offset everywhere explain them about as well" in told
+    )
+    assert "leave the robot powered and resting for an hour" in told
+    elsewhere = replace(ladder.best, alike=(("constant_heat", "*"),))
+    told = " ".join(story_in_words(replace(ladder, rungs=(ladder.rungs[0], elsewhere)), data))
+    assert "its place is not: constant heat everywhere explains the fitted runs about as well" in told
+
+
+def test_without_held_out_data_the_page_says_so(missing: Told) -> None:
+    ladder, data = missing
+    rungs = tuple(replace(rung, holdout=None, proof=None) for rung in ladder.rungs)
+    html = story_html(replace(ladder, rungs=rungs), Evidence(data.fit), "fit only")
+    page = Page(html)
+    assert "nothing proves the result" in page.text
+    assert "so this is no proof" in page.text
+    assert not page.wrong
+
+
+def _without_rungs(ladder: Ladder, verdict: str) -> Ladder:
+    return replace(ladder, verdict=verdict, rungs=ladder.rungs[:1])  # type: ignore[arg-type]

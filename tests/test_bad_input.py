@@ -1,0 +1,125 @@
+"""Bad input: one line that says file, place, found and expected; exit status 2; nothing written."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from lptn.cli import main
+from lptn.robots import presets
+
+TIME = np.arange(0.0, 120.0)
+GOOD = pd.DataFrame(
+    {
+        "time": TIME,
+        "temperature.motor": 25 + 0.1 * TIME,
+        "torque.motor": 5.0,
+        "temperature.ambient": 22.0,
+    }
+)
+MODEL = presets()["single-motor"]
+
+
+def _missing_column(folder: Path) -> list[object]:
+    GOOD.drop(columns="torque.motor").to_csv(folder / "log.csv", index=False)
+    return ["log.csv", "torque.motor", "no such column"]
+
+
+def _text_in_a_number(folder: Path) -> list[object]:
+    table = GOOD.astype(object)
+    table.loc[7, "torque.motor"] = "ERROR"
+    table.to_csv(folder / "log.csv", index=False)
+    return ["log.csv", "line 9", "ERROR", "number"]
+
+
+def _time_backwards(folder: Path) -> list[object]:
+    GOOD.assign(time=[*TIME[:50], 10.0, *TIME[51:]]).to_csv(folder / "log.csv", index=False)
+    return ["log.csv", "line 52", "10", "49"]
+
+
+def _kelvin(folder: Path) -> list[object]:
+    GOOD.assign(**{"temperature.motor": GOOD["temperature.motor"] + 273.15}).to_csv(folder / "log.csv", index=False)
+    return ["log.csv", "temperature.motor", "kelvin", "degC"]
+
+
+def _unknown_effect(folder: Path) -> list[object]:
+    (folder / "model.toml").write_text(MODEL.replace('"copper_loss"', '"coper_loss"'))
+    return ["model.toml", "line 17", "effects[0].kind", "coper_loss", "copper_loss"]
+
+
+def _bound_above_its_upper(folder: Path) -> list[object]:
+    (folder / "model.toml").write_text(MODEL.replace("bounds = [20, 3000]", "bounds = [3000, 20]"))
+    return ["model.toml", "line 9", "capacity.bounds", "3000", "20"]
+
+
+def _isolated_node(folder: Path) -> list[object]:
+    (folder / "model.toml").write_text(MODEL + "\n[nodes.gearbox]\ncapacity = 100\n")
+    return ["model.toml", "gearbox", "isolated", "between"]
+
+
+def _empty_log(folder: Path) -> list[object]:
+    (folder / "log.csv").write_text("")
+    return ["log.csv", "expected"]
+
+
+def _truncated_parquet(folder: Path) -> list[object]:
+    GOOD.to_parquet(folder / "log.parquet")
+    whole = (folder / "log.parquet").read_bytes()
+    (folder / "log.parquet").write_bytes(whole[: len(whole) // 2])
+    (folder / "log.csv").unlink()
+    return ["log.parquet", "Parquet"]
+
+
+def _place_that_matches_nothing(folder: Path) -> list[object]:
+    (folder / "model.toml").write_text(MODEL.replace('at = "motor"', 'at = "*_calf"'))
+    return ["model.toml", "line 18", "*_calf", "motor"]
+
+
+BAD = [
+    _missing_column,
+    _text_in_a_number,
+    _time_backwards,
+    _kelvin,
+    _unknown_effect,
+    _bound_above_its_upper,
+    _isolated_node,
+    _empty_log,
+    _truncated_parquet,
+    _place_that_matches_nothing,
+]
+
+
+@pytest.mark.parametrize("spoil", BAD, ids=lambda spoil: spoil.__name__.strip("_"))
+@pytest.mark.parametrize("command", ["fit", "improve"])
+def test_one_line_status_two_nothing_written(
+    spoil: Callable[[Path], list[object]],
+    command: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    (tmp_path / "model.toml").write_text(MODEL)
+    GOOD.to_csv(tmp_path / "log.csv", index=False)
+    said = spoil(tmp_path)
+    (log,) = (path for path in tmp_path.iterdir() if path.stem == "log")
+    before = sorted(tmp_path.iterdir())
+    words = [command, tmp_path / "model.toml", log, "-o", tmp_path / "out.toml", "--json", tmp_path / "out.json"]
+    with pytest.raises(SystemExit) as stop:
+        main([str(word) for word in words])
+    seen = capsys.readouterr()
+    assert stop.value.code == 2
+    assert seen.out == ""
+    assert seen.err.count("\n") == 1
+    for word in ("found", "expected", *map(str, said)):
+        assert word in seen.err
+    assert sorted(tmp_path.iterdir()) == before
+
+
+def test_an_output_folder_that_does_not_exist_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as stop:
+        main(["new", "leg", "-o", str(tmp_path / "nowhere" / "leg.toml")])
+    assert stop.value.code == 2
+    assert "nowhere" in capsys.readouterr().err

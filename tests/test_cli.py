@@ -1,0 +1,152 @@
+"""The command line, run as a user runs it, in this process."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from lptn.cli import main
+from lptn.model_file import load_model
+
+EXAMPLE = Path(__file__).parents[1] / "examples" / "tclab"
+MODEL, LOG = EXAMPLE / "two_heaters.toml", EXAMPLE / "log.csv"
+
+Run = Callable[..., tuple[int, str, str]]
+
+
+@pytest.fixture
+def lptn(capsys: pytest.CaptureFixture[str]) -> Run:
+    """Runs `lptn` with words; returns exit status, standard output, error output."""
+
+    def run(*words: object) -> tuple[int, str, str]:
+        status = 0
+        try:
+            main([str(word) for word in words])
+        except SystemExit as stop:
+            status = int(stop.code or 0)
+        seen = capsys.readouterr()
+        return status, seen.out, seen.err
+
+    return run
+
+
+@pytest.fixture
+def short_log(tmp_path: Path) -> Path:
+    """The first 150 s of the example: enough to run every command quickly."""
+    table = pd.read_csv(LOG)
+    path = tmp_path / "short.csv"
+    table[table["time_s"] < 150].to_csv(path, index=False)
+    return path
+
+
+def test_presets_are_listed_and_written_and_read(lptn: Run, tmp_path: Path) -> None:
+    status, listed, _ = lptn("new")
+    assert status == 0
+    for preset in listed.split():
+        target = tmp_path / f"{preset}.toml"
+        assert lptn("new", preset, "-o", target)[0] == 0
+        assert load_model(target).network.dynamic
+
+
+def test_check_says_what_the_log_holds(lptn: Run) -> None:
+    status, out, _ = lptn("check", MODEL, LOG)
+    assert status == 0
+    assert "heater1" in out
+    assert "first readings" in out
+
+
+def test_fit_writes_values_errors_and_the_fingerprint(lptn: Run, short_log: Path, tmp_path: Path) -> None:
+    fitted, found = tmp_path / "fitted.toml", tmp_path / "fit.json"
+    status, out, _ = lptn("fit", MODEL, short_log, "--holdout-after", 120, "-o", fitted, "--json", found)
+    assert status == 0
+    assert "Held out" in out
+    text = fitted.read_text()
+    assert "sha256" in text
+    assert "# Two heaters on one board" in text
+    written = json.loads(found.read_text())
+    assert written["parameters"]["capacity.heater*"]["value"] == pytest.approx(
+        next(u.value for u in load_model(fitted).network.unknowns if u.name == "capacity.heater*"), rel=1e-5
+    )
+
+
+def test_compare_writes_the_agreed_json_and_a_picture(lptn: Run, short_log: Path, tmp_path: Path) -> None:
+    found, picture = tmp_path / "compare.json", tmp_path / "compare.png"
+    status, out, _ = lptn("compare", MODEL, short_log, "--json", found, "--plot", picture)
+    assert status == 0
+    assert "It fails worst where" in out
+    written = json.loads(found.read_text())
+    assert set(written["runs"]["short"]["nodes"]["heater1"]) >= {"rmse", "max", "mean"}
+    assert set(written["all"]) == {"rmse", "max"}
+    assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+def test_add_appends_an_effect_and_keeps_the_comments(lptn: Run, tmp_path: Path) -> None:
+    target = tmp_path / "next.toml"
+    assert lptn("add", MODEL, "conduction", "--at", "heater1~heater2", "-o", target)[0] == 0
+    assert target.read_text().startswith(MODEL.read_text().rstrip()[:400])
+    assert any(use.effect.key == "conduction" for use in load_model(target).network.uses)
+
+
+def test_diagnose_writes_the_agreed_json(lptn: Run, short_log: Path, tmp_path: Path) -> None:
+    found = tmp_path / "diagnosis.json"
+    status, out, _ = lptn("diagnose", MODEL, short_log, "--holdout-after", 110, "--json", found)
+    assert status == 0
+    assert "The model is" in out
+    written = json.loads(found.read_text())
+    assert written["verdict"] in {"adequate", "missing", "unexplained"}
+    for rank, candidate in enumerate(written["candidates"], start=1):
+        assert candidate["rank"] == rank
+        assert set(candidate) == {
+            "effect",
+            "at",
+            "rank",
+            "rmse_fit",
+            "rmse_holdout_before",
+            "rmse_holdout_after",
+            "p_value",
+            "indistinguishable_from",
+            "separate_by",
+        }
+
+
+def test_improve_writes_model_ladder_and_report(lptn: Run, short_log: Path, tmp_path: Path) -> None:
+    better, ladder, story = tmp_path / "better.toml", tmp_path / "ladder.json", tmp_path / "story.html"
+    words = ("improve", MODEL, short_log, "--holdout-after", 110, "--rungs", 1)
+    status, out, _ = lptn(*words, "-o", better, "--json", ladder, "--report", story)
+    assert status == 0
+    assert "(as given)" in out
+    written = json.loads(ladder.read_text())
+    assert written["ladder"][0]["effect"] is None
+    assert set(written["ladder"][0]) >= {
+        "rung",
+        "effect",
+        "at",
+        "parameters",
+        "rmse_fit",
+        "rmse_holdout",
+        "max_holdout",
+    }
+    added = [use.effect.key for use in load_model(better).network.uses if use.effect.key != "heat_input"]
+    assert len(set(added)) == len(written["ladder"]) - 1
+    assert story.read_text().startswith("<!DOCTYPE html>")
+
+
+def test_simulate_writes_a_log_that_compares_perfectly(lptn: Run, short_log: Path, tmp_path: Path) -> None:
+    predicted = tmp_path / "predicted.parquet"
+    assert lptn("simulate", MODEL, short_log, "-o", predicted)[0] == 0
+    table = pd.read_parquet(predicted)
+    assert {"time", "temperature.heater1", "temperature.heater2", "power.heater1"} <= set(table)
+    assert len(table) > 100
+
+
+def test_effects_are_listed_and_shown(lptn: Run) -> None:
+    assert "forced_convection" in lptn("effects")[1]
+    assert "gamma" in lptn("effects", "forced_convection")[1]
+
+
+def test_nothing_is_said_on_the_error_stream_when_nobody_watches(lptn: Run, short_log: Path) -> None:
+    assert lptn("fit", MODEL, short_log)[2] == ""
