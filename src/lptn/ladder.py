@@ -37,6 +37,7 @@ from lptn.network import EffectDeclaration
 
 _WIDTH = 4  # ladders followed side by side, where the fitted data can't tell them apart
 _WORTH = 0.01  # share by which a rung must lower the held-out error
+_MOST = 0.5  # share of the misfit beyond noise that the ladder must remove to be what was missing
 _ALIAS = 1e-3  # two rungs on one ladder whose misfits differ by less are one rung with two names
 _BLOCK = 60.0  # s; held-out errors further apart than this count as independent
 _CLEAR = 1.0  # standard errors: the one-standard-error rule of Breiman and others (1984)
@@ -192,10 +193,7 @@ def improve(
     first, last = search.diagnosis(root), search.diagnosis(chosen)
     report("fitting the rungs at full resolution")
     rungs = _rungs(root, chosen, data)
-    verdict = first.verdict
-    if chosen.steps:
-        verdict = "missing" if explained(root.fit, chosen.fit) else "unexplained"
-    return Ladder(verdict, last.verdict, rungs, first, last, len(search.paths))
+    return Ladder(_verdict(first, root, chosen), last.verdict, rungs, first, last, len(search.paths))
 
 
 class _Search:
@@ -251,6 +249,13 @@ class _Search:
         kept = tied[:_WIDTH]
         by_holdout = min(tied, key=lambda each: each.rank)
         return kept if by_holdout in kept else [*kept, by_holdout]
+
+
+def _verdict(first: Diagnosis, root: _Path, chosen: _Path) -> Verdict:
+    """On the model as given; effects that only the fitted runs ask for explain nothing."""
+    if first.verdict == "adequate":
+        return "adequate"
+    return "missing" if explained(root.fit, chosen.fit) > _MOST else "unexplained"
 
 
 def _chosen(paths: Sequence[_Path]) -> _Path:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -27,7 +27,7 @@ _MOST_REFITS = 6
 TIE = 10.0
 """Information criteria closer than this decide nothing (Burnham and Anderson: beyond 10, no support)."""
 _LACK = 1.5  # block means above so much of their bound by chance are more than noise
-_EXPLAINED = 0.5  # share of the excess misfit that an effect must remove to be called what is missing
+_ONE, _THREE = 0.6, 0.8  # shares of the excess misfit that one effect, or three, must remove to be what is missing
 
 
 @dataclass(frozen=True)
@@ -59,8 +59,8 @@ class Diagnosis:
     """What a fitted model lacks.
 
     Args:
-        verdict: `"adequate"`: within the noise; `"missing"`: an effect of the catalogue removes most of the
-            misfit; `"unexplained"`: misfit that no effect of the catalogue removes.
+        verdict: `"adequate"`: within the noise; `"missing"`: an effect of the catalogue, or a few together,
+            remove most of the misfit; `"unexplained"`: misfit that the catalogue does not remove.
         fit: the fitted baseline.
         rmse_fit: its error on the fitted runs [K].
         holdout: its errors on held-out runs, `None` without any.
@@ -123,7 +123,12 @@ def diagnose(
     """
     coarse = data.coarsened(SEARCH_STEP)
     report("fitting the model as it stands")
-    return examine(fit_parts(model, coarse.fit), coarse, refits=refits, executor=executor, report=report)
+    found = examine(fit_parts(model, coarse.fit), coarse, refits=refits, executor=executor, report=report)
+    if found.verdict == "unexplained" and found.findings:
+        report("looking for several effects at once")
+        if _together(found, coarse, refits, executor):
+            return replace(found, verdict="missing")
+    return found
 
 
 def examine(
@@ -213,10 +218,22 @@ def _verdict(base: Fit, done: Sequence[Refit], scores: Scores) -> Verdict:
         return "adequate"
     if not noticed or not done:
         return "unexplained"
-    return "missing" if explained(base, done[0].fit) else "unexplained"
+    return "missing" if explained(base, done[0].fit) > _ONE else "unexplained"
 
 
-def explained(base: Fit, done: Fit) -> bool:
-    """Whether a larger model removes most of the misfit that noise does not account for."""
+def explained(base: Fit, done: Fit) -> float:
+    """Share of the misfit beyond noise that a larger model removes."""
     excess = 2 * base.cost - _chance_level(base) * base.problem.readings
-    return 2 * (base.cost - done.cost) > _EXPLAINED * max(excess, 0.0)
+    return 2 * (base.cost - done.cost) / max(excess, 1e-12)
+
+
+def _together(found: Diagnosis, data: Evidence, refits: int, executor: Executor | None) -> bool:
+    """Whether three effects, each the best after the one before, remove what one alone can't."""
+    fitted = Evidence(data.fit)
+    path = found
+    for _ in range(2):
+        if not path.findings:
+            break
+        path = examine(path.findings[0].refit.fit, fitted, refits=refits, executor=executor)
+    last = path.findings[0].refit.fit if path.findings else path.fit
+    return explained(found.fit, last) > _THREE
