@@ -2,54 +2,36 @@
 
 from __future__ import annotations
 
-import shlex
 import sys
-from collections.abc import Iterator, Sequence
-from concurrent.futures import Executor, ProcessPoolExecutor
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import cyclopts
 from cyclopts import Parameter as Option
 
+from lptn.cli_support import (
+    Holdout,
+    HoldoutAfter,
+    Jobs,
+    Json,
+    Map,
+    OptionalOutput,
+    Output,
+    Proof,
+    executor_of,
+    needs_logs,
+    open_by_job,
+    typed,
+    write_figure,
+)
 from lptn.errors import InputError
-
-if TYPE_CHECKING:
-    from lptn.compare import Comparison
-    from lptn.evidence import Evidence
-    from lptn.opening import Opened
 
 app = cyclopts.App(
     name="lptn",
     help="Thermal networks of electric robot joints: fit, compare, and find the physical effect that is missing.",
     help_format="plaintext",
 )
-
-Output = Annotated[Path, Option(name=["--output", "-o"], help="File to write.")]
-OptionalOutput = Annotated[Path | None, Option(name=["--output", "-o"], help="File to write the model to.")]
-Json = Annotated[Path | None, Option(name="--json", help="File to write the result to, for programs.")]
-Holdout = Annotated[
-    list[Path] | None,
-    Option(name="--holdout", help="Logs that no fit sees.", negative="", consume_multiple=True),
-]
-HoldoutAfter = Annotated[
-    float | None,
-    Option(name="--holdout-after", help="Hold out the fitted logs' own time from here on, in s."),
-]
-Proof = Annotated[
-    list[Path] | None,
-    Option(name="--proof", help="Logs looked at once, at the end.", negative="", consume_multiple=True),
-]
-Map = Annotated[
-    list[str] | None,
-    Option(
-        name="--map",
-        help="Other people's column: temperature.FR_calf=T3[degF]; may be given again.",
-        negative="",
-    ),
-]
-Jobs = Annotated[int, Option(name="--jobs", help="Processes that refit candidates side by side.")]
 
 
 @app.command
@@ -105,7 +87,7 @@ def fit(
     from lptn.diagnose import fit_parts, holdout_errors
     from lptn.terminal import progress, show_fit, show_holdout, write_json
 
-    opened, data = _open(model, logs, holdout, holdout_after, None, map)
+    opened, data = open_by_job(model, logs, holdout, holdout_after, None, map)
     with progress("fitting") as report:
         done = fit_parts(
             opened.model,
@@ -139,13 +121,13 @@ def compare(
     from lptn.opening import open_model
     from lptn.terminal import show_comparison, write_json
 
-    _needs_logs(logs)
+    needs_logs(logs)
     opened = open_model(model, map or ())
     comparison = against(opened.model, evidence((), opened.runs(logs)).holdout)
     show_comparison(comparison)
     write_json(json, comparison.as_json())
     if plot is not None:
-        _write_figure(comparison, plot)
+        write_figure(comparison, plot)
 
 
 @app.command
@@ -166,8 +148,8 @@ def diagnose(
     from lptn.diagnose import diagnose as question
     from lptn.terminal import progress, show_diagnosis, write_json
 
-    opened, data = _open(model, logs, holdout, holdout_after, None, map)
-    with progress("reading") as report, _executor(jobs) as executor:
+    opened, data = open_by_job(model, logs, holdout, holdout_after, None, map)
+    with progress("reading") as report, executor_of(jobs) as executor:
         found = question(opened.model, data, executor=executor, report=report)
     show_diagnosis(found)
     write_json(json, found.as_json())
@@ -215,8 +197,8 @@ def improve(
     from lptn.ladder import improve as climb
     from lptn.terminal import progress, show_ladder, write_json
 
-    opened, data = _open(model, logs, holdout, holdout_after, proof, map)
-    with progress("reading") as say, _executor(jobs) as executor:
+    opened, data = open_by_job(model, logs, holdout, holdout_after, proof, map)
+    with progress("reading") as say, executor_of(jobs) as executor:
         ladder = climb(opened.model, data, most=rungs, executor=executor, report=say)
     show_ladder(ladder)
     if output is not None:
@@ -225,7 +207,7 @@ def improve(
     if report is not None:
         from lptn.report import story_html
 
-        write_whole(report, story_html(ladder, data, opened.model.network.name, (_typed(),)))
+        write_whole(report, story_html(ladder, data, opened.model.network.name, (typed(),)))
 
 
 @app.command
@@ -280,56 +262,6 @@ def report(
         jobs=jobs,
         map=map,
     )
-
-
-def _open(
-    model: Path,
-    logs: tuple[Path, ...],
-    holdout: list[Path] | None,
-    holdout_after: float | None,
-    proof: list[Path] | None,
-    mapped: list[str] | None,
-) -> tuple[Opened, Evidence]:
-    from lptn.evidence import evidence
-    from lptn.opening import open_model
-
-    _needs_logs(logs)
-    opened = open_model(model, mapped or ())
-    fitted, held, proving = (opened.runs(group) for group in (logs, holdout or [], proof or []))
-    return opened, evidence(fitted, held, proving, holdout_after)
-
-
-def _needs_logs(logs: tuple[Path, ...]) -> None:
-    if not logs:
-        raise InputError("command line", "LOGS", "no log", "one log file or more after the model file")
-
-
-@contextmanager
-def _executor(jobs: int) -> Iterator[Executor | None]:
-    if jobs <= 1:
-        yield None
-        return
-    with ProcessPoolExecutor(jobs) as pool:
-        yield pool
-
-
-def _write_figure(comparison: Comparison, path: Path) -> None:
-    import io
-
-    from lptn.files import write_whole
-    from lptn.report import comparison_figure
-
-    kind = path.suffix.lower().removeprefix(".")
-    if kind not in {"png", "svg", "pdf"}:
-        raise InputError(path, "--plot", f"a file name ending in '{path.suffix}'", "one ending in .png, .svg or .pdf")
-    picture = io.BytesIO()
-    comparison_figure(comparison).savefig(picture, format=kind)
-    write_whole(path, picture.getvalue())
-
-
-def _typed() -> str:
-    """The command as it was typed, for the report."""
-    return " ".join(["lptn", *(shlex.quote(word) for word in sys.argv[1:])])
 
 
 def main(words: Sequence[str] | None = None) -> None:

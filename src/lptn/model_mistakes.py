@@ -1,0 +1,60 @@
+"""Mistakes in a model file, each said with its line, its key, what was found and what was expected."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from lptn.errors import InputError
+from lptn.places import is_glob
+from lptn.toml_places import locate
+
+
+def from_validation(error: ValidationError, path: Path, text: str) -> InputError:
+    """The first mistake that pydantic found, in the words of this file."""
+    first = error.errors()[0]
+    if isinstance(first["input"], Mapping):  # a table was meant: what is wrong inside it says more
+        first = max(error.errors(), key=lambda each: len(each["loc"]))
+    # A union reports each alternative with its own name in the path; only the file's own keys are wanted.
+    keys = [part for part in first["loc"] if isinstance(part, int) or not _is_alternative(part)]
+    place = ""
+    for key in keys:
+        place += f"[{key}]" if isinstance(key, int) else f'."{key}"' if "." in key or is_glob(key) else f".{key}"
+    place = place.lstrip(".") or "file"
+    return with_line(InputError(path, place, shown(first["input"]), expectation(first)), path, text)
+
+
+def _is_alternative(part: str) -> bool:
+    return part in {"str", "float", "ParameterTable"} or part.startswith("constrained")
+
+
+def expectation(error: Any) -> str:
+    """What pydantic expected, in plain words."""
+    kind, message = error["type"], str(error["msg"])
+    if kind == "extra_forbidden":
+        return f'no key "{error["loc"][-1]}" here'
+    if kind == "missing":
+        return f'a key "{error["loc"][-1]}"'
+    return sentence(message.removeprefix("Input should be ").removeprefix("Value error, "))
+
+
+def shown(found: object) -> str:
+    """What was found, cut to a length that fits a line."""
+    text = repr(found)
+    return text if len(text) <= 60 else text[:57] + "…"
+
+
+def sentence(message: str) -> str:
+    """A message that can stand behind a colon."""
+    return message[:1].lower() + message[1:]
+
+
+def with_line(error: InputError, path: Path, text: str) -> InputError:
+    """The same mistake with the line at which its key stands."""
+    if error.file != str(path) or error.place.startswith("line "):
+        return error
+    line = locate(text, error.place)
+    return error if line is None else InputError(path, f"line {line}, {error.place}", error.found, error.expected)
