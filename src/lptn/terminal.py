@@ -85,6 +85,7 @@ def show_ladder(ladder: Ladder) -> None:
                 f"Rung {number}: the fitted data alone could not tell it from {_keys(rung.alike)}.",
                 markup=False,
             )
+    _show_warnings(ladder.best.fit)
 
 
 def who_chose(ladder: Ladder) -> str:
@@ -101,7 +102,8 @@ def show_diagnosis(found: Diagnosis) -> None:
     """Verdict, and the candidates that were refitted."""
     lack = ", ".join(f"{node} {value:.2g}" for node, value in found.scores.lack.items())
     out.print(f"The model is {VERDICTS[found.verdict]}.")
-    out.print(f"RMSE {_kelvin(found.rmse_fit)} on the fitted runs" + _held_out(found) + ".")
+    step = found.fit.problem.drives[0].run.step
+    out.print(f"RMSE {_kelvin(found.rmse_fit)} on the fitted runs{_held_out(found)}, in steps of {step:g} s.")
     out.print(f"Misfit over one-minute means, 1 being the most that noise would leave: {lack}.")
     if not found.findings:
         return
@@ -128,6 +130,10 @@ def show_fit(done: Fit) -> None:
     out.print(table)
     floor = ", ".join(f"{node} {value:.2g}" for node, value in zip(done.model.nodes, done.noise.floor, strict=True))
     out.print(f"RMSE {_kelvin(done.rmse)}; the sensors' noise alone: {floor} K. Search: {done.status}.")
+    _show_warnings(done)
+
+
+def _show_warnings(done: Fit) -> None:
     for warning in done.uncertainty.warnings:
         out.print(f"Warning: {warning}.", markup=False)
 
