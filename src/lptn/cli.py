@@ -31,6 +31,7 @@ app = cyclopts.App(
     name="lptn",
     help="Thermal networks of electric robot joints: fit, compare, and find the physical effect that is missing.",
     help_format="plaintext",
+    suppress_keyboard_interrupt=False,  # `main` says what becomes of the files
 )
 
 

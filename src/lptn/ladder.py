@@ -28,6 +28,7 @@ from lptn.diagnose import (
     explained,
     fit_parts,
     holdout_errors,
+    unless_interrupted,
     worse_by,
 )
 from lptn.evidence import Evidence
@@ -187,7 +188,7 @@ def improve(
     coarse = data.coarsened(SEARCH_STEP)
     report("fitting the model as it stands")
     search = _Search(coarse, executor, report)
-    root = _Path(fit_parts(model, coarse.fit), (), coarse)
+    root = _Path(unless_interrupted(fit_parts(model, coarse.fit)), (), coarse)
     search.climb(root, most)
     chosen = _pruned(_chosen(search.paths), report)
     first, last = search.diagnosis(root), search.diagnosis(chosen)
@@ -328,7 +329,7 @@ def _rungs(root: _Path, chosen: _Path, data: Evidence) -> tuple[Rung, ...]:
 
 def _refined(coarse: Fit, data: Evidence) -> Fit:
     """The same model fitted at full resolution, from the coarse solution."""
-    return fit_parts(coarse.model, data.fit, coarse.point)
+    return unless_interrupted(fit_parts(coarse.model, data.fit, coarse.point))
 
 
 def _in_words(beam: Sequence[_Path]) -> str:

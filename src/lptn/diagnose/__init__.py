@@ -13,7 +13,7 @@ from lptn.diagnose.diagnosis import (
     fit_parts,
     holdout_errors,
 )
-from lptn.diagnose.refit import SIGNIFICANT, Refit, continued, worse_by
+from lptn.diagnose.refit import SIGNIFICANT, Refit, continued, unless_interrupted, worse_by
 from lptn.diagnose.score import Score, Scores, score
 
 __all__ = [
@@ -35,5 +35,6 @@ __all__ = [
     "fit_parts",
     "holdout_errors",
     "score",
+    "unless_interrupted",
     "worse_by",
 ]

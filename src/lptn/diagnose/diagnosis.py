@@ -11,7 +11,7 @@ import numpy as np
 
 from lptn.compare import Errors, predict
 from lptn.diagnose.candidates import candidates
-from lptn.diagnose.refit import SIGNIFICANT, Refit, refit_all, shortlist
+from lptn.diagnose.refit import SIGNIFICANT, Refit, refit_all, shortlist, unless_interrupted
 from lptn.diagnose.score import Scores, score
 from lptn.evidence import Evidence, Part
 from lptn.identify import Fit, Point, Progress, fit
@@ -123,7 +123,8 @@ def diagnose(
     """
     coarse = data.coarsened(SEARCH_STEP)
     report("fitting the model as it stands")
-    found = examine(fit_parts(model, coarse.fit), coarse, refits=refits, executor=executor, report=report)
+    base = unless_interrupted(fit_parts(model, coarse.fit))
+    found = examine(base, coarse, refits=refits, executor=executor, report=report)
     if found.verdict == "unexplained" and found.findings:
         report("looking for several effects at once")
         if _together(found, coarse, refits, executor):

@@ -91,7 +91,7 @@ def continued(base: Fit, network: Network) -> Fit:
         _carried(base.model, model, start, default_start(model, driven))
         for start, driven in zip(base.point.starts, drives, strict=True)
     ]
-    return fit(
+    done = fit(
         model,
         drives,
         mirror_weight=problem.mirror_weight,
@@ -100,6 +100,18 @@ def continued(base: Fit, network: Network) -> Fit:
         starts=starts,
         iterations=_ITERATIONS,
     )
+    return unless_interrupted(done)
+
+
+def unless_interrupted(done: Fit) -> Fit:
+    """A fit as it is; a search of many fits stops where one was stopped, since a half-done one decides nothing.
+
+    Raises:
+        KeyboardInterrupt: Ctrl-C ended the fit.
+    """
+    if done.status == "interrupted":
+        raise KeyboardInterrupt
+    return done
 
 
 def worse_by(one: Fit, other: Fit) -> float:

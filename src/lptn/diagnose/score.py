@@ -21,6 +21,8 @@ from lptn.simulate import drive
 
 _TRIALS = 200
 _BLOCK = 60.0  # s; noise averages out over a block, a missing effect does not
+Options = list[tuple[float | None, FloatArray, float, bool]]
+"""For each shape: its value, the normalised direction, the projected column's length, whether one-sided."""
 _FAINT = 1e-8  # of a column's length left after projection: the fitted parameters imitate it wholly
 
 
@@ -78,7 +80,7 @@ def score(fit: Fit, found: Sequence[Candidate], seed: int = 0) -> Scores:
     places = sites(found)
     baseline, columns = _design(fit, places)
     basis = np.linalg.qr(_regular(baseline))[0]
-    residual = _projected(_residual(fit), basis)
+    residual = _projected(fit.problem.residuals(fit.z), basis)
     projected = _projected(columns, basis)
     directions = _combine(found, places, projected, columns)
     ranked = [_score(candidate, options, residual) for candidate, options in zip(found, directions, strict=True)]
@@ -87,10 +89,6 @@ def score(fit: Fit, found: Sequence[Candidate], seed: int = 0) -> Scores:
     chance = _chance(directions, noise)
     ranked.sort(key=lambda each: -each.gain)
     return Scores(ranked, chance, _lack_of_fit(fit, residual, noise))
-
-
-Options = list[tuple[float | None, FloatArray, float, bool]]
-"""For each shape: its value, the normalised direction, the projected column's length, whether one-sided."""
 
 
 def _design(fit: Fit, places: Sequence[Site]) -> tuple[FloatArray, FloatArray]:
@@ -126,10 +124,6 @@ def _regular(baseline: FloatArray) -> FloatArray:
 
 def _projected(columns: FloatArray, basis: FloatArray) -> FloatArray:
     return np.asarray(columns - basis @ (basis.T @ columns))
-
-
-def _residual(fit: Fit) -> FloatArray:
-    return fit.problem.residuals(fit.z)
 
 
 def _combine(
