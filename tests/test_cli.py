@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import json
+import signal
+import subprocess
+import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -150,3 +154,19 @@ def test_effects_are_listed_and_shown(lptn: Run) -> None:
 
 def test_nothing_is_said_on_the_error_stream_when_nobody_watches(lptn: Run, short_log: Path) -> None:
     assert lptn("fit", MODEL, short_log)[2] == ""
+
+
+def test_ctrl_c_ends_a_search_in_one_line_and_writes_nothing(tmp_path: Path) -> None:
+    code = "import sys; from lptn.cli import main; print('ready', flush=True); main(sys.argv[1:])"
+    words = ["improve", str(MODEL), str(LOG), "--holdout-after", "300", "-o", str(tmp_path / "better.toml")]
+    started = subprocess.Popen(
+        [sys.executable, "-c", code, *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    assert started.stdout is not None
+    assert started.stdout.readline() == "ready\n"
+    time.sleep(5)  # the whole search takes several times as long on any machine
+    started.send_signal(signal.SIGINT)
+    _, said = started.communicate(timeout=60)
+    assert started.returncode == 130
+    assert said == "lptn: stopped; nothing was written\n"
+    assert not list(tmp_path.iterdir())

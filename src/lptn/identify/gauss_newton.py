@@ -208,7 +208,8 @@ def _array(column: ca.DM) -> FloatArray:
 @contextmanager
 def _interrupt(watcher: _Watcher) -> Iterator[None]:
     """Turn Ctrl-C into a polite stop while the solver runs; only the main thread receives signals."""
-    if threading.current_thread() is not threading.main_thread():
+    ignored = signal.getsignal(signal.SIGINT) is signal.SIG_IGN  # a job put in the background
+    if ignored or threading.current_thread() is not threading.main_thread():
         yield
         return
 
