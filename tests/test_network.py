@@ -124,7 +124,7 @@ def test_a_link_between_two_prescribed_nodes_is_left_out() -> None:
 
 def test_effects_can_be_taken_out_again() -> None:
     network = leg([effect("constant_heat", "*_calf"), effect("coulomb_friction")])
-    left = network.without_effects(lambda declared: declared.effect.key == "constant_heat")
+    left = network.without_effect("constant_heat", "*_calf")
     assert [one.effect.key for one in left.effects] == ["coulomb_friction"]
 
 

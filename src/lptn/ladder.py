@@ -26,6 +26,7 @@ from lptn.diagnose import (
     continued,
     examine,
     explained,
+    explained_elsewhere,
     fit_parts,
     holdout_errors,
     unless_interrupted,
@@ -256,7 +257,8 @@ def _verdict(first: Diagnosis, root: _Path, chosen: _Path) -> Verdict:
     """On the model as given; effects that only the fitted runs ask for explain nothing."""
     if first.verdict == "adequate":
         return "adequate"
-    return "missing" if explained(root.fit, chosen.fit) > _MOST else "unexplained"
+    elsewhere = explained_elsewhere(root.fit, root.holdout, chosen.holdout)
+    return "missing" if explained(root.fit, chosen.fit) > _MOST and elsewhere else "unexplained"
 
 
 def _chosen(paths: Sequence[_Path]) -> _Path:
@@ -302,9 +304,7 @@ def _pruned(path: _Path, report: Report) -> _Path:
     """The ladder less the rungs that later ones made superfluous."""
     for step in path.steps[:-1]:
         rest = tuple(other for other in path.steps if other is not step)
-        network = path.fit.model.network.without_effects(
-            lambda effect, gone=step.refit.declaration: effect is gone  # type: ignore[misc]
-        )
+        network = path.fit.model.network.without_effect(*step.key)
         shorter = _Path(continued(path.fit, network), rest, path.data)
         cheaper = worse_by(shorter.fit, path.fit) < TIE
         if cheaper and shorter.rank <= path.rank * (1 + _WORTH):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -176,9 +176,9 @@ class Network:
         """The same network with parameter values replaced, by the names of its unknowns."""
         return replace(self, values={**self.values, **values})
 
-    def without_effects(self, unwanted: Callable[[EffectDeclaration], bool]) -> Network:
-        """The same network less the effects for which `unwanted` holds."""
-        return replace(self, effects=tuple(effect for effect in self.effects if not unwanted(effect)))
+    def without_effect(self, key: str, at: str) -> Network:
+        """The same network less the effect declared with this key and place."""
+        return replace(self, effects=tuple(each for each in self.effects if (each.effect.key, each.at) != (key, at)))
 
     def places_for(self, declaration: EffectDeclaration) -> list[tuple[str, tuple[str, ...]]]:
         """Where a declared effect acts: (place, nodes it touches)."""

@@ -15,7 +15,9 @@ from lptn.model import Model
 
 _MAX_RATE = 1.0  # product of an internal step and the fastest rate; RK4 is stable to 2.78, exact to 1 % at 1
 _MAX_SUBSTEPS = 256
-_START_SAMPLES = 5
+_BEGINNING = 5.0  # s; readings so early are averaged into the start
+_LATE = 30.0  # s; a first reading that comes later says little about the start
+_AT_REST = 5.0  # K; nodes of a robot at rest lie no further apart
 
 
 class SimulationError(ArithmeticError):
@@ -78,11 +80,11 @@ def drive(model: Model, run: Run) -> Drive:
     if not np.isfinite(measured).any():
         names = ", ".join(f"temperature.{node}" for node in model.nodes)
         raise InputError(run.source, "temperature columns", "no reading of any node of the model", names)
-    start = np.array([_first(row) for row in measured])
+    start = np.array([_first(row, run.step) for row in measured])
     inputs = np.empty((len(model.inputs), len(run)))
     for row, column in enumerate(model.inputs):
         if column in model.started:
-            inputs[row] = np.nanmean(start)
+            inputs[row] = _resting_temperature(model, run, start)
         elif run.has(column):
             inputs[row] = run.columns[column]
         else:
@@ -92,7 +94,9 @@ def drive(model: Model, run: Run) -> Drive:
 
 def default_start(model: Model, driven: Drive) -> FloatArray:
     """States to start from [degC], shape (number of states,): the first readings, hidden states in equilibrium."""
-    nodes: FloatArray = np.where(np.isnan(driven.start), np.nanmean(driven.start), driven.start)
+    known = driven.start[np.isfinite(driven.start)]
+    somewhere = float(known.mean()) if known.size else float(np.nanmean(driven.measured))
+    nodes: FloatArray = np.where(np.isnan(driven.start), somewhere, driven.start)
     return np.asarray(nodes[np.array(model.owners)])
 
 
@@ -168,6 +172,27 @@ def drives(model: Model, runs: Sequence[Run]) -> list[Drive]:
     return [drive(model, run) for run in runs]
 
 
-def _first(readings: FloatArray) -> float:
-    finite = readings[np.isfinite(readings)]
-    return float(finite[:_START_SAMPLES].mean()) if finite.size else float("nan")
+def _first(readings: FloatArray, step: float) -> float:
+    """Mean of the first few seconds' readings; NaN where the first one comes late or never."""
+    finite = np.flatnonzero(np.isfinite(readings))
+    if finite.size == 0 or finite[0] * step > _LATE:
+        return float("nan")
+    early = finite[finite * step < finite[0] * step + max(_BEGINNING, step)]
+    return float(readings[early].mean())
+
+
+def _resting_temperature(model: Model, run: Run, start: FloatArray) -> float:
+    """The temperature that all nodes have at the start of a log that begins at rest.
+
+    Raises:
+        InputError: the log has no readings at its start, or its nodes differ there.
+    """
+    known = [run.beginning[f"temperature.{node}"] for node in model.nodes if f"temperature.{node}" in run.beginning]
+    first = np.array(known) if known else start
+    first = first[np.isfinite(first)]
+    expected = 'a log that begins at rest, or an ambient column or number in place of ambient = "start"'
+    if first.size == 0:
+        raise InputError(run.source, "start", f"no temperature in the first {_LATE:g} s", expected)
+    if np.ptp(first) > _AT_REST:
+        raise InputError(run.source, "start", f"nodes from {first.min():.1f} to {first.max():.1f} degC", expected)
+    return float(first.mean())

@@ -10,6 +10,7 @@ from lptn.diagnose.diagnosis import (
     diagnose,
     examine,
     explained,
+    explained_elsewhere,
     fit_parts,
     holdout_errors,
 )
@@ -32,6 +33,7 @@ __all__ = [
     "diagnose",
     "examine",
     "explained",
+    "explained_elsewhere",
     "fit_parts",
     "holdout_errors",
     "score",

@@ -11,7 +11,7 @@ import numpy as np
 
 from lptn.compare import Errors, predict
 from lptn.diagnose.candidates import candidates
-from lptn.diagnose.refit import SIGNIFICANT, Refit, refit_all, shortlist, unless_interrupted
+from lptn.diagnose.refit import Refit, refit_all, shortlist, unless_interrupted
 from lptn.diagnose.score import Scores, score
 from lptn.evidence import Evidence, Part
 from lptn.identify import Fit, Point, Progress, fit
@@ -26,6 +26,7 @@ SEARCH_STEP = 5.0  # s; effects are sought on means over so long, which loses li
 _MOST_REFITS = 6
 TIE = 10.0
 """Information criteria closer than this decide nothing (Burnham and Anderson: beyond 10, no support)."""
+_ELSEWHERE = 0.3  # share of the held-out error, squared and beyond noise, that must go with it
 _LACK = 1.5  # block means above so much of their bound by chance are more than noise
 _ONE, _THREE = 0.6, 0.8  # shares of the excess misfit that one effect, or three, must remove to be what is missing
 
@@ -149,8 +150,9 @@ def examine(
     report(f"refitting {len(worthwhile)} of them")
     done = refit_all(base, worthwhile, executor)
     findings = _findings(base, done, scores, data)
-    verdict = _verdict(base, done, scores)
-    return Diagnosis(verdict, base, base.rmse, holdout_errors(base, data.holdout), scores, findings)
+    holdout = holdout_errors(base, data.holdout)
+    verdict = _verdict(base, done, scores, holdout, data)
+    return Diagnosis(verdict, base, base.rmse, holdout, scores, findings)
 
 
 def fit_parts(
@@ -211,15 +213,25 @@ def _chance_level(base: Fit) -> float:
     return float((weights.sum(axis=0) * share).sum() / max(weights.sum(), 1))
 
 
-def _verdict(base: Fit, done: Sequence[Refit], scores: Scores) -> Verdict:
+def _verdict(base: Fit, done: Sequence[Refit], scores: Scores, holdout: Errors | None, data: Evidence) -> Verdict:
     lacking = any(value > _LACK for value in scores.lack.values())
-    best = scores.ranked[0].gain if scores.ranked else 0.0
-    noticed = scores.p_value(best) < SIGNIFICANT
-    if not lacking and not noticed:
+    helps = bool(done) and done[0].gain > TIE  # only candidates beyond chance were refitted
+    if not lacking and not helps:
         return "adequate"
-    if not noticed or not done:
-        return "unexplained"
-    return "missing" if explained(base, done[0].fit) > _ONE else "unexplained"
+    return "missing" if done and _removes(base, done[0].fit, holdout, data, _ONE) else "unexplained"
+
+
+def _removes(base: Fit, done: Fit, before: Errors | None, data: Evidence, share: float) -> bool:
+    """Whether a larger model removes that share of the misfit, and of the held-out error too."""
+    return explained(base, done) > share and explained_elsewhere(base, before, holdout_errors(done, data.holdout))
+
+
+def explained_elsewhere(base: Fit, before: Errors | None, after: Errors | None) -> bool:
+    """Whether most of the held-out error beyond noise goes, too; true where nothing is held out."""
+    if before is None or after is None:
+        return True
+    floor = float(np.mean(base.noise.floor**2))
+    return before.rmse**2 - after.rmse**2 > _ELSEWHERE * max(before.rmse**2 - floor, 0.0)
 
 
 def explained(base: Fit, done: Fit) -> float:
@@ -237,4 +249,4 @@ def _together(found: Diagnosis, data: Evidence, refits: int, executor: Executor 
             break
         path = examine(path.findings[0].refit.fit, fitted, refits=refits, executor=executor)
     last = path.findings[0].refit.fit if path.findings else path.fit
-    return explained(found.fit, last) > _THREE
+    return _removes(found.fit, last, found.holdout, data, _THREE)

@@ -20,6 +20,7 @@ from lptn.sensitivity import sensitivities
 from lptn.simulate import drive
 
 _TRIALS = 200
+_NEGLIGIBLE = 0.01  # K; nobody looks for an effect that leaves less on one-minute means
 _BLOCK = 60.0  # s; noise averages out over a block, a missing effect does not
 Options = list[tuple[float | None, FloatArray, float, bool]]
 """For each shape: its value, the normalised direction, the projected column's length, whether one-sided."""
@@ -207,6 +208,7 @@ def _lack_of_fit(fit: Fit, residual: FloatArray, noise: FloatArray) -> dict[str,
     for node in fit.model.nodes:
         squares, chance = np.concatenate(measured[node]), np.vstack(by_chance[node])
         if squares.size:
-            bound = float(np.quantile(chance.mean(axis=0), 0.95))
+            negligible = (_NEGLIGIBLE / problem.sigma[fit.model.nodes.index(node)]) ** 2
+            bound = max(float(np.quantile(chance.mean(axis=0), 0.95)), negligible)
             lack[node] = float(squares.mean() / max(bound, 1e-30))
     return lack

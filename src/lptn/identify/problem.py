@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lptn.arrays import FloatArray
+from lptn.arrays import BoolArray, FloatArray
 from lptn.model import Model
 from lptn.parameters import Transform
 from lptn.sensitivity import sensitivities
@@ -17,6 +17,7 @@ from lptn.simulate import Drive, SimulationError, default_start, simulate
 # first readings the cost holds anyway, narrower for states that no sensor sees.
 _NODE_SPREAD = 10.0
 _HIDDEN_SPREAD = 5.0
+_NEAR = 1.5  # K; a node starts no further from its first readings, unless its sensor is known to read wrongly
 
 
 @dataclass(frozen=True)
@@ -83,6 +84,12 @@ class Problem:
         lower, upper = np.full(self.size, -np.inf), np.full(self.size, np.inf)
         lower[: len(self.free)] = self._transform.forward(declared[:, 0])
         upper[: len(self.free)] = self._transform.forward(declared[:, 1])
+        count = len(self.model.states)
+        for number, driven in enumerate(self.drives):
+            near = slice(len(self.free) + number * count, len(self.free) + number * count + len(self.model.nodes))
+            trusted = np.isfinite(driven.start) & ~self._read_wrongly
+            lower[near] = np.where(trusted, driven.start - _NEAR, -np.inf)
+            upper[near] = np.where(trusted, driven.start + _NEAR, np.inf)
         return lower, upper
 
     def slope(self, values: FloatArray) -> FloatArray:
@@ -136,6 +143,12 @@ class Problem:
             driven.measured - simulate(self.model, driven, point.values, start).readings
             for driven, start in zip(self.drives, point.starts, strict=True)
         ]
+
+    @property
+    def _read_wrongly(self) -> BoolArray:
+        """Which nodes have a sensor effect, so that they may start away from their first readings."""
+        nodes = {use.ends[0] for use in self.model.network.uses if use.effect.site == "sensor"}
+        return np.array([node in nodes for node in self.model.nodes], dtype=bool)
 
     # --- initial states ---------------------------------------------------------------------------
 

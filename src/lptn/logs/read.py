@@ -23,6 +23,7 @@ from lptn.logs.stretches import find_stretches
 from lptn.logs.tables import Table, open_table
 
 _FEWEST_STEPS = 10
+_BEGINNING = 5.0  # s
 
 
 def read_log(
@@ -176,6 +177,7 @@ def _runs(path: Path, chosen: Selection, samples: Samples, step: float, max_gap:
         fingerprint=fingerprint(path),
         notes=_merged([*notes, *gaps]),
         resolution=_resolution(samples.raw),
+        beginning=_beginning(samples),
     )
     held = replace(samples, raw={key: hold(values) for key, values in needed.items()})
     runs = []
@@ -186,6 +188,17 @@ def _runs(path: Path, chosen: Selection, samples: Samples, step: float, max_gap:
         name = f"{stem}#{number}" if len(spans) > 1 else stem
         runs.append(replace(whole, name=name, time=grid(start, step, n), columns=columns))
     return runs
+
+
+def _beginning(samples: Samples) -> dict[str, float]:
+    """Mean of each temperature's readings in the log's first seconds; those that come later are left out."""
+    early = samples.time < samples.time[0] + max(_BEGINNING, samples.period)
+    found = {}
+    for key, values in samples.raw.items():
+        readings = values[early][np.isfinite(values[early])]
+        if key.startswith("temperature.") and readings.size:
+            found[key] = float(readings.mean())
+    return found
 
 
 def _merged(notes: list[str]) -> tuple[str, ...]:

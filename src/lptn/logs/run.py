@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
+import numpy as np
+
 from lptn.arrays import FloatArray
 from lptn.errors import InputError
 from lptn.logs.features import reduce_blocks
@@ -22,6 +24,7 @@ class Run:
         averaged: temperatures are means over [t, t+step); if False, values at t. Inputs hold over the step.
         source: the file it came from.
         fingerprint: SHA-256 of the file's bytes.
+        beginning: the log's first readings, degC, by temperature column; all pieces of a split log share them.
         resolution: for a temperature column whose sensor moves in steps, the step in K.
         notes: what was found in the file and how it was treated, a sentence each.
     """
@@ -35,6 +38,7 @@ class Run:
     fingerprint: str
     notes: tuple[str, ...] = ()
     resolution: Mapping[str, float] = field(default_factory=dict)
+    beginning: Mapping[str, float] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return int(self.time.size)
@@ -79,10 +83,18 @@ class Run:
             raise InputError(self.source, "coarsen", f"factor {factor}", f"a whole number from 1 to {len(self)}")
         if factor == 1:
             return self
+        columns = {name: self._between_samples(name, values) for name, values in self.columns.items()}
+        blocks = min(len(values) for values in columns.values()) // factor
         return replace(
             self,
             step=self.step * factor,
-            time=self.time[: len(self) // factor * factor : factor],
-            columns={name: reduce_blocks(name, values, factor) for name, values in self.columns.items()},
+            time=self.time[: blocks * factor : factor],
+            columns={name: reduce_blocks(name, values, factor)[:blocks] for name, values in columns.items()},
             averaged=True,
         )
+
+    def _between_samples(self, column: str, values: FloatArray) -> FloatArray:
+        """Temperatures as means over the steps; samples are joined by straight lines, the last has no successor."""
+        if self.averaged or not column.startswith("temperature."):
+            return values
+        return np.asarray(0.5 * (values[:-1] + values[1:]))

@@ -54,7 +54,7 @@ def leg_logs(
         start: "cold": joints 0.5 to 2 K above the ambient, hidden masses and sensors with them. "warm": each
             run comes after 15 min of trotting that isn't logged, so hidden masses and sensors lag behind.
         rate: rows a second: 10 for the signed samples themselves; 5, 2 or 1 for RMS torque, mean |velocity|,
-            mean |speed| and mean temperature over each row's interval, which begins at its time.
+            mean |speed| over each row's interval, and the temperature at its beginning, the row's time.
 
     Returns:
         "fit1", "fit2" and "holdout", each with the columns time (s), torque.<joint> (N·m), velocity.<joint>
@@ -121,7 +121,7 @@ def _reduce(signals: Signals, seen: Array, block: int) -> pd.DataFrame:
     columns |= {f"torque.{joint}": torque[:, i] for i, joint in enumerate(JOINTS)}
     columns |= {f"velocity.{joint}": velocity[:, i] for i, joint in enumerate(JOINTS)}
     columns["speed.base"] = base[:, 0]
-    columns |= {f"temperature.{joint}": _mean(seen, block)[:, i] for i, joint in enumerate(JOINTS)}
+    columns |= {f"temperature.{joint}": seen[::block, i] for i, joint in enumerate(JOINTS)}
     return pd.DataFrame(columns)
 
 
