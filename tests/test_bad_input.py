@@ -123,3 +123,48 @@ def test_an_output_folder_that_does_not_exist_is_said(tmp_path: Path, capsys: py
         main(["new", "leg", "-o", str(tmp_path / "nowhere" / "leg.toml")])
     assert stop.value.code == 2
     assert "nowhere" in capsys.readouterr().err
+
+
+def _refused(words: list[object], capsys: pytest.CaptureFixture[str]) -> str:
+    with pytest.raises(SystemExit) as stop:
+        main([str(word) for word in words])
+    seen = capsys.readouterr()
+    assert stop.value.code == 2
+    assert seen.err.count("\n") == 1
+    return seen.err
+
+
+def test_the_same_log_twice_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "model.toml").write_text(MODEL)
+    GOOD.to_csv(tmp_path / "log.csv", index=False)
+    GOOD.to_csv(tmp_path / "copy.csv", index=False)
+    words: list[object] = ["fit", tmp_path / "model.toml", tmp_path / "log.csv", "--holdout", tmp_path / "copy.csv"]
+    assert "the same data as" in _refused(words, capsys)
+
+
+def test_outputs_are_checked_before_the_work(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "model.toml").write_text(MODEL)
+    GOOD.to_csv(tmp_path / "log.csv", index=False)
+    both = [tmp_path / "model.toml", tmp_path / "log.csv"]
+    assert "no such folder" in _refused(["fit", *both, "-o", tmp_path / "no" / "x.toml"], capsys)
+    assert "no such folder" in _refused(["improve", *both, "--json", tmp_path / "no" / "x.json"], capsys)
+    assert ".png, .svg or .pdf" in _refused(["compare", *both, "--plot", tmp_path / "x.jpg"], capsys)
+
+
+def test_a_start_that_is_not_at_rest_gives_no_ambient(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    model = MODEL.replace('ambient = "temperature.ambient"', 'ambient = "start"')
+    (tmp_path / "model.toml").write_text(
+        model.replace("[nodes.motor]", "[nodes.gearbox]\ncapacity = 100\n\n[nodes.motor]")
+        + '\n[[links]]\nbetween = ["gearbox", "ambient"]\n'
+    )
+    GOOD.assign(**{"temperature.gearbox": 60.0}).to_csv(tmp_path / "log.csv", index=False)
+    line = _refused(["fit", tmp_path / "model.toml", tmp_path / "log.csv"], capsys)
+    assert "nodes from 25.2 to 60.0 degC" in line
+
+
+def test_numbers_out_of_range_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "model.toml").write_text(MODEL)
+    GOOD.to_csv(tmp_path / "log.csv", index=False)
+    both = [tmp_path / "model.toml", tmp_path / "log.csv"]
+    assert "--jobs" in _refused(["diagnose", *both, "--jobs", 0], capsys)
+    assert "--mirror-weight" in _refused(["fit", *both, "--mirror-weight", -5], capsys)

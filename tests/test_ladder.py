@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from concurrent.futures import ProcessPoolExecutor
 
 import pytest
 
@@ -78,3 +79,13 @@ def test_models_travel_between_processes(climbed: tuple[Model, Evidence, Ladder]
     again = pickle.loads(pickle.dumps(ladder.best.fit))
     assert again.cost == ladder.best.fit.cost
     assert again.problem.cost(again.z) == pytest.approx(ladder.best.fit.cost, rel=1e-12)
+
+
+@pytest.mark.slow
+def test_two_processes_climb_the_same_ladder(leg: Leg, climbed: tuple[Model, Evidence, Ladder]) -> None:  # noqa: F811
+    model, data = leg(*TWO)
+    with ProcessPoolExecutor(2) as pool:
+        ladder = improve(model, data, executor=pool)
+    alone = climbed[2]
+    assert [(rung.effect, rung.at) for rung in ladder.rungs] == [(rung.effect, rung.at) for rung in alone.rungs]
+    assert ladder.best.fit.cost == pytest.approx(alone.best.fit.cost, rel=1e-9)

@@ -232,7 +232,7 @@ def fitted() -> Fit:
 
 
 def test_a_fit_is_kept_in_the_file_and_read_again(fitted: Fit) -> None:
-    file = _parse(SMALL).with_fit(fitted)
+    file = _parse(SMALL).with_fit(fitted.table())
     assert file.text.startswith(SMALL.rstrip("\n"))
     again = {unknown.name: unknown.value for unknown in _parse(file.text).network.unknowns}
     for unknown in fitted.model.unknowns:
@@ -243,13 +243,13 @@ def test_a_fit_is_kept_in_the_file_and_read_again(fitted: Fit) -> None:
 
 
 def test_a_second_fit_replaces_the_first(fitted: Fit) -> None:
-    once = _parse(SMALL).with_fit(fitted)
-    assert once.with_fit(fitted).text == once.text
+    once = _parse(SMALL).with_fit(fitted.table())
+    assert once.with_fit(fitted.table()).text == once.text
     assert once.text.count("[fit]") == 1
 
 
 def test_an_effect_can_be_added_to_a_fitted_file(fitted: Fit) -> None:
-    file = added(_parse(SMALL).with_fit(fitted), "constant_heat", "b")
+    file = added(_parse(SMALL).with_fit(fitted.table()), "constant_heat", "b")
     values = {unknown.name: unknown.value for unknown in file.network.unknowns}
     assert values["capacity.a"] == pytest.approx(TRUTH["capacity.a"], rel=0.05)
     assert values["constant_heat.power.b"] == 3.0
@@ -265,7 +265,7 @@ def test_a_fit_that_ends_at_a_long_bound_can_be_read_again() -> None:
     text = SMALL.replace("capacity = 300\n", "capacity = { value = 150, bounds = [140.123456, 160] }\n")
     model = Model(_parse(text).network)
     found = fit(model, drives(model, [truth_run(300.0, step=5.0)]))
-    _parse(text).with_fit(found)
+    _parse(text).with_fit(found.table())
 
 
 def test_bounds_of_an_added_effect_are_kept() -> None:

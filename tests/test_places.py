@@ -109,3 +109,26 @@ def test_brackets_choose_letters_in_links_as_they_do_in_nodes() -> None:
 
 def test_an_open_brace_is_plain_text() -> None:
     assert expand_pair(("{leg_hip", "trunk"), ["{leg_hip", "trunk", "FL_hip"]) == [("{leg_hip", "trunk")]
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        ("FR_calf", "*_calf"),
+        ("knee_left", "knee_*"),
+        ("front_left_knee", "front_*_knee"),
+        ("joint_1", "joint_*"),
+        ("heater2", "heater*"),
+        ("motor", "motor"),
+    ],
+)
+def test_the_class_of_a_name_leaves_out_its_side_or_number(name: str, expected: str) -> None:
+    assert class_of(name) == expected
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [("front_left_knee", "front_right_knee"), ("knee_r", "knee_l"), ("RR_hip", "RL_hip"), ("a", None)],
+)
+def test_the_other_side_is_found_wherever_the_side_is_named(name: str, expected: str | None) -> None:
+    assert mirrored(name) == expected

@@ -9,6 +9,7 @@ from typing import Annotated
 
 import cyclopts
 from cyclopts import Parameter as Option
+from cyclopts import validators
 
 from lptn.cli_support import (
     Holdout,
@@ -19,6 +20,8 @@ from lptn.cli_support import (
     OptionalOutput,
     Output,
     Proof,
+    check_outputs,
+    check_picture,
     executor_of,
     needs_logs,
     open_by_job,
@@ -77,7 +80,10 @@ def fit(
     output: OptionalOutput = None,
     holdout: Holdout = None,
     holdout_after: HoldoutAfter = None,
-    mirror_weight: Annotated[float, Option(help="Pull of left and right parameters towards each other.")] = 0.0,
+    mirror_weight: Annotated[
+        float,
+        Option(help="Pull of left and right parameters towards each other.", validator=validators.Number(gte=0)),
+    ] = 0.0,
     json: Json = None,
     map: Map = None,  # noqa: A002
 ) -> None:
@@ -88,7 +94,10 @@ def fit(
     from lptn.diagnose import fit_parts, holdout_errors
     from lptn.terminal import progress, show_fit, show_holdout, write_json
 
+    check_outputs(output, json)
     opened, data = open_by_job(model, logs, holdout, holdout_after, None, map)
+    if not opened.model.free:
+        raise InputError(model, "parameters", "none that is free", "one at least without fixed = true")
     with progress("fitting") as report:
         done = fit_parts(
             opened.model,
@@ -100,7 +109,7 @@ def fit(
     show_fit(done)
     show_holdout(held)
     if output is not None:
-        opened.file.with_fit(done).write(output)
+        opened.file.with_fit(done.table()).write(output)
     write_json(json, done.as_json() | {"rmse_holdout": held.rmse if held else None})
 
 
@@ -123,6 +132,8 @@ def compare(
     from lptn.terminal import show_comparison, write_json
 
     needs_logs(logs)
+    check_outputs(json, plot)
+    check_picture(plot)
     opened = open_model(model, map or ())
     comparison = against(opened.model, evidence((), opened.runs(logs)).holdout)
     show_comparison(comparison)
@@ -149,6 +160,7 @@ def diagnose(
     from lptn.diagnose import diagnose as question
     from lptn.terminal import progress, show_diagnosis, write_json
 
+    check_outputs(json)
     opened, data = open_by_job(model, logs, holdout, holdout_after, None, map)
     with progress("reading") as report, executor_of(jobs) as executor:
         found = question(opened.model, data, executor=executor, report=report)
@@ -184,7 +196,7 @@ def improve(
     holdout: Holdout = None,
     holdout_after: HoldoutAfter = None,
     proof: Proof = None,
-    rungs: Annotated[int, Option(help="Effects to add at most.")] = 6,
+    rungs: Annotated[int, Option(help="Effects to add at most.", validator=validators.Number(gte=0))] = 6,
     json: Json = None,
     report: Annotated[Path | None, Option(help="HTML report to write.")] = None,
     jobs: Jobs = 1,
@@ -198,12 +210,13 @@ def improve(
     from lptn.ladder import improve as climb
     from lptn.terminal import progress, show_ladder, write_json
 
+    check_outputs(output, json, report)
     opened, data = open_by_job(model, logs, holdout, holdout_after, proof, map)
     with progress("reading") as say, executor_of(jobs) as executor:
         ladder = climb(opened.model, data, most=rungs, executor=executor, report=say)
     show_ladder(ladder)
     if output is not None:
-        opened.file.with_effects(ladder.declarations()).with_fit(ladder.best.fit).write(output)
+        opened.file.with_effects(ladder.declarations()).with_fit(ladder.best.fit.table()).write(output)
     write_json(json, ladder.as_json())
     if report is not None:
         from lptn.report import story_html
@@ -265,24 +278,27 @@ def report(
     )
 
 
+def _say(message: object) -> None:
+    """One line on the error stream; nothing is imported, for it may be said in the middle of an import."""
+    print(f"lptn: {' '.join(str(message).split())}", file=sys.stderr)
+
+
 def main(words: Sequence[str] | None = None) -> None:
     """Run the command line; a user's mistake is one line and exit status 2.
 
     Args:
         words: what stands behind `lptn`; by default what the shell gave.
     """
-    from lptn.terminal import mistake
-
     try:
         app(sys.argv[1:] if words is None else words, exit_on_error=False, print_error=False)
     except InputError as error:
-        mistake(error)
+        _say(error)
         sys.exit(2)
     except cyclopts.CycloptsError as error:
-        mistake(f"{error} (`lptn --help` shows how)")
+        _say(f"{error} (`lptn --help` shows how)")
         sys.exit(2)
     except KeyboardInterrupt:
-        mistake("stopped; nothing was written")
+        _say("stopped; nothing was written")
         sys.exit(130)
 
 

@@ -12,12 +12,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter as Option
+from cyclopts import validators
 
 from lptn.errors import InputError
 
 if TYPE_CHECKING:
     from lptn.compare import Comparison
     from lptn.evidence import Evidence
+    from lptn.logs import Run
     from lptn.opening import Opened
 
 Output = Annotated[Path, Option(name=["--output", "-o"], help="File to write.")]
@@ -43,7 +45,9 @@ Map = Annotated[
         negative="",
     ),
 ]
-Jobs = Annotated[int, Option(name="--jobs", help="Processes that refit candidates side by side.")]
+Jobs = Annotated[
+    int, Option(name="--jobs", help="Processes that refit candidates side by side.", validator=validators.Number(gte=1))
+]
 
 
 def open_by_job(
@@ -61,7 +65,31 @@ def open_by_job(
     needs_logs(logs)
     opened = open_model(model, mapped or ())
     fitted, held, proving = (opened.runs(group) for group in (logs, holdout or [], proof or []))
+    _refuse_twice({"LOGS": fitted, "--holdout": held, "--proof": proving})
     return opened, evidence(fitted, held, proving, holdout_after)
+
+
+def _refuse_twice(groups: dict[str, list[Run]]) -> None:
+    """A log that is fitted twice counts double; one that is fitted and held out proves nothing."""
+    jobs: dict[str, tuple[str, str]] = {}
+    for option, runs in groups.items():
+        for source, digest in {run.source: run.fingerprint for run in runs}.items():
+            if digest in jobs:
+                before, where = jobs[digest]
+                found = f"the same data as {before} ({where})"
+                raise InputError(source, option, found, "each log once: to fit, to hold out, or for proof")
+            jobs[digest] = source, option
+
+
+def check_outputs(*paths: Path | None) -> None:
+    """Refuse a file that can't be written before hours of work, not after.
+
+    Raises:
+        InputError: its folder does not exist, or it is a folder itself.
+    """
+    for path in paths:
+        if path is not None and (path.is_dir() or not path.absolute().parent.is_dir()):
+            raise InputError(path, "output", "no such folder", "a file in a folder that exists")
 
 
 def needs_logs(logs: tuple[Path, ...]) -> None:
@@ -85,12 +113,26 @@ def write_figure(comparison: Comparison, path: Path) -> None:
     from lptn.files import write_whole
     from lptn.report import comparison_figure
 
+    picture = io.BytesIO()
+    comparison_figure(comparison).savefig(picture, format=_picture_kind(path))
+    write_whole(path, picture.getvalue())
+
+
+def check_picture(path: Path | None) -> None:
+    """Refuse a kind of picture that can't be drawn.
+
+    Raises:
+        InputError: the file name ends in none of .png, .svg and .pdf.
+    """
+    if path is not None:
+        _picture_kind(path)
+
+
+def _picture_kind(path: Path) -> str:
     kind = path.suffix.lower().removeprefix(".")
     if kind not in {"png", "svg", "pdf"}:
         raise InputError(path, "--plot", f"a file name ending in '{path.suffix}'", "one ending in .png, .svg or .pdf")
-    picture = io.BytesIO()
-    comparison_figure(comparison).savefig(picture, format=kind)
-    write_whole(path, picture.getvalue())
+    return kind
 
 
 def typed() -> str:

@@ -13,11 +13,10 @@ from tomlkit.exceptions import ParseError, TOMLKitError
 
 from lptn.errors import InputError
 from lptn.files import write_whole
-from lptn.identify import Fit
 from lptn.logs import ColumnSource, parse_columns
 from lptn.model_mistakes import from_validation, sentence, with_line
 from lptn.model_reader import Reader, flat_columns
-from lptn.model_schema import File
+from lptn.model_schema import File, FitTable
 from lptn.network import EffectDeclaration, Network
 
 _SIGNIFICANT = 6  # digits of a fitted value: more would claim what no fit knows
@@ -58,28 +57,30 @@ class ModelFile:
             tables.append(table)
         return parse_model(tomlkit.dumps(document), self.path)
 
-    def with_fit(self, fit: Fit) -> ModelFile:
+    def with_fit(self, fitted: FitTable) -> ModelFile:
         """The file with a `[fit]` table: values, standard errors, warnings and the data's fingerprints."""
         document = tomlkit.parse(self.text)
         document.pop("fit", None)
         table = tomlkit.table()
-        table.add("rmse", _rounded(fit.rmse))
-        table["rmse"].comment("K, over the readings that were fitted")
-        table.add("status", fit.status)
-        if fit.uncertainty.warnings:
-            table.add("warnings", tomlkit.item(list(fit.uncertainty.warnings)).multiline(True))
+        if fitted.rmse is not None:
+            table.add("rmse", _rounded(fitted.rmse))
+            table["rmse"].comment("K, over the readings that were fitted")
+        if fitted.status is not None:
+            table.add("status", fitted.status)
+        if fitted.warnings:
+            table.add("warnings", tomlkit.item(fitted.warnings).multiline(True))
         data = tomlkit.array()
-        for source, digest in {driven.run.source: driven.run.fingerprint for driven in fit.problem.drives}.items():
-            data.append({"file": Path(source).name, "sha256": digest})
+        for entry in fitted.data:
+            data.append(entry.model_dump())
         table.add("data", data.multiline(True))
+        bounds = {unknown.name: unknown.declared.bounds for unknown in self.network.unknowns}
         parameters = tomlkit.table()
-        for index in fit.problem.free:
-            unknown = fit.model.unknowns[index]
-            lower, upper = unknown.declared.bounds
-            entry: dict[str, float | str] = {"value": min(max(_rounded(unknown.value), lower), upper)}
-            if math.isfinite(fit.errors[unknown.name]):
-                entry["error"] = _rounded(fit.errors[unknown.name])
-            parameters.add(unknown.name, _inline({**entry, "unit": unknown.declared.unit}))
+        for name, found in fitted.parameters.items():
+            lower, upper = bounds.get(name, (-math.inf, math.inf))
+            rounded = found.model_dump(exclude_none=True) | {"value": min(max(_rounded(found.value), lower), upper)}
+            if found.error is not None:
+                rounded["error"] = _rounded(found.error)
+            parameters.add(name, _inline(rounded))
         table.add("parameters", parameters)
         document.add("fit", table)
         return parse_model(tomlkit.dumps(document), self.path)

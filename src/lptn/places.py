@@ -7,7 +7,8 @@ from collections.abc import Iterable, Sequence
 from fnmatch import fnmatchcase
 
 EVERYWHERE = "*"
-_MIRRORED = (("FL", "FR"), ("RL", "RR"), ("left", "right"), ("Left", "Right"), ("l", "r"), ("L", "R"))
+_SIDES = {"FL": "FR", "RL": "RR", "left": "right", "Left": "Right", "l": "r", "L": "R"}
+_OTHER_SIDE = _SIDES | {right: left for left, right in _SIDES.items()}
 
 
 def matching(pattern: str, names: Iterable[str]) -> list[str]:
@@ -21,13 +22,17 @@ def is_glob(name: str) -> bool:
 
 
 def class_of(name: str) -> str:
-    """The class of a place: `FR_calf` is a `*_calf`, `heater2` a `heater*`."""
+    """The class of a place: `FR_calf` is a `*_calf`, `knee_left` a `knee_*`, `heater2` a `heater*`."""
     if "~" in name:
         return edge(*(class_of(end) for end in name.split("~")))
-    if "_" in name:
-        return "*_" + name.split("_", 1)[1]
+    words = name.split("_")
+    for number, word in enumerate(words):
+        if word in _OTHER_SIDE:
+            return "_".join([*words[:number], EVERYWHERE, *words[number + 1 :]])
     stem = name.rstrip("0123456789")
-    return name if stem in ("", name) else stem + "*"
+    if stem not in ("", name):
+        return stem + EVERYWHERE
+    return "_".join([EVERYWHERE, *words[1:]]) if len(words) > 1 else name
 
 
 def mirrored(name: str) -> str | None:
@@ -36,12 +41,10 @@ def mirrored(name: str) -> str | None:
         ends = name.split("~")
         others = [mirrored(end) or end for end in ends]
         return None if others == ends else edge(*others)
-    for left, right in _MIRRORED:
-        for here, there in ((left, right), (right, left)):
-            if name.startswith(here + "_"):
-                return there + name[len(here) :]
-            if name.endswith("_" + here):
-                return name[: -len(here)] + there
+    words = name.split("_")
+    for number, word in enumerate(words):
+        if word in _OTHER_SIDE:
+            return "_".join([*words[:number], _OTHER_SIDE[word], *words[number + 1 :]])
     return None
 
 

@@ -35,6 +35,8 @@ VERDICTS = {
     "unexplained": "unexplained: the model is wrong by more than noise, and the catalogue explains little of it",
 }
 
+_LONG = "what it is"  # the one column that may wrap
+
 _REMAINING = {
     "adequate": "adequate: what is left is no more than the sensors' noise",
     "missing": "still wrong by more than noise; further effects fitted the fitted runs, but did not help elsewhere",
@@ -56,11 +58,6 @@ def write_json(path: Path | None, content: object) -> None:
     """Write a result for other programs; numbers that are not finite become null."""
     if path is not None:
         write_whole(path, json.dumps(_finite(content), indent=2) + "\n")
-
-
-def mistake(message: object) -> None:
-    """One line on the error stream."""
-    err.print(f"lptn: {' '.join(str(message).split())}", markup=False)
 
 
 def show_ladder(ladder: Ladder) -> None:
@@ -105,16 +102,18 @@ def show_diagnosis(found: Diagnosis) -> None:
     step = found.fit.problem.drives[0].run.step
     out.print(f"RMSE {_kelvin(found.rmse_fit)} on the fitted runs{_held_out(found)}, in steps of {step:g} s.")
     out.print(f"Misfit over one-minute means, 1 being the most that noise would leave: {lack}.")
-    if not found.findings:
+    if not found.helpful:
         return
-    table = _table("rank", "effect", "at", "fit", "held out", "p", "can't be told from")
-    for rank, finding in enumerate(found.findings, start=1):
+    table = _table("rank", "effect", "at", "fit", "held out", "p", "like")
+    ranks = {finding.key: str(rank) for rank, finding in enumerate(found.helpful, start=1)}
+    for rank, finding in enumerate(found.helpful, start=1):
         effect, at = finding.key
         held = finding.holdout.rmse if finding.holdout else None
         cells = [str(rank), effect, at, _kelvin(finding.rmse_fit), _kelvin(held), f"{finding.p_value:.2g}"]
-        table.add_row(*cells, _keys(finding.alike))
+        table.add_row(*cells, " ".join(ranks[key] for key in finding.alike if key in ranks))
     out.print(table)
-    best = found.findings[0]
+    out.print("p: how often chance alone would score as much. like: ranks that these data can't tell from it.")
+    best = found.helpful[0]
     if best.alike:
         out.print(f"To separate them: {best.refit.candidate.effect.signature.separate_by}.", markup=False)
 
@@ -244,7 +243,7 @@ def _table(*columns: str) -> Table:
             "value",
             "p",
         }
-        table.add_column(column, justify="right" if numeric else "left", overflow="fold")
+        table.add_column(column, justify="right" if numeric else "left", no_wrap=column != _LONG, overflow="fold")
     return table
 
 

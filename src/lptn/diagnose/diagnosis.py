@@ -27,6 +27,7 @@ _MOST_REFITS = 6
 TIE = 10.0
 """Information criteria closer than this decide nothing (Burnham and Anderson: beyond 10, no support)."""
 _ELSEWHERE = 0.3  # share of the held-out error, squared and beyond noise, that must go with it
+_HELPS = 1e-3  # share of the misfit that a refit must remove to be worth a line
 _LACK = 1.5  # block means above so much of their bound by chance are more than noise
 _ONE, _THREE = 0.6, 0.8  # shares of the excess misfit that one effect, or three, must remove to be what is missing
 
@@ -76,6 +77,11 @@ class Diagnosis:
     scores: Scores
     findings: tuple[Finding, ...]
 
+    @property
+    def helpful(self) -> tuple[Finding, ...]:
+        """The findings that lower the misfit; the score promised as much of the others, their refit did not keep it."""
+        return tuple(each for each in self.findings if each.refit.fit.cost < (1 - _HELPS) * self.fit.cost)
+
     def as_json(self) -> dict[str, object]:
         """The diagnosis as other tools read it."""
         before = None if self.holdout is None else self.holdout.rmse
@@ -91,7 +97,7 @@ class Diagnosis:
                 "indistinguishable_from": [list(other) for other in finding.alike],
                 "separate_by": finding.refit.candidate.effect.signature.separate_by,
             }
-            for rank, finding in enumerate(self.findings, start=1)
+            for rank, finding in enumerate(self.helpful, start=1)
         ]
         return {
             "verdict": self.verdict,

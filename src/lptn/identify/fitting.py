@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from math import isfinite
+from pathlib import Path
 
 import numpy as np
 
@@ -14,6 +16,7 @@ from lptn.identify.integral_start import integral_start
 from lptn.identify.problem import Point, Problem
 from lptn.identify.uncertainty import Uncertainty, uncertainty
 from lptn.model import Model
+from lptn.model_schema import DataTable, FitTable, FittedTable
 from lptn.noise import Noise, balanced_sigma, estimate_noise
 from lptn.simulate import Drive, drive
 
@@ -61,6 +64,25 @@ class Fit:
         drives = self.problem.drives
         counted = [error[driven.counted] for error, driven in zip(self.residuals, drives, strict=True)]
         return float(np.sqrt(np.mean(np.concatenate(counted) ** 2)))
+
+    def table(self) -> FitTable:
+        """The result as a model file keeps it; an infinite standard error is left out."""
+        free = [self.model.unknowns[index] for index in self.problem.free]
+        sources = {driven.run.source: driven.run.fingerprint for driven in self.problem.drives}
+        return FitTable(
+            rmse=self.rmse,
+            status=self.status,
+            warnings=list(self.uncertainty.warnings),
+            data=[DataTable(file=Path(source).name, sha256=digest) for source, digest in sources.items()],
+            parameters={
+                unknown.name: FittedTable(
+                    value=unknown.value,
+                    error=self.errors[unknown.name] if isfinite(self.errors[unknown.name]) else None,
+                    unit=unknown.declared.unit,
+                )
+                for unknown in free
+            },
+        )
 
     def as_json(self) -> dict[str, object]:
         """The result as other tools read it."""
@@ -136,11 +158,18 @@ def fit(
 
 
 def fit_starts(model: Model, drives: Sequence[Drive], sigma: FloatArray) -> list[FloatArray]:
-    """Initial states of runs from their counted readings, the parameters being held."""
+    """Initial states of runs from their counted readings, the parameters being held.
+
+    Raises:
+        KeyboardInterrupt: Ctrl-C was pressed; half-found initial states are worth nothing.
+    """
     found = []
     for driven in drives:
         problem = Problem(model, [driven], sigma, free=())
-        found += problem.point(minimise(problem, problem.guess(model.values)).z).starts
+        solution = minimise(problem, problem.guess(model.values))
+        if solution.status == "interrupted":
+            raise KeyboardInterrupt
+        found += problem.point(solution.z).starts
     return found
 
 
