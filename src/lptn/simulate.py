@@ -14,7 +14,7 @@ from lptn.logs import Run
 from lptn.model import Model
 
 _MAX_RATE = 1.0  # product of an internal step and the fastest rate; RK4 is stable to 2.78, exact to 1 % at 1
-_MAX_SUBSTEPS = 256
+_MAX_SUBSTEPS = 32  # a trial point that needs more is no robot, and would take all the time
 _BEGINNING = 5.0  # s; readings so early are averaged into the start
 _LATE = 30.0  # s; a first reading that comes later says little about the start
 _AT_REST = 5.0  # K; nodes of a robot at rest lie no further apart
@@ -106,7 +106,7 @@ def substeps(model: Model, driven: Drive, values: FloatArray, start: FloatArray)
     The fastest rate is the largest eigenvalue of the Jacobian at a sample of the inputs.
 
     Raises:
-        SimulationError: more than 256 would be needed.
+        SimulationError: more than 32 would be needed.
     """
     picked = np.unique(np.linspace(0, len(driven) - 1, min(len(driven), 25)).astype(int))
     n = len(picked)
