@@ -37,7 +37,7 @@ from lptn.identify import Fit
 from lptn.model import Model
 from lptn.network import EffectDeclaration
 
-_WIDTH = 4  # ladders followed side by side, where the fitted data can't tell them apart
+_WIDTH, _WIDTH_LATER = 4, 2  # ladders followed side by side where the fitted data can't tell them apart
 _WORTH = 0.01  # share by which a rung must lower the held-out error
 _MOST = 0.5  # share of the misfit beyond noise that the ladder must remove to be what was missing
 _ALIAS = 1e-3  # two rungs on one ladder whose misfits differ by less are one rung with two names
@@ -211,7 +211,8 @@ class _Search:
         beam = [root]
         best = root.rank
         for depth in range(1, most + 1):
-            beam = self._next([child for path in beam for child in self._children(path)])
+            width = _WIDTH if depth == 1 else _WIDTH_LATER
+            beam = self._next([child for path in beam for child in self._children(path)], width)
             if not beam:
                 return
             self.paths += beam
@@ -239,7 +240,7 @@ class _Search:
                 children.append(_Path(finding.refit.fit, (*path.steps, finding), self.data))
         return children
 
-    def _next(self, pool: Sequence[_Path]) -> list[_Path]:
+    def _next(self, pool: Sequence[_Path], width: int) -> list[_Path]:
         """The best children and those that the fitted data can't tell from it, each set of effects once."""
         unique: dict[frozenset[tuple[str, str]], _Path] = {}
         for path in sorted(pool, key=lambda each: each.fit.cost):
@@ -248,7 +249,7 @@ class _Search:
         if not paths:
             return []
         tied = [path for path in paths if worse_by(path.fit, paths[0].fit) <= TIE]
-        kept = tied[:_WIDTH]
+        kept = tied[:width]
         by_holdout = min(tied, key=lambda each: each.rank)
         return kept if by_holdout in kept else [*kept, by_holdout]
 

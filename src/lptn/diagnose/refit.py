@@ -20,7 +20,7 @@ from lptn.simulate import Drive, default_start, drive
 SIGNIFICANT = 0.05
 """A score that chance alone reaches less often than this is beyond chance."""
 _ITERATIONS = 40  # enough to rank candidates; the rung that is kept is fitted to the end
-_SAME_FAMILY_SHARE = 0.1  # the best place of an effect is refitted if it scores so much of the best gain
+_SAME_FAMILY_SHARE = 0.2  # the best place of an effect is refitted if it scores so much of the best gain
 _TYPICAL_RANGE = (0.02, 20.0)  # first-order amplitudes outside this share of the typical size are not trusted
 
 
