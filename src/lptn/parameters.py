@@ -12,7 +12,6 @@ import numpy as np
 from lptn.arrays import FloatArray
 
 Share = Literal["each", "class", "sides", "all"]
-SHARES: tuple[Share, ...] = ("each", "class", "sides", "all")
 
 
 @dataclass(frozen=True)
