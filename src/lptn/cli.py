@@ -39,24 +39,30 @@ app = cyclopts.App(
 
 
 @app.command
-def new(preset: str | None = None, /, *, output: OptionalOutput = None) -> None:
+def new(
+    preset: str | None = None,
+    /,
+    *,
+    model: Annotated[str | None, Option(help="Another model of the same robot, such as single-node.")] = None,
+    output: OptionalOutput = None,
+) -> None:
     """Write a ready model file; without a name, list them.
 
-    Example: lptn new leg -o leg.toml
+    Example: lptn new quadruped --model single-node -o baseline.toml
     """
     from lptn.files import write_whole
-    from lptn.robots import presets
+    from lptn.robots import preset_text, presets, variants
 
-    known = presets()
     if preset is None:
-        print("\n".join(known))
+        for name in presets():
+            others = ", ".join(variants(name))
+            print(f"{name}  (--model {others})" if others else name)
         return
-    if preset not in known:
-        raise InputError("new", "PRESET", f"'{preset}'", f"one of {', '.join(known)}")
+    text = preset_text(preset, model)
     if output is None:
-        print(known[preset], end="")
+        print(text, end="")
     else:
-        write_whole(output, known[preset])
+        write_whole(output, text)
 
 
 @app.command

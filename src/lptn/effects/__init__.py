@@ -19,6 +19,7 @@ from lptn.effects.conduction import Conduction
 from lptn.effects.constant_heat import ConstantHeat
 from lptn.effects.copper_loss import CopperLoss
 from lptn.effects.coulomb_friction import CoulombFriction
+from lptn.effects.drive_heat import DriveHeat
 from lptn.effects.forced_convection import ForcedConvection
 from lptn.effects.heat_input import HeatInput
 from lptn.effects.iron_loss import IronLoss
@@ -36,6 +37,7 @@ _BUILT_IN: tuple[type[Effect], ...] = (
     CopperLoss,
     HeatInput,
     ConstantHeat,
+    DriveHeat,
     CoulombFriction,
     ViscousFriction,
     IronLoss,

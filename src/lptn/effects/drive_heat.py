@@ -1,0 +1,33 @@
+"""A drive that is switched on warms its joint, torque or no torque."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+from lptn.effects.base import NodeEffect, Signature, Symbol
+from lptn.parameters import Parameter
+
+
+class DriveHeat(NodeEffect):
+    r"""Heat of the drive's electronics while it is on.
+
+    .. math:: Q = Q_d \, s, \qquad s = 1 \text{ while powered, else } 0
+
+    Over an interval the logged state is the share of it that the drive was on.
+
+    Source: source S0, row E1 (the drives' part of Q_other) and its table T1, which has unpowered runs.
+    """
+
+    key = "drive_heat"
+    title = "heat of the drive while it is on"
+    needs = ("powered",)
+    parameters = (Parameter("power", 4.0, "W", (0.0, 1e3), off=0.0, typical=4.0, title="heat of the drive"),)
+    signature = Signature(
+        looks_like="predicted too cold while the drives are on, right once they are off",
+        separate_by="leave the robot resting for an hour with the drives on, then for an hour with them off",
+        confused_with=("constant_heat",),
+    )
+    source = "source S0, row E1"
+
+    def heat(self, temperature: Symbol, inputs: SimpleNamespace, p: SimpleNamespace) -> Symbol:
+        return p.power * inputs.powered
