@@ -72,8 +72,7 @@ class _Evaluator:
     def derivatives(self, z: FloatArray) -> tuple[FloatArray, FloatArray]:
         if z.tobytes() != self._key:
             try:
-                residuals, jacobian = self.problem.jacobian(z)
-                gradient, hessian = jacobian.T @ residuals, jacobian.T @ jacobian
+                gradient, hessian = self.problem.normal(z)
             except SimulationError:
                 gradient = np.full(len(z), np.nan)
                 hessian = np.full((len(z), len(z)), np.nan)
