@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter as Option
 from cyclopts import validators
@@ -43,6 +43,20 @@ Map = Annotated[
         name="--map",
         help="Other people's column: temperature.FR_calf=T3[degF]; may be given again.",
         negative="",
+    ),
+]
+
+
+def _not_negative(_type: object, value: float | str) -> None:
+    if not isinstance(value, str) and not value >= 0:
+        raise ValueError("Must be >= 0, or auto.")
+
+
+MirrorWeight = Annotated[
+    float | Literal["auto"],
+    Option(
+        help="Pull of left and right parameters towards each other; auto: the one best on held-out runs.",
+        validator=_not_negative,
     ),
 ]
 Jobs = Annotated[

@@ -24,6 +24,7 @@ from lptn.ladder import Ladder
 from lptn.logs import Run
 from lptn.model import Model
 from lptn.noise import estimate_noise
+from lptn.on_evidence import MirrorTrial
 from lptn.simulate import Drive, default_start, drive
 from lptn.state_space import state_space
 
@@ -157,6 +158,16 @@ def show_comparison(comparison: Comparison) -> None:
         out.print(text + f"RMSE {_kelvin(each.errors.rmse)}, mean error {each.errors.mean:+.2g} K", markup=False)
 
 
+def show_mirror_trials(trials: Sequence[MirrorTrial]) -> None:
+    """What each left-right weight gave on held-out runs."""
+    if not trials:
+        return
+    table = _table("left-right weight", "fit", "held out")
+    for each in trials:
+        table.add_row(f"{each.weight:g}", _kelvin(each.fit.rmse), _kelvin(each.holdout.rmse))
+    out.print(table)
+
+
 def show_holdout(errors: Errors | None) -> None:
     """Errors on runs that the fit never saw."""
     if errors is not None:
@@ -198,9 +209,10 @@ def _show_steps(model: Model, driven: Drive) -> None:
     """How fast the network is, and the steps that forward Euler could take with it."""
     form = state_space(model, default_start(model, driven), driven.inputs.mean(axis=1))
     slowest = form.time_constants[np.isfinite(form.time_constants)].max()
+    spread = f"{form.time_constants[0]:.3g} to {slowest:.3g} s"
+    euler = f"stable to {form.euler_stable:.3g} s, within 0.1 K of the exact hold to {form.euler_step(0.1):.2g} s"
     out.print(
-        f"\nTime constants {form.time_constants[0]:.3g} to {slowest:.3g} s at the declared values. "
-        f"Steps of forward Euler stay stable to {form.euler_stable:.3g} s, within 0.1 K of the exact hold to {form.euler_step(0.1):.2g} s; "
+        f"\nTime constants {spread} at the declared values. Steps of forward Euler would stay {euler}; "
         "Runge-Kutta steps, used here, are cut finer where they need to be.",
         markup=False,
     )
