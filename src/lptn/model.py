@@ -212,8 +212,15 @@ class Model:
         make = lambda: ca.Function("output", [self._x, self._p], [self._y], ["x", "p"], ["y"])  # noqa: E731
         return self.made_once("output", make)
 
+    @property
+    def reads_directly(self) -> bool:
+        """Whether every sensor reads its node's temperature as it is."""
+        return not any(isinstance(use.effect, SensorEffect) for use in self.network.uses)
+
     def readings_of(self, states: FloatArray, p: FloatArray) -> FloatArray:
         """What the sensors read [degC], shape (nodes, n), at many states, shape (states, n)."""
+        if self.reads_directly:
+            return states[: len(self.nodes)]
         n = states.shape[1]
         readings = self.made_once(("output", n), lambda: self.output.map(n))
         return np.asarray(readings(states, np.repeat(p[:, None], n, axis=1)).full())

@@ -21,13 +21,23 @@ class Sensitivities:
 
     Args:
         readings: degC, shape (nodes, n).
-        by_parameter: shape (nodes, n, number of chosen parameters), per unit of the parameter.
-        by_start: shape (nodes, n, number of core states), K/K.
+        derivatives: by the chosen parameters, then by the initial core states, shape (nodes, n, chosen + core).
+        chosen: number of chosen parameters.
     """
 
     readings: FloatArray
-    by_parameter: FloatArray
-    by_start: FloatArray
+    derivatives: FloatArray
+    chosen: int
+
+    @property
+    def by_parameter(self) -> FloatArray:
+        """Shape (nodes, n, number of chosen parameters), per unit of the parameter."""
+        return self.derivatives[:, :, : self.chosen]
+
+    @property
+    def by_start(self) -> FloatArray:
+        """Shape (nodes, n, number of core states), K/K."""
+        return self.derivatives[:, :, self.chosen :]
 
 
 def sensitivities(
@@ -50,9 +60,9 @@ def sensitivities(
     Raises:
         SimulationError: the parameters make the model too stiff, or it runs away.
     """
-    parts = list(sensitivity_windows(model, driven, values, chosen, start, core))
-    names = ("readings", "by_parameter", "by_start")
-    return Sensitivities(*(np.concatenate([getattr(part, name) for _, part in parts], axis=1) for name in names))
+    parts = [part for _, part in sensitivity_windows(model, driven, values, chosen, start, core)]
+    readings = np.concatenate([part.readings for part in parts], axis=1)
+    return Sensitivities(readings, np.concatenate([part.derivatives for part in parts], axis=1), len(chosen))
 
 
 def sensitivity_windows(
@@ -84,10 +94,12 @@ def sensitivity_windows(
 
 
 def _readings(steps: Stepper, states: FloatArray, p: FloatArray, followed: FloatArray, averaged: bool) -> Sensitivities:
-    by_state, by_parameter = steps.jacobians.readings(states, p)
-    moved = by_state @ followed
-    chosen = by_parameter.shape[2]
-    moved[:, :, :chosen] += by_parameter
-    derivative = np.moveaxis(over_steps(np.moveaxis(moved, 0, 2), averaged), 2, 1)
-    readings = steps.model.readings_of(states, p)
-    return Sensitivities(over_steps(readings, averaged), derivative[:, :, :chosen], derivative[:, :, chosen:])
+    model, chosen = steps.model, len(steps.chosen)
+    if model.reads_directly:
+        moved = followed[:, : len(model.nodes)]
+    else:
+        by_state, by_parameter = steps.jacobians.readings(states, p)
+        moved = by_state @ followed
+        moved[:, :, :chosen] += by_parameter
+    derivatives = np.moveaxis(over_steps(np.moveaxis(moved, 0, 2), averaged), 2, 1)
+    return Sensitivities(over_steps(model.readings_of(states, p), averaged), derivatives, chosen)

@@ -163,10 +163,11 @@ class Problem:
         for window, moved in pieces:
             counted = driven.counted[:, window]
             error = (driven.measured[:, window] - moved.readings) / self.sigma[:, None]
-            scale = -1.0 / np.repeat(self.sigma, counted.sum(axis=1))[:, None]
-            by_parameter = moved.by_parameter[counted] * (slope * scale)
-            by_start = self._by_relative(moved.by_start[counted]) * scale
-            yield places[:, window][counted], error[counted], np.hstack([by_parameter, by_start])
+            block = moved.derivatives[counted]
+            block[:, : len(self.free)] *= slope
+            self._make_relative(block[:, len(self.free) :])
+            block *= -1.0 / np.repeat(self.sigma, counted.sum(axis=1))[:, None]
+            yield places[:, window][counted], error[counted], block
 
     def errors(self, z: FloatArray) -> list[FloatArray]:
         """Measured minus predicted [K] for each run, shape (nodes, n), NaN where nothing was measured."""
@@ -196,12 +197,10 @@ class Problem:
         states[nodes:] += relative[np.array(self.model.owners[nodes:], dtype=int)]
         return states
 
-    def _by_relative(self, by_start: FloatArray) -> FloatArray:
+    def _make_relative(self, by_start: FloatArray) -> None:
         """A node's initial temperature takes its hidden states along."""
-        moved = by_start.copy()
         for state in range(len(self.model.nodes), len(self.model.states)):
-            moved[..., self.model.owners[state]] += by_start[..., state]
-        return moved
+            by_start[:, self.model.owners[state]] += by_start[:, state]
 
     # --- priors -----------------------------------------------------------------------------------
 
