@@ -22,12 +22,9 @@ from lptn.cli_support import (
     Output,
     Proof,
     check_outputs,
-    check_picture,
     executor_of,
-    needs_logs,
     open_by_job,
     typed,
-    write_figure,
 )
 from lptn.errors import InputError
 
@@ -121,33 +118,8 @@ def fit(
     write_json(json, done.as_json() | {"rmse_holdout": held.rmse if held else None, "mirror_weights": tried})
 
 
-@app.command
-def compare(
-    model: Path,
-    /,
-    *logs: Path,
-    json: Json = None,
-    plot: Annotated[Path | None, Option(help="Picture to write: .png, .svg or .pdf.")] = None,
-    map: Map = None,  # noqa: A002
-) -> None:
-    """Predict logs and show where the model fails.
-
-    Example: lptn compare fitted.toml friday.parquet --plot friday.png
-    """
-    from lptn.compare import compare as against
-    from lptn.evidence import evidence
-    from lptn.opening import open_model
-    from lptn.terminal import show_comparison, write_json
-
-    needs_logs(logs)
-    check_outputs(json, plot)
-    check_picture(plot)
-    opened = open_model(model, map or ())
-    comparison = against(opened.model, evidence((), opened.runs(logs)).holdout)
-    show_comparison(comparison)
-    write_json(json, comparison.as_json())
-    if plot is not None:
-        write_figure(comparison, plot)
+app.command("lptn.compare_command:compare")
+app.command("lptn.monitor_command:monitor")
 
 
 @app.command

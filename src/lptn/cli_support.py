@@ -17,7 +17,8 @@ from cyclopts import validators
 from lptn.errors import InputError
 
 if TYPE_CHECKING:
-    from lptn.compare import Comparison
+    from matplotlib.figure import Figure
+
     from lptn.evidence import Evidence
     from lptn.logs import Run
     from lptn.opening import Opened
@@ -122,13 +123,12 @@ def executor_of(jobs: int) -> Iterator[Executor | None]:
         yield pool
 
 
-def write_figure(comparison: Comparison, path: Path) -> None:
-    """Draw a comparison into a file of the kind that its name says."""
+def write_figure(figure: Figure, path: Path) -> None:
+    """Write a figure into a file of the kind that its name says."""
     from lptn.files import write_whole
-    from lptn.report import comparison_figure
 
     picture = io.BytesIO()
-    comparison_figure(comparison).savefig(picture, format=_picture_kind(path))
+    figure.savefig(picture, format=_picture_kind(path))
     write_whole(path, picture.getvalue())
 
 

@@ -27,6 +27,7 @@ from lptn.noise import estimate_noise
 from lptn.on_evidence import MirrorTrial
 from lptn.simulate import Drive, default_start, drive
 from lptn.state_space import state_space
+from lptn.versus import Versus
 
 out = Console(highlight=False, soft_wrap=True)
 err = Console(stderr=True, highlight=False, soft_wrap=True)
@@ -158,6 +159,17 @@ def show_comparison(comparison: Comparison) -> None:
         out.print(text + f"RMSE {_kelvin(each.errors.rmse)}, mean error {each.errors.mean:+.2g} K", markup=False)
 
 
+def show_versus(found: Versus) -> None:
+    """Two models' errors by class of nodes and by run."""
+    out.print(f"{found.names[0]} / {found.names[1]}", markup=False)
+    for what, pairs in (("nodes", found.classes), ("run", found.runs)):
+        table = _table(what, "mean error", "max", "less", "mean square")
+        for pair in pairs:
+            cells = [f"{mine:.2f} / {others:.2f} {unit}" for mine, others, unit in pair.figures]
+            table.add_row(pair.what, cells[0], cells[1], f"{pair.reduction:.0%}", cells[2])
+        out.print(table)
+
+
 def show_mirror_trials(trials: Sequence[MirrorTrial]) -> None:
     """What each left-right weight gave on held-out runs."""
     if not trials:
@@ -266,7 +278,9 @@ def _table(*columns: str) -> Table:
             "max held out",
             "RMSE",
             "max",
+            "less",
             "mean error",
+            "mean square",
             "value",
             "p",
         }

@@ -14,6 +14,7 @@ _GAIN = 1e-6  # of the cost, a log-likelihood: a thousandth of a standard error 
 _SHARE = 3e-8  # of the cost: where the model misses much, so little is beyond all meaning
 _HALVINGS = 4
 _MOST = 15
+_FAR = 1e6  # no step in the search's coordinates is as long
 
 
 def polish(
@@ -65,9 +66,9 @@ def _bounded_step(gradient: FloatArray, hessian: FloatArray, lower: FloatArray, 
     if np.all(free >= lower) and np.all(free <= upper):
         return free
     side = np.linalg.solve(factor, -gradient)
-    # Bounds that touch the point itself: the solver wants a little room.
-    room = np.maximum(upper - lower, 1e-12)
-    found = lsq_linear(factor.T, side, (lower, lower + room), method="bvls")
+    # The solver wants finite bounds, and a little room between them.
+    low, high = np.maximum(lower, -_FAR), np.minimum(upper, _FAR)
+    found = lsq_linear(factor.T, side, (low, np.maximum(high, low + 1e-12)), method="bvls")
     return np.clip(found.x, lower, upper)
 
 
