@@ -1,4 +1,4 @@
-"""Make virtual logs from the command line: ``python -m lptn.virtual leg -o DIR``."""
+"""Make virtual logs from the command line: ``python -m lptn.virtual quadruped -o DIR``."""
 
 from __future__ import annotations
 
@@ -8,7 +8,12 @@ from collections.abc import Sequence
 from typing import NoReturn, get_args
 
 from .hidden import EFFECTS, Hidden
-from .leg import RATES, Format, Start, leg_logs, write_logs
+from .leg import RATES as LEG_RATES
+from .leg import Start, leg_logs
+from .plans import PLANS
+from .quadruped import RATES, write_quadruped
+from .quadruped_truth import Level, Physics
+from .writers import Format, write_logs
 
 
 class _Parser(argparse.ArgumentParser):
@@ -21,36 +26,42 @@ def _parser() -> argparse.ArgumentParser:
     parser = _Parser(prog="lptn.virtual", description="Make logs of a virtual robot with hidden effects.")
     robots = parser.add_subparsers(dest="robot", required=True, metavar="ROBOT")
     leg = robots.add_parser("leg", help="a leg with the joints FR_hip, FR_thigh and FR_calf")
-    leg.add_argument(
-        "--hidden",
-        action="append",
-        default=[],
-        metavar="EFFECT",
-        help=f"may be repeated; {', '.join(EFFECTS)}",
-    )
-    leg.add_argument("--at", action="append", default=[], metavar="PLACE", help="one for each --hidden, in order")
-    leg.add_argument(
-        "--size", action="append", default=[], type=float, help="one for each --hidden, in order, or none (1)"
-    )
-    leg.add_argument("--seed", type=int, default=0)
-    leg.add_argument("--noise", type=float, default=0.15, help="K")
-    leg.add_argument("--quantisation", type=float, default=0.0, help="K")
-    leg.add_argument("--dropouts", type=float, default=0.0, help="share of readings that are missing")
+    _add_shared(leg, quantisation=0.0)
     leg.add_argument("--rough", action="store_true", help="add small physics that no model has")
     leg.add_argument("--scatter", type=float, default=0.03, help="of the parameters, relative")
     leg.add_argument("--start", choices=get_args(Start), default="cold")
-    leg.add_argument("--rate", type=float, default=10.0, help=f"Hz: {', '.join(f'{r:g}' for r in RATES)}")
-    leg.add_argument("--format", choices=get_args(Format), default="parquet")
-    leg.add_argument("-o", "--output", required=True, metavar="DIR")
+    leg.add_argument("--rate", type=float, default=10.0, help=f"Hz: {', '.join(f'{r:g}' for r in LEG_RATES)}")
+    whole = robots.add_parser("quadruped", help="twelve joints and the onboard computer, as a Unitree A1 has them")
+    _add_shared(whole, quantisation=1.0)
+    whole.add_argument("--runs", choices=tuple(PLANS), default="protocol", help="protocol, tests: source S0's")
+    whole.add_argument("--physics", choices=get_args(Physics), default="full", help="plain: one mass a joint")
+    whole.add_argument("--level", choices=get_args(Level), help="of the hidden errors of each run")
+    whole.add_argument("--scatter", type=float, default=1.0, help="factor on the parameters' scatter over the legs")
+    whole.add_argument("--rate", type=float, default=1.0, help=f"Hz: {', '.join(f'{r:g}' for r in RATES)}")
+    whole.add_argument("--truth", action="store_true", help="write the true temperatures to DIR/truth, too")
     return parser
 
 
-def _hidden(effects: list[str], at: list[str], sizes: list[float]) -> list[Hidden]:
+def _add_shared(robot: argparse.ArgumentParser, quantisation: float) -> None:
+    effects = f"may be repeated; {', '.join(EFFECTS)}"
+    robot.add_argument("--hidden", action="append", default=[], metavar="EFFECT", help=effects)
+    robot.add_argument("--at", action="append", default=[], metavar="PLACE", help="one for each --hidden, in order")
+    sizes = "one for each --hidden, in order, or none (1)"
+    robot.add_argument("--size", action="append", default=[], type=float, help=sizes)
+    robot.add_argument("--seed", type=int, default=0)
+    robot.add_argument("--noise", type=float, default=0.15, help="K")
+    robot.add_argument("--quantisation", type=float, default=quantisation, help=f"K; {quantisation:g} if not given")
+    robot.add_argument("--dropouts", type=float, default=0.0, help="share of readings that are missing")
+    robot.add_argument("--format", choices=get_args(Format), default="parquet")
+    robot.add_argument("-o", "--output", required=True, metavar="DIR")
+
+
+def _hidden(robot: str, effects: list[str], at: list[str], sizes: list[float]) -> list[Hidden]:
     if len(at) != len(effects):
         raise ValueError(f"--at: found {len(at)}; expected one for each --hidden, so {len(effects)}")
     if sizes and len(sizes) != len(effects):
         raise ValueError(f"--size: found {len(sizes)}; expected none or one for each --hidden, so {len(effects)}")
-    return [Hidden(*one) for one in zip(effects, at, sizes or [1.0] * len(effects), strict=True)]
+    return [Hidden(*one, robot) for one in zip(effects, at, sizes or [1.0] * len(effects), strict=True)]
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -60,11 +71,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         SystemExit: with status 2, after one line, for options that can't be read; with 0 after ``--help``.
     """
     given = vars(_parser().parse_args(arguments))
-    del given["robot"]
-    folder, kind = given.pop("output"), given.pop("format")
+    robot, folder, kind = given.pop("robot"), given.pop("output"), given.pop("format")
     try:
-        hidden = _hidden(given.pop("hidden"), given.pop("at"), given.pop("size"))
-        files = write_logs(folder, leg_logs(hidden, **given), kind)
+        hidden = _hidden(robot, given.pop("hidden"), given.pop("at"), given.pop("size"))
+        if robot == "quadruped":
+            files = write_quadruped(folder, hidden, format=kind, **given)
+        else:
+            files = write_logs(folder, leg_logs(hidden, **given), kind)
     except (ValueError, OSError) as problem:
         print(f"lptn.virtual: {problem}", file=sys.stderr)
         return 2

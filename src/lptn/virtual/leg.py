@@ -1,9 +1,9 @@
-"""Make the logs of a three-joint leg with hidden effects, and write them to files."""
+"""Make the logs of a three-joint leg with hidden effects."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from pathlib import Path
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Literal, get_args
 
 import numpy as np
@@ -13,11 +13,13 @@ from .events import event_heat, sensor_steps
 from .hidden import Hidden
 from .protocol import SAMPLES_PER_SECOND, WARM_UP, Run, Signals, draw_runs, draw_signals
 from .sensors import Sensor, lagged
-from .solve import COUNT, Network, drive
+from .solve import Network, drive
 from .streams import stream
-from .truth import JOINTS, ROUGH_SCATTER, Array, Leg, draw_leg, roughen
+from .truth import COUNT, JOINTS, ROUGH_SCATTER, Array, Leg, draw_leg, roughen
+from .writers import Format, write_logs
 
-Format = Literal["parquet", "csv"]
+__all__ = ["RATES", "Format", "Start", "leg_logs", "write_logs"]
+
 Start = Literal["cold", "warm"]
 
 RATES = (10.0, 5.0, 2.0, 1.0)  # Hz: those whose rows hold a whole number of samples
@@ -72,7 +74,7 @@ def leg_logs(
     if rough:
         roughen(leg)
     for effect in hidden:
-        effect.set_in(leg)
+        replace(effect, robot="leg").set_in(leg)
     logs = {}
     for name, run in draw_runs(seed).items():
         signals, seen = _happen(leg, name, run, seed, warm=start == "warm")
@@ -144,41 +146,3 @@ def _measure(
         table[[f"torque.{joint}" for joint in JOINTS]] *= 1 + torque_error
     table["temperature.ambient"] = ambient + ambient_error * rough
     return table
-
-
-def write_logs(
-    folder: str | Path,
-    logs: Mapping[str, pd.DataFrame],
-    format: Format = "parquet",  # noqa: A002
-) -> list[Path]:
-    """Write each log to ``<folder>/<name>.<format>``; makes the folder, replaces files that stand there.
-
-    Returns:
-        The files, in the order of the logs.
-
-    Raises:
-        ValueError: unknown format.
-        OSError: the folder can't be written to.
-    """
-    if format not in get_args(Format):
-        raise ValueError(f"format: found {format!r}; expected one of {', '.join(get_args(Format))}")
-    folder = Path(folder)
-    folder.mkdir(parents=True, exist_ok=True)
-    files = []
-    for name, table in logs.items():
-        file = folder / f"{name}.{format}"
-        half = file.with_name(f".{file.name}.part")
-        try:
-            _write(table, half, format)
-            half.replace(file)
-        finally:
-            half.unlink(missing_ok=True)
-        files.append(file)
-    return files
-
-
-def _write(table: pd.DataFrame, file: Path, kind: Format) -> None:
-    if kind == "parquet":
-        table.to_parquet(file, index=False)
-    else:
-        table.to_csv(file, index=False, float_format="%.7g")

@@ -1,0 +1,35 @@
+"""Find a set of runs by its name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Literal
+
+from .runs import Run, conditions, protocol
+from .sessions import forecast, monitor, trial
+
+Plan = Literal["protocol", "tests", "trial", "forecast", "monitor"]
+
+PLANS: dict[str, Callable[[int], dict[str, Run]]] = {
+    "protocol": protocol,
+    "tests": conditions,
+    "trial": trial,
+    "forecast": forecast,
+    "monitor": monitor,
+}
+
+
+def plan(name: Plan, seed: int = 0) -> dict[str, Run]:
+    """Return the runs of this name.
+
+    Args:
+        name: "protocol" (source S0, table T1), "tests" (table T3, row N5), "trial", "forecast" (row A3) or
+            "monitor" (row A2).
+        seed: 0 or above; draws ambients, the order of things, faults.
+
+    Raises:
+        ValueError: unknown name, negative seed.
+    """
+    if name not in PLANS:
+        raise ValueError(f"runs: found {name!r}; expected one of {', '.join(PLANS)}")
+    return PLANS[name](seed)

@@ -1,0 +1,114 @@
+"""Plan the quadruped's runs of source S0: its identification protocol and its tests."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from .activities import Segment
+from .faults import Fault
+from .streams import stream
+
+CUTOUT, RESUME = 65.0, 50.0  # degC
+GAP, PAUSE = 60, 3600  # s, between runs of the protocol and of the tests
+LASTS = 1800  # s
+WARM_UP = 420  # s of trot with 4 kg, without a log, before the robot is left to cool
+
+
+@dataclass(frozen=True)
+class Run:
+    """What happens in one log.
+
+    Args:
+        segments: what the robot does.
+        ambient: measured temperature of the air, degC.
+        carried: begin with the temperatures that the run before left, after ``gap`` s of rest; else with all masses
+            at ``start``.
+        gap: s.
+        lead: what it does between that and the log's beginning.
+        start: degC; ``None`` for the ambient.
+        cutout: degC at which a joint's winding switches all drives off; ``None`` for never.
+        resume: degC below which all of them must be to switch on again; ``None`` for never in this run.
+        faults: of the temperature sensors.
+    """
+
+    segments: tuple[Segment, ...]
+    ambient: float = 25.0
+    carried: bool = False
+    gap: int = GAP
+    lead: tuple[Segment, ...] = ()
+    start: float | None = None
+    cutout: float | None = CUTOUT
+    resume: float | None = None
+    faults: tuple[Fault, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not self.segments:
+            raise ValueError("segments: found none; expected at least one")
+        if not (math.isfinite(self.ambient) and -40 <= self.ambient <= 60):
+            raise ValueError(f"ambient: found {self.ambient:g}; expected -40 to 60 degC")
+
+    @property
+    def seconds(self) -> int:
+        """How long it lasts."""
+        return sum(segment.seconds for segment in self.segments)
+
+
+# Source S0's words: abduction, hip and knee are the URDF's hip, thigh and calf; L and R before F and R.
+_WORDS = {"abd": "hip", "hip": "thigh", "knee": "calf"}
+_TORQUES = {"abd": (2, 4, 6), "hip": (2, 4, 6), "knee": (2, 4, 6, 10)}
+_DIAGONALS = {"RF_LR": ("FR", "RL"), "LF_RR": ("FL", "RR")}
+_TROTS = {"trot_low": 0.2, "trot_medium": 0.5, "trot_high": 1.0}
+
+
+def protocol(seed: int = 0) -> dict[str, Run]:
+    """Return the 25 runs of source S0, table T1, 1800 s each, one after the other.
+
+    "unpowered"; "<joint>_<diagonal>_<torque>Nm" for abd, hip and knee (the URDF's hip, thigh and calf) of the
+    diagonals RF_LR and LF_RR; "trot_low", "trot_medium" and "trot_high" without load, spread over them; "cooling"
+    right after a loaded trot that has no log. At 65 degC a trot is over; single joints pause until they are
+    below 50 degC.
+    """
+    single: dict[str, Segment] = {}
+    for diagonal, legs in _DIAGONALS.items():
+        for word, part in _WORDS.items():
+            joints = tuple(f"{leg}_{part}" for leg in legs)
+            for torque in _TORQUES[word]:
+                single[f"{word}_{diagonal}_{torque}Nm"] = Segment("hold", LASTS, joints=joints, torque=float(torque))
+    acts, names = {"unpowered": Segment("rest", LASTS)}, list(single)
+    # A trot after seven single joints: so each begins with a body that the one before hasn't left hot.
+    for k, (name, speed) in enumerate(_TROTS.items()):
+        acts |= {one: single[one] for one in names[7 * k : 7 * k + 7]}
+        acts[name] = Segment("trot", LASTS, speed)
+    acts["cooling"] = Segment("rest", LASTS)
+    return _in_turn({name: (act,) for name, act in acts.items()}, seed, "protocol", GAP)
+
+
+def conditions(seed: int = 0) -> dict[str, Run]:
+    """Return the conditions of source S0, table T3, and its multi-gait sequence (row N5).
+
+    Another day, with an hour of rest before each, and a loaded trot without a log before "cooling".
+    """
+    multi = (("stand", 0.0, 0.0), ("stand", 0.0, 4.0), ("trot", 0.2, 2.0), ("trot", 0.2, 4.0), ("walk", 0.2, 4.0))
+    acts = {
+        "stand": (Segment("stand", LASTS),),
+        "trot_0kg_low": (Segment("trot", LASTS, 0.2),),
+        "trot_0kg_high": (Segment("trot", LASTS, 1.0),),
+        "trot_4kg_low": (Segment("trot", LASTS, 0.2, 4.0),),
+        "walk_4kg": (Segment("walk", LASTS, 0.2, 4.0),),
+        "cooling": (Segment("rest", LASTS),),
+        "multi_gait": tuple(Segment(act, LASTS // 5, speed, load) for act, speed, load in multi),
+    }
+    return _in_turn(acts, seed, "tests", PAUSE)
+
+
+def _in_turn(acts: dict[str, tuple[Segment, ...]], seed: int, day: str, gap: int) -> dict[str, Run]:
+    """Return runs that carry their temperatures over; the room warms and cools by 1.5 K over the day."""
+    morning = 24.5 + stream(seed, "day", day).uniform(-1, 1)
+    runs = {}
+    for k, (name, segments) in enumerate(acts.items()):
+        ambient = round(morning + 1.5 * math.sin(math.pi * k / len(acts)), 1)
+        lead = (Segment("trot", WARM_UP, 0.2, 4.0),) if name == "cooling" else ()
+        resume = RESUME if segments[0].activity == "hold" else None
+        runs[name] = Run(segments, ambient, carried=k > 0, gap=gap, lead=lead, resume=resume)
+    return runs

@@ -1,0 +1,120 @@
+"""Plan free sessions of the quadruped: to try a diagnosis, a forecast and a monitor on."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .activities import Segment
+from .faults import KINDS, Fault
+from .quadruped_truth import JOINTS
+from .runs import RESUME, Run
+from .streams import stream
+
+TROTS, LOGS = 20, 50
+# Where a long trot at 0.2 m/s ends, degC: without load at 0 degC, per kg and per degC of ambient, from a simulation.
+ENDS, ENDS_PER_KG = 52.0, 4.7
+WELL_ABOVE = 68.0  # degC: a trot that ends just above 60 would creep up to it, and no forecast could say when
+
+# Activity, share of the time, ranges of speed and load. A "hold" powers four joints, the next one four others.
+_Plan = tuple[tuple[str, float, tuple[float, float], tuple[float, float]], ...]
+_HOLD = ("hold", 0.8, (0.0, 0.0), (7.0, 11.0))
+_FIT1: _Plan = (
+    *(_HOLD,) * 3,
+    ("stand", 0.8, (0, 0), (0, 4)),
+    ("trot", 1.2, (0.2, 0.4), (1, 3)),
+    ("leg_sweep", 1.1, (0.9, 1.2), (0, 0)),
+    ("trot", 1.0, (1.0, 1.4), (2, 5)),
+    ("rest", 1.4, (0, 0), (0, 0)),
+)
+_FIT2: _Plan = (
+    *(_HOLD,) * 3,
+    ("walk", 1.0, (0.2, 0.6), (3, 6)),
+    ("leg_sweep", 1.0, (0.4, 0.7), (0, 0)),
+    ("trot", 1.2, (0.8, 1.4), (4, 7)),
+    ("rest", 0.6, (0, 0), (0, 0)),
+    ("squat", 0.8, (0.7, 1.1), (2, 4)),
+    ("rest", 1.4, (0, 0), (0, 0)),
+)
+_HOLDOUT: _Plan = (
+    *(_HOLD,) * 2,
+    ("trot", 1.0, (0.3, 0.6), (1, 3)),
+    ("rest", 0.4, (0, 0), (0, 0)),
+    ("walk", 1.0, (0.3, 0.8), (0, 3)),
+    ("leg_sweep", 0.8, (0.6, 1.1), (0, 0)),
+    ("rest", 1.2, (0, 0), (0, 0)),
+)
+_TRIAL = {"fit1": (_FIT1, 3600, 22.0), "fit2": (_FIT2, 3600, 12.0), "holdout": (_HOLDOUT, 2400, 28.0)}
+_OUTING: _Plan = (
+    ("stand", 1.0, (0, 0), (0, 4)),
+    ("trot", 1.5, (0.2, 0.8), (0, 2)),
+    ("walk", 1.5, (0.2, 0.6), (0, 2)),
+    ("rest", 0.7, (0, 0), (0, 0)),
+    ("trot", 0.7, (0.2, 1.0), (0, 4)),
+    ("rest", 0.7, (0, 0), (0, 0)),
+)
+
+
+def trial(seed: int = 0) -> dict[str, Run]:
+    """Return "fit1" (60 min, 22 degC), "fit2" (60 min, 12 degC) and "holdout" (40 min, 28 degC), each from cold.
+
+    They tell effects apart: load without speed, speed without load, single joints, all of them, and a cool-down.
+    """
+    return {
+        name: Run(_draw(stream(seed, "trial", name), acts, seconds), ambient, cutout=None)
+        for name, (acts, seconds, ambient) in _TRIAL.items()
+    }
+
+
+def forecast(seed: int = 0) -> dict[str, Run]:
+    """Return 20 steady trots, 0 to 6 kg, 5 to 35 degC, 0.2 to 1 m/s, 80 min each, all of them past 60 degC.
+
+    Pairs of load and ambient that end near 60 degC, or below it, are drawn again.
+    """
+    runs = {}
+    for k in range(TROTS):
+        rng, ends = stream(seed, "forecast", str(k)), 0.0
+        while ends < WELL_ABOVE:
+            load, ambient = round(rng.uniform(0, 6), 1), round(rng.uniform(5, 35), 1)
+            ends = ENDS + ENDS_PER_KG * load + ambient
+        speed = float(rng.choice([0.2, 0.5, 1.0]))
+        runs[f"trot_{k:02d}"] = Run((Segment("trot", 4800, speed, load),), ambient)
+    return runs
+
+
+def monitor(seed: int = 0) -> dict[str, Run]:
+    """Return 50 healthy outings of 40 min and 50 with one sensor's fault in the middle half, 10 to 30 degC.
+
+    Drifts of 0.01 to 0.1 K/s, offsets of 4 to 15 K, stuck and missing readings in turn; see ``Run.faults``.
+    """
+    runs = {}
+    for state in ("healthy", "faulty"):
+        for k in range(LOGS):
+            rng = stream(seed, "monitor", state, str(k))
+            ambient = round(rng.uniform(10, 30), 1)
+            segments = _draw(rng, _OUTING, 2400)
+            faults = (_fault(KINDS[k % len(KINDS)], rng),) if state == "faulty" else ()
+            runs[f"{state}_{k:02d}"] = Run(segments, ambient, resume=RESUME, faults=faults)
+    return runs
+
+
+def _draw(rng: np.random.Generator, plan: _Plan, seconds: int) -> tuple[Segment, ...]:
+    """Draw segments of this plan in random order, but for the last."""
+    order = [*rng.permutation(len(plan) - 1), len(plan) - 1]
+    share = np.array([plan[i][1] for i in order]) * rng.uniform(0.8, 1.2, len(order))
+    ends = np.rint(seconds * np.cumsum(share) / share.sum()).astype(int)
+    segments, joints = [], [str(joint) for joint in rng.permutation(JOINTS)]
+    for i, last in zip(order, np.diff(ends, prepend=0), strict=True):
+        activity, _, speeds, loads = plan[i]
+        speed, load = float(rng.uniform(*speeds)), float(rng.uniform(*loads))
+        if activity == "hold":
+            segments.append(Segment(activity, int(last), joints=tuple(joints[:4]), torque=load))
+            joints = joints[4:]
+        else:
+            segments.append(Segment(activity, int(last), speed, load))
+    return tuple(segments)
+
+
+def _fault(kind: str, rng: np.random.Generator) -> Fault:
+    at, time, sign = str(rng.choice(JOINTS)), float(rng.integers(600, 1800)), rng.choice([-1.0, 1.0])
+    size = {"drift": np.exp(rng.uniform(np.log(0.01), np.log(0.1))), "offset": rng.uniform(4, 15)}.get(kind, 0.0)
+    return Fault(kind, at, time, float(sign * size))

@@ -1,0 +1,193 @@
+"""Check the quadruped's heat balance against the equations written out here, and its numbers against scipy."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from lptn.virtual import Run, Segment, motion, quadruped, quadruped_logs
+from lptn.virtual.exponential import Exponential
+from lptn.virtual.motion import Motion, draw_motion
+from lptn.virtual.quadruped_truth import JOINTS, draw_errors
+from lptn.virtual.robot import Array, Robot
+from lptn.virtual.solve import Network, act
+
+AMBIENT = 18.0
+MOVES = (
+    Segment("trot", 200, 0.7, 4.0),
+    Segment("hold", 150, joints=("FR_calf", "RL_hip"), torque=12.0),
+    Segment("leg_sweep", 100, 1.2),
+    Segment("rest", 150),
+)
+PAIRS = [(3 * leg + i, 3 * leg + j) for leg in range(4) for i, j in ((0, 1), (1, 2), (0, 2))] + [(0, 3), (6, 9)]
+HIPS = (0, 3, 6, 9)
+Inputs = tuple[Array, Array, Array, float, float]
+
+
+def conductances(robot: Robot) -> dict[tuple[int, int], float]:
+    return {(min(i, j), max(i, j)): g for i, j, g in robot.links}
+
+
+def heat_between(robot: Robot, T: Array) -> Array:
+    """Return what flows into each node along the links."""
+    flow = np.zeros(len(T))
+    for (i, j), g in conductances(robot).items():
+        flow[i] += g * (T[j] - T[i])
+        flow[j] += g * (T[i] - T[j])
+    return flow
+
+
+def full_balance(robot: Robot, inputs: Inputs, T: Array) -> Array:
+    """C dT/dt of twelve housings, computer, trunk, then twelve windings, with the numbers of SEEDS' virtual robot."""
+    torque2, speed, speed2, base, pc = inputs
+    housing, winding, rise = T[:14], T[14:], 0.0039 * (T[14:] - 25)
+    copper = robot.resistance[:12] * torque2 / (9.1 * 0.0927) ** 2 * (1 + rise)
+    across = (winding - housing[:12]) / robot.inside[:12]
+    above, kelvin = housing - AMBIENT, 273.15
+    wind, on = base**0.8, (torque2 > 0) | (speed > 0)
+    heat = heat_between(robot, housing)
+    heat[:12] += across + robot.coulomb[:12] * speed + robot.viscous[:12] * speed2
+    heat[:12] -= robot.to_air[:12] * np.exp(0.006 * above[:12]) * (1 + 0.55 * wind) * above[:12]
+    heat[:12] -= 0.012 * 5.670374419e-8 * ((housing[:12] + kelvin) ** 4 - (AMBIENT + kelvin) ** 4)
+    heat[12] += pc - robot.to_air[12] * above[12]
+    heat[13] += 12.0 - (1 + 0.25 * wind) / 1.4 * above[13]
+    return np.concatenate([heat / robot.capacity, (copper + 4.0 * on - across) / robot.winding[:12]])
+
+
+def plain_balance(robot: Robot, inputs: Inputs, T: Array) -> Array:
+    """C dT/dt of one mass a joint, then the computer."""
+    torque2, speed, _, _, pc = inputs
+    heat = heat_between(robot, T) - robot.to_air * (T - AMBIENT)
+    heat[:12] += robot.resistance[:12] * torque2 / (9.1 * 0.0927) ** 2 + 4.0 * ((torque2 > 0) | (speed > 0))
+    heat[12] += pc
+    return heat / robot.capacity
+
+
+BALANCES: dict[str, Callable[[Robot, Inputs, Array], Array]] = {"full": full_balance, "plain": plain_balance}
+
+
+def row(moved: Motion, k: int) -> Inputs:
+    means = moved.means()
+    return means.torque2[k], means.speed[k], means.speed2[k], float(moved.base[k]), float(moved.pc[k])
+
+
+def test_plain_links_are_those_of_the_baseline() -> None:
+    expected = {*PAIRS, *((hip, 12) for hip in HIPS)}
+    assert set(conductances(quadruped(seed=3, physics="plain"))) == expected
+    assert set(conductances(quadruped(seed=3))) == {*PAIRS, *((hip, 13) for hip in HIPS), (12, 13)}
+
+
+@pytest.mark.parametrize("physics", ["full", "plain"])
+def test_balance_is_the_one_written_down(physics: str) -> None:
+    robot = quadruped(seed=2, physics=physics)  # type: ignore[arg-type]
+    moved = draw_motion(MOVES, np.random.default_rng(1))
+    network = Network(robot, AMBIENT)
+    forcing = act(robot, moved.means(robot.wind_exponent), extra(robot, moved))
+    for k in (10, 250, 400, 550):
+        T = np.random.default_rng(k).uniform(20, 80, len(network.capacity))
+        slope = network.slope(T, forcing.copper[k], forcing.other[k], forcing.to_air[k])
+        assert slope == pytest.approx(BALANCES[physics](robot, row(moved, k), T), rel=1e-9)
+
+
+def extra(robot: Robot, moved: Motion) -> Array:
+    heat = np.zeros((len(moved.base), len(robot.nodes)))
+    heat[:, 12] = moved.pc
+    return heat
+
+
+@pytest.mark.parametrize("physics", ["full", "plain"])
+def test_both_schemes_agree_with_scipy(physics: str) -> None:
+    robot = quadruped(seed=2, physics=physics)  # type: ignore[arg-type]
+    moved = draw_motion(MOVES, np.random.default_rng(1))
+    network = Network(robot, AMBIENT)
+    forcing = act(robot, moved.means(robot.wind_exponent), extra(robot, moved))
+    start = network.start(np.random.default_rng(0).uniform(30, 60, len(robot.nodes)))
+    exact = [start]
+    for k in range(len(moved.base)):
+        inputs = row(moved, k)
+        piece = solve_ivp(
+            lambda _, T, held: BALANCES[physics](robot, held, T),
+            (0, 1),
+            exact[-1],
+            args=(inputs,),
+            rtol=1e-8,
+            atol=1e-8,
+        )
+        exact.append(piece.y[:, -1])
+    fast, slow = Exponential(network).solve(forcing, start), network.solve(forcing, start)
+    assert np.ptp(fast, axis=0).max() > 20
+    assert np.abs(slow - exact).max() < 1e-3
+    assert np.abs(fast - exact).max() < 1e-3
+
+
+def test_means_of_a_second_do_for_its_hundred_samples() -> None:
+    """The samples' own heat, sample by sample, against the scheme fed with means."""
+    robot, moved = quadruped(seed=2), draw_motion(MOVES[:1], np.random.default_rng(1))
+    network = Network(robot, AMBIENT)
+    start = network.start(np.random.default_rng(0).uniform(30, 60, len(robot.nodes)))
+    ours = Exponential(network).solve(act(robot, moved.means(robot.wind_exponent), extra(robot, moved)), start)
+    torque, velocity = moved.samples(0, 15)
+    T = start
+    for k in range(1500):
+        speed = np.abs(velocity[k])
+        held = (torque[k] ** 2, speed, speed**2, float(moved.base[k // 100]), float(moved.pc[k // 100]))
+        T = solve_ivp(lambda _, x, h: full_balance(robot, h, x), (0, 0.01), T, args=(held,), rtol=1e-6, atol=1e-9).y[
+            :, -1
+        ]
+    assert np.abs(T - ours[15]).max() < 1e-3
+    assert np.abs(T - start).max() > 1
+
+
+def test_means_are_those_of_the_samples() -> None:
+    moved = draw_motion(MOVES, np.random.default_rng(5))
+    means = moved.means()
+    torque, velocity = moved.samples(0, len(moved.base))
+    for values, ours in (
+        (torque**2, means.torque2),
+        (np.abs(velocity), means.speed),
+        (velocity**2, means.speed2),
+        (np.abs(velocity) ** 1.5, means.speed15),
+    ):
+        assert ours == pytest.approx(values.reshape(len(ours), 100, 12).mean(axis=1), abs=1e-9)
+    part, _ = moved.samples(123, 345)
+    assert np.array_equal(part, torque[12300:34500])
+
+
+def test_loaded_trot_reaches_60_degrees_at_553_s(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Source S0, row A3: from 27 degC; nominal robot, steady gait, equal legs."""
+    monkeypatch.setattr(motion, "SHARE", 0.0)
+    monkeypatch.setattr(motion, "MODULATION", 0.0)
+    run = Run((Segment("trot", 700, 0.2, 4.0),), 27.0, cutout=None)
+    logs = quadruped_logs(seed=0, runs={"trot": run}, level="none", scatter=0, noise=0, quantisation=0)
+    rms = [np.sqrt((logs["trot"][f"torque.FR_{part}"] ** 2).mean()) for part in ("hip", "thigh", "calf")]
+    assert rms == pytest.approx([2.31, 3.88, 8.32], rel=2e-3)
+    truth = logs.truth["trot"]
+    first = {joint: int((truth[f"temperature.{joint}"] > 60).argmax()) for joint in JOINTS}
+    assert [first[f"{leg}_calf"] for leg in ("FR", "FL", "RR", "RL")] == pytest.approx([553.0] * 4, abs=2)
+    assert not any(first[joint] for joint in JOINTS if not joint.endswith("calf"))
+
+
+def test_scatter_of_the_parameters_is_as_wide_as_said() -> None:
+    robots = [quadruped(seed=seed) for seed in range(40)]
+    for field, spread in (("resistance", 0.04), ("winding", 0.03), ("to_air", 0.06), ("coulomb", 0.1)):
+        values = np.array([getattr(robot, field)[:12] for robot in robots])
+        assert (values / values.mean(axis=0)).std() == pytest.approx(spread, rel=0.15)
+    nominal = quadruped(seed=5, scatter=0)
+    assert nominal.capacity == pytest.approx([*(231, 210, 210) * 4, 420, 2600])
+    assert 1 / nominal.to_air == pytest.approx([*(13.75, 11, 10.45) * 4, 2.4, 1.4])
+    assert nominal.resistance[0] / nominal.torque_constant[0] ** 2 == pytest.approx(0.211, abs=5e-4)
+
+
+@pytest.mark.parametrize(("level", "spreads"), [("none", (0, 0)), ("default", (1.0, 0.15)), ("strong", (2.0, 0.25))])
+def test_hidden_errors_of_runs(level: str, spreads: tuple[float, float]) -> None:
+    robot = quadruped(seed=1)
+    drawn = [draw_errors(robot, level, 1, f"run{k}") for k in range(300)]  # type: ignore[arg-type]
+    ambient = np.std([error for _, error in drawn])
+    air = np.std([np.log(own.to_air[0] / robot.to_air[0]) for own, _ in drawn])
+    assert (ambient, air) == pytest.approx(spreads, rel=0.12)
+    assert len({own.constant[13] for own, _ in drawn}) == (1 if level == "none" else 300)
+    assert all(np.array_equal(one.capacity, other.capacity) for (one, _), (other, _) in pairwise(drawn))

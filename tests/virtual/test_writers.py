@@ -1,0 +1,129 @@
+"""Check the files: pieces as wholes, all formats, nothing left behind."""
+
+from __future__ import annotations
+
+import importlib.util
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from lptn.virtual import Fault, Logs, Run, Segment, quadruped_logs, write_quadruped
+from lptn.virtual import mcap as mcap_module
+from lptn.virtual.__main__ import main
+from lptn.virtual.quadruped_truth import JOINTS, NODES
+from lptn.virtual.writers import write_logs, write_pieces
+
+RUNS = {"mix": Run((Segment("trot", 500, 0.5), Segment("rest", 200)), faults=(Fault("dropout", "pc", 650),))}
+
+
+@pytest.fixture(scope="module")
+def fine() -> Logs:
+    return quadruped_logs(seed=1, runs=RUNS, rate=100)
+
+
+def test_pieces_make_the_whole(fine: Logs, tmp_path: Path) -> None:
+    files = write_quadruped(tmp_path / "new", seed=1, runs=RUNS, rate=100, truth=True)
+    assert files == [tmp_path / "new" / "mix.parquet"]
+    read = pd.read_parquet(files[0])
+    assert len(read) == 70000
+    pd.testing.assert_frame_equal(read, fine["mix"], check_exact=True)
+    pd.testing.assert_frame_equal(pd.read_parquet(tmp_path / "new" / "truth" / "mix.parquet"), fine.truth["mix"])
+    assert sorted(path.name for path in (tmp_path / "new").iterdir()) == ["mix.parquet", "truth"]
+
+
+def test_csv_in_pieces_has_one_header(tmp_path: Path) -> None:
+    table = pd.DataFrame({"time": np.arange(6.0), "temperature.pc": [20.5, np.nan, 21, 22, 23, 24]})
+    (file,) = write_pieces(tmp_path, [("log", [table[:2], table[2:]])], "csv")
+    pd.testing.assert_frame_equal(pd.read_csv(file), table, check_dtype=False)
+
+
+def test_mcap_holds_every_value(tmp_path: Path) -> None:
+    pytest.importorskip("rosbags", reason="MCAP needs the extra 'robots'")
+    from rosbags.highlevel import AnyReader
+
+    log = quadruped_logs(seed=1, runs=RUNS)["mix"]
+    (file,) = write_quadruped(tmp_path, seed=1, runs=RUNS, format="mcap")
+    assert sorted(tmp_path.iterdir()) == [file]
+    found: dict[str, list[tuple[float, Any]]] = {}
+    with AnyReader([file]) as reader:
+        for connection, stamp, raw in reader.messages():
+            message: Any = reader.deserialize(raw, connection.msgtype)
+            assert message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec == pytest.approx(stamp / 1e9)
+            found.setdefault(connection.topic, []).append((stamp / 1e9, message))
+    joint, dynamic, base, ambient = (
+        found[topic] for topic in ("/joint_states", "/dynamic_joint_states", "/base_velocity", "/ambient_temperature")
+    )
+    assert [time for time, _ in joint] == log["time"].tolist()
+    assert joint[0][1].name == list(JOINTS)
+    for quantity, attribute in (("torque", "effort"), ("velocity", "velocity")):
+        values = np.array([getattr(message, attribute) for _, message in joint])
+        assert np.array_equal(values, log[[f"{quantity}.{name}" for name in JOINTS]])
+    assert dynamic[0][1].joint_names == list(NODES)
+    temperatures = np.array([[value.values[0] for value in message.interface_values] for _, message in dynamic])
+    assert np.array_equal(temperatures, log[[f"temperature.{node}" for node in NODES]], equal_nan=True)
+    assert dynamic[0][1].interface_values[0].interface_names == ["temperature", "powered"]
+    assert dynamic[-1][1].interface_values[12].values[1] == log["power.pc"].iloc[-1]
+    assert np.array_equal([message.twist.linear.x for _, message in base], log["speed.base"])
+    assert np.array_equal([message.temperature for _, message in ambient], log["temperature.ambient"])
+
+
+def test_mcap_without_rosbags_is_said_in_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(
+        mcap_module, "find_spec", lambda name: None if name == "rosbags" else importlib.util.find_spec(name)
+    )
+    assert main(["quadruped", "--runs", "tests", "--format", "mcap", "-o", str(tmp_path / "new")]) == 2
+    said = capsys.readouterr()
+    assert said.err == "lptn.virtual: format: mcap needs the package rosbags; pip install 'lptn[robots]'\n"
+    assert not (tmp_path / "new").exists()
+
+
+def test_broken_off_log_leaves_no_file(tmp_path: Path) -> None:
+    def pieces() -> Iterator[pd.DataFrame]:
+        yield pd.DataFrame({"time": [0.0]})
+        raise ValueError("no more")
+
+    with pytest.raises(ValueError, match="no more"):
+        write_pieces(tmp_path / "new", [("log", pieces())])
+    assert not list((tmp_path / "new").iterdir())
+
+
+def test_files_that_stand_there_are_replaced(tmp_path: Path) -> None:
+    for value in (1.0, 2.0):
+        (file,) = write_logs(tmp_path, {"log": pd.DataFrame({"time": [value]})})
+    assert pd.read_parquet(file)["time"].tolist() == [2.0]
+
+
+def test_command_writes_what_the_function_makes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    text = "quadruped --runs trial --physics plain --hidden sensor_lag --at *_calf --size 0.5"
+    text += " --hidden conduction --at FL_calf~FR_calf --size 1 --seed 3 --quantisation 0.5 --truth"
+    assert main([*text.split(), "-o", str(tmp_path)]) == 0
+    hidden = [("sensor_lag", "*_calf", 0.5), ("conduction", "FL_calf~FR_calf", 1.0)]
+    logs = quadruped_logs(hidden, seed=3, runs="trial", physics="plain", quantisation=0.5)
+    assert capsys.readouterr().out.split() == [str(tmp_path / f"{name}.parquet") for name in logs]
+    for name, log in logs.items():
+        pd.testing.assert_frame_equal(pd.read_parquet(tmp_path / f"{name}.parquet"), log)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ("--hidden iron_loss --at pc", "place of iron_loss: found 'pc'; expected one of FR_hip"),
+        ("--rate 10", "rate: found 10; expected one of 1, 100 Hz"),
+        ("--seed -4", "seed: found -4"),
+        ("--scatter 9", "scatter: found 9; expected 0 to 2"),
+    ],
+)
+def test_mistake_is_said_in_one_line(
+    options: str, message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["quadruped", *options.split(), "-o", str(tmp_path / "new")]) == 2
+    said = capsys.readouterr()
+    assert message in said.err
+    assert said.err.count("\n") == 1
+    assert not (tmp_path / "new").exists()
