@@ -1,0 +1,212 @@
+"""Identification at full scale: what is recovered, from where, how fast; peers run in the same process on the same data.
+
+Truth is the plain virtual quadruped (one mass a joint, parameters scattered over the legs, sensors in steps of 1 K), whose
+code shares nothing with the model.
+
+    python tests/benchmarks/identification.py parameters --seeds 11 12 13
+    python tests/benchmarks/identification.py starts --seed 11
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TypeVar
+
+import casadi as ca
+import numpy as np
+from scipy.optimize import least_squares
+
+from lptn import Model, fit, open_model
+from lptn.arrays import FloatArray
+from lptn.identify.gauss_newton import minimise
+from lptn.identify.integral_start import integral_start
+from lptn.identify.problem import Problem
+from lptn.noise import balanced_sigma, estimate_noise
+from lptn.places import edge
+from lptn.robots import preset_text
+from lptn.simulate import Drive, drive
+from lptn.virtual import quadruped, quadruped_logs, write_logs
+
+Result = TypeVar("Result")
+STARTS = 10
+SPREAD = 5.0
+TWO_HOURS = ("trot_medium", "hip_RF_LR_6Nm", "knee_LF_RR_10Nm", "abd_LF_RR_6Nm")
+
+
+def load(seed: int, only: Sequence[str] | None = None, step: int = 1) -> tuple[Model, list[Drive]]:
+    """The coupled model, its winding resistances as measured with an ohmmeter, and the protocol's runs."""
+    logs = quadruped_logs(seed=seed, runs="protocol", physics="plain", quantisation=1.0)
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "quadruped.toml"
+        path.write_text(preset_text("quadruped", "coupled"))
+        opened = open_model(path)
+        files = write_logs(folder, {name: logs[name] for name in only or logs})
+        runs = [run if step == 1 else run.coarsen(step) for run in opened.runs(files)]
+    truth = quadruped(seed=seed, physics="plain")
+    ohms = {
+        f"copper_loss.resistance.{joint}": float(truth.resistance[row])
+        for row, joint in enumerate(truth.nodes[: truth.joints])
+    }
+    model = Model(opened.model.network.with_values(ohms))
+    return model, [drive(model, run) for run in runs]
+
+
+def true_values(seed: int) -> dict[str, float]:
+    """The truth under the names that the model gives its parameters."""
+    robot = quadruped(seed=seed, physics="plain")
+    values = {f"capacity.{node}": float(robot.capacity[row]) for row, node in enumerate(robot.nodes)}
+    values |= {f"resistance.{edge(node, 'ambient')}": 1 / robot.to_air[row] for row, node in enumerate(robot.nodes)}
+    values |= {f"resistance.{edge(robot.nodes[i], robot.nodes[j])}": 1 / g for i, j, g in robot.links}
+    values |= {f"drive_heat.power.{joint}": robot.drive[row] for row, joint in enumerate(robot.nodes[: robot.joints])}
+    return values
+
+
+def recovered(seed: int) -> None:
+    """True parameters against estimates with their standard errors."""
+    model, drives = load(seed)
+    done, seconds = _timed(lambda: fit(model, drives))
+    truth, found = true_values(seed), {unknown.name: unknown.value for unknown in done.model.unknowns}
+    off = {name: (found[name] - truth[name]) / error for name, error in done.errors.items() if name in truth}
+    missing = sorted(set(done.errors) - set(truth))
+    inside = np.mean([abs(value) <= 1.96 for value in off.values()])
+    relative = np.median([abs(found[name] / truth[name] - 1) for name in off])
+    hours = sum(len(each) * each.run.step for each in drives) / 3600
+    print(
+        f"robot {seed}: {len(done.errors)} parameters, {hours:.1f} h at {drives[0].run.step:g} s, {seconds:.1f} s; "
+        f"{inside:.0%} of {len(off)} true values inside 95 % intervals; median error {relative:.2%}"
+    )
+    for kind in ("capacity", "resistance", "drive_heat"):
+        group = {name: value for name, value in off.items() if name.startswith(kind)}
+        errors = [abs(found[name] / truth[name] - 1) for name in group]
+        print(
+            f"  {kind:11s} {np.mean([abs(v) <= 1.96 for v in group.values()]):5.0%} inside, "
+            f"errors median {np.median(errors):.2%}, worst {max(errors):.2%}"
+        )
+    for name in sorted(off, key=lambda each: -abs(off[each]))[:3]:
+        print(f"  farthest: {name} true {truth[name]:.4g}, found {found[name]:.4g} ± {done.errors[name]:.2g}")
+    print(f"  without a true value: {', '.join(missing) or 'none'}")
+    print(f"  said to be undetermined: {'; '.join(done.uncertainty.warnings) or 'none'}")
+
+
+def random_starts(seed: int) -> None:
+    """Random starts, and the peers' times, on two hours in steps of 10 s."""
+    model, drives = load(seed, TWO_HOURS, step=10)
+    sigma = balanced_sigma(drives, estimate_noise(drives, model.nodes))
+    problem, rng = Problem(model, drives, sigma), np.random.default_rng(seed)
+    lower, upper = problem.bounds()
+    typical = model.values
+    print(f"{len(problem.free)} parameters, {problem.size} unknowns, {problem.readings} readings")
+    reference, first = _timed(lambda: fit(model, drives))
+    warm, again = _timed(lambda: fit(model, drives))
+    print(f"ours, from the logs alone: {first:.2f} s with compiling, {again:.2f} s without; cost {warm.cost:.4f}")
+    costs, times = [], []
+    for _ in range(STARTS):
+        values = typical.copy()
+        values[problem.free] *= SPREAD ** rng.uniform(-1, 1, len(problem.free))
+        z = np.clip(problem.guess(values), lower, upper)
+        found, seconds = _timed(lambda z=z: minimise(problem, z))
+        costs.append(found.cost)
+        times.append(seconds)
+    same = sum(abs(cost - reference.cost) < 1e-3 * max(reference.cost, 1.0) for cost in costs)
+    print(
+        f"ours, {STARTS} random starts ×/÷ {SPREAD:g}: {same} reach the same optimum; "
+        f"{np.median(times):.2f} s median, {max(times):.2f} s worst; costs {min(costs):.4f} to {max(costs):.4f}"
+    )
+    start = problem.guess(integral_start(model, drives, sigma))
+    ours, ours_time = _timed(lambda: minimise(problem, start, near=True))
+    _peer("scipy trf, finite differences", ours_time, ours.cost, lambda: _scipy(problem, start, "2-point"))
+    _peer("scipy trf, our derivatives", ours_time, ours.cost, lambda: _scipy(problem, start, _analytic(problem)))
+    _simultaneous(problem, start, ours_time)
+
+
+def _peer(name: str, ours: float, cost: float, run: Callable[[], float]) -> None:
+    found, seconds = _timed(run)
+    print(
+        f"{name}: {seconds:.2f} s, {seconds / ours:.0f} times ours ({ours:.3f} s); cost {found:.4f} against {cost:.4f}"
+    )
+
+
+def _scipy(problem: Problem, start: FloatArray, jacobian: str | Callable[[FloatArray], FloatArray]) -> float:
+    lower, upper = problem.bounds()
+    inside = np.clip(start, lower + 1e-9, upper - 1e-9)
+    done = least_squares(problem.residuals, inside, jac=jacobian, bounds=(lower, upper), x_scale="jac")  # type: ignore[call-overload]
+    return float(done.cost)
+
+
+def _analytic(problem: Problem) -> Callable[[FloatArray], FloatArray]:
+    return lambda z: problem.jacobian(z)[1]
+
+
+def _simultaneous(problem: Problem, start: FloatArray, ours: float) -> None:
+    """IPOPT with its exact Hessian over all states of all steps, as textbooks transcribe it."""
+    solver, arguments, building = _timed_build(problem, start)
+    found, seconds = _timed(lambda: solver(**arguments))
+    print(
+        f"IPOPT, simultaneous, exact Hessian: {building:.1f} s to build, {seconds:.2f} s to solve, "
+        f"{seconds / ours:.0f} times ours ({(building + seconds) / ours:.0f} with building); "
+        f"{solver.stats()['return_status']}, cost {float(found['f']):.4f}"
+    )
+
+
+def _timed_build(problem: Problem, start: FloatArray) -> tuple[ca.Function, dict[str, FloatArray], float]:
+    began = time.perf_counter()
+    model, point = problem.model, problem.point(start)
+    count, states = len(problem.free), len(model.states)
+    z = ca.MX.sym("z", count)
+    p = ca.MX(model.values)
+    slope = problem.slope(point.values)
+    logarithmic = np.array([model.unknowns[index].logarithmic for index in problem.free])
+    values = [ca.exp(z[k]) if logarithmic[k] else z[k] * slope[k] for k in range(count)]
+    for index, value in zip(problem.free, values, strict=True):
+        p[index] = value
+    cost, unknowns, equal, guess = ca.MX(0), [z], [], [start[:count]]
+    for driven, first in zip(problem.drives, point.starts, strict=True):
+        n = len(driven)
+        path = ca.MX.sym("x", states, n + 1)
+        step = model.step("rk4").map(n)
+        h = driven.run.step
+        equal.append(ca.vec(path[:, 1:] - step(path[:, :-1], driven.inputs, ca.repmat(p, 1, n), ca.repmat(h, 1, n))))
+        error = (driven.measured - 0.5 * (path[:, :-1] + path[:, 1:])[: len(model.nodes), :]) / problem.sigma[:, None]
+        cost += 0.5 * ca.sumsqr(error) + 0.5 * ca.sumsqr((path[:, 0] - first) / 10.0)
+        unknowns.append(ca.vec(path))
+        ends = np.hstack([driven.measured[:, :1], driven.measured])
+        guess.append(ends.T.ravel())
+    nlp = {"x": ca.vertcat(*unknowns), "f": cost, "g": ca.vertcat(*equal)}
+    options = {"ipopt.print_level": 0, "print_time": False, "ipopt.sb": "yes"}
+    solver = ca.nlpsol("simultaneous", "ipopt", nlp, options)
+    lower, upper = problem.bounds()
+    size = sum(len(part) for part in guess) - count
+    arguments = {
+        "x0": np.concatenate(guess),
+        "lbx": np.concatenate([lower[:count], np.full(size, -np.inf)]),
+        "ubx": np.concatenate([upper[:count], np.full(size, np.inf)]),
+        "lbg": np.zeros(nlp["g"].numel()),
+        "ubg": np.zeros(nlp["g"].numel()),
+    }
+    return solver, arguments, time.perf_counter() - began
+
+
+def _timed(run: Callable[[], Result]) -> tuple[Result, float]:
+    began = time.perf_counter()
+    return run(), time.perf_counter() - began
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    tasks = parser.add_subparsers(dest="task", required=True)
+    tasks.add_parser("parameters").add_argument("--seeds", type=int, nargs="+", default=[11])
+    tasks.add_parser("starts").add_argument("--seed", type=int, default=11)
+    given = parser.parse_args()
+    if given.task == "parameters":
+        for seed in given.seeds:
+            recovered(seed)
+    else:
+        random_starts(given.seed)
+
+
+if __name__ == "__main__":
+    main()
