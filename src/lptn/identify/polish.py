@@ -1,4 +1,4 @@
-"""The last steps to an optimum that is near: Gauss-Newton, each step the exact optimum within the bounds."""
+"""The last steps to an optimum that is near: Levenberg-Marquardt, each step the exact optimum within the bounds."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from lptn.identify.evaluator import Evaluator
 
 _GAIN = 1e-6  # of the cost, a log-likelihood: a thousandth of a standard error away from the optimum
 _SHARE = 3e-8  # of the cost: where the model misses much, so little is beyond all meaning
-_HALVINGS = 4
-_MOST = 15
 _FAR = 1e6  # no step in the search's coordinates is as long
+_FIRST_DAMPING, _LEAST_DAMPING, _MOST_DAMPING = 1e-3, 1e-7, 1e3  # relative to the Hessian's diagonal
+_POOR, _GOOD = 0.1, 0.7  # shares of the promised gain that a step kept
 
 
 def polish(
@@ -27,7 +27,8 @@ def polish(
     """Step from `z` until nothing is left to gain; the evaluator keeps the best point.
 
     An interior-point search shrinks its barrier to the last digit, at a full evaluation each time. Near the optimum
-    the quadratic model is good and its bounded optimum is found in milliseconds: a few steps do.
+    the quadratic model is good and its bounded optimum is found in milliseconds: a few steps do. Where the valley is
+    curved, damping keeps them short.
 
     Args:
         evaluator: of the problem.
@@ -37,47 +38,62 @@ def polish(
         step_taken: called after each step.
 
     Returns:
-        Whether the optimum was reached; not where the start was too far away.
+        Whether the optimum was reached.
     """
     lower, upper = evaluator.problem.bounds()
-    for _ in range(min(most, _MOST)):
+    damping = 0.0
+    for _ in range(most):
         if stopped():
             return False
         gradient, hessian = evaluator.derivatives(z)
         if not np.isfinite(hessian).all():
             return False
-        step = _bounded_step(gradient, hessian, lower - z, upper - z)
-        gain = -float(gradient @ step + 0.5 * step @ hessian @ step)
         enough = max(_GAIN * evaluator.scale, _SHARE * evaluator.cost(z))
-        if gain < enough:
+        free = _bounded_step(gradient, hessian, lower - z, upper - z)
+        if _promised(gradient, hessian, free) < enough:
             return True
-        following = _downhill(evaluator, z, step, gain)
-        if following is None:
-            return gain < 100 * enough  # rounding in the simulation hides what is left
-        z = following
+        before = evaluator.cost(z)
+        following, damping = _downhill(evaluator, z, (gradient, hessian), free, damping)
+        if following is None:  # rounding in the simulation hides what is left, or the model is no guide here
+            return _promised(gradient, hessian, free) < 100 * enough
         step_taken()
+        if before - evaluator.cost(following) < 0.01 * enough:
+            return True
+        z = following
     return False
+
+
+def _downhill(
+    evaluator: Evaluator, z: FloatArray, model: tuple[FloatArray, FloatArray], free: FloatArray, damping: float
+) -> tuple[FloatArray | None, float]:
+    """A point that keeps a fair share of the gain promised, and the damping to go on with; `None` if there is none."""
+    gradient, hessian = model
+    lower, upper = evaluator.problem.bounds()
+    before, diagonal = evaluator.cost(z), np.diag(np.diag(hessian))
+    while damping <= _MOST_DAMPING:
+        step = free if damping == 0 else _bounded_step(gradient, hessian + damping * diagonal, lower - z, upper - z)
+        kept = (before - evaluator.cost(z + step)) / max(_promised(gradient, hessian, step), 1e-300)
+        if kept > _POOR:
+            if kept > _GOOD:
+                damping = 0.0 if damping < _LEAST_DAMPING else damping / 10
+            return z + step, damping
+        damping = max(4 * damping, _FIRST_DAMPING)
+    return None, damping
+
+
+def _promised(gradient: FloatArray, hessian: FloatArray, step: FloatArray) -> float:
+    """What the quadratic model says that a step gains."""
+    return -float(gradient @ step + 0.5 * step @ hessian @ step)
 
 
 def _bounded_step(gradient: FloatArray, hessian: FloatArray, lower: FloatArray, upper: FloatArray) -> FloatArray:
     """The optimum of the quadratic model within the bounds, shape (size,)."""
-    factor = np.linalg.cholesky(hessian)
     free = np.asarray(np.linalg.solve(hessian, -gradient), dtype=float)
     if np.all(free >= lower) and np.all(free <= upper):
         return free
+    factor = np.linalg.cholesky(hessian)
     side = np.linalg.solve(factor, -gradient)
     # The solver wants finite bounds, and a little room between them.
     low, high = np.maximum(lower, -_FAR), np.minimum(upper, _FAR)
     found = lsq_linear(factor.T, side, (low, np.maximum(high, low + 1e-12)), method="bvls")
     return np.clip(found.x, lower, upper)
-
-
-def _downhill(evaluator: Evaluator, z: FloatArray, step: FloatArray, gain: float) -> FloatArray | None:
-    """A point along the step that keeps a fair share of the promised gain, `None` if there is none."""
-    before = evaluator.cost(z)
-    for halving in range(_HALVINGS):
-        share = 0.5**halving
-        following = z + share * step
-        if evaluator.cost(following) <= before - 0.25 * share * gain:
-            return following
-    return None
