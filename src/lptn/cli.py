@@ -119,6 +119,7 @@ def fit(
 
 
 app.command("lptn.compare_command:compare")
+app.command("lptn.forecast_command:forecast")
 app.command("lptn.monitor_command:monitor")
 
 

@@ -1,0 +1,90 @@
+"""The figure of a forecast: temperatures so far and to come, with the interval's fan and the limit."""
+
+from __future__ import annotations
+
+from math import ceil, isfinite
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from lptn.forecast.result import Forecast, NodeForecast
+from lptn.report.style import GIVEN, INK, MEASURED, SMALL, TEXT, dress, new_figure, plain
+
+_COLUMNS = 3
+_MOST = 12
+_PANEL = 2.1  # inch
+_LEGEND = 0.4  # inch
+_BEYOND = 1.4  # times the last interval's end that is shown
+_LIMIT = "#CC0000"
+
+
+def forecast_figure(found: Forecast) -> Figure:
+    """Readings [°C] so far, expected temperatures with their interval, and the limit; the twelve soonest nodes."""
+    soonest = sorted(found.nodes.values(), key=lambda each: (each.time_to_limit, each.low, -each.steady))[:_MOST]
+    chosen = [each for each in found.nodes.values() if each in soonest]
+    columns = min(_COLUMNS, len(chosen))
+    rows = ceil(len(chosen) / columns)
+    figure = new_figure(rows * _PANEL + _LEGEND)
+    axes = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
+    span = _span(found, chosen)
+    for ax, one in zip(axes.ravel(), chosen, strict=False):
+        _panel(ax, found, one, span)
+    for ax in axes.ravel()[len(chosen) :]:
+        ax.set_visible(False)
+    for ax in axes[:, 0]:
+        ax.set_ylabel("temperature [°C]", size=SMALL)
+    for column in range(columns):
+        lowest = max(row for row in range(rows) if row * columns + column < len(chosen))
+        axes[lowest, column].set_xlabel("time from now [min]", size=SMALL)
+        axes[lowest, column].tick_params(labelbottom=True)
+    figure.legend(handles=_legend(found), loc="outside upper center", ncols=5, fontsize=SMALL, frameon=False)
+    return figure
+
+
+def _span(found: Forecast, chosen: list[NodeForecast]) -> tuple[float, float]:
+    """From when to when to show [s]: all that is reached with its interval, else until little moves."""
+    ends = [each.high if isfinite(each.high) else 1.5 * each.time_to_limit for each in chosen if each.reaches]
+    until = min(_BEYOND * max(ends), float(found.time[-1])) if ends else float(found.time[-1])
+    until = max(until, 60.0)
+    return max(float(found.log[0]), -until), until
+
+
+def _panel(ax: Axes, found: Forecast, one: NodeForecast, span: tuple[float, float]) -> None:
+    row, minutes = found.names.index(one.node), found.time / 60
+    shown = found.time <= span[1] * 1.05
+    past = found.log >= span[0]
+    ax.fill_between(
+        minutes[shown], found.low[row][shown], found.high[row][shown], color=GIVEN["color"], alpha=0.25, linewidth=0
+    )
+    ax.plot(found.log[past] / 60, found.measured[row][past], **MEASURED)
+    ax.plot(minutes[shown], found.temperature[row][shown], **GIVEN)
+    ax.axhline(one.limit, color=_LIMIT, linewidth=1.2)
+    ax.axvline(0.0, color="0.6", linewidth=0.8)
+    if one.reaches and one.time_to_limit > 0:
+        high = one.high if isfinite(one.high) else span[1] * 1.05
+        ax.plot([one.low / 60, high / 60], [one.limit] * 2, color=INK, linewidth=3.0, solid_capstyle="butt")
+        ax.plot([one.time_to_limit / 60], [one.limit], "o", color=INK, markersize=4)
+    ax.set_xlim(span[0] / 60, span[1] / 60)
+    ax.set_title(plain(f"{one.node}: {_said(one)}"), size=TEXT, loc="left", pad=3)
+    ax.margins(y=0.08)
+    dress(ax)
+
+
+def _said(one: NodeForecast) -> str:
+    if one.time_to_limit == 0:
+        return "at its limit"
+    if one.reaches:
+        return f"{one.time_to_limit / 60:.1f} min"
+    return f"never, {one.steady:.0f} °C" if isfinite(one.steady) else "never"
+
+
+def _legend(found: Forecast) -> list[Line2D | Patch]:
+    return [
+        Line2D([], [], label="measured", **MEASURED),
+        Line2D([], [], label="expected", **GIVEN),
+        Patch(color=GIVEN["color"], alpha=0.25, label=f"{found.coverage:.0%} interval"),
+        Line2D([], [], color=_LIMIT, linewidth=1.2, label="limit"),
+        Line2D([], [], color=INK, linewidth=3.0, marker="o", markersize=4, label="time to the limit, interval"),
+    ]

@@ -1,0 +1,88 @@
+"""What is known of a model's errors: covariance of its parameters, and how far it strays from readings."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lptn.arrays import FloatArray
+from lptn.identify import Fit
+from lptn.model import Model
+from lptn.model_schema import FitTable
+from lptn.parameters import Transform
+
+_UNKNOWN_ERROR = 1.0  # K; of a model of which nobody says how well it fitted
+_LEAST_ERROR = 0.1  # K; no model is better on a run that it never saw
+_WIDEST = 0.5  # in the fit's coordinates; a derivative says nothing of what lies further away
+
+
+@dataclass(frozen=True)
+class Knowledge:
+    """How far a model is to be trusted.
+
+    Args:
+        covariance: of the free parameters in the fit's coordinates (logarithms of positive ones, else shares of
+            the typical size), shape (free, free).
+        error: how far a free-running simulation strays from noise-free readings, root mean square [K], shape (nodes,).
+        source: where this is from, in words.
+    """
+
+    covariance: FloatArray
+    error: FloatArray
+    source: str
+
+    @classmethod
+    def of_fit(cls, fit: Fit) -> Knowledge:
+        """Of a fit in memory."""
+        squares, counts = np.zeros(len(fit.model.nodes)), np.zeros(len(fit.model.nodes))
+        for residual, driven in zip(fit.residuals, fit.problem.drives, strict=True):
+            squares += np.sum(np.where(driven.counted, residual, 0.0) ** 2, axis=1)
+            counts += driven.counted.sum(axis=1)
+        whole = squares.sum() / max(counts.sum(), 1)
+        mean = np.where(counts > 0, squares / np.maximum(counts, 1), whole)
+        error = _beyond(mean, fit.noise.floor)
+        return cls(_bounded(fit.uncertainty.covariance), error, "covariance and residuals of the fit")
+
+    @classmethod
+    def of_table(cls, model: Model, table: FitTable, floor: FloatArray) -> Knowledge:
+        """Of the `[fit]` table of a model file.
+
+        The table holds no correlations; without them a forecast is less sure than it could be.
+
+        Args:
+            model: the model.
+            table: as the model file holds it; without a fit, a model error of 1 K is assumed.
+            floor: RMSE that noise and steps of the sensors leave [K], shape (nodes,).
+        """
+        if table.rmse is None:
+            return cls.nothing(model)
+        free = [model.unknowns[index] for index in model.free]
+        slope = np.abs(Transform(free).slope(np.array([unknown.value for unknown in free], dtype=float)))
+        errors = [table.parameters[each.name].error if each.name in table.parameters else None for each in free]
+        # What a fit left undetermined stands there without a standard error.
+        known = np.array([np.nan if error is None else error for error in errors], dtype=float)
+        spread = np.where(np.isnan(known), _WIDEST, known / np.where(slope > 0, slope, 1.0))
+        error = _beyond(np.full(len(model.nodes), table.rmse**2), floor)
+        return cls(_bounded(np.diag(spread**2)), error, "standard errors and RMSE in the model file")
+
+    @classmethod
+    def nothing(cls, model: Model) -> Knowledge:
+        """Of a model that nobody fitted: its parameters are taken for exact, and its error for 1 K."""
+        free = len(model.free)
+        error = np.full(len(model.nodes), _UNKNOWN_ERROR)
+        return cls(np.zeros((free, free)), error, f"no fit is known; a model error of {_UNKNOWN_ERROR:g} K is assumed")
+
+
+def _beyond(mean_square: FloatArray, floor: FloatArray) -> FloatArray:
+    return np.asarray(np.sqrt(np.maximum(mean_square - floor**2, _LEAST_ERROR**2)))
+
+
+def _bounded(covariance: FloatArray) -> FloatArray:
+    """Directions that the data leave open made no wider than what a derivative is good for."""
+    if covariance.size == 0:
+        return covariance
+    values, vectors = np.linalg.eigh(covariance)
+    values = np.maximum(values, 0.0)
+    shrunk = values * _WIDEST**2 / (values + _WIDEST**2)
+    return np.asarray((vectors * shrunk) @ vectors.T)
