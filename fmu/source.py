@@ -136,7 +136,7 @@ def _environment() -> Any:
     import jinja2
 
     environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("lptn.fmu"),
+        loader=jinja2.FunctionLoader(_template),
         autoescape=jinja2.select_autoescape(["xml.j2", "html.j2"]),
         trim_blocks=True,
         lstrip_blocks=True,
@@ -145,6 +145,10 @@ def _environment() -> Any:
     )
     environment.filters["number"] = number
     return environment
+
+
+def _template(name: str) -> str:
+    return (files("lptn.fmu") / "templates" / name).read_text(encoding="utf-8")
 
 
 def _rendered(template: str, values: dict[str, Any]) -> str:

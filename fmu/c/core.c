@@ -166,14 +166,14 @@ static Status core_get(Instance *I, const char *function, const uint32_t *refere
     return OK;
 }
 
-/* The modes in which a variable may be set. A state in event and continuous-time mode goes beyond the standard, but
-   importers that differentiate (CasADi) set them so. */
+/* The modes in which a variable may be set. States in event mode, and states and parameters in continuous-time mode,
+   go beyond the standard, but importers that differentiate (CasADi) set them so. */
 static int settable(uint32_t r) {
     if (r == 0 || r >= OUTPUTS) return 0;
     if (r < RATES) return INSTANTIATED | INITIALIZATION | EVENT | CONTINUOUS;
     if (r < INPUTS) return 0;
     if (r < PARAMETERS) return INSTANTIATED | INITIALIZATION | EVENT | CONTINUOUS | STEP | UPDATE;
-    return INSTANTIATED | INITIALIZATION | EVENT | STEP;
+    return INSTANTIATED | INITIALIZATION | EVENT | CONTINUOUS | STEP;
 }
 
 static Status check_value(Instance *I, const char *function, uint32_t r, double value) {

@@ -14,8 +14,16 @@
 
 static void say(Instance *I, Status status, const char *category, const char *message) {
     const fmi2CallbackFunctions *callbacks = I->callbacks;
-    if (callbacks && callbacks->logger)
-        callbacks->logger(I->environment, I->name, (fmi2Status)status, category, "%s", message);
+    char format[1024];
+    size_t i = 0;
+    if (!callbacks || !callbacks->logger) return;
+    /* The text goes as the format: importers in Python can't read what stands behind it. */
+    for (; *message && i + 3 < sizeof format; message++) {
+        if (*message == '%') format[i++] = '%';
+        format[i++] = *message;
+    }
+    format[i] = 0;
+    callbacks->logger(I->environment, I->name, (fmi2Status)status, category, format);
 }
 
 /* --- common ---------------------------------------------------------------------------------------- */
@@ -44,7 +52,7 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, f
     else if (type != fmi2ModelExchange && type != fmi2CoSimulation) wrong = "fmi2Instantiate: unknown type";
     if (wrong) {
         if (callbacks->logger)
-            callbacks->logger(callbacks->componentEnvironment, name ? name : "", fmi2Error, "logStatusError", "%s", wrong);
+            callbacks->logger(callbacks->componentEnvironment, name ? name : "", fmi2Error, "logStatusError", wrong);
         return NULL;
     }
     I = core_new(name, guid, type == fmi2ModelExchange ? MODEL_EXCHANGE : CO_SIMULATION, say, logging);
