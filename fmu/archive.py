@@ -41,7 +41,7 @@ def unpack(content: bytes, path: Path, folder: Path) -> None:
         folder: where to.
 
     Raises:
-        InputError: no ZIP archive, a path that leads outside, a link, a name twice, too much inside, or XML with entities.
+        InputError: no ZIP archive, a path that leads outside, a link, a name twice, too much inside, XML with entities.
     """
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
@@ -64,7 +64,7 @@ def _check_names(entries: list[zipfile.ZipInfo], path: Path) -> None:
         name = entry.orig_filename
         parts = PurePosixPath(name).parts
         if "\\" in name or ":" in name or "\0" in name or name.startswith("/") or ".." in parts or not parts:
-            raise InputError(path, "archive", f"the path {name!r}", "paths that stay inside the FMU, with forward slashes")
+            raise InputError(path, "archive", f"the path {name!r}", "paths inside the FMU, with forward slashes")
         if stat.S_ISLNK(entry.external_attr >> 16):
             raise InputError(path, "archive", f"the link {name!r}", "plain files")
         folded = name.rstrip("/").casefold()

@@ -7,12 +7,14 @@ from typing import Any
 
 import casadi as ca
 
-from lptn.fmu.component import Component
+from .component import Component
 
 _NULL_INPUT = re.compile(r"arg\[(\d+)\]\? (arg\[\1\]\[\d+\]) : 0")
 _NULL_OUTPUT = re.compile(r"if \(res\[(\d+)\]!=0\) (res\[\1\])")
-_HOUSEKEEPING = re.compile(r"CASADI_SYMBOL_EXPORT [^{};]*?\b\w+(?:_checkout|_release|_incref|_decref|_n_in|_n_out|_default_in"
-                           r"|_name_in|_name_out|_sparsity_in|_sparsity_out|_work|_work_bytes|_version|_size)\([^)]*\)\s*\{")
+_HOUSEKEEPING = re.compile(
+    r"CASADI_SYMBOL_EXPORT [^{};]*?\b\w+_(?:checkout|release|incref|decref|n_in|n_out|default_in|name_in|name_out"
+    r"|sparsity_in|sparsity_out|work|work_bytes|version|size)\([^)]*\)\s*\{"
+)
 
 
 def functions(component: Component) -> list[ca.Function]:

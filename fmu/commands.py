@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, cast
 
 from cyclopts import Parameter as Option
 
@@ -12,8 +12,9 @@ from lptn.cli_support import Json, Map, OptionalOutput, Output, check_outputs, n
 from lptn.errors import InputError
 
 if TYPE_CHECKING:
-    from lptn.fmu.cosim import Cosimulation
-    from lptn.fmu.exporter import Exported
+    from .compile import Compiler
+    from .cosim import Cosimulation
+    from .exporter import Exported
 
 Platforms = Annotated[
     str | None,
@@ -25,7 +26,7 @@ Platforms = Annotated[
 ]
 Limit = Annotated[
     list[str] | None,
-    Option(name="--limit", help="Temperature limit in degC, of all nodes or as NODE=90; may be given again.", negative=""),
+    Option(name="--limit", help="Limit in degC, of all nodes or as NODE=90; may be given again.", negative=""),
 ]
 
 
@@ -46,8 +47,9 @@ def fmu(
 
     Example: lptn fmu fitted.toml -o leg.fmu --fmi 3 --platforms linux64,win64
     """
-    from lptn.fmu.exporter import export
     from lptn.terminal import progress, write_json
+
+    from .exporter import export
 
     check_outputs(output, json)
     if compiler not in ("auto", "zig", "cc"):
@@ -61,7 +63,7 @@ def fmu(
             solver=solver,
             step=step,
             limits=_limits(limit),
-            compiler=compiler,  # type: ignore[arg-type] - checked above
+            compiler=cast("Compiler", compiler),
         )
     _show_export(done)
     write_json(json, done.as_json())
@@ -73,7 +75,7 @@ def cosim(
     *logs: Path,
     model: Annotated[Path | None, Option(help="Model file to compare with; by default the one inside the FMU.")] = None,
     ramps: Annotated[bool, Option(help="Inputs go in straight lines from sample to sample.", negative="")] = False,
-    trust: Annotated[bool, Option(help="Run the native code of an FMU that was not exported here.", negative="")] = False,
+    trust: Annotated[bool, Option(help="Run the native code of an FMU from elsewhere.", negative="")] = False,
     output: OptionalOutput = None,
     json: Json = None,
     map: Map = None,  # noqa: A002
@@ -82,9 +84,10 @@ def cosim(
 
     Example: lptn cosim leg.fmu friday.parquet -o outputs.csv
     """
-    from lptn.fmu.cosim import cosimulate
-    from lptn.fmu.session import FmuError
     from lptn.terminal import write_json
+
+    from .cosim import cosimulate
+    from .session import FmuError
 
     needs_logs(logs)
     check_outputs(output, json)
@@ -113,7 +116,7 @@ def _limits(texts: list[str] | None) -> dict[str, float] | None:
         try:
             found[node if equals else "*"] = float(value)
         except ValueError as error:
-            raise InputError("command line", "--limit", f"'{text}'", "a temperature in degC, or NODE=temperature") from error
+            raise InputError("command line", "--limit", f"'{text}'", "a number in degC, or NODE=number") from error
     return found or None
 
 
@@ -121,9 +124,10 @@ def _show_export(done: Exported) -> None:
     facts = done.as_json()
     places = ", ".join(done.platforms) or "no binaries: sources alone"
     print(f"{done.path}: FMI {done.fmi}, {done.size / 1024:.0f} kB, {places}")
-    print(f"{facts['states']} states, {facts['inputs']} inputs, {facts['parameters']} parameters, {facts['outputs']} outputs")
+    print(", ".join(f"{facts[kind]} {kind}" for kind in ("states", "inputs", "parameters", "outputs")))
     steps = done.integration
-    print(f"Co-Simulation: {steps.solver}, inner steps of at most {steps.step:g} s; fastest time constant {steps.fastest:.3g} s")
+    print(f"Co-Simulation: {steps.solver}, inner steps of at most {steps.step:g} s")
+    print(f"Fastest time constant: {steps.fastest:.3g} s")
     for note in steps.notes:
         print(f"Note: {note}.")
 
@@ -144,7 +148,8 @@ def _show_cosimulation(done: Cosimulation) -> None:
     out.print(table)
     steps, seconds = sum(len(each.run) for each in done.runs), sum(each.seconds for each in done.runs)
     simulated = sum(len(each.run) * each.run.step for each in done.runs)
-    out.print(f"FMI {done.fmi}: {steps} steps in {seconds:.3g} s, {simulated / max(seconds, 1e-9):.3g} times as fast as the robot.")
+    speed = simulated / max(seconds, 1e-9)
+    out.print(f"FMI {done.fmi}: {steps} steps in {seconds:.3g} s, {speed:.3g} times as fast as the robot.")
 
 
 def _write_outputs(done: Cosimulation, path: Path) -> None:
@@ -152,8 +157,9 @@ def _write_outputs(done: Cosimulation, path: Path) -> None:
     import pandas as pd
 
     from lptn.files import write_whole
-    from lptn.fmu.naming import to_column
-    from lptn.fmu.units import ZERO_CELSIUS
+
+    from .naming import to_column
+    from .units import ZERO_CELSIUS
 
     tables = []
     for each in done.runs:

@@ -19,7 +19,15 @@ from typing import Literal
 from lptn.errors import InputError
 
 Compiler = Literal["auto", "zig", "cc"]
-_FLAGS = ("-std=c99", "-O2", "-fPIC", "-fvisibility=hidden", "-ffp-contract=off", "-DCASADI_SYMBOL_EXPORT=static", "-shared")
+_FLAGS = (
+    "-std=c99",
+    "-O2",
+    "-fPIC",
+    "-fvisibility=hidden",
+    "-ffp-contract=off",  # the same digits on every platform
+    "-DCASADI_SYMBOL_EXPORT=static",
+    "-shared",
+)
 _TIMEOUT = 1200.0  # s; the first build for Windows makes its C library
 
 
@@ -84,7 +92,7 @@ def host() -> Platform:
     system = {"win32": "windows"}.get(sys.platform, sys.platform)
     tuple_ = f"{machine}-{system}"
     if tuple_ not in _ALIASES:
-        raise InputError("this machine", "platform", tuple_, f"one of {', '.join(PLATFORMS)}; --platforms source writes sources alone")
+        raise InputError("this machine", "platform", tuple_, f"one of {', '.join(PLATFORMS)}, or --platforms source")
     return PLATFORMS[_ALIASES[tuple_]]
 
 
@@ -115,13 +123,11 @@ def _command(target: Platform, compiler: Compiler) -> list[str]:
         return [sys.executable, "-m", "ziglang", "cc", "-target", target.target]
     if compiler == "zig":
         raise InputError(target.name, "compiler", "no ziglang package", "pip install 'lptn[fmu]'")
-    local = local_compiler()
+    local, mend = local_compiler(), "pip install 'lptn[fmu]', or --platforms source"
     if target != host():
-        raise InputError(target.name, "compiler", "no ziglang package, which builds for other platforms", "pip install 'lptn[fmu]'")
+        raise InputError(target.name, "compiler", "no ziglang package, which builds for other platforms", mend)
     if local is None:
-        raise InputError(
-            target.name, "compiler", "neither the ziglang package nor a C compiler", "pip install 'lptn[fmu]', or --platforms source"
-        )
+        raise InputError(target.name, "compiler", "neither the ziglang package nor a C compiler", mend)
     return local
 
 
@@ -150,8 +156,9 @@ def _compile(folder: Path, main: str, identifier: str, target: Platform, command
     except (OSError, subprocess.TimeoutExpired) as error:
         raise InputError(target.name, "compiler", str(error), "a working C compiler") from error
     if done.returncode:
-        lines = [line for line in done.stderr.splitlines() if "error" in line] or done.stderr.splitlines() or ["no message"]
-        raise InputError(target.name, "compiler", lines[0][:200], "C code that compiles")
+        lines = done.stderr.splitlines() or ["no message"]
+        first = next((line for line in lines if "error" in line), lines[0])
+        raise InputError(target.name, "compiler", first[:200], "C code that compiles")
     return library.read_bytes()
 
 

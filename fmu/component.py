@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -11,18 +11,21 @@ import casadi as ca
 
 from lptn.effects import SensorEffect
 from lptn.errors import InputError
-from lptn.fmu.flows import Flow, heat_flows
-from lptn.fmu.naming import joined, of_column, of_owner, part
-from lptn.fmu.units import ZERO_CELSIUS, feature_unit, plain
-from lptn.fmu.variables import Kind, Variable, refuse_twice
 from lptn.model import Model
 from lptn.parameters import Unknown
+from lptn.places import matching
+
+from .flows import Flow, heat_flows
+from .naming import joined, of_column, of_owner, part
+from .units import ZERO_CELSIUS, feature_unit, plain
+from .variables import Kind, Variable, refuse_twice
 
 DEFAULT_LIMIT = 80.0
 """Temperature limit of a node whose limit nobody gave [degC]."""
 ROOM = 25.0
 """Start temperature where nobody gave one [degC]."""
 _BAND, _HORIZON = 10.0, 3600.0  # K below the limit where derating begins; s that the forecast looks ahead
+_USUAL = {"powered": 1.0}  # a robot that is simulated is switched on; all other inputs start at rest
 _POSITIVE = 1e-9  # the least value of a parameter that must be positive
 
 
@@ -80,19 +83,19 @@ def component(
     Raises:
         InputError: a limit or start names no node, or lies below absolute zero.
     """
-    return _Builder(model, _by_node(model, limits, DEFAULT_LIMIT, "limits"), _by_node(model, start, ROOM, "start")).build()
+    limited, started = _by_node(model, limits, DEFAULT_LIMIT, "limits"), _by_node(model, start, ROOM, "start")
+    return _Builder(model, limited, started).build()
 
 
 def _by_node(model: Model, given: Mapping[str, float] | float | None, default: float, where: str) -> dict[str, float]:
-    """A temperature [degC] for each node, the last matching pattern first."""
-    from lptn.places import matching
-
+    """A temperature [degC] for each node; the last pattern that matches wins."""
     table = {"*": default} | ({} if given is None else dict(given) if isinstance(given, Mapping) else {"*": given})
     found: dict[str, float] = {}
     for pattern, value in table.items():
         nodes = matching(pattern, model.nodes)
         if not nodes:
-            raise InputError(model.network.origin, where, f'"{pattern}"', f"one of {', '.join(model.nodes)}, or a pattern")
+            known = f"one of {', '.join(model.nodes)}, or a pattern"
+            raise InputError(model.network.origin, where, f'"{pattern}"', known)
         if not -ZERO_CELSIUS < value < 1e4:
             raise InputError(model.network.origin, where, f"{value!r} degC", "a temperature in degC")
         found |= dict.fromkeys(nodes, value)
@@ -119,18 +122,17 @@ class _Builder:
         self._parameters()
         outputs = self._outputs(self._in_celsius(arguments))
         for node in self.model.nodes:
-            self._add(joined(node, "time_to_limit"), "forecast", "s", None, f"Time until {node} reaches its limit, inputs held")
+            text = f"Time until {node} reaches its limit, inputs held"
+            self._add(joined(node, "time_to_limit"), "forecast", "s", None, text)
         refuse_twice(self.variables, self.model.network.origin)
         rates = self.model.rhs(*arguments)
-        values = ca.vertcat(*outputs)  # type: ignore[call-overload]
+        values = ca.vertcat(*outputs)
         return Component(self.model, tuple(self.variables), self.x, self.u, self.p, rates, values, self.limited)
 
     def _in_celsius(self, arguments: list[Any]) -> Callable[[Any], Any]:
         """An expression of the model's own symbols as one of the component's."""
         own = self.model.symbols
-        return lambda expression: ca.substitute(
-            [expression], [own.x, own.u, own.p], arguments
-        )[0]
+        return lambda expression: ca.substitute([expression], [own.x, own.u, own.p], arguments)[0]
 
     def _add(self, name: str, kind: Kind, unit: str, start: float | None, description: str, **more: Any) -> int:
         reference = len(self.variables)
@@ -146,9 +148,7 @@ class _Builder:
             name = joined(node, label, "temperature") if label else joined(node, "temperature")
             text = f"Temperature of {node}" if not label else f"Temperature behind {label} at {node}"
             start = self.start[node] + ZERO_CELSIUS
-            references.append(
-                self._add(name, "state", "K", start, text, celsius=True, minimum=0.0, hidden=bool(label))
-            )
+            references.append(self._add(name, "state", "K", start, text, celsius=True, minimum=0.0, hidden=bool(label)))
         for reference in references:
             name = self.variables[reference].name
             self._add(f"der({name})", "rate", "K/s", None, f"Rate of {name}", hidden=True, of=reference)
@@ -158,7 +158,7 @@ class _Builder:
             unit = feature_unit(column)
             hot = unit == "degC"
             text = _described(column)
-            start = ROOM + ZERO_CELSIUS if hot else 0.0
+            start = ROOM + ZERO_CELSIUS if hot else _USUAL.get(column.partition(".")[0], 0.0)
             self._add(of_column(column), "input", plain(unit), start, text, celsius=hot, minimum=0.0 if hot else None)
 
     def _parameters(self) -> None:
@@ -203,7 +203,8 @@ class _Builder:
         found = []
         for node, reading in zip(self.model.nodes, ca.vertsplit(self.model.symbols.readings), strict=True):
             if self._is_sensed(node):
-                self._add(joined(node, "reading"), "output", "K", None, f"What the sensor of {node} reads", celsius=True)
+                text = f"What the sensor of {node} reads"
+                self._add(joined(node, "reading"), "output", "K", None, text, celsius=True)
                 found.append(celsius(reading) + ZERO_CELSIUS)
         for flow in heat_flows(self.model):
             self._add(_flow_name(flow), "output", "W", None, _flow_text(flow))
@@ -255,10 +256,3 @@ def _described(column: str) -> str:
         "temperature": "Temperature",
     }
     return f"{words.get(feature, feature)} of {place}" if place else feature
-
-
-def columns_of(names: Sequence[str]) -> list[str]:
-    """The log columns of input names."""
-    from lptn.fmu.naming import to_column
-
-    return [to_column(name) for name in names]

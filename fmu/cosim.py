@@ -13,16 +13,17 @@ from lptn.arrays import FloatArray
 from lptn.compare import Errors, predict
 from lptn.errors import InputError
 from lptn.evidence import Part, evidence
-from lptn.fmu.component import component
-from lptn.fmu.naming import of_column, to_column
-from lptn.fmu.session import Session
-from lptn.fmu.units import ZERO_CELSIUS
 from lptn.logs import Run, read_log
 from lptn.model import Model
 from lptn.model_file import ModelFile, load_model, parse_model
 from lptn.noise import balanced_sigma, estimate_noise
 from lptn.opening import Opened
 from lptn.simulate import Drive, drive, over_steps
+
+from .component import component
+from .naming import of_column, to_column
+from .session import Session
+from .units import ZERO_CELSIUS
 
 
 @dataclass(frozen=True)
@@ -103,7 +104,8 @@ def cosimulate(
     Args:
         fmu: the FMU.
         logs: CSV or Parquet files.
-        model: a model file to compare with; by default the one inside the FMU, if any. It also tells where each run starts.
+        model: a model file to compare with; by default the one inside the FMU, if any.
+            It also tells where each run starts.
         mapped: other people's columns, as `--map` takes them.
         ramps: `True` to let the inputs go in straight lines from sample to sample; by default they hold.
         trust: `True` to run the native code of an FMU that was not exported on this machine.
@@ -159,12 +161,16 @@ def _plain_runs(session: Session, logs: Sequence[str | Path]) -> list[Run]:
 def _plan(session: Session, part: Part) -> _Plan:
     nodes = tuple(node for node in _nodes(session) if part.run.has(f"temperature.{node}"))
     if not nodes:
-        raise InputError(part.run.source, "temperature columns", "no reading of any output of the FMU", "temperature.<node>")
+        raise InputError(
+            part.run.source, "temperature columns", "no reading of any output of the FMU", "temperature.<node>"
+        )
     measured = np.stack([part.run.temperature(node) for node in nodes])
     columns = tuple(to_column(name) for name in session.input_names)
     inputs = np.stack([part.run.columns[column] for column in columns]) if columns else np.zeros((0, len(part.run)))
     first = np.array([row[np.isfinite(row)][0] if np.isfinite(row).any() else np.nan for row in measured])
-    start = {f"{node}.temperature": value for node, value in zip(nodes, first.tolist(), strict=True) if np.isfinite(value)}
+    start = {
+        f"{node}.temperature": value for node, value in zip(nodes, first.tolist(), strict=True) if np.isfinite(value)
+    }
     return _Plan(Drive(part.run, inputs, measured, np.isfinite(measured), first), nodes, columns, start, None)
 
 

@@ -11,14 +11,15 @@ from pathlib import Path
 
 from lptn.errors import InputError
 from lptn.files import write_whole
-from lptn.fmu.compile import Compiler, Platform, compile_all, platforms_of, universal
-from lptn.fmu.component import Component, component
-from lptn.fmu.integration import Integration, integration
-from lptn.fmu.source import Source, source
-from lptn.fmu.trust import remember
 from lptn.model import Model
 from lptn.model_file import ModelFile, load_model
 from lptn.network import Network
+
+from .compile import Compiler, Platform, compile_all, platforms_of, universal
+from .component import Component, component
+from .integration import Integration, integration
+from .source import Source, source
+from .trust import remember
 
 _EPOCH = (1980, 1, 1, 0, 0, 0)  # of the files in the archive, so that the same model gives the same bytes
 
@@ -50,7 +51,6 @@ class Exported:
 
     def as_json(self) -> dict[str, object]:
         """What was written, as other programs read it."""
-        count = {kind: len(self.component.of(kind)) for kind in ("state", "input", "parameter")}  # type: ignore[arg-type]
         return {
             "file": str(self.path),
             "fmi": self.fmi,
@@ -60,9 +60,9 @@ class Exported:
             "step": self.integration.step,
             "fastest_time_constant": self.integration.fastest,
             "notes": list(self.integration.notes),
-            "states": count["state"],
-            "inputs": count["input"],
-            "parameters": count["parameter"],
+            "states": len(self.component.of("state")),
+            "inputs": len(self.component.of("input")),
+            "parameters": len(self.component.of("parameter")),
             "outputs": sum(variable.causality == "output" for variable in self.component.variables),
         }
 
@@ -86,11 +86,12 @@ def export(
         model: a model, a network, or a model file or its path; a file goes along inside the FMU.
         output: the file to write.
         fmi: version of the standard, 2 or 3.
-        platforms: some of `linux64`, `linux-aarch64`, `win64`, `darwin-x86_64`, `darwin-arm64`; this machine by default, none for
-            sources alone.
+        platforms: some of `linux64`, `linux-aarch64`, `win64`, `darwin-x86_64`, `darwin-arm64`; this machine by
+            default, none for sources alone.
         solver: of Co-Simulation: `rk4`, or `ros2` for stiff networks.
         step: longest inner step of Co-Simulation [s]; by default one that fits the fastest time constant.
-        limits: temperature limit [degC] for each node by name or pattern, or one for all; 80 degC where none is given.
+        limits: temperature limit [degC] for each node by name or pattern, or one for all; 80 degC where none is
+            given.
         start: start temperature [degC] in the same way; 25 degC where none is given.
         compiler: `auto`, `zig` or `cc`.
         date: generation time in the FMU; now by default.

@@ -41,8 +41,8 @@ class Flow:
 def heat_flows(model: Model) -> list[Flow]:
     """Every link's and every effect's heat flow, in the order of the network.
 
-    Links and effects between nodes count from the first node to the second, prescribed nodes last. A loss or link effect
-    counts what it adds to the flow that it acts on: the flow with it less the flow without it.
+    Links and effects between nodes count from the first node to the second, prescribed nodes last. A loss or link
+    effect counts what it adds to the flow that it acts on: the flow with it less the flow without it.
 
     Source: source S0, rows E1, E3 and E5.
     """

@@ -9,8 +9,11 @@ from typing import Literal, get_args
 import casadi as ca
 import numpy as np
 
+from lptn.arrays import FloatArray
 from lptn.errors import InputError
-from lptn.fmu.component import Component
+
+from .component import Component
+from .variables import Kind
 
 Solver = Literal["rk4", "ros2"]
 _EXACT = 0.05  # step over fastest time constant at which RK4 errs by 5e-8 of a mode
@@ -45,7 +48,7 @@ def integration(component: Component, solver: str, step: float | None) -> Integr
         step: longest inner step [s]; by default a fitting one.
 
     Raises:
-        InputError: an unknown solver, a step that is no positive number, or one so long that RK4 would need more than 1000 parts.
+        InputError: an unknown solver, a step that is no positive number, or one that RK4 would need 1000 parts of.
     """
     origin = component.model.network.origin
     if solver not in get_args(Solver):
@@ -63,13 +66,15 @@ def integration(component: Component, solver: str, step: float | None) -> Integr
     said = f"a step of {step:g} s with a fastest time constant of {fastest:.3g} s"
     if parts > _MOST_PARTS:
         raise InputError(origin, "step", said, "solver ros2, or a shorter step")
-    return Integration("rk4", step / parts, fastest, (f"{said}: divided into {parts} inner steps of {step / parts:.3g} s",))
+    note = f"{said}: divided into {parts} inner steps of {step / parts:.3g} s"
+    return Integration("rk4", step / parts, fastest, (note,))
 
 
 def _fastest_rate(component: Component) -> float:
     """The largest eigenvalue at the start values, with each input at rest and at a usual size [1/s]."""
-    jacobian = ca.Function("jacobian", [component.x, component.u, component.p], [ca.densify(ca.jacobian(component.rates, component.x))])
-    x, u, p = (np.array([v.start for v in component.of(kind)], dtype=float) for kind in ("state", "input", "parameter"))  # type: ignore[arg-type]
+    arguments = [component.x, component.u, component.p]
+    jacobian = ca.Function("jacobian", arguments, [ca.densify(ca.jacobian(component.rates, component.x))])
+    x, u, p = (_starts(component, kind) for kind in ("state", "input", "parameter"))
     hot = np.array([variable.celsius for variable in component.of("input")], dtype=bool)
     rates = []
     for size in (0.0, 1.0, 3.0):
@@ -77,6 +82,10 @@ def _fastest_rate(component: Component) -> float:
         values = jacobian(x + 10 * size, usual, p).full()
         rates.append(float(np.abs(np.linalg.eigvals(values)).max()))
     return max(*rates, 1e-12)
+
+
+def _starts(component: Component, kind: Kind) -> FloatArray:
+    return np.array([variable.start for variable in component.of(kind)], dtype=float)
 
 
 def _round(value: float) -> float:

@@ -13,8 +13,9 @@ import numpy as np
 
 from lptn.arrays import FloatArray
 from lptn.errors import InputError
-from lptn.fmu.archive import read_fmu, unpack
-from lptn.fmu.trust import is_own
+
+from .archive import read_fmu, unpack
+from .trust import is_own
 
 _REALS = {"Real", "Float64"}
 
@@ -52,6 +53,11 @@ class Session:
         trust: bool = False,
     ) -> None:
         self.path, self.time, self.messages, self._ramps = Path(path), start, [""], ramps
+        self._kept: list[Any] = []  # what the FMU points to
+        self._target: FloatArray | None = None
+        self._set_words: tuple[Any, ...] = ()
+        self._get_words: tuple[Any, ...] = ()
+        self._flags: tuple[Any, ...] = ()
         self._folder = tempfile.TemporaryDirectory(prefix="lptn-fmu-", ignore_cleanup_errors=True)
         self._fmu: Any = None
         try:
@@ -121,7 +127,9 @@ class Session:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> None:
         self.close()
 
     # --- opening ------------------------------------------------------------------------------
@@ -132,9 +140,8 @@ class Session:
         self.description = self._described()
         self.own = is_own(content)
         if not (trust or self.own):
-            raise InputError(
-                self.path, "native code", "an FMU that was not exported on this machine", "--trust, if you trust where it comes from"
-            )
+            found = "an FMU that was not exported on this machine"
+            raise InputError(self.path, "native code", found, "--trust, if you trust where it comes from")
         self.variables = {variable.name: variable for variable in self.description.modelVariables}
 
     def _described(self) -> Any:
@@ -144,7 +151,8 @@ class Session:
         except Exception as error:  # fmpy and lxml raise many kinds
             raise InputError(self.path, "modelDescription.xml", str(error)[:200], "FMI 2.0 or 3.0") from error
         if described.coSimulation is None or described.fmiVersion.partition(".")[0] not in ("2", "3"):
-            raise InputError(self.path, "modelDescription.xml", f"FMI {described.fmiVersion}", "FMI 2.0 or 3.0 for Co-Simulation")
+            found = f"FMI {described.fmiVersion}, Co-Simulation: {described.coSimulation is not None}"
+            raise InputError(self.path, "modelDescription.xml", found, "FMI 2.0 or 3.0 for Co-Simulation")
         return described
 
     @property
@@ -162,7 +170,6 @@ class Session:
             else list(outputs)
         )
         self.inputs, self.outputs = np.zeros(len(self.input_names)), np.zeros(len(self.output_names))
-        self._kept: list[Any] = []
         self._input_references = self._references(self.input_names, "inputs")
         self._output_references = self._references(self.output_names, "outputs")
 
@@ -171,7 +178,8 @@ class Session:
         for name in names:
             variable = self.variables.get(name)
             if variable is None or variable.type not in _REALS:
-                raise InputError(self.path, place, f'"{name}"', f"a variable of the FMU, such as {next(iter(self.variables))}")
+                example = next(iter(self.variables))
+                raise InputError(self.path, place, f'"{name}"', f"a variable of the FMU, such as {example}")
             found.append(variable.valueReference)
         return found
 
@@ -192,8 +200,11 @@ class Session:
         fmpy = import_fmpy()
         described = self.description
         self._fmi = int(described.fmiVersion[0])
-        if not (Path(self._folder.name) / "binaries" / (fmpy.platform if self._fmi == 2 else fmpy.platform_tuple)).is_dir():
-            raise InputError(self.path, "binaries", f"none for {fmpy.platform_tuple}", "lptn fmu MODEL --platforms with this machine's")
+        place = fmpy.platform if self._fmi == 2 else fmpy.platform_tuple
+        if not (Path(self._folder.name) / "binaries" / place).is_dir():
+            raise InputError(
+                self.path, "binaries", f"none for {place}", "an FMU with this machine among its --platforms"
+            )
         kind = fmpy.fmi2.FMU2Slave if self._fmi == 2 else fmpy.fmi3.FMU3Slave
         common = {"guid": described.guid, "unzipDirectory": self._folder.name}
         try:
@@ -213,7 +224,6 @@ class Session:
             self._kept.append(callbacks)
             self._fmu.instantiate(callbacks=callbacks, loggingOn=True)
         else:
-            self._target: FloatArray | None = None
             self._fmu.instantiate(loggingOn=True, logMessage=self._logged3, **self._intermediate())
 
     def _intermediate(self) -> dict[str, Any]:
@@ -224,9 +234,9 @@ class Session:
     def _bind(self, fmpy: Any) -> None:
         fmu, self._forget = self._fmu, True
         if self._fmi == 2:
-            self._set, self._get, self._do, self._flags = fmu.fmi2SetReal, fmu.fmi2GetReal, fmu.fmi2DoStep, ()
+            self._set, self._get, self._do = fmu.fmi2SetReal, fmu.fmi2GetReal, fmu.fmi2DoStep
         else:
-            flags = [ctypes.c_bool(), ctypes.c_bool(), ctypes.c_bool(), ctypes.c_double()]
+            flags: list[Any] = [ctypes.c_bool(), ctypes.c_bool(), ctypes.c_bool(), ctypes.c_double()]
             self._kept.append(flags)
             self._set, self._get, self._do = fmu.fmi3SetFloat64, fmu.fmi3GetFloat64, fmu.fmi3DoStep
             self._flags = tuple(ctypes.byref(flag) for flag in flags)

@@ -11,15 +11,15 @@ from datetime import UTC, datetime
 from functools import cache
 from importlib.metadata import metadata
 from importlib.resources import files
-from pathlib import Path
 from typing import Any
 
 from lptn.errors import InputError
-from lptn.fmu.codegen import c_code
-from lptn.fmu.component import Component
-from lptn.fmu.integration import Integration
-from lptn.fmu.structure import structure
-from lptn.fmu.units import definitions
+
+from .codegen import c_code
+from .component import Component
+from .integration import Integration
+from .structure import structure
+from .units import definitions
 
 _HEADERS = {
     2: ("fmi2Functions.h", "fmi2FunctionTypes.h", "fmi2TypesPlatform.h"),
@@ -45,7 +45,13 @@ class Source:
     files: dict[str, bytes]
 
 
-def source(component: Component, fmi: int, integration: Integration, model_text: str | None, date: datetime | None) -> Source:
+def source(
+    component: Component,
+    fmi: int,
+    integration: Integration,
+    model_text: str | None = None,
+    date: datetime | None = None,
+) -> Source:
     """All files of an FMU but its binaries.
 
     Args:
@@ -175,8 +181,3 @@ def _own_licence() -> str:
 
 def _stamp(date: datetime | None) -> str:
     return (date or datetime.now(UTC)).strftime("%Y-%m-%dT%H:%M:%SZ")
-
-
-def read_sources(folder: Path) -> dict[str, bytes]:
-    """The files of an unpacked FMU's `sources`."""
-    return {path.name: path.read_bytes() for path in sorted(folder.iterdir()) if path.is_file()}

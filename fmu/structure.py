@@ -9,8 +9,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from lptn.fmu.component import Component
-from lptn.fmu.variables import Variable
+from .component import Component
+from .variables import Kind, Variable
 
 
 @dataclass(frozen=True)
@@ -20,7 +20,7 @@ class Unknown:
     Args:
         variable: the output or rate.
         dependencies: value references that it depends on, in order.
-        kinds: for each of them how: `constant` factor, factor of `tunable` parameters, or `dependent` on states and inputs.
+        kinds: for each of them `constant` factor, factor of `tunable` parameters, or `dependent` on states and inputs.
     """
 
     variable: Variable
@@ -46,7 +46,8 @@ def structure(component: Component) -> Structure:
     rates = _unknowns(component, component.of("rate"), component.rates)
     calculated = _unknowns(component, component.of("output"), component.outputs)
     forecasts = _forecasts(component)
-    return Structure((*states, *calculated, *forecasts), tuple(rates), tuple(sorted((*rates, *calculated, *forecasts), key=_by_reference)))
+    initial = sorted((*rates, *calculated, *forecasts), key=_by_reference)
+    return Structure((*states, *calculated, *forecasts), tuple(rates), tuple(initial))
 
 
 def _by_reference(unknown: Unknown) -> int:
@@ -58,7 +59,7 @@ def _unknowns(component: Component, variables: Sequence[Variable], expressions: 
     references = _known_references(component)
     jacobian = ca.jacobian(expressions, known)
     rows, columns = jacobian.sparsity().get_triplet()
-    entries = ca.vertcat(*jacobian.nonzeros())  # type: ignore[call-overload]
+    entries = ca.vertcat(*jacobian.nonzeros())
     curved, tuned = _touched(entries, moving), _touched(entries, component.p)
     found: list[list[tuple[int, str]]] = [[] for _ in variables]
     for row, column, bent, held in zip(rows, columns, curved, tuned, strict=True):
@@ -71,7 +72,8 @@ def _unknowns(component: Component, variables: Sequence[Variable], expressions: 
 
 def _known_references(component: Component) -> list[int]:
     """The value reference of each entry of states, inputs and parameters joined."""
-    return [variable.reference for kind in ("state", "input", "parameter") for variable in component.of(kind)]  # type: ignore[arg-type]
+    kinds: tuple[Kind, ...] = ("state", "input", "parameter")
+    return [variable.reference for kind in kinds for variable in component.of(kind)]
 
 
 def _touched(entries: Any, by: Any) -> np.ndarray[Any, np.dtype[np.bool_]]:

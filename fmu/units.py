@@ -28,6 +28,7 @@ _FEATURES = {
     "speed": "m/s",
     "power": "W",
     "mechanical_power": "W",
+    "powered": "1",
 }
 
 
