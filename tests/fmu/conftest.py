@@ -1,0 +1,44 @@
+"""FMUs for the tests, each built once a session."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+from lptn.fmu import Exported, export
+from lptn.model import Model
+from lptn.model_file import parse_model
+from lptn.network import Network
+from lptn.robots import presets
+from tests.builders import effect, leg, two_nodes, with_every_effect
+
+Build = Callable[..., Exported]
+
+
+def network(name: str) -> Network:
+    """A preset; `everything`, all effects on two nodes; `stiff`, a leg whose sensors answer in 20 ms."""
+    if name == "everything":
+        return with_every_effect()
+    if name == "stiff":
+        return two_nodes([effect("second_mass", capacity=0.002, time_constant=0.02), effect("copper_loss")])
+    if name == "bare":
+        return leg()
+    return parse_model(presets()[name], Path(f"{name}.toml")).network
+
+
+@pytest.fixture(scope="session")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Build]:
+    """`built("leg", 3)`: a network's FMU; the trust store lies in a folder of its own."""
+    folder = tmp_path_factory.mktemp("fmus")
+
+    @cache
+    def build(name: str, fmi: int = 3, solver: str = "rk4", step: float | None = None) -> Exported:
+        path = folder / f"{name}.{fmi}.{solver}.{step}.fmu"
+        return export(Model(network(name)), path, fmi=fmi, solver=solver, step=step)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_STATE_HOME", str(folder))
+        yield build
