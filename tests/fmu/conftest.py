@@ -7,23 +7,29 @@ from functools import cache
 from pathlib import Path
 
 import pytest
-
 from lptn.fmu import Exported, export
+
 from lptn.model import Model
 from lptn.model_file import parse_model
 from lptn.network import Network
 from lptn.robots import presets
-from tests.builders import effect, leg, two_nodes, with_every_effect
+from tests.builders import AMBIENT, effect, leg, link, node, with_every_effect
 
 Build = Callable[..., Exported]
 
 
 def network(name: str) -> Network:
-    """A preset; `everything`, all effects on two nodes; `stiff`, a leg whose sensors answer in 20 ms."""
+    """A preset; `everything`, all effects on two nodes; `stiff`, a motor with a bead of 20 ms beside its minutes."""
     if name == "everything":
         return with_every_effect()
     if name == "stiff":
-        return two_nodes([effect("second_mass", capacity=0.002, time_constant=0.02), effect("copper_loss")])
+        nodes = (node("bead", 0.005), node("motor", 200.0), AMBIENT)
+        return Network(
+            "stiff",
+            nodes,
+            (link("bead", "motor", 4.0), link("motor", "ambient", 3.0)),
+            (effect("copper_loss", "motor"),),
+        )
     if name == "bare":
         return leg()
     return parse_model(presets()[name], Path(f"{name}.toml")).network

@@ -1,7 +1,7 @@
 """Drive an FMU with one foreign importer, in a process of its own: `drive_importer.py IMPORTER PLAN.json`.
 
-The plan: file, step, inputs (names, references, rows), outputs (names, references), identifier, token. Rows of outputs after each
-step are printed as JSON.
+The plan: file, step, inputs (names, references, rows), outputs (names, references), identifier, token. Rows of outputs
+after each step are printed as JSON.
 """
 
 from __future__ import annotations

@@ -5,15 +5,15 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+import xml.etree.ElementTree as etree
 from pathlib import Path
 from zipfile import ZipFile
 
 import numpy as np
 import pytest
-from lxml import etree
+from lptn.fmu import Exported
 
 from lptn.arrays import FloatArray
-from lptn.fmu import Exported
 from tests.fmu.conftest import Build
 from tests.fmu.drives import ZERO, in_kelvin, leg_by_hand, solved, steps
 
@@ -43,7 +43,7 @@ def _driven(importer: str, exported: Exported, rows: FloatArray, tmp_path: Path)
         "rows": rows.tolist(),
         "outputs": [f"{node}.temperature" for node in component.model.nodes],
         "output_references": [component.names[f"{node}.temperature"].reference for node in component.model.nodes],
-        "identifier": root.find("CoSimulation").get("modelIdentifier"),
+        "identifier": root.findall("CoSimulation")[0].get("modelIdentifier"),
         "token": root.get("guid") or root.get("instantiationToken"),
     }
     file = tmp_path / "plan.json"
