@@ -52,7 +52,7 @@ def solved(
 
 
 def leg_by_hand(inputs: FloatArray, step: float) -> FloatArray:
-    """The preset `leg` written out: temperatures after each step [degC], shape (n, 3); inputs ambient, three torques."""
+    """The preset `leg` written out: temperatures after each step [degC], shape (n, 3); in: ambient, three torques."""
     capacity, to_air, between = 300.0, 10.0, 3.0
     state, found = np.full(3, ROOM), []
     for ambient, *torques in inputs:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
-import xml.etree.ElementTree as etree
+from xml.etree import ElementTree
 from pathlib import Path
 from zipfile import ZipFile
 
@@ -33,7 +33,7 @@ CASES = [
 def _driven(importer: str, exported: Exported, rows: FloatArray, tmp_path: Path) -> FloatArray:
     component = exported.component
     with ZipFile(exported.path) as archive:
-        root = etree.fromstring(archive.read("modelDescription.xml"))
+        root = ElementTree.fromstring(archive.read("modelDescription.xml"))
     plan = {
         "file": str(exported.path),
         "fmi": exported.fmi,
