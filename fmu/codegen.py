@@ -57,6 +57,12 @@ def c_code(component: Component, name: str) -> str:
     return re.sub(r"^casadi_real casadi_", "static casadi_real casadi_", text, flags=re.MULTILINE)
 
 
+def moving_jacobian(component: Component) -> bool:
+    """Whether the rates' Jacobian by the states depends on states or inputs."""
+    jacobian = ca.jacobian(component.rates, component.x)
+    return bool(ca.depends_on(jacobian, ca.vertcat(component.x, component.u)))
+
+
 def _function(name: str, arguments: list[Any], results: list[Any]) -> ca.Function:
     return ca.Function(name, arguments, ca.cse([ca.densify(result) for result in results]))
 

@@ -25,7 +25,6 @@ _FLAGS = (
     "-fPIC",
     "-fvisibility=hidden",
     "-ffp-contract=off",  # the same digits on every platform
-    "-DCASADI_SYMBOL_EXPORT=static",
     "-shared",
 )
 _TIMEOUT = 1200.0  # s; the first build for Windows makes its C library

@@ -15,7 +15,7 @@ from typing import Any
 
 from lptn.errors import InputError
 
-from .codegen import c_code
+from .codegen import c_code, moving_jacobian
 from .component import Component
 from .integration import Integration
 from .structure import structure
@@ -127,6 +127,7 @@ def _values(component: Component, integration: Integration, fmi: int) -> dict[st
         "outputs": component.of("output"),
         "forecasts": component.of("forecast"),
         "limits": component.limited[0],
+        "bound_moves": moving_jacobian(component),
         "structure": structure(component),
         "definitions": definitions(variable.unit for variable in variables),
         "solver": integration.solver,

@@ -1,6 +1,7 @@
 /* A thermal network's instance: values, checks, call order, state, reset. Everything here is static: an FMU is one unit. */
 #include "core.h"
 
+#define CASADI_SYMBOL_EXPORT static /* nothing but the interface leaves this unit */
 #include "model.c"
 
 #define MAGIC 0x6c70746e464d5531ull
@@ -62,7 +63,13 @@ static int core_refuses(Instance *I, const char *function, int modes) {
 /* --- life ---------------------------------------------------------------------------------------- */
 
 static void core_forget(Instance *I) {
-    I->rates_known = I->outputs_known = I->forecasts_known = I->bound_known = 0;
+    I->rates_known = I->outputs_known = I->forecasts_known = 0;
+    if (BOUND_MOVES) I->bound_known = 0;
+}
+
+static void core_forget_all(Instance *I) {
+    core_forget(I);
+    I->bound_known = 0;
 }
 
 static void core_reset(Instance *I) {
@@ -77,7 +84,7 @@ static void core_reset(Instance *I) {
     I->warned_cold = I->warned_step = 0;
     I->last_step = OK;
     I->last_time = 0;
-    core_forget(I);
+    core_forget_all(I);
 }
 
 static Instance *core_new(const char *name, const char *token, int type, Logger log, int logging) {
@@ -202,7 +209,7 @@ static Status core_set(Instance *I, const char *function, const uint32_t *refere
         uint32_t r = references[i];
         if (r < RATES) I->data.x[r - STATES] = values[i];
         else if (r < PARAMETERS) I->data.u[r - INPUTS] = values[i];
-        else I->data.p[r - PARAMETERS] = values[i];
+        else I->data.p[r - PARAMETERS] = values[i], I->bound_known = 0;
     }
     if (n) core_forget(I);
     return OK;

@@ -56,7 +56,7 @@ static Status core_restore(Instance *I, const char *function, void *handle) {
     I->data = saved->data;
     I->last_time = I->data.time;
     I->last_step = OK;
-    core_forget(I);
+    core_forget_all(I);
     return OK;
 }
 

@@ -117,7 +117,7 @@ def _harness(name: str, fmi: int, folder: Path, flags: list[str]) -> Path:
     shutil.copy(HARNESS, folder / "sources")
     program = folder / "fuzz"
     strict = ["-Wall", "-Wextra", "-Werror", "-Wno-unused-function", "-Wno-unused-parameter"]
-    words = ["-std=c99", "-g", "-O1", *strict, f"-DFMI={fmi}", "-DCASADI_SYMBOL_EXPORT=static", *flags]
+    words = ["-std=c99", "-g", "-O1", *strict, f"-DFMI={fmi}", *flags]
     subprocess.run([*compiler, *words, "sources/fuzz.c", "-o", "fuzz", "-lm"], cwd=folder, check=True)
     return program
 

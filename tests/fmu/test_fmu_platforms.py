@@ -10,9 +10,9 @@ from pathlib import Path
 from zipfile import ZipFile
 
 import pytest
-
 from lptn.fmu import Exported, export
 from lptn.fmu.compile import PLATFORMS, universal
+
 from lptn.model import Model
 from tests.fmu.conftest import network
 
@@ -45,13 +45,17 @@ def _run_on(platform: str, exported: Exported, folder: Path) -> str:
     subprocess.run([*words, f"-I{folder / 'sources'}", *libraries], check=True, capture_output=True)
     component = exported.component
     token = next(
-        line.split('"')[1] for line in (folder / "sources" / "config.h").read_text().splitlines() if "define TOKEN" in line
+        line.split('"')[1]
+        for line in (folder / "sources" / "config.h").read_text().splitlines()
+        if "define TOKEN" in line
     )
     library = f"binaries/{target.folder3}/everything{target.suffix}".replace("everything", _identifier(folder))
     counts = [component.first("input"), len(component.of("input")), 1, len(component.variables) - 1]
     command = [*EMULATORS[platform], str(program), library, token, "3000", *map(str, counts)]
     environment = os.environ | {"WINEDEBUG": "-all", "WINEPREFIX": str(folder / "wine")}
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, env=environment, check=False, timeout=300)
+    done = subprocess.run(
+        command, cwd=folder, capture_output=True, text=True, env=environment, check=False, timeout=300
+    )
     assert done.returncode == 0, done.stderr
     return done.stdout
 
@@ -75,10 +79,26 @@ def test_other_platforms_print_the_same_digits(platform: str, exported: tuple[Ex
 @pytest.mark.slow
 def test_libraries_for_all_platforms_are_what_they_claim(exported: tuple[Exported, Path]) -> None:
     starts = {"linux": b"\x7fELF", "windows": b"MZ", "darwin": b"\xcf\xfa\xed\xfe"}
-    found = {path.parent.name: path.read_bytes()[:4] for path in (exported[1] / "binaries").rglob("*") if path.is_file()}
+    found = {
+        path.parent.name: path.read_bytes()[:4] for path in (exported[1] / "binaries").rglob("*") if path.is_file()
+    }
     assert set(found) == {each.folder3 for each in PLATFORMS.values()}
     for folder, start in found.items():
         assert start.startswith(starts[folder.partition("-")[2]])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_fmpy_compiles_a_source_fmu_by_its_own_description(fmi: int, tmp_path: Path) -> None:
+    """Without our flags: what other tools do with the sources."""
+    if shutil.which("cmake") is None:
+        pytest.skip("no cmake on this machine")
+    done = export(Model(network("leg")), tmp_path / "x.fmu", fmi=fmi, platforms=())
+    subprocess.run(
+        [sys.executable, "-m", "fmpy", "compile", str(done.path)], cwd=tmp_path, check=True, capture_output=True
+    )
+    with ZipFile(done.path) as archive:
+        assert [name for name in archive.namelist() if name.endswith(".so")]
 
 
 def test_two_mac_libraries_as_one_file() -> None:
