@@ -50,10 +50,17 @@ def short_log(tmp_path: Path) -> Path:
 def test_presets_are_listed_and_written_and_read(lptn: Run, tmp_path: Path) -> None:
     status, listed, _ = lptn("new")
     assert status == 0
-    for preset in listed.split():
-        target = tmp_path / f"{preset}.toml"
-        assert lptn("new", preset, "-o", target)[0] == 0
+    assert "quadruped --model single-node" in listed.splitlines()
+    for number, words in enumerate(listed.splitlines()):
+        target = tmp_path / f"{number}.toml"
+        assert lptn("new", *words.split(), "-o", target)[0] == 0
         assert load_model(target).network.dynamic
+
+
+def test_an_unknown_model_of_a_preset_is_refused(lptn: Run) -> None:
+    status, _, said = lptn("new", "leg", "--model", "whole")
+    assert status == 2
+    assert said == "lptn: new: --model: found 'whole'; expected one of full, single-node\n"
 
 
 def test_check_says_what_the_log_holds(lptn: Run) -> None:

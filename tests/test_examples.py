@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from lptn.diagnose import fit_parts, holdout_errors
 from lptn.evidence import evidence
 from lptn.ladder import improve
+from lptn.on_evidence import fit_parts, holdout_errors
 from lptn.opening import open_model
 
 EXAMPLES = Path(__file__).parents[1] / "examples"

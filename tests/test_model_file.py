@@ -17,7 +17,7 @@ from lptn.errors import InputError
 from lptn.identify import Fit, fit
 from lptn.model import Model
 from lptn.model_file import ModelFile, load_model, parse_model
-from lptn.robots import presets
+from lptn.robots import preset_text, presets, variants
 from lptn.simulate import drives
 from tests.builders import effect
 from tests.identify_truth import TRUTH, truth_run
@@ -176,9 +176,9 @@ def test_dotted_columns_need_no_quotes() -> None:
     assert _parse(LEG + '\n[columns.torque]\nFL_calf = "tau"\n').columns["torque.FL_calf"].columns == ("tau",)
 
 
-@pytest.mark.parametrize("name", presets())
-def test_every_preset_is_a_model(name: str) -> None:
-    model = Model(parse_model(presets()[name], Path(f"{name}.toml")).network)
+@pytest.mark.parametrize(("name", "other"), [(name, other) for name in presets() for other in (None, *variants(name))])
+def test_every_preset_is_a_model(name: str, other: str | None) -> None:
+    model = Model(parse_model(preset_text(name, other), Path(f"{name}.toml")).network)
     assert model.free
     assert any(not unknown.free for unknown in model.unknowns)
 

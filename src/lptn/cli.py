@@ -17,16 +17,14 @@ from lptn.cli_support import (
     Jobs,
     Json,
     Map,
+    MirrorWeight,
     OptionalOutput,
     Output,
     Proof,
     check_outputs,
-    check_picture,
     executor_of,
-    needs_logs,
     open_by_job,
     typed,
-    write_figure,
 )
 from lptn.errors import InputError
 
@@ -55,8 +53,7 @@ def new(
 
     if preset is None:
         for name in presets():
-            others = ", ".join(variants(name))
-            print(f"{name}  (--model {others})" if others else name)
+            print(name, *(f"{name} --model {other}" for other in variants(name)), sep="\n")
         return
     text = preset_text(preset, model)
     if output is None:
@@ -86,10 +83,7 @@ def fit(
     output: OptionalOutput = None,
     holdout: Holdout = None,
     holdout_after: HoldoutAfter = None,
-    mirror_weight: Annotated[
-        float,
-        Option(help="Pull of left and right parameters towards each other.", validator=validators.Number(gte=0)),
-    ] = 0.0,
+    mirror_weight: MirrorWeight = 0.0,
     json: Json = None,
     map: Map = None,  # noqa: A002
 ) -> None:
@@ -97,55 +91,35 @@ def fit(
 
     Example: lptn fit leg.toml monday.parquet --holdout friday.parquet -o fitted.toml
     """
-    from lptn.diagnose import fit_parts, holdout_errors
-    from lptn.terminal import progress, show_fit, show_holdout, write_json
+    from lptn.on_evidence import fit_parts, holdout_errors, mirror_trials
+    from lptn.terminal import progress, show_fit, show_holdout, show_mirror_trials, write_json
 
     check_outputs(output, json)
     opened, data = open_by_job(model, logs, holdout, holdout_after, None, map)
     if not opened.model.free:
         raise InputError(model, "parameters", "none that is free", "one at least without fixed = true")
     with progress("fitting") as report:
+        trials = mirror_trials(opened.model, data, report=report) if mirror_weight == "auto" else []
+        best = min(trials, key=lambda each: each.holdout.rmse) if trials else None
         done = fit_parts(
             opened.model,
             data.fit,
-            mirror_weight=mirror_weight,
+            best.fit.point if best else None,
+            mirror_weight=best.weight if best else float(mirror_weight),
             progress=lambda number, rms: report(f"fitting: iteration {number}, weighted residual {rms:.4g}"),
         )
     held = holdout_errors(done, data.holdout)
+    show_mirror_trials(trials)
     show_fit(done)
     show_holdout(held)
     if output is not None:
         opened.file.with_fit(done.table()).write(output)
-    write_json(json, done.as_json() | {"rmse_holdout": held.rmse if held else None})
+    tried = [{"weight": each.weight, "rmse_holdout": each.holdout.rmse} for each in trials]
+    write_json(json, done.as_json() | {"rmse_holdout": held.rmse if held else None, "mirror_weights": tried})
 
 
-@app.command
-def compare(
-    model: Path,
-    /,
-    *logs: Path,
-    json: Json = None,
-    plot: Annotated[Path | None, Option(help="Picture to write: .png, .svg or .pdf.")] = None,
-    map: Map = None,  # noqa: A002
-) -> None:
-    """Predict logs and show where the model fails.
-
-    Example: lptn compare fitted.toml friday.parquet --plot friday.png
-    """
-    from lptn.compare import compare as against
-    from lptn.evidence import evidence
-    from lptn.opening import open_model
-    from lptn.terminal import show_comparison, write_json
-
-    needs_logs(logs)
-    check_outputs(json, plot)
-    check_picture(plot)
-    opened = open_model(model, map or ())
-    comparison = against(opened.model, evidence((), opened.runs(logs)).holdout)
-    show_comparison(comparison)
-    write_json(json, comparison.as_json())
-    if plot is not None:
-        write_figure(comparison, plot)
+app.command("lptn.compare_command:compare")
+app.command("lptn.monitor_command:monitor")
 
 
 @app.command

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter as Option
 from cyclopts import validators
@@ -17,7 +17,8 @@ from cyclopts import validators
 from lptn.errors import InputError
 
 if TYPE_CHECKING:
-    from lptn.compare import Comparison
+    from matplotlib.figure import Figure
+
     from lptn.evidence import Evidence
     from lptn.logs import Run
     from lptn.opening import Opened
@@ -43,6 +44,20 @@ Map = Annotated[
         name="--map",
         help="Other people's column: temperature.FR_calf=T3[degF]; may be given again.",
         negative="",
+    ),
+]
+
+
+def _not_negative(_type: object, value: float | str) -> None:
+    if not isinstance(value, str) and not value >= 0:
+        raise ValueError("Must be >= 0, or auto.")
+
+
+MirrorWeight = Annotated[
+    float | Literal["auto"],
+    Option(
+        help="Pull of left and right parameters towards each other; auto: the one best on held-out runs.",
+        validator=_not_negative,
     ),
 ]
 Jobs = Annotated[
@@ -108,13 +123,12 @@ def executor_of(jobs: int) -> Iterator[Executor | None]:
         yield pool
 
 
-def write_figure(comparison: Comparison, path: Path) -> None:
-    """Draw a comparison into a file of the kind that its name says."""
+def write_figure(figure: Figure, path: Path) -> None:
+    """Write a figure into a file of the kind that its name says."""
     from lptn.files import write_whole
-    from lptn.report import comparison_figure
 
     picture = io.BytesIO()
-    comparison_figure(comparison).savefig(picture, format=_picture_kind(path))
+    figure.savefig(picture, format=_picture_kind(path))
     write_whole(path, picture.getvalue())
 
 

@@ -27,8 +27,6 @@ from lptn.diagnose import (
     examine,
     explained,
     explained_elsewhere,
-    fit_parts,
-    holdout_errors,
     unless_interrupted,
     worse_by,
 )
@@ -36,6 +34,7 @@ from lptn.evidence import Evidence
 from lptn.identify import Fit
 from lptn.model import Model
 from lptn.network import EffectDeclaration
+from lptn.on_evidence import fit_parts, holdout_errors
 
 _WIDTH, _WIDTH_LATER = 4, 2  # ladders followed side by side where the fitted data can't tell them apart
 _WORTH = 0.01  # share by which a rung must lower the held-out error

@@ -62,7 +62,8 @@ class Model:
         self.states: list[str] = list(self.nodes)
         self.owners: list[int] = list(range(len(self.nodes)))
         """For each state the index of the node it belongs to."""
-        self._made: dict[Hashable, Any] = {}
+        self.made: dict[Hashable, Any] = {}
+        """What `made_once` keeps, shared with copies at other values."""
         self._assemble()
 
     def __reduce__(self) -> tuple[type[Model], tuple[Network]]:
@@ -85,9 +86,9 @@ class Model:
 
     def made_once(self, key: Hashable, make: Callable[[], Made]) -> Made:
         """What `make` returns, kept under `key` for this model and all its copies at other values."""
-        if key not in self._made:
-            self._made[key] = make()
-        return cast(Made, self._made[key])
+        if key not in self.made:
+            self.made[key] = make()
+        return cast(Made, self.made[key])
 
     @property
     def free(self) -> list[int]:
@@ -210,6 +211,19 @@ class Model:
         """(x, p) -> what the sensors of the dynamic nodes read [degC]."""
         make = lambda: ca.Function("output", [self._x, self._p], [self._y], ["x", "p"], ["y"])  # noqa: E731
         return self.made_once("output", make)
+
+    @property
+    def reads_directly(self) -> bool:
+        """Whether every sensor reads its node's temperature as it is."""
+        return not any(isinstance(use.effect, SensorEffect) for use in self.network.uses)
+
+    def readings_of(self, states: FloatArray, p: FloatArray) -> FloatArray:
+        """What the sensors read [degC], shape (nodes, n), at many states, shape (states, n)."""
+        if self.reads_directly:
+            return states[: len(self.nodes)]
+        n = states.shape[1]
+        readings = self.made_once(("output", n), lambda: self.output.map(n))
+        return np.asarray(readings(states, np.repeat(p[:, None], n, axis=1)).full())
 
     @property
     def state_jacobian(self) -> ca.Function:

@@ -12,6 +12,7 @@ from lptn.arrays import BoolArray, FloatArray
 from lptn.errors import InputError
 from lptn.logs import Run
 from lptn.model import Model
+from lptn.stepping import states_along
 
 _MAX_RATE = 1.0  # product of an internal step and the fastest rate; RK4 is stable to 2.78, exact to 1 % at 1
 _MAX_SUBSTEPS = 32  # a trial point that needs more is no robot, and would take all the time
@@ -122,20 +123,6 @@ def substeps(model: Model, driven: Drive, values: FloatArray, start: FloatArray)
     return 1 << max(0, ceil(log2(max(fastest * driven.run.step / _MAX_RATE, 1e-9))))
 
 
-def states_along(model: Model, driven: Drive, values: FloatArray, start: FloatArray, parts: int) -> FloatArray:
-    """States at the ends of all internal steps, shape (number of states, n · parts + 1).
-
-    Raises:
-        SimulationError: a state is not finite.
-    """
-    inputs = np.repeat(driven.inputs, parts, axis=1)
-    run = model.run(inputs.shape[1])
-    path = run(start, inputs, values, driven.run.step / parts).full()
-    if not np.isfinite(path).all():
-        raise SimulationError(f"the temperatures of run {driven.run.name} run away at these parameters")
-    return np.hstack([start[:, None], path])
-
-
 def simulate(
     model: Model, driven: Drive, values: FloatArray | None = None, start: FloatArray | None = None
 ) -> Trajectory:
@@ -151,9 +138,10 @@ def simulate(
     values = model.values if values is None else values
     start = default_start(model, driven) if start is None else start
     parts = substeps(model, driven, values, start)
-    states = states_along(model, driven, values, start, parts)[:, ::parts]
-    readings = model.output.map(states.shape[1])(states, np.repeat(values[:, None], states.shape[1], axis=1)).full()
-    return Trajectory(states, over_steps(readings, driven.run.averaged))
+    states = states_along(model, start, driven.inputs, values, driven.run.step, parts)
+    if not np.isfinite(states).all():
+        raise SimulationError(f"the temperatures of run {driven.run.name} run away at these parameters")
+    return Trajectory(states, over_steps(model.readings_of(states, values), driven.run.averaged))
 
 
 def over_steps(ends: FloatArray, averaged: bool) -> FloatArray:

@@ -24,7 +24,10 @@ from lptn.ladder import Ladder
 from lptn.logs import Run
 from lptn.model import Model
 from lptn.noise import estimate_noise
-from lptn.simulate import drive
+from lptn.on_evidence import MirrorTrial
+from lptn.simulate import Drive, default_start, drive
+from lptn.state_space import state_space
+from lptn.versus import Versus
 
 out = Console(highlight=False, soft_wrap=True)
 err = Console(stderr=True, highlight=False, soft_wrap=True)
@@ -156,6 +159,27 @@ def show_comparison(comparison: Comparison) -> None:
         out.print(text + f"RMSE {_kelvin(each.errors.rmse)}, mean error {each.errors.mean:+.2g} K", markup=False)
 
 
+def show_versus(found: Versus) -> None:
+    """Two models' errors by class of nodes and by run."""
+    out.print(f"{found.names[0]} / {found.names[1]}", markup=False)
+    for what, pairs in (("nodes", found.classes), ("run", found.runs)):
+        table = _table(what, "mean error", "max", "less", "mean square")
+        for pair in pairs:
+            cells = [f"{mine:.2f} / {others:.2f} {unit}" for mine, others, unit in pair.figures]
+            table.add_row(pair.what, cells[0], cells[1], f"{pair.reduction:.0%}", cells[2])
+        out.print(table)
+
+
+def show_mirror_trials(trials: Sequence[MirrorTrial]) -> None:
+    """What each left-right weight gave on held-out runs."""
+    if not trials:
+        return
+    table = _table("left-right weight", "fit", "held out")
+    for each in trials:
+        table.add_row(f"{each.weight:g}", _kelvin(each.fit.rmse), _kelvin(each.holdout.rmse))
+    out.print(table)
+
+
 def show_holdout(errors: Errors | None) -> None:
     """Errors on runs that the fit never saw."""
     if errors is not None:
@@ -189,6 +213,21 @@ def show_check(model: Model, runs: Sequence[Run]) -> None:
         out.print(table)
         for note in run.notes:
             out.print(f"  {note}", markup=False)
+    if runs:
+        _show_steps(model, drive(model, runs[0]))
+
+
+def _show_steps(model: Model, driven: Drive) -> None:
+    """How fast the network is, and the steps that forward Euler could take with it."""
+    form = state_space(model, default_start(model, driven), driven.inputs.mean(axis=1))
+    slowest = form.time_constants[np.isfinite(form.time_constants)].max()
+    spread = f"{form.time_constants[0]:.3g} to {slowest:.3g} s"
+    euler = f"stable to {form.euler_stable:.3g} s, within 0.1 K of the exact hold to {form.euler_step(0.1):.2g} s"
+    out.print(
+        f"\nTime constants {spread} at the declared values. Steps of forward Euler would stay {euler}; "
+        "Runge-Kutta steps, used here, are cut finer where they need to be.",
+        markup=False,
+    )
 
 
 def show_effects(key: str | None) -> None:
@@ -239,7 +278,9 @@ def _table(*columns: str) -> Table:
             "max held out",
             "RMSE",
             "max",
+            "less",
             "mean error",
+            "mean square",
             "value",
             "p",
         }

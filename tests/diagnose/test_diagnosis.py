@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lptn.diagnose import candidates, diagnose, fit_parts, score
+from lptn.diagnose import candidates, diagnose, score
 from lptn.diagnose.refit import independent_readings, refit_all
 from lptn.diagnose.score import Scores
+from lptn.on_evidence import fit_parts
 from lptn.virtual import Hidden
 from tests.diagnose.conftest import Leg
 

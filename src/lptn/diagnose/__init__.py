@@ -11,8 +11,6 @@ from lptn.diagnose.diagnosis import (
     examine,
     explained,
     explained_elsewhere,
-    fit_parts,
-    holdout_errors,
 )
 from lptn.diagnose.refit import SIGNIFICANT, Refit, continued, unless_interrupted, worse_by
 from lptn.diagnose.score import Score, Scores, score
@@ -34,8 +32,6 @@ __all__ = [
     "examine",
     "explained",
     "explained_elsewhere",
-    "fit_parts",
-    "holdout_errors",
     "score",
     "unless_interrupted",
     "worse_by",

@@ -9,14 +9,14 @@ from typing import Literal
 
 import numpy as np
 
-from lptn.compare import Errors, predict
+from lptn.compare import Errors
 from lptn.diagnose.candidates import candidates
 from lptn.diagnose.refit import Refit, refit_all, shortlist, unless_interrupted
 from lptn.diagnose.score import Scores, score
-from lptn.evidence import Evidence, Part
-from lptn.identify import Fit, Point, Progress, fit
+from lptn.evidence import Evidence
+from lptn.identify import Fit
 from lptn.model import Model
-from lptn.simulate import drive
+from lptn.on_evidence import fit_parts, holdout_errors
 
 Verdict = Literal["adequate", "missing", "unexplained"]
 Report = Callable[[str], None]
@@ -159,36 +159,6 @@ def examine(
     holdout = holdout_errors(base, data.holdout)
     verdict = _verdict(base, done, scores, holdout, data)
     return Diagnosis(verdict, base, base.rmse, holdout, scores, findings)
-
-
-def fit_parts(
-    model: Model,
-    parts: Sequence[Part],
-    near: Point | None = None,
-    *,
-    mirror_weight: float = 0.0,
-    progress: Progress | None = None,
-) -> Fit:
-    """Fit a model to the counted stretches of runs.
-
-    Args:
-        model: the model.
-        parts: the runs.
-        near: a solution on coarser data, to start from.
-        mirror_weight: λ of the left-right regulariser.
-        progress: called after each iteration.
-    """
-    drives = [drive(model, part.run).count(part.counted).until(part.counted[1]) for part in parts]
-    guess, starts = (None, None) if near is None else (near.values, near.starts)
-    return fit(model, drives, mirror_weight=mirror_weight, guess=guess, starts=starts, progress=progress)
-
-
-def holdout_errors(done: Fit, parts: Sequence[Part]) -> Errors | None:
-    """Errors of a fitted model on runs that it never saw, `None` without any."""
-    if not parts:
-        return None
-    errors = [predict(done.model, part, done.problem.sigma).error.ravel() for part in parts]
-    return Errors.of(np.concatenate(errors))
 
 
 def _findings(base: Fit, done: Sequence[Refit], scores: Scores, data: Evidence) -> tuple[Finding, ...]:

@@ -18,6 +18,7 @@ from lptn.identify import Fit
 from lptn.model import Model
 from lptn.sensitivity import sensitivities
 from lptn.simulate import drive
+from lptn.threads import one_blas_thread
 
 _TRIALS = 200
 _NEGLIGIBLE = 0.01  # K; nobody looks for an effect that leaves less on one-minute means
@@ -70,6 +71,7 @@ class Scores:
         return float((1 + np.sum(self.chance >= gain)) / (1 + len(self.chance)))
 
 
+@one_blas_thread
 def score(fit: Fit, found: Sequence[Candidate], seed: int = 0) -> Scores:
     """Score every candidate against the residuals of a fit.
 

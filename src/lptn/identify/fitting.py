@@ -19,6 +19,7 @@ from lptn.model import Model
 from lptn.model_schema import DataTable, FitTable, FittedTable
 from lptn.noise import Noise, balanced_sigma, estimate_noise
 from lptn.simulate import Drive, drive
+from lptn.threads import one_blas_thread
 
 _COARSE_STEP = 10.0  # s
 _LEAST_COARSE = 150  # steps that a run must keep to be worth a coarse search
@@ -109,6 +110,7 @@ class Fit:
         return dict(zip(names, self.uncertainty.errors.tolist(), strict=True))
 
 
+@one_blas_thread
 def fit(
     model: Model,
     drives: Sequence[Drive],
@@ -144,7 +146,7 @@ def fit(
             (coarse.guess(values) for values in (model.values, integral_start(model, coarse.drives, sigma))),
             key=coarse.cost,
         )
-        rough = minimise(coarse, best, progress)
+        rough = minimise(coarse, best, progress, near=True)
         before = rough.iterations
         found = coarse.point(rough.z)
         z = problem.guess(found.values, found.starts)
@@ -153,10 +155,11 @@ def fit(
     else:
         balanced = integral_start(model, drives, sigma)
         z = min((problem.guess(guess, starts), problem.guess(balanced, starts)), key=problem.cost)
-    solution = minimise(problem, z, progress, iterations)
+    solution = minimise(problem, z, progress, iterations, near=True)
     return _fit(problem, solution, noise, before + solution.iterations)
 
 
+@one_blas_thread
 def fit_starts(model: Model, drives: Sequence[Drive], sigma: FloatArray) -> list[FloatArray]:
     """Initial states of runs from their counted readings, the parameters being held.
 

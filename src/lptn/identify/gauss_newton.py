@@ -13,8 +13,9 @@ import casadi as ca
 import numpy as np
 
 from lptn.arrays import FloatArray
+from lptn.identify.evaluator import Evaluator
+from lptn.identify.polish import polish
 from lptn.identify.problem import Problem
-from lptn.simulate import SimulationError
 
 Progress = Callable[[int, float], None]
 """Called after each iteration with its number and the RMS of the weighted residuals."""
@@ -37,7 +38,8 @@ _IPOPT = {
     "show_eval_warnings": False,
 }
 _STATUS = {"Solve_Succeeded": "converged", "Solved_To_Acceptable_Level": "converged"}
-_DAMPING = 1e-10  # relative; keeps the Hessian positive where the data say nothing
+_STOPPED = "User_Requested_Stop"
+_NEARLY = 1e-3  # relative change of the cost in an iteration, below which polishing takes over
 
 
 @dataclass(frozen=True)
@@ -48,39 +50,6 @@ class Solution:
     cost: float
     iterations: int
     status: str  # "converged", "not converged" or "interrupted"
-
-
-class _Evaluator:
-    """Cost, gradient and Gauss-Newton Hessian at a point, computed once, scaled to a mean over the readings."""
-
-    def __init__(self, problem: Problem) -> None:
-        self.problem = problem
-        self.scale = 1.0 / max(problem.readings, 1)
-        self.best = (float("inf"), np.zeros(problem.size))
-        self._costs: dict[bytes, float] = {}
-        self._key: bytes = b""
-        self._derivatives: tuple[FloatArray, FloatArray] = (np.zeros(0), np.zeros(0))
-
-    def cost(self, z: FloatArray) -> float:
-        key = z.tobytes()
-        if key not in self._costs:
-            self._costs = {key: self.problem.cost(z) * self.scale}
-            if self._costs[key] < self.best[0]:
-                self.best = (self._costs[key], z.copy())
-        return self._costs[key]
-
-    def derivatives(self, z: FloatArray) -> tuple[FloatArray, FloatArray]:
-        if z.tobytes() != self._key:
-            try:
-                residuals, jacobian = self.problem.jacobian(z)
-                gradient, hessian = jacobian.T @ residuals, jacobian.T @ jacobian
-            except SimulationError:
-                gradient = np.full(len(z), np.nan)
-                hessian = np.full((len(z), len(z)), np.nan)
-            damping = _DAMPING * max(float(np.trace(hessian)), 1e-12) * np.eye(len(z))
-            self._derivatives = gradient * self.scale, (hessian + damping) * self.scale
-            self._key = z.tobytes()
-        return self._derivatives
 
 
 class _Function(ca.Callback):
@@ -120,34 +89,89 @@ class _Function(ca.Callback):
 
 
 class _Watcher:
-    """Reports progress after each iteration, and tells IPOPT to stop once Ctrl-C was pressed."""
+    """Counts iterations and reports them; tells IPOPT to stop near the optimum, and once Ctrl-C was pressed."""
 
-    def __init__(self, evaluator: _Evaluator, progress: Progress | None) -> None:
+    def __init__(self, evaluator: Evaluator, progress: Progress | None) -> None:
         self.evaluator, self.progress = evaluator, progress
-        self.iterations = -1
-        self.stopped = False
+        self.iterations = 0
+        self.interrupted = False
+        self.patient = False  # whether IPOPT is to go on to its own end
+        self._before = float("inf")
 
     def __call__(self, _arguments: list[ca.DM]) -> list[Any]:
+        cost, first = self.evaluator.best[0], not np.isfinite(self._before)
+        near = 0 < self._before - cost < _NEARLY * cost
+        self._before = cost
+        if not first:
+            self.count()
+        return [int(self.interrupted or (near and not self.patient))]
+
+    def count(self) -> None:
+        """One more iteration."""
         self.iterations += 1
+        self.say()
+
+    def say(self) -> None:
+        """Report how far the search is."""
         if self.progress is not None:
             self.progress(self.iterations, float(np.sqrt(2 * self.evaluator.best[0])))
-        return [int(self.stopped)]
 
 
-def minimise(problem: Problem, guess: FloatArray, progress: Progress | None = None, iterations: int = 80) -> Solution:
+def minimise(
+    problem: Problem,
+    guess: FloatArray,
+    progress: Progress | None = None,
+    iterations: int = 80,
+    *,
+    near: bool = False,
+) -> Solution:
     """The least weighted sum of squares, from `guess`, within the problem's bounds.
 
-    Ctrl-C ends the search at the best point so far, with status `"interrupted"`.
+    IPOPT goes most of the way, bounded Gauss-Newton steps the rest. Ctrl-C ends the search at the best point so
+    far, with status `"interrupted"`.
 
     Args:
         problem: the problem.
         guess: unknowns to start from, shape (size,).
         progress: called after each iteration.
         iterations: how many to take at most.
+        near: the guess is a solution on coarser data, from which a few steps should do.
     """
-    evaluator = _Evaluator(problem)
+    evaluator = Evaluator(problem)
     watcher = _Watcher(evaluator, progress)
-    n = problem.size
+    lower, upper = problem.bounds()
+    evaluator.cost(np.clip(guess, lower, upper))
+    watcher.say()
+    with _interrupt(watcher):
+        ended = _search(evaluator, watcher, iterations, near)
+    best, z = evaluator.best
+    status = "interrupted" if watcher.interrupted else ended
+    return Solution(np.clip(z, lower, upper), best / evaluator.scale, watcher.iterations, status)
+
+
+def _search(evaluator: Evaluator, watcher: _Watcher, iterations: int, near: bool) -> str:
+    """Polish where the start is near; else IPOPT, then polish; IPOPT to its end where polishing fails."""
+
+    def left() -> int:
+        return max(0, iterations - watcher.iterations)
+
+    def polished() -> bool:
+        return polish(evaluator, evaluator.best[1].copy(), left(), lambda: watcher.interrupted, watcher.count)
+
+    if near and polished():
+        return "converged"
+    ended = _interior_point(evaluator, watcher, left())
+    if ended != _STOPPED:
+        return _STATUS.get(ended, "not converged")
+    if polished():
+        return "converged"
+    watcher.patient = True
+    return _STATUS.get(_interior_point(evaluator, watcher, left()), "not converged")
+
+
+def _interior_point(evaluator: Evaluator, watcher: _Watcher, iterations: int) -> str:
+    """IPOPT from the best point so far; how it ended, in its own word."""
+    n = evaluator.problem.size
     column, empty, scalar = ca.Sparsity.dense(n, 1), ca.Sparsity(0, 0), ca.Sparsity.dense(1, 1)
     nothing = ca.Sparsity(0, 1)
     functions = [
@@ -164,12 +188,7 @@ def minimise(problem: Problem, guess: FloatArray, progress: Progress | None = No
             [ca.Sparsity.upper(n)],
             lambda a: [ca.triu(ca.DM(evaluator.derivatives(_array(a[0]))[1] * float(a[2])))],
         ),
-        _Function(
-            "watch",
-            [_solver_output(i, n) for i in range(ca.nlpsol_n_out())],
-            [scalar],
-            watcher,
-        ),
+        _Function("watch", [_solver_output(i, n) for i in range(ca.nlpsol_n_out())], [scalar], watcher),
     ]
     cost, gradient, hessian, watch = functions
     x = ca.MX.sym("x", n)
@@ -181,17 +200,12 @@ def minimise(problem: Problem, guess: FloatArray, progress: Progress | None = No
         "iteration_callback": watch,
     }
     solver = ca.nlpsol("fit", "ipopt", {"x": x, "f": cost(x)}, options)  # type: ignore[dict-item, arg-type]
-    lower, upper = problem.bounds()
-    guess = np.clip(guess, lower, upper)
-    evaluator.cost(guess)
-    with _interrupt(watcher):
-        solver(x0=guess, lbx=lower, ubx=upper)
+    lower, upper = evaluator.problem.bounds()
+    solver(x0=evaluator.best[1], lbx=lower, ubx=upper)
     for function in functions:
         if function.failure is not None:
             raise function.failure
-    status = "interrupted" if watcher.stopped else _STATUS.get(solver.stats()["return_status"], "not converged")
-    best, z = evaluator.best
-    return Solution(np.clip(z, lower, upper), best / evaluator.scale, max(watcher.iterations, 0), status)
+    return str(solver.stats()["return_status"])
 
 
 def _solver_output(index: int, n: int) -> ca.Sparsity:
@@ -214,7 +228,7 @@ def _interrupt(watcher: _Watcher) -> Iterator[None]:
         return
 
     def stop(_number: int, _frame: object) -> None:
-        watcher.stopped = True
+        watcher.interrupted = True
 
     before = signal.signal(signal.SIGINT, stop)
     try:

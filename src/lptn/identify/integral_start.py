@@ -6,7 +6,7 @@ linear in capacitances, conductances and amplitudes of heat: no simulation, no g
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import casadi as ca
 import numpy as np
@@ -31,22 +31,12 @@ def integral_start(model: Model, drives: Sequence[Drive], sigma: FloatArray) -> 
     system = _LinearBalance(model)
     if not system.chosen:
         return model.values
-    rows, sides = [], []
+    condensed = np.zeros((0, len(system.chosen) + 1))
     for driven in drives:
-        matrix, side = system.equations(driven, sigma)
-        rows.append(matrix)
-        sides.append(side)
-    # Each run adds unknown constants (the noise of its first readings); they stand beside the parameters.
-    constants = sum(len(model.nodes) for _ in drives)
-    width = len(system.chosen)
-    stacked = np.zeros((sum(len(row) for row in rows), width + constants))
-    start = 0
-    for number, row in enumerate(rows):
-        first = width + number * len(model.nodes)
-        stacked[start : start + len(row), :width] = row[:, :width]
-        stacked[start : start + len(row), first : first + len(model.nodes)] = row[:, width:]
-        start += len(row)
-    return system.solve(stacked, np.concatenate(sides))
+        for block in system.equations(driven, sigma):
+            # A triangular factor stands for all rows so far: hours of data take no more memory than minutes.
+            condensed = np.asarray(np.linalg.qr(np.vstack([condensed, block]), mode="r"))
+    return system.solve(condensed[:, :-1], condensed[:, -1])
 
 
 class _LinearBalance:
@@ -70,8 +60,11 @@ class _LinearBalance:
         self._heat = ca.Function("heat", [x, u, w], [heat, ca.densify(ca.jacobian(heat, w[self.chosen]))])
         self._declared = self._to_w(model.values)
 
-    def equations(self, driven: Drive, sigma: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Rows [∂/∂w, ∂/∂constants] and right-hand sides of one run, in standard deviations."""
+    def equations(self, driven: Drive, sigma: FloatArray) -> Iterator[FloatArray]:
+        """Rows [∂/∂w, right-hand side] of one run, node by node, in standard deviations.
+
+        Each node's rows share an unknown constant, the noise of its first readings: taking the mean off removes it.
+        """
         model, nodes = self.model, len(self.model.nodes)
         temperatures = _filled(driven)
         states = temperatures[np.array(model.owners)]
@@ -81,39 +74,33 @@ class _LinearBalance:
         heat, by_w = self._heat.map(n)(states, driven.inputs, np.repeat(w0[:, None], n, axis=1))
         given = _integrated(heat.full(), driven.run.step)
         slopes = by_w.full().reshape(nodes, n, len(self.chosen))
-        moved = np.stack([_integrated(slopes[i].T, driven.run.step).T for i in range(nodes)])
         rise = temperatures - temperatures[:, :1]
         picked = np.unique(np.linspace(0, n - 1, min(n, _MOST_ROWS)).astype(int))
-        rows, sides = [], []
         for i in range(nodes):
             kept = picked[driven.counted[i][picked]]
+            if kept.size == 0:
+                continue
             capacity = self._capacities[i]
-            scale = 1.0 / (self._declared[capacity] * sigma[i])
-            block = -moved[i][kept]
+            block = -_integrated(slopes[i].T, driven.run.step).T[kept]
             side = given[i][kept]
             if capacity in self.chosen:
                 block[:, self.chosen.index(capacity)] += rise[i][kept]
             else:
                 side = side - self._declared[capacity] * rise[i][kept]
-            constant = np.zeros((len(kept), nodes))
-            constant[:, i] = 1.0
-            rows.append(np.hstack([block * scale, constant]))
-            sides.append(side * scale)
-        return np.vstack(rows), np.concatenate(sides)
+            whole = np.column_stack([block, side]) / (self._declared[capacity] * sigma[i])
+            yield whole - whole.mean(axis=0)
 
     def solve(self, rows: FloatArray, sides: FloatArray) -> FloatArray:
         """Bounded least squares with a weak pull to the declared values."""
-        model, width = self.model, len(self.chosen)
+        model = self.model
         bounds = np.array([self._bounds(i) for i in self.chosen])
         scale = np.array([self._scale(i) for i in self.chosen])
-        columns = np.concatenate([scale, np.ones(rows.shape[1] - width)])
-        pull = np.eye(width, rows.shape[1]) * _RIDGE
+        pull = np.eye(len(self.chosen)) * _RIDGE
         target = self._declared[self.chosen] / scale * _RIDGE
-        lower = np.concatenate([bounds[:, 0] / scale, np.full(rows.shape[1] - width, -np.inf)])
-        upper = np.concatenate([bounds[:, 1] / scale, np.full(rows.shape[1] - width, np.inf)])
-        found = lsq_linear(np.vstack([rows * columns, pull]), np.concatenate([sides, target]), (lower, upper))
+        limits = (bounds[:, 0] / scale, bounds[:, 1] / scale)
+        found = lsq_linear(np.vstack([rows * scale, pull]), np.concatenate([sides, target]), limits)
         w = self._declared.copy()
-        w[self.chosen] = found.x[:width] * scale
+        w[self.chosen] = found.x * scale
         values = np.where(self._inverse, 1.0 / np.where(w == 0, np.inf, w), w)
         return np.where(np.isin(np.arange(len(values)), self.chosen), values, model.values)
 

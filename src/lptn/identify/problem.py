@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from lptn.arrays import BoolArray, FloatArray
+from lptn.arrays import BoolArray, FloatArray, IntArray
 from lptn.model import Model
 from lptn.parameters import Transform
-from lptn.sensitivity import sensitivities
+from lptn.sensitivity import sensitivity_windows
 from lptn.simulate import Drive, SimulationError, default_start, simulate
 
 # How far initial states may lie from the first guess [K], one standard deviation: wide for a node whose
@@ -122,19 +122,52 @@ class Problem:
         Raises:
             SimulationError: the point makes the model too stiff, or it runs away.
         """
-        point, rows, blocks = self.point(z), [], []
-        slope, count = self.slope(point.values), len(self.model.states)
-        for number, (driven, start) in enumerate(zip(self.drives, point.starts, strict=True)):
-            moved = sensitivities(self.model, driven, point.values, self.free, start)
-            rows.append(self._whitened(driven, moved.readings))
-            scale = -1.0 / np.repeat(self.sigma, driven.counted.sum(axis=1))[:, None]
-            block = np.zeros((len(rows[-1]), self.size))
-            block[:, : len(self.free)] = moved.by_parameter[driven.counted] * slope * scale
-            first = len(self.free) + number * count
-            block[:, first : first + count] = self._by_relative(moved.by_start[driven.counted]) * scale
-            blocks.append(block)
-        blocks.append(self._prior_jacobian())
-        return np.concatenate([*rows, self._prior_residuals(z, point)]), np.vstack(blocks)
+        point = self.point(z)
+        rows, whole = [], []
+        for number in range(len(self.drives)):
+            # Node by node over the whole run, as `residuals` has them.
+            order, residuals, narrow = zip(*self._blocks(number, point), strict=True)
+            sorting = np.argsort(np.concatenate(order), kind="stable")
+            block = np.zeros((len(sorting), self.size))
+            block[:, self._columns(number)] = np.concatenate(narrow)[sorting]
+            rows.append(np.concatenate(residuals)[sorting])
+            whole.append(block)
+        return np.concatenate([*rows, self._prior_residuals(z, point)]), np.vstack([*whole, self._prior_jacobian()])
+
+    def normal(self, z: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Gradient (size,) and Gauss-Newton Hessian (size, size) of the cost, run by run: little memory.
+
+        Raises:
+            SimulationError: the point makes the model too stiff, or it runs away.
+        """
+        point, prior = self.point(z), self._prior_jacobian()
+        gradient, hessian = prior.T @ self._prior_residuals(z, point), prior.T @ prior
+        for number in range(len(self.drives)):
+            columns = self._columns(number)
+            for _, residuals, narrow in self._blocks(number, point):
+                gradient[columns] += narrow.T @ residuals
+                hessian[np.ix_(columns, columns)] += narrow.T @ narrow
+        return gradient, hessian
+
+    def _columns(self, number: int) -> IntArray:
+        """The unknowns that a run's readings depend on: the parameters and its own initial states."""
+        count = len(self.model.states)
+        first = len(self.free) + number * count
+        return np.concatenate([np.arange(len(self.free)), np.arange(first, first + count)])
+
+    def _blocks(self, number: int, point: Point) -> Iterator[tuple[IntArray, FloatArray, FloatArray]]:
+        """Piece by piece of a run: where its readings stand in the run, residuals, derivatives by `_columns`."""
+        driven, slope = self.drives[number], self.slope(point.values)
+        places = np.arange(driven.counted.size).reshape(driven.counted.shape)
+        pieces = sensitivity_windows(self.model, driven, point.values, self.free, point.starts[number])
+        for window, moved in pieces:
+            counted = driven.counted[:, window]
+            error = (driven.measured[:, window] - moved.readings) / self.sigma[:, None]
+            block = moved.derivatives[counted]
+            block[:, : len(self.free)] *= slope
+            self._make_relative(block[:, len(self.free) :])
+            block *= -1.0 / np.repeat(self.sigma, counted.sum(axis=1))[:, None]
+            yield places[:, window][counted], error[counted], block
 
     def errors(self, z: FloatArray) -> list[FloatArray]:
         """Measured minus predicted [K] for each run, shape (nodes, n), NaN where nothing was measured."""
@@ -164,12 +197,10 @@ class Problem:
         states[nodes:] += relative[np.array(self.model.owners[nodes:], dtype=int)]
         return states
 
-    def _by_relative(self, by_start: FloatArray) -> FloatArray:
+    def _make_relative(self, by_start: FloatArray) -> None:
         """A node's initial temperature takes its hidden states along."""
-        moved = by_start.copy()
         for state in range(len(self.model.nodes), len(self.model.states)):
-            moved[..., self.model.owners[state]] += by_start[..., state]
-        return moved
+            by_start[:, self.model.owners[state]] += by_start[:, state]
 
     # --- priors -----------------------------------------------------------------------------------
 

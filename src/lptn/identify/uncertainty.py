@@ -37,8 +37,8 @@ def uncertainty(problem: Problem, z: FloatArray) -> Uncertainty:
     count = len(problem.free)
     if count == 0:
         return Uncertainty(np.zeros(0), np.zeros((0, 0)), np.zeros((0, 0)), ())
-    residuals, jacobian = problem.jacobian(z)
-    information = _without_starts(jacobian, count)
+    information = _without_starts(problem.normal(z)[1], count)
+    residuals = problem.residuals(z)
     eigenvalues, vectors = np.linalg.eigh(information)
     largest = max(float(eigenvalues[-1]), 1e-300)
     open_directions = eigenvalues < _SINGULAR * largest
@@ -55,9 +55,8 @@ def uncertainty(problem: Problem, z: FloatArray) -> Uncertainty:
     return Uncertainty(errors, covariance, covariance / np.outer(scale, scale), tuple(warnings))
 
 
-def _without_starts(jacobian: FloatArray, count: int) -> FloatArray:
+def _without_starts(whole: FloatArray, count: int) -> FloatArray:
     """Information on the parameters once the initial states are fitted along: a Schur complement."""
-    whole = jacobian.T @ jacobian
     if whole.shape[0] == count:
         return whole
     cross = whole[:count, count:]

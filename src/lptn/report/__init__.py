@@ -7,6 +7,7 @@ from lptn.report.ladder_curve import ladder_curve
 from lptn.report.ranking import ranking
 from lptn.report.story import story_html
 from lptn.report.timeseries import predictions_figure
+from lptn.report.versus_page import versus_figure, versus_html
 
 __all__ = [
     "comparison_figure",
@@ -16,4 +17,6 @@ __all__ = [
     "predictions_figure",
     "ranking",
     "story_html",
+    "versus_figure",
+    "versus_html",
 ]

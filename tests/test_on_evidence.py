@@ -1,0 +1,56 @@
+"""Choosing the left-right weight by runs that the fit never saw."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from lptn.errors import InputError
+from lptn.evidence import Evidence, evidence
+from lptn.logs import Run
+from lptn.model import Model
+from lptn.network import LinkDeclaration, Network, NodeDeclaration
+from lptn.on_evidence import mirror_trials
+from tests.builders import AMBIENT, capacity, effect, make_run, resistance
+
+_SIDES = ("left_knee", "right_knee")
+
+
+def _model(share: str = "sides") -> Model:
+    nodes = tuple(NodeDeclaration(name, capacity(300.0, share=share)) for name in _SIDES)
+    links = tuple(LinkDeclaration((name, "ambient"), resistance(8.0, share=share)) for name in _SIDES)
+    return Model(Network("knees", (*nodes, AMBIENT), links, (effect("copper_loss"),)))
+
+
+def _run(name: str, load: tuple[float, float], seconds: int, noise: float, seed: int) -> Run:
+    """Two equal knees, one of which is hardly loaded in the runs to fit."""
+    rng = np.random.default_rng(seed)
+    torque = {f"torque.{side}": np.full(seconds, size) for side, size in zip(_SIDES, load, strict=True)}
+    heat = np.array([0.15 * (size / 0.84) ** 2 for size in load])
+    times = np.arange(seconds + 1.0)
+    solved = solve_ivp(lambda _, y: (heat - (y - 20.0) / 9.0) / 320.0, (0, seconds), [22.0, 22.0], t_eval=times)
+    means = 0.5 * (solved.y[:, 1:] + solved.y[:, :-1])
+    read = {f"temperature.{side}": row + rng.normal(0, noise, seconds) for side, row in zip(_SIDES, means, strict=True)}
+    return make_run(
+        {**read, **torque, "temperature.ambient": np.full(seconds, 20.0)}, step=1.0, averaged=True, name=name
+    )
+
+
+def _data() -> Evidence:
+    return evidence([_run("fit", (9.0, 0.5), 900, 0.5, seed=1)], [_run("held", (1.0, 9.0), 900, 0.05, seed=2)])
+
+
+def test_a_side_that_was_never_loaded_is_learnt_from_the_other() -> None:
+    trials = mirror_trials(_model(), _data(), weights=(0.0, 1e2, 1e4))
+    assert [each.weight for each in trials] == [0.0, 1e2, 1e4]
+    best = min(trials, key=lambda each: each.holdout.rmse)
+    assert best.weight > 0
+    assert best.holdout.rmse < 0.5 * trials[0].holdout.rmse
+
+
+def test_without_pairs_or_without_held_out_runs_there_is_nothing_to_choose() -> None:
+    with pytest.raises(InputError, match="no left-right pair"):
+        mirror_trials(_model("each"), _data())
+    with pytest.raises(InputError, match="nothing held out"):
+        mirror_trials(_model(), Evidence(_data().fit))
