@@ -158,5 +158,9 @@ def film(record: Record, limit: float, path: Path, scenes: Sequence[tuple[float,
             image = Image.fromarray(studio.picture(time))
             text = f"{time:6.1f} s   hottest joint {temperatures(record, time).max():.1f} °C   limit {limit:.0f} °C"
             ImageDraw.Draw(image).text((12, SIZE[0] - 26), text, fill=BLACK, font_size=16)
-            images.append(image.quantize(128, dither=Image.Dither.NONE))
+            images.append(image)
+    # One palette for all frames, or a joint's colour would jump from frame to frame.
+    sample = Image.fromarray(np.vstack([np.asarray(image) for image in images[:: max(1, len(images) // 12)]]))
+    palette = sample.quantize(256)
+    images = [image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images]
     images[0].save(path, save_all=True, append_images=images[1:], duration=1000 / FILM_RATE, loop=0)
