@@ -14,6 +14,9 @@ _MOST_FILES = 10_000
 _MOST_BYTES = 1 << 30
 _CHUNK = 1 << 20
 _IDENTIFIER = re.compile(rb"""modelIdentifier\s*=\s*(["'])(.*?)\1""")
+_BEGINNING = re.compile(rb"\s*(?:<\?xml\b([^>]*)\?>|<[A-Za-z!])")
+_ENCODING = re.compile(rb"""encoding\s*=\s*["']([^"']*)["']""")
+_PLAIN = (b"utf-8", b"us-ascii", b"ascii", b"iso-8859-1", b"windows-1252")
 _C_NAME = re.compile(rb"[A-Za-z_][A-Za-z0-9_]*")
 _EXPECTED = "an FMU: a ZIP archive of plain files with modelDescription.xml"
 
@@ -90,8 +93,11 @@ def _check_description(file: Path, path: Path) -> None:
     if not file.is_file():
         raise InputError(path, "archive", "no modelDescription.xml", _EXPECTED)
     text = file.read_bytes()
-    if text.startswith((b"\xff\xfe", b"\xfe\xff")) or b"\0" in text:
-        raise InputError(path, "modelDescription.xml", "UTF-16", "UTF-8")
+    # An encoding in which `<!DOCTYPE` looks otherwise would get past the next check.
+    begun = _BEGINNING.match(text.removeprefix(b"\xef\xbb\xbf"))
+    encodings = _ENCODING.findall(begun[1] or b"") if begun else [b"none"]
+    if any(encoding.lower() not in _PLAIN for encoding in encodings) or b"\0" in text:
+        raise InputError(path, "modelDescription.xml", "another encoding", "XML in UTF-8")
     if b"<!DOCTYPE" in text or b"<!ENTITY" in text:
         raise InputError(path, "modelDescription.xml", "a document type or entities", "plain XML")
     for _, name in _IDENTIFIER.findall(text):

@@ -70,7 +70,7 @@ def test_inputs_in_straight_lines(fmi: int, built: Build) -> None:
 
 def test_a_stiff_network_by_ros2(built: Build) -> None:
     """Time constants of 20 ms beside minutes: steps of 0.5 s, error falling with the square of the inner step."""
-    model = built("stiff", 3, "ros2").component.model
+    model = built("stiff", 3, "ros2", 0.1).component.model
     inputs = np.abs(steps(model, 40))
     truth = bead_and_motor_by_hand(inputs, 0.5)
     errors = []

@@ -119,6 +119,11 @@ TRICKS: dict[str, tuple[bytes, str]] = {
     "twice": (_archive([("modelDescription.xml", XML), ("ModelDescription.xml", XML)]), "twice"),
     "nothing in it": (_archive([("readme", b"x")]), "no modelDescription.xml"),
     "entities": (_archive([("modelDescription.xml", b'<!DOCTYPE x [<!ENTITY a "b">]>' + XML)]), "entities"),
+    "encoding": (
+        _archive([("modelDescription.xml", b'<?xml version="1.0" encoding="UTF-7" standalone="yes"?>' + XML)]),
+        "UTF-8",
+    ),
+    "UTF-16": (_archive([("modelDescription.xml", XML.decode().encode("utf-16"))]), "UTF-8"),
     "no FMI": (_archive([("modelDescription.xml", b"<x/>")]), "FMI"),
     "identifier": (
         _archive(

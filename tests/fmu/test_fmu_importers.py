@@ -66,7 +66,15 @@ def test_an_importer_gives_the_leg_written_by_hand(importer: str, fmi: int, buil
     assert np.abs(found - leg_by_hand(inputs, STEP)).max() < 1e-6
 
 
-@pytest.mark.parametrize(("importer", "fmi"), [("fmpy", 3), ("fmuloader", 3), ("libcosimpy", 2), ("ecospy", 3)])
+@pytest.mark.parametrize(
+    ("importer", "fmi"),
+    [
+        ("fmpy", 3),
+        ("fmuloader", 3),
+        ("ecospy", 3),
+        pytest.param("libcosimpy", 2, marks=pytest.mark.slow),
+    ],
+)
 def test_an_importer_gives_the_quadruped(importer: str, fmi: int, built: Build, tmp_path: Path) -> None:
     exported = built("quadruped", fmi)
     model = exported.component.model
