@@ -83,6 +83,13 @@ def test_an_fmu_without_a_model_inside_reads_the_log_by_its_names(built: Build, 
     assert said["all"]["rmse"] < 1e-3
 
 
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_inputs_in_straight_lines_differ_from_held_ones(fmi: int, built: Build, log: Path, tmp_path: Path) -> None:
+    found = tmp_path / "found.json"
+    _run("cosim", built("leg", fmi).path, log, "--ramps", "--json", found)
+    assert 1e-3 < json.loads(found.read_text())["all"]["rmse"] < 0.5  # the log was made with held inputs
+
+
 def test_native_code_from_elsewhere_runs_only_when_asked(
     exported: Path, log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
