@@ -121,7 +121,7 @@ def cosimulate(
         parts = evidence((), runs).holdout
         plans = [_plan(session, part) if opened is None else _predicted(opened.model, part, parts) for part in parts]
         done = tuple(_drive(session, plan, ramps) for plan in plans)
-        return Cosimulation(Path(fmu), str(session.description.fmiVersion), done)
+        return Cosimulation(Path(fmu), str(session.unpacked.description.fmiVersion), done)
 
 
 @dataclass(frozen=True)
@@ -138,7 +138,7 @@ class _Plan:
 def _model_file(session: Session, given: str | Path | None) -> ModelFile | None:
     if given is not None:
         return load_model(Path(given))
-    text = session.model_text
+    text = session.unpacked.model_text
     return None if text is None else parse_model(text, session.path / "resources" / "model.toml")
 
 

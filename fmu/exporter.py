@@ -145,4 +145,8 @@ def _binaries(parts: Source, built: Mapping[Platform, bytes]) -> dict[str, bytes
     for target, library in built.items():
         folder = target.folder2 if parts.fmi == 2 else target.folder3
         by_place.setdefault(f"binaries/{folder}/{parts.identifier}{target.suffix}", []).append(library)
+    arm, intel = "binaries/aarch64-linux/", "binaries/linux64/"
+    if parts.fmi == 2 and not any(place.startswith(intel) for place in by_place):
+        # FMI 2 has no name for Linux on ARM; importers there (fmpy) look where 64-bit Linux is.
+        by_place |= {place.replace(arm, intel): each for place, each in by_place.items() if place.startswith(arm)}
     return {place: each[0] if len(each) == 1 else universal(each) for place, each in by_place.items()}

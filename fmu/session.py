@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-import tempfile
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
@@ -14,10 +13,7 @@ import numpy as np
 from lptn.arrays import FloatArray
 from lptn.errors import InputError
 
-from .archive import read_fmu, unpack
-from .trust import is_own
-
-_REALS = {"Real", "Float64"}
+from .unpacked import Unpacked, import_fmpy
 
 
 class FmuError(RuntimeError):
@@ -58,10 +54,9 @@ class Session:
         self._set_words: tuple[Any, ...] = ()
         self._get_words: tuple[Any, ...] = ()
         self._flags: tuple[Any, ...] = ()
-        self._folder = tempfile.TemporaryDirectory(prefix="lptn-fmu-", ignore_cleanup_errors=True)
         self._fmu: Any = None
+        self.unpacked = Unpacked(self.path, trust)
         try:
-            self._open(trust)
             self._prepare(inputs, outputs)
             self._begin(values or {})
         except BaseException:
@@ -96,7 +91,7 @@ class Session:
 
     def read(self, names: Iterable[str]) -> FloatArray:
         """Values of any variables, shape (number of names,), in the FMU's units."""
-        references = self._references(names, "names")
+        references = self.unpacked.references(names, "names")
         values = np.zeros(len(references))
         self._call(self._get, *self._words(references, values))
         return values
@@ -108,7 +103,7 @@ class Session:
             FmuError: the FMU refuses a value.
         """
         if values:
-            references = self._references(values, "values")
+            references = self.unpacked.references(values, "values")
             self._call(self._set, *self._words(references, np.array(list(values.values()), dtype=float)))
 
     def reset(self, values: Mapping[str, float] | None = None, start: float = 0.0) -> None:
@@ -122,7 +117,7 @@ class Session:
         fmu, self._fmu = self._fmu, None
         if fmu is not None and getattr(fmu, "component", None):
             fmu.freeInstance()
-        self._folder.cleanup()
+        self.unpacked.close()
 
     def __enter__(self) -> Self:
         return self
@@ -134,54 +129,19 @@ class Session:
 
     # --- opening ------------------------------------------------------------------------------
 
-    def _open(self, trust: bool) -> None:
-        content = read_fmu(self.path)
-        unpack(content, self.path, Path(self._folder.name))
-        self.description = self._described()
-        self.own = is_own(content)
-        if not (trust or self.own):
-            found = "an FMU that was not exported on this machine"
-            raise InputError(self.path, "native code", found, "--trust, if you trust where it comes from")
-        self.variables = {variable.name: variable for variable in self.description.modelVariables}
-
-    def _described(self) -> Any:
-        fmpy = import_fmpy()
-        try:
-            described = fmpy.read_model_description(self._folder.name, validate=False)
-        except Exception as error:  # fmpy and lxml raise many kinds
-            raise InputError(self.path, "modelDescription.xml", str(error)[:200], "FMI 2.0 or 3.0") from error
-        if described.coSimulation is None or described.fmiVersion.partition(".")[0] not in ("2", "3"):
-            found = f"FMI {described.fmiVersion}, Co-Simulation: {described.coSimulation is not None}"
-            raise InputError(self.path, "modelDescription.xml", found, "FMI 2.0 or 3.0 for Co-Simulation")
-        return described
-
     @property
-    def model_text(self) -> str | None:
-        """The model file inside, `None` where there is none."""
-        file = Path(self._folder.name) / "resources" / "model.toml"
-        return file.read_text(encoding="utf-8") if file.is_file() else None
+    def variables(self) -> dict[str, Any]:
+        """fmpy's description of each variable by name."""
+        return self.unpacked.variables
 
     def _prepare(self, inputs: Sequence[str] | None, outputs: Sequence[str] | None) -> None:
-        reals = [variable for variable in self.description.modelVariables if variable.type in _REALS]
-        self.input_names = [v.name for v in reals if v.causality == "input"] if inputs is None else list(inputs)
-        self.output_names = (
-            [v.name for v in reals if v.causality == "output" and not v.name.endswith(".time_to_limit")]
-            if outputs is None
-            else list(outputs)
-        )
+        unpacked = self.unpacked
+        shown = [name for name in unpacked.names("output") if not name.endswith(".time_to_limit")]
+        self.input_names = unpacked.names("input") if inputs is None else list(inputs)
+        self.output_names = shown if outputs is None else list(outputs)
         self.inputs, self.outputs = np.zeros(len(self.input_names)), np.zeros(len(self.output_names))
-        self._input_references = self._references(self.input_names, "inputs")
-        self._output_references = self._references(self.output_names, "outputs")
-
-    def _references(self, names: Iterable[str], place: str) -> list[int]:
-        found = []
-        for name in names:
-            variable = self.variables.get(name)
-            if variable is None or variable.type not in _REALS:
-                example = next(iter(self.variables))
-                raise InputError(self.path, place, f'"{name}"', f"a variable of the FMU, such as {example}")
-            found.append(variable.valueReference)
-        return found
+        self._input_references = self.unpacked.references(self.input_names, "inputs")
+        self._output_references = self.unpacked.references(self.output_names, "outputs")
 
     def _begin(self, values: Mapping[str, float], instantiate: bool = True) -> None:
         if instantiate:
@@ -198,15 +158,10 @@ class Session:
 
     def _instantiate(self) -> None:
         fmpy = import_fmpy()
-        described = self.description
-        self._fmi = int(described.fmiVersion[0])
-        place = fmpy.platform if self._fmi == 2 else fmpy.platform_tuple
-        if not (Path(self._folder.name) / "binaries" / place).is_dir():
-            raise InputError(
-                self.path, "binaries", f"none for {place}", "an FMU with this machine among its --platforms"
-            )
+        described, self._fmi = self.unpacked.description, self.unpacked.fmi
+        self.unpacked.check_binary(fmpy)
         kind = fmpy.fmi2.FMU2Slave if self._fmi == 2 else fmpy.fmi3.FMU3Slave
-        common = {"guid": described.guid, "unzipDirectory": self._folder.name}
+        common = {"guid": described.guid, "unzipDirectory": str(self.unpacked.folder)}
         try:
             self._fmu = kind(instanceName="lptn", modelIdentifier=described.coSimulation.modelIdentifier, **common)
             self._instance_with_log(fmpy)
@@ -227,7 +182,7 @@ class Session:
             self._fmu.instantiate(loggingOn=True, logMessage=self._logged3, **self._intermediate())
 
     def _intermediate(self) -> dict[str, Any]:
-        if not (self._ramps and getattr(self.description.coSimulation, "providesIntermediateUpdate", False)):
+        if not (self._ramps and getattr(self.unpacked.description.coSimulation, "providesIntermediateUpdate", False)):
             return {}
         return {"intermediateUpdate": self._update, "requiredIntermediateVariables": self._input_references}
 
@@ -285,18 +240,3 @@ class Session:
         if asked and self._target is not None:
             self.inputs[:] = self._from + self._slopes * (time - self.time)
             self._set(*self._set_words)
-
-
-def import_fmpy() -> Any:
-    """The package `fmpy` with its two FMI modules.
-
-    Raises:
-        InputError: it is not there.
-    """
-    try:
-        import fmpy
-        import fmpy.fmi2
-        import fmpy.fmi3
-    except ModuleNotFoundError as error:
-        raise InputError("fmpy", "package", "not installed", "pip install 'lptn[fmu]'") from error
-    return fmpy

@@ -101,6 +101,19 @@ def test_fmpy_compiles_a_source_fmu_by_its_own_description(fmi: int, tmp_path: P
         assert [name for name in archive.namelist() if name.endswith(".so")]
 
 
+def test_linux_on_arm_is_found_by_importers_of_fmi_2(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """FMI 2 has no name for it: the library also stands where 64-bit Linux is looked for, unless that is there itself."""
+    monkeypatch.setattr("lptn.fmu.exporter.compile_all", lambda *words: {each: each.name.encode() for each in words[3]})
+    folders = {}
+    for chosen in (["linux-aarch64"], ["linux-aarch64", "linux64"]):
+        done = export(Model(network("bare")), tmp_path / "x.fmu", fmi=2, platforms=chosen)
+        with ZipFile(done.path) as archive:
+            names = [name for name in archive.namelist() if name.startswith("binaries/")]
+            folders[len(chosen)] = {name.split("/")[1]: archive.read(name) for name in names}
+    assert folders[1] == {"aarch64-linux": b"linux-aarch64", "linux64": b"linux-aarch64"}
+    assert folders[2] == {"aarch64-linux": b"linux-aarch64", "linux64": b"linux64"}
+
+
 def test_two_mac_libraries_as_one_file() -> None:
     """The head of a universal file, as Apple's <mach-o/fat.h> has it; each part on a page of its own."""
     one, other = (b"\xcf\xfa\xed\xfe" + cpu.to_bytes(4, "little") + bytes(100) for cpu in (0x01000007, 0x0100000C))
