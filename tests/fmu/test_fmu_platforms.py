@@ -102,7 +102,7 @@ def test_fmpy_compiles_a_source_fmu_by_its_own_description(fmi: int, tmp_path: P
 
 
 def test_linux_on_arm_is_found_by_importers_of_fmi_2(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """FMI 2 has no name for it: the library also stands where 64-bit Linux is looked for, unless that is there itself."""
+    """FMI 2 has no name for it: the library also stands where 64-bit Linux is sought, unless that is there itself."""
     monkeypatch.setattr("lptn.fmu.exporter.compile_all", lambda *words: {each: each.name.encode() for each in words[3]})
     folders = {}
     for chosen in (["linux-aarch64"], ["linux-aarch64", "linux64"]):
