@@ -1,1 +1,5 @@
-"""The FMU room: the exporter and its C wrapper live here; installed as `lptn.fmu`."""
+"""The FMU room: models as components of anybody's simulator, and their co-simulation with logs."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

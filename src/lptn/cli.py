@@ -259,6 +259,10 @@ def report(
     )
 
 
+app.command("lptn.fmu.commands:fmu", name="fmu")
+app.command("lptn.fmu.commands:cosim", name="cosim")
+
+
 def _say(message: object) -> None:
     """One line on the error stream; nothing is imported, for it may be said in the middle of an import."""
     print(f"lptn: {' '.join(str(message).split())}", file=sys.stderr)

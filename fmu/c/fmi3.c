@@ -1,0 +1,468 @@
+/* FMI 3.0, Model Exchange and Co-Simulation, over the core. */
+#include "fmi3Functions.h"
+
+#include "core.c"
+
+#define ME_ONLY (EVENT | CONTINUOUS)
+#define RUNNING (EVENT | CONTINUOUS | STEP)
+#define OUTSIDE (INSTANTIATED | INITIALIZATION | RUNNING | TERMINATED)
+#define ANY (OUTSIDE | UPDATE)
+
+/* Refuse a call without a usable instance, or in a mode that does not allow it. */
+#define REQUIRE(modes, name)                     \
+    Instance *I = instance;                      \
+    if (core_refuses(I, name, modes)) return fmi3Error
+
+typedef struct {
+    fmi3LogMessageCallback log;
+    fmi3IntermediateUpdateCallback update;
+    bool early, ended;
+    double from;
+} Callbacks;
+
+static void say(Instance *I, Status status, const char *category, const char *message) {
+    const Callbacks *callbacks = I->callbacks;
+    if (callbacks && callbacks->log) callbacks->log(I->environment, (fmi3Status)status, category, message);
+}
+
+/* --- common ---------------------------------------------------------------------------------------- */
+
+const char *fmi3GetVersion(void) { return fmi3Version; }
+
+fmi3Status fmi3SetDebugLogging(fmi3Instance instance, fmi3Boolean on, size_t n, const fmi3String categories[]) {
+    REQUIRE(OUTSIDE, "fmi3SetDebugLogging");
+    (void)n;
+    (void)categories;
+    I->logging = on;
+    return fmi3OK;
+}
+
+static Instance *make(const char *function, int type, fmi3String name, fmi3String token, bool logging,
+                      fmi3InstanceEnvironment environment, fmi3LogMessageCallback log) {
+    Instance *I;
+    Callbacks *callbacks;
+    if (!token || strcmp(token, TOKEN)) {
+        char text[128];
+        snprintf(text, sizeof text, "%s: the instantiation token is not this FMU's", function);
+        if (log) log(environment, fmi3Error, "logStatusError", text);
+        return NULL;
+    }
+    I = core_new(name, token, type, say, logging);
+    callbacks = calloc(1, sizeof *callbacks);
+    if (!I || !callbacks) {
+        free(callbacks);
+        core_free(I);
+        return NULL;
+    }
+    callbacks->log = log;
+    I->callbacks = callbacks;
+    I->environment = environment;
+    return I;
+}
+
+fmi3Instance fmi3InstantiateModelExchange(fmi3String name, fmi3String token, fmi3String resources, fmi3Boolean visible,
+                                          fmi3Boolean logging, fmi3InstanceEnvironment environment,
+                                          fmi3LogMessageCallback log) {
+    (void)resources;
+    (void)visible;
+    return make("fmi3InstantiateModelExchange", MODEL_EXCHANGE, name, token, logging, environment, log);
+}
+
+fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3String resources, fmi3Boolean visible,
+                                         fmi3Boolean logging, fmi3Boolean events, fmi3Boolean early,
+                                         const fmi3ValueReference required[], size_t n, fmi3InstanceEnvironment environment,
+                                         fmi3LogMessageCallback log, fmi3IntermediateUpdateCallback update) {
+    Instance *I;
+    size_t i;
+    (void)resources;
+    (void)visible;
+    if (events) {
+        if (log) log(environment, fmi3Error, "logStatusError", "fmi3InstantiateCoSimulation: there is no event mode");
+        return NULL;
+    }
+    I = make("fmi3InstantiateCoSimulation", CO_SIMULATION, name, token, logging, environment, log);
+    if (!I) return NULL;
+    for (i = 0; i < n; i++)
+        if (!required || required[i] >= END) {
+            core_fail(I, "fmi3InstantiateCoSimulation", "unknown intermediate variable");
+            fmi3FreeInstance(I);
+            return NULL;
+        }
+    ((Callbacks *)I->callbacks)->update = update;
+    ((Callbacks *)I->callbacks)->early = early;
+    return I;
+}
+
+fmi3Instance fmi3InstantiateScheduledExecution(fmi3String name, fmi3String token, fmi3String resources, fmi3Boolean visible,
+                                               fmi3Boolean logging, fmi3InstanceEnvironment environment,
+                                               fmi3LogMessageCallback log, fmi3ClockUpdateCallback clock,
+                                               fmi3LockPreemptionCallback lock, fmi3UnlockPreemptionCallback unlock) {
+    (void)name;
+    (void)token;
+    (void)resources;
+    (void)visible;
+    (void)logging;
+    (void)clock;
+    (void)lock;
+    (void)unlock;
+    if (log) log(environment, fmi3Error, "logStatusError", "fmi3InstantiateScheduledExecution: not supported");
+    return NULL;
+}
+
+void fmi3FreeInstance(fmi3Instance instance) {
+    Instance *I = instance;
+    if (!I || I->magic != MAGIC) return;
+    free(I->callbacks);
+    core_free(I);
+}
+
+fmi3Status fmi3EnterInitializationMode(fmi3Instance instance, fmi3Boolean has_tolerance, fmi3Float64 tolerance,
+                                       fmi3Float64 start, fmi3Boolean has_stop, fmi3Float64 stop) {
+    REQUIRE(INSTANTIATED, "fmi3EnterInitializationMode");
+    (void)has_tolerance;
+    (void)tolerance;
+    if (core_start(I, "fmi3EnterInitializationMode", start, has_stop, stop) != OK) return fmi3Error;
+    I->data.mode = INITIALIZATION;
+    return fmi3OK;
+}
+
+fmi3Status fmi3ExitInitializationMode(fmi3Instance instance) {
+    REQUIRE(INITIALIZATION, "fmi3ExitInitializationMode");
+    I->data.mode = I->data.type == MODEL_EXCHANGE ? EVENT : STEP;
+    return fmi3OK;
+}
+
+fmi3Status fmi3EnterEventMode(fmi3Instance instance) {
+    REQUIRE(ME_ONLY, "fmi3EnterEventMode");
+    I->data.mode = EVENT;
+    return fmi3OK;
+}
+
+fmi3Status fmi3Terminate(fmi3Instance instance) {
+    REQUIRE(RUNNING, "fmi3Terminate");
+    I->data.mode = TERMINATED;
+    return fmi3OK;
+}
+
+fmi3Status fmi3Reset(fmi3Instance instance) {
+    REQUIRE(OUTSIDE, "fmi3Reset");
+    core_reset(I);
+    return fmi3OK;
+}
+
+/* --- values ---------------------------------------------------------------------------------------- */
+
+fmi3Status fmi3GetFloat64(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, fmi3Float64 values[], size_t nv) {
+    REQUIRE(ANY, "fmi3GetFloat64");
+    if (n != nv) return (fmi3Status)core_fail(I, "fmi3GetFloat64", "%u references, %u values", (unsigned)n, (unsigned)nv);
+    return (fmi3Status)core_get(I, "fmi3GetFloat64", vr, n, values);
+}
+
+fmi3Status fmi3SetFloat64(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, const fmi3Float64 values[],
+                          size_t nv) {
+    REQUIRE(INSTANTIATED | INITIALIZATION | RUNNING | UPDATE, "fmi3SetFloat64");
+    if (n != nv) return (fmi3Status)core_fail(I, "fmi3SetFloat64", "%u references, %u values", (unsigned)n, (unsigned)nv);
+    return (fmi3Status)core_set(I, "fmi3SetFloat64", vr, n, values);
+}
+
+/* All variables are Float64. */
+static fmi3Status none_of(fmi3Instance instance, const char *function, const fmi3ValueReference vr[], size_t n) {
+    REQUIRE(ANY, function);
+    if (!n) return fmi3OK;
+    return (fmi3Status)core_fail(I, function, "no variable of this type with value reference %u", vr ? (unsigned)vr[0] : 0u);
+}
+
+#define NO_VARIABLES(type)                                                                                              \
+    fmi3Status fmi3Get##type(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, fmi3##type values[],       \
+                             size_t nv) {                                                                               \
+        (void)values;                                                                                                   \
+        (void)nv;                                                                                                       \
+        return none_of(instance, "fmi3Get" #type, vr, n);                                                               \
+    }                                                                                                                   \
+    fmi3Status fmi3Set##type(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, const fmi3##type values[], \
+                             size_t nv) {                                                                               \
+        (void)values;                                                                                                   \
+        (void)nv;                                                                                                       \
+        return none_of(instance, "fmi3Set" #type, vr, n);                                                               \
+    }
+
+NO_VARIABLES(Float32)
+NO_VARIABLES(Int8)
+NO_VARIABLES(UInt8)
+NO_VARIABLES(Int16)
+NO_VARIABLES(UInt16)
+NO_VARIABLES(Int32)
+NO_VARIABLES(UInt32)
+NO_VARIABLES(Int64)
+NO_VARIABLES(UInt64)
+NO_VARIABLES(Boolean)
+NO_VARIABLES(String)
+
+fmi3Status fmi3GetBinary(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, size_t sizes[], fmi3Binary values[],
+                         size_t nv) {
+    (void)sizes;
+    (void)values;
+    (void)nv;
+    return none_of(instance, "fmi3GetBinary", vr, n);
+}
+
+fmi3Status fmi3SetBinary(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, const size_t sizes[],
+                         const fmi3Binary values[], size_t nv) {
+    (void)sizes;
+    (void)values;
+    (void)nv;
+    return none_of(instance, "fmi3SetBinary", vr, n);
+}
+
+fmi3Status fmi3GetClock(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, fmi3Clock values[]) {
+    (void)values;
+    return none_of(instance, "fmi3GetClock", vr, n);
+}
+
+fmi3Status fmi3SetClock(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, const fmi3Clock values[]) {
+    (void)values;
+    return none_of(instance, "fmi3SetClock", vr, n);
+}
+
+/* --- not there: said, never a crash ------------------------------------------------------------------ */
+
+static fmi3Status absent(fmi3Instance instance, const char *function, const char *what) {
+    REQUIRE(ANY, function);
+    return (fmi3Status)core_fail(I, function, "%s", what);
+}
+
+fmi3Status fmi3GetNumberOfVariableDependencies(fmi3Instance instance, fmi3ValueReference vr, size_t *n) {
+    (void)vr;
+    (void)n;
+    return absent(instance, "fmi3GetNumberOfVariableDependencies", "see ModelStructure; there are no arrays");
+}
+
+fmi3Status fmi3GetVariableDependencies(fmi3Instance instance, fmi3ValueReference dependent, size_t elements[],
+                                       fmi3ValueReference independents[], size_t of[], fmi3DependencyKind kinds[], size_t n) {
+    (void)dependent;
+    (void)elements;
+    (void)independents;
+    (void)of;
+    (void)kinds;
+    (void)n;
+    return absent(instance, "fmi3GetVariableDependencies", "see ModelStructure; there are no arrays");
+}
+
+fmi3Status fmi3EnterConfigurationMode(fmi3Instance instance) {
+    return absent(instance, "fmi3EnterConfigurationMode", "there are no structural parameters");
+}
+
+fmi3Status fmi3ExitConfigurationMode(fmi3Instance instance) {
+    return absent(instance, "fmi3ExitConfigurationMode", "there are no structural parameters");
+}
+
+#define NO_CLOCK_ARRAYS(name, ...)                                                                     \
+    fmi3Status name(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, __VA_ARGS__) {     \
+        return none_of(instance, #name, vr, n);                                                        \
+    }
+
+#if defined(__GNUC__) || defined(__clang__)
+#pragma GCC diagnostic push
+#pragma GCC diagnostic ignored "-Wunused-parameter"
+#endif
+NO_CLOCK_ARRAYS(fmi3GetIntervalDecimal, fmi3Float64 intervals[], fmi3IntervalQualifier qualifiers[])
+NO_CLOCK_ARRAYS(fmi3GetIntervalFraction, fmi3UInt64 counters[], fmi3UInt64 resolutions[], fmi3IntervalQualifier qualifiers[])
+NO_CLOCK_ARRAYS(fmi3GetShiftDecimal, fmi3Float64 shifts[])
+NO_CLOCK_ARRAYS(fmi3GetShiftFraction, fmi3UInt64 counters[], fmi3UInt64 resolutions[])
+NO_CLOCK_ARRAYS(fmi3SetIntervalDecimal, const fmi3Float64 intervals[])
+NO_CLOCK_ARRAYS(fmi3SetIntervalFraction, const fmi3UInt64 counters[], const fmi3UInt64 resolutions[])
+NO_CLOCK_ARRAYS(fmi3SetShiftDecimal, const fmi3Float64 shifts[])
+NO_CLOCK_ARRAYS(fmi3SetShiftFraction, const fmi3UInt64 counters[], const fmi3UInt64 resolutions[])
+#if defined(__GNUC__) || defined(__clang__)
+#pragma GCC diagnostic pop
+#endif
+
+fmi3Status fmi3ActivateModelPartition(fmi3Instance instance, fmi3ValueReference clock, fmi3Float64 time) {
+    (void)clock;
+    (void)time;
+    return absent(instance, "fmi3ActivateModelPartition", "there is no scheduled execution");
+}
+
+/* --- state of the component ------------------------------------------------------------------------ */
+
+fmi3Status fmi3GetFMUState(fmi3Instance instance, fmi3FMUState *state) {
+    REQUIRE(OUTSIDE, "fmi3GetFMUState");
+    return (fmi3Status)core_save(I, "fmi3GetFMUState", state);
+}
+
+fmi3Status fmi3SetFMUState(fmi3Instance instance, fmi3FMUState state) {
+    REQUIRE(OUTSIDE, "fmi3SetFMUState");
+    return (fmi3Status)core_restore(I, "fmi3SetFMUState", state);
+}
+
+fmi3Status fmi3FreeFMUState(fmi3Instance instance, fmi3FMUState *state) {
+    REQUIRE(OUTSIDE, "fmi3FreeFMUState");
+    return (fmi3Status)core_drop(I, "fmi3FreeFMUState", state);
+}
+
+fmi3Status fmi3SerializedFMUStateSize(fmi3Instance instance, fmi3FMUState state, size_t *size) {
+    REQUIRE(OUTSIDE, "fmi3SerializedFMUStateSize");
+    return (fmi3Status)core_serialized_size(I, "fmi3SerializedFMUStateSize", state, size);
+}
+
+fmi3Status fmi3SerializeFMUState(fmi3Instance instance, fmi3FMUState state, fmi3Byte bytes[], size_t size) {
+    REQUIRE(OUTSIDE, "fmi3SerializeFMUState");
+    return (fmi3Status)core_serialize(I, "fmi3SerializeFMUState", state, bytes, size);
+}
+
+fmi3Status fmi3DeserializeFMUState(fmi3Instance instance, const fmi3Byte bytes[], size_t size, fmi3FMUState *state) {
+    REQUIRE(OUTSIDE, "fmi3DeserializeFMUState");
+    return (fmi3Status)core_deserialize(I, "fmi3DeserializeFMUState", bytes, size, state);
+}
+
+fmi3Status fmi3GetDirectionalDerivative(fmi3Instance instance, const fmi3ValueReference unknowns[], size_t nu,
+                                        const fmi3ValueReference knowns[], size_t nk, const fmi3Float64 seed[], size_t ns,
+                                        fmi3Float64 result[], size_t nr) {
+    REQUIRE(INITIALIZATION | RUNNING | TERMINATED, "fmi3GetDirectionalDerivative");
+    if (ns != nk || nr != nu) return (fmi3Status)core_fail(I, "fmi3GetDirectionalDerivative", "sizes do not match");
+    return (fmi3Status)core_forward(I, "fmi3GetDirectionalDerivative", unknowns, nu, knowns, nk, seed, result);
+}
+
+fmi3Status fmi3GetAdjointDerivative(fmi3Instance instance, const fmi3ValueReference unknowns[], size_t nu,
+                                    const fmi3ValueReference knowns[], size_t nk, const fmi3Float64 seed[], size_t ns,
+                                    fmi3Float64 result[], size_t nr) {
+    REQUIRE(INITIALIZATION | RUNNING | TERMINATED, "fmi3GetAdjointDerivative");
+    if (ns != nu || nr != nk) return (fmi3Status)core_fail(I, "fmi3GetAdjointDerivative", "sizes do not match");
+    return (fmi3Status)core_reverse(I, "fmi3GetAdjointDerivative", unknowns, nu, knowns, nk, seed, result);
+}
+
+/* --- Model Exchange -------------------------------------------------------------------------------- */
+
+fmi3Status fmi3EvaluateDiscreteStates(fmi3Instance instance) {
+    REQUIRE(INITIALIZATION | EVENT, "fmi3EvaluateDiscreteStates");
+    return fmi3OK;
+}
+
+fmi3Status fmi3UpdateDiscreteStates(fmi3Instance instance, fmi3Boolean *again, fmi3Boolean *end, fmi3Boolean *nominals,
+                                    fmi3Boolean *values, fmi3Boolean *timed, fmi3Float64 *time) {
+    REQUIRE(EVENT, "fmi3UpdateDiscreteStates");
+    if (again) *again = fmi3False;
+    if (end) *end = fmi3False;
+    if (nominals) *nominals = fmi3False;
+    if (values) *values = fmi3False;
+    if (timed) *timed = fmi3False;
+    if (time) *time = 0;
+    return fmi3OK;
+}
+
+fmi3Status fmi3EnterContinuousTimeMode(fmi3Instance instance) {
+    REQUIRE(EVENT, "fmi3EnterContinuousTimeMode");
+    I->data.mode = CONTINUOUS;
+    return fmi3OK;
+}
+
+fmi3Status fmi3CompletedIntegratorStep(fmi3Instance instance, fmi3Boolean no_return, fmi3Boolean *event, fmi3Boolean *end) {
+    REQUIRE(CONTINUOUS, "fmi3CompletedIntegratorStep");
+    (void)no_return;
+    if (event) *event = fmi3False;
+    if (end) *end = fmi3False;
+    return fmi3OK;
+}
+
+fmi3Status fmi3SetTime(fmi3Instance instance, fmi3Float64 time) {
+    REQUIRE(ME_ONLY, "fmi3SetTime");
+    if (!isfinite(time)) return (fmi3Status)core_fail(I, "fmi3SetTime", "%g refused", time);
+    I->data.time = time;
+    return fmi3OK;
+}
+
+fmi3Status fmi3SetContinuousStates(fmi3Instance instance, const fmi3Float64 x[], size_t n) {
+    REQUIRE(ME_ONLY, "fmi3SetContinuousStates");
+    return (fmi3Status)core_set_states(I, "fmi3SetContinuousStates", x, n);
+}
+
+fmi3Status fmi3GetContinuousStateDerivatives(fmi3Instance instance, fmi3Float64 rates[], size_t n) {
+    REQUIRE(ME_ONLY | INITIALIZATION | TERMINATED, "fmi3GetContinuousStateDerivatives");
+    return (fmi3Status)core_rates(I, "fmi3GetContinuousStateDerivatives", rates, n);
+}
+
+fmi3Status fmi3GetEventIndicators(fmi3Instance instance, fmi3Float64 indicators[], size_t n) {
+    REQUIRE(ME_ONLY | INITIALIZATION | TERMINATED, "fmi3GetEventIndicators");
+    (void)indicators;
+    return n ? (fmi3Status)core_fail(I, "fmi3GetEventIndicators", "there are none") : fmi3OK;
+}
+
+fmi3Status fmi3GetContinuousStates(fmi3Instance instance, fmi3Float64 x[], size_t n) {
+    REQUIRE(ME_ONLY | INITIALIZATION | TERMINATED, "fmi3GetContinuousStates");
+    if (n != NX || !x) return (fmi3Status)core_fail(I, "fmi3GetContinuousStates", "there are %d states", NX);
+    memcpy(x, I->data.x, NX * sizeof(double));
+    return fmi3OK;
+}
+
+fmi3Status fmi3GetNominalsOfContinuousStates(fmi3Instance instance, fmi3Float64 nominals[], size_t n) {
+    size_t i;
+    REQUIRE(OUTSIDE, "fmi3GetNominalsOfContinuousStates");
+    if (n != NX || !nominals) return (fmi3Status)core_fail(I, "fmi3GetNominalsOfContinuousStates", "there are %d states", NX);
+    for (i = 0; i < n; i++) nominals[i] = NOMINAL;
+    return fmi3OK;
+}
+
+fmi3Status fmi3GetNumberOfEventIndicators(fmi3Instance instance, size_t *n) {
+    REQUIRE(OUTSIDE, "fmi3GetNumberOfEventIndicators");
+    if (!n) return (fmi3Status)core_fail(I, "fmi3GetNumberOfEventIndicators", "null pointer");
+    *n = 0;
+    return fmi3OK;
+}
+
+fmi3Status fmi3GetNumberOfContinuousStates(fmi3Instance instance, size_t *n) {
+    REQUIRE(OUTSIDE, "fmi3GetNumberOfContinuousStates");
+    if (!n) return (fmi3Status)core_fail(I, "fmi3GetNumberOfContinuousStates", "null pointer");
+    *n = NX;
+    return fmi3OK;
+}
+
+/* --- Co-Simulation --------------------------------------------------------------------------------- */
+
+fmi3Status fmi3EnterStepMode(fmi3Instance instance) { return absent(instance, "fmi3EnterStepMode", "there is no event mode"); }
+
+fmi3Status fmi3GetOutputDerivatives(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, const fmi3Int32 orders[],
+                                    fmi3Float64 values[], size_t nv) {
+    REQUIRE(STEP | UPDATE | TERMINATED, "fmi3GetOutputDerivatives");
+    if (n != nv) return (fmi3Status)core_fail(I, "fmi3GetOutputDerivatives", "sizes do not match");
+    return (fmi3Status)core_output_slopes(I, "fmi3GetOutputDerivatives", vr, n, orders, values);
+}
+
+/* The importer gives its inputs at the end of an inner step, before it is made: the inputs go there in a straight line. */
+static void ask(Instance *I, double time) {
+    Callbacks *callbacks = I->callbacks;
+    bool end = false;
+    double at = time;
+    I->data.mode = UPDATE;
+    callbacks->update(I->environment, time, true, false, false, false, &end, &at);
+    I->data.mode = STEP;
+}
+
+static int show(Instance *I, double time) {
+    Callbacks *callbacks = I->callbacks;
+    bool end = false;
+    double at = time;
+    I->data.mode = UPDATE;
+    callbacks->update(I->environment, time, false, true, true, callbacks->early, &end, &at);
+    I->data.mode = STEP;
+    callbacks->ended = callbacks->early && end && at <= time;
+    return callbacks->ended;
+}
+
+fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 from, fmi3Float64 step, fmi3Boolean no_return, fmi3Boolean *event,
+                      fmi3Boolean *terminate, fmi3Boolean *early, fmi3Float64 *reached) {
+    static const Hooks hooks = {ask, show};
+    double time;
+    Callbacks *callbacks;
+    Status status;
+    REQUIRE(STEP, "fmi3DoStep");
+    (void)no_return;
+    callbacks = I->callbacks;
+    callbacks->ended = false;
+    time = I->data.time;
+    status = core_step(I, "fmi3DoStep", from, step, callbacks->update ? &hooks : NULL, &time);
+    if (event) *event = fmi3False;
+    if (terminate) *terminate = fmi3False;
+    if (early) *early = callbacks->ended;
+    if (reached) *reached = time;
+    return (fmi3Status)status;
+}

@@ -1,0 +1,180 @@
+"""The commands `lptn fmu` and `lptn cosim`."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, cast
+
+from cyclopts import Parameter as Option
+
+from lptn.cli_support import Json, Map, OptionalOutput, Output, check_outputs, needs_logs
+from lptn.errors import InputError
+
+if TYPE_CHECKING:
+    from .compile import Compiler
+    from .cosim import Cosimulation
+    from .exporter import Exported
+
+Platforms = Annotated[
+    str | None,
+    Option(
+        name="--platforms",
+        help="Comma-separated: linux64, linux-aarch64, win64, darwin-x86_64, darwin-arm64; source for sources alone. "
+        "By default this machine.",
+    ),
+]
+Limit = Annotated[
+    list[str] | None,
+    Option(name="--limit", help="Limit in degC, of all nodes or as NODE=90; may be given again.", negative=""),
+]
+
+
+def fmu(
+    model: Path,
+    /,
+    *,
+    output: Output,
+    fmi: Annotated[int, Option(help="Version of the standard: 2 or 3.")] = 3,
+    platforms: Platforms = None,
+    solver: Annotated[str, Option(help="Of Co-Simulation: rk4, or ros2 for stiff networks.")] = "rk4",
+    step: Annotated[float | None, Option(help="Longest inner step in s; by default one that fits the model.")] = None,
+    limit: Limit = None,
+    compiler: Annotated[str, Option(help="auto, zig or cc.")] = "auto",
+    json: Json = None,
+) -> None:
+    """Write a model as an FMU: Model Exchange and Co-Simulation in native code, for other people's simulators.
+
+    Example: lptn fmu fitted.toml -o leg.fmu --fmi 3 --platforms linux64,win64
+    """
+    from lptn.terminal import progress, write_json
+
+    from .exporter import export
+
+    check_outputs(output, json)
+    if compiler not in ("auto", "zig", "cc"):
+        raise InputError("command line", "--compiler", f"'{compiler}'", "auto, zig or cc")
+    with progress("compiling"):
+        done = export(
+            model,
+            output,
+            fmi=fmi,
+            platforms=_platforms(platforms),
+            solver=solver,
+            step=step,
+            limits=_limits(limit),
+            compiler=cast("Compiler", compiler),
+        )
+    _show_export(done)
+    write_json(json, done.as_json())
+
+
+def cosim(
+    fmu: Path,  # the file, not the command
+    /,
+    *logs: Path,
+    model: Annotated[Path | None, Option(help="Model file to compare with; by default the one inside the FMU.")] = None,
+    ramps: Annotated[bool, Option(help="Inputs go in straight lines from sample to sample.", negative="")] = False,
+    trust: Annotated[bool, Option(help="Run the native code of an FMU from elsewhere.", negative="")] = False,
+    output: OptionalOutput = None,
+    json: Json = None,
+    map: Map = None,  # noqa: A002
+) -> None:
+    """Drive an FMU with logs; compare with its model and with what was measured.
+
+    Example: lptn cosim leg.fmu friday.parquet -o outputs.csv
+    """
+    from lptn.terminal import write_json
+
+    from .cosim import cosimulate
+    from .session import FmuError
+
+    needs_logs(logs)
+    check_outputs(output, json)
+    pairs = dict(text.partition("=")[::2] for text in map or ())
+    try:
+        done = cosimulate(fmu, logs, model=model, mapped=pairs, ramps=ramps, trust=trust)
+    except FmuError as error:
+        raise InputError(fmu, "FMU", str(error), "inputs that it takes") from error
+    _show_cosimulation(done)
+    write_json(json, done.as_json())
+    if output is not None:
+        _write_outputs(done, output)
+
+
+def _platforms(text: str | None) -> list[str] | None:
+    if text is None:
+        return None
+    names = [name.strip() for name in text.split(",") if name.strip()]
+    return [name for name in names if name != "source"]
+
+
+def _limits(texts: list[str] | None) -> dict[str, float] | None:
+    found = {}
+    for text in texts or ():
+        node, equals, value = text.rpartition("=")
+        try:
+            found[node if equals else "*"] = float(value)
+        except ValueError as error:
+            raise InputError("command line", "--limit", f"'{text}'", "a number in degC, or NODE=number") from error
+    return found or None
+
+
+def _show_export(done: Exported) -> None:
+    facts = done.as_json()
+    places = ", ".join(done.platforms) or "no binaries: sources alone"
+    print(f"{done.path}: FMI {done.fmi}, {done.size / 1024:.0f} kB, {places}")
+    print(", ".join(f"{facts[kind]} {kind}" for kind in ("states", "inputs", "parameters", "outputs")))
+    steps = done.integration
+    print(f"Co-Simulation: {steps.solver}, inner steps of at most {steps.step:g} s")
+    print(f"Fastest time constant: {steps.fastest:.3g} s")
+    for note in steps.notes:
+        print(f"Note: {note}.")
+
+
+def _show_cosimulation(done: Cosimulation) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(box=None, header_style="bold", pad_edge=False)
+    for column in ("run", "node", "RMSE", "max", "from the model"):
+        table.add_column(column, justify="left" if column in ("run", "node") else "right")
+    for each in done.runs:
+        for row, node in enumerate(each.nodes):
+            errors, apart = each.errors(row), each.from_model(row)
+            cells = [f"{errors.rmse:.3g} K", f"{errors.max:.3g} K"] if errors.count else ["not measured", ""]
+            table.add_row(each.run.name, node, *cells, "" if apart is None else f"{apart:.2g} K")
+    out = Console()
+    out.print(table)
+    steps, seconds = sum(len(each.run) for each in done.runs), sum(each.seconds for each in done.runs)
+    simulated = sum(len(each.run) * each.run.step for each in done.runs)
+    speed = simulated / max(seconds, 1e-9)
+    out.print(f"FMI {done.fmi}: {steps} steps in {seconds:.3g} s, {speed:.3g} times as fast as the robot.")
+
+
+def _write_outputs(done: Cosimulation, path: Path) -> None:
+    """All outputs at the ends of steps as a log, temperatures in degC."""
+    import pandas as pd
+
+    from lptn.files import write_whole
+
+    from .naming import to_column
+    from .units import ZERO_CELSIUS
+
+    tables = []
+    for each in done.runs:
+        columns = {"time": each.run.time + each.run.step}
+        for name, values in each.outputs.items():
+            column = to_column(name)
+            hot = column.partition(".")[0] in ("temperature", "reading")
+            columns[column] = values - ZERO_CELSIUS if hot else values
+        tables.append(pd.DataFrame(columns))
+    table = pd.concat(tables, ignore_index=True)
+    if path.suffix == ".csv":
+        write_whole(path, table.to_csv(index=False, float_format="%.9g"))
+    elif path.suffix == ".parquet":
+        buffer = io.BytesIO()
+        table.to_parquet(buffer, index=False)
+        write_whole(path, buffer.getvalue())
+    else:
+        raise InputError(path, "--output", f"a file name ending in '{path.suffix}'", "one ending in .csv or .parquet")

@@ -1,0 +1,175 @@
+"""C sources to shared libraries: for this machine and, with the package `ziglang`, for others."""
+
+from __future__ import annotations
+
+import os
+import platform
+import shlex
+import shutil
+import struct
+import subprocess
+import sys
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Literal
+
+from lptn.errors import InputError
+
+Compiler = Literal["auto", "zig", "cc"]
+_FLAGS = (
+    "-std=c99",
+    "-O2",
+    "-fPIC",
+    "-fvisibility=hidden",
+    "-ffp-contract=off",  # the same digits on every platform
+    "-shared",
+)
+_TIMEOUT = 1200.0  # s; the first build for Windows makes its C library
+
+
+@dataclass(frozen=True)
+class Platform:
+    """A platform.
+
+    Args:
+        name: what the option calls it.
+        folder2: its folder in an FMI 2 FMU.
+        folder3: its folder in an FMI 3 FMU.
+        target: what zig calls it.
+        suffix: of a shared library.
+    """
+
+    name: str
+    folder2: str
+    folder3: str
+    target: str
+    suffix: str
+
+
+PLATFORMS = {
+    each.name: each
+    for each in (
+        Platform("linux64", "linux64", "x86_64-linux", "x86_64-linux-gnu.2.17", ".so"),
+        Platform("linux-aarch64", "aarch64-linux", "aarch64-linux", "aarch64-linux-gnu.2.17", ".so"),
+        Platform("win64", "win64", "x86_64-windows", "x86_64-windows-gnu", ".dll"),
+        Platform("darwin-x86_64", "darwin64", "x86_64-darwin", "x86_64-macos", ".dylib"),
+        Platform("darwin-arm64", "darwin64", "aarch64-darwin", "aarch64-macos", ".dylib"),
+    )
+}
+_ALIASES = {"darwin64": "darwin-x86_64", "win-x86_64": "win64", "linux-x86_64": "linux64"} | {
+    each.folder3: each.name for each in PLATFORMS.values()
+}
+
+
+def platforms_of(names: Sequence[str] | None) -> list[Platform]:
+    """The platforms of an option; this machine's where it is `None`, none where it is empty.
+
+    Raises:
+        InputError: an unknown platform.
+    """
+    if names is None:
+        return [host()]
+    found = []
+    for name in names:
+        known = _ALIASES.get(name, name)
+        if known not in PLATFORMS:
+            raise InputError("command line", "--platforms", f"'{name}'", f"some of {', '.join(PLATFORMS)}, or source")
+        found.append(PLATFORMS[known])
+    return list(dict.fromkeys(found))
+
+
+def host() -> Platform:
+    """This machine's platform.
+
+    Raises:
+        InputError: it is none of those known.
+    """
+    machine = {"amd64": "x86_64", "arm64": "aarch64"}.get(platform.machine().lower(), platform.machine().lower())
+    system = {"win32": "windows"}.get(sys.platform, sys.platform)
+    tuple_ = f"{machine}-{system}"
+    if tuple_ not in _ALIASES:
+        raise InputError("this machine", "platform", tuple_, f"one of {', '.join(PLATFORMS)}, or --platforms source")
+    return PLATFORMS[_ALIASES[tuple_]]
+
+
+def compile_all(
+    sources: Mapping[str, bytes], main: str, identifier: str, platforms: Sequence[Platform], compiler: Compiler = "auto"
+) -> dict[Platform, bytes]:
+    """The shared library for each platform.
+
+    Args:
+        sources: contents by file name.
+        main: the one file to compile; it takes in the others.
+        identifier: the libraries' name without suffix.
+        compiler: `zig`; `cc`, the C compiler of this machine (environment variable CC); `auto`, zig where it is there.
+
+    Raises:
+        InputError: no compiler for a platform, or it fails.
+    """
+    commands = {each: _command(each, compiler) for each in platforms}  # first: nothing is built where one is missing
+    with tempfile.TemporaryDirectory(prefix="lptn-fmu-") as name:
+        folder = Path(name)
+        for path, content in sources.items():
+            (folder / path).write_bytes(content)
+        return {each: _compile(folder, main, identifier, each, command) for each, command in commands.items()}
+
+
+def _command(target: Platform, compiler: Compiler) -> list[str]:
+    if compiler != "cc" and find_spec("ziglang") is not None:
+        return [sys.executable, "-m", "ziglang", "cc", "-target", target.target]
+    if compiler == "zig":
+        raise InputError(target.name, "compiler", "no ziglang package", "pip install 'lptn[fmu]'")
+    local, mend = local_compiler(), "pip install 'lptn[fmu]', or --platforms source"
+    if target != host():
+        raise InputError(target.name, "compiler", "no ziglang package, which builds for other platforms", mend)
+    if local is None:
+        raise InputError(target.name, "compiler", "neither the ziglang package nor a C compiler", mend)
+    return local
+
+
+def local_compiler() -> list[str] | None:
+    """The words that call this machine's C compiler, `None` where there is none."""
+    given = os.environ.get("CC")
+    if given and shutil.which(shlex.split(given)[0]):
+        return shlex.split(given)
+    found = next((path for path in map(shutil.which, ("cc", "gcc", "clang")) if path), None)
+    return None if found is None else [found]
+
+
+def _compile(folder: Path, main: str, identifier: str, target: Platform, command: list[str]) -> bytes:
+    place = folder / target.name
+    place.mkdir()
+    library = place / f"{identifier}{target.suffix}"
+    words = [*command, *_FLAGS, "-o", str(library), main]
+    if target.suffix == ".so":
+        words += ["-lm", "-Wl,-z,defs", "-s"]
+    if target.suffix == ".dll":
+        words += ["-s"]
+    if target.suffix == ".dylib":
+        words += [f"-Wl,-install_name,@rpath/{library.name}"]
+    try:
+        done = subprocess.run(words, cwd=folder, capture_output=True, text=True, timeout=_TIMEOUT, check=False)
+    except (OSError, subprocess.TimeoutExpired) as error:
+        raise InputError(target.name, "compiler", str(error), "a working C compiler") from error
+    if done.returncode:
+        lines = done.stderr.splitlines() or ["no message"]
+        first = next((line for line in lines if "error" in line), lines[0])
+        raise InputError(target.name, "compiler", first[:200], "C code that compiles")
+    return library.read_bytes()
+
+
+def universal(libraries: Sequence[bytes]) -> bytes:
+    """Several Mach-O libraries as one file for all: FMI 2 has one folder for both kinds of Mac."""
+    align = 14  # pages of 16 KiB
+    entries, bodies, position = [], b"", 1 << align
+    for library in libraries:
+        cpu, sub = struct.unpack_from("<II", library, 4)
+        entries.append(struct.pack(">IIIII", cpu, sub, position, len(library), align))
+        padded = library + b"\0" * (-len(library) % (1 << align))
+        bodies += padded
+        position += len(padded)
+    head = struct.pack(">II", 0xCAFEBABE, len(libraries)) + b"".join(entries)
+    return head.ljust(1 << align, b"\0") + bodies

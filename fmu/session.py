@@ -1,0 +1,242 @@
+"""An FMU driven through fmpy with arrays that are made once: set inputs, step, get outputs."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+
+from lptn.arrays import FloatArray
+from lptn.errors import InputError
+
+from .unpacked import Unpacked, import_fmpy
+
+
+class FmuError(RuntimeError):
+    """A call that the FMU refused, with the reason that it logged."""
+
+
+class Session:
+    """One instance of an FMU for Co-Simulation, initialised and ready to step.
+
+    Args:
+        path: the FMU.
+        inputs: names of the inputs to drive; all by default.
+        outputs: names of the variables to read after each step; all outputs but the forecasts by default.
+        values: start values of states, parameters and inputs by name, in the FMU's units (kelvin).
+        start: start time [s].
+        ramps: `True` to let `step` take inputs that go in straight lines.
+        trust: `True` to run the native code of an FMU that was not exported on this machine.
+
+    Raises:
+        InputError: no usable FMU, an unknown name, no binary for this machine, or native code that is not trusted.
+        FmuError: the FMU refuses a start value.
+    """
+
+    def __init__(
+        self,
+        path: str | Path,
+        inputs: Sequence[str] | None = None,
+        outputs: Sequence[str] | None = None,
+        *,
+        values: Mapping[str, float] | None = None,
+        start: float = 0.0,
+        ramps: bool = False,
+        trust: bool = False,
+    ) -> None:
+        self.path, self.time, self.messages, self._ramps = Path(path), start, [""], ramps
+        self._kept: list[Any] = []  # what the FMU points to
+        self._target: FloatArray | None = None
+        self._set_words: tuple[Any, ...] = ()
+        self._get_words: tuple[Any, ...] = ()
+        self._flags: tuple[Any, ...] = ()
+        self._fmu: Any = None
+        self.unpacked = Unpacked(self.path, trust)
+        try:
+            self._prepare(inputs, outputs)
+            self._begin(values or {})
+        except BaseException:
+            self.close()
+            raise
+
+    # --- use ----------------------------------------------------------------------------------
+
+    def step(self, step: float, ramp_to: FloatArray | None = None) -> FloatArray:
+        """Set `inputs`, make a step, get `outputs`.
+
+        Args:
+            step: communication step [s].
+            ramp_to: inputs at the end of the step, to which they go in a straight line; held by default.
+
+        Returns:
+            `outputs`, shape (number of outputs,): the same array each time.
+
+        Raises:
+            FmuError: the FMU refuses an input or the step.
+        """
+        self._call(self._set, *self._set_words)
+        if ramp_to is not None:
+            self._ramp(step, np.asarray(ramp_to, dtype=float))
+        self._call(self._do, self._instance, self.time, step, self._forget, *self._flags)
+        self.time += step
+        self._call(self._get, *self._get_words)
+        if ramp_to is not None:
+            self._target = None
+            self.inputs[:] = ramp_to
+        return self.outputs
+
+    def read(self, names: Iterable[str]) -> FloatArray:
+        """Values of any variables, shape (number of names,), in the FMU's units."""
+        references = self.unpacked.references(names, "names")
+        values = np.zeros(len(references))
+        self._call(self._get, *self._words(references, values))
+        return values
+
+    def write(self, values: Mapping[str, float]) -> None:
+        """Set variables: tunable parameters between steps, anything before the first.
+
+        Raises:
+            FmuError: the FMU refuses a value.
+        """
+        if values:
+            references = self.unpacked.references(values, "values")
+            self._call(self._set, *self._words(references, np.array(list(values.values()), dtype=float)))
+
+    def reset(self, values: Mapping[str, float] | None = None, start: float = 0.0) -> None:
+        """Begin anew at the start values, changed by `values`."""
+        self._call(self._fmu.reset)
+        self.time = start
+        self._begin(values or {}, instantiate=False)
+
+    def close(self) -> None:
+        """Free the instance and remove the unpacked files."""
+        fmu, self._fmu = self._fmu, None
+        if fmu is not None and getattr(fmu, "component", None):
+            fmu.freeInstance()
+        self.unpacked.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    # --- opening ------------------------------------------------------------------------------
+
+    @property
+    def variables(self) -> dict[str, Any]:
+        """fmpy's description of each variable by name."""
+        return self.unpacked.variables
+
+    def _prepare(self, inputs: Sequence[str] | None, outputs: Sequence[str] | None) -> None:
+        unpacked = self.unpacked
+        shown = [name for name in unpacked.names("output") if not name.endswith(".time_to_limit")]
+        self.input_names = unpacked.names("input") if inputs is None else list(inputs)
+        self.output_names = shown if outputs is None else list(outputs)
+        self.inputs, self.outputs = np.zeros(len(self.input_names)), np.zeros(len(self.output_names))
+        self._input_references = self.unpacked.references(self.input_names, "inputs")
+        self._output_references = self.unpacked.references(self.output_names, "outputs")
+
+    def _begin(self, values: Mapping[str, float], instantiate: bool = True) -> None:
+        if instantiate:
+            self._instantiate()
+        self.write(values)
+        if self._fmi == 2:
+            self._call(self._fmu.setupExperiment, None, self.time)
+            self._call(self._fmu.enterInitializationMode)
+        else:
+            self._call(self._fmu.enterInitializationMode, None, self.time)
+        self._call(self._fmu.exitInitializationMode)
+        self._call(self._get, *self._words(self._input_references, self.inputs))
+        self._call(self._get, *self._get_words)
+
+    def _instantiate(self) -> None:
+        fmpy = import_fmpy()
+        described, self._fmi = self.unpacked.description, self.unpacked.fmi
+        self.unpacked.check_binary(fmpy)
+        kind = fmpy.fmi2.FMU2Slave if self._fmi == 2 else fmpy.fmi3.FMU3Slave
+        common = {"guid": described.guid, "unzipDirectory": str(self.unpacked.folder)}
+        try:
+            self._fmu = kind(instanceName="lptn", modelIdentifier=described.coSimulation.modelIdentifier, **common)
+            self._instance_with_log(fmpy)
+        except Exception as error:
+            raise InputError(self.path, "binaries", str(error)[:200], "a library that loads") from error
+        self._instance = self._fmu.component
+        self._bind(fmpy)
+
+    def _instance_with_log(self, fmpy: Any) -> None:
+        if self._fmi == 2:
+            callbacks = fmpy.fmi2.fmi2CallbackFunctions()
+            callbacks.logger = fmpy.fmi2.fmi2CallbackLoggerTYPE(self._logged2)
+            callbacks.allocateMemory = fmpy.fmi2.fmi2CallbackAllocateMemoryTYPE(fmpy.calloc)
+            callbacks.freeMemory = fmpy.fmi2.fmi2CallbackFreeMemoryTYPE(fmpy.free)
+            self._kept.append(callbacks)
+            self._fmu.instantiate(callbacks=callbacks, loggingOn=True)
+        else:
+            self._fmu.instantiate(loggingOn=True, logMessage=self._logged3, **self._intermediate())
+
+    def _intermediate(self) -> dict[str, Any]:
+        if not (self._ramps and getattr(self.unpacked.description.coSimulation, "providesIntermediateUpdate", False)):
+            return {}
+        return {"intermediateUpdate": self._update, "requiredIntermediateVariables": self._input_references}
+
+    def _bind(self, fmpy: Any) -> None:
+        fmu, self._forget = self._fmu, True
+        if self._fmi == 2:
+            self._set, self._get, self._do = fmu.fmi2SetReal, fmu.fmi2GetReal, fmu.fmi2DoStep
+        else:
+            flags: list[Any] = [ctypes.c_bool(), ctypes.c_bool(), ctypes.c_bool(), ctypes.c_double()]
+            self._kept.append(flags)
+            self._set, self._get, self._do = fmu.fmi3SetFloat64, fmu.fmi3GetFloat64, fmu.fmi3DoStep
+            self._flags = tuple(ctypes.byref(flag) for flag in flags)
+        self._set_words = self._words(self._input_references, self.inputs)
+        self._get_words = self._words(self._output_references, self.outputs)
+
+    def _words(self, references: Sequence[int], values: FloatArray) -> tuple[Any, ...]:
+        """The arguments of a get or set call; the arrays stay where they are from call to call."""
+        array = (ctypes.c_uint32 * len(references))(*references)
+        pointer = values.ctypes.data_as(ctypes.POINTER(ctypes.c_double))
+        words = (self._instance, array, len(references), pointer)
+        return words if self._fmi == 2 else (*words, len(references))
+
+    # --- calls --------------------------------------------------------------------------------
+
+    def _call(self, function: Any, *words: Any) -> None:
+        try:
+            function(*words)
+        except Exception as error:
+            said = self.messages[-1]
+            raise FmuError(said or str(error)) from error
+
+    def _logged2(self, environment: Any, instance: bytes, status: int, category: bytes, message: bytes) -> None:
+        self._note(message)
+
+    def _logged3(self, environment: Any, status: int, category: bytes, message: bytes) -> None:
+        self._note(message)
+
+    def _note(self, message: bytes) -> None:
+        self.messages = [*self.messages[-99:], (message or b"").decode("utf-8", "replace").strip()]
+
+    def _ramp(self, step: float, target: FloatArray) -> None:
+        slopes = (target - self.inputs) / step
+        if self._fmi == 2:
+            n = len(slopes)
+            references, orders = (ctypes.c_uint32 * n)(*self._input_references), (ctypes.c_int * n)(*[1] * n)
+            pointer = slopes.ctypes.data_as(ctypes.POINTER(ctypes.c_double))
+            self._call(self._fmu.fmi2SetRealInputDerivatives, self._instance, references, n, orders, pointer)
+        elif not self._intermediate():
+            raise InputError(self.path, "ramp_to", "a session without ramps", "ramps=True and an FMU that takes them")
+        else:
+            self._from, self._slopes, self._target = self.inputs.copy(), slopes, target
+
+    def _update(self, environment: Any, time: float, asked: bool, *_: Any) -> None:
+        """FMI 3: the inputs at an intermediate time, where a ramp is under way."""
+        if asked and self._target is not None:
+            self.inputs[:] = self._from + self._slopes * (time - self.time)
+            self._set(*self._set_words)

@@ -1,0 +1,191 @@
+"""Co-Simulation by itself: steps of any size, straight-line inputs, stiff networks, tuning, heat flows, forecasts."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from lptn.fmu import FmuError, Session
+
+from tests.fmu.conftest import Build
+from tests.fmu.drives import ROOM, ZERO, bead_and_motor_by_hand, in_kelvin, leg_by_hand, solved, steps
+
+
+def _temperatures(session: Session, rows: np.ndarray, step: float, ramps: bool = False) -> np.ndarray:
+    found = []
+    for k, row in enumerate(rows):
+        session.inputs[:] = row
+        target = rows[min(k + 1, len(rows) - 1)] if ramps else None
+        found.append(session.step(step, target).copy())
+    return np.array(found) - ZERO
+
+
+def _session(built: Build, name: str, fmi: int = 3, solver: str = "rk4", **more: object) -> Session:
+    exported = built(name, fmi, solver)
+    states = [variable.name for variable in exported.component.of("state")]
+    return Session(exported.path, outputs=states, **more)
+
+
+@pytest.mark.parametrize(("fmi", "solver"), [(2, "rk4"), (3, "rk4"), (3, "ros2")])
+def test_piecewise_constant_inputs(fmi: int, solver: str, built: Build) -> None:
+    inputs = steps(built("leg", fmi, solver).component.model, 120)
+    with _session(built, "leg", fmi, solver) as session:
+        found = _temperatures(session, in_kelvin(built("leg", fmi, solver).component.model, inputs), 5.0)
+    assert np.abs(found - leg_by_hand(inputs, 5.0)).max() < 1e-6
+
+
+def test_every_effect_of_the_catalogue(built: Build) -> None:
+    model = built("everything").component.model
+    inputs = np.abs(steps(model, 60))
+    with _session(built, "everything") as session:
+        found = _temperatures(session, in_kelvin(model, inputs), 2.0)
+    assert np.abs(found - solved(model, inputs, 2.0)).max() < 1e-6
+
+
+def test_steps_of_any_size_give_the_same_end(built: Build) -> None:
+    model = built("leg").component.model
+    row = in_kelvin(model, steps(model, 1))[0]
+    ends = []
+    for sizes in ([600.0], [1e-3, 0.1, 99.899, 0.37, 499.63], [0.25] * 2400):
+        with _session(built, "leg") as session:
+            for size in sizes:
+                session.inputs[:] = row
+                session.step(size)
+            assert session.time == pytest.approx(600.0)
+            ends.append(session.outputs.copy())
+    assert np.ptp(np.array(ends), axis=0).max() < 1e-9
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_inputs_in_straight_lines(fmi: int, built: Build) -> None:
+    model = built("leg", fmi).component.model
+    inputs = steps(model, 40)
+    with _session(built, "leg", fmi, ramps=True) as session:
+        ramped = _temperatures(session, in_kelvin(model, inputs), 5.0, ramps=True)
+        session.reset()
+        held = _temperatures(session, in_kelvin(model, inputs), 5.0)
+    truth = solved(model, inputs, 5.0, ramps=True)
+    assert np.abs(ramped - truth).max() < 1e-6
+    assert np.abs(held - truth).max() > 0.05  # what holding the inputs would have cost
+
+
+def test_a_stiff_network_by_ros2(built: Build) -> None:
+    """Time constants of 20 ms beside minutes: steps of 0.5 s, error falling with the square of the inner step."""
+    model = built("stiff", 3, "ros2", 0.1).component.model
+    inputs = np.abs(steps(model, 40))
+    truth = bead_and_motor_by_hand(inputs, 0.5)
+    errors = []
+    for step in (0.1, 0.05):
+        exported = built("stiff", 3, "ros2", step)
+        with Session(exported.path, outputs=[v.name for v in exported.component.of("state")]) as session:
+            errors.append(np.abs(_temperatures(session, in_kelvin(model, inputs), 0.5) - truth).max())
+    assert errors[0] < 1e-4
+    assert errors[1] < errors[0] / 2
+
+
+def test_tuning_a_resistance_between_steps(built: Build) -> None:
+    """A heat sink mounted in mid-run: the FMU goes on as the model with the new value does."""
+    component = built("leg").component
+    model = component.model
+    inputs = steps(model, 40)
+    rows = in_kelvin(model, inputs)
+    index = [unknown.name for unknown in model.unknowns].index("resistance.FR_calf~ambient")
+    values = model.values.copy()
+    values[index] = 2.0
+    with _session(built, "leg") as session:
+        first = _temperatures(session, rows[:20], 5.0)
+        session.write({"FR_calf.to_ambient.resistance": 2.0})
+        second = _temperatures(session, rows[20:], 5.0)
+    state = first[-1]
+    for row, expected in zip(inputs[20:], second, strict=True):
+        state = model.run(100)(state, np.repeat(row[:, None], 100, axis=1), values, 0.05).full()[:, -1]
+        assert np.abs(state - expected).max() < 1e-8
+
+
+def test_a_parameter_tuned_past_the_step_divides_it_and_says_so(built: Build) -> None:
+    with _session(built, "leg", values={"FR_hip.capacity": 0.01}) as session:
+        session.inputs[1] = 1.0
+        found = session.step(10.0).copy()
+        assert "too long" in session.messages[-1]
+    expected = solved(built("leg").component.model, np.array([[ROOM, 1.0, 0, 0]]), 10.0, values=_with_small_hip(built))
+    assert np.abs(found - ZERO - expected[0]).max() < 1e-3
+
+
+def _with_small_hip(built: Build) -> np.ndarray:
+    model = built("leg").component.model
+    values = model.values.copy()
+    values[[unknown.name for unknown in model.unknowns].index("capacity.FR_hip")] = 0.01
+    return np.asarray(values)
+
+
+@pytest.mark.parametrize("name", ["quadruped", "everything"])
+def test_heat_flows_add_up_to_what_warms_each_node(name: str, built: Build) -> None:
+    exported = built(name)
+    component, model = exported.component, exported.component.model
+    outputs = [variable.name for variable in component.of("output") if variable.name.endswith(".heat_flow")]
+    inner = ("natural_convection", "forced_convection", "radiation", "resistance_rise", "torque_constant_drop")
+    with Session(exported.path, outputs=outputs) as session:
+        rows = in_kelvin(model, np.abs(steps(model, 5)))
+        _temperatures(session, rows, 20.0)
+        flows = dict(zip(outputs, session.outputs, strict=True))
+        for node in model.nodes:
+            warming = session.read([f"der({node}.temperature)"])[0]
+            capacity = model.unknowns[model.network.capacities[node]].value
+            total = 0.0
+            for flow, value in flows.items():
+                place, middle, _ = flow.split(".")
+                if middle in inner:
+                    continue  # a share of another flow
+                other = middle.rpartition("to_")[2] if "to_" in middle else ""
+                total += value * ((other == node) - (place == node) if other else (place == node))
+            assert total == pytest.approx(warming * capacity, abs=1e-9)
+
+
+def test_what_an_effect_adds_is_the_difference_that_it_makes(built: Build) -> None:
+    with Session(
+        built("everything").path, values={"a.temperature": 350.0, "base.speed": 2.0, "a.torque": 5.0}
+    ) as session:
+        names = [
+            "a.copper_loss.heat_flow",
+            "a.resistance_rise.heat_flow",
+            "a.to_ambient.heat_flow",
+            "a.radiation.heat_flow",
+        ]
+        heat, rise, away, radiated = session.read(names)
+        session.write({"a.resistance_rise.alpha": 0.0, "a.radiation.area": 0.0})
+        heat_without, _, away_without, _ = session.read(names)
+    assert rise == pytest.approx(heat - heat_without)
+    assert radiated == pytest.approx(away_without - away)
+    assert rise > 0 > radiated
+
+
+@pytest.mark.parametrize("solver", ["rk4", "ros2"])
+def test_the_time_to_a_limit_is_when_it_is_reached(solver: str, built: Build) -> None:
+    exported = built("leg", 3, solver)
+    start = {"FR_calf.torque": 12.0, "FR_hip.torque": 2.0}
+    with Session(exported.path, outputs=["FR_calf.temperature"], values=start) as session:
+        said, never = session.read(["FR_calf.time_to_limit", "FR_hip.time_to_limit"])
+        session.step(said)
+        assert session.outputs[0] - ZERO == pytest.approx(80.0, abs=2e-3 if solver == "rk4" else 0.1)
+        assert never == 3600.0
+        session.step(10.0)
+        assert session.read(["FR_calf.time_to_limit"])[0] == 0.0
+
+
+def test_the_torque_scale_falls_below_the_limit(built: Build) -> None:
+    with Session(built("leg").path) as session:
+        for temperature, expected in ((60.0, 1.0), (70.0, 1.0), (75.0, 0.5), (80.0, 0.0), (90.0, 0.0)):
+            session.reset({"FR_calf.temperature": temperature + ZERO})
+            assert session.read(["FR_calf.torque_scale"])[0] == pytest.approx(expected, abs=1e-12)
+
+
+def test_a_step_that_runs_away_is_taken_back(built: Build) -> None:
+    with Session(built("everything").path, outputs=["a.temperature"]) as session:
+        session.step(1.0)
+        before = session.outputs.copy()
+        session.inputs[session.input_names.index("a.torque")] = 1e200
+        with pytest.raises(FmuError, match=r"run away|inner steps"):
+            session.step(1.0)
+        assert session.read(["a.temperature"])[0] == before[0]
+        session.inputs[session.input_names.index("a.torque")] = 1.0
+        session.time = session.read(["time"])[0]
+        session.step(1.0)

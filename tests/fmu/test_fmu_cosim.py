@@ -1,0 +1,201 @@
+"""`lptn fmu` and `lptn cosim` as a user runs them; archives that are not what they seem."""
+
+from __future__ import annotations
+
+import io
+import json
+import stat
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from lptn.cli import main
+from lptn.robots import presets
+from tests.fmu.conftest import Build
+from tests.fmu.drives import leg_by_hand
+
+STEP = 2.0
+
+
+def _run(*words: object) -> None:
+    with pytest.raises(SystemExit) as stop:
+        main([str(word) for word in words])
+    assert stop.value.code == 0
+
+
+@pytest.fixture
+def log(tmp_path: Path) -> Path:
+    """A log of the leg, with temperatures from the leg written by hand, sampled, started at rest."""
+    n = 200
+    rng = np.random.default_rng(2)
+    inputs = np.column_stack([np.full(n, 25.0), np.repeat(rng.uniform(0, 5, (n // 20, 3)), 20, axis=0)])
+    ends = np.vstack([np.full((1, 3), 25.0), leg_by_hand(inputs, STEP)[:-1]])
+    table = pd.DataFrame({"time": STEP * np.arange(n), "temperature.ambient": inputs[:, 0]})
+    for row, joint in enumerate(("FR_hip", "FR_thigh", "FR_calf")):
+        table[f"temperature.{joint}"] = ends[:, row]
+        table[f"torque.{joint}"] = inputs[:, row + 1]
+    path = tmp_path / "log.csv"
+    table.to_csv(path, index=False)
+    return path
+
+
+@pytest.fixture
+def exported(tmp_path: Path, built: Build) -> Path:
+    """An FMU of the preset, exported by the command with its model file inside."""
+    model, path = tmp_path / "leg.toml", tmp_path / "leg.fmu"
+    model.write_text(presets()["leg"])
+    _run("fmu", model, "-o", path, "--limit", "70", "--limit", "FR_calf=90")
+    return path
+
+
+def _refused(words: list[object], capsys: pytest.CaptureFixture[str]) -> str:
+    capsys.readouterr()
+    with pytest.raises(SystemExit) as stop:
+        main([str(word) for word in words])
+    seen = capsys.readouterr()
+    assert stop.value.code == 2
+    assert seen.err.count("\n") == 1
+    return seen.err
+
+
+def test_an_fmu_follows_a_log_as_its_model_does(exported: Path, log: Path, tmp_path: Path) -> None:
+    found, outputs = tmp_path / "found.json", tmp_path / "outputs.csv"
+    _run("cosim", exported, log, "--json", found, "-o", outputs)
+    said = json.loads(found.read_text())
+    assert said["fmi"] == "3.0"
+    assert said["all"]["from_model"] < 1e-6
+    assert said["all"]["rmse"] < 1e-3
+    table = pd.read_csv(outputs)
+    heat = table["heat_flow.FR_calf.copper_loss"].to_numpy()
+    assert heat[50] == pytest.approx(0.15 * (pd.read_csv(log)["torque.FR_calf"][50] / 0.84357) ** 2)
+    assert table["temperature.FR_calf"].between(20, 90).all()
+
+
+def test_an_fmu_without_a_model_inside_reads_the_log_by_its_names(built: Build, log: Path, tmp_path: Path) -> None:
+    found = tmp_path / "found.json"
+    _run("cosim", built("leg", 2).path, log, "--json", found)
+    said = json.loads(found.read_text())
+    assert said["all"]["from_model"] is None
+    assert said["all"]["rmse"] < 1e-3
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_inputs_in_straight_lines_differ_from_held_ones(fmi: int, built: Build, log: Path, tmp_path: Path) -> None:
+    found = tmp_path / "found.json"
+    _run("cosim", built("leg", fmi).path, log, "--ramps", "--json", found)
+    assert 1e-3 < json.loads(found.read_text())["all"]["rmse"] < 0.5  # the log was made with held inputs
+
+
+def test_native_code_from_elsewhere_runs_only_when_asked(
+    exported: Path, log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    foreign = tmp_path / "foreign.fmu"
+    foreign.write_bytes(exported.read_bytes() + b"x")
+    assert "--trust" in _refused(["cosim", foreign, log], capsys)
+    _run("cosim", foreign, log, "--trust")
+    assert "FR_calf" in capsys.readouterr().out
+
+
+def _archive(entries: list[tuple[zipfile.ZipInfo | str, bytes]]) -> bytes:
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w") as archive:
+        for name, content in entries:
+            archive.writestr(name, content)
+    return stream.getvalue()
+
+
+def _link() -> zipfile.ZipInfo:
+    info = zipfile.ZipInfo("binaries")
+    info.external_attr = (stat.S_IFLNK | 0o777) << 16
+    return info
+
+
+XML = b'<fmiModelDescription fmiVersion="3.0"/>'
+TRICKS: dict[str, tuple[bytes, str]] = {
+    "no archive": (b"hello", "ZIP"),
+    "empty": (b"", "ZIP"),
+    "outside": (_archive([("../outside", b"x"), ("modelDescription.xml", XML)]), "inside the FMU"),
+    "absolute": (_archive([("/tmp/outside", b"x"), ("modelDescription.xml", XML)]), "inside the FMU"),
+    "backslash": (_archive([("a\\..\\b", b"x"), ("modelDescription.xml", XML)]), "inside the FMU"),
+    "drive": (_archive([("C:x", b"x"), ("modelDescription.xml", XML)]), "inside the FMU"),
+    "link": (_archive([(_link(), b"/etc"), ("modelDescription.xml", XML)]), "link"),
+    "twice": (_archive([("modelDescription.xml", XML), ("ModelDescription.xml", XML)]), "twice"),
+    "nothing in it": (_archive([("readme", b"x")]), "no modelDescription.xml"),
+    "entities": (_archive([("modelDescription.xml", b'<!DOCTYPE x [<!ENTITY a "b">]>' + XML)]), "entities"),
+    "encoding": (
+        _archive([("modelDescription.xml", b'<?xml version="1.0" encoding="UTF-7" standalone="yes"?>' + XML)]),
+        "UTF-8",
+    ),
+    "UTF-16": (_archive([("modelDescription.xml", XML.decode().encode("utf-16"))]), "UTF-8"),
+    "no FMI": (_archive([("modelDescription.xml", b"<x/>")]), "FMI"),
+    "identifier": (
+        _archive(
+            [
+                (
+                    "modelDescription.xml",
+                    b'<fmiModelDescription><CoSimulation modelIdentifier="../x"/></fmiModelDescription>',
+                )
+            ]
+        ),
+        "identifier",
+    ),
+}
+
+
+@pytest.mark.parametrize("trick", TRICKS)
+def test_an_archive_that_is_not_what_it_seems_is_refused(
+    trick: str, tmp_path: Path, log: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    content, said = TRICKS[trick]
+    path = tmp_path / "x.fmu"
+    path.write_bytes(content)
+    before = sorted(tmp_path.rglob("*"))
+    assert said in _refused(["cosim", path, log, "--trust"], capsys)
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_an_archive_that_unpacks_without_end_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, log: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("lptn.fmu.archive._MOST_BYTES", 1 << 20)
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("modelDescription.xml", XML)
+        archive.writestr("resources/zeros", bytes(1 << 22))
+    path = tmp_path / "x.fmu"
+    path.write_bytes(stream.getvalue())
+    assert "unpacked" in _refused(["cosim", path, log, "--trust"], capsys)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "said"),
+    [
+        (lambda words: [*words, "--fmi", "4"], "--fmi"),
+        (lambda words: [*words, "--platforms", "vax"], "--platforms"),
+        (lambda words: [*words, "--limit", "hot"], "--limit"),
+        (lambda words: [*words, "--compiler", "tcc"], "--compiler"),
+        (lambda words: [words[0], "absent.toml", *words[2:]], "absent.toml"),
+    ],
+)
+def test_a_mistake_in_the_command_is_one_line(
+    spoil: Callable[[list[str]], list[object]], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    model = tmp_path / "leg.toml"
+    model.write_text(presets()["leg"])
+    words = ["fmu", str(model), "-o", str(tmp_path / "x.fmu")]
+    assert said in _refused(spoil(words), capsys)
+    assert not (tmp_path / "x.fmu").exists()
+
+
+def test_sources_alone_need_no_compiler(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("lptn.fmu.compile._compile", None)
+    model, path, found = tmp_path / "leg.toml", tmp_path / "leg.fmu", tmp_path / "found.json"
+    model.write_text(presets()["leg"])
+    _run("fmu", model, "-o", path, "--platforms", "source", "--json", found)
+    with zipfile.ZipFile(path) as archive:
+        assert not any(name.startswith("binaries") for name in archive.namelist())
+    assert json.loads(found.read_text())["platforms"] == []

@@ -1,0 +1,184 @@
+"""What an FMU says of itself: valid XML, names, units, start values, dependencies; and what is inside the archive."""
+
+from __future__ import annotations
+
+import subprocess
+from datetime import UTC, datetime
+from pathlib import Path
+from shutil import which
+from zipfile import ZipFile
+
+import numpy as np
+import pytest
+from fmpy import read_model_description
+from fmpy.validation import validate_fmu
+from lptn.fmu import export
+
+from lptn.errors import InputError
+from lptn.model import Model
+from lptn.robots import presets
+from tests.builders import capacity, link
+from tests.fmu.conftest import Build, network
+
+from lptn.network import Network, NodeDeclaration  # isort: skip
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+@pytest.mark.parametrize("name", [*presets(), "everything", "bare"])
+def test_fmpy_finds_no_fault(name: str, fmi: int, tmp_path: Path) -> None:
+    exported = export(Model(network(name)), tmp_path / "x.fmu", fmi=fmi, platforms=())
+    assert validate_fmu(str(exported.path)) == []
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_names_units_and_start_values(fmi: int, tmp_path: Path) -> None:
+    exported = export(
+        Model(network("leg")), tmp_path / "x.fmu", fmi=fmi, platforms=(), limits={"*": 70.0, "*_calf": 90.0}, start=31.0
+    )
+    description = read_model_description(str(exported.path))
+    assert description.modelExchange is not None
+    assert description.coSimulation is not None
+    variables = {variable.name: variable for variable in description.modelVariables}
+    calf = variables["FR_calf.temperature"]
+    assert (calf.causality, calf.unit, calf.displayUnit) == ("output", "K", "degC")
+    assert float(calf.start) == 31.0 + 273.15
+    assert variables["der(FR_calf.temperature)"].derivative is calf
+    assert float(variables["FR_calf.temperature_limit"].start) == 90.0 + 273.15
+    assert float(variables["FR_hip.temperature_limit"].start) == 70.0 + 273.15
+    torque = variables["FR_calf.torque"]
+    assert (torque.causality, torque.unit) == ("input", "N*m")
+    resistance = variables["FR_hip.to_FR_thigh.resistance"]
+    assert (resistance.causality, resistance.variability, float(resistance.start)) == ("parameter", "tunable", 3.0)
+    for name in ("FR_calf.copper_loss.heat_flow", "FR_calf.to_ambient.heat_flow", "FR_calf.time_to_limit"):
+        assert variables[name].causality == "output"
+    (kelvin,) = (unit for unit in description.unitDefinitions if unit.name == "K")
+    (celsius,) = kelvin.displayUnits
+    assert celsius.name == "degC"
+    assert 300.0 * float(celsius.factor or 1) + float(celsius.offset) == pytest.approx(26.85)
+
+
+def test_units_have_the_right_base_exponents(tmp_path: Path) -> None:
+    exported = export(Model(network("everything")), tmp_path / "x.fmu", platforms=())
+    units = {unit.name: unit.baseUnit for unit in read_model_description(str(exported.path)).unitDefinitions}
+    exponents = {
+        "K/W": {"kg": -1, "m": -2, "s": 3, "K": 1},
+        "N*m*s/rad": {"kg": 1, "m": 2, "s": -1, "rad": -1},
+        "ohm": {"kg": 1, "m": 2, "s": -3, "A": -2},
+    }
+    for name, expected in exponents.items():
+        base = units[name]
+        found = {each: getattr(base, each) for each in ("kg", "m", "s", "A", "K", "mol", "cd", "rad")}
+        assert {each: power for each, power in found.items() if power} == expected
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_dependencies_are_those_of_the_numbers(fmi: int, tmp_path: Path) -> None:
+    """Each rate moves with exactly the variables that it lists, found by changing one at a time."""
+    exported = export(Model(network("everything")), tmp_path / "x.fmu", fmi=fmi, platforms=())
+    component = exported.component
+    import casadi as ca
+
+    rates = ca.Function("rates", [component.x, component.u, component.p], [component.rates])
+    rng = np.random.default_rng(3)
+    blocks = [component.of("state"), component.of("input"), component.of("parameter")]
+    values = [
+        np.array([(v.start or 0.0) * rng.uniform(1.01, 1.1) + (0.7 if v.kind == "input" else 0.0) for v in block])
+        for block in blocks
+    ]
+    before = rates(*values).full().ravel()
+    moved: dict[str, set[str]] = {variable.name: set() for variable in component.of("rate")}
+    for block, array in zip(blocks, values, strict=True):
+        for row, variable in enumerate(block):
+            kept, array[row] = array[row], array[row] * 1.03 + 0.01
+            changed = np.flatnonzero(rates(*values).full().ravel() != before)
+            array[row] = kept
+            for index in changed:
+                moved[component.of("rate")[index].name].add(variable.name)
+    description = read_model_description(str(exported.path))
+    for unknown in description.derivatives:
+        assert {each.name for each in unknown.dependencies} == moved[unknown.variable.name]
+
+
+def test_the_archive_holds_sources_documentation_and_the_model(tmp_path: Path) -> None:
+    file = tmp_path / "leg.toml"
+    file.write_text(presets()["leg"])
+    exported = export(file, tmp_path / "x.fmu", platforms=())
+    with ZipFile(exported.path) as archive:
+        names = set(archive.namelist())
+        model = archive.read("resources/model.toml").decode()
+        notice = archive.read("documentation/licenses/fmi-headers.txt").decode()
+        page = archive.read("documentation/index.html").decode()
+    assert model == presets()["leg"]
+    assert "Redistribution and use in source and binary forms" in notice
+    assert "FR_calf.temperature" in page
+    assert {"sources/fmi3.c", "sources/model.c", "sources/buildDescription.xml", "sources/fmi3Functions.h"} <= names
+    assert not any(name.endswith((".py", ".pyc")) for name in names)
+
+
+def test_the_same_model_gives_the_same_bytes(tmp_path: Path) -> None:
+    date = datetime(2026, 1, 1, tzinfo=UTC)
+    one = export(Model(network("leg")), tmp_path / "one.fmu", platforms=(), date=date)
+    other = export(Model(network("leg")), tmp_path / "other.fmu", platforms=(), date=date)
+    assert one.path.read_bytes() == other.path.read_bytes()
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_only_the_interface_is_exported(fmi: int, built: Build, tmp_path: Path) -> None:
+    if which("nm") is None:
+        pytest.skip("no nm on this machine")
+    with ZipFile(built("leg", fmi).path) as archive:
+        (library,) = (name for name in archive.namelist() if name.startswith("binaries/"))
+        (tmp_path / "library").write_bytes(archive.read(library))
+    done = subprocess.run(
+        ["nm", "-D", "--defined-only", str(tmp_path / "library")], capture_output=True, text=True, check=True
+    )
+    symbols = {line.split()[-1] for line in done.stdout.splitlines()}
+    assert len(symbols) > 40
+    assert all(symbol.startswith(f"fmi{fmi}") for symbol in symbols)
+
+
+def test_names_that_are_no_identifiers_are_quoted(tmp_path: Path) -> None:
+    nodes = (
+        NodeDeclaration("motor-1", capacity()),
+        NodeDeclaration("Hüfte", capacity()),
+        NodeDeclaration("ambient", temperature="temperature.ambient"),
+    )
+    odd = Network("odd names", nodes, (link("motor-1", "ambient"), link("motor-1", "Hüfte")))
+    exported = export(Model(odd), tmp_path / "x.fmu", platforms=())
+    assert validate_fmu(str(exported.path)) == []
+    assert {"'motor-1'.temperature", "H_u00FCfte.temperature"} <= set(exported.variables)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ({"fmi": 1}, "--fmi"),
+        ({"platforms": ["amiga"]}, "--platforms"),
+        ({"solver": "euler"}, "solver"),
+        ({"step": -1.0}, "step"),
+        ({"limits": {"tail": 80.0}}, "limits"),
+        ({"limits": -300.0}, "limits"),
+        ({"step": 1e9}, "ros2"),
+    ],
+)
+def test_what_cannot_be_exported_is_said(words: dict[str, object], said: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=said):
+        export(Model(network("leg")), tmp_path / "x.fmu", **{"platforms": (), **words})
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_step_too_long_for_the_model_is_divided_and_said(tmp_path: Path) -> None:
+    exported = export(Model(network("leg")), tmp_path / "x.fmu", platforms=(), step=1000.0)
+    (note,) = exported.integration.notes
+    assert exported.integration.step < 0.5 * exported.integration.fastest
+    assert "divided into" in note
+
+
+def test_without_any_compiler_one_line_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("lptn.fmu.compile.find_spec", lambda name: None)
+    monkeypatch.setattr("lptn.fmu.compile.local_compiler", lambda: None)
+    with pytest.raises(InputError, match="source"):
+        export(Model(network("leg")), tmp_path / "x.fmu")
+    with pytest.raises(InputError, match="ziglang"):
+        export(Model(network("leg")), tmp_path / "x.fmu", platforms=["win64", "darwin-arm64"])
+    assert not list(tmp_path.iterdir())
