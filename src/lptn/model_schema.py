@@ -33,14 +33,21 @@ class ModelTable(Strict):
     step: Annotated[Number, Field(gt=0)] | None = None
 
 
+class ElementTable(BaseModel):
+    model_config = ConfigDict(extra="allow")
+    kind: str
+
+
 class NodeTable(Strict):
     capacity: Given | None = None
     temperature: str | Given | None = None
+    element: ElementTable | None = None
 
 
 class LinkTable(Strict):
     between: Annotated[list[str], Field(min_length=2, max_length=2)]
-    resistance: Given = ParameterTable()
+    resistance: Given | None = None
+    perfect: bool = False
 
 
 class EffectTable(BaseModel):
