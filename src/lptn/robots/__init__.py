@@ -1,4 +1,4 @@
-"""Ready model files: one motor, a leg."""
+"""Ready model files: one motor, a leg, the motors of the cooling study."""
 
 from __future__ import annotations
 
