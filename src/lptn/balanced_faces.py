@@ -6,14 +6,14 @@ from collections.abc import Mapping, Sequence
 
 import casadi as ca
 
-_NEWTON_STEPS = 3  # of a law that is not linear at a face; each step squares the error
+_NEWTON_STEPS = 5  # of a law that is not linear at a face; each step squares the error
 
 
 def without_faces(heat: Mapping[str, ca.SX], faces: Mapping[str, ca.SX], means: Sequence[ca.SX]) -> dict[str, ca.SX]:
     """Heat into each node with the temperatures of the faces, at which heat in equals heat out, put in.
 
     Where the heat at the faces is linear in their temperatures this is exact. Where it is not (radiation from a
-    face), three Newton steps from the elements' mean temperatures take the place of the loop.
+    face), five Newton steps from the elements' mean temperatures take the place of the loop.
 
     Args:
         heat: heat into each node and face [W].

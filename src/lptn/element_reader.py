@@ -14,7 +14,7 @@ from lptn.model_schema import ElementTable
 from lptn.parameters import Parameter
 
 _DIMENSIONS = {
-    "m": Parameter("length", 0.01, "m", (1e-6, 100.0)),
+    "m": Parameter("length", 0.01, "m", (1e-6, 2.0)),
     "rad": Parameter("angle", math.tau, "rad", (1e-3, math.tau * (1 + 1e-9))),
     "1": Parameter("count", 1.0, "dimensionless", (1.0, 1e4)),
 }

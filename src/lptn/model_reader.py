@@ -94,7 +94,7 @@ class Reader:
         if (computed is None) == (table.capacity is None):
             found = "neither" if computed is None else "both"
             expected = "either capacity, or density and specific_heat in the element"
-            raise InputError(self.path, place, f"{found} capacity and density", expected)
+            raise InputError(self.path, f"{place}.element", f"{found} capacity and density", expected)
         capacity = computed or self._parameter(_CAPACITY, table.capacity, f"{place}.capacity")
         return NodeDeclaration(name, capacity=capacity, element=element)
 
