@@ -141,8 +141,8 @@ class Model:
         return self._column.setdefault(column, ca.SX.sym(column))
 
     def _inputs_of(self, use: Use) -> SimpleNamespace:
-        node = use.ends[0]
-        return SimpleNamespace(**{name: self._input(input_column(name, node)) for name in use.effect.needed()})
+        place = use.declaration.driven_by or use.ends[0]
+        return SimpleNamespace(**{name: self._input(input_column(name, place)) for name in use.effect.needed()})
 
     def _parameters_of(self, use: Use) -> SimpleNamespace:
         return SimpleNamespace(**{name: self._p[index] for name, index in use.parameters.items()})

@@ -58,12 +58,15 @@ class EffectDeclaration:
         at: a node, an edge `"a~b"`, a glob, or `"*"`.
         parameters: its parameters with this model's values; those left out take the effect's own.
         label: what its parameters are named after, by default the effect's key.
+        driven_by: the place whose log columns drive it, where that is not its own: one motor's current heats
+            every piece of the winding.
     """
 
     effect: Effect
     at: str
     parameters: tuple[Parameter, ...] = ()
     label: str = ""
+    driven_by: str = ""
 
     @property
     def name(self) -> str:

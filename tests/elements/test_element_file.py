@@ -130,6 +130,15 @@ def test_a_conductivity_is_found_from_a_log_and_kept_in_the_file() -> None:
     assert values["conductivity_radial.stator"] == pytest.approx(12.0, rel=1e-3)
 
 
+def test_one_motor_s_current_drives_every_piece_of_its_winding() -> None:
+    text = MOTOR.replace('at = "stator"', 'at = "*"\ndriven_by = "motor"\ninput = "current"\nshare = "all"')
+    file = _parse(text)
+    assert Model(file.network).inputs == ["temperature.ambient", "current.motor"]
+    declared = file.network.effects[0]
+    bare = _parse(text[: text.index("[[effects]]")])
+    assert bare.with_effects([declared]).network.effects[0].driven_by == "motor"
+
+
 # old text, new text, line, words
 MISTAKES: dict[str, tuple[str, str, str, tuple[str, ...]]] = {
     "kind": ('"annulus"', '"ring"', "line 5, nodes.", ('unknown element "ring"', "one of cuboid, annulus, cylinder")),
@@ -190,6 +199,7 @@ MISTAKES: dict[str, tuple[str, str, str, tuple[str, ...]]] = {
         "line 26",
         ("perfect contact of housing and ambient", "a face"),
     ),
+    "driven by a pattern": ('at = "stator"', 'at = "stator"\ndriven_by = "*"', "line 31", ("'*'",)),
     "a name with a dot": ("[nodes.housing]", '[nodes."housing.x0"]', "line 14", ("without blanks, dots",)),
 }
 
