@@ -25,7 +25,7 @@ Steps = Sequence[tuple[float, float]]  # duration [s], current [A]
 FITTED: Steps = ((120, 11.0), (900, 0.0), (50, 15.0), (600, 0.0), (300, 6.0), (400, 8.0), (600, 0.0))
 """The thesis's protocol (11 A to 55 degC, cool down), a run at 15 A, two at 6 and 8 A."""
 HELD_OUT: Steps = ((200, 0.0), *((1, 35.0), (29, 0.0)) * 12, (600, 0.0), (240, 9.5), (600, 0.0))
-"""Rest, so that the start is known; the thesis's application, 35 A for 1 s at a time; one heating between the fitted."""
+"""Rest, so that the start is known; the thesis's application, 35 A for 1 s at a time; then one heating."""
 
 
 def truth(steps: Steps, seed: int) -> pd.DataFrame:

@@ -278,6 +278,10 @@ def report(
     )
 
 
+app.command("lptn.planners.commands:trade", name="trade", help="Solve a cooling trade study: best designs, their limits, Pareto front.")
+app.command("lptn.motor_geometry.commands:motor", name="motor", help="Make a model file from a motor's drawing.")
+
+
 def _say(message: object) -> None:
     """One line on the error stream; nothing is imported, for it may be said in the middle of an import."""
     print(f"lptn: {' '.join(str(message).split())}", file=sys.stderr)

@@ -1,0 +1,147 @@
+"""A study in one figure: Pareto front, iso-temperature map, time-to-limit curves, sensitivities."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from lptn.report.style import INK, SMALL, TEXT, dress, new_figure, plain
+
+from .answer import StudyResult
+from .designs import Design
+from .export import strongest
+from .maps import iso_map, limit_curves
+from .sink import SPECIFIC_HEAT, fin_mass, sink_volume
+from .study import GOALS
+
+LIMIT = "#D55E00"
+_COLOURS = ("#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#8C6D31")
+_DASHES = ("-", (0, (5, 1.5)), (0, (1, 1)), (0, (4, 1, 1, 1)))
+_SHOWN = {"mass": (1e3, "mass [g]"), "volume": (1e6, "package volume [cm³]"), "torque": (1.0, "torque [N·m]"),
+          "duration": (1.0, "duration [s]")}  # fmt: skip
+_GOALS = {"held_torque": (1.0, "held torque [N·m]"), "time_to_limit": (1.0, "time to the limit [s]"),
+          "worst_temperature": (1.0, "worst winding temperature [degC]"), "mass": _SHOWN["mass"],
+          "volume": _SHOWN["volume"]}  # fmt: skip
+
+
+def study_figure(result: StudyResult) -> Figure:
+    """Draw what the study has: two to four panels."""
+    panels: list[Callable[[Axes, StudyResult], None]] = [_curves, _sensitivities]
+    if any(design.option.has_sink for design in result.designs):
+        panels.insert(0, _map)
+    if result.front:
+        panels.insert(0, _front)
+    rows = (len(panels) + 1) // 2
+    figure = new_figure(3.6 * rows + 0.3)
+    cells = np.asarray(
+        figure.subfigures(rows, 2)
+    ).ravel()  # each panel has its own margins: names of parameters are long
+    for cell, draw in zip(cells, panels, strict=False):
+        ax = cell.subplots()
+        draw(ax, result)
+        ax.title.set_fontsize(TEXT)
+        dress(ax)
+    figure.suptitle(plain(result.study.name), fontsize=TEXT + 1)
+    return figure
+
+
+def _look(result: StudyResult, name: str) -> dict[str, Any]:
+    """Colour by motor, dashes by cooling."""
+    options = {option.name: option for option in result.study.options()}
+    motors = [motor.name for motor in result.study.motors]
+    styles = list(dict.fromkeys((option.cooling, option.pipes) for option in options.values()))
+    option = options[name]
+    style = styles.index((option.cooling, option.pipes))
+    return {
+        "color": _COLOURS[motors.index(option.motor.name) % len(_COLOURS)],
+        "linestyle": _DASHES[style % len(_DASHES)],
+    }
+
+
+def _front(ax: Axes, result: StudyResult) -> None:
+    assert result.study.sweep is not None
+    factor, label = _SHOWN[result.study.sweep.against]
+    scale, goal = _GOALS[result.study.goal]
+    for name, points in result.each.items():
+        if points:
+            amounts, values = ([getattr(point, key) for point in points] for key in ("amount", "value"))
+            ax.plot(
+                factor * np.array(amounts),
+                scale * np.array(values),
+                lw=1.2,
+                marker=".",
+                ms=3,
+                label=plain(name),
+                **_look(result, name),
+            )
+    amounts, values = ([getattr(point, key) for point in result.front] for key in ("amount", "value"))
+    ax.plot(factor * np.array(amounts), scale * np.array(values), "o", ms=4, color=INK, label="Pareto front", zorder=5)
+    ax.set(xlabel=label, ylabel=goal, title="Pareto front: the best choice at each amount")
+    ax.legend(frameon=False, fontsize=SMALL)
+
+
+def _map(ax: Axes, result: StudyResult) -> None:
+    design = next(design for design in result.designs if design.option.has_sink)
+    option, found = design.option, iso_map(design)
+    here = (design.capacity or np.nan, design.resistance or np.nan)
+    lines = ax.contour(found.capacity, found.resistance, found.winding, levels=8, cmap="cividis_r", linewidths=1.2)
+    ax.clabel(lines, fontsize=SMALL, fmt="%.0f")
+    _bounds(ax, design)
+    ax.plot(*here, "o", ms=7, color=_COLOURS[1], zorder=6, clip_on=False)
+    ax.annotate("design", here, (7, 7), textcoords="offset points", fontsize=SMALL)
+    ax.set(xscale="log", yscale="log", xlabel="sink capacity C [J/K]", ylabel="sink resistance R_h [K/W]")
+    ax.set(xlim=option.study.sink.capacity, ylim=option.study.sink.resistance)
+    ax.set_title(f"Hottest winding [degC], {plain(option.name)}, {design.torque:.3g} N·m")
+
+
+def _bounds(ax: Axes, design: Design) -> None:
+    """Where mass, volume and fins end what can be built."""
+    option = design.option
+    sink, spacing = option.study.sink, option.study.air[option.cooling].spacing
+    c, r = np.meshgrid(np.geomspace(*sink.capacity, 200), np.geomspace(*sink.resistance, 200))
+    fins = fin_mass(r, option.film, sink.thickness) * SPECIFIC_HEAT / c
+    named = {"all fins": (fins, 1.0)}
+    if "mass" in option.limits:
+        named["mass"] = (option.fixed_mass + c / SPECIFIC_HEAT, option.limits["mass"])
+    if "volume" in option.limits:
+        volume = option.fixed_volume + sink_volume(c, r, option.film, sink.thickness, spacing)
+        named["volume"] = (volume, option.limits["volume"])
+    for name, (values, level) in named.items():
+        drawn = ax.contour(c, r, values, levels=[level], colors=LIMIT, linewidths=1.0)
+        if any(np.size(path.vertices) for path in drawn.get_paths()):
+            ax.clabel(drawn, fmt={level: name}, fontsize=SMALL)
+    beyond = np.max([values / level for values, level in named.values()], axis=0)
+    ax.contourf(c, r, beyond, levels=[1.0, np.inf], colors=LIMIT, alpha=0.10)
+
+
+def _curves(ax: Axes, result: StudyResult) -> None:
+    most = max(design.option.limits.get("current", 40.0) for design in result.designs)
+    currents = np.linspace(most / 12, 1.3 * most, 60)
+    for design in result.designs:
+        curve = limit_curves(design, currents)
+        reached = np.isfinite(curve.time)
+        look = _look(result, design.option.name)
+        ax.plot(curve.current[reached], curve.time[reached], lw=1.6, label=plain(curve.name), **look)
+    ax.axvline(most, color=LIMIT, lw=1.0)
+    ax.annotate("most current", (most, 0.98), (3, 0), xycoords=("data", "axes fraction"), textcoords="offset points",
+                fontsize=SMALL, color=LIMIT, rotation=90, va="top")  # fmt: skip
+    limit = limit_curves(result.designs[0], np.array([1.0])).limit if not result.designs else curve.limit
+    ax.set(xlabel="constant current [A]", ylabel="time to the limit [s]", yscale="log", xlim=(0, 1.3 * most))
+    ax.set_title(f"Time until the winding is at {limit:.0f} degC")
+    ax.legend(frameon=False, fontsize=SMALL)
+
+
+def _sensitivities(ax: Axes, result: StudyResult) -> None:
+    design = result.designs[0]
+    found = strongest(design, 8)[::-1]
+    units = {name: design.parameters[name][1] for name, _, _ in found}
+    names = [plain(name) + (", per K" if units[name] == "degC" else "") for name, _, _ in found]
+    relative = [each for _, _, each in found]
+    ax.barh(names, relative, color=_COLOURS[0], height=0.6)
+    ax.axvline(0.0, color=INK, lw=0.8)
+    ax.set(xlabel=f"% of the {GOALS[result.study.goal][0]} per %")
+    ax.set_title(f"Lagrange multipliers, {plain(design.option.name)}", loc="right")

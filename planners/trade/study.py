@@ -1,0 +1,268 @@
+"""A trade study: what is asked, what may be chosen, what must hold; all in SI, temperatures in degC."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from lptn.arrays import FloatArray
+from lptn.errors import InputError
+from lptn.network import LinkDeclaration, Network, NodeDeclaration
+from lptn.parameters import Parameter
+from lptn.places import edge
+
+from .schema import Cooling, Goal
+from .sink import Air, fin_efficiency
+
+GOALS: dict[Goal, tuple[str, str, bool]] = {
+    "held_torque": ("held torque", "N*m", True),
+    "time_to_limit": ("time to the limit", "s", True),
+    "worst_temperature": ("worst winding temperature", "degC", False),
+    "mass": ("mass", "kg", False),
+    "volume": ("volume", "m^3", False),
+}
+"""For each goal its words, its unit, and whether more is better."""
+LIMITS = {
+    "winding": "degC", "magnet": "degC", "current": "A", "pipe_power": "W", "mass": "kg", "volume": "m^3",
+}  # fmt: skip
+"""What may be limited, and its unit."""
+
+
+@dataclass(frozen=True)
+class MotorChoice:
+    """A motor that may be chosen: its network and what the network does not say.
+
+    Args:
+        name: what people call it.
+        network: its thermal network without a heat sink, or with one.
+        winding: node whose temperature the enamel limits.
+        magnet: node taken as the magnets' temperature, which sets the torque constant.
+        mass: kg.
+        volume: m³.
+        torque_constant: N·m/A at 25 degC.
+        magnet_coefficient: of the torque constant [1/K].
+        limits: winding, magnet [degC] and current [A] of its data sheet, where known.
+    """
+
+    name: str
+    network: Network
+    winding: str
+    magnet: str
+    mass: float
+    volume: float
+    torque_constant: float
+    magnet_coefficient: float
+    limits: dict[str, float]
+
+
+@dataclass(frozen=True)
+class Sink:
+    """Where a heat sink may be attached, within which bounds, and what its fins are like.
+
+    Args:
+        at: node that the heat pipes touch.
+        node: name of the sink's own node.
+        capacity: least and greatest heat capacity [J/K].
+        resistance: least and greatest resistance to the air [K/W].
+        thickness: of a fin [m].
+        depth: of a fin, root to tip [m].
+    """
+
+    at: str
+    node: str
+    capacity: tuple[float, float]
+    resistance: tuple[float, float]
+    thickness: float
+    depth: float
+
+
+@dataclass(frozen=True)
+class Pipes:
+    """Heat pipes: how many may be chosen; resistance [K/W], power [W], mass [kg] of each; mass of their mount [kg]."""
+
+    counts: tuple[int, ...]
+    resistance: float
+    power: float
+    mass: float
+    mount: float
+
+
+@dataclass(frozen=True)
+class Fan:
+    """A fan: its mass with the battery for its runtime [kg], volume [m³], electrical power [W]."""
+
+    mass: float
+    volume: float
+    power: float
+
+
+@dataclass(frozen=True)
+class Task:
+    """What torque the motor must give, and for how long.
+
+    Args:
+        shape: torque in each equal part of a cycle, over its peak, shape (n,); one entry for a hold.
+        torque: its peak [N·m], `None` where it is sought.
+        duration: of a hold, or of one cycle [s]; `None` where it is sought.
+        cycles: how many cycles from the start, `None` for ever (periodic); 1 for a hold.
+        hold: whether torque is held constant.
+        longest: a sought duration is not looked for beyond [s].
+        ambient: degC.
+        start: all nodes at the beginning [degC].
+    """
+
+    shape: FloatArray
+    torque: float | None
+    duration: float | None
+    cycles: int | None
+    hold: bool
+    longest: float
+    ambient: float
+    start: float
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """Values of one given quantity (mass, volume, torque, duration) over which the study is solved again."""
+
+    against: str
+    values: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Study:
+    """A whole study.
+
+    Args:
+        name: what people call it.
+        goal: what is made best.
+        task: what the motor must do.
+        motors: to choose from.
+        cooling: to choose from.
+        limits: by their names; one that is missing does not bind, or falls back on the motor's own.
+        sink: the heat sink.
+        pipes: the heat pipes.
+        fan: the fan.
+        air: film at the fins in still air and under the fan.
+        sweep: of the Pareto front, `None` for none.
+        origin: the file, for messages.
+    """
+
+    name: str
+    goal: Goal
+    task: Task
+    motors: tuple[MotorChoice, ...]
+    cooling: tuple[Cooling, ...]
+    limits: dict[str, float]
+    sink: Sink
+    pipes: Pipes
+    fan: Fan
+    air: dict[Cooling, Air]
+    sweep: Sweep | None = None
+    origin: str = "study"
+
+    def options(self) -> list[Option]:
+        """Every discrete choice: motor, cooling, number of heat pipes."""
+        found = []
+        for motor in self.motors:
+            for cooling in self.cooling:
+                counts: Sequence[int] = (0,) if cooling == "none" else self.pipes.counts
+                found += [Option(self, motor, cooling, count) for count in counts]
+        return found
+
+
+@dataclass(frozen=True)
+class Option:
+    """One discrete choice of a study."""
+
+    study: Study
+    motor: MotorChoice
+    cooling: Cooling
+    pipes: int
+
+    @property
+    def name(self) -> str:
+        """In words: `U8, fan, 4 pipes`."""
+        if self.cooling == "none":
+            return f"{self.motor.name}, no sink"
+        return f"{self.motor.name}, {self.cooling}" + (
+            f", {self.pipes} pipes" if len(self.study.pipes.counts) > 1 else ""
+        )
+
+    @property
+    def has_sink(self) -> bool:
+        return self.cooling != "none"
+
+    @property
+    def fixed_mass(self) -> float:
+        """Motor, pipes, mount and fan, all but the sink [kg]."""
+        pipes = self.study.pipes.mount + self.pipes * self.study.pipes.mass if self.has_sink else 0.0
+        return self.motor.mass + pipes + (self.study.fan.mass if self.cooling == "fan" else 0.0)
+
+    @property
+    def fixed_volume(self) -> float:
+        """Motor and fan, all but the sink [m³]; the pipes' is neglected."""
+        return self.motor.volume + (self.study.fan.volume if self.cooling == "fan" else 0.0)
+
+    @property
+    def film(self) -> float:
+        """Film coefficient times fin efficiency [W/(m² K)]."""
+        film, sink = self.study.air[self.cooling].film, self.study.sink
+        return film * fin_efficiency(film, sink.thickness, sink.depth)
+
+    @property
+    def limits(self) -> dict[str, float]:
+        """The study's limits; where it says nothing, the motor's, and the heat pipes' own."""
+        own = dict(self.motor.limits)
+        if self.study.goal == "worst_temperature":
+            own.pop("winding", None)  # what is sought is not limited unless the study says so
+        if self.has_sink:
+            own["pipe_power"] = self.pipes * self.study.pipes.power
+        found = own | self.study.limits
+        if not self.has_sink:
+            found.pop("pipe_power", None)
+        return found
+
+    def network(self) -> Network:
+        """The motor's network with the sink on it, or as it is.
+
+        Raises:
+            InputError: the network has a sink's node that is not linked as a sink's is.
+        """
+        if not self.has_sink:
+            return self.motor.network
+        network, sink = self.motor.network, self.study.sink
+        resistance = self.study.pipes.resistance / self.pipes
+        inner = edge(sink.at, sink.node)
+        if sink.node in network.dynamic:
+            if inner not in {link.place for link in network.resistors}:
+                raise InputError(
+                    self.study.origin, "sink.node", f"{sink.node} without a link to {sink.at}", f"a link {inner}"
+                )
+            return network.with_values({f"resistance.{inner}": resistance})
+        air = next(iter(network.prescribed))
+        return Network(
+            network.name,
+            (*network.nodes, NodeDeclaration(sink.node, _parameter("capacity", 300.0, "J/K"))),
+            (
+                *network.links,
+                LinkDeclaration((sink.at, sink.node), _parameter("resistance", resistance, "K/W")),
+                LinkDeclaration((sink.node, air), _parameter("resistance", 1.0, "K/W")),
+            ),
+            network.effects,
+            network.joints,
+            network.origin,
+            network.values,
+        )
+
+
+def sweep_values(least: float, most: float, points: int) -> tuple[float, ...]:
+    """Evenly spaced values from the least to the greatest."""
+    return tuple(np.linspace(least, most, points).tolist())
+
+
+def _parameter(name: str, value: float, unit: str) -> Parameter:
+    return Parameter(name, value, unit, (1e-9, math.inf), typical=value)
