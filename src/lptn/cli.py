@@ -279,7 +279,11 @@ def report(
 
 
 app.command("lptn.planners.commands:trade", name="trade", help="Solve a cooling trade study: best designs, their limits, Pareto front.")
-app.command("lptn.motor_geometry.commands:motor", name="motor", help="Make a model file from a motor's drawing.")
+app.command(
+    "lptn.motor_geometry.commands:motor",
+    name="motor",
+    help="Make a model file from a motor's drawing; without one, print a drawing's file to begin with.\n\nExample: lptn motor drawing.toml -o motor.toml",
+)
 
 
 def _say(message: object) -> None:
