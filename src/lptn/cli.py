@@ -282,7 +282,8 @@ app.command("lptn.planners.commands:trade", name="trade", help="Solve a cooling 
 app.command(
     "lptn.motor_geometry.commands:motor",
     name="motor",
-    help="Make a model file from a motor's drawing; without one, print a drawing's file to begin with.\n\nExample: lptn motor drawing.toml -o motor.toml",
+    help="Make a model file from a motor's drawing; without one, print a drawing's file to begin with."
+    "\n\nExample: lptn motor drawing.toml -o motor.toml",
 )
 
 
