@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from lptn.arrays import FloatArray
 
 from .plant import CAPACITY, RESISTANCE
@@ -138,7 +140,7 @@ def sink_prices(option: Option, sink: tuple[float, float], near: Solution) -> di
 def refusal_of(problem: Problem) -> Refusal:
     """Each limit that would make an infeasible problem feasible if it alone were moved; else several together."""
     single = []
-    for name in problem.relaxable():
+    for name in _hopeful(problem):
         moved = problem.solve(relax=[name])
         if moved.success:
             single.append(_obstacle(problem, name, moved))
@@ -150,6 +152,16 @@ def refusal_of(problem: Problem) -> Refusal:
             together = [_obstacle(problem, name, moved) for name in problem.relaxable()]
             together = [each for each in together if abs(each.needed / each.given - 1) > _MOVED]
     return Refusal(problem.option, tuple(single), tuple(together))
+
+
+def _hopeful(problem: Problem) -> list[Relaxed]:
+    """Limits that could help alone: where there is not even mass for the parts, no other one does."""
+    p, names = problem.parameters.defaults, problem.relaxable()
+    budgets: tuple[Relaxed, ...] = ("mass", "volume")
+    short = [name for name in budgets if p.get(f"limit.{name}", np.inf) < problem.option.least(name)]
+    if not short:
+        return names
+    return short if len(short) == 1 else []
 
 
 def _obstacle(problem: Problem, name: Relaxed, moved: Solution) -> Obstacle:

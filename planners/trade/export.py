@@ -10,6 +10,7 @@ from .designs import Design
 from .study import GOALS
 
 _AGREES = 0.5  # K between the program's few elements and a fine simulation
+_COUNTS = 1e-4  # relative sensitivities below this are solver dust
 _SHOWN = 6  # sensitivities that a person is shown
 _NOT_A_NUMBER_OF_THE_DESIGN = ("least.", "most.", "weight", "longest", "copper_loss.torque_constant")
 
@@ -114,7 +115,8 @@ def strongest(design: Design, most: int = _SHOWN) -> list[tuple[str, float, floa
             continue
         value, unit = design.parameters[name]
         relative = slope * (100.0 if unit == "degC" else value) / design.value if design.value else 0.0
-        found.append((name, slope, relative))
+        if abs(relative) > _COUNTS:
+            found.append((name, slope, relative))
     return sorted(found, key=lambda each: -abs(each[2]))[:most]
 
 

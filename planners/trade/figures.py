@@ -95,7 +95,8 @@ def _map(ax: Axes, result: StudyResult) -> None:
     ax.annotate("design", here, (7, 7), textcoords="offset points", fontsize=SMALL)
     ax.set(xscale="log", yscale="log", xlabel="sink capacity C [J/K]", ylabel="sink resistance R_h [K/W]")
     ax.set(xlim=option.study.sink.capacity, ylim=option.study.sink.resistance)
-    ax.set_title(f"Hottest winding [degC], {plain(option.name)}, {design.torque:.3g} N·m")
+    peak = "Mean" if option.study.task.cycles is None else "Hottest"
+    ax.set_title(f"{peak} winding [degC], {plain(option.name)}, {design.torque:.3g} N·m")
 
 
 def _bounds(ax: Axes, design: Design) -> None:

@@ -47,6 +47,8 @@ def sweep_points(problem: Problem, near: Solution | None, sweep: Sweep) -> tuple
     """One option's answers, up to the first amount that is too hard: all that follow are harder."""
     points = []
     for amount in _easiest_first(sweep):
+        if sweep.against in _BUDGETS and amount < problem.option.least(sweep.against):
+            break
         found = problem.solve({swept_parameter(problem, sweep.against): amount}, near=near)
         if not found.success:
             break

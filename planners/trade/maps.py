@@ -13,8 +13,7 @@ from .designs import Design
 from .replay import Simulator
 from .study import Option
 
-_LEAST_STEPS, _MOST_STEPS = 200, 20_000
-_PERIODS = 6.0  # slowest time constants that a task without an end is followed for
+_LEAST_STEPS = 200
 
 
 @dataclass(frozen=True)
@@ -64,28 +63,22 @@ def peak_temperatures(
 ) -> FloatArray:
     """Highest winding temperature [degC] of many designs under a study's task, shape as given.
 
-    A cycle that repeats for ever is replaced by its constant RMS torque, held until everything is warm: its ripple
-    within one cycle is left out.
+    Of a cycle that repeats for ever it is the mean over the cycle, from the RMS torque; infinite where it runs away.
     """
     simulator, task = Simulator(option), option.study.task
-    n = capacity.size
+    if task.cycles is None:
+        rms = torque * np.sqrt(np.mean(task.shape**2))
+        return np.asarray(simulator.steady(rms, capacity, resistance)[simulator.winding])
+    n, part = capacity.size, duration / len(task.shape)
     x = np.full((len(simulator.plant.states), n), task.start)
     hottest = x[simulator.winding].copy()
-    if task.cycles is None:
-        shape, cycles = np.array([np.sqrt(np.mean(task.shape**2))]), 1
-        slowest = float(capacity.max()) * float(resistance.max()) if option.has_sink else 600.0
-        part = max(_PERIODS * slowest, 3600.0)
-    else:
-        shape, cycles, part = task.shape, task.cycles, duration / len(task.shape)
     stiffest = simulator.substeps(part, float(capacity.min()), float(resistance.min()), float(torque.max()))
-    least = _LEAST_STEPS if task.hold else 2
-    steps = min(max(stiffest, least), _MOST_STEPS)
+    steps = max(stiffest, _LEAST_STEPS if task.hold else 2)
     h = np.full(n, part / steps)
-    for _ in range(cycles):
-        for share in shape:
-            for _ in range(steps):
-                x = simulator.advance(x, torque * share, capacity, resistance, h)
-                hottest = np.maximum(hottest, x[simulator.winding])
+    for share in np.tile(task.shape, task.cycles):
+        for _ in range(steps):
+            x = simulator.advance(x, torque * share, capacity, resistance, h)
+            hottest = np.maximum(hottest, x[simulator.winding])
     return np.asarray(hottest)
 
 

@@ -148,10 +148,8 @@ class Problem:
             self._program.constrain(windings / _WORST_SCALE - self._worst, "worst")
         if self._given:
             return  # its mass and volume are what they are
-        if goal != "mass":
-            self._limit("mass", plant.mass)
-        if goal != "volume":
-            self._limit("volume", plant.volume)
+        self._limit("mass", plant.mass)
+        self._limit("volume", plant.volume)
         if self.option.has_sink:
             self._program.constrain(plant.fin_share - 1, "fins")
 

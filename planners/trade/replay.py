@@ -55,7 +55,8 @@ class Simulator:
         self._step = ca.Function("step", names, [following])
         current = plant.current(x, drive) if driven_by == "torque" else drive
         self._current = ca.Function("current", [x, drive], [ca.substitute(current, parameters.stacked, numbers)])
-        jacobian = ca.jacobian(f(x, drive, capacity, resistance, numbers), x)
+        jacobian = ca.jacobian(slope(x), x)
+        self._rates = ca.Function("rates", [x, drive, capacity, resistance], [slope(x)])
         self._jacobian = ca.Function("jacobian", [x, drive, capacity, resistance], [ca.densify(jacobian)])
         self.winding = plant.states.index(option.motor.winding)
 
@@ -71,6 +72,23 @@ class Simulator:
         """States after one step, shape (number of states, number of cases), all arguments for all cases."""
         rows = (values[None, :] for values in (drive, capacity, resistance, h))
         return np.asarray(self._step(x, *rows).full())
+
+    def steady(self, drive: FloatArray, capacity: FloatArray, resistance: FloatArray) -> FloatArray:
+        """States that no longer change, shape (number of states, number of cases); infinite where there are none.
+
+        By Newton's method; beyond runaway the balance has a root below the air's temperature, which is no state.
+        """
+        n, cases = len(self.plant.states), drive.size
+        x = np.full((n, cases), self.option.study.task.ambient + 20.0)
+        rows = [values[None, :] for values in (drive, capacity, resistance)]
+        for _ in range(30):
+            slope = self._jacobian(x, *rows).full().reshape(n, cases, n).transpose(1, 0, 2)
+            step = np.linalg.solve(slope, self._rates(x, *rows).full().T[:, :, None])[:, :, 0].T
+            x = x - step
+            if np.abs(step).max() < 1e-9 * np.abs(x).max():
+                break
+        stable = np.linalg.eigvals(slope).real.max(axis=1) < 0
+        return np.where(stable & (x.min(axis=0) > self.option.study.task.ambient - 1.0), x, np.inf)
 
     def current(self, x: FloatArray, drive: float) -> FloatArray:
         """Current [A] for each case."""

@@ -15,7 +15,7 @@ from lptn.parameters import Parameter
 from lptn.places import edge
 
 from .schema import Cooling, Goal
-from .sink import Air, fin_efficiency
+from .sink import SPECIFIC_HEAT, Air, fin_efficiency, fin_mass, sink_volume
 
 GOALS: dict[Goal, tuple[str, str, bool]] = {
     "held_torque": ("held torque", "N*m", True),
@@ -206,6 +206,18 @@ class Option:
     def fixed_volume(self) -> float:
         """Motor and fan, all but the sink [m³]; the pipes' is neglected."""
         return self.motor.volume + (self.study.fan.volume if self.cooling == "fan" else 0.0)
+
+    def least(self, budget: str) -> float:
+        """Mass [kg] or volume [m³] below which nothing can be built, whatever the temperatures."""
+        fixed = self.fixed_mass if budget == "mass" else self.fixed_volume
+        if not self.has_sink:
+            return fixed
+        sink, resistance = self.study.sink, self.study.sink.resistance[1]
+        capacity = max(sink.capacity[0], SPECIFIC_HEAT * fin_mass(resistance, self.film, sink.thickness))
+        if budget == "mass":
+            return fixed + float(capacity) / SPECIFIC_HEAT
+        spacing = self.study.air[self.cooling].spacing
+        return fixed + float(sink_volume(capacity, resistance, self.film, sink.thickness, spacing))
 
     @property
     def film(self) -> float:
