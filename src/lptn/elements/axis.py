@@ -68,3 +68,23 @@ def langevin(x: float) -> float:
         square = x * x
         return x / 3.0 * (1.0 - square / 15.0 * (1.0 - square * 2.0 / 21.0 * (1.0 - square / 10.0)))
     return 1.0 / math.tanh(x) - 1.0 / x
+
+
+def slab_peak(power: float, length: float, conductivity: float, area: float, cooled: int = 2) -> float:
+    """How far the hottest place of a slab lies above its mean in the steady state [K]: constrain mean plus this.
+
+    Args:
+        power: heat generated [W].
+        length: [m].
+        conductivity: [W/(m K)].
+        area: section [m²].
+        cooled: faces that are cooled alike: 2 (the middle is hottest) or 1 (the other face is).
+
+    Raises:
+        ValueError: neither one face nor two are cooled.
+
+    Source: source S2, section 5: Q L/(24kA) and Q L/(6kA).
+    """
+    if cooled not in (1, 2):
+        raise ValueError(f"{cooled} cooled faces; a slab has one or two")
+    return power * length / ((24.0 if cooled == 2 else 6.0) * conductivity * area)
