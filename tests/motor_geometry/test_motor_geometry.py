@@ -19,7 +19,7 @@ from lptn.model_file import load_model, parse_model
 from lptn.motor_geometry import model_text, parse_geometry, sample
 from lptn.simulate import drives, simulate
 from tests.builders import make_run
-from tests.motor_geometry.truth import Drawing, temperatures
+from tests.motor_geometry.truth import FLAT, LONG, Drawing, temperatures
 
 FILE = Path("drawing.toml")
 CURRENT = 8.0  # A
@@ -91,6 +91,29 @@ def test_each_part_is_as_warm_as_the_finite_volumes_say(
     for part in PARTS:
         tolerance = winding if "winding" in part else 0.02
         assert rises[part] == pytest.approx(truth[part], rel=tolerance), part
+
+
+@pytest.mark.parametrize("drawing", [LONG, FLAT])
+def test_other_motors_are_met_as_well(drawing: Drawing) -> None:
+    """Nothing was chosen for the one motor above: a long one of 18 slots and a flat one of 9."""
+    known = temperatures(drawing, 2)
+    rises = _rises(_model(_written(drawing, {"winding": 3})))
+    for part in PARTS:
+        assert rises[part] == pytest.approx(known[part], rel=0.025), part
+
+
+def _written(d: Drawing, pieces: Mapping[str, int]) -> str:
+    """The geometry file of a test motor."""
+    tables: dict[str, dict[str, object]] = {
+        "motor": {"kind": '"inrunner"'}
+        | {key: getattr(d, key) for key in ("slots", "length", "overhang", "tooth_width")},
+        "outer_radius": dict(d.radii),
+        "winding": {"resistance": d.power / CURRENT**2, "liner": d.liner, "liner_conductivity": d.liner_conductivity},
+        "cooling": {key: getattr(d, key) for key in ("outside", "ends", "fit", "gap_conductivity", "bearing", "mount")},
+        "pieces": dict(pieces),
+    }
+    lines = [[f"[{name}]", *(f"{key} = {value}" for key, value in table.items())] for name, table in tables.items()]
+    return "\n".join(line for table in lines for line in table) + "\n"
 
 
 def test_a_plain_network_of_the_same_pieces_is_far_off(truth: dict[str, float]) -> None:

@@ -49,6 +49,45 @@ class Drawing:
     power: float = 12.8
 
 
+LONG = Drawing(
+    slots=18,
+    length=0.045,
+    overhang=0.008,
+    tooth_width=0.004,
+    radii=(
+        ("shaft", 0.006),
+        ("rotor", 0.022),
+        ("magnets", 0.025),
+        ("gap", 0.0256),
+        ("slots", 0.036),
+        ("yoke", 0.041),
+        ("housing", 0.046),
+    ),
+    liner=0.2e-3,
+    outside=40.0,
+    mount=0.8,
+    power=30.0,
+)
+FLAT = Drawing(
+    slots=9,
+    length=0.010,
+    overhang=0.003,
+    tooth_width=0.006,
+    radii=(
+        ("shaft", 0.004),
+        ("rotor", 0.012),
+        ("magnets", 0.014),
+        ("gap", 0.0145),
+        ("slots", 0.021),
+        ("yoke", 0.024),
+        ("housing", 0.0255),
+    ),
+    ends=30.0,
+    mount=6.0,
+    power=5.0,
+)
+
+
 def temperatures(d: Drawing, fine: int = 1) -> dict[str, float]:
     """Mean temperatures above the surroundings [K] of winding, end windings and every part."""
     radial, spans = _radial_cells(d, fine)
