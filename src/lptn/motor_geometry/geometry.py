@@ -80,6 +80,11 @@ class Geometry:
         n = getattr(self.given.pieces, {"slots": "winding"}.get(part, part), 1)
         return [(inner + (outer - inner) * i / n, inner + (outer - inner) * (i + 1) / n) for i in range(n)]
 
+    def names(self, part: str) -> list[str]:
+        """Names of a part's layers, from the inside; winding and teeth share those of the slots."""
+        n = len(self.layers("slots" if part in ("winding", "tooth") else part))
+        return [part] if n == 1 else [f"{part}_r{i}" for i in range(1, n + 1)]
+
     @cached_property
     def slot_layers(self) -> list[Layer]:
         """Slots and teeth, from the inside; the liner is no part of the slot."""

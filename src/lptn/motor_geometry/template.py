@@ -14,6 +14,7 @@ from itertools import pairwise
 from lptn.errors import InputError
 from lptn.model_file import parse_model
 from lptn.motor_geometry.geometry import Geometry
+from lptn.motor_geometry.losses import loss_tables
 from lptn.motor_geometry.materials import Material
 
 _FITS = {("yoke", "housing"), ("shaft", "yoke")}
@@ -56,7 +57,7 @@ class _Writer:
         for inner, outer in pairwise(self.geometry.order):
             self._between(inner, outer)
         self._outside()
-        return "\n".join([*self._head(), *self.nodes, *self.links, *self._losses()])
+        return "\n".join([*self._head(), *self.nodes, *self.links, *loss_tables(self.geometry)])
 
     def _head(self) -> list[str]:
         names = [f"{name}_z{i}" for name in self.stacked for i in range(1, self.axial + 1)]
@@ -81,7 +82,7 @@ class _Writer:
 
     def _rings(self, part: str) -> None:
         layers, material = self.geometry.layers(part), self.geometry.material(part)
-        for (inner, outer), name in zip(layers, self._names(part), strict=True):
+        for (inner, outer), name in zip(layers, self.geometry.names(part), strict=True):
             sizes = [("inner_radius", inner), ("outer_radius", outer)] if inner else [("radius", outer)]
             kind = "annulus" if inner else "cylinder"
             directions = [("radial", material.radial), ("axial", material.axial)]
@@ -91,7 +92,7 @@ class _Writer:
     def _slots(self) -> None:
         motor, winding, iron = self.given.motor, self.geometry.winding, self.geometry.material("teeth")
         for layer, slot, tooth in zip(
-            self.geometry.slot_layers, self._names("winding"), self._names("tooth"), strict=True
+            self.geometry.slot_layers, self.geometry.names("winding"), self.geometry.names("tooth"), strict=True
         ):
             for name, width, material in ((slot, layer.slot_width, winding), (tooth, motor.tooth_width, iron)):
                 sizes = [("length_x", width), ("length_y", layer.depth), ("length_z", self.length)]
@@ -121,11 +122,6 @@ class _Writer:
         self.nodes += [f'conductivity_{key} = {{ value = {k:.4g}, share = "all" }}' for key, k in directions]
         self.nodes += [f"density = {material.density:.6g}", f"specific_heat = {material.specific_heat:.6g}", ""]
 
-    def _names(self, part: str) -> list[str]:
-        """A part's layers, from the inside."""
-        n = len(self.geometry.layers("slots" if part in ("winding", "tooth") else part))
-        return [part] if n == 1 else [f"{part}_r{i}" for i in range(1, n + 1)]
-
     # --- links ---------------------------------------------------------------------------------------
 
     def _link(self, one: str, other: str, resistance: float | None, comment: str = "") -> None:
@@ -141,31 +137,31 @@ class _Writer:
         self._link(f"{one}_{{slice}}.{face}", f"{other}_{{slice}}.{facing}", resistance, comment)
 
     def _along_the_axis(self) -> None:
-        boxes = [*self._names("winding"), *self._names("tooth")]
+        boxes = [*self.geometry.names("winding"), *self.geometry.names("tooth")]
         for i in range(1, self.axial):
             for name in self.stacked:
                 low, high = ("z0", "z1") if name in boxes else ("front", "back")
                 self._link(f"{name}_z{i}.{high}", f"{name}_z{i + 1}.{low}", None)
-        for name in self._names("winding"):
+        for name in self.geometry.names("winding"):
             self._link(f"{name}_z1.z0", "end_winding_front.back", None)
             self._link(f"{name}_z{self.axial}.z1", "end_winding_back.front", None)
         self._within_the_slots()
         for part in self.geometry.order:
             if part not in ("gap", "slots"):
-                for one, other in pairwise(self._names(part)):
+                for one, other in pairwise(self.geometry.names(part)):
                     self._radially(f"{one}.outer", f"{other}.inner", None)
 
     def _within_the_slots(self) -> None:
         given = self.given.winding
         for layer, slot, tooth in zip(
-            self.geometry.slot_layers, self._names("winding"), self._names("tooth"), strict=True
+            self.geometry.slot_layers, self.geometry.names("winding"), self.geometry.names("tooth"), strict=True
         ):
             side = self.given.motor.slots * layer.depth * self.length
             liner = given.liner / (given.liner_conductivity * side)
             self._radially(f"{slot}.x0", f"{tooth}.x1", liner, "slot liner")
             self._radially(f"{slot}.x1", f"{tooth}.x0", liner, "slot liner")
         for part in ("winding", "tooth"):
-            for one, other in pairwise(self._names(part)):
+            for one, other in pairwise(self.geometry.names(part)):
                 self._radially(f"{one}.y1", f"{other}.y0", None)
 
     def _between(self, inner: str, outer: str) -> None:
@@ -179,21 +175,26 @@ class _Writer:
         else:
             fit = (inner, outer) in _FITS
             resistance = 1.0 / (self.given.cooling.fit * math.tau * radius * length) if fit else None
-            self._radially(f"{self._names(inner)[-1]}.outer", f"{self._names(outer)[0]}.inner", resistance, "fit" * fit)
+            self._radially(
+                f"{self.geometry.names(inner)[-1]}.outer",
+                f"{self.geometry.names(outer)[0]}.inner",
+                resistance,
+                "fit" * fit,
+            )
 
     def _slots_to_yoke(self, radius: float, yoke_outside: bool) -> None:
         row, face = (-1, "y1") if yoke_outside else (0, "y0")
-        yoke = f"{self._names('yoke')[0]}.inner" if yoke_outside else f"{self._names('yoke')[-1]}.outer"
+        yoke = f"{self.geometry.names('yoke')[0]}.inner" if yoke_outside else f"{self.geometry.names('yoke')[-1]}.outer"
         layer, given = self.geometry.slot_layers[row], self.given.winding
         area = self.given.motor.slots * layer.slot_width * self.length
-        self._radially(f"{self._names('tooth')[row]}.{face}", yoke, None)
+        self._radially(f"{self.geometry.names('tooth')[row]}.{face}", yoke, None)
         liner = given.liner / (given.liner_conductivity * area)
-        self._radially(f"{self._names('winding')[row]}.{face}", yoke, liner, "slot liner at its bottom")
+        self._radially(f"{self.geometry.names('winding')[row]}.{face}", yoke, liner, "slot liner at its bottom")
 
     def _gap(self) -> None:
         inner, outer = self.geometry.radii("gap")
         air = math.log(outer / inner) / (self.given.cooling.gap_conductivity * math.tau * self.length)
-        teeth, magnets = self._names("tooth"), self._names("magnets")
+        teeth, magnets = self.geometry.names("tooth"), self.geometry.names("magnets")
         if self.given.motor.kind == "inrunner":
             self._radially(f"{magnets[-1]}.outer", f"{teeth[0]}.y0", air, "air gap")
         else:
@@ -202,7 +203,9 @@ class _Writer:
     def _outside(self) -> None:
         cooling, last = self.given.cooling, self.geometry.order[-1]
         area = math.tau * self.geometry.radii(last)[1] * self.length
-        self._link(f"{self._names(last)[-1]}_z*.outer", "ambient", 1.0 / (cooling.outside * area), "outer surface")
+        self._link(
+            f"{self.geometry.names(last)[-1]}_z*.outer", "ambient", 1.0 / (cooling.outside * area), "outer surface"
+        )
         inner, outer = self.geometry.radii("slots")
         overhang = self.given.motor.overhang
         surfaces = {"inner": math.tau * inner * overhang, "outer": math.tau * outer * overhang}
@@ -213,56 +216,10 @@ class _Writer:
         self._link("end_winding_back.back", "ambient", ring, "end winding to air")
         fixed, turning = (last, "shaft") if self.given.motor.kind == "inrunner" else ("shaft", last)
         if cooling.mount is not None:
-            self._link(f"{self._names(fixed)[-1]}_z1.front", "ambient", cooling.mount, "mount")
+            self._link(f"{self.geometry.names(fixed)[-1]}_z1.front", "ambient", cooling.mount, "mount")
         for end in ("_z1.front", f"_z{self.axial}.back"):
-            one, other = self._names(fixed)[0], self._names(turning)[0]
+            one, other = self.geometry.names(fixed)[0], self.geometry.names(turning)[0]
             self._link(f"{one}{end}", f"{other}{end}", cooling.bearing, "bearing")
-
-    # --- losses --------------------------------------------------------------------------------------
-
-    def _losses(self) -> list[str]:
-        winding, lines = self.given.winding, []
-        shares, end = self.geometry.copper_shares
-        for name, share in zip(self._names("winding"), shares, strict=True):
-            lines += self._copper(f"{name}_z*", share / self.axial)
-        lines += self._copper("end_winding_*", end)
-        lines += ["[[effects]]", 'kind = "resistance_rise"', 'at = "*winding_*"', 'share = "all"']
-        lines += ["alpha = { value = 0.00393, fixed = true }", ""]
-        if self.given.losses.iron_gain:
-            lines += self._iron()
-        if winding.input == "torque":
-            constant = f"torque_constant = {winding.torque_constant:.6g}"
-            lines = [line.replace("# torque_constant", constant) for line in lines]
-        return [line for line in lines if line != "# torque_constant"]
-
-    def _copper(self, at: str, share: float) -> list[str]:
-        return [
-            f"[[effects]]  # {share:.2%} of the copper each",
-            'kind = "copper_loss"',
-            f'at = "{at}"',
-            'driven_by = "motor"',
-            f'input = "{self.given.winding.input}"',
-            'share = "all"',
-            f"resistance = {self.given.winding.resistance * share:.6g}",
-            "# torque_constant",
-            "",
-        ]
-
-    def _iron(self) -> list[str]:
-        """Speed-dependent loss, spread over teeth and yoke by volume."""
-        losses, motor = self.given.losses, self.given.motor
-        volumes = {
-            name: motor.slots * motor.tooth_width * layer.depth
-            for name, layer in zip(self._names("tooth"), self.geometry.slot_layers, strict=True)
-        }
-        rings = zip(self._names("yoke"), self.geometry.layers("yoke"), strict=True)
-        volumes |= {name: math.pi * (outer**2 - inner**2) for name, (inner, outer) in rings}
-        whole, lines = sum(volumes.values()), []
-        for name, volume in volumes.items():
-            gain = losses.iron_gain * volume / whole / self.axial
-            lines += ["[[effects]]", 'kind = "iron_loss"', f'at = "{name}_z*"', 'driven_by = "motor"', 'share = "all"']
-            lines += [f"gain = {gain:.6g}", f"exponent = {losses.iron_exponent:.6g}", ""]
-        return lines
 
 
 def _plain(text: str) -> str:
