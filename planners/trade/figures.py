@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from lptn.arrays import FloatArray
 from lptn.report.style import INK, SMALL, TEXT, dress, new_figure, plain
 
 from .answer import StudyResult
@@ -89,7 +90,7 @@ def _map(ax: Axes, result: StudyResult) -> None:
     option, found = design.option, iso_map(design)
     here = (design.capacity or np.nan, design.resistance or np.nan)
     lines = ax.contour(found.capacity, found.resistance, found.winding, levels=8, cmap="cividis_r", linewidths=1.2)
-    ax.clabel(lines, fontsize=SMALL, fmt="%.0f")
+    ax.clabel(lines, fontsize=SMALL, fmt=_decimals(found.winding))
     _bounds(ax, design)
     ax.plot(*here, "o", ms=7, color=_COLOURS[1], zorder=6, clip_on=False)
     ax.annotate("design", here, (7, 7), textcoords="offset points", fontsize=SMALL)
@@ -97,6 +98,12 @@ def _map(ax: Axes, result: StudyResult) -> None:
     ax.set(xlim=option.study.sink.capacity, ylim=option.study.sink.resistance)
     peak = "Mean" if option.study.task.cycles is None else "Hottest"
     ax.set_title(f"{peak} winding [degC], {plain(option.name)}, {design.torque:.3g} N·m")
+
+
+def _decimals(values: FloatArray) -> str:
+    """A format that tells the contours apart."""
+    spread = float(np.ptp(values[np.isfinite(values)]))
+    return f"%.{max(0, int(np.ceil(1 - np.log10(max(spread, 1e-6)))))}f"
 
 
 def _bounds(ax: Axes, design: Design) -> None:
@@ -137,12 +144,22 @@ def _curves(ax: Axes, result: StudyResult) -> None:
 
 
 def _sensitivities(ax: Axes, result: StudyResult) -> None:
-    design = result.designs[0]
-    found = strongest(design, 8)[::-1]
-    units = {name: design.parameters[name][1] for name, _, _ in found}
-    names = [plain(name) + (", per K" if units[name] == "degC" else "") for name, _, _ in found]
-    relative = [each for _, _, each in found]
-    ax.barh(names, relative, color=_COLOURS[0], height=0.6)
+    """Of the best choice, and of the best one with a sink."""
+    shown = result.designs[:1]
+    shown += tuple(design for design in result.designs[1:] if design.option.has_sink and not shown[0].option.has_sink)[
+        :1
+    ]
+    by_design = [{name: relative for name, _, relative in strongest(design, 99)} for design in shown]
+    names = [name for name, _, _ in strongest(shown[-1], 8)][::-1]
+    rows, thickness = np.arange(len(names)), 0.7 / len(shown)
+    for number, (design, found) in enumerate(zip(shown, by_design, strict=True)):
+        values = [found.get(name, 0.0) for name in names]
+        place = rows + (0.5 * (len(shown) - 1) - number) * thickness
+        ax.barh(place, values, height=thickness, color=_COLOURS[number], label=plain(design.option.name))
+    units = {name: unit for design in shown for name, (_, unit) in design.parameters.items()}
+    ax.set_yticks(rows, [plain(name) + (", per K" if units[name] == "degC" else "") for name in names])
+    ax.set_ylim(-0.5, max(len(names), 3) + 0.4)  # room for the legend above the bars
     ax.axvline(0.0, color=INK, lw=0.8)
-    ax.set(xlabel=f"% of the {GOALS[result.study.goal][0]} per %")
-    ax.set_title(f"Lagrange multipliers, {plain(design.option.name)}", loc="right")
+    ax.set_xlabel(f"% of the {GOALS[result.study.goal][0]} per %")
+    ax.set_title("Lagrange multipliers", loc="right", fontsize=TEXT)
+    ax.legend(frameon=False, fontsize=SMALL, loc="upper center", ncols=2)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 from pathlib import Path
 
@@ -114,3 +115,20 @@ def test_a_model_with_a_sink_of_its_own_is_the_same_as_one_with_it_added() -> No
 def test_the_fan_carries_its_battery() -> None:
     asked = load_study(EXAMPLES / "held_torque.toml")
     assert asked.fan.mass == pytest.approx(0.05 + 2 * 3600 / 5.4e5)
+
+
+def test_the_thesis_last_chapter_in_numbers(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.syspath_prepend(str(EXAMPLES))
+    example = importlib.import_module("compare_designs")
+    example.main(tmp_path / "compare.png")
+    assert (tmp_path / "compare.png").stat().st_size > 40_000
+    held = {candidate.name: example.held(candidate, (10.0, 3600.0)) for candidate in example.CANDIDATES}
+    alone, bigger = held["U8 alone"], held["U10 alone"]
+    structure = held["U8, prosthesis's structure as the sink"]
+    # For seconds nothing helps; for an hour a sink gives a fifth more, the bigger motor four fifths.
+    assert max(values[0] for values in held.values()) - min(values[0] for values in held.values()) < 0.01
+    assert structure[1] / alone[1] == pytest.approx(1.21, abs=0.01)
+    assert bigger[1] / alone[1] == pytest.approx(1.81, abs=0.01)
+    # Against the thesis's hope: no sink whatever makes a U8 do what a U10 does.
+    assert held["U8, a sink without any resistance"][1] < bigger[1]
+    assert example.time_held(example.CANDIDATES[0], 3.2) == pytest.approx(18.8, abs=0.1)
