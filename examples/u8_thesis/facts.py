@@ -58,7 +58,10 @@ def of_unaltered(motor: Circuit) -> list[float]:
     times = np.linspace(0.0, 600.0, 601)
     housing = motor.rise(0.0, times, hot)[motor.housing]
     peak = int(housing.argmax())
-    fall = lambda t: motor.rise(0.0, np.array([t]), hot)[0, 0] - hot[0] / np.e  # noqa: E731
+
+    def fall(t: float) -> float:
+        return float(motor.rise(0.0, np.array([t]), hot)[0, 0] - hot[0] / np.e)
+
     top, when = _parabola(times, housing, peak)
     return [AMBIENT + hot[0], AMBIENT + top, when, float(brentq(fall, 0.0, 5e4)) if fall(5e4) < 0 else 5e4]
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import sys
 from pathlib import Path
+from typing import Any
 
 import as_printed as printed
 import numpy as np
@@ -18,7 +19,7 @@ from table import networks
 from lptn.files import write_whole
 from lptn.report.style import BEST, GIVEN, INK, SMALL, dress, new_figure
 
-LIMIT = {"color": "#D55E00", "linewidth": 1.2}
+LIMIT: dict[str, Any] = {"color": "#D55E00", "linewidth": 1.2}
 CURRENTS = np.linspace(4.0, 36.0, 641)
 
 

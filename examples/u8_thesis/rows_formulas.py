@@ -152,7 +152,6 @@ def _appendix() -> list[Row]:
     table = propellers()
     watts, efficiency = _worst_propeller()
     hot = copper_loss(STALL, winding_resistance(R_U8, 105.0))
-    fahrenheit = lambda f: (f - 32) / 1.8  # noqa: E731
     return [
         Row(
             "S1-TA.1",
@@ -169,7 +168,7 @@ def _appendix() -> list[Row]:
         Row("S1-TA.1r", "propeller table: largest |thrust/W - efficiency|", "g/W", 0.0, efficiency, tolerance=0.01),
         Row("S1-TA.2", "U10: loss at 35 A over the U8's", "1", None, R_U10 / R_U8),
         Row("S1-TA.3", "torque sensor: 2000 in-lb", "N·m", 225.0, 2000 * 0.112984829, tolerance=1.0),
-        Row("S1-TA.3b", "torque sensor: compensated up to 160 degF", "degC", 72.0, fahrenheit(160.0), tolerance=1.0),
+        Row("S1-TA.3b", "torque sensor: compensated up to 160 degF", "degC", 72.0, (160.0 - 32) / 1.8, tolerance=1.0),
         Row(
             "S1-TA.4",
             "four heat pipes of 65 W",

@@ -9,7 +9,8 @@ from lptn.errors import InputError
 
 from .designs import Design, Refusal, design_of, refusal_of
 from .front import FrontPoint, front_of, sweep_points
-from .problem import Problem, Solution
+from .problem import Problem
+from .program import Solution
 from .study import GOALS, Study
 
 Report = Callable[[str], None]

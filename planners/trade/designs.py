@@ -9,7 +9,8 @@ import numpy as np
 from lptn.arrays import FloatArray
 
 from .plant import CAPACITY, RESISTANCE
-from .problem import Problem, Relaxed, Solution
+from .problem import Problem, Relaxed
+from .program import Solution
 from .replay import replayed
 from .sink import SPECIFIC_HEAT
 from .study import Option

@@ -14,7 +14,7 @@ from lptn.report.style import INK, SMALL, TEXT, dress, new_figure, plain
 
 from .answer import StudyResult
 from .designs import Design
-from .export import strongest
+from .export import current_range, most_current, strongest
 from .maps import iso_map, limit_curves
 from .sink import SPECIFIC_HEAT, fin_mass, sink_volume
 from .study import GOALS
@@ -127,8 +127,8 @@ def _bounds(ax: Axes, design: Design) -> None:
 
 
 def _curves(ax: Axes, result: StudyResult) -> None:
-    most = max(design.option.limits.get("current", 40.0) for design in result.designs)
-    currents = np.linspace(most / 12, 1.3 * most, 60)
+    most = max(most_current(design) for design in result.designs)
+    currents = current_range(most)
     for design in result.designs:
         curve = limit_curves(design, currents)
         reached = np.isfinite(curve.time)
@@ -137,9 +137,8 @@ def _curves(ax: Axes, result: StudyResult) -> None:
     ax.axvline(most, color=LIMIT, lw=1.0)
     ax.annotate("most current", (most, 0.98), (3, 0), xycoords=("data", "axes fraction"), textcoords="offset points",
                 fontsize=SMALL, color=LIMIT, rotation=90, va="top")  # fmt: skip
-    limit = limit_curves(result.designs[0], np.array([1.0])).limit if not result.designs else curve.limit
     ax.set(xlabel="constant current [A]", ylabel="time to the limit [s]", yscale="log", xlim=(0, 1.3 * most))
-    ax.set_title(f"Time until the winding is at {limit:.0f} degC")
+    ax.set_title(f"Time until the winding is at {curve.limit:.0f} degC")
     ax.legend(frameon=False, fontsize=SMALL)
 
 

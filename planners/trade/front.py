@@ -6,8 +6,10 @@ from dataclasses import dataclass
 
 from lptn.errors import InputError
 
-from .problem import Problem, Solution
-from .study import GOALS, Option, Study, Sweep
+from .parts import Sweep
+from .problem import Problem
+from .program import Solution
+from .study import GOALS, Option, Study
 
 _BUDGETS = ("mass", "volume")
 _BETTER = 1e-4  # relative; a point that is better by less adds nothing to a front

@@ -7,7 +7,6 @@ them, and a limit can be moved without building anything again.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, Literal, cast
 
 import casadi as ca
@@ -17,7 +16,7 @@ from lptn.arrays import FloatArray
 
 from .course import transcribe
 from .plant import CAPACITY, RESISTANCE, Parameters, Plant
-from .program import Program
+from .program import Program, Solution
 from .study import LIMITS, Option
 
 _TIDY = 1e-6  # of two designs equally good the lighter one is meant; small enough not to show in a sensitivity
@@ -29,35 +28,6 @@ _OPTIONS: dict[str, Any] = {
 }
 _INFEASIBLE = "Infeasible_Problem_Detected"
 Relaxed = Literal["winding", "magnet", "current", "pipe_power", "mass", "volume", "torque"]
-
-
-@dataclass(frozen=True)
-class Solution:
-    """What IPOPT found.
-
-    Args:
-        success: whether it converged; if not, nothing else means anything.
-        status: its word.
-        objective: the goal's value in its unit.
-        variables: mass, volume, torque, duration, capacity, resistance.
-        slack: by how much each limit was moved, in its unit.
-        gradient: derivative of the goal to each parameter by name; empty unless it converged.
-        binding: names of the constraints that it touches.
-        states: at the ends of the elements [degC], shape (number of states, elements + 1).
-        times: of those [s].
-        raw: IPOPT's primal point, to start from.
-    """
-
-    success: bool
-    status: str
-    objective: float
-    variables: dict[str, float]
-    slack: dict[str, float]
-    gradient: dict[str, float]
-    binding: tuple[str, ...]
-    states: FloatArray
-    times: FloatArray
-    raw: FloatArray
 
 
 class Problem:

@@ -1,4 +1,4 @@
-"""Variables and constraints of a nonlinear program as they are gathered, by name."""
+"""Variables and constraints of a nonlinear program as they are gathered, by name, and what a solver found."""
 
 from __future__ import annotations
 
@@ -70,3 +70,32 @@ class Program:
         """Labels of the inequalities that reach zero, each once."""
         rows = zip(self.labels, self.equalities, values, strict=True)
         return list(dict.fromkeys(label for label, equal, value in rows if not equal and value > -tolerance))
+
+
+@dataclass(frozen=True)
+class Solution:
+    """What IPOPT found.
+
+    Args:
+        success: whether it converged; if not, nothing else means anything.
+        status: its word.
+        objective: the goal's value in its unit.
+        variables: mass, volume, torque, duration, capacity, resistance.
+        slack: by how much each limit was moved, in its unit.
+        gradient: derivative of the goal to each parameter by name; empty unless it converged.
+        binding: names of the constraints that it touches.
+        states: at the ends of the elements [degC], shape (number of states, elements + 1).
+        times: of those [s].
+        raw: IPOPT's primal point, to start from.
+    """
+
+    success: bool
+    status: str
+    objective: float
+    variables: dict[str, float]
+    slack: dict[str, float]
+    gradient: dict[str, float]
+    binding: tuple[str, ...]
+    states: FloatArray
+    times: FloatArray
+    raw: FloatArray

@@ -20,9 +20,10 @@ from lptn.units import convert
 
 from ..motors import MAGNET_COEFFICIENT, MOTORS
 from . import profiles
+from .parts import Fan, MotorChoice, Pipes, Sink, Sweep, Task, sweep_values
 from .schema import File, MotorTable, SweepTable, TaskTable
 from .sink import Air, blown_air, still_air
-from .study import Fan, MotorChoice, Pipes, Sink, Study, Sweep, Task, sweep_values
+from .study import Study
 
 _UNITS = {"mass": "kg", "volume": "m^3", "torque": "N*m", "duration": "s"}
 _NEEDED = {"mass": "a mass in kg", "volume": "a volume in m^3", "torque_constant": "a torque constant in N*m/A"}

@@ -29,6 +29,7 @@ from lptn.cli_support import (
     write_figure,
 )
 from lptn.errors import InputError
+from lptn.planners.commands import trade
 
 app = cyclopts.App(
     name="lptn",
@@ -278,7 +279,7 @@ def report(
     )
 
 
-app.command("lptn.planners.commands:trade", name="trade", help="Solve a cooling trade study: best designs, their limits, Pareto front.")
+app.command(trade)
 app.command(
     "lptn.motor_geometry.commands:motor",
     name="motor",

@@ -219,3 +219,32 @@ def test_heat_pipes_are_limited() -> None:
     sink, stator = (design.option.network().dynamic.index(name) for name in ("sink", "stator"))
     flow = (design.states[stator] - design.states[sink]).max() / (1.844 / 4)
     assert flow == pytest.approx(60.0, rel=1e-6)
+
+
+@pytest.mark.parametrize(("limit", "value"), [("magnet", 33.0), ("current", 12.0)])
+def test_magnets_and_current_are_limited(limit: str, value: float) -> None:
+    asked = study("held_torque", "duration = 120", f"mass = 0.55\n{limit} = {value}", cooling='"passive"')
+    (design,) = solve_study(asked).designs
+    assert limit in design.binding
+    assert "winding" not in design.binding
+    reached = design.current if limit == "current" else design.states[2].max()
+    assert reached == pytest.approx(value, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("goal", "task", "against", "ends"),
+    [
+        ("mass", "torque = 1.6\nduration = 120", "torque", (1.65, 1.69)),
+        ("held_torque", "duration = 120", "duration", (30.0, 600.0)),
+        ("held_torque", "duration = 120", "volume", (2.4e-4, 6e-4)),
+    ],
+)
+def test_fronts_over_what_is_asked(goal: str, task: str, against: str, ends: tuple[float, float]) -> None:
+    sweep = f'[pareto]\nagainst = "{against}"\nleast = {ends[0]}\nmost = {ends[1]}\npoints = 4'
+    result = solve_study(study(goal, task, "mass = 0.7\nvolume = 6e-4", more=sweep, cooling='"passive"'))
+    values = [point.value for point in result.front]
+    assert len(values) == 4
+    falls = goal == "held_torque" and against == "duration"
+    assert values == sorted(values, reverse=falls)
+    # More of what costs allows more, or less of what is asked for costs less; nothing jumps.
+    assert values[0] != pytest.approx(values[-1], rel=1e-3)

@@ -97,6 +97,8 @@ def test_example_studies_run(name: str, tmp_path: Path, capsys: pytest.CaptureFi
     assert picture.stat().st_size > 30_000
     for design in written["designs"]:
         assert design["checked"] == pytest.approx(design["winding"], abs=0.05)
+    assert len(written["time_to_limit"]) == len(written["designs"])
+    assert np.array(written["map"]["winding"]).shape == (20, 20)
     if name == "held_torque":
         # In words: spend the mass on the bigger motor, then on a sink.
         assert [point["option"] for point in written["pareto"]["front"]][:2] == ["U8, no sink", "U10, no sink"]
