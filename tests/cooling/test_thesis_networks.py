@@ -86,3 +86,13 @@ def test_the_errata_figure_is_drawn(thesis: Thesis, tmp_path: Path) -> None:
     thesis("figure_errata").main(tmp_path / "errata.png")
     assert (tmp_path / "errata.png").stat().st_size > 50_000
     assert thesis("figure_errata").pole_current() == pytest.approx(10.74, abs=0.02)
+
+
+def test_the_curves_are_drawn_again(thesis: Thesis, tmp_path: Path) -> None:
+    curves, printed = thesis("figure_curves"), thesis("as_printed")
+    curves.main(tmp_path / "curves.png")
+    assert (tmp_path / "curves.png").stat().st_size > 50_000
+    times = np.array([0.0, 120.0, 800.0])
+    unaltered = curves.pulse(curves.networks()[0], 11.0, 120.0, times)
+    assert unaltered == pytest.approx([21.5, 55.0, 23.2], abs=0.1)
+    assert curves.printed_pulse(printed.UNALTERED, 11.0, 120.0, times)[1] == pytest.approx(54.87, abs=0.01)
