@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from lptn.errors import InputError
 from lptn.network import LinkDeclaration, Network, NodeDeclaration
@@ -153,19 +153,12 @@ class Option:
                 )
             return network.with_values({f"resistance.{inner}": resistance})
         air = next(iter(network.prescribed))
-        return Network(
-            network.name,
-            (*network.nodes, NodeDeclaration(sink.node, _parameter("capacity", 300.0, "J/K"))),
-            (
-                *network.links,
-                LinkDeclaration((sink.at, sink.node), _parameter("resistance", resistance, "K/W")),
-                LinkDeclaration((sink.node, air), _parameter("resistance", 1.0, "K/W")),
-            ),
-            network.effects,
-            network.joints,
-            network.origin,
-            network.values,
+        added = NodeDeclaration(sink.node, _parameter("capacity", 300.0, "J/K"))
+        links = (
+            LinkDeclaration((sink.at, sink.node), _parameter("resistance", resistance, "K/W")),
+            LinkDeclaration((sink.node, air), _parameter("resistance", 1.0, "K/W")),
         )
+        return replace(network, nodes=(*network.nodes, added), links=(*network.links, *links))
 
 
 def _parameter(name: str, value: float, unit: str) -> Parameter:
