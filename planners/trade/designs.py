@@ -59,6 +59,14 @@ class Design:
     times: FloatArray
     states: FloatArray
 
+    @property
+    def degenerate(self) -> bool:
+        """Whether more constraints are touched than can move: then a price holds to one side only, or to neither."""
+        study = self.option.study
+        sought = study.goal in ("held_torque", "time_to_limit", "worst_temperature")
+        touched = len(self.binding) + (study.goal == "worst_temperature")
+        return touched > 2 * self.option.has_sink + sought
+
 
 @dataclass(frozen=True)
 class Obstacle:

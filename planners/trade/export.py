@@ -83,6 +83,7 @@ def _design(design: Design) -> dict[str, object]:
         **{name: getattr(design, name) for name in names},
         "fan_power": design.option.study.fan.power if design.option.cooling == "fan" else 0.0,
         "binding": list(design.binding),
+        "degenerate": design.degenerate,
         "sensitivities": design.prices,
         "of_sink": design.of_sink,
     }
@@ -109,6 +110,8 @@ def lines(result: StudyResult) -> Iterable[str]:
     for design in result.designs:
         if abs(design.checked - design.winding) > _AGREES:
             yield f"{design.option.name}: mind that a fine simulation of it reaches {design.checked:.1f} degC"
+        if design.degenerate:
+            yield f"{design.option.name}: mind that it touches more than can move; its multipliers are not unique"
     for refusal in result.refusals:
         yield f"{refusal.option.name}: no feasible design; it would need {refusal}"
     if result.designs:

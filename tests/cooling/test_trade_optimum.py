@@ -248,3 +248,15 @@ def test_fronts_over_what_is_asked(goal: str, task: str, against: str, ends: tup
     assert values == sorted(values, reverse=falls)
     # More of what costs allows more, or less of what is asked for costs less; nothing jumps.
     assert values[0] != pytest.approx(values[-1], rel=1e-3)
+
+
+def test_a_corner_with_too_many_limits_is_said() -> None:
+    # The volume limit runs through the very corner of mass and fins.
+    asked = study("held_torque", "duration = 120", "mass = 0.6", cooling='"passive"')
+    (free,) = solve_study(asked).designs
+    assert not free.degenerate
+    assert set(free.binding) == {"winding", "mass", "fins"}
+    corner = study("held_torque", "duration = 120", f"mass = 0.6\nvolume = {free.volume!r}", cooling='"passive"')
+    (design,) = solve_study(corner).designs
+    assert set(design.binding) == {"winding", "mass", "fins", "volume"}
+    assert design.degenerate
