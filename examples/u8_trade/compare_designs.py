@@ -121,13 +121,14 @@ def table(curves: dict[str, list[float]]) -> list[str]:
     return lines
 
 
-def main(output: Path) -> None:
-    """Print the table, write the figure."""
+def main(output: Path) -> dict[str, list[float]]:
+    """Print the table, write the figure, return the torques for `DURATIONS`."""
     curves = {candidate.name: held(candidate) for candidate in CANDIDATES}
     print("\n".join(table(curves)))
     picture = io.BytesIO()
     figure(curves).savefig(picture, format=output.suffix.removeprefix("."))
     write_whole(output, picture.getvalue())
+    return curves
 
 
 if __name__ == "__main__":

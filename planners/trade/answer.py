@@ -4,15 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
 
 from lptn.errors import InputError
 
 from .designs import Design, Refusal, design_of, refusal_of
 from .front import FrontPoint, front_of, sweep_points
+from .maps import IsoMap, LimitCurve, iso_map, limit_curves
 from .problem import Problem
 from .program import Solution
 from .study import GOALS, Study
 
+_CURRENT = 40.0  # A; how far curves go where nothing limits the current
 Report = Callable[[str], None]
 
 
@@ -45,6 +50,24 @@ class StudyResult:
         if not self.designs:
             raise self.infeasible()
         return self.designs[0]
+
+    @cached_property
+    def curves(self) -> tuple[LimitCurve, ...]:
+        """Time to the limit over constant current for each design, best first, up to a third above the most current."""
+        most = max(design.option.limits.get("current", _CURRENT) for design in self.designs)
+        currents = np.linspace(most / 12, 1.3 * most, 45)
+        return tuple(limit_curves(design, currents) for design in self.designs)
+
+    @cached_property
+    def iso_map(self) -> IsoMap | None:
+        """Temperature over (C, R) for the best design with a sink, `None` where none has one."""
+        design = self.with_sink
+        return None if design is None else iso_map(design)
+
+    @property
+    def with_sink(self) -> Design | None:
+        """The best design with a sink."""
+        return next((design for design in self.designs if design.option.has_sink), None)
 
     def infeasible(self) -> InputError:
         """One line for a study without any feasible design."""

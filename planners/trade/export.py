@@ -5,13 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import asdict
 
-import numpy as np
-
-from lptn.arrays import FloatArray
-
 from .answer import StudyResult
 from .designs import Design
-from .maps import iso_map, limit_curves
+from .maps import IsoMap, LimitCurve
 from .study import GOALS
 
 _AGREES = 0.5  # K between the program's few elements and a fine simulation
@@ -41,36 +37,23 @@ def as_json(result: StudyResult) -> dict[str, object]:
             "front": [asdict(point) for point in result.front],
             "options": {name: [asdict(point) for point in points] for name, points in result.each.items()},
         },
-        "time_to_limit": [_curve(design) for design in result.designs],
-        "map": _map(result),
+        "time_to_limit": [_curve(curve) for curve in result.curves],
+        "map": _map(result.iso_map),
     }
 
 
-def _curve(design: Design) -> dict[str, object]:
+def _curve(curve: LimitCurve) -> dict[str, object]:
     """Time to the limit [s] over constant current [A]; null where it is never reached."""
-    curve = limit_curves(design, current_range(most_current(design)))
     current, time = curve.current.tolist(), curve.time.tolist()
     return {"option": curve.name, "limit": curve.limit, "current": current, "time": time}
 
 
-def _map(result: StudyResult) -> dict[str, object] | None:
+def _map(found: IsoMap | None) -> dict[str, object] | None:
     """Winding temperature over (C, R) for the best choice with a sink; `winding[i][j]` at resistance i, capacity j."""
-    design = next((each for each in result.designs if each.option.has_sink), None)
-    if design is None:
+    if found is None:
         return None
-    found = iso_map(design, points=20)
     axes = {"capacity": found.capacity.tolist(), "resistance": found.resistance.tolist()}
-    return {"option": design.option.name, "torque": found.torque, **axes, "winding": found.winding.tolist()}
-
-
-def most_current(design: Design) -> float:
-    """The current [A] that a design may draw at most; 40 A where nothing says."""
-    return design.option.limits.get("current", 40.0)
-
-
-def current_range(most: float) -> FloatArray:
-    """Currents [A] for a time-to-limit curve, up to a third above the most."""
-    return np.linspace(most / 12, 1.3 * most, 60)
+    return {"option": found.option.name, "torque": found.torque, **axes, "winding": found.winding.tolist()}
 
 
 def _design(design: Design) -> dict[str, object]:

@@ -14,8 +14,7 @@ from lptn.report.style import INK, SMALL, TEXT, dress, new_figure, plain
 
 from .answer import StudyResult
 from .designs import Design
-from .export import current_range, most_current, strongest
-from .maps import iso_map, limit_curves
+from .export import strongest
 from .sink import SPECIFIC_HEAT, fin_mass, sink_volume
 from .study import GOALS
 
@@ -32,7 +31,7 @@ _GOALS = {"held_torque": (1.0, "held torque [N·m]"), "time_to_limit": (1.0, "ti
 def study_figure(result: StudyResult) -> Figure:
     """Draw what the study has: two to four panels."""
     panels: list[Callable[[Axes, StudyResult], None]] = [_curves, _sensitivities]
-    if any(design.option.has_sink for design in result.designs):
+    if result.with_sink is not None:
         panels.insert(0, _map)
     if result.front:
         panels.insert(0, _front)
@@ -86,8 +85,10 @@ def _front(ax: Axes, result: StudyResult) -> None:
 
 
 def _map(ax: Axes, result: StudyResult) -> None:
-    design = next(design for design in result.designs if design.option.has_sink)
-    option, found = design.option, iso_map(design)
+    design, found = result.with_sink, result.iso_map
+    assert design is not None
+    assert found is not None
+    option = design.option
     here = (design.capacity or np.nan, design.resistance or np.nan)
     lines = ax.contour(found.capacity, found.resistance, found.winding, levels=8, cmap="cividis_r", linewidths=1.2)
     ax.clabel(lines, fontsize=SMALL, fmt=_decimals(found.winding))
@@ -127,10 +128,8 @@ def _bounds(ax: Axes, design: Design) -> None:
 
 
 def _curves(ax: Axes, result: StudyResult) -> None:
-    most = max(most_current(design) for design in result.designs)
-    currents = current_range(most)
-    for design in result.designs:
-        curve = limit_curves(design, currents)
+    most = result.curves[0].current[-1] / 1.3
+    for design, curve in zip(result.designs, result.curves, strict=True):
         reached = np.isfinite(curve.time)
         look = _look(result, design.option.name)
         ax.plot(curve.current[reached], curve.time[reached], lw=1.6, label=plain(curve.name), **look)
@@ -138,7 +137,7 @@ def _curves(ax: Axes, result: StudyResult) -> None:
     ax.annotate("most current", (most, 0.98), (3, 0), xycoords=("data", "axes fraction"), textcoords="offset points",
                 fontsize=SMALL, color=LIMIT, rotation=90, va="top")  # fmt: skip
     ax.set(xlabel="constant current [A]", ylabel="time to the limit [s]", yscale="log", xlim=(0, 1.3 * most))
-    ax.set_title(f"Time until the winding is at {curve.limit:.0f} degC")
+    ax.set_title(f"Time until the winding is at {result.curves[0].limit:.0f} degC")
     ax.legend(frameon=False, fontsize=SMALL)
 
 
