@@ -26,7 +26,13 @@ from lptn.cli_support import (
     open_by_job,
     typed,
 )
+from lptn.compare_command import compare
 from lptn.errors import InputError
+from lptn.fmu.commands import cosim, fmu
+from lptn.forecast_command import forecast
+from lptn.monitor_command import monitor
+from lptn.motor_geometry.commands import motor
+from lptn.planners.commands import trade
 
 app = cyclopts.App(
     name="lptn",
@@ -116,11 +122,6 @@ def fit(
         opened.file.with_fit(done.table()).write(output)
     tried = [{"weight": each.weight, "rmse_holdout": each.holdout.rmse} for each in trials]
     write_json(json, done.as_json() | {"rmse_holdout": held.rmse if held else None, "mirror_weights": tried})
-
-
-app.command("lptn.compare_command:compare")
-app.command("lptn.forecast_command:forecast")
-app.command("lptn.monitor_command:monitor")
 
 
 @app.command
@@ -259,8 +260,8 @@ def report(
     )
 
 
-app.command("lptn.fmu.commands:fmu", name="fmu")
-app.command("lptn.fmu.commands:cosim", name="cosim")
+for _command in (compare, forecast, monitor, fmu, cosim, trade, motor):
+    app.command(_command)
 
 
 def _say(message: object) -> None:

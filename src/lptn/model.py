@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 
 from lptn.arrays import FloatArray
+from lptn.balanced_faces import without_faces
 from lptn.effects import EdgeEffect, LinkEffect, LossEffect, MassEffect, NodeEffect, SensorEffect
 from lptn.network import START, Network, Use
 from lptn.parameters import Unknown
@@ -104,13 +105,23 @@ class Model:
         symbols = {name: ca.SX.sym(name) for name in self.nodes}
         states = {id(use): ca.SX.sym(_label(use)) for use in network.uses if use.effect.has_state}
         temperature = symbols | {name: self._prescribed(name) for name in network.prescribed}
-        heat = {name: ca.SX(0) for name in self.nodes}
+        faces = {name: ca.SX.sym(name) for name in network.massless}
+        temperature |= faces
+        heat = {name: ca.SX(0) for name in (*self.nodes, *faces)}
         for link, factor, extra in self._exchange(temperature):
             one, other = link.ends
             flow = factor * (temperature[other] - temperature[one]) / self._p[link.resistance] + extra
             _give(heat, one, flow)
             _give(heat, other, -flow)
+        for inside in network.conductors:
+            one, other = inside.ends
+            flow = self._p[inside.conductivity] * inside.shape * (temperature[other] - temperature[one])
+            _give(heat, one, flow)
+            _give(heat, other, -flow)
         self._add_heat(heat, temperature, states)
+        if faces:
+            means = [symbols[element] for element in network.massless.values()]
+            heat = without_faces(heat, faces, means)
         rates, readings = self._states_and_readings(temperature, states)
         warming = [heat[name] / self._p[network.capacities[name]] for name in self.nodes]
         self._x = ca.vertcat(*symbols.values(), *states.values())
@@ -131,8 +142,8 @@ class Model:
         return self._column.setdefault(column, ca.SX.sym(column))
 
     def _inputs_of(self, use: Use) -> SimpleNamespace:
-        node = use.ends[0]
-        return SimpleNamespace(**{name: self._input(input_column(name, node)) for name in use.effect.needed()})
+        place = use.declaration.driven_by or use.ends[0]
+        return SimpleNamespace(**{name: self._input(input_column(name, place)) for name in use.effect.needed()})
 
     def _parameters_of(self, use: Use) -> SimpleNamespace:
         return SimpleNamespace(**{name: self._p[index] for name, index in use.parameters.items()})

@@ -12,9 +12,10 @@ from typing import Any
 from pydantic import ValidationError
 
 from lptn.effects import catalogue
+from lptn.element_reader import ElementReader
 from lptn.errors import InputError
 from lptn.model_mistakes import expectation, shown
-from lptn.model_schema import EffectTable, File, LinkTable, NodeTable, ParameterTable
+from lptn.model_schema import EffectTable, ElementTable, File, LinkTable, NodeTable, ParameterTable
 from lptn.network import START, EffectDeclaration, LinkDeclaration, Network, NodeDeclaration
 from lptn.parameters import Parameter
 from lptn.places import is_glob
@@ -74,12 +75,28 @@ class Reader:
 
     def _node(self, name: str, table: NodeTable) -> NodeDeclaration:
         place = f'nodes."{name}"'
+        if table.element is not None:
+            return self._body(name, table, table.element, place)
         if (table.capacity is None) == (table.temperature is None):
             found = "neither" if table.capacity is None else "both"
             raise InputError(self.path, place, f"{found} capacity and temperature", "one of the two")
         if table.capacity is not None:
             return NodeDeclaration(name, capacity=self._parameter(_CAPACITY, table.capacity, f"{place}.capacity"))
         return NodeDeclaration(name, temperature=self._temperature(table.temperature, f"{place}.temperature"))
+
+    def _body(self, name: str, table: NodeTable, given: ElementTable, place: str) -> NodeDeclaration:
+        """A node with an element: its capacity follows from the material, or is given."""
+        if table.temperature is not None:
+            raise InputError(self.path, place, "both element and temperature", "one of the two")
+        reader = ElementReader(self.path, given, f"{place}.element", self._parameter)
+        element = reader.element()
+        computed = reader.capacity(element.shape)
+        if (computed is None) == (table.capacity is None):
+            found = "neither" if computed is None else "both"
+            expected = "either capacity, or density and specific_heat in the element"
+            raise InputError(self.path, f"{place}.element", f"{found} capacity and density", expected)
+        capacity = computed or self._parameter(_CAPACITY, table.capacity, f"{place}.capacity")
+        return NodeDeclaration(name, capacity=capacity, element=element)
 
     def _temperature(self, given: object, place: str) -> str | Parameter:
         if isinstance(given, str):
@@ -90,6 +107,10 @@ class Reader:
 
     def _link(self, number: int, link: LinkTable) -> LinkDeclaration:
         one, other = link.between
+        if link.perfect:
+            if link.resistance is not None:
+                raise InputError(self.path, f"links[{number}]", "both perfect and resistance", "one of the two")
+            return LinkDeclaration((one, other), None)
         resistance = self._parameter(_RESISTANCE, link.resistance, f"links[{number}].resistance")
         return LinkDeclaration((one, other), resistance)
 
@@ -105,7 +126,7 @@ class Reader:
         declared = {parameter.name: parameter for parameter in kind.parameters}
         for name in given:
             if name not in declared:
-                allowed = ", ".join(("kind", "at", "share", *kind.options, *declared))
+                allowed = ", ".join(("kind", "at", "share", "driven_by", *kind.options, *declared))
                 raise InputError(self.path, f"{place}.{name}", f'unknown key "{name}"', f"one of {allowed}")
         parameters = []
         for name, parameter in declared.items():
@@ -117,7 +138,7 @@ class Reader:
             name = next(iter(words))
             expected = " or ".join(f'"{word}"' for word in kind.options[name])
             raise InputError(self.path, f"{place}.{name}", f"{words[name]!r}", expected) from error
-        return EffectDeclaration(effect, table.at, tuple(parameters))
+        return EffectDeclaration(effect, table.at, tuple(parameters), driven_by=table.driven_by or "")
 
     def _parameter(self, declared: Parameter, given: object, place: str) -> Parameter:
         """A declared parameter with what the file says of it, converted to its SI unit."""

@@ -33,14 +33,21 @@ class ModelTable(Strict):
     step: Annotated[Number, Field(gt=0)] | None = None
 
 
+class ElementTable(BaseModel):
+    model_config = ConfigDict(extra="allow")
+    kind: str
+
+
 class NodeTable(Strict):
     capacity: Given | None = None
     temperature: str | Given | None = None
+    element: ElementTable | None = None
 
 
 class LinkTable(Strict):
     between: Annotated[list[str], Field(min_length=2, max_length=2)]
-    resistance: Given = ParameterTable()
+    resistance: Given | None = None
+    perfect: bool = False
 
 
 class EffectTable(BaseModel):
@@ -48,6 +55,7 @@ class EffectTable(BaseModel):
     kind: str
     at: str
     share: Share | None = None
+    driven_by: Annotated[str, Field(pattern=r"^[^\s.~*?\[\]{}]+$")] | None = None
 
 
 class FittedTable(Strict):

@@ -7,7 +7,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
+from lptn.bodies import Bodies, Conductor
 from lptn.effects import Effect, LossEffect
+from lptn.elements import Element
 from lptn.errors import InputError
 from lptn.parameters import Parameter, Unknown
 from lptn.places import class_of, edge, expand_pair, is_glob, matching, mirrored
@@ -26,19 +28,25 @@ class NodeDeclaration:
         capacity: heat capacity [J/K] of a dynamic node.
         temperature: for a prescribed node a log column (`"temperature.ambient"`), `"start"`, or a
             parameter [degC].
+        element: for a dynamic node its body; links attach to the faces, `"stator.outer"`, and the node's
+            temperature is the body's mean.
     """
 
     pattern: str
     capacity: Parameter | None = None
     temperature: str | Parameter | None = None
+    element: Element | None = None
 
 
 @dataclass(frozen=True)
 class LinkDeclaration:
-    """Thermal resistance [K/W] between places; `{leg}` in both patterns means the same leg."""
+    """Thermal resistance [K/W] between places; `{leg}` in both patterns means the same leg.
+
+    A resistance of `None` is perfect contact: a face has the temperature of what it touches.
+    """
 
     between: tuple[str, str]
-    resistance: Parameter
+    resistance: Parameter | None
 
 
 @dataclass(frozen=True)
@@ -50,12 +58,15 @@ class EffectDeclaration:
         at: a node, an edge `"a~b"`, a glob, or `"*"`.
         parameters: its parameters with this model's values; those left out take the effect's own.
         label: what its parameters are named after, by default the effect's key.
+        driven_by: the place whose log columns drive it, where that is not its own: one motor's current heats
+            every piece of the winding.
     """
 
     effect: Effect
     at: str
     parameters: tuple[Parameter, ...] = ()
     label: str = ""
+    driven_by: str = ""
 
     @property
     def name(self) -> str:
@@ -144,6 +155,16 @@ class Network:
         return self._assembly.links
 
     @property
+    def conductors(self) -> list[Conductor]:
+        """Conduction between the mean temperatures and faces of elements."""
+        return self._assembly.bodies.conductors
+
+    @property
+    def massless(self) -> dict[str, str]:
+        """Faces of elements that have a temperature of their own but no capacitance: name -> the element."""
+        return self._assembly.bodies.massless
+
+    @property
     def uses(self) -> list[Use]:
         """Every effect at every place where it acts."""
         return self._assembly.uses
@@ -163,7 +184,7 @@ class Network:
             (one, other)
             for link in self.resistors
             for one, other in (link.ends, link.ends[::-1])
-            if one in self.capacities and other in self.prescribed
+            if (one in self.capacities or one in self.massless) and other in self.prescribed
         ]
         count = {node: sum(one == node for one, _ in pairs) for node, _ in pairs}
         return {(node if count[node] == 1 else edge(node, other)): (node, other) for node, other in pairs}
@@ -214,14 +235,18 @@ class _Assembly:
         self.prescribed: dict[str, str | int] = {}
         self.links: list[Link] = []
         self.uses: list[Use] = []
+        self.bodies = Bodies(origin)
+        self._elements: dict[str, tuple[str, Element]] = {}
         self._index: dict[str, int] = {}
 
     def build(self, network: Network) -> None:
         for node in network.nodes:
             self._add_node(node, network.joints)
+        self._join(network.links)
         for number, link in enumerate(network.links):
             self._add_link(link, number)
         self._refuse_isolated(network)
+        self.bodies.lay_conductors(self._conductivity)
         for number, effect in enumerate(network.effects):
             self._add_effect(effect, number, network)
 
@@ -258,6 +283,9 @@ class _Assembly:
                 raise InputError(self.origin, where, f"node {name} declared twice", "each node once")
             if node.capacity is not None:
                 self.capacities[name] = self._unknown("capacity", name, node.pattern, node.capacity)
+                if node.element is not None:
+                    self.bodies.add(name, node.element.shape)
+                    self._elements[name] = node.pattern, node.element
             elif isinstance(node.temperature, Parameter):
                 self.prescribed[name] = self._unknown("temperature", name, node.pattern, node.temperature)
             elif node.temperature is not None:
@@ -265,29 +293,58 @@ class _Assembly:
             else:
                 raise InputError(self.origin, where, "neither", "a capacity or a temperature")
 
-    def _add_link(self, link: LinkDeclaration, number: int) -> None:
+    def _conductivity(self, name: str, direction: str) -> int:
+        pattern, element = self._elements[name]
+        parameter = element.conductivity[direction]
+        return self._unknown(parameter.name, name, pattern, parameter)
+
+    def _pairs(self, link: LinkDeclaration, number: int) -> list[tuple[str, str]]:
+        """Places that a link stands for; only a pattern with a dot means faces."""
         names = [*self.capacities, *self.prescribed]
         where = f"links[{number}].between"
-        pairs = expand_pair(link.between, names)
+        pairs = [
+            pair
+            for pair in expand_pair(link.between, [*names, *self.bodies.faces])
+            if all(("." in end) == ("." in pattern) for end, pattern in zip(pair, link.between, strict=True))
+        ]
         if not pairs:
             raise InputError(
                 self.origin,
                 where,
                 f"{link.between[0]} and {link.between[1]}, which match no pair of nodes",
-                f"two of {', '.join(names)}, or patterns of them",
+                f"two of {', '.join(self.bodies.linkable(names))}, or patterns of them",
             )
+        for end in (end for pair in pairs for end in pair if end in self.bodies.shapes):
+            expected = f"one of its faces: {', '.join(self.bodies.faces_of(end))}"
+            raise InputError(self.origin, where, f"a link to the middle of element {end}", expected)
+        return pairs
+
+    def _join(self, links: Sequence[LinkDeclaration]) -> None:
+        """Perfect contacts come before all others, for they say where those others end."""
+        for number, link in enumerate(links):
+            if link.resistance is None:
+                for pair in self._pairs(link, number):
+                    self.bodies.join(*pair, f"links[{number}].between")
+
+    def _add_link(self, link: LinkDeclaration, number: int) -> None:
+        if link.resistance is None:
+            return
+        where = f"links[{number}].between"
+        pairs = self._pairs(link, number)
         pattern = edge(*link.between)
         taken = {known.place for known in self.links}
         for pair in pairs:
             place = edge(*pair)
             if place in taken:
                 raise InputError(self.origin, where, f"a second link {place}", "each pair of nodes linked once")
-            if pair[0] in self.prescribed and pair[1] in self.prescribed:
+            self.bodies.touch(*pair)
+            ends = self.bodies.where(pair[0]), self.bodies.where(pair[1])
+            if ends[0] == ends[1] or (ends[0] in self.prescribed and ends[1] in self.prescribed):
                 continue  # heat between two given temperatures changes nothing
-            self.links.append(Link(place, pair, self._unknown("resistance", place, pattern, link.resistance)))
+            self.links.append(Link(place, ends, self._unknown("resistance", place, pattern, link.resistance)))
 
     def _refuse_isolated(self, network: Network) -> None:
-        touched = {end for link in self.links for end in link.ends}
+        touched = {end for link in self.links for end in link.ends} | self.bodies.touched_places()
         for effect in network.effects:
             if effect.effect.site == "edge":
                 touched |= {end for _, ends in network.places_for(effect) for end in ends}
@@ -297,7 +354,8 @@ class _Assembly:
                     self.origin,
                     f'nodes."{name}"',
                     "an isolated node, whose heat has no way out",
-                    f'a link to it, such as between = ["{name}", "{next(iter(self.prescribed), "ambient")}"]',
+                    "a link to it, such as between = "
+                    f'["{self.bodies.linkable([name])[0]}", "{next(iter(self.prescribed), "ambient")}"]',
                 )
 
     def _add_effect(self, effect: EffectDeclaration, number: int, network: Network) -> None:

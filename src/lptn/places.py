@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Sequence
 from fnmatch import fnmatchcase
+from functools import lru_cache
 
 EVERYWHERE = "*"
 _SIDES = {"FL": "FR", "RL": "RR", "left": "right", "Left": "Right", "l": "r", "L": "R"}
@@ -75,6 +76,12 @@ def expand_pair(patterns: Sequence[str], names: Sequence[str]) -> list[tuple[str
 
 def _capture(pattern: str, name: str) -> dict[str, str] | None:
     """What each `{field}` of the pattern stands for in the name; `None` if they don't match."""
+    match = _expression(pattern).fullmatch(name)
+    return None if match is None else match.groupdict()
+
+
+@lru_cache(maxsize=1024)  # a motor in many pieces asks for the same pattern a thousand times
+def _expression(pattern: str) -> re.Pattern[str]:
     parts = re.split(r"(\{[A-Za-z_]\w*\}|\*|\?|\[[^\]]+\])", pattern)
     expression, seen = "", set()
     for part in parts:
@@ -88,5 +95,4 @@ def _capture(pattern: str, name: str) -> dict[str, str] | None:
             expression += part.replace("[!", "[^", 1)
         else:
             expression += {"*": ".*", "?": "."}.get(part, re.escape(part))
-    match = re.fullmatch(expression, name)
-    return None if match is None else match.groupdict()
+    return re.compile(expression)

@@ -1,4 +1,4 @@
-"""Ready model files: one motor, a leg, a quadruped; each perhaps in several models."""
+"""Ready model files: motors, a leg, a quadruped; each perhaps in several models."""
 
 from __future__ import annotations
 

@@ -1,0 +1,117 @@
+"""Rows on the 35 A pulse and on pulses in a row (source S1, section 4.3), and how they hang on R_0."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import as_printed as printed
+import numpy as np
+from as_printed import FAN, PASSIVE
+from circuits import AMBIENT, Circuit
+from row import Row
+from scipy.optimize import brentq
+
+_LOWEST, _HIGHEST = 1447.0, 1453.0  # R_0 [K A²/W]: what 0.4 % of it can do
+CIRCUITS = {"passive": PASSIVE, "fan": FAN}
+
+
+def needed_r_0(wanted: float, value: Callable[[float], float]) -> float | None:
+    """The R_0 of equation 4.1 at which a printed number comes out, `None` outside 1447 to 1453."""
+    ends = value(_LOWEST) - wanted, value(_HIGHEST) - wanted
+    if not np.isfinite(ends).all() or ends[0] * ends[1] > 0:
+        return None
+    return float(brentq(lambda r_0: value(r_0) - wanted, _LOWEST, _HIGHEST))
+
+
+def time_at(circuit: printed.Circuit, current: float, level: float) -> Callable[[float], float]:
+    return lambda r_0: printed.heating_time(circuit, current, level, printed.housing_resistance(current, r_0))
+
+
+def _temperature_at(circuit: printed.Circuit, current: float, time: float) -> Callable[[float], float]:
+    return lambda r_0: printed.heating(circuit, current, time, printed.housing_resistance(current, r_0))
+
+
+def at_35_a(motor: Circuit, networks: dict[str, Circuit]) -> list[Row]:
+    found = []
+    pulse = np.array([1.0])
+    for letter, name, stated in (("", "passive", 47.0), ("b", "fan", 45.5)):
+        value = _temperature_at(CIRCUITS[name], 35.0, 1.0)
+        rise = networks[name].rise(35.0, pulse)[0, 0]
+        found.append(
+            Row(
+                f"S1-N7{letter}",
+                f"35 A for 1 s, {name}",
+                "degC",
+                stated,
+                value(printed.R_0),
+                AMBIENT + rise,
+                0.5,
+                "energy allows 9.9 K at most",
+                needed_r_0(stated, value),
+            )
+        )
+    for letter, name in (("c", "passive"), ("d", "fan")):
+        time = time_at(CIRCUITS[name], 35.0, 105.0)
+        found.append(
+            Row(
+                f"S1-N7{letter}",
+                f"35 A to 105 degC, {name}",
+                "s",
+                4.0,
+                time(printed.R_0),
+                networks[name].time_to(105.0, 35.0),
+                0.5,
+                "",
+                needed_r_0(4.0, time),
+            )
+        )
+    for capacity in (300.0, 400.0):
+        circuit = printed.Circuit("", 1.2, capacity, 0.0)
+        hot = _temperature_at(circuit, 35.0, 1.0)(printed.R_0)
+        found.append(
+            Row(
+                f"S1-A1-{capacity:.0f}",
+                f"35 A for 1 s, C = {capacity:.0f} J/K",
+                "degC",
+                None,
+                hot,
+                AMBIENT + motor.rise(35.0, pulse)[0, 0],
+                note="no sink reaches the winding within 1 s",
+            )
+        )
+    return found
+
+
+def intermittent(motor: Circuit) -> list[Row]:
+    after = motor.rise(35.0, np.array([1.0]))[:, 0]
+    times = np.linspace(1.0, 1500.0, 3000)
+    left = motor.rise(0.0, times, after)[0]
+    back = float(times[np.flatnonzero(left > 0.5)[-1]])
+    back_printed = PASSIVE.r_w * PASSIVE.c * math.log((47.0 - AMBIENT) / 0.15)
+    found = [
+        Row(
+            "S1-N8",
+            "back to +0.5 K after 35 A for 1 s",
+            "s",
+            1500.0,
+            back_printed,
+            back,
+            60.0,
+            'printed formula: to +0.15 K, for "fully" means nothing else; 25 min are 5.2 R_w C',
+        )
+    ]
+    for every in (20.0, 10.0, 5.0):
+        effective = 35.0 / np.sqrt(every)
+        found.append(
+            Row(
+                f"S1-A4-{every:.0f}",
+                f"35 A for 1 s every {every:.0f} s: steady state",
+                "degC",
+                None,
+                None,
+                motor.steady(float(effective)),
+                note=f"RMS current {effective:.1f} A",
+            )
+        )
+    return found

@@ -1,0 +1,45 @@
+"""Commands of the planners' room: `lptn trade`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter as Option
+
+from lptn.cli_support import check_outputs, check_picture
+
+Result = Annotated[
+    Path | None, Option(name=["--json", "--output", "-o"], help="File to write the result to, for programs (JSON).")
+]
+Plot = Annotated[Path | None, Option(name="--plot", help="Picture to write: .png, .svg or .pdf.")]
+
+
+def trade(study: Path, /, *, json: Result = None, plot: Plot = None) -> None:
+    """Solve a cooling trade study: best designs, what limits them, Pareto front, sensitivities.
+
+    Example: lptn trade u8.toml --json result.json --plot study.png
+    """
+    import io
+
+    from lptn.files import write_whole
+    from lptn.terminal import progress, write_json
+
+    from .trade import load_study, solve_study
+    from .trade.export import as_json, lines
+
+    check_outputs(json, plot)
+    check_picture(plot)
+    asked = load_study(study)
+    with progress("reading") as report:
+        result = solve_study(asked, report)
+    if not result.designs:
+        raise result.infeasible()
+    print("\n".join(lines(result)))
+    if plot is not None:
+        from .trade.figures import study_figure
+
+        picture = io.BytesIO()
+        study_figure(result).savefig(picture, format=plot.suffix.lower().removeprefix("."))
+        write_whole(plot, picture.getvalue())
+    write_json(json, as_json(result))

@@ -1,0 +1,27 @@
+"""Cooling trade studies: small optimisation problems on the symbolic model (`lptn trade STUDY.toml`)."""
+
+from .answer import StudyResult, solve_study
+from .designs import Design, Obstacle, Refusal
+from .front import FrontPoint
+from .maps import IsoMap, LimitCurve, iso_map, limit_curves
+from .problem import Problem
+from .study import Option, Study
+from .study_file import load_study, parse_study
+
+__all__ = [
+    "Design",
+    "FrontPoint",
+    "IsoMap",
+    "LimitCurve",
+    "Obstacle",
+    "Option",
+    "Problem",
+    "Refusal",
+    "Study",
+    "StudyResult",
+    "iso_map",
+    "limit_curves",
+    "load_study",
+    "parse_study",
+    "solve_study",
+]

@@ -1,0 +1,163 @@
+"""A study in one figure: Pareto front, iso-temperature map, time-to-limit curves, sensitivities."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from lptn.arrays import FloatArray
+from lptn.report.style import INK, SMALL, TEXT, dress, new_figure, plain
+
+from .answer import StudyResult
+from .designs import Design
+from .export import strongest
+from .sink import SPECIFIC_HEAT, fin_mass, sink_volume
+from .study import GOALS
+
+LIMIT = "#D55E00"
+_COLOURS = ("#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#8C6D31")
+_DASHES = ("-", (0, (5, 1.5)), (0, (1, 1)), (0, (4, 1, 1, 1)))
+_SHOWN = {"mass": (1e3, "mass [g]"), "volume": (1e6, "package volume [cm³]"), "torque": (1.0, "torque [N·m]"),
+          "duration": (1.0, "duration [s]")}  # fmt: skip
+_GOALS = {"held_torque": (1.0, "held torque [N·m]"), "time_to_limit": (1.0, "time to the limit [s]"),
+          "worst_temperature": (1.0, "worst winding temperature [degC]"), "mass": _SHOWN["mass"],
+          "volume": _SHOWN["volume"]}  # fmt: skip
+
+
+def study_figure(result: StudyResult) -> Figure:
+    """Draw what the study has: two to four panels."""
+    panels: list[Callable[[Axes, StudyResult], None]] = [_curves, _sensitivities]
+    if result.with_sink is not None:
+        panels.insert(0, _map)
+    if result.front:
+        panels.insert(0, _front)
+    rows = (len(panels) + 1) // 2
+    figure = new_figure(3.6 * rows + 0.3)
+    cells = np.asarray(
+        figure.subfigures(rows, 2)
+    ).ravel()  # each panel has its own margins: names of parameters are long
+    for cell, draw in zip(cells, panels, strict=False):
+        ax = cell.subplots()
+        draw(ax, result)
+        ax.title.set_fontsize(TEXT)
+        dress(ax)
+    figure.suptitle(plain(result.study.name), fontsize=TEXT + 1)
+    return figure
+
+
+def _look(result: StudyResult, name: str) -> dict[str, Any]:
+    """Colour by motor, dashes by cooling."""
+    options = {option.name: option for option in result.study.options()}
+    motors = [motor.name for motor in result.study.motors]
+    styles = list(dict.fromkeys((option.cooling, option.pipes) for option in options.values()))
+    option = options[name]
+    style = styles.index((option.cooling, option.pipes))
+    return {
+        "color": _COLOURS[motors.index(option.motor.name) % len(_COLOURS)],
+        "linestyle": _DASHES[style % len(_DASHES)],
+    }
+
+
+def _front(ax: Axes, result: StudyResult) -> None:
+    assert result.study.sweep is not None
+    factor, label = _SHOWN[result.study.sweep.against]
+    scale, goal = _GOALS[result.study.goal]
+    for name, points in result.each.items():
+        if points:
+            amounts, values = ([getattr(point, key) for point in points] for key in ("amount", "value"))
+            ax.plot(
+                factor * np.array(amounts),
+                scale * np.array(values),
+                lw=1.2,
+                marker=".",
+                ms=3,
+                label=plain(name),
+                **_look(result, name),
+            )
+    amounts, values = ([getattr(point, key) for point in result.front] for key in ("amount", "value"))
+    ax.plot(factor * np.array(amounts), scale * np.array(values), "o", ms=4, color=INK, label="Pareto front", zorder=5)
+    ax.set(xlabel=label, ylabel=goal, title="Pareto front: the best choice at each amount")
+    ax.legend(frameon=False, fontsize=SMALL)
+
+
+def _map(ax: Axes, result: StudyResult) -> None:
+    design, found = result.with_sink, result.iso_map
+    assert design is not None
+    assert found is not None
+    option = design.option
+    here = (design.capacity or np.nan, design.resistance or np.nan)
+    lines = ax.contour(found.capacity, found.resistance, found.winding, levels=8, cmap="cividis_r", linewidths=1.2)
+    ax.clabel(lines, fontsize=SMALL, fmt=_decimals(found.winding))
+    _bounds(ax, design)
+    ax.plot(*here, "o", ms=7, color=_COLOURS[1], zorder=6, clip_on=False)
+    ax.annotate("design", here, (7, 7), textcoords="offset points", fontsize=SMALL)
+    ax.set(xscale="log", yscale="log", xlabel="sink capacity C [J/K]", ylabel="sink resistance R_h [K/W]")
+    ax.set(xlim=option.study.sink.capacity, ylim=option.study.sink.resistance)
+    peak = "Mean" if option.study.task.cycles is None else "Hottest"
+    ax.set_title(f"{peak} winding [degC], {plain(option.name)}, {design.torque:.3g} N·m")
+
+
+def _decimals(values: FloatArray) -> str:
+    """A format that tells the contours apart."""
+    spread = float(np.ptp(values[np.isfinite(values)]))
+    return f"%.{max(0, int(np.ceil(1 - np.log10(max(spread, 1e-6)))))}f"
+
+
+def _bounds(ax: Axes, design: Design) -> None:
+    """Where mass, volume and fins end what can be built."""
+    option = design.option
+    sink, spacing = option.study.sink, option.study.air[option.cooling].spacing
+    c, r = np.meshgrid(np.geomspace(*sink.capacity, 200), np.geomspace(*sink.resistance, 200))
+    fins = fin_mass(r, option.film, sink.thickness) * SPECIFIC_HEAT / c
+    named = {"all fins": (fins, 1.0)}
+    if "mass" in option.limits:
+        named["mass"] = (option.fixed_mass + c / SPECIFIC_HEAT, option.limits["mass"])
+    if "volume" in option.limits:
+        volume = option.fixed_volume + sink_volume(c, r, option.film, sink.thickness, spacing)
+        named["volume"] = (volume, option.limits["volume"])
+    for name, (values, level) in named.items():
+        drawn = ax.contour(c, r, values, levels=[level], colors=LIMIT, linewidths=1.0)
+        if any(np.size(path.vertices) for path in drawn.get_paths()):
+            ax.clabel(drawn, fmt={level: name}, fontsize=SMALL)
+    beyond = np.max([values / level for values, level in named.values()], axis=0)
+    ax.contourf(c, r, beyond, levels=[1.0, np.inf], colors=LIMIT, alpha=0.10)
+
+
+def _curves(ax: Axes, result: StudyResult) -> None:
+    most = result.curves[0].current[-1] / 1.3
+    for design, curve in zip(result.designs, result.curves, strict=True):
+        reached = np.isfinite(curve.time)
+        look = _look(result, design.option.name)
+        ax.plot(curve.current[reached], curve.time[reached], lw=1.6, label=plain(curve.name), **look)
+    ax.axvline(most, color=LIMIT, lw=1.0)
+    ax.annotate("most current", (most, 0.98), (3, 0), xycoords=("data", "axes fraction"), textcoords="offset points",
+                fontsize=SMALL, color=LIMIT, rotation=90, va="top")  # fmt: skip
+    ax.set(xlabel="constant current [A]", ylabel="time to the limit [s]", yscale="log", xlim=(0, 1.3 * most))
+    ax.set_title(f"Time until the winding is at {result.curves[0].limit:.0f} degC")
+    ax.legend(frameon=False, fontsize=SMALL)
+
+
+def _sensitivities(ax: Axes, result: StudyResult) -> None:
+    """Of the best choice, and of the best one with a sink."""
+    shown = result.designs[:1]
+    shown += tuple(design for design in result.designs[1:] if design.option.has_sink and not shown[0].option.has_sink)[
+        :1
+    ]
+    by_design = [{name: relative for name, _, relative in strongest(design, 99)} for design in shown]
+    names = [name for name, _, _ in strongest(shown[-1], 8)][::-1]
+    rows, thickness = np.arange(len(names)), 0.7 / len(shown)
+    for number, (design, found) in enumerate(zip(shown, by_design, strict=True)):
+        values = [found.get(name, 0.0) for name in names]
+        place = rows + (0.5 * (len(shown) - 1) - number) * thickness
+        ax.barh(place, values, height=thickness, color=_COLOURS[number], label=plain(design.option.name))
+    units = {name: unit for design in shown for name, (_, unit) in design.parameters.items()}
+    ax.set_yticks(rows, [plain(name) + (", per K" if units[name] == "degC" else "") for name in names])
+    ax.set_ylim(-0.5, max(len(names), 3) + 0.4)  # room for the legend above the bars
+    ax.axvline(0.0, color=INK, lw=0.8)
+    ax.set_xlabel(f"% of the {GOALS[result.study.goal][0]} per %")
+    ax.set_title("Lagrange multipliers", loc="right", fontsize=TEXT)
+    ax.legend(frameon=False, fontsize=SMALL, loc="upper center", ncols=2)

@@ -1,0 +1,57 @@
+"""Torque of an ankle prosthesis over one cycle: level walking and repeated jumps.
+
+Source S1 describes both in words and by a peak ratio; its figures are not available. What it does not say is assumed
+here and named: moments of level walking after the textbook curve (Winter, Biomechanics and Motor Control of Human
+Movement), rounded; the shape of a jump as two half sines.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from scipy.interpolate import PchipInterpolator
+
+from lptn.arrays import FloatArray
+
+WALKING_PERIOD = 1.1  # s; assumed
+JUMP_PERIOD = 2.2  # s; assumed
+STANCE = 0.62  # of the gait cycle; source S1, section 2.1.1, says 60 % for stance and 40 % for swing
+FLIGHT = 0.2  # of the jump cycle; source S1, section 2.1.2
+JUMP_RATIO = 3.0  # peak of a jump over that of walking; source S1, row N14: "more than 3x the torque"
+_WALKING = (  # share of the gait cycle, ankle moment [N·m/kg]; plantar flexion positive; assumed after Winter
+    (0.0, 0.0), (0.04, -0.08), (0.10, 0.10), (0.20, 0.45), (0.30, 0.80), (0.40, 1.25), (0.48, 1.60), (0.55, 1.00),
+    (0.60, 0.20), (STANCE, 0.0), (1.0, 0.0),
+)  # fmt: skip
+PEAK = max(moment for _, moment in _WALKING)
+"""Largest moment of level walking [N·m/kg]."""
+
+
+def level_walking(samples: int) -> FloatArray:
+    """Magnitude of the ankle moment [N·m/kg] in each of `samples` equal parts of the gait cycle, RMS over the part."""
+    share, moment = np.array(_WALKING).T
+    return _rms(PchipInterpolator(share, moment), samples)
+
+
+def jump(samples: int) -> FloatArray:
+    """Magnitude of the ankle moment [N·m/kg] in each part of a jump cycle: push-off, flight, landing at half of it.
+
+    Push-off takes the first 30 % (assumed), the flight the next 20 %, the landing the next 30 % (assumed).
+    """
+
+    def moment(share: FloatArray) -> FloatArray:
+        push, landing = share / 0.3, (share - 0.3 - FLIGHT) / 0.3
+        return JUMP_RATIO * PEAK * (_half_sine(push) + 0.5 * _half_sine(landing))
+
+    return _rms(moment, samples)
+
+
+def _half_sine(phase: FloatArray) -> FloatArray:
+    return np.where((phase > 0) & (phase < 1), np.sin(np.pi * np.clip(phase, 0.0, 1.0)), 0.0)
+
+
+def _rms(moment: Callable[[FloatArray], FloatArray], samples: int) -> FloatArray:
+    """Heat grows with the square of the torque, so a part's RMS is its right mean."""
+    fine = (np.arange(samples * 20) + 0.5) / (samples * 20)
+    values = np.asarray(moment(fine), dtype=np.float64)
+    return np.asarray(np.sqrt((values**2).reshape(samples, 20).mean(axis=1)))

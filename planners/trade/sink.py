@@ -1,0 +1,92 @@
+"""An aluminium heat sink from two numbers, its heat capacity and its resistance to the air: mass, volume, fins.
+
+The resistance asks for a surface, the surface for fins; what capacity is left is a slab.
+Fins have two sides. Radiation is left out, so passive sinks come out somewhat large.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from lptn.effects.base import Symbol
+
+DENSITY, SPECIFIC_HEAT, CONDUCTIVITY = 2700.0, 897.0, 200.0
+"""Of aluminium (kg/m³, J/(kg K), W/(m K)): CRC Handbook of Chemistry and Physics; conductivity of common alloys."""
+AIR_CONDUCTIVITY, AIR_VISCOSITY, AIR_DIFFUSIVITY = 0.0267, 1.67e-5, 2.36e-5
+"""Of air at 37 degC (W/(m K), m²/s, m²/s): Incropera and DeWitt, Fundamentals of Heat and Mass Transfer, table A.4."""
+_GRAVITY, _AIR_TEMPERATURE = 9.81, 310.0
+
+
+@dataclass(frozen=True)
+class Air:
+    """What the air does at a fin: film coefficient [W/(m² K)] and the spacing [m] at which it holds."""
+
+    film: float
+    spacing: float
+
+
+def still_air(excess: float, height: float) -> Air:
+    r"""Natural convection between vertical fins at the spacing that carries most heat in a given volume.
+
+    .. math:: S = 2.714 \, (H \nu a / (g \beta \Delta T))^{1/4}, \qquad h = 1.307 \, k / S
+
+    Args:
+        excess: fins above the air [K].
+        height: of the fins along the rising air [m].
+
+    Source: Bar-Cohen and Rohsenow, J. Heat Transfer 106 (1984) 116: isothermal plates.
+    """
+    driving = _GRAVITY * excess / _AIR_TEMPERATURE / (AIR_VISCOSITY * AIR_DIFFUSIVITY)
+    spacing = 2.714 * (height / driving) ** 0.25
+    return Air(1.307 * AIR_CONDUCTIVITY / spacing, spacing)
+
+
+def blown_air(speed: float, height: float) -> Air:
+    r"""Laminar flow along fins so far apart that their boundary layers do not meet.
+
+    .. math:: h = 0.664 \, (k/H) \, Re^{1/2} Pr^{1/3}, \qquad S = 2 \cdot 5 H / Re^{1/2}
+
+    Args:
+        speed: of the air between the fins [m/s].
+        height: of the fins along the flow [m].
+
+    Source: Pohlhausen's solution for a flat plate; Incropera and DeWitt, chapter 7.
+    """
+    reynolds = speed * height / AIR_VISCOSITY
+    prandtl = AIR_VISCOSITY / AIR_DIFFUSIVITY
+    film = 0.664 * AIR_CONDUCTIVITY / height * math.sqrt(reynolds) * prandtl ** (1 / 3)
+    return Air(film, 10 * height / math.sqrt(reynolds))
+
+
+def fin_efficiency(film: float, thickness: float, depth: float) -> float:
+    """Share of the film that a straight fin of a thickness and a depth [m] makes use of (tanh m L / m L)."""
+    product = math.sqrt(2 * film / (CONDUCTIVITY * thickness)) * depth
+    return math.tanh(product) / product
+
+
+def fin_mass(resistance: Symbol, film: Symbol, thickness: Symbol, density: Symbol = DENSITY) -> Symbol:
+    """Mass [kg] of the fins that a resistance to the air [K/W] needs.
+
+    Args:
+        resistance: K/W.
+        film: film coefficient times fin efficiency [W/(m² K)].
+        thickness: of a fin [m].
+        density: kg/m³.
+    """
+    return density * thickness / (2 * film * resistance)
+
+
+def sink_volume(
+    capacity: Symbol,
+    resistance: Symbol,
+    film: Symbol,
+    thickness: Symbol,
+    spacing: Symbol,
+    density: Symbol = DENSITY,
+    specific_heat: Symbol = SPECIFIC_HEAT,
+) -> Symbol:
+    """Volume [m³] that fins with the air between them, and a slab of the rest of the metal, take up."""
+    fins = fin_mass(resistance, film, thickness, density)
+    slab = (capacity / specific_heat - fins) / density
+    return slab + (thickness + spacing) / (2 * film * resistance)

@@ -1,0 +1,207 @@
+"""A motor's drawing as its geometry file gives it, checked, with the sizes that follow from it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from importlib.resources import files
+from pathlib import Path
+
+import tomlkit
+from pydantic import ValidationError
+from tomlkit.exceptions import ParseError, TOMLKitError
+
+from lptn.errors import InputError
+from lptn.model_mistakes import from_validation, sentence, with_line
+from lptn.motor_geometry.materials import MATERIALS, Material, winding
+from lptn.motor_geometry.schema import GeometryFile, MaterialTable
+
+ORDER = {
+    "inrunner": ("shaft", "rotor", "magnets", "gap", "slots", "yoke", "housing"),
+    "outrunner": ("shaft", "yoke", "slots", "gap", "magnets", "rotor"),
+}
+"""What follows what from the axis outwards."""
+_USUAL = {
+    "shaft": "steel",
+    "rotor": "steel",
+    "magnets": "magnet",
+    "yoke": "lamination",
+    "teeth": "lamination",
+    "housing": "aluminium",
+}
+
+
+@dataclass(frozen=True)
+class Layer:
+    """One layer of slots and teeth, from radius to radius [m]; widths are at its middle."""
+
+    inner: float
+    outer: float
+    slot_width: float
+
+    @property
+    def depth(self) -> float:
+        """Radial size [m]."""
+        return self.outer - self.inner
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """A geometry file and what follows from it.
+
+    Args:
+        path: the file, for messages.
+        given: its tables, in SI.
+    """
+
+    path: Path
+    given: GeometryFile
+
+    @property
+    def order(self) -> tuple[str, ...]:
+        """Parts from the axis outwards."""
+        return ORDER[self.given.motor.kind]
+
+    @property
+    def slice_length(self) -> float:
+        """Axial length of one piece [m]."""
+        return self.given.motor.length / self.given.pieces.axial
+
+    def radii(self, part: str) -> tuple[float, float]:
+        """Inner and outer radius [m]."""
+        place = self.order.index(part)
+        inner = self.given.outer_radius[self.order[place - 1]] if place else 0.0
+        return inner, self.given.outer_radius[part]
+
+    def layers(self, part: str) -> list[tuple[float, float]]:
+        """Inner and outer radius [m] of each of a part's layers."""
+        inner, outer = self.radii(part)
+        n = getattr(self.given.pieces, {"slots": "winding"}.get(part, part), 1)
+        return [(inner + (outer - inner) * i / n, inner + (outer - inner) * (i + 1) / n) for i in range(n)]
+
+    def names(self, part: str) -> list[str]:
+        """Names of a part's layers, from the inside; winding and teeth share those of the slots."""
+        n = len(self.layers("slots" if part in ("winding", "tooth") else part))
+        return [part] if n == 1 else [f"{part}_r{i}" for i in range(1, n + 1)]
+
+    @cached_property
+    def slot_layers(self) -> list[Layer]:
+        """Slots and teeth, from the inside; the liner is no part of the slot."""
+        motor = self.given.motor
+        found = []
+        for inner, outer in self.layers("slots"):
+            pitch = math.pi * (inner + outer) / motor.slots
+            found.append(Layer(inner, outer, pitch - motor.tooth_width - 2.0 * self.given.winding.liner))
+        return found
+
+    @property
+    def copper_shares(self) -> tuple[list[float], float]:
+        """Share of the copper, and so of the loss, in each layer of the slots (all slices), and in one end winding."""
+        motor = self.given.motor
+        slots = [motor.slots * layer.slot_width * layer.depth * motor.length for layer in self.slot_layers]
+        inner, outer = self.radii("slots")
+        end = math.pi * (outer**2 - inner**2) * motor.overhang
+        whole = sum(slots) + 2.0 * end
+        return [volume / whole for volume in slots], end / whole
+
+    @property
+    def winding(self) -> Material:
+        """The winding as one material."""
+        return winding(self.given.winding.fill, self.given.winding.impregnation)
+
+    def material(self, part: str) -> Material:
+        """What a part is made of."""
+        chosen = self.given.materials.get(part, _USUAL[part])
+        if isinstance(chosen, str):
+            return MATERIALS[chosen]
+        both = chosen.conductivity or 0.0
+        radial, axial = chosen.conductivity_radial or both, chosen.conductivity_axial or both
+        return Material(radial, axial, chosen.density, chosen.specific_heat)
+
+    def check(self) -> None:
+        """Refuse a drawing of no motor.
+
+        Raises:
+            InputError: parts that overlap, slots without room, a material nobody knows.
+        """
+        radii, before = self.given.outer_radius, 0.0
+        words = ", ".join(self.order)
+        for part in radii:
+            if part not in self.order:
+                raise self._mistake(f"outer_radius.{part}", f'"{part}"', f"one of {words}")
+        for part in self.order:
+            if part not in radii:
+                raise self._mistake("outer_radius", f"no {part}", f"the outer radius of each of {words}")
+            if radii[part] <= before:
+                raise self._mistake(f"outer_radius.{part}", f"{radii[part]:g} m", f"more than {before:g} m")
+            before = radii[part]
+        self._check_slots()
+        self._check_materials()
+
+    def _check_slots(self) -> None:
+        narrow = min(layer.slot_width for layer in self.slot_layers)
+        if narrow <= 0.0:
+            room = self.given.motor.tooth_width + narrow
+            raise self._mistake(
+                "motor.tooth_width",
+                f"{1e3 * self.given.motor.tooth_width:.3g} mm",
+                f"less than {1e3 * max(room, 0.0):.3g} mm, so that slots with their liners have room",
+            )
+        if self.given.winding.input == "torque" and self.given.winding.torque_constant is None:
+            raise self._mistake("winding", "input torque without torque_constant", "a key torque_constant in N*m/A")
+
+    def _check_materials(self) -> None:
+        for part, chosen in self.given.materials.items():
+            place = f"materials.{part}"
+            known = [name for name in _USUAL if name == "teeth" or name in self.order]
+            if part not in known:
+                raise self._mistake(place, f'"{part}"', f"one of {', '.join(known)}")
+            if isinstance(chosen, str) and chosen not in MATERIALS:
+                raise self._mistake(place, f'"{chosen}"', f"one of {', '.join(MATERIALS)}, or a table of its values")
+            if isinstance(chosen, MaterialTable):
+                pair = (chosen.conductivity_radial, chosen.conductivity_axial)
+                if (chosen.conductivity is None) == (None in pair):
+                    raise self._mistake(place, "its conductivity", "conductivity, or conductivity_radial and _axial")
+
+    def _mistake(self, place: str, found: str, expected: str) -> InputError:
+        return InputError(self.path, place, found, expected)
+
+
+def sample(kind: str = "inrunner") -> str:
+    """The text of a geometry file to begin with, of an `"inrunner"` or an `"outrunner"`."""
+    return (files(__package__) / f"{kind}.toml").read_text(encoding="utf-8")
+
+
+def load_geometry(path: Path) -> Geometry:
+    """Read a geometry file.
+
+    Raises:
+        InputError: it can't be read, or describes no motor; with the line of the mistake.
+    """
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "bytes that are not UTF-8 text"
+        raise InputError(path, "file", reason or "no file", "a geometry file (`lptn motor` prints one)") from error
+    return parse_geometry(text, path)
+
+
+def parse_geometry(text: str, path: Path) -> Geometry:
+    """Read a geometry from the text of its file; `path` serves for messages.
+
+    Raises:
+        InputError: with the line of the mistake.
+    """
+    try:
+        geometry = Geometry(path, GeometryFile.model_validate(tomlkit.parse(text).unwrap()))
+        geometry.check()
+    except ParseError as error:
+        raise InputError(path, f"line {error.line}", sentence(str(error)), "TOML") from error
+    except TOMLKitError as error:
+        raise InputError(path, "file", sentence(str(error)), "TOML") from error
+    except ValidationError as error:
+        raise from_validation(error, path, text) from error
+    except InputError as error:
+        raise with_line(error, path, text) from error
+    return geometry

@@ -1,0 +1,99 @@
+"""Consistent networks of the thesis's motor: fits, contradictions, predictions, and the mass its circuit lacks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from lptn.model import Model
+from lptn.model_file import parse_model
+from lptn.robots import presets
+
+Thesis = Callable[[str], ModuleType]
+
+
+def test_two_nodes_meet_the_four_unaltered_facts(thesis: Thesis) -> None:
+    facts, circuits = thesis("facts"), thesis("circuits")
+    values = facts.fit_two_nodes()
+    assert values == pytest.approx([56.8, 2.107, 246.0, 0.869], rel=0.005)
+    motor = circuits.two_nodes(*values)
+    assert facts.of_unaltered(motor) == pytest.approx([55.0, 26.5, 100.0, 160.0], abs=0.01)
+    # Not used in the fit: the current that holds 105 degC is the data sheet's rating within a few per cent.
+    rated = np.interp(105.0, [motor.steady(i) for i in np.arange(9.0, 12.0, 0.05)], np.arange(9.0, 12.0, 0.05))
+    assert rated == pytest.approx(10.58, rel=0.02)
+    assert motor.runaway_current() == pytest.approx(21.5, abs=0.1)
+
+
+def test_the_matrix_exponential_agrees_with_an_integrator(thesis: Thesis) -> None:
+    facts = thesis("facts")
+    _, passive, _ = facts.STATOR.build(facts.RECOMMENDED)
+    a, b = passive.system(15.0)
+    path = solve_ivp(lambda _, x: a @ x + b, (0.0, 200.0), np.zeros(4), t_eval=[10.0, 200.0], rtol=1e-10, atol=1e-10).y
+    assert passive.rise(15.0, np.array([10.0, 200.0])) == pytest.approx(path, abs=1e-6)
+
+
+def test_facts_that_contradict_each_other_show(thesis: Thesis) -> None:
+    facts = thesis("facts")
+    same = facts.fit(facts.SAME, facts.LITERAL, starts=2).chi_squared
+    three = facts.fit(facts.STATOR, facts.LITERAL, starts=2).chi_squared
+    projected = facts.fit(facts.STATOR, facts.PROJECTED, starts=2).chi_squared
+    assert three < 9.0  # eight facts: consistent with a third mass …
+    assert same > 30.0  # … rejected with "R_w unchanged" …
+    assert projected > 15.0  # … and rejected with "+20 s", whatever the network
+
+
+def test_35_a_takes_seconds_not_one(thesis: Thesis) -> None:
+    predictions = thesis("figure_errata").predictions()
+    rise, time = predictions["two nodes"]
+    assert rise == pytest.approx(4.0, abs=0.05)
+    assert time == pytest.approx(19.4, abs=0.1)
+    assert all(4.0 <= rise <= 9.0 and 10.5 <= time <= 19.5 for rise, time in predictions.values())
+    # At 35 A neither sink nor fan is any help: the winding is hot before the heat gets there.
+    assert predictions["three nodes, fan"][1] - predictions["three nodes"][1] < 1.2
+
+
+@pytest.mark.parametrize("preset", ["u8", "u8-heat-sink"])
+def test_ready_models_hold_the_recommended_network(preset: str, thesis: Thesis) -> None:
+    facts = thesis("facts")
+    motor, passive, _ = facts.STATOR.build(facts.RECOMMENDED)
+    circuit = motor if preset == "u8" else passive
+    model = Model(parse_model(presets()[preset], Path(preset)).network)
+    n = len(model.nodes)
+    inputs = [{"temperature.ambient": 21.5, "current.winding": 15.0}[name] for name in model.inputs]
+    path = model.run(400)(np.full(n, 21.5), np.repeat(np.array(inputs)[:, None], 400, axis=1), model.values, 0.5).full()
+    assert path[:, -1] - 21.5 == pytest.approx(circuit.rise(15.0, np.array([200.0]))[:, 0], abs=1e-4)
+
+
+def test_lptn_finds_that_a_thermal_mass_is_missing(thesis: Thesis, tmp_path: Path) -> None:
+    example = thesis("missing_mass")
+    example.write_logs(tmp_path)
+    ladder = example.ask(tmp_path)
+    assert ladder.verdict == "missing"
+    assert ladder.remaining == "adequate"
+    assert [(rung.effect, rung.at) for rung in ladder.rungs[1:]] == [("second_mass", "winding")]
+    assert ladder.rungs[0].holdout.rmse > 4 * ladder.best.holdout.rmse
+    found = {unknown.name: unknown.value for unknown in ladder.best.fit.model.unknowns}
+    assert found["capacity.winding"] == pytest.approx(example.C_W, rel=0.02)
+    assert found["resistance.ambient~winding"] == pytest.approx(example.R_WH + example.R_HA, rel=0.01)
+
+
+def test_the_errata_figure_is_drawn(thesis: Thesis, tmp_path: Path) -> None:
+    thesis("figure_errata").main(tmp_path / "errata.png")
+    assert (tmp_path / "errata.png").stat().st_size > 50_000
+    assert thesis("figure_errata").pole_current() == pytest.approx(10.74, abs=0.02)
+
+
+def test_the_curves_are_drawn_again(thesis: Thesis, tmp_path: Path) -> None:
+    curves, printed = thesis("figure_curves"), thesis("as_printed")
+    curves.main(tmp_path / "curves.png")
+    assert (tmp_path / "curves.png").stat().st_size > 50_000
+    times = np.array([0.0, 120.0, 800.0])
+    unaltered = curves.pulse(curves.networks()[0], 11.0, 120.0, times)
+    assert unaltered == pytest.approx([21.5, 55.0, 23.2], abs=0.1)
+    by_formula = curves.printed_pulse(printed.UNALTERED, 11.0, 120.0, times)
+    assert by_formula[1] == pytest.approx(54.85, abs=0.01)  # 55 degC after 121.7 s
