@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import Self
 
 import numpy as np
-from lptn.fmu import Session
-from lptn.fmu.naming import to_column
 
 from a1_task import JOINTS, FloatArray
+from lptn.fmu import Session
+from lptn.fmu.naming import to_column
 
 ZERO_CELSIUS = 273.15  # K
 

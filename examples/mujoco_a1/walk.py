@@ -26,7 +26,6 @@ if sys.platform == "linux" and not os.environ.get("DISPLAY"):
     os.environ.setdefault("MUJOCO_GL", "egl")  # MuJoCo reads it when it is imported: render without a screen
 
 import numpy as np
-from lptn.fmu import export
 
 from a1_cosim import WINDOW, CoSimulation, Record, Setting
 from a1_fmu import FmuThermal
@@ -35,6 +34,7 @@ from a1_pictures import film, overview
 from a1_robot import TIME_STEP
 from a1_task import JOINTS
 from a1_thermal import quadruped
+from lptn.fmu import export
 
 parser = argparse.ArgumentParser(description="The Unitree A1 in MuJoCo beside its thermal network.")
 parser.add_argument("--fast", action="store_true", help="30 s from a warm start instead of 20 min from cold")

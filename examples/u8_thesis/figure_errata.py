@@ -11,12 +11,12 @@ import as_printed as printed
 import numpy as np
 from as_printed import AMBIENT, PASSIVE, R_0
 from circuits import RESISTANCE
-from lptn.planners.motors import wire_capacity, wire_length
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from table import networks
 
 from lptn.files import write_whole
+from lptn.planners.motors import wire_capacity, wire_length
 from lptn.report.style import BEST, GIVEN, INK, SMALL, dress, new_figure
 
 LIMIT: dict[str, Any] = {"color": "#D55E00", "linewidth": 1.2}

@@ -6,6 +6,8 @@ import csv
 from pathlib import Path
 
 from circuits import Circuit
+from row import Row
+
 from lptn.planners.motors import (
     U8,
     U8_RATED_TORQUE,
@@ -24,7 +26,6 @@ from lptn.planners.motors import (
     wire_length,
     wire_surface,
 )
-from row import Row
 
 INCH = 0.0254
 K_T, K_T_ROUNDED = U8.torque_constant.value, 0.1

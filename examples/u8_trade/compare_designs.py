@@ -12,11 +12,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from lptn.planners.motors import U8, U10
-from lptn.planners.trade import Option, Problem, parse_study
 from matplotlib.figure import Figure
 
 from lptn.files import write_whole
+from lptn.planners.motors import U8, U10
+from lptn.planners.trade import Option, Problem, parse_study
 from lptn.report.style import INK, SMALL, dress, new_figure
 
 DURATIONS = (1.0, 3.0, 10.0, 20.0, 30.0, 60.0, 120.0, 180.0, 300.0, 600.0, 1800.0, 3600.0)  # s

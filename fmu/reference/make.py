@@ -11,10 +11,10 @@ from zipfile import ZipFile
 
 import numpy as np
 import pandas as pd
-from lptn.fmu import Exported, export
 from scipy.integrate import solve_ivp
 
 from lptn.arrays import FloatArray
+from lptn.fmu import Exported, export
 from lptn.model import Model
 from lptn.model_file import ModelFile, parse_model
 from lptn.robots import presets

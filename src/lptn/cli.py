@@ -31,7 +31,7 @@ from lptn.errors import InputError
 from lptn.fmu.commands import cosim, fmu
 from lptn.forecast_command import forecast
 from lptn.monitor_command import monitor
-from lptn.motor_geometry.commands import motor
+from lptn.motor_command import motor
 from lptn.planners.commands import trade
 
 app = cyclopts.App(

@@ -22,9 +22,9 @@ from typing import Any
 from zipfile import ZipFile
 
 import numpy as np
+
 from lptn.fmu import Session, export
 from lptn.fmu.compile import local_compiler
-
 from lptn.model import Model
 from lptn.model_file import parse_model
 from lptn.robots import presets

@@ -1,7 +1,7 @@
-"""Identification at full scale: what is recovered, from where, how fast; peers run in the same process on the same data.
+"""Identification at full scale: what is recovered, from where, how fast; peers run beside it on the same data.
 
-Truth is the plain virtual quadruped (one mass a joint, parameters scattered over the legs, sensors in steps of 1 K), whose
-code shares nothing with the model.
+Truth is the plain virtual quadruped (one mass a joint, parameters scattered over the legs, sensors in steps of 1 K),
+whose code shares nothing with the model.
 
     python tests/benchmarks/identification.py parameters --seeds 11 12 13
     python tests/benchmarks/identification.py starts --seed 11
@@ -12,6 +12,7 @@ from __future__ import annotations
 import argparse
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TypeVar
@@ -108,7 +109,7 @@ def random_starts(seed: int) -> None:
         values = typical.copy()
         values[problem.free] *= SPREAD ** rng.uniform(-1, 1, len(problem.free))
         z = np.clip(problem.guess(values), lower, upper)
-        found, seconds = _timed(lambda z=z: minimise(problem, z))
+        found, seconds = _timed(partial(minimise, problem, z))
         costs.append(found.cost)
         times.append(seconds)
     same = sum(abs(cost - reference.cost) < 1e-3 * max(reference.cost, 1.0) for cost in costs)
@@ -133,7 +134,7 @@ def _peer(name: str, ours: float, cost: float, run: Callable[[], float]) -> None
 def _scipy(problem: Problem, start: FloatArray, jacobian: str | Callable[[FloatArray], FloatArray]) -> float:
     lower, upper = problem.bounds()
     inside = np.clip(start, lower + 1e-9, upper - 1e-9)
-    done = least_squares(problem.residuals, inside, jac=jacobian, bounds=(lower, upper), x_scale="jac")  # type: ignore[call-overload]
+    done = least_squares(problem.residuals, inside, jac=jacobian, bounds=(lower, upper), x_scale="jac")  # type: ignore[arg-type]
     return float(done.cost)
 
 
@@ -177,7 +178,7 @@ def _timed_build(problem: Problem, start: FloatArray) -> tuple[ca.Function, dict
         guess.append(ends.T.ravel())
     nlp = {"x": ca.vertcat(*unknowns), "f": cost, "g": ca.vertcat(*equal)}
     options = {"ipopt.print_level": 0, "print_time": False, "ipopt.sb": "yes"}
-    solver = ca.nlpsol("simultaneous", "ipopt", nlp, options)
+    solver = ca.nlpsol("simultaneous", "ipopt", nlp, options)  # type: ignore[arg-type]
     lower, upper = problem.bounds()
     size = sum(len(part) for part in guess) - count
     arguments = {

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from lptn.planners.trade import Problem, iso_map, limit_curves, solve_study
 from scipy.integrate import solve_ivp
 
 from lptn.arrays import FloatArray
+from lptn.planners.trade import Problem, iso_map, limit_curves, solve_study
 from tests.cooling import plain_sink as plain
 from tests.cooling.studies import HELD, study
 

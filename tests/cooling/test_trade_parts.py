@@ -8,14 +8,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.optimize import minimize_scalar
+
+from lptn.cli import main
 from lptn.planners import motors
 from lptn.planners.motors import U8, U10
 from lptn.planners.trade import load_study, solve_study
 from lptn.planners.trade.profiles import JUMP_RATIO, PEAK, STANCE, jump, level_walking
 from lptn.planners.trade.sink import blown_air, fin_efficiency, fin_mass, sink_volume, still_air
-from scipy.optimize import minimize_scalar
-
-from lptn.cli import main
 from tests.cooling.studies import study
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "u8_trade"

@@ -135,9 +135,8 @@ def test_lies_down_without_torque_and_gets_up_again(setting: Setting, payload: f
 
 
 def test_the_fmu_gives_the_models_temperatures(tmp_path: Path) -> None:
-    from lptn.fmu import export
-
     from a1_fmu import FmuThermal
+    from lptn.fmu import export
 
     path = tmp_path / "quadruped.fmu"
     export(quadruped(), path, fmi=3)

@@ -7,8 +7,8 @@ from functools import cache
 from pathlib import Path
 
 import pytest
-from lptn.fmu import Exported, export
 
+from lptn.fmu import Exported, export
 from lptn.model import Model
 from lptn.model_file import parse_model
 from lptn.network import Network

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from lptn.fmu import FmuError, Session
 
+from lptn.fmu import FmuError, Session
 from tests.fmu.conftest import Build
 from tests.fmu.drives import ROOM, ZERO, bead_and_motor_by_hand, in_kelvin, leg_by_hand, solved, steps
 

@@ -9,8 +9,8 @@ from zipfile import ZipFile
 import casadi as ca
 import numpy as np
 import pytest
-from lptn.fmu import Exported
 
+from lptn.fmu import Exported
 from tests.fmu.conftest import Build
 from tests.fmu.drives import ZERO
 

@@ -7,9 +7,9 @@ from typing import Any
 import fmpy
 import numpy as np
 import pytest
-from lptn.fmu import Exported, Session
 
 from lptn.arrays import FloatArray
+from lptn.fmu import Exported, Session
 from tests.fmu.conftest import Build
 from tests.fmu.drives import ZERO, leg_by_hand
 

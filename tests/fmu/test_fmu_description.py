@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 from fmpy import read_model_description
 from fmpy.validation import validate_fmu
-from lptn.fmu import export
 
 from lptn.errors import InputError
+from lptn.fmu import export
 from lptn.model import Model
 from lptn.robots import presets
 from tests.builders import capacity, link

@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 from fmpy.fmi1 import FMICallException
 from fmpy.fmi3 import FMU3Model
+
 from lptn.fmu import FmuError, Session, export
 from lptn.fmu.compile import local_compiler
-
 from lptn.model import Model
 from tests.fmu.conftest import Build, network
 

@@ -9,8 +9,8 @@ from zipfile import ZipFile
 import numpy as np
 import pandas as pd
 import pytest
-from lptn.fmu import Session, export
 
+from lptn.fmu import Session, export
 from lptn.model_file import parse_model
 from lptn.robots import presets
 from tests.fmu.conftest import Build

@@ -11,9 +11,9 @@ from zipfile import ZipFile
 
 import numpy as np
 import pytest
-from lptn.fmu import Exported
 
 from lptn.arrays import FloatArray
+from lptn.fmu import Exported
 from tests.fmu.conftest import Build
 from tests.fmu.drives import ZERO, in_kelvin, leg_by_hand, solved, steps
 

@@ -10,9 +10,9 @@ from pathlib import Path
 from zipfile import ZipFile
 
 import pytest
+
 from lptn.fmu import Exported, export
 from lptn.fmu.compile import PLATFORMS, universal
-
 from lptn.model import Model
 from tests.fmu.conftest import network
 

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from lptn.fmu import Session
 
 from lptn.arrays import FloatArray
+from lptn.fmu import Session
 from tests.fmu.conftest import Build
 from tests.fmu.drives import in_kelvin, steps
 

@@ -139,7 +139,7 @@ def test_integral_start_of_a_model_with_nothing_free_is_the_model() -> None:
         tuple(
             n if n.capacity is None else replace(n, capacity=replace(n.capacity, fixed=True)) for n in declared.nodes
         ),
-        tuple(replace(one, resistance=replace(one.resistance, fixed=True)) for one in declared.links),
+        tuple(replace(one, resistance=replace(one.resistance, fixed=True)) for one in declared.links if one.resistance),
         declared.effects,
     )
     model = Model(held)
