@@ -149,6 +149,24 @@ class Problem:
                 hessian[np.ix_(columns, columns)] += narrow.T @ narrow
         return gradient, hessian
 
+    def block_gradients(self, z: FloatArray, seconds: float) -> FloatArray:
+        """The cost's gradient from each node's readings in each stretch of a run, shape (stretches, size).
+
+        Raises:
+            SimulationError: the point makes the model too stiff, or it runs away.
+        """
+        point, found = self.point(z), []
+        for number, driven in enumerate(self.drives):
+            columns, n = self._columns(number), len(driven)
+            per_block = max(1, round(seconds / driven.run.step))
+            for places, residuals, narrow in self._blocks(number, point):
+                stretch = (places // n) * n + (places % n) // per_block
+                first = np.flatnonzero(np.diff(stretch, prepend=-1))
+                rows = np.zeros((len(first), self.size))
+                rows[:, columns] = np.add.reduceat(narrow * residuals[:, None], first, axis=0)
+                found.append(rows)
+        return np.vstack(found)
+
     def _columns(self, number: int) -> IntArray:
         """The unknowns that a run's readings depend on: the parameters and its own initial states."""
         count = len(self.model.states)

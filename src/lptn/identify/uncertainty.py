@@ -12,6 +12,8 @@ from lptn.parameters import Unknown
 
 _OPEN = 0.7  # standard error of a logarithm (or share of the typical size) above which a value means little
 _SINGULAR = 1e-9  # eigenvalue, relative to the largest, of a combination that moves no temperature
+_STRETCHES = (600.0, 300.0, 120.0, 60.0)  # s; the longest of which there are enough
+_LEAST_STRETCHES = 3  # for each unknown of the fit
 _CLOSE = 1e-4  # distance to a bound, in the search's coordinates
 
 
@@ -37,13 +39,15 @@ def uncertainty(problem: Problem, z: FloatArray) -> Uncertainty:
     count = len(problem.free)
     if count == 0:
         return Uncertainty(np.zeros(0), np.zeros((0, 0)), np.zeros((0, 0)), ())
-    information = _without_starts(problem.normal(z)[1], count)
+    whole = problem.normal(z)[1]
+    information = _without_starts(whole, count)
     residuals = problem.residuals(z)
     eigenvalues, vectors = np.linalg.eigh(information)
     largest = max(float(eigenvalues[-1]), 1e-300)
     open_directions = eigenvalues < _SINGULAR * largest
     inverse = np.where(open_directions, 0.0, 1.0 / np.where(open_directions, 1.0, eigenvalues))
     covariance = (vectors * inverse) @ vectors.T * _widening(residuals[: problem.readings])
+    covariance = _as_wide_as_stretches(covariance, problem, z, whole)
     spread = np.sqrt(np.diag(covariance))
     loose = (np.abs(vectors[:, open_directions]) > 0.05).any(axis=1)
     slope = problem.slope(problem.point(z).values)
@@ -71,6 +75,28 @@ def _widening(residuals: FloatArray) -> float:
     lag_one = float(np.mean(residuals[1:] * residuals[:-1])) / square
     lag_one = min(max(lag_one, 0.0), 0.999)
     return max(square, 1.0) * (1 + lag_one) / (1 - lag_one)
+
+
+def _as_wide_as_stretches(covariance: FloatArray, problem: Problem, z: FloatArray, whole: FloatArray) -> FloatArray:
+    """The covariance, widened to what stretches of minutes say where that is more.
+
+    A coarse sensor reads too high for minutes, then too low; small physics that the model lacks does the same. White
+    noise hides this from the correlation of neighbouring readings, but not from the gradients that whole stretches
+    add to the cost: their scatter, seen through the Hessian, is what the parameters scatter by.
+    """
+    count = len(problem.free)
+    for seconds in _STRETCHES:
+        gradients = problem.block_gradients(z, seconds)
+        if len(gradients) >= _LEAST_STRETCHES * problem.size:
+            break
+    else:
+        return covariance
+    damped = whole + 1e-10 * max(float(np.trace(whole)), 1e-12) * np.eye(len(whole))
+    moved = np.linalg.solve(damped, gradients.T)[:count]
+    share = len(gradients) / (len(gradients) - problem.size)
+    variance, known = share * np.sum(moved**2, axis=1), np.diag(covariance)
+    factor = np.sqrt(np.maximum(1.0, np.divide(variance, known, out=np.ones(count), where=known > 0)))
+    return covariance * np.outer(factor, factor)
 
 
 def _combinations(names: list[str], vectors: FloatArray) -> list[str]:

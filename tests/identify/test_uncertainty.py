@@ -1,0 +1,56 @@
+"""Standard errors mean what they say, for fine and for coarse sensors."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lptn.identify import fit
+from lptn.identify.problem import Problem
+from lptn.logs import Run
+from lptn.model import Model
+from lptn.simulate import drive, drives
+from tests.identify_truth import TRUTH, network, truth_run
+
+
+def _rounded(run: Run, step: float) -> Run:
+    if step == 0:
+        return run
+    columns = {
+        name: np.round(values / step) * step if name in ("temperature.a", "temperature.b") else values
+        for name, values in run.columns.items()
+    }
+    return replace(run, columns=columns, resolution={"temperature.a": step, "temperature.b": step})
+
+
+@pytest.mark.parametrize("step", [0.0, 1.0])
+def test_nineteen_of_twenty_true_values_lie_within_two_standard_errors(step: float) -> None:
+    model, inside = Model(network()), []
+    for seed in range(8):
+        found = fit(model, drives(model, [_rounded(truth_run(3000.0, step=4.0, noise=0.05, seed=seed), step)]))
+        values = {unknown.name: unknown.value for unknown in found.model.unknowns}
+        inside += [abs(values[name] - true) < 2 * found.errors[name] for name, true in TRUTH.items()]
+    assert len(inside) == 32
+    # Of 32, 30.4 are expected; fewer than 27 come once in a hundred times.
+    assert sum(inside) >= 27
+
+
+def test_a_coarse_sensor_widens_the_intervals() -> None:
+    model, fine = Model(network()), truth_run(3000.0, step=4.0, noise=0.05)
+    errors = [fit(model, drives(model, [_rounded(fine, step)])).errors for step in (0.0, 1.0)]
+    wider = [errors[1][name] / errors[0][name] for name in TRUTH]
+    assert min(wider) > 1
+    assert np.mean(wider) > 1.3
+
+
+def test_gradients_of_all_stretches_add_up_to_the_gradient() -> None:
+    model = Model(network())
+    runs = [drive(model, truth_run(900.0, seed=seed)) for seed in (0, 1)]
+    problem = Problem(model, runs, np.array([0.1, 0.2]))
+    z = problem.guess(model.values)
+    gradient, _ = problem.normal(z)
+    parts = problem.block_gradients(z, 120.0)
+    assert len(parts) == 2 * 2 * 8  # runs, nodes, stretches
+    np.testing.assert_allclose(parts.sum(axis=0), gradient, rtol=1e-9, atol=1e-6)  # at the guess no prior pulls
