@@ -7,7 +7,7 @@ from typing import Annotated
 
 from cyclopts import Parameter as Option
 
-from lptn.cli_support import check_outputs, check_picture
+from lptn.cli_support import check_outputs, check_picture, write_figure
 
 Result = Annotated[
     Path | None, Option(name=["--json", "--output", "-o"], help="File to write the result to, for programs (JSON).")
@@ -20,15 +20,16 @@ def trade(study: Path, /, *, json: Result = None, plot: Plot = None) -> None:
 
     Example: lptn trade u8.toml --json result.json --plot study.png
     """
-    import io
-
-    from lptn.files import write_whole
+    from lptn.errors import InputError
     from lptn.terminal import progress, write_json
 
     from .trade import load_study, solve_study
     from .trade.export import as_json, lines
 
     check_outputs(json, plot)
+    for output in (json, plot):
+        if output is not None and output.resolve() == study.resolve():
+            raise InputError(output, "output", "the study itself", "another file, for this one would be lost")
     check_picture(plot)
     asked = load_study(study)
     with progress("reading") as report:
@@ -39,7 +40,5 @@ def trade(study: Path, /, *, json: Result = None, plot: Plot = None) -> None:
     if plot is not None:
         from .trade.figures import study_figure
 
-        picture = io.BytesIO()
-        study_figure(result).savefig(picture, format=plot.suffix.lower().removeprefix("."))
-        write_whole(plot, picture.getvalue())
+        write_figure(study_figure(result), plot)
     write_json(json, as_json(result))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -10,8 +11,10 @@ from lptn.evidence import evidence
 from lptn.ladder import improve
 from lptn.on_evidence import fit_parts, holdout_errors
 from lptn.opening import open_model
+from lptn.versus import versus
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
+DATA = ("csv", "parquet")
 
 
 def test_two_heaters_lack_conduction_and_a_sensor_lag() -> None:
@@ -39,7 +42,30 @@ def test_pmsm_models_fit_their_log(name: str) -> None:
     assert held.rmse > 3 * done.rmse
 
 
-@pytest.mark.parametrize("folder", sorted(path.name for path in EXAMPLES.iterdir() if path.is_dir()))
+def test_neighbouring_joints_of_the_ur3_arm_heat_each_other() -> None:
+    folder, found = EXAMPLES / "ur3", []
+    for name in ("coupled", "single_nodes"):
+        opened = open_model(folder / f"{name}.toml")
+        data = evidence(opened.runs([folder / "warm_up.parquet"]), opened.runs([folder / "later.parquet"])).coarsened(
+            5.0
+        )
+        found.append((fit_parts(opened.model, data.fit), data.holdout))
+    (coupled, parts), (single, single_parts) = found
+    both = versus(coupled.model, single.model, parts, single_parts)
+    assert both.runs[0].mean[0] < both.runs[0].mean[1] < 0.5
+    assert both.runs[0].reduction > 0.2
+
+
+def test_the_whole_body_beats_single_nodes(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(EXAMPLES / "quadruped")
+    whole_body = import_module("whole_body")
+    trials = whole_body.main(["--fast", "--seeds", "5"])
+    assert "source" in capsys.readouterr().out
+    overall = trials[5].protocol.classes[-1]
+    assert overall.mean[0] < 0.5 * overall.mean[1]
+
+
+@pytest.mark.parametrize("folder", sorted({path.parent.name for kind in DATA for path in EXAMPLES.glob(f"*/*.{kind}")}))
 def test_measured_data_stand_beside_their_source_and_licence(folder: str) -> None:
     notice = (EXAMPLES / folder / "NOTICE.md").read_text()
     assert "Source:" in notice

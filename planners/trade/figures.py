@@ -37,9 +37,7 @@ def study_figure(result: StudyResult) -> Figure:
         panels.insert(0, _front)
     rows = (len(panels) + 1) // 2
     figure = new_figure(3.6 * rows + 0.3)
-    cells = np.asarray(
-        figure.subfigures(rows, 2)
-    ).ravel()  # each panel has its own margins: names of parameters are long
+    cells = np.asarray(figure.subfigures(rows, 2)).ravel()  # own margins each: names of parameters are long
     for cell, draw in zip(cells, panels, strict=False):
         ax = cell.subplots()
         draw(ax, result)
@@ -90,13 +88,14 @@ def _map(ax: Axes, result: StudyResult) -> None:
     assert found is not None
     option = design.option
     here = (design.capacity or np.nan, design.resistance or np.nan)
+    # Before the contours: their labels cut gaps that hold on the axes' scale of that moment only.
+    ax.set(xscale="log", yscale="log", xlabel="sink capacity C [J/K]", ylabel="sink resistance R_h [K/W]")
+    ax.set(xlim=option.study.sink.capacity, ylim=option.study.sink.resistance)
     lines = ax.contour(found.capacity, found.resistance, found.winding, levels=8, cmap="cividis_r", linewidths=1.2)
     ax.clabel(lines, fontsize=SMALL, fmt=_decimals(found.winding))
     _bounds(ax, design)
     ax.plot(*here, "o", ms=7, color=_COLOURS[1], zorder=6, clip_on=False)
     ax.annotate("design", here, (7, 7), textcoords="offset points", fontsize=SMALL)
-    ax.set(xscale="log", yscale="log", xlabel="sink capacity C [J/K]", ylabel="sink resistance R_h [K/W]")
-    ax.set(xlim=option.study.sink.capacity, ylim=option.study.sink.resistance)
     peak = "Mean" if option.study.task.cycles is None else "Hottest"
     ax.set_title(f"{peak} winding [degC], {plain(option.name)}, {design.torque:.3g} N·m")
 
@@ -143,21 +142,21 @@ def _curves(ax: Axes, result: StudyResult) -> None:
 
 def _sensitivities(ax: Axes, result: StudyResult) -> None:
     """Of the best choice, and of the best one with a sink."""
-    shown = result.designs[:1]
-    shown += tuple(design for design in result.designs[1:] if design.option.has_sink and not shown[0].option.has_sink)[
-        :1
-    ]
+    best, sunk = result.designs[0], result.with_sink
+    shown = [best] if sunk is None or best.option.has_sink else [best, sunk]
     by_design = [{name: relative for name, _, relative in strongest(design, 99)} for design in shown]
     names = [name for name, _, _ in strongest(shown[-1], 8)][::-1]
     rows, thickness = np.arange(len(names)), 0.7 / len(shown)
     for number, (design, found) in enumerate(zip(shown, by_design, strict=True)):
         values = [found.get(name, 0.0) for name in names]
         place = rows + (0.5 * (len(shown) - 1) - number) * thickness
-        ax.barh(place, values, height=thickness, color=_COLOURS[number], label=plain(design.option.name))
+        colour = _look(result, design.option.name)["color"]
+        hatch = "////" if design.option.has_sink else None
+        ax.barh(place, values, thickness, color=colour, hatch=hatch, ec="white", lw=0, label=plain(design.option.name))
     units = {name: unit for design in shown for name, (_, unit) in design.parameters.items()}
     ax.set_yticks(rows, [plain(name) + (", per K" if units[name] == "degC" else "") for name in names])
     ax.set_ylim(-0.5, max(len(names), 3) + 0.4)  # room for the legend above the bars
     ax.axvline(0.0, color=INK, lw=0.8)
     ax.set_xlabel(f"% of the {GOALS[result.study.goal][0]} per %")
     ax.set_title("Lagrange multipliers", loc="right", fontsize=TEXT)
-    ax.legend(frameon=False, fontsize=SMALL, loc="upper center", ncols=2)
+    ax.legend(framealpha=1.0, edgecolor="white", fontsize=SMALL, loc="upper center", ncols=2)

@@ -41,7 +41,7 @@ Volume = Annotated[Number, _POSITIVE, _quantity("m^3")]
 ExtraVolume = Annotated[Number, _NOT_NEGATIVE, _quantity("m^3")]
 Length = Annotated[Number, _POSITIVE, _quantity("m")]
 Speed = Annotated[Number, _POSITIVE, _quantity("m/s")]
-Seconds = Annotated[Number, _POSITIVE, _quantity("s")]
+Seconds = Annotated[Number, Field(gt=0, le=86400), _quantity("s")]  # a day: fine simulations take steps of a second
 Torque = Annotated[Number, _POSITIVE, _quantity("N*m")]
 Current = Annotated[Number, _POSITIVE, _quantity("A")]
 Power = Annotated[Number, _POSITIVE, _quantity("W")]

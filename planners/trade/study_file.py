@@ -64,6 +64,7 @@ def parse_study(text: str, path: Path) -> Study:
 
 def _study(tables: File, path: Path) -> Study:
     motors = tuple(_motor(motor, number, tables, path) for number, motor in enumerate(tables.motors))
+    _refuse_twice([motor.name for motor in motors], path)
     sink, fan = tables.sink, tables.fan
     still = still_air(sink.excess, sink.fin_height)
     study = Study(
@@ -137,6 +138,14 @@ def _network(name: str, place: str, path: Path) -> Network:
     return network
 
 
+def _refuse_twice(names: list[str], path: Path) -> None:
+    """Answers are kept by the motor's name."""
+    for number, name in enumerate(names):
+        if name in names[:number]:
+            found = f'"{name}" a second time'
+            raise InputError(path, f"motors[{number}].name", found, "a name of its own for each motor")
+
+
 # --- task ---------------------------------------------------------------------------------------
 
 
@@ -196,14 +205,14 @@ def _range(given: list[float], place: str, path: Path) -> tuple[float, float]:
 
 def _check(study: Study, path: Path) -> None:
     """Mistakes that only the whole study shows."""
-    for number, option in enumerate(study.options()):
+    for option in study.options():
         limit = option.limits.get("winding")
         if limit is None and study.goal != "worst_temperature":
             expected = f"winding = … in degC, for nothing is known of {option.motor.name}'s"
             raise InputError(path, "limits", "no limit of the winding's temperature", expected)
         hottest = max(study.task.start, study.task.ambient)
         if limit is not None and limit <= hottest:
-            where = "limits.winding" if "winding" in study.limits else f"motors[{number}]"
+            where = "limits.winding" if "winding" in study.limits else f"motors[{study.motors.index(option.motor)}]"
             raise InputError(path, where, f"{limit:g} degC", f"more than the {hottest:g} degC of the start and the air")
 
 

@@ -15,9 +15,9 @@ def motor(
     /,
     *,
     output: OptionalOutput = None,
-    sample: Annotated[Literal["inrunner", "outrunner"], Option(help="Geometry file that is printed without one.")] = (
-        "inrunner"
-    ),
+    sample: Annotated[
+        Literal["inrunner", "outrunner"] | None, Option(help="Drawing that is printed without one (inrunner).")
+    ] = None,
     json: Json = None,
 ) -> None:
     """Make a model file from a motor's drawing; without one, print a drawing's file to begin with.
@@ -32,7 +32,8 @@ def motor(
     from lptn.terminal import write_json
 
     check_outputs(output, json)
-    text = drawings.sample(sample) if geometry is None else model_text(drawings.load_geometry(geometry))
+    _check(geometry, sample, output, json)
+    text = drawings.sample(sample or "inrunner") if geometry is None else model_text(drawings.load_geometry(geometry))
     if output is None:
         print(text, end="")
     else:
@@ -41,3 +42,18 @@ def motor(
         model = Model(parse_model(text, output or geometry).network)
         capacity = {name: float(model.values[model.network.capacities[name]]) for name in model.nodes}
         write_json(json, {"nodes": capacity, "inputs": model.inputs, "parameters": len(model.unknowns)})
+
+
+def _check(geometry: Path | None, sample: str | None, output: Path | None, json: Path | None) -> None:
+    """Options that would do nothing, or destroy the drawing, are mistakes."""
+    from lptn.errors import InputError
+
+    if geometry is None:
+        if json is not None:
+            raise InputError("command line", "--json", "no drawing", "a drawing's file, whose model it can describe")
+        return
+    if sample is not None:
+        raise InputError("command line", "--sample", f"{sample} beside a drawing", "one of the two")
+    for path in (output, json):
+        if path is not None and path.resolve() == geometry.resolve():
+            raise InputError(path, "output", "the drawing itself", "another file, for this one would be lost")

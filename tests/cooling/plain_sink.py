@@ -65,11 +65,11 @@ def hottest(c: FloatArray, r: FloatArray, torque: FloatArray, duration: float, s
     return np.asarray(x[0])
 
 
-def held_torque(c: FloatArray, r: FloatArray, duration: float, limit: float) -> FloatArray:
+def held_torque(c: FloatArray, r: FloatArray, duration: float, limit: float, step: float = 0.5) -> FloatArray:
     """Torque [N·m] that brings the winding just to its limit [degC], between 1.5 and 2, by bisection."""
     low, high = np.full(c.size, 1.5), np.full(c.size, 2.0)
     for _ in range(20):
         middle = (low + high) / 2
-        fits = hottest(c, r, middle, duration) <= limit
+        fits = hottest(c, r, middle, duration, step) <= limit
         low, high = np.where(fits, middle, low), np.where(fits, high, middle)
     return low

@@ -40,7 +40,7 @@ def test_the_matrix_exponential_agrees_with_an_integrator(thesis: Thesis) -> Non
 def test_facts_that_contradict_each_other_show(thesis: Thesis) -> None:
     facts = thesis("facts")
     same = facts.fit(facts.SAME, facts.LITERAL, starts=2).chi_squared
-    three = facts.fit(facts.STATOR, facts.LITERAL, starts=2).chi_squared
+    three = facts.fit(facts.STATOR, facts.LITERAL, starts=1).chi_squared  # more searches can only lower it
     projected = facts.fit(facts.STATOR, facts.PROJECTED, starts=2).chi_squared
     assert three < 9.0  # eight facts: consistent with a third mass …
     assert same > 30.0  # … rejected with "R_w unchanged" …

@@ -33,6 +33,7 @@ capacity = [20, 1500]
 MOTOR, SINK = 'name = "U8"\n\n[sink]', "capacity = [20, 1500]"
 BACKWARDS = '[pareto]\nagainst = "volume"\nleast = 9e-4\nmost = 3e-4\n\n[sink]'
 SOUGHT = '[pareto]\nagainst = "mass"\nleast = 0.3\nmost = 0.9\n\n[sink]'
+OWN = "mass = 0.2\nvolume = 1e-4\ntorque_constant = 0.1"
 CYCLE = 'kind = "cycle"\nprofile = [1.0, 0.5]'
 
 # what is replaced, by what, and what must be said
@@ -41,6 +42,18 @@ BAD: dict[str, tuple[str, str, tuple[str, ...]]] = {
     "negative mass": (MOTOR, 'name = "U8"\nmass = -0.24\n\n[sink]', ("line 17", "motors[0].mass", "-0.24", "than 0")),
     "unknown motor": (MOTOR, 'name = "U9"\n\n[sink]', ("line 16", "U9", "U8, U10")),
     "motor without its mass": (MOTOR, 'name = "mine"\nmodel = "u8"\n\n[sink]', ("mine", "mass", "kg")),
+    "the same motor twice": (MOTOR, 'name = "U8"\n[[motors]]\nname = "U8"\n\n[sink]', ("motors[1].name", "second")),
+    "no limit of the second motor": (
+        'winding = 105\nvolume = { value = 450, unit = "cm^3" }\n\n[[motors]]\nname = "U8"',
+        '[[motors]]\nname = "U8"\n[[motors]]\nname = "mine"\nmodel = "u8"\n' + OWN,
+        ("no limit of the winding", "mine's"),
+    ),
+    "air hotter than the motor may be": (
+        "ambient = 21.5\n\n[limits]\nwinding = 105",
+        "ambient = 130\n\n[limits]",
+        ("motors[0]", "105 degC", "130 degC"),
+    ),
+    "longer than a day": ("duration = 120", "duration = 1e12", ("line 8", "task.duration", "86400")),
     "unknown model": (MOTOR, 'name = "U8"\nmodel = "u9.toml"\n\n[sink]', ("line 17", "u9.toml", "u8-heat-sink")),
     "unknown node": (SINK, 'at = "rotor"', ("line 19", "sink.at", "rotor", "winding, stator, housing")),
     "unknown goal": ('goal = "mass"', 'goal = "weight"', ("line 3", "study.goal", "weight", "held_torque")),
@@ -73,6 +86,17 @@ def test_one_clear_line(name: str, tmp_path: Path, capsys: pytest.CaptureFixture
     for word in ("study.toml", "found", "expected", *said):
         assert word in seen.err
     assert [entry.name for entry in tmp_path.iterdir()] == ["study.toml"]
+
+
+@pytest.mark.parametrize("option", ["--json", "--plot"])
+def test_the_study_is_not_overwritten(option: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "study.png"
+    path.write_text(GOOD)
+    with pytest.raises(SystemExit) as stop:
+        main(["trade", str(path), option, str(path)])
+    assert stop.value.code == 2
+    assert "the study itself" in capsys.readouterr().err
+    assert path.read_text() == GOOD
 
 
 def test_the_good_study_is_good(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

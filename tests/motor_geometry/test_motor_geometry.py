@@ -285,3 +285,28 @@ def test_a_bad_drawing_is_one_line_and_nothing_is_written(tmp_path: Path, capsys
     assert ended.value.code == 2
     assert capsys.readouterr().err.count("\n") == 1
     assert not made.exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["drawing.toml", "-o", "drawing.toml"], "the drawing itself"),
+        (["drawing.toml", "--json", "./drawing.toml"], "the drawing itself"),
+        (["drawing.toml", "--sample", "outrunner"], "--sample"),
+        (["--json", "model.json"], "--json"),
+    ],
+)
+def test_options_that_would_destroy_or_do_nothing_are_refused(
+    words: list[str], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("drawing.toml").write_text(sample())
+    with pytest.raises(SystemExit) as ended:
+        main(["motor", *words])
+    assert ended.value.code == 2
+    seen = capsys.readouterr()
+    assert seen.out == ""
+    assert seen.err.count("\n") == 1
+    assert said in seen.err
+    assert Path("drawing.toml").read_text() == sample()
+    assert not Path("model.json").exists()
