@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, cast
 
 from cyclopts import Parameter as Option
 
-from lptn.cli_support import Json, Map, OptionalOutput, Output, check_outputs, needs_logs
+from lptn.cli_support import Json, Map, Output, check_outputs, needs_logs
 from lptn.errors import InputError
 
 if TYPE_CHECKING:
@@ -27,6 +27,10 @@ Platforms = Annotated[
 Limit = Annotated[
     list[str] | None,
     Option(name="--limit", help="Limit in degC, of all nodes or as NODE=90; may be given again.", negative=""),
+]
+Outputs = Annotated[
+    Path | None,
+    Option(name=["--output", "-o"], help="File to write all outputs at the ends of steps to: .csv or .parquet."),
 ]
 
 
@@ -74,9 +78,11 @@ def cosim(
     /,
     *logs: Path,
     model: Annotated[Path | None, Option(help="Model file to compare with; by default the one inside the FMU.")] = None,
-    ramps: Annotated[bool, Option(help="Inputs go in straight lines from sample to sample.", negative="")] = False,
+    ramps: Annotated[
+        bool, Option(help="The FMU's inputs go in straight lines from sample to sample; the model's hold.", negative="")
+    ] = False,
     trust: Annotated[bool, Option(help="Run the native code of an FMU from elsewhere.", negative="")] = False,
-    output: OptionalOutput = None,
+    output: Outputs = None,
     json: Json = None,
     map: Map = None,  # noqa: A002
 ) -> None:
@@ -91,6 +97,7 @@ def cosim(
 
     needs_logs(logs)
     check_outputs(output, json)
+    _check_table(output)
     pairs = dict(text.partition("=")[::2] for text in map or ())
     try:
         done = cosimulate(fmu, logs, model=model, mapped=pairs, ramps=ramps, trust=trust)
@@ -105,7 +112,7 @@ def cosim(
 def _platforms(text: str | None) -> list[str] | None:
     if text is None:
         return None
-    names = [name.strip() for name in text.split(",") if name.strip()]
+    names = [name.strip() for name in text.split(",")]
     return [name for name in names if name != "source"]
 
 
@@ -152,6 +159,11 @@ def _show_cosimulation(done: Cosimulation) -> None:
     out.print(f"FMI {done.fmi}: {steps} steps in {seconds:.3g} s, {speed:.3g} times as fast as the robot.")
 
 
+def _check_table(path: Path | None) -> None:
+    if path is not None and path.suffix not in (".csv", ".parquet"):
+        raise InputError(path, "--output", f"a file name ending in '{path.suffix}'", "one ending in .csv or .parquet")
+
+
 def _write_outputs(done: Cosimulation, path: Path) -> None:
     """All outputs at the ends of steps as a log, temperatures in degC."""
     import pandas as pd
@@ -172,9 +184,7 @@ def _write_outputs(done: Cosimulation, path: Path) -> None:
     table = pd.concat(tables, ignore_index=True)
     if path.suffix == ".csv":
         write_whole(path, table.to_csv(index=False, float_format="%.9g"))
-    elif path.suffix == ".parquet":
+    else:
         buffer = io.BytesIO()
         table.to_parquet(buffer, index=False)
         write_whole(path, buffer.getvalue())
-    else:
-        raise InputError(path, "--output", f"a file name ending in '{path.suffix}'", "one ending in .csv or .parquet")

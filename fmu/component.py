@@ -15,8 +15,8 @@ from lptn.model import Model
 from lptn.parameters import Unknown
 from lptn.places import matching
 
-from .flows import Flow, heat_flows
-from .naming import joined, of_column, of_owner, part
+from .flows import heat_flows
+from .naming import joined, of_column, of_owner
 from .units import ZERO_CELSIUS, feature_unit, plain
 from .variables import Kind, Variable, refuse_twice
 
@@ -41,7 +41,6 @@ class Component:
         p: parameters, temperatures in kelvin; the model's, then limits, band and horizon.
         rates: dx/dt [K/s].
         outputs: the calculated outputs, states left out.
-        starts: start values of x, u and p, joined.
         limited: for each node the index of its limit in p.
     """
 
@@ -179,13 +178,15 @@ class _Builder:
         lower, upper = declared.bounds
         shape = unit == "1" and upper < 1e3  # an exponent or a share keeps its bounds; a size may be tuned past a fit's
         minimum = 0.0 if hot else lower if shape else _POSITIVE if lower > 0 else 0.0 if lower == 0 else None
-        text = f"{declared.title or declared.name} of {unknown.name.rpartition('.')[2]}"
+        prefix, _, owner = unknown.name.rpartition(".")
+        label, title = prefix.rpartition(".")[0], declared.title or declared.name
+        text = f"{label} at {owner}: {title}" if label else f"{title[0].upper()}{title[1:]} of {owner}"
         self._add(
             self._parameter_name(unknown),
             "parameter",
             plain(unit),
             unknown.value + (ZERO_CELSIUS if hot else 0.0),
-            text[0].upper() + text[1:],
+            text,
             celsius=hot,
             minimum=minimum,
             maximum=upper if shape else None,
@@ -207,7 +208,7 @@ class _Builder:
                 self._add(joined(node, "reading"), "output", "K", None, text, celsius=True)
                 found.append(celsius(reading) + ZERO_CELSIUS)
         for flow in heat_flows(self.model):
-            self._add(_flow_name(flow), "output", "W", None, _flow_text(flow))
+            self._add(flow.name, "output", "W", None, flow.text)
             found.append(celsius(flow.expression))
         band = self.p[self.known + len(self.model.nodes)]
         for row, node in enumerate(self.model.nodes):
@@ -224,24 +225,6 @@ class _Builder:
         return any(
             {"torque", "current"} & set(use.effect.needed()) and use.ends[0] == node for use in self.model.network.uses
         )
-
-
-def _flow_name(flow: Flow) -> str:
-    if not flow.of_edge:
-        return joined(flow.source, flow.label, "heat_flow")
-    middle = f"{flow.label}_to_{flow.target}" if flow.label else f"to_{flow.target}"
-    return ".".join([part(flow.source), part(middle), "heat_flow"])
-
-
-def _flow_text(flow: Flow) -> str:
-    if flow.inner:
-        return f"What {flow.label} adds to the heat that " + (
-            f"flows from {flow.source} to {flow.target}" if flow.of_edge else f"enters {flow.source}"
-        )
-    if flow.of_edge:
-        by = f" by {flow.label}" if flow.label else ""
-        return f"Heat that flows from {flow.source} to {flow.target}{by}"
-    return f"Heat that {flow.label} brings into {flow.source}"
 
 
 def _described(column: str) -> str:

@@ -130,7 +130,7 @@ class _Plan:
 
     driven: Drive
     nodes: tuple[str, ...]
-    columns: tuple[str, ...]
+    inputs: tuple[str, ...]  # the FMU's names of the rows of `driven.inputs`
     start: Mapping[str, float]  # degC, by variable
     predicted: FloatArray | None
 
@@ -148,7 +148,8 @@ def _predicted(model: Model, part: Part, parts: Sequence[Part]) -> _Plan:
     found = predict(model, part, sigma)
     names = [variable.name for variable in component(model).of("state")]
     start = dict(zip(names, found.states[:, 0].tolist(), strict=True))
-    return _Plan(found.drive, tuple(model.nodes), tuple(model.inputs), start, found.readings)
+    inputs = tuple(of_column(column) for column in model.inputs)
+    return _Plan(found.drive, tuple(model.nodes), inputs, start, found.readings)
 
 
 def _plain_runs(session: Session, logs: Sequence[str | Path]) -> list[Run]:
@@ -165,13 +166,13 @@ def _plan(session: Session, part: Part) -> _Plan:
             part.run.source, "temperature columns", "no reading of any output of the FMU", "temperature.<node>"
         )
     measured = np.stack([part.run.temperature(node) for node in nodes])
-    columns = tuple(to_column(name) for name in session.input_names)
-    inputs = np.stack([part.run.columns[column] for column in columns]) if columns else np.zeros((0, len(part.run)))
+    names = tuple(session.input_names)
+    inputs = np.array([part.run.columns[to_column(name)] for name in names]).reshape(len(names), len(part.run))
     first = np.array([row[np.isfinite(row)][0] if np.isfinite(row).any() else np.nan for row in measured])
     start = {
         f"{node}.temperature": value for node, value in zip(nodes, first.tolist(), strict=True) if np.isfinite(value)
     }
-    return _Plan(Drive(part.run, inputs, measured, np.isfinite(measured), first), nodes, columns, start, None)
+    return _Plan(Drive(part.run, inputs, measured, np.isfinite(measured), first), nodes, names, start, None)
 
 
 def _nodes(session: Session) -> list[str]:
@@ -180,10 +181,7 @@ def _nodes(session: Session) -> list[str]:
 
 
 def _drive(session: Session, plan: _Plan, ramps: bool) -> DrivenRun:
-    run = plan.driven.run
-    shift = np.array([_offset(session, name) for name in session.input_names])
-    order = [plan.columns.index(to_column(name)) for name in session.input_names]
-    inputs = np.ascontiguousarray((plan.driven.inputs[order] + shift[:, None]).T) if order else np.zeros((len(run), 0))
+    run, inputs = plan.driven.run, _inputs(session, plan)
     start = {name: value + _offset(session, name) for name, value in plan.start.items() if name in session.variables}
     session.reset(start | dict(zip(session.input_names, inputs[0].tolist(), strict=True)), start=float(run.time[0]))
     found = np.empty((len(run) + 1, len(session.output_names)))
@@ -198,6 +196,18 @@ def _drive(session: Session, plan: _Plan, ramps: bool) -> DrivenRun:
     measured = np.where(plan.driven.counted, plan.driven.measured, np.nan)
     later = {name: values[1:] for name, values in outputs.items()}
     return DrivenRun(run, plan.nodes, over_steps(ends, run.averaged), measured, plan.predicted, later, seconds)
+
+
+def _inputs(session: Session, plan: _Plan) -> FloatArray:
+    """The inputs of each step as the FMU takes them, shape (n, number of inputs)."""
+    names = session.input_names
+    lacking = [name for name in names if name not in plan.inputs]
+    if lacking:
+        expected = "an FMU of the same inputs as the model that it is compared with"
+        raise InputError(session.path, "inputs", f"{lacking[0]}, which the model lacks", expected)
+    order = np.array([plan.inputs.index(name) for name in names], dtype=int)
+    shift = np.array([_offset(session, name) for name in names])
+    return np.ascontiguousarray((plan.driven.inputs[order] + shift[:, None]).T)
 
 
 def _reading(session: Session, node: str, outputs: Mapping[str, FloatArray]) -> FloatArray:

@@ -84,7 +84,7 @@ def export(
 
     Args:
         model: a model, a network, or a model file or its path; a file goes along inside the FMU.
-        output: the file to write.
+        output: the file to write; its name ends in `.fmu`.
         fmi: version of the standard, 2 or 3.
         platforms: some of `linux64`, `linux-aarch64`, `win64`, `darwin-x86_64`, `darwin-arm64`; this machine by
             default, none for sources alone.
@@ -100,11 +100,14 @@ def export(
         What was written.
 
     Raises:
-        InputError: a model that can't be read, an unknown option, no compiler, or a step too long for the solver.
+        InputError: a model that can't be read, an unknown option, another file ending, no compiler, or a step too
+            long for the solver.
     """
     if fmi not in (2, 3):
         raise InputError("command line", "--fmi", f"{fmi!r}", "2 or 3")
     path = Path(output)
+    if path.suffix.lower() != ".fmu":  # importers want it; nor can a slip then overwrite the model file
+        raise InputError(path, "--output", f"a file name ending in '{path.suffix}'", "one ending in .fmu")
     chosen = platforms_of(platforms)
     assembled, text = _opened(model)
     made = component(assembled, limits, start)

@@ -13,6 +13,8 @@ from lptn.effects import EdgeEffect, LinkEffect, LossEffect, MassEffect, NodeEff
 from lptn.model import Model, input_column
 from lptn.network import Link, Use
 
+from .naming import joined
+
 
 @dataclass(frozen=True)
 class Flow:
@@ -36,6 +38,23 @@ class Flow:
     def of_edge(self) -> bool:
         """Whether it runs from one node to another."""
         return bool(self.target)
+
+    @property
+    def name(self) -> str:
+        """Name of the variable that shows it."""
+        if not self.of_edge:
+            return joined(self.source, self.label, "heat_flow")
+        return joined(self.source, f"{self.label}_to_{self.target}" if self.label else f"to_{self.target}", "heat_flow")
+
+    @property
+    def text(self) -> str:
+        """What a person reads of it."""
+        way = f"flows from {self.source} to {self.target}"
+        if self.inner:
+            return f"What {self.label} adds to the heat that {way if self.of_edge else f'enters {self.source}'}"
+        if self.of_edge:
+            return f"Heat that {way} by {self.label}" if self.label else f"Heat that {way}"
+        return f"Heat that {self.label} brings into {self.source}"
 
 
 def heat_flows(model: Model) -> list[Flow]:

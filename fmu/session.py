@@ -208,10 +208,11 @@ class Session:
     # --- calls --------------------------------------------------------------------------------
 
     def _call(self, function: Any, *words: Any) -> None:
+        before = self.messages
         try:
             function(*words)
         except Exception as error:
-            said = self.messages[-1]
+            said = "" if self.messages is before else self.messages[-1]  # not what was said of an earlier call
             raise FmuError(said or str(error)) from error
 
     def _logged2(self, environment: Any, instance: bytes, status: int, category: bytes, message: bytes) -> None:

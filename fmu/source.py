@@ -27,6 +27,7 @@ _HEADERS = {
 }
 _OURS = ("core.c", "core.h", "derivatives.c", "snapshots.c", "solve.c")
 _STOP = 3600.0  # s; default experiment
+_NOT_XML = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ufffe\uffff]")
 _NAMESPACE = uuid.UUID("6e1c2f0a-6c7b-5d0e-9a64-8f2d3b1c7e55")
 
 
@@ -159,7 +160,8 @@ def _template(name: str) -> str:
 
 
 def _rendered(template: str, values: dict[str, Any]) -> str:
-    return str(_environment().get_template(template).render(values))
+    """A template filled in; a character of a name that XML can't hold becomes `_`."""
+    return _NOT_XML.sub("_", _environment().get_template(template).render(values))
 
 
 @cache

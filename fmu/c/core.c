@@ -87,7 +87,7 @@ static void core_reset(Instance *I) {
     core_forget_all(I);
 }
 
-static Instance *core_new(const char *name, const char *token, int type, Logger log, int logging) {
+static Instance *core_new(const char *name, int type, Logger log, int logging) {
     Instance *I = calloc(1, sizeof *I);
     if (!I) return NULL;
     I->magic = MAGIC;
@@ -97,7 +97,6 @@ static Instance *core_new(const char *name, const char *token, int type, Logger 
     I->name = calloc(strlen(name && *name ? name : "unnamed") + 1, 1);
     if (I->name) strcpy(I->name, name && *name ? name : "unnamed");
     core_reset(I);
-    (void)token;
     return I;
 }
 

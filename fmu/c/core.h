@@ -69,7 +69,7 @@ typedef struct Instance {
     void *callbacks;   /* the wrapper's */
 } Instance;
 
-static Instance *core_new(const char *name, const char *token, int type, Logger log, int logging);
+static Instance *core_new(const char *name, int type, Logger log, int logging);
 static void core_free(Instance *);
 static Status core_fail(Instance *, const char *function, const char *format, ...);
 static int core_refuses(Instance *, const char *function, int modes);

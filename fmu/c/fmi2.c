@@ -55,7 +55,7 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, f
             callbacks->logger(callbacks->componentEnvironment, name ? name : "", fmi2Error, "logStatusError", wrong);
         return NULL;
     }
-    I = core_new(name, guid, type == fmi2ModelExchange ? MODEL_EXCHANGE : CO_SIMULATION, say, logging);
+    I = core_new(name, type == fmi2ModelExchange ? MODEL_EXCHANGE : CO_SIMULATION, say, logging);
     if (!I) return NULL;
     I->callbacks = malloc(sizeof *callbacks);
     if (!I->callbacks) return core_free(I), NULL;

@@ -47,7 +47,7 @@ static Instance *make(const char *function, int type, fmi3String name, fmi3Strin
         if (log) log(environment, fmi3Error, "logStatusError", text);
         return NULL;
     }
-    I = core_new(name, token, type, say, logging);
+    I = core_new(name, type, say, logging);
     callbacks = calloc(1, sizeof *callbacks);
     if (!I || !callbacks) {
         free(callbacks);

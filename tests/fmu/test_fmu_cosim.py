@@ -9,6 +9,7 @@ import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
+import fmpy.validation
 import numpy as np
 import pandas as pd
 import pytest
@@ -88,6 +89,45 @@ def test_inputs_in_straight_lines_differ_from_held_ones(fmi: int, built: Build, 
     found = tmp_path / "found.json"
     _run("cosim", built("leg", fmi).path, log, "--ramps", "--json", found)
     assert 1e-3 < json.loads(found.read_text())["all"]["rmse"] < 0.5  # the log was made with held inputs
+
+
+def test_a_refused_table_or_model_writes_nothing(
+    exported: Path, log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    found, other = tmp_path / "found.json", tmp_path / "other.toml"
+    other.write_text(presets()["leg"].replace('"temperature.ambient"', "22"))
+    assert ".csv or .parquet" in _refused(["cosim", exported, log, "-o", tmp_path / "x.txt", "--json", found], capsys)
+    said = _refused(["cosim", exported, log, "--model", other, "--json", found], capsys)
+    assert "ambient.temperature, which the model lacks" in said
+    assert not found.exists()
+
+
+@pytest.mark.usefixtures("built")  # the trust store in a folder of its own
+def test_names_of_any_letters_cannot_get_into_the_code_or_break_the_xml(tmp_path: Path) -> None:
+    model, path, log, found = (tmp_path / name for name in ("x.toml", "x.fmu", "x.csv", "found.json"))
+    model.write_text(
+        r"""
+        [model]
+        name = "a */ #error \" <b>\u0001"
+        ambient = "temperature.ambient"
+        [nodes."größe-1"]
+        capacity = 300
+        [[links]]
+        between = ["größe-1", "ambient"]
+        resistance = 3
+        [[effects]]
+        kind = "copper_loss"
+        at = "*"
+        """,
+        encoding="utf-8",
+    )
+    rows = [f"{k},{25 + k % 3},{k % 5},22" for k in range(30)]
+    header = "time,temperature.größe-1,torque.größe-1,temperature.ambient"
+    log.write_text("\n".join([header, *rows]) + "\n", encoding="utf-8")
+    _run("fmu", model, "-o", path)
+    _run("cosim", path, log, "--json", found)
+    assert json.loads(found.read_text())["all"]["from_model"] < 1e-6
+    assert fmpy.validation.validate_fmu(str(path)) == []
 
 
 def test_native_code_from_elsewhere_runs_only_when_asked(
@@ -176,6 +216,8 @@ def test_an_archive_that_unpacks_without_end_is_refused(
     [
         (lambda words: [*words, "--fmi", "4"], "--fmi"),
         (lambda words: [*words, "--platforms", "vax"], "--platforms"),
+        (lambda words: [*words, "--platforms", ","], "--platforms"),
+        (lambda words: [*words[:2], "-o", words[1]], "ending in .fmu"),
         (lambda words: [*words, "--limit", "hot"], "--limit"),
         (lambda words: [*words, "--compiler", "tcc"], "--compiler"),
         (lambda words: [words[0], "absent.toml", *words[2:]], "absent.toml"),
@@ -189,6 +231,7 @@ def test_a_mistake_in_the_command_is_one_line(
     words = ["fmu", str(model), "-o", str(tmp_path / "x.fmu")]
     assert said in _refused(spoil(words), capsys)
     assert not (tmp_path / "x.fmu").exists()
+    assert model.read_text() == presets()["leg"]
 
 
 def test_sources_alone_need_no_compiler(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -54,6 +54,16 @@ def test_degrees_celsius_in_place_of_kelvin_are_suspected(fmi: int, built: Build
         assert "kelvin" in session.messages[-1]
 
 
+def test_an_old_warning_is_not_taken_for_the_reason_of_an_error(built: Build) -> None:
+    def silent() -> None:
+        raise RuntimeError("no reason given")
+
+    with Session(built("leg").path) as session:
+        session.write({"ambient.temperature": 22.0})
+        with pytest.raises(FmuError, match="no reason given"):
+            session._call(silent)
+
+
 @pytest.mark.parametrize("fmi", [2, 3])
 @pytest.mark.parametrize("point", [(5.0, 1.0), (0.0, 0.0), (0.0, -1.0), (0.0, float("nan"))])
 def test_a_step_from_elsewhere_or_of_no_size_is_refused(fmi: int, point: tuple[float, float], built: Build) -> None:
