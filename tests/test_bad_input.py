@@ -148,6 +148,9 @@ def test_outputs_are_checked_before_the_work(tmp_path: Path, capsys: pytest.Capt
     both = [tmp_path / "model.toml", tmp_path / "log.csv"]
     assert "no such folder" in _refused(["fit", *both, "-o", tmp_path / "no" / "x.toml"], capsys)
     assert "no such folder" in _refused(["improve", *both, "--json", tmp_path / "no" / "x.json"], capsys)
+    assert "found a folder; expected a file in it" in _refused(["fit", *both, "--json", tmp_path], capsys)
+    one = tmp_path / "one.json"
+    assert "found one file for two results" in _refused(["fit", *both, "--json", one, "-o", one], capsys)
     assert ".png, .svg or .pdf" in _refused(["compare", *both, "--plot", tmp_path / "x.jpg"], capsys)
 
 

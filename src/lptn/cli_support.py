@@ -100,11 +100,17 @@ def check_outputs(*paths: Path | None) -> None:
     """Refuse a file that can't be written before hours of work, not after.
 
     Raises:
-        InputError: its folder does not exist, or it is a folder itself.
+        InputError: its folder does not exist, it is a folder itself, or two results would go to one file.
     """
-    for path in paths:
-        if path is not None and (path.is_dir() or not path.absolute().parent.is_dir()):
+    given = [path for path in paths if path is not None]
+    for path in given:
+        if path.is_dir():
+            raise InputError(path, "output", "a folder", "a file in it")
+        if not path.absolute().parent.is_dir():
             raise InputError(path, "output", "no such folder", "a file in a folder that exists")
+    for number, path in enumerate(given):
+        if path.absolute() in [other.absolute() for other in given[:number]]:
+            raise InputError(path, "output", "one file for two results", "a file of its own for each")
 
 
 def needs_logs(logs: tuple[Path, ...]) -> None:
