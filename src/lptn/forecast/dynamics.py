@@ -45,12 +45,12 @@ class Dynamics:
     """
 
     def __init__(self, model: Model) -> None:
-        self.model = model
-        self._transform = Transform([model.unknowns[index] for index in model.free])
+        self.model, self._values, self._free = model, model.values, model.free
+        self._transform = Transform([model.unknowns[index] for index in self._free])
         prescribed = model.network.prescribed
         outward = [link.resistance for link in model.network.resistors if not prescribed.keys().isdisjoint(link.ends)]
         self._outward = list(dict.fromkeys(outward))
-        chosen = list(dict.fromkeys([*model.free, *self._outward]))
+        chosen = list(dict.fromkeys([*self._free, *self._outward]))
         self._outward_columns = [chosen.index(index) for index in self._outward]
         key = ("jacobians", len(model.states), tuple(chosen))
         self._jacobians = model.made_once(key, lambda: Jacobians(model, len(model.states), chosen))
@@ -59,7 +59,7 @@ class Dynamics:
 
     def values(self, air: float) -> FloatArray:
         """Parameter values, shape (m,), with all conductances to prescribed temperatures times exp(air)."""
-        values = self.model.values
+        values = self._values.copy()
         values[self._outward] *= np.exp(-air)
         return values
 
@@ -78,7 +78,7 @@ class Dynamics:
         """
         n, nodes = len(x), len(heat)
         by_state, by_value = (stack[0] for stack in self._jacobians.rates(x[:, None], u[:, None], p))
-        free = len(self.model.free)
+        free = len(self._free)
         by_parameter = by_value[:, :free] * self._slope(p)
         by_air = -by_value[:, self._outward_columns] @ p[self._outward]
         # The exponential's integral comes with it, as a block of a larger exponential.
@@ -96,13 +96,13 @@ class Dynamics:
     def readings(self, x: FloatArray, p: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Expected readings [degC], and their derivative by states, heat, air and the free parameters' coordinates."""
         by_state, by_value = (stack[0] for stack in self._jacobians.readings(x[:, None], p))
-        nodes, free = len(self.model.nodes), len(self.model.free)
+        nodes, free = len(self.model.nodes), len(self._free)
         by_parameter = by_value[:, :free] * self._slope(p)
         slope = np.hstack([by_state, np.zeros((nodes, nodes + 1)), by_parameter])
         return self.model.output(x, p).full().ravel(), slope
 
     def _slope(self, p: FloatArray) -> FloatArray:
-        return self._transform.slope(p[self.model.free])
+        return self._transform.slope(p[self._free])
 
     def _make_by_input(self) -> ca.Function:
         x, u, p, rates, _ = self.model.symbols

@@ -15,6 +15,7 @@ _COARSEST = 0.2  # s between samples; of rarer ones a trot at 2 Hz would look li
 _LEAST_SAMPLES = 2.2  # a cycle, for the same reason
 _LEAST_CYCLES = 3.0
 _ALIKE = 0.4  # correlation of the speeds with themselves, one cycle later, that makes a gait
+_APART = 0.3  # correlation to which the speeds fall within a cycle
 _AS_GOOD = 0.92  # a peak so high beside the highest one counts, so that two cycles aren't taken for one
 _FINER = 8  # lags between two samples, so that a peak between them isn't missed
 
@@ -72,7 +73,9 @@ def _autocorrelation(series: FloatArray) -> FloatArray:
 def _first_peak(correlation: FloatArray, step: float, least: float) -> float | None:
     inner = correlation[1:-1]
     peaks = 1 + np.flatnonzero((inner > correlation[:-2]) & (inner >= correlation[2:]))
-    peaks = peaks[peaks * step >= least]
+    apart = np.flatnonzero(correlation < _APART)  # before that, a slow gait only resembles what it just was
+    begin = max(float(apart[0]) if apart.size else np.inf, least / step)
+    peaks = peaks[peaks >= begin]
     if peaks.size == 0 or correlation[peaks].max() < _ALIKE:
         return None
     first = peaks[correlation[peaks] >= _AS_GOOD * correlation[peaks].max()][0]

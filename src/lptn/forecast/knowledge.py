@@ -1,4 +1,4 @@
-"""What is known of a model's errors: covariance of its parameters, and how far it strays from readings."""
+"""What is known of a model's errors: doubt about its parameters, and how far it strays from readings."""
 
 from __future__ import annotations
 
@@ -34,21 +34,16 @@ class Knowledge:
 
     @classmethod
     def of_fit(cls, fit: Fit) -> Knowledge:
-        """Of a fit in memory."""
-        squares, counts = np.zeros(len(fit.model.nodes)), np.zeros(len(fit.model.nodes))
-        for residual, driven in zip(fit.residuals, fit.problem.drives, strict=True):
-            squares += np.sum(np.where(driven.counted, residual, 0.0) ** 2, axis=1)
-            counts += driven.counted.sum(axis=1)
-        whole = squares.sum() / max(counts.sum(), 1)
-        mean = np.where(counts > 0, squares / np.maximum(counts, 1), whole)
-        error = _beyond(mean, fit.noise.floor)
-        return cls(_bounded(fit.uncertainty.covariance), error, "covariance and residuals of the fit")
+        """Of a fit in memory: the same that its model file keeps."""
+        return cls.of_table(fit.model, fit.table(), fit.noise.floor)
 
     @classmethod
     def of_table(cls, model: Model, table: FitTable, floor: FloatArray) -> Knowledge:
-        """Of the `[fit]` table of a model file.
+        """Of the `[fit]` table of a model file: standard errors, and the RMSE less what the sensors leave.
 
-        The table holds no correlations; without them a forecast is less sure than it could be.
+        Correlations are left out, though a fit knows them. They say how well the fitted runs hold combinations of
+        parameters together if the model is right; in another activity a model that is nearly right is wrong
+        by more. On virtual trots 90 % intervals held 74 % of the truths with correlations, 98 % without.
 
         Args:
             model: the model.
@@ -64,7 +59,7 @@ class Knowledge:
         known = np.array([np.nan if error is None else error for error in errors], dtype=float)
         spread = np.where(np.isnan(known), _WIDEST, known / np.where(slope > 0, slope, 1.0))
         error = _beyond(np.full(len(model.nodes), table.rmse**2), floor)
-        return cls(_bounded(np.diag(spread**2)), error, "standard errors and RMSE in the model file")
+        return cls(np.diag(_bounded(spread**2)), error, "standard errors and RMSE of its fit")
 
     @classmethod
     def nothing(cls, model: Model) -> Knowledge:
@@ -78,11 +73,6 @@ def _beyond(mean_square: FloatArray, floor: FloatArray) -> FloatArray:
     return np.asarray(np.sqrt(np.maximum(mean_square - floor**2, _LEAST_ERROR**2)))
 
 
-def _bounded(covariance: FloatArray) -> FloatArray:
-    """Directions that the data leave open made no wider than what a derivative is good for."""
-    if covariance.size == 0:
-        return covariance
-    values, vectors = np.linalg.eigh(covariance)
-    values = np.maximum(values, 0.0)
-    shrunk = values * _WIDEST**2 / (values + _WIDEST**2)
-    return np.asarray((vectors * shrunk) @ vectors.T)
+def _bounded(variance: FloatArray) -> FloatArray:
+    """Variances of what the data leave open made no wider than what a derivative is good for."""
+    return np.asarray(variance * _WIDEST**2 / (variance + _WIDEST**2))

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from math import exp, log, pi
 
 import numpy as np
-from scipy.linalg import solve_continuous_lyapunov
 
 from lptn.arrays import FloatArray
 from lptn.forecast.dynamics import Dynamics, Motion
@@ -19,13 +18,12 @@ from lptn.simulate import Drive, default_start, drive
 _BLOCK = 10.0  # s; readings are averaged over it
 _MEMORY = 3600.0  # s of the log that are looked at
 _HEAT_TIME = 1800.0  # s over which the heat that a model lacks stays alike
-_AIR = 0.15  # relative error of all conductances to the air in one run: a draught, a load on the back
+_AIR = 0.1  # relative error of all conductances to the air in one run: a draught, a load on the back
 _SCALES = (0.5, 1.0, 2.0, 4.0)
 _TYPICAL = 1.5  # times the fit's own residuals: on a run that it never saw a model is worse
 _START = 0.5  # K, by which first readings may be off, beside the sensor's steps
 _UNSEEN = 5.0  # K, by which a node without a sensor may start away from the others
 _LEAST_NOISE = 0.05  # K
-_LEARNT = 1
 
 
 @dataclass(frozen=True)
@@ -62,8 +60,9 @@ def present(model: Model, run: Run, noise: Noise, knowledge: Knowledge) -> Prese
     driven = drive(model, blocks)
     white = noise.white / np.sqrt(max(1.0, blocks.step / run.step))
     quiet = Noise(np.maximum(white, _LEAST_NOISE), noise.step)
-    filtered = _Filter(Dynamics(model), driven, quiet, knowledge)
-    size = float(np.sqrt(np.mean((knowledge.error / _unit_response(model, driven)) ** 2)))
+    dynamics = Dynamics(model)
+    filtered = _Filter(dynamics, driven, quiet, knowledge)
+    size = float(np.sqrt(np.mean((knowledge.error / _response(dynamics, driven)) ** 2)))
     tried = {scale: filtered.run(scale * size) for scale in _SCALES}
     chance = {scale: each.likelihood - 0.5 * (log(scale / _TYPICAL) / log(2.0)) ** 2 for scale, each in tried.items()}
     return tried[max(chance, key=lambda scale: chance[scale])]
@@ -144,7 +143,7 @@ class _Filter:
         spread = slope @ covariance @ slope.T + noise
         innovation = measured[seen] - expected[seen]
         gain = np.linalg.solve(spread, slope @ covariance).T
-        gain[self._states + self._nodes + _LEARNT :] = 0.0  # errors of parameters are allowed for, not learnt
+        gain[self._states + self._nodes + 1 :] = 0.0  # errors of parameters are allowed for, not learnt
         kept = np.eye(len(mean)) - gain @ slope
         covariance = kept @ covariance @ kept.T + gain @ noise @ gain.T
         size = float(np.linalg.slogdet(2 * pi * spread)[1])
@@ -176,14 +175,9 @@ def _blocks(run: Run) -> Run:
     return run.slice(float(run.time[steps % factor]), float("inf")).coarsen(factor)
 
 
-def _unit_response(model: Model, driven: Drive) -> FloatArray:
-    """Standard deviation of each node's temperature in the long run where each node lacks 1 W [K], shape (nodes,)."""
-    n, nodes = len(model.states), len(model.nodes)
-    values, start = model.values, default_start(model, driven)
-    capacities = values[[model.network.capacities[node] for node in model.nodes]]
-    system, renewed = np.zeros((2, n + nodes, n + nodes))
-    system[:n, :n] = model.state_jacobian(start, driven.inputs.mean(axis=1), values).full()
-    system[:nodes, n:] = np.diag(1 / capacities)
-    system[n:, n:] = -np.eye(nodes) / _HEAT_TIME
-    renewed[n:, n:] = 2 / _HEAT_TIME * np.eye(nodes)
-    return np.asarray(np.sqrt(np.diag(solve_continuous_lyapunov(system, -renewed))[:nodes]))
+def _response(dynamics: Dynamics, driven: Drive) -> FloatArray:
+    """Warming of each node by 1 W at each for as long as missing heat stays alike, added as squares [K/W]."""
+    model, inputs = dynamics.model, driven.inputs.mean(axis=1)
+    start = default_start(model, driven)
+    motion = dynamics.step(start, np.zeros(len(model.nodes)), inputs, model.values, _HEAT_TIME)
+    return np.asarray(np.linalg.norm(motion.by_heat[: len(model.nodes)], axis=1))

@@ -15,6 +15,7 @@ from lptn.monitor.scene import Scene
 from lptn.monitor.watch import STEP, coarse_drive, estimator_of, watch
 from lptn.noise import Noise, estimate_noise
 from lptn.online import ModelError
+from lptn.places import class_of
 from lptn.simulate import Drive, drive
 
 FALSE_ALARMS = 0.01
@@ -23,10 +24,10 @@ _SEARCH_STEP = 30.0  # s
 _SEARCH_RUNS = 8
 _BLOCK = 1800.0  # s; the largest suspicion is taken over stretches of about so long
 _TAIL, _LEAST_TAIL = 0.1, 20  # share, and number, of the largest suspicions that the tail is fitted to
+_MARGIN = 1.1  # on the limits: healthy logs to come hold what those before did not
 _LEAST_LIMIT = 4.5  # standard deviations; a quieter log is luck
 _UNTRIED = 9.0  # standard deviations; the limit where no healthy log was given
-_LEAST_MOVE = 0.75  # K, beyond the sensor's step
-_STRETCH = 1.5  # the model may move so much more than it ever did over a healthy reading that stood still
+_LEAST_MOVE = 2.5  # K, beyond the sensor's step: so far a free-running model may go astray by itself
 
 
 @dataclass(frozen=True)
@@ -36,7 +37,7 @@ class Calibration:
     Args:
         noise: of the sensors.
         error: what the model lacks, as found on healthy logs.
-        limits: weight that calls an offset, a drift [standard deviations], shape (2,).
+        limits: weight that calls an offset, a drift [standard deviations], shape (2, nodes).
         still: predicted change [K] over which a healthy reading never stands still, shape (nodes,).
         hours: length of the healthy logs; 0 where there were none.
     """
@@ -53,7 +54,7 @@ class Calibration:
         return {
             "nodes": list(nodes),
             "healthy_hours": self.hours,
-            "limits": {"offset": float(self.limits[0]), "drift": float(self.limits[1])},
+            "limits": {"offset": self.limits[0].tolist(), "drift": self.limits[1].tolist()},
             "still": self.still.tolist(),
             "noise": {"white": self.noise.white.tolist(), "step": self.noise.step.tolist()},
             "model_error": error,
@@ -67,7 +68,7 @@ def calibrate(
 
     The sizes of the model's errors are those under which the filter's innovations are likeliest. The limits
     follow from the largest suspicion at each sensor in each half hour: the tail of these maxima says what is passed
-    as rarely as was asked for. What the healthy logs don't hold (a gait, a load) is not in the limits.
+    as rarely as was asked for, and a margin is added. What the healthy logs don't hold (a gait, a load) is not in it.
 
     Args:
         runs: healthy runs.
@@ -79,17 +80,18 @@ def calibrate(
     """
     if not runs or not false_alarms > 0:
         raise ValueError("calibrate: expected one healthy run or more, and a rate of false alarms above 0")
-    drives = [drive(model, run) for run in runs]
-    noise = estimate_noise(drives, model.nodes)
+    noise = estimate_noise([drive(model, run) for run in runs], model.nodes)
     error = likeliest(model, noise, [coarse_drive(model, run, _SEARCH_STEP) for run in _spread(runs)], report)
-    maxima = []
+    weights, moved = [], []
     for number, run in enumerate(runs, start=1):
         report(f"learning what is healthy: log {number} of {len(runs)}")
-        maxima += block_maxima(model, coarse_drive(model, run, STEP), noise, error)
+        weights += block_maxima(model, coarse_drive(model, run, STEP), noise, error)
+        moved += _blocks(Scene.of(model, run).moved.T, run.step)
     hours = sum(len(run) * run.step for run in runs) / 3600
-    share = false_alarms * hours / len(maxima) / (2 * len(model.nodes))
-    limits = [rare(np.concatenate([each[kind] for each in maxima]), share) for kind in (0, 1)]
-    return Calibration(noise, error, np.maximum(limits, _LEAST_LIMIT), _still(model, runs, noise), hours)
+    share = false_alarms * hours / len(weights) / (2 * len(model.nodes))
+    limits = [rare_by_class(np.array(weights)[:, kind], model.nodes, share) for kind in (0, 1)]
+    still = np.maximum(rare_by_class(np.array(moved), model.nodes, share), noise.step + _LEAST_MOVE)
+    return Calibration(noise, error, np.maximum(limits, _LEAST_LIMIT), still, hours)
 
 
 def uncalibrated(model: Model, runs: Sequence[Run], rmse: float | None) -> Calibration:
@@ -103,14 +105,35 @@ def uncalibrated(model: Model, runs: Sequence[Run], rmse: float | None) -> Calib
     size = max(1.0, rmse or 1.0)
     air = [column for column in model.inputs if column.startswith("temperature.")]
     error = ModelError(size, 100.0, 0.5, size, 0.2, dict.fromkeys(air, 2.0))
-    return Calibration(noise, error, np.full(2, _UNTRIED), noise.step + 3 * size, 0.0)
+    limits = np.full((2, len(model.nodes)), _UNTRIED)
+    return Calibration(noise, error, limits, noise.step + 3 * size, 0.0)
 
 
 def block_maxima(model: Model, driven: Drive, noise: Noise, error: ModelError) -> list[FloatArray]:
     """The largest weight of each kind at each sensor, shape (2, nodes), in each stretch of about half an hour."""
     weights = [best.weight for _, best in watch(estimator_of(model, noise, error), driven, driven.measured)]
-    count = max(1, round(len(weights) * driven.run.step / _BLOCK))
-    return [np.max(block, axis=0) for block in np.array_split(np.array(weights), count)]
+    return _blocks(np.array(weights), driven.run.step)
+
+
+def _blocks(values: FloatArray, step: float) -> list[FloatArray]:
+    """The largest along the first axis in each stretch of about half an hour."""
+    count = max(1, round(len(values) * step / _BLOCK))
+    return [np.max(block, axis=0) for block in np.array_split(values, count)]
+
+
+def rare_by_class(maxima: FloatArray, nodes: Sequence[str], share: float) -> FloatArray:
+    """What a healthy sensor of each node passes so rarely, shape (nodes,), by its class and by all, with a margin.
+
+    Args:
+        maxima: of each stretch at each node, shape (stretches, nodes).
+        nodes: their names.
+        share: of the maxima that may pass.
+    """
+    classes = [class_of(node) for node in nodes]
+    alike = {name: [place for place, each in enumerate(classes) if each == name] for name in classes}
+    # A class that is modelled worse than the others is hidden in the tail of all; one of few logs has little tail.
+    all_ = rare(maxima.ravel(), share)
+    return np.array([_MARGIN * max(all_, rare(maxima[:, alike[name]].ravel(), share)) for name in classes])
 
 
 def rare(maxima: FloatArray, share: float) -> float:
@@ -123,14 +146,6 @@ def rare(maxima: FloatArray, share: float) -> float:
     excess = maxima[maxima > border] - border
     slope = float(excess.mean()) if excess.size else 0.0
     return float(max(border + slope * np.log(tail / min(share, tail)), maxima.max()))
-
-
-def _still(model: Model, runs: Sequence[Run], noise: Noise) -> FloatArray:
-    """How far the model moves at most while a healthy reading stands still, with a margin [K]."""
-    most = np.zeros(len(model.nodes))
-    for run in runs:
-        most = np.maximum(most, Scene.of(model, run).moved.max(axis=1, initial=0.0))
-    return np.asarray(noise.step + _LEAST_MOVE + _STRETCH * np.maximum(most - noise.step, 0.0))
 
 
 def _spread(runs: Sequence[Run]) -> list[Run]:

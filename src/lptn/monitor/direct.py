@@ -10,8 +10,6 @@ from lptn.monitor.alarms import Alarm, earliest
 from lptn.monitor.naming import dropouts, shaped, stuck
 from lptn.monitor.scene import Scene
 
-_MOVED = 0.75  # K beyond the sensor's step that the model moves while a stuck reading stands
-
 
 def direct_alarms(scene: Scene, threshold: float) -> list[Alarm]:
     """The first time at each sensor that measured and expected lie apart, or that readings are missing.
@@ -29,5 +27,5 @@ def direct_alarms(scene: Scene, threshold: float) -> list[Alarm]:
 
 def _named(scene: Scene, row: int, at: int) -> Alarm:
     alarm = shaped(scene, row, at)
-    stands = stuck(scene, row, at, scene.steps[row] + _MOVED)
+    stands = stuck(scene, row, at)
     return alarm if stands is None else replace(alarm, kind="stuck", onset=stands, size=None)

@@ -26,8 +26,8 @@ class _Strict(BaseModel):
 
 
 class _Limits(_Strict):
-    offset: Time
-    drift: Time
+    offset: list[Time]
+    drift: list[Time]
 
 
 class _Noise(_Strict):
@@ -73,7 +73,8 @@ def kept(path: Path, model: Model) -> Calibration:
         first = error.errors()[0]
         place = ".".join(str(part) for part in first["loc"]) or "calibration"
         raise InputError(path, place, first["msg"], "a calibration as `lptn monitor` writes it") from error
-    same = len(model.nodes) == len(found.still) == len(found.noise.white) == len(found.noise.step)
+    lists = (found.still, found.noise.white, found.noise.step, found.limits.offset, found.limits.drift)
+    same = all(len(each) == len(model.nodes) for each in lists)
     if found.nodes != model.nodes or not same or not set(found.model_error.inputs) <= set(model.inputs):
         expected = f"those of the model: {', '.join(model.nodes)}"
         raise InputError(path, "nodes", ", ".join(found.nodes) or "none", expected)

@@ -13,6 +13,7 @@ NAMING = 300.0
 _SILENT = 10.0  # s without a reading
 _SILENT_STEPS = 5
 _ONSETS = 100
+_MOVED = 0.75  # K beyond the sensor's step that the model moves while a stuck reading stands
 
 
 def dropouts(scene: Scene) -> list[Alarm]:
@@ -32,18 +33,19 @@ def dropouts(scene: Scene) -> list[Alarm]:
     return found
 
 
-def stuck(scene: Scene, row: int, at: int, still: float) -> float | None:
-    """Since when [s] a reading has stood still at an alarm and for minutes behind it; `None` where it moves again.
+def stuck(scene: Scene, row: int, at: int) -> float | None:
+    """Since when [s] a reading has stood still at an alarm and for minutes behind it, though the model moved.
+
+    `None` where the reading moves again, or the model did not move.
 
     A drift, too, can hold a reading for a while: against a temperature that moves the other way.
 
     Args:
         at: index of the alarm.
-        still: how far the model moved meanwhile at least [K].
     """
     end = scene.after(scene.time[at] + NAMING)
     begin = scene.stands_since(row, end)
-    if begin > at or scene.moved[row, begin : end + 1].max() <= still:
+    if begin > at or scene.moved[row, begin : end + 1].max() <= scene.steps[row] + _MOVED:
         return None
     return float(scene.time[begin])
 

@@ -32,7 +32,7 @@ def statistical_alarms(model: Model, scene: Scene, calibration: Calibration) -> 
     distrusted: dict[str, float] = {}
     while (alarm := _first(model, coarse, _without(measured, model, coarse, distrusted), calibration)) is not None:
         distrusted[alarm.node] = alarm.onset - coarse.run.step
-        alarms.append(_renamed(scene, alarm, calibration))
+        alarms.append(_renamed(scene, alarm))
     return earliest(alarms)
 
 
@@ -42,7 +42,7 @@ def _standing(scene: Scene, calibration: Calibration) -> list[Alarm]:
     for row in range(len(scene.nodes)):
         far = np.flatnonzero(scene.moved[row] > calibration.still[row])
         if far.size:
-            alarms.append(_renamed(scene, shaped(scene, row, int(far[0])), calibration))
+            alarms.append(_renamed(scene, shaped(scene, row, int(far[0]))))
     return alarms
 
 
@@ -52,7 +52,7 @@ def _first(model: Model, coarse: Drive, measured: FloatArray, calibration: Calib
     row = 0
     for time, best in watch(estimator_of(model, calibration.noise, calibration.error), coarse, measured):
         if called is None:
-            excess = best.weight / calibration.limits[:, None]
+            excess = best.weight / calibration.limits
             if excess.max() > 1:
                 row = int(excess.max(axis=0).argmax())
                 called = _alarm(model.nodes[row], best, row, calibration, time)
@@ -64,14 +64,14 @@ def _first(model: Model, coarse: Drive, measured: FloatArray, calibration: Calib
 
 
 def _alarm(node: str, best: Best, row: int, calibration: Calibration, time: float) -> Alarm:
-    which = int((best.weight[:, row] / calibration.limits).argmax())
+    which = int((best.weight[:, row] / calibration.limits[:, row]).argmax())
     kind: Kind = "drift" if which == DRIFT else "offset"
     return Alarm(node, kind, time, float(best.onset[which, row]), float(best.size[which, row]))
 
 
-def _renamed(scene: Scene, alarm: Alarm, calibration: Calibration) -> Alarm:
+def _renamed(scene: Scene, alarm: Alarm) -> Alarm:
     row = scene.nodes.index(alarm.node)
-    stands = stuck(scene, row, scene.after(alarm.time), float(calibration.still[row]))
+    stands = stuck(scene, row, scene.after(alarm.time))
     return alarm if stands is None else replace(alarm, kind="stuck", onset=stands, size=None)
 
 

@@ -1,0 +1,216 @@
+"""Forecast trial: how long until a trotting virtual quadruped's first joint is at 60 °C?
+
+Run it with ``python tests/benchmarks/forecast.py``: two robots unlike those it was tuned on, ten trots each. For each
+robot a model is fitted to the logs of its protocol (other runs, another day); the log of a trot is then read up to the
+moment at which its hottest joint passes 48 °C, and the forecast is set against the noise-free truth of the rest. The
+truth comes from `lptn.virtual`, which shares no code with the model; logs go through files, as a user's would.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import inf, isfinite
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from lptn.arrays import FloatArray
+from lptn.evidence import evidence
+from lptn.forecast import Forecast, Gait, Knowledge, NodeForecast, find_gait, forecast
+from lptn.on_evidence import fit_parts
+from lptn.opening import Opened, open_model
+from lptn.robots import presets
+from lptn.virtual import Run, Segment, quadruped, quadruped_logs, write_logs
+from lptn.virtual.record import Record, live
+from lptn.virtual.rows import rows
+from lptn.virtual.sensors import Sensor
+
+WINDINGS = Path(__file__).with_name("quadruped_windings.toml")
+LIMIT, LASTS, RATE = 60.0, 5400, 100.0  # degC, s, Hz
+EARLIEST, LATEST = 60, 600  # s of trot before the forecast; the latter where the moment to make it never comes
+FIT_STEP = 10.0  # s
+
+
+@dataclass(frozen=True)
+class Robot:
+    """A robot's fitted model, and what its fit knows of its errors."""
+
+    seed: int
+    opened: Opened
+    knowledge: Knowledge
+
+
+@dataclass(frozen=True)
+class Trot:
+    """What was drawn: robot, load [kg], ambient [degC]."""
+
+    robot: int
+    load: float
+    ambient: float
+
+
+@dataclass(frozen=True)
+class Trial:
+    """Forecasts of one trot made after `at` s of it: from the steady stretch, and from ten gait cycles."""
+
+    trot: Trot
+    moment: str
+    at: int
+    truth: dict[str, float]
+    steady: Forecast
+    cycles: Forecast
+    seconds: float
+
+    @property
+    def first(self) -> str:
+        """The joint that is at its limit first, or the hottest one of a robot that never is."""
+        return min(self.truth, key=lambda node: (self.truth[node], -self.steady.nodes[node].steady))
+
+
+def fitted(seed: int, model: str, folder: Path) -> Robot:
+    """Fit the model to the robot's protocol logs."""
+    write_logs(folder, quadruped_logs(seed=seed))
+    (folder / "model.toml").write_text(WINDINGS.read_text() if model == "windings" else presets()["quadruped"])
+    opened = open_model(folder / "model.toml")
+    data = evidence(opened.runs(sorted(folder.glob("*.parquet")))).coarsened(FIT_STEP)
+    done = fit_parts(opened.model, data.fit, mirror_weight=1.0)
+    print(f"robot {seed}: fitted to {len(data.fit)} runs, RMSE {done.rmse:.3f} K, {done.status}", flush=True)
+    return Robot(seed, Opened(opened.file, done.model, opened.mapped), Knowledge.of_fit(done))
+
+
+def trials(robot: Robot, number: int, at: float, after: int, folder: Path) -> list[Trial]:
+    """Let the robot trot, forecast at two moments, and look at the truth.
+
+    Args:
+        robot: the robot.
+        number: of the trot; draws load, ambient and speed.
+        at: degC of the hottest joint at which the one forecast is made.
+        after: s after which the other is made.
+        folder: for the logs.
+    """
+    rng = np.random.default_rng([robot.seed, number])
+    load, ambient, speed = rng.uniform(0, 6), rng.uniform(5, 35), rng.uniform(0.2, 1.0)
+    run = Run((Segment("trot", LASTS, speed, load),), ambient=ambient, cutout=None)
+    (record,) = live(quadruped(seed=robot.seed), {f"forecast{number}": run}, robot.seed, "default")
+    hottest = record.sensed[:, : record.robot.joints].max(axis=1)
+    moments = {f"at {at:g} °C": _when(hottest, at), f"after {after} s": after}
+    drawn = Trot(robot.seed, load, ambient)
+    return [_forecast(robot, record, drawn, moment, now, folder) for moment, now in moments.items()]
+
+
+def _forecast(robot: Robot, record: Record, trot: Trot, moment: str, now: int, folder: Path) -> Trial:
+    joints = record.robot.nodes[: record.robot.joints]
+    log = _log(record, robot.seed, now, folder)
+    start = time.perf_counter()
+    (read,) = robot.opened.runs([log])
+    gait = _gait(log, joints)
+    steady, cycles = (
+        forecast(robot.opened.model, read, LIMIT, fit=robot.knowledge, window=window, gait=gait)
+        for window in ("steady", "cycles")
+    )
+    passed = [np.flatnonzero(column[now:] >= LIMIT) for column in record.sensed[:, : len(joints)].T]
+    truth = {joint: float(each[0]) if each.size else inf for joint, each in zip(joints, passed, strict=True)}
+    return Trial(trot, moment, now, truth, steady, cycles, time.perf_counter() - start)
+
+
+def _when(hottest: FloatArray, at: float) -> int:
+    passed = np.flatnonzero(hottest >= at)
+    return max(int(passed[0]), EARLIEST) if passed.size else LATEST
+
+
+def _log(record: Record, seed: int, until: int, folder: Path) -> Path:
+    """The log's first seconds, at 100 Hz, as a file."""
+    pieces: list[pd.DataFrame] = []
+    for piece in rows(record, Sensor(noise=0.15, quantisation=1.0), seed, RATE):
+        pieces.append(piece)
+        if len(pieces) * len(pieces[0]) >= until * RATE:
+            break
+    path = folder / f"{record.name}.parquet"
+    pd.concat(pieces).iloc[: int(until * RATE)].to_parquet(path, index=False)
+    return path
+
+
+def _gait(log: Path, joints: Sequence[str]) -> Gait:
+    table = pd.read_parquet(log, columns=[f"velocity.{joint}" for joint in joints])
+    return find_gait([table[name].to_numpy() for name in table], 1 / RATE)
+
+
+def error(found: NodeForecast, true: float) -> float:
+    """Error of the time to the limit as a share of the true time still to go."""
+    return abs(found.time_to_limit - true) / true
+
+
+def holds(found: NodeForecast, true: float) -> bool:
+    """Whether the interval holds the truth; a limit that isn't reached while the truth is watched counts as never."""
+    return found.low <= true <= found.high or (not isfinite(true) and found.high > LASTS)
+
+
+def row(done: Trial) -> str:
+    """A line of the table."""
+    node, trot = done.first, done.trot
+    true, found, other = done.truth[node], done.steady.nodes[node], done.cycles.nodes[node]
+    cells = [f"{trot.robot}", f"{trot.load:.1f}", f"{trot.ambient:.0f}", node, f"{done.at}"]
+    cells += [f"{done.steady.window.seconds:.0f}", f"{true:.0f}", f"{found.time_to_limit:.0f}"]
+    cells += [f"{found.low:.0f} to {found.high:.0f}"]
+    if isfinite(true):
+        cells += [f"{error(found, true):.1%}", f"{error(other, true):.1%}"]
+    else:
+        cells += ["wrong" if each.reaches else "right" for each in (found, other)]
+    return f"| {' | '.join(cells)} | {'yes' if holds(found, true) else 'no'} | {done.seconds:.1f} |"
+
+
+def summary(done: Sequence[Trial]) -> str:
+    """Median, worst and coverage: of the joint that is at its limit first, and of all joints."""
+    lines = []
+    for name, window in (("first joint", "steady"), ("first joint", "cycles"), ("all joints", "steady")):
+        pairs = [
+            (getattr(each, window).nodes[node], true, each.at)
+            for each in done
+            for node, true in each.truth.items()
+            if (node == each.first or name == "all joints") and true > 0
+        ]
+        errors = np.array([(error(found, true), true / (true + at)) for found, true, at in pairs if isfinite(true)])
+        nevers = [not found.reaches for found, true, _ in pairs if not isfinite(true)]
+        inside = np.mean([holds(found, true) for found, true, _ in pairs])
+        whole = errors[:, 0] * errors[:, 1]
+        lines += [
+            f"{name}, {'ten gait cycles' if window == 'cycles' else 'steady stretch'}, {len(errors)} times: median "
+            f"{np.median(errors[:, 0]):.1%}, worst {errors[:, 0].max():.1%} of the time still to go; median "
+            f"{np.median(whole):.1%}, worst {whole.max():.1%} of the time since the trot began; 90 % interval holds "
+            f"{inside:.0%} of {len(pairs)}; 'never' said rightly {sum(nevers)} of {len(nevers)}"
+        ]
+    return "\n".join(lines)
+
+
+def main() -> None:
+    """Print the tables."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--robots", nargs="+", type=int, default=[201, 202])
+    parser.add_argument("--trots", type=int, default=10, help="of each robot")
+    parser.add_argument("--model", choices=["windings", "preset"], default="windings")
+    parser.add_argument("--at", type=float, default=48.0, help="degC of the hottest joint at the one forecast")
+    parser.add_argument("--after", type=int, default=240, help="s of trot before the other")
+    chosen = parser.parse_args()
+    done: list[Trial] = []
+    for seed in chosen.robots:
+        with tempfile.TemporaryDirectory() as name:
+            robot = fitted(seed, chosen.model, Path(name))
+            for number in range(chosen.trots):
+                done += trials(robot, number, chosen.at, chosen.after, Path(name))
+                print(f"  trot {number}: {row(done[-2])}", flush=True)
+    for moment in dict.fromkeys(each.moment for each in done):
+        chosen_ones = [each for each in done if each.moment == moment]
+        print(f"\nForecast {moment}\n")
+        print("| robot | load, kg | ambient, °C | joint | made at, s | window, s | true, s | forecast, s |", end="")
+        print(" 90 % interval, s | error | of ten cycles | inside | took, s |")
+        print("|" + " --- |" * 13)
+        print(*(row(each) for each in chosen_ones), summary(chosen_ones), sep="\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,312 @@
+"""Time until a limit: against answers known in closed form, and against a virtual robot."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from lptn.arrays import FloatArray
+from lptn.cli import main
+from lptn.errors import InputError
+from lptn.forecast import Knowledge, find_gait, forecast
+from lptn.forecast.operating_point import operating_point, steady_seconds
+from lptn.logs import Run
+from lptn.model import Model
+from lptn.network import Network
+from lptn.simulate import drive
+from tests.builders import AMBIENT, effect, link, make_run, node
+
+AIR, CAPACITY, RESISTANCE, OHM, CONSTANT = 20.0, 300.0, 5.0, 0.15, 0.84
+PER_TORQUE = OHM / CONSTANT**2  # W/(N·m)²
+
+
+@pytest.fixture(scope="module")
+def motor() -> Model:
+    """One motor of 300 J/K with 5 K/W to the air."""
+    copper = effect("copper_loss", resistance=OHM, torque_constant=CONSTANT)
+    return Model(Network("motor", (node("m", CAPACITY), AMBIENT), (link("m", "ambient", RESISTANCE),), (copper,)))
+
+
+def warming(torque: FloatArray, *, extra: float = 0.0, noise: float = 0.0, step: float = 0.0, seed: int = 0) -> Run:
+    """A log of the motor at 1 Hz from the ambient on: the exact solution for torques held over each second."""
+    temperature = np.empty(torque.size + 1)
+    temperature[0], fading = AIR, math.exp(-1 / (RESISTANCE * CAPACITY))
+    for k, each in enumerate(torque):
+        settled = AIR + RESISTANCE * (PER_TORQUE * each**2 + extra)
+        temperature[k + 1] = settled + (temperature[k] - settled) * fading
+    shown = temperature[:-1] + noise * np.random.default_rng(seed).standard_normal(torque.size)
+    shown = np.round(shown / step) * step if step else shown
+    columns = {"temperature.m": shown, "torque.m": torque, "temperature.ambient": np.full(torque.size, AIR)}
+    return replace(make_run(columns), resolution={"temperature.m": step} if step else {})
+
+
+def exactly(torque: float, limit: float, after: float, extra: float = 0.0) -> float:
+    """Time from `after` s on until the motor is at the limit [s]."""
+    settled = RESISTANCE * (PER_TORQUE * torque**2 + extra)
+    return -RESISTANCE * CAPACITY * math.log(1 - (limit - AIR) / settled) - after
+
+
+# --- time to the limit ----------------------------------------------------------------------------
+
+
+def test_time_to_the_limit_is_that_of_the_exact_solution(motor: Model) -> None:
+    found = forecast(motor, warming(np.full(300, 10.0)), 60.0, fit=certain(motor)).nodes["m"]
+    assert found.time_to_limit == pytest.approx(exactly(10.0, 60.0, 300.0), rel=0.005)
+    assert found.low < found.time_to_limit < found.high
+    assert found.steady == pytest.approx(AIR + RESISTANCE * PER_TORQUE * 100, rel=0.01)
+
+
+def test_never_is_said_with_the_temperature_at_which_it_settles(motor: Model) -> None:
+    found = forecast(motor, warming(np.full(300, 4.0)), 60.0, fit=certain(motor)).nodes["m"]
+    assert not found.reaches
+    assert found.time_to_limit == found.low == found.high == math.inf
+    assert found.steady == pytest.approx(AIR + RESISTANCE * PER_TORQUE * 16, abs=0.3)
+    assert found.steady_low < found.steady < found.steady_high < 60
+    assert found.chance < 0.01
+
+
+def test_a_limit_that_is_passed_takes_no_time(motor: Model) -> None:
+    found = forecast(motor, warming(np.full(300, 10.0)), 25.0, fit=certain(motor)).nodes["m"]
+    assert found.time_to_limit == 0
+
+
+def test_averaging_keeps_the_squares(motor: Model) -> None:
+    """A torque that is 14.14 half of the time heats like 10 all the time; its mean would be 7.07."""
+    torque = np.tile([np.sqrt(200.0), 0.0], 150)
+    found = forecast(motor, warming(torque), 60.0, fit=certain(motor)).nodes["m"]
+    assert found.time_to_limit == pytest.approx(exactly(10.0, 60.0, 300.0), rel=0.02)
+
+
+def test_heat_that_the_model_lacks_is_found_in_the_log(motor: Model) -> None:
+    """3 W that no parameter knows: the forecast takes them along from the log, unlike the bare model."""
+    run = warming(np.full(900, 9.0), extra=3.0)
+    true, settled = exactly(9.0, 80.0, 900.0, extra=3.0), AIR + RESISTANCE * PER_TORQUE * 81
+    now = float(run.columns["temperature.m"][-1])
+    bare = RESISTANCE * CAPACITY * math.log((settled - now) / (settled - 80.0))
+    doubt = Knowledge(np.zeros((len(motor.free),) * 2), np.ones(1), "test")
+    found = forecast(motor, run, 80.0, fit=doubt).nodes["m"]
+    assert abs(found.time_to_limit - true) < 0.1 * abs(bare - true)
+    assert found.low < true < found.high
+
+
+def test_intervals_cover_what_they_promise(motor: Model) -> None:
+    """Sensor steps of 1 K and a torque that wanders: 90 % intervals hold the true time in most of 25 logs."""
+    inside, errors, widths = [], [], []
+    for seed in range(25):
+        rng = np.random.default_rng(seed)
+        knots = rng.normal(10.0, 1.2, 400)
+        torque = np.interp(np.arange(3000), 8.0 * np.arange(400), knots)
+        whole = warming(torque)
+        true = float(np.flatnonzero(whole.columns["temperature.m"] >= 60.0)[0]) - 300.0
+        seen = warming(torque, noise=0.15, step=1.0, seed=seed)
+        found = forecast(motor, first(seen, 300), 60.0, fit=certain(motor)).nodes["m"]
+        inside.append(found.low <= true <= found.high)
+        errors.append(abs(found.time_to_limit - true) / true)
+        widths.append((found.high - found.low) / true)
+    assert np.mean(inside) >= 0.75
+    assert np.median(errors) < 0.06
+    assert np.median(widths) < 0.35
+
+
+def test_doubt_about_parameters_widens_the_interval(motor: Model) -> None:
+    run = warming(np.full(300, 10.0))
+    doubt = Knowledge(np.eye(len(motor.free)) * 0.1**2, certain(motor).error, "test")
+    sure, unsure = (forecast(motor, run, 60.0, fit=each).nodes["m"] for each in (certain(motor), doubt))
+    assert unsure.high - unsure.low > 1.5 * (sure.high - sure.low)
+    wider = forecast(motor, run, 60.0, fit=doubt, coverage=0.99).nodes["m"]
+    assert wider.low < unsure.low < unsure.high < wider.high
+
+
+def test_a_model_that_runs_away_settles_nowhere() -> None:
+    copper = effect("copper_loss", resistance=OHM, torque_constant=CONSTANT)
+    hotter = effect("resistance_rise", alpha=0.0039)
+    nodes = (node("m", CAPACITY), AMBIENT)
+    model = Model(Network("motor", nodes, (link("m", "ambient", 20.0),), (copper, hotter)))
+    found = forecast(model, warming(np.full(300, 12.0)), 60.0).nodes["m"]
+    assert found.reaches
+    assert found.steady == math.inf
+
+
+# --- what is taken to go on -----------------------------------------------------------------------
+
+
+def test_only_the_present_activity_is_averaged(motor: Model) -> None:
+    rng = np.random.default_rng(1)
+    torque = np.concatenate([np.full(400, 2.0), np.full(200, 8.0)]) * rng.normal(1, 0.05, 600)
+    found = forecast(motor, warming(torque), 60.0)
+    assert found.window.seconds == pytest.approx(200, abs=10)
+    assert "unchanged" in found.window.why
+
+
+def test_an_activity_that_never_changes_is_averaged_whole(motor: Model) -> None:
+    steady = [
+        steady_seconds(drive(motor, warming(torque)), motor.inputs)
+        for torque in (np.random.default_rng(seed).normal(8, 0.5, 900) for seed in range(20))
+    ]
+    assert steady == [900.0] * 20
+
+
+def test_a_longer_window_scatters_less(motor: Model) -> None:
+    """Source table, row 6.2: averages over ten gait cycles scatter, longer ones less."""
+    errors: dict[str, list[float]] = {"short": [], "steady": []}
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        run = warming(np.interp(np.arange(400), 8.0 * np.arange(60), rng.normal(10.0, 1.0, 60)))
+        now = float(run.columns["temperature.m"][-1])
+        settled = AIR + RESISTANCE * PER_TORQUE * (100 + 1 * 2 / 3)  # between knots the variance is two thirds
+        true = RESISTANCE * CAPACITY * math.log((settled - now) / (settled - 60))
+        errors["short"].append(forecast(motor, run, 60.0, window=5.0).nodes["m"].time_to_limit / true - 1)
+        errors["steady"].append(forecast(motor, run, 60.0).nodes["m"].time_to_limit / true - 1)
+    assert np.std(errors["steady"]) < 0.5 * np.std(errors["short"])
+
+
+def test_part_of_a_step_counts_in_part(motor: Model) -> None:
+    point = operating_point(drive(motor, warming(np.array([*[0.0] * 97, 4.0, 4.0, 2.0]))), motor.inputs, 2.5, 100.0)
+    torque = point.inputs[motor.inputs.index("torque.m")]
+    assert torque == pytest.approx(np.sqrt((0.5 * 16 + 16 + 4) / 2.5))
+
+
+# --- the gait -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("rate", [10.0, 100.0])
+@pytest.mark.parametrize("period", [0.42, 0.8, 2.7])
+def test_the_gait_period_is_found_from_joints_out_of_phase(rate: float, period: float) -> None:
+    time = np.arange(0, 60, 1 / rate)
+    rng = np.random.default_rng(0)
+    size = 1 + 0.1 * np.interp(time, np.arange(0, 70, 8), rng.standard_normal(9))
+    speeds = [
+        size * np.sin(2 * np.pi * (time / period + phase)) + 0.1 * rng.standard_normal(time.size) for phase in (0, 0.3)
+    ]
+    assert find_gait(speeds, 1 / rate).period == pytest.approx(period, rel=0.01)
+
+
+def test_where_there_is_no_gait_the_reason_is_said() -> None:
+    rng = np.random.default_rng(0)
+    assert "stand" in find_gait([1e-3 * rng.standard_normal(900)], 0.1).why_not
+    assert "period" in find_gait([rng.standard_normal(900)], 0.1).why_not
+    assert "1 s apart" in find_gait([np.sin(np.arange(900.0))], 1.0).why_not
+    assert "no joint speeds" in find_gait([], 0.01).why_not
+
+
+def test_holding_the_average_of_a_gait_is_repeating_it(motor: Model) -> None:
+    """Ten cycles at 100 Hz, repeated sample by sample, warm the motor as their average does."""
+    cycle = 10 + 6 * np.sin(2 * np.pi * np.arange(50) / 50)
+    torque = np.tile(cycle, 10 * 60)  # 300 s
+    run = motor.run(torque.size)
+    inputs = np.array([torque if column == "torque.m" else np.full(torque.size, AIR) for column in motor.inputs])
+    repeated = run(np.array([AIR]), inputs, motor.values, 0.01).full()[0, -1]
+    mean = np.array([np.sqrt(np.mean(cycle**2)) if column == "torque.m" else AIR for column in motor.inputs])
+    held = motor.run(300)(np.array([AIR]), np.tile(mean[:, None], 300), motor.values, 1.0).full()[0, -1]
+    assert held == pytest.approx(repeated, abs=0.01)
+
+
+# --- the command ----------------------------------------------------------------------------------
+
+MODEL = """[model]
+name = "motor"
+ambient = "temperature.ambient"
+
+[nodes.m]
+capacity = 300
+
+[[links]]
+between = ["m", "ambient"]
+resistance = 5
+
+[[effects]]
+kind = "copper_loss"
+at = "m"
+resistance = 0.15
+torque_constant = 0.84
+"""
+
+
+@pytest.fixture
+def files(tmp_path: Path) -> tuple[Path, Path]:
+    """A model file and a log at 20 Hz of a trot of 2 Hz."""
+    time = np.arange(0, 300, 0.05)
+    turn = 2 * np.pi * 2.0 * time
+    second = warming(np.full(300, 10.0)).columns["temperature.m"]
+    table = pd.DataFrame({"time": time, "torque.m": np.sqrt(200) * np.sin(turn), "velocity.m": 5 * np.cos(turn)})
+    table["temperature.m"] = np.interp(time, np.arange(300), second)
+    table["temperature.ambient"] = AIR
+    (tmp_path / "motor.toml").write_text(MODEL)
+    table.to_parquet(tmp_path / "trot.parquet")
+    return tmp_path / "motor.toml", tmp_path / "trot.parquet"
+
+
+def test_the_command_says_times_and_writes_json_and_figure(
+    files: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    written, picture = tmp_path / "found.json", tmp_path / "found.png"
+    words = [*map(str, files), "--limit", "60", "--limit", "m=65"]
+    lptn("forecast", *words, "--json", str(written), "--plot", str(picture))
+    said = capsys.readouterr().out
+    assert "gait cycles of 0.5 s" in said
+    found = json.loads(written.read_text())
+    assert found["nodes"]["m"]["limit"] == 65
+    assert found["nodes"]["m"]["time_to_limit"] == pytest.approx(exactly(10.0, 65.0, 300.0), rel=0.05)
+    assert found["window"]["gait_period"] == pytest.approx(0.5, rel=0.01)
+    assert len(found["path"]["time"]) == len(found["path"]["temperature"]["m"])
+    assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+def test_ten_gait_cycles_on_request(files: tuple[Path, Path], capsys: pytest.CaptureFixture[str]) -> None:
+    lptn("forecast", *map(str, files), "--limit", "60", "--window", "cycles")
+    assert "the last 10 gait cycles" in capsys.readouterr().out
+
+
+def test_what_is_never_reached_is_null(files: tuple[Path, Path], tmp_path: Path) -> None:
+    written = tmp_path / "found.json"
+    lptn("forecast", *map(str, files), "--limit", "400", "--json", str(written))
+    one = json.loads(written.read_text())["nodes"]["m"]
+    assert one["reaches"] is False
+    assert one["time_to_limit"] is None
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--limit", "hot"], "'hot'"),
+        (["--limit", "nobody=60"], "'nobody'"),
+        (["--limit", "60", "--window", "-5"], "'-5'"),
+        (["--limit", "60", "--plot", "x.gif"], ".gif"),
+    ],
+)
+def test_bad_options_are_refused_in_one_line(
+    files: tuple[Path, Path], words: list[str], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert lptn("forecast", *map(str, files), *words) == 2
+    line = capsys.readouterr().err
+    assert said in line
+    assert line.count("\n") == 1
+
+
+def test_a_log_that_is_too_short_is_refused(motor: Model) -> None:
+    with pytest.raises(InputError, match="at least 60 s"):
+        forecast(motor, warming(np.full(40, 10.0)), 60.0)
+
+
+def lptn(*words: str) -> int:
+    """The command's exit status."""
+    with pytest.raises(SystemExit) as stop:
+        main(words)
+    return int(stop.value.code or 0)
+
+
+def first(run: Run, seconds: int) -> Run:
+    """The first seconds of a run at 1 Hz."""
+    return run.slice(float("-inf"), float(seconds))
+
+
+def certain(model: Model) -> Knowledge:
+    """A model whose parameters are right."""
+    free = len(model.free)
+    return Knowledge(np.zeros((free, free)), np.full(len(model.nodes), 0.02), "right by construction")

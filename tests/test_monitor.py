@@ -1,0 +1,314 @@
+"""Sensor faults put into the readings of a true system by scipy, and found again."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from lptn.arrays import FloatArray
+from lptn.cli import main
+from lptn.errors import InputError
+from lptn.logs import Run
+from lptn.model import Model
+from lptn.monitor import Alarm, Calibration, Monitoring, Watched, calibrate, monitor
+from lptn.monitor.calibration import rare
+from lptn.monitor.figure import monitoring_figure
+from lptn.monitor.keeping import keep, kept
+from lptn.monitor.scene import Scene
+from lptn.monitor.suspicion import DRIFT, OFFSET
+from lptn.monitor.watch import STEP, coarse_drive, estimator_of, watch
+from tests.identify_truth import TRUTH, network, truth_run
+
+WRONG = {"capacity.a": 117.0, "resistance.a~b": 2.55, "resistance.ambient~b": 4.05}  # truth: 120, 2.5, 4
+BEGIN = 1200.0  # s
+FASTEST = 0.03  # K/s
+
+
+@pytest.fixture(scope="module")
+def model() -> Model:
+    """A model that is a few percent wrong, as every fitted one is."""
+    return Model(network().with_values(TRUTH | WRONG))
+
+
+def log(seed: int, spoil: Callable[[FloatArray, FloatArray], FloatArray] | None = None) -> Run:
+    """A run of 50 min with sensors of 1 K; `spoil` gets the time since the fault's beginning and a's temperature."""
+    run = truth_run(3000.0, noise=0.15, seed=seed)
+    columns = dict(run.columns)
+    if spoil is not None:
+        since = np.maximum(run.time - BEGIN, 0.0)
+        columns["temperature.a"] = spoil(since, columns["temperature.a"])
+    for name in ("temperature.a", "temperature.b"):
+        columns[name] = np.round(columns[name])
+    resolution = {"temperature.a": 1.0, "temperature.b": 1.0}
+    fingerprint = f"{seed} {spoil is not None}"
+    return replace(run, columns=columns, resolution=resolution, fingerprint=fingerprint, beginning={})
+
+
+def stuck(since: FloatArray, readings: FloatArray) -> FloatArray:
+    """The reading stays what it is at the beginning."""
+    return np.where(since > 0, readings[int(BEGIN)], readings)
+
+
+def drift(rate: float) -> Callable[[FloatArray, FloatArray], FloatArray]:
+    """The reading moves away by so many K/s."""
+    return lambda since, readings: readings + rate * since
+
+
+@pytest.fixture(scope="module")
+def calibration(model: Model) -> Calibration:
+    """Learnt from two healthy runs."""
+    said: list[str] = []
+    found = calibrate(model, [log(seed) for seed in (1, 2)], report=said.append)
+    assert said[-1] == "learning what is healthy: log 2 of 2"
+    return found
+
+
+def seen(model: Model, calibration: Calibration, run: Run) -> Watched:
+    """What both detectors say of one run."""
+    return monitor(model, [run], calibration=calibration).runs[0]
+
+
+def only(alarms: tuple[Alarm, ...]) -> Alarm:
+    """The one alarm, which is at the faulty sensor."""
+    (alarm,) = alarms
+    assert alarm.node == "a"
+    return alarm
+
+
+@pytest.mark.parametrize("seed", [0, 4, 5])
+def test_a_healthy_log_gives_no_alarm(model: Model, calibration: Calibration, seed: int) -> None:
+    watched = seen(model, calibration, log(seed))
+    assert watched.direct == watched.statistical == ()
+    assert 0.5 < max(watched.largest.values()) < 10.0
+
+
+@pytest.mark.parametrize("rate", [FASTEST, -0.015])
+def test_a_drift_is_called_long_before_the_threshold(model: Model, calibration: Calibration, rate: float) -> None:
+    watched = seen(model, calibration, log(4, drift(rate)))
+    early, late = only(watched.statistical), only(watched.direct)
+    ideal = 10.0 / abs(rate)
+    assert late.time - BEGIN == pytest.approx(ideal, rel=0.3)
+    assert 0 < early.time - BEGIN < 0.6 * (late.time - BEGIN)
+    assert early.kind == late.kind == "drift"
+    for alarm in (early, late):
+        assert alarm.size == pytest.approx(rate, rel=0.4)
+        assert alarm.onset == pytest.approx(BEGIN, abs=150.0)
+
+
+def test_an_offset_below_the_threshold_is_called_at_once(model: Model, calibration: Calibration) -> None:
+    watched = seen(model, calibration, log(4, lambda since, readings: readings + 6.0 * (since > 0)))
+    alarm = only(watched.statistical)
+    assert alarm.kind == "offset"
+    assert 0 < alarm.time - BEGIN <= 3 * STEP
+    assert alarm.size == pytest.approx(6.0, abs=1.0)
+
+
+def test_a_stuck_sensor_is_told_from_one_that_stands_still(model: Model, calibration: Calibration) -> None:
+    watched = seen(model, calibration, log(4, stuck))
+    alarm = only(watched.statistical)
+    assert alarm.kind == "stuck"
+    assert alarm.onset <= BEGIN < alarm.time
+    scene = watched.scene
+    since_fault = scene.after(BEGIN)
+    moved = np.abs(scene.expected[0, since_fault : scene.after(alarm.time)] - scene.expected[0, since_fault]).max()
+    assert moved > 1.0
+
+
+def test_a_reading_that_stands_still_with_its_node_is_healthy(model: Model, calibration: Calibration) -> None:
+    run = log(4)
+    columns = {f"temperature.{place}": np.full(len(run), 21.0) for place in ("ambient", "a", "b")}
+    quiet = replace(run, columns=columns | {"torque.a": np.zeros(len(run))})
+    watched = seen(model, calibration, quiet)
+    assert watched.statistical == watched.direct == ()
+
+
+def test_a_dropout_is_called_after_ten_seconds(model: Model, calibration: Calibration) -> None:
+    watched = seen(model, calibration, log(4, lambda since, readings: np.where(since > 0, np.nan, readings)))
+    for alarms in (watched.statistical, watched.direct):
+        alarm = only(alarms)
+        assert alarm.kind == "dropout"
+        assert alarm.onset == BEGIN + 1
+        assert alarm.time == BEGIN + 10
+
+
+def test_error_codes_count_as_missing_and_scattered_gaps_do_not(model: Model, calibration: Calibration) -> None:
+    luck = np.random.default_rng(3).uniform(size=3000)
+    gappy = log(4, lambda _, readings: np.where(luck < 0.1, np.nan, readings))
+    assert seen(model, calibration, gappy).statistical == ()
+    coded = log(4, lambda since, readings: np.where(since > 0, 999.0, readings))
+    assert only(seen(model, calibration, coded).statistical).kind == "dropout"
+
+
+def test_the_size_of_a_drift_is_estimated_right(model: Model, calibration: Calibration) -> None:
+    driven = coarse_drive(model, log(4, drift(FASTEST)), STEP)
+    estimator = estimator_of(model, calibration.noise, calibration.error)
+    last = [best for time, best in watch(estimator, driven, driven.measured) if time < BEGIN + 600][-1]
+    assert last.size[DRIFT, 0] == pytest.approx(FASTEST, rel=0.2)
+    assert last.weight[DRIFT, 0] > last.weight[OFFSET, 0] > 0
+    assert last.weight[DRIFT, 0] > last.weight[DRIFT, 1]
+
+
+def test_a_very_long_log_keeps_its_suspicions(model: Model, calibration: Calibration) -> None:
+    parts = [log(seed) for seed in (0, 4, 5)]
+    columns = {name: np.concatenate([part.columns[name] for part in parts]) for name in parts[0].columns}
+    n = len(columns["torque.a"])
+    # Ambients and temperatures jump where the runs meet; only that nothing breaks is asked here.
+    run = replace(parts[0], columns=columns, time=np.arange(float(n)))
+    driven = coarse_drive(model, run, STEP)
+    estimator = estimator_of(model, calibration.noise, calibration.error)
+    weights = [best.weight for _, best in watch(estimator, driven, driven.measured)]
+    assert len(weights) == len(driven) == n // 10 - 1
+    assert np.isfinite(weights).all()
+
+
+def test_the_tail_of_an_exponential_is_found() -> None:
+    maxima = np.random.default_rng(0).exponential(0.5, 4000) + 2.0
+    assert rare(maxima, 1e-5) == pytest.approx(2.0 - 0.5 * np.log(1e-5), rel=0.1)
+    assert rare(np.array([1.0, 2.0, 3.0]), 0.4) >= 3.0
+
+
+def test_without_healthy_logs_it_guesses_and_says_so(model: Model) -> None:
+    found = monitor(model, [log(4, drift(0.05))])
+    assert found.calibration.hours == 0.0
+    assert only(found.runs[0].statistical).kind == "drift"
+    with pytest.raises(ValueError, match="threshold"):
+        monitor(model, [], threshold=0.0)
+    with pytest.raises(ValueError, match="healthy"):
+        calibrate(model, [])
+
+
+def test_a_kept_calibration_is_the_same_and_belongs_to_its_model(
+    model: Model, calibration: Calibration, tmp_path: Path
+) -> None:
+    file = tmp_path / "calibration.json"
+    keep(calibration, model.nodes, file)
+    again = kept(file, model)
+    assert again.as_json(model.nodes) == calibration.as_json(model.nodes)
+    content = json.loads(file.read_text())
+    spoilt: object
+    for spoilt in (content | {"nodes": ["a", "c"]}, content | {"still": [1.0]}, content | {"more": 1}, []):
+        file.write_text(json.dumps(spoilt))
+        with pytest.raises(InputError, match="calibration"):
+            kept(file, model)
+
+
+def test_the_picture_shows_the_faulty_sensor(model: Model, calibration: Calibration) -> None:
+    faulty, healthy = log(4, drift(FASTEST)), log(5)
+    figure = monitoring_figure(monitor(model, [faulty, healthy], calibration=calibration))
+    assert [ax.get_title(loc="left") for ax in figure.axes if ax.get_title(loc="left")] == ["a, run run4: drift"]
+    quiet = monitoring_figure(monitor(model, [healthy], calibration=calibration))
+    assert "no alarm" in quiet.axes[0].get_title(loc="left")
+
+
+def test_scenes_know_how_long_a_reading_stands() -> None:
+    run = replace(truth_run(100.0), resolution={})
+    readings = np.array([[1.0, 1.0, np.nan, 1.0, 2.0, 2.0]])
+    expected = np.array([[0.0, 1.0, 2.0, 3.0, 3.0, 5.0]])
+    scene = Scene(run.slice(0.0, 6.0), ("a",), readings, expected)
+    assert scene.moved.tolist() == [[0.0, 1.0, 0.0, 3.0, 0.0, 2.0]]
+    assert [scene.stands_since(0, at) for at in (3, 5)] == [0, 4]
+
+
+# --- the command --------------------------------------------------------------------------------------
+
+MODEL = """
+[model]
+name = "two"
+ambient = "temperature.ambient"
+
+[nodes.a]
+capacity = 117
+
+[nodes.b]
+capacity = 260
+
+[[links]]
+between = ["a", "b"]
+resistance = 2.55
+
+[[links]]
+between = ["b", "ambient"]
+resistance = 4.05
+
+[[effects]]
+kind = "copper_loss"
+at = "a"
+resistance = 0.2
+torque_constant = 1.0
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A model file and logs."""
+    place = tmp_path_factory.mktemp("monitor")
+    (place / "two.toml").write_text(MODEL)
+    for name, run in {"good": log(1), "fine": log(2), "today": log(4, drift(FASTEST))}.items():
+        pd.DataFrame({"time": run.time, **run.columns}).to_csv(place / f"{name}.csv", index=False)
+    return place
+
+
+def run_command(*words: object) -> int:
+    """The exit status of `lptn`."""
+    try:
+        main([str(word) for word in words])
+    except SystemExit as stop:
+        return int(stop.code or 0)
+    return 0
+
+
+def test_the_command_shows_both_detectors(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    found, picture, kept_file = folder / "found.json", folder / "found.png", folder / "calibration.json"
+    words = ("monitor", folder / "two.toml", folder / "today.csv", "--threshold", 10, "--json", found)
+    healthy = ("--healthy", folder / "good.csv", folder / "fine.csv", "--calibration", kept_file)
+    assert run_command(*words, *healthy, "--plot", picture) == 0
+    shown = capsys.readouterr().out
+    assert "drift" in shown
+    assert "h of healthy logs" in shown
+    written = json.loads(found.read_text())
+    both = written["runs"]["today"]
+    (early,), (late,) = both["statistical"]["alarms"], both["threshold"]["alarms"]
+    assert set(early) == {"node", "kind", "time", "onset", "size"}
+    assert BEGIN < early["time"] < late["time"]
+    assert both["threshold"]["largest_residual"]["a"] > written["threshold"] == 10
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    assert run_command(*words, "--calibration", kept_file) == 0
+    assert json.loads(found.read_text())["runs"] == written["runs"]
+    assert run_command(*words) == 0
+    assert "guesses" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--healthy", "today.csv"), "each log once"),
+        (("--threshold", "0"), "threshold"),
+        (("--calibration", "two.toml"), "calibration"),
+        (("--calibration", "nothing.json"), "--healthy"),
+        (("--plot", "picture.gif"), ".png"),
+    ],
+)
+def test_mistakes_are_one_line_and_exit_2(
+    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, words: tuple[str, ...], said: str
+) -> None:
+    monkeypatch.chdir(folder)
+    before = sorted(folder.iterdir())
+    assert run_command("monitor", "two.toml", "today.csv", "--json", "out.json", *words) == 2
+    captured = capsys.readouterr()
+    assert captured.err.count("\n") == 1
+    assert said in captured.err
+    assert sorted(folder.iterdir()) == before
+
+
+def test_nothing_found_is_no_mistake(model: Model, calibration: Calibration) -> None:
+    found = monitor(model, [log(5)], calibration=calibration)
+    assert isinstance(found, Monitoring)
+    written = found.as_json()["runs"]
+    assert isinstance(written, dict)
+    assert written["run5"]["statistical"]["alarms"] == []
