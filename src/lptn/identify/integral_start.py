@@ -17,6 +17,7 @@ from lptn.model import Model
 from lptn.simulate import Drive
 
 _MOST_ROWS = 400  # instants of each run that enter
+_FAINT = 1e-12  # W/K; a link that conducts less is none
 _RIDGE = 1.0  # weight of the declared value, in standard deviations of the data
 
 
@@ -101,7 +102,7 @@ class _LinearBalance:
         found = lsq_linear(np.vstack([rows * scale, pull]), np.concatenate([sides, target]), limits)
         w = self._declared.copy()
         w[self.chosen] = found.x * scale
-        values = np.where(self._inverse, 1.0 / np.where(w == 0, np.inf, w), w)
+        values = np.divide(1.0, np.maximum(w, _FAINT), out=w.copy(), where=self._inverse)
         return np.where(np.isin(np.arange(len(values)), self.chosen), values, model.values)
 
     def _bounds(self, index: int) -> tuple[float, float]:
