@@ -8,12 +8,10 @@ from typing import Any
 
 import numpy as np
 import tomlkit
-from pydantic import ValidationError
-from tomlkit.exceptions import ParseError, TOMLKitError
 
 from lptn.errors import InputError
 from lptn.model_file import load_model, parse_model
-from lptn.model_mistakes import from_validation, sentence, with_line
+from lptn.model_mistakes import text_of, told_by_line
 from lptn.network import Network
 from lptn.robots import presets
 from lptn.units import convert
@@ -35,12 +33,7 @@ def load_study(path: Path) -> Study:
     Raises:
         InputError: it can't be read, is not TOML, or says something that can't be a study; with its line.
     """
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "bytes that are not UTF-8 text"
-        raise InputError(path, "file", reason or "no file", "a study file") from error
-    return parse_study(text, path)
+    return parse_study(text_of(path, "a study file"), path)
 
 
 def parse_study(text: str, path: Path) -> Study:
@@ -49,17 +42,9 @@ def parse_study(text: str, path: Path) -> Study:
     Raises:
         InputError: with the line of the mistake.
     """
-    try:
+    with told_by_line(path, text):
         tables = File.model_validate(tomlkit.parse(text).unwrap())
         return _study(tables, path)
-    except ParseError as error:
-        raise InputError(path, f"line {error.line}", sentence(str(error)), "TOML") from error
-    except TOMLKitError as error:
-        raise InputError(path, "file", sentence(str(error)), "TOML") from error
-    except ValidationError as error:
-        raise from_validation(error, path, text) from error
-    except InputError as error:
-        raise with_line(error, path, text) from error
 
 
 def _study(tables: File, path: Path) -> Study:

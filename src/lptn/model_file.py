@@ -8,13 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import tomlkit
-from pydantic import ValidationError
-from tomlkit.exceptions import ParseError, TOMLKitError
 
-from lptn.errors import InputError
 from lptn.files import write_whole
 from lptn.logs import ColumnSource, parse_columns
-from lptn.model_mistakes import from_validation, sentence, with_line
+from lptn.model_mistakes import text_of, told_by_line
 from lptn.model_reader import Reader, flat_columns
 from lptn.model_schema import File, FitTable
 from lptn.network import EffectDeclaration, Network
@@ -96,12 +93,7 @@ def load_model(path: Path) -> ModelFile:
     Raises:
         InputError: it can't be read, is not TOML, or says something that can't be a model; with its line.
     """
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "bytes that are not UTF-8 text"
-        raise InputError(path, "file", reason or "no file", "a model file (`lptn new` writes one)") from error
-    return parse_model(text, path)
+    return parse_model(text_of(path, "a model file (`lptn new` writes one)"), path)
 
 
 def parse_model(text: str, path: Path) -> ModelFile:
@@ -110,19 +102,11 @@ def parse_model(text: str, path: Path) -> ModelFile:
     Raises:
         InputError: with the line of the mistake.
     """
-    try:
+    with told_by_line(path, text):
         content = tomlkit.parse(text).unwrap()
         tables = File.model_validate(content)
         columns = parse_columns(flat_columns(tables.columns), path, "columns")
         network = Reader(path, tables).network()
-    except ParseError as error:
-        raise InputError(path, f"line {error.line}", sentence(str(error)), "TOML") from error
-    except TOMLKitError as error:
-        raise InputError(path, "file", sentence(str(error)), "TOML") from error
-    except ValidationError as error:
-        raise from_validation(error, path, text) from error
-    except InputError as error:
-        raise with_line(error, path, text) from error
     return ModelFile(path, text, network, columns, tables.model.step)
 
 

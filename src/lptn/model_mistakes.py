@@ -1,16 +1,54 @@
-"""Mistakes in a model file, each said with its line, its key, what was found and what was expected."""
+"""Mistakes in a TOML file of the user, each said with its line, its key, what was found and what was expected."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
+from tomlkit.exceptions import ParseError, TOMLKitError
 
 from lptn.errors import InputError
 from lptn.places import is_glob
 from lptn.toml_places import locate
+
+
+def text_of(path: Path, expected: str) -> str:
+    """The text of a user's file.
+
+    Args:
+        path: the file.
+        expected: what it should have been, for the message.
+
+    Raises:
+        InputError: there is no such file, or it can't be read as text.
+    """
+    try:
+        return path.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "bytes that are not UTF-8 text"
+        raise InputError(path, "file", reason or "no file", expected) from error
+
+
+@contextmanager
+def told_by_line(path: Path, text: str) -> Iterator[None]:
+    """Turn what goes wrong while a TOML text is read into one line that names the place.
+
+    Raises:
+        InputError: with the line of the mistake.
+    """
+    try:
+        yield
+    except ParseError as error:
+        raise InputError(path, f"line {error.line}", sentence(str(error)), "TOML") from error
+    except TOMLKitError as error:
+        raise InputError(path, "file", sentence(str(error)), "TOML") from error
+    except ValidationError as error:
+        raise from_validation(error, path, text) from error
+    except InputError as error:
+        raise with_line(error, path, text) from error
 
 
 def from_validation(error: ValidationError, path: Path, text: str) -> InputError:

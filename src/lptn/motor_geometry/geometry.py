@@ -9,11 +9,9 @@ from importlib.resources import files
 from pathlib import Path
 
 import tomlkit
-from pydantic import ValidationError
-from tomlkit.exceptions import ParseError, TOMLKitError
 
 from lptn.errors import InputError
-from lptn.model_mistakes import from_validation, sentence, with_line
+from lptn.model_mistakes import text_of, told_by_line
 from lptn.motor_geometry.materials import MATERIALS, Material, winding
 from lptn.motor_geometry.schema import GeometryFile, MaterialTable
 
@@ -179,12 +177,7 @@ def load_geometry(path: Path) -> Geometry:
     Raises:
         InputError: it can't be read, or describes no motor; with the line of the mistake.
     """
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "bytes that are not UTF-8 text"
-        raise InputError(path, "file", reason or "no file", "a geometry file (`lptn motor` prints one)") from error
-    return parse_geometry(text, path)
+    return parse_geometry(text_of(path, "a geometry file (`lptn motor` prints one)"), path)
 
 
 def parse_geometry(text: str, path: Path) -> Geometry:
@@ -193,15 +186,7 @@ def parse_geometry(text: str, path: Path) -> Geometry:
     Raises:
         InputError: with the line of the mistake.
     """
-    try:
+    with told_by_line(path, text):
         geometry = Geometry(path, GeometryFile.model_validate(tomlkit.parse(text).unwrap()))
         geometry.check()
-    except ParseError as error:
-        raise InputError(path, f"line {error.line}", sentence(str(error)), "TOML") from error
-    except TOMLKitError as error:
-        raise InputError(path, "file", sentence(str(error)), "TOML") from error
-    except ValidationError as error:
-        raise from_validation(error, path, text) from error
-    except InputError as error:
-        raise with_line(error, path, text) from error
     return geometry
