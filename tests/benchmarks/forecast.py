@@ -142,6 +142,8 @@ def _gait(log: Path, joints: Sequence[str]) -> Gait:
 
 def error(found: NodeForecast, true: float) -> float:
     """Error of the time to the limit as a share of the true time still to go."""
+    if true == 0:  # a joint may be past the limit already
+        return 0.0 if found.time_to_limit == 0 else inf
     return abs(found.time_to_limit - true) / true
 
 
@@ -190,7 +192,7 @@ def summary(done: Sequence[Trial]) -> str:
 def main() -> None:
     """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--robots", nargs="+", type=int, default=[201, 202])
+    parser.add_argument("--robots", nargs="+", type=int, default=[301, 302])
     parser.add_argument("--trots", type=int, default=10, help="of each robot")
     parser.add_argument("--model", choices=["windings", "preset"], default="windings")
     parser.add_argument("--at", type=float, default=48.0, help="degC of the hottest joint at the one forecast")
