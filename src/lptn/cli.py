@@ -30,9 +30,10 @@ from lptn.compare_command import compare
 from lptn.errors import InputError
 from lptn.fmu.commands import cosim, fmu
 from lptn.forecast_command import forecast
+from lptn.interrupts import heard_interrupts
 from lptn.monitor_command import monitor
 from lptn.motor_command import motor
-from lptn.planners.commands import trade
+from lptn.planners.commands import plan, trade
 
 app = cyclopts.App(
     name="lptn",
@@ -260,7 +261,7 @@ def report(
     )
 
 
-for _command in (compare, forecast, monitor, fmu, cosim, trade, motor):
+for _command in (compare, forecast, monitor, fmu, cosim, trade, plan, motor):
     app.command(_command)
 
 
@@ -276,7 +277,8 @@ def main(words: Sequence[str] | None = None) -> None:
         words: what stands behind `lptn`; by default what the shell gave.
     """
     try:
-        app(sys.argv[1:] if words is None else words, exit_on_error=False, print_error=False)
+        with heard_interrupts():
+            app(sys.argv[1:] if words is None else words, exit_on_error=False, print_error=False)
     except InputError as error:
         _say(error)
         sys.exit(2)
