@@ -23,13 +23,15 @@ def temperatures(hidden: tuple[Hidden, ...] = ()) -> Array:
 @pytest.mark.parametrize("effect", EFFECTS)
 def test_peak_of_each_effect(effect: str) -> None:
     """The table of peaks is printed by ``pytest -s``."""
-    alone = [place for place in places(effect) if place != "*"]
+    alone = [place for place in places(effect) if place != "*"] or ["*"]
     peaks = {}
     for place in alone:
-        trace = np.abs(temperatures((Hidden(effect, place),)) - temperatures()).max(axis=0)
+        # The lag of the ambient brings changes of the ambient with it, which are none of its own.
+        usual = temperatures((Hidden(effect, place, 1e-6),) if effect == "ambient_lag" else ())
+        trace = np.abs(temperatures((Hidden(effect, place),)) - usual).max(axis=0)
         peaks[place] = float(trace.max())
-        if effect != "conduction":
-            assert JOINTS[int(trace.argmax())] == place, "the effect is largest where it was put"
+        ends = place.split("~") if set(place.split("~")) <= set(JOINTS) else JOINTS
+        assert JOINTS[int(trace.argmax())] in ends, "the effect is largest where it was put"
     print(f"{effect:20s}", "  ".join(f"{place} {peak:.2f} K" for place, peak in peaks.items()))
     assert all(0.5 < peak < 8 for peak in peaks.values())
 
@@ -72,6 +74,11 @@ def test_unknown_effect_is_refused_with_the_known_ones() -> None:
         ("radiation", "FR_calf~FR_hip", r"FR_hip, FR_thigh, FR_calf, \*"),
         ("conduction", "FR_hip", "FR_calf~FR_hip"),
         ("conduction", "*", "FR_calf~FR_hip"),
+        ("sensor_position", "FR_calf~FR_hip", "FR_calf~FR_thigh, FR_thigh~FR_calf, FR_hip~FR_thigh, FR_thigh~FR_hip"),
+        ("sensor_position", "FR_calf~FR_calf_case", "FR_calf~FR_thigh, .*"),
+        ("shared_mass", "FR_hip", r"\*"),
+        ("clock_offset", "FR_hip", r"\*"),
+        ("ambient_offset", "*", "ambient"),
     ],
 )
 def test_unknown_place_is_refused_with_the_allowed_ones(effect: str, place: str, allowed: str) -> None:
@@ -83,6 +90,19 @@ def test_unknown_place_is_refused_with_the_allowed_ones(effect: str, place: str,
 def test_bad_size_is_refused(size: float) -> None:
     with pytest.raises(ValueError, match="size of radiation"):
         Hidden("radiation", "*", size)
+
+
+@pytest.mark.parametrize("effect", [name for name, effect in EFFECTS.items() if effect.signed])
+def test_signed_effect_goes_either_way(effect: str) -> None:
+    place = places(effect)[0]
+    up, down = (temperatures((Hidden(effect, place, size),)) - temperatures() for size in (0.5, -0.5))
+    assert np.abs(up + down).mean() < 0.3 * np.abs(up).mean()
+
+
+@pytest.mark.parametrize(("effect", "least"), [("loss_scale", "-4.50"), ("surface_scale", "-3.00")])
+def test_scale_that_leaves_nothing_is_refused(effect: str, least: str) -> None:
+    with pytest.raises(ValueError, match=f"size of {effect}: found -5; expected {least} or above"):
+        leg_logs([Hidden(effect, "*", -5.0)], seed=0)
 
 
 def test_second_mass_larger_than_its_node_is_refused() -> None:

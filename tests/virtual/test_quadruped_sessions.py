@@ -40,7 +40,7 @@ def test_trial_powers_every_joint_alone_with_three_others() -> None:
     assert list(runs) == ["fit1", "fit2", "holdout"]
     for name in ("fit1", "fit2"):
         held = [joint for segment in runs[name].segments for joint in segment.joints]
-        assert sorted(held) == sorted(JOINTS)
+        assert sorted(held) == sorted(3 * JOINTS)
     assert all(run.segments[-1].activity == "rest" and run.cutout is None for run in runs.values())
     for physics, coldest in (("full", 60), ("plain", 50)):
         logs = quadruped_logs(seed=5, runs="trial", physics=physics)  # type: ignore[arg-type]

@@ -11,10 +11,11 @@ from scipy.integrate import solve_ivp
 
 from lptn.virtual import Run, Segment, motion, quadruped, quadruped_logs
 from lptn.virtual.exponential import Exponential
+from lptn.virtual.forcing import act
 from lptn.virtual.motion import Motion, draw_motion
 from lptn.virtual.quadruped_truth import JOINTS, draw_errors
 from lptn.virtual.robot import Array, Robot
-from lptn.virtual.solve import Network, act
+from lptn.virtual.solve import Network
 
 AMBIENT = 18.0
 MOVES = (

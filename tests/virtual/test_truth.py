@@ -7,9 +7,10 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from lptn.virtual import EFFECTS, JOINTS, Hidden, leg_logs, places
+from lptn.virtual.forcing import Drive, drive
 from lptn.virtual.protocol import Segment, Signals, draw_signals
 from lptn.virtual.sensors import lagged
-from lptn.virtual.solve import Drive, Network, drive
+from lptn.virtual.solve import Network
 from lptn.virtual.truth import Array, Leg, draw_leg, roughen
 
 MOVES = (Segment("squat", 60), Segment("trot", 100, 1.5, 4.0), Segment("leg_sweep", 40, 1.5))
@@ -49,16 +50,19 @@ def test_balance_with_every_effect_is_the_one_written_down() -> None:
     rows = Signals(np.full((10, 3), torque), np.tile([[w], [-w]], (5, 3)), np.full(10, v))
     held = at_row(drive(leg, rows, np.full((10, 3), 2.5)), 0)
     made = base.resistance * (1 + 0.00393 / 2 * (T - 25))
-    made *= (torque / (base.torque_constant * (1 - 0.0006 * (T - 25)))) ** 2
+    made *= 1.1 * (torque / (base.torque_constant * (1 - 0.0006 * (T - 25)))) ** 2
     made += 0.25 * w + 0.035 * w**2 + 0.1 * w**1.5 + 0.75 + 2.5
-    lost = base.to_air * np.exp(0.003 * (T - ambient)) * (1 + 0.275 * v) * (T - ambient)
+    made += 0.05 * torque * w + 0.25 * torque
+    lost = 1.15 * base.to_air * np.exp(0.003 * (T - ambient)) * (1 + 0.275 * v) * (T - ambient)
     lost += 0.004 * 5.670374419e-8 * ((T + kelvin) ** 4 - (ambient + kelvin) ** 4)
     (_, _, upper), (_, _, lower) = base.links
     across = (T[2] - T[0]) / 6
     between = np.array([upper * 15 + across, -upper * 15 + lower * 15, -lower * 15 - across])
     into = (T - inner) / 1.5
-    expected = [*((made - lost + between - into) / (base.capacity - 60)), *(into / 60)]
-    slope = Network(leg, ambient).slope(np.concatenate([T, inner]), *held)
+    frame, into_frame = 47.0, (T - 47.0) / 34
+    shared = (into_frame.sum() - 1.5 / 42 * (frame - ambient)) / 180
+    expected = [*((made - lost + between - into - into_frame) / (base.capacity - 60)), *(into / 60), shared]
+    slope = Network(leg, ambient).slope(np.concatenate([T, inner, [frame]]), *held)
     assert slope == pytest.approx(np.array(expected), rel=1e-9)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .activities import Segment
 from .faults import Fault
-from .hidden import BEYOND, EFFECTS, Hidden, places
+from .hidden import BEYOND, EFFECTS, SINGLE, Hidden, places
 from .leg import leg_logs, write_logs
 from .plans import PLANS, plan
 from .quadruped import Logs, quadruped, quadruped_logs, write_quadruped
@@ -16,6 +16,7 @@ __all__ = [
     "EFFECTS",
     "JOINTS",
     "PLANS",
+    "SINGLE",
     "Fault",
     "Hidden",
     "Logs",

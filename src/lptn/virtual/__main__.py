@@ -7,6 +7,7 @@ import sys
 from collections.abc import Sequence
 from typing import NoReturn, get_args
 
+from .further import Columns
 from .hidden import EFFECTS, Hidden
 from .leg import RATES as LEG_RATES
 from .leg import Start, leg_logs
@@ -48,20 +49,31 @@ def _add_shared(robot: argparse.ArgumentParser, quantisation: float) -> None:
     robot.add_argument("--at", action="append", default=[], metavar="PLACE", help="one for each --hidden, in order")
     sizes = "one for each --hidden, in order, or none (1)"
     robot.add_argument("--size", action="append", default=[], type=float, help=sizes)
+    alone = "in which alone it acts, one for each --hidden, in order, * for all runs, or none (*)"
+    robot.add_argument("--run", action="append", default=[], metavar="RUN", help=alone)
     robot.add_argument("--seed", type=int, default=0)
     robot.add_argument("--noise", type=float, default=0.15, help="K")
     robot.add_argument("--quantisation", type=float, default=quantisation, help=f"K; {quantisation:g} if not given")
     robot.add_argument("--dropouts", type=float, default=0.0, help="share of readings that are missing")
+    robot.add_argument(
+        "--columns", choices=get_args(Columns), default="asked", help="all: also what no effect asks for"
+    )
     robot.add_argument("--format", choices=get_args(Format), default="parquet")
     robot.add_argument("-o", "--output", required=True, metavar="DIR")
 
 
-def _hidden(robot: str, effects: list[str], at: list[str], sizes: list[float]) -> list[Hidden]:
+def _hidden(robot: str, effects: list[str], at: list[str], sizes: list[float], runs: list[str]) -> list[Hidden]:
     if len(at) != len(effects):
         raise ValueError(f"--at: found {len(at)}; expected one for each --hidden, so {len(effects)}")
     if sizes and len(sizes) != len(effects):
         raise ValueError(f"--size: found {len(sizes)}; expected none or one for each --hidden, so {len(effects)}")
-    return [Hidden(*one, robot) for one in zip(effects, at, sizes or [1.0] * len(effects), strict=True)]
+    if runs and len(runs) != len(effects):
+        raise ValueError(f"--run: found {len(runs)}; expected none or one for each --hidden, so {len(effects)}")
+    sizes, names = sizes or [1.0] * len(effects), [run.replace("*", "") for run in runs] or [""] * len(effects)
+    return [
+        Hidden(effect, place, size, robot, run)
+        for effect, place, size, run in zip(effects, at, sizes, names, strict=True)
+    ]
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -73,7 +85,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     given = vars(_parser().parse_args(arguments))
     robot, folder, kind = given.pop("robot"), given.pop("output"), given.pop("format")
     try:
-        hidden = _hidden(robot, given.pop("hidden"), given.pop("at"), given.pop("size"))
+        hidden = _hidden(robot, given.pop("hidden"), given.pop("at"), given.pop("size"), given.pop("run"))
         if robot == "quadruped":
             files = write_quadruped(folder, hidden, format=kind, **given)
         else:

@@ -46,6 +46,7 @@ ACTIVITIES = {
     "trot": Activity((2.242, 3.767, 8.078), 0.15, 0.6, (1.5, 6.0, 10.41), 0.6, (1.6, 1.2), _TROT, travels=True),
     "walk": Activity((2.0, 3.4, 7.0), 0.15, 0.8, (1.2, 5.0, 8.0), 0.5, (1.0, 0.9), _WALK, travels=True),
     "squat": Activity((1.5, 4.5, 8.0), 0.0, 1.2, (0.3, 2.5, 4.0), 0.0, (0.4, 0.0)),
+    "sway": Activity((7.0, 3.5, 5.0), 0.0, 0.6, (6.0, 2.5, 3.0), 0.0, (0.5, 0.0)),
     "leg_sweep": Activity((0.6, 0.6, 0.5), 0.0, 0.0, (8.0, 8.0, 9.0), 0.0, (0.9, 0.4)),
     "hold": Activity(bias=12.0, stride=(0.5, 0.0)),
 }
@@ -58,7 +59,7 @@ class Segment:
     Args:
         activity: a key of ``ACTIVITIES``; "rest" has all drives off, "hold" powers ``joints`` alone.
         seconds: 1 or above.
-        speed: m/s for trot and walk; for squat and leg_sweep a factor on the joints' speed.
+        speed: m/s for trot and walk; for squat, sway and leg_sweep a factor on the joints' speed.
         load: kg on the back, 0 to 20.
         joints: for "hold", which joints push.
         torque: for "hold", RMS torque of each, N·m.

@@ -10,8 +10,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import expm
 
+from .forcing import Drive
 from .robot import Array
-from .solve import KELVIN, REFERENCE, Drive, Network
+from .solve import KELVIN, REFERENCE, Network
 
 BLOCK = 60  # s between two looks at the limits
 
@@ -33,6 +34,7 @@ class Exponential:
         copper[network.copper, np.arange(count)] = 1.0
         self.step = np.concatenate([keep, add[:, : network.windings.stop], add @ copper], axis=1)
         self.supply = add @ network.supply
+        self.hidden_air = add @ network.hidden_air
         self.nonlinear = bool(robot.natural_convection.any()), bool(robot.torque_constant_drop.any())
 
     def solve(self, forcing: Drive, start: Array, *, above: float = np.inf, below: float = -np.inf) -> Array:
@@ -65,12 +67,16 @@ class Exponential:
         natural, magnets = self.nonlinear
         count, glow, rise, drop = network.count, network.glow, robot.resistance_rise, robot.torque_constant_drop
         states = T.shape[1]
+        shift = np.zeros(len(forcing.copper)) if forcing.shift is None else forcing.shift
+        ambient, ambient_glow = network.ambient + shift, np.full(len(shift), network.ambient_glow)
+        if forcing.shift is not None:
+            ambient_glow = (ambient + KELVIN) ** 4
         acting = np.empty(self.step.shape[1])
         for k in range(begin, end):
             now = T[k]
             middle = 1.5 * now - 0.5 * before
             node, warm = middle[:count], middle[network.copper] - REFERENCE
-            higher = node - network.ambient
+            higher = node - ambient[k]
             made = forcing.copper[k] * (1 + rise * warm)
             if magnets:
                 made /= (1 - drop * warm) ** 2
@@ -78,9 +84,9 @@ class Exponential:
             if natural:
                 lost *= np.exp(robot.natural_convection * higher)
             squared = (node + KELVIN) ** 2
-            lost += glow * (squared * squared - network.ambient_glow)
+            lost += glow * (squared * squared - ambient_glow[k])
             acting[:states], acting[states:-count], acting[-count:] = now, forcing.other[k], made
             acting[states : states + count] -= lost
-            T[k + 1] = self.step @ acting + self.supply
+            T[k + 1] = self.step @ acting + self.supply + shift[k] * self.hidden_air
             before = now
         return before

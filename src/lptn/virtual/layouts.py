@@ -8,6 +8,7 @@ from itertools import combinations
 LEGS = ("FR", "FL", "RR", "RL")
 PARTS = ("hip", "thigh", "calf")
 PC = "pc"
+CASE = "_case"  # ends the name of a housing apart from its winding
 
 
 def edge(one: str, other: str) -> str:
@@ -29,6 +30,12 @@ class Layout:
         """The edges that the baseline lacks."""
         edges = (edge(*pair) for pair in combinations(self.nodes, 2))
         return tuple(name for name in edges if name not in self.linked)
+
+    @property
+    def either_way(self) -> tuple[str, ...]:
+        """The edges that the baseline has, from either end."""
+        pairs = sorted(tuple(name.split("~")) for name in self.linked)
+        return tuple(name for one, other in pairs for name in (f"{one}~{other}", f"{other}~{one}"))
 
 
 def _leg(side: str, *, closed: bool) -> list[str]:

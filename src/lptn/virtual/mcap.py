@@ -1,7 +1,8 @@
 """Write a log as MCAP, as ROS 2 would record it.
 
 Topics: /joint_states (velocity and effort of the joints; positions aren't simulated), /dynamic_joint_states
-(temperature and, of joints, powered; of others, power), /base_velocity and /ambient_temperature;
+(temperature and, of joints, powered; of others, power; torque_abs and mechanical_power where the log has them),
+/base_velocity and /ambient_temperature;
 a message of each a row.
 """
 
@@ -27,6 +28,8 @@ DEFINITIONS = {
         "std_msgs/Header header\nstring[] joint_names\ncontrol_msgs/InterfaceValue[] interface_values\n"
     ),
 }
+QUANTITIES = ("temperature", "powered", "power", "torque_abs", "mechanical_power")
+UNSENT = ("power.battery", "speed.fan", "irradiance.global")
 MARK = 1.2345678901234567e100  # the first of the numbers that a template is searched for
 STAMP = slice(4, 12)  # bytes of a message that hold the header's time: after the encoding's mark
 
@@ -63,6 +66,8 @@ def write(pieces: Iterable[pd.DataFrame], file: Path) -> None:
         with writer:
             topics: list[tuple[Any, Topic, _Template]] = []
             for piece in pieces:
+                if unsent := [name for name in UNSENT if name in piece]:
+                    raise ValueError(f"format: mcap has no topic for {', '.join(unsent)}; expected parquet or csv")
                 if not topics:
                     for topic in _topics(list(piece.columns), store):
                         connection = writer.add_connection(topic.name, topic.kind, typestore=store)
@@ -90,7 +95,7 @@ def _topics(columns: list[str], store: Any) -> list[Topic]:
     header = types["std_msgs/Header"](types["builtin_interfaces/Time"](0, 0), "")
     joints = [column.partition(".")[2] for column in columns if column.startswith("torque.")]
     nodes = [c.partition(".")[2] for c in columns if c.startswith("temperature.") and c != "temperature.ambient"]
-    own = [[f"{quantity}.{node}" for quantity in ("temperature", "powered", "power")] for node in nodes]
+    own = [[f"{quantity}.{node}" for quantity in QUANTITIES] for node in nodes]
     own = [[name for name in names if name in columns] for names in own]
     state = types["sensor_msgs/JointState"]
     value = types["control_msgs/InterfaceValue"]

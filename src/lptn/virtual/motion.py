@@ -13,9 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from .activities import ACTIVITIES, BODY, LOADED, Segment
-from .quadruped_truth import JOINTS, PC_BUSY, PC_IDLE
+from .forcing import Common, Means, battery_power
+from .quadruped_truth import DRIVE, JOINTS, PC_BUSY, PC_IDLE
 from .robot import Array
-from .solve import Means
 
 SAMPLES = 100  # a second
 MODULATION = 0.02  # standard deviation of the slow wandering of torque and speed
@@ -40,6 +40,7 @@ class Motion:
 
     torque: size of the torque, N·m, velocity: of the speed, rad/s, powered: 0 or 1; of shape (seconds, joints).
     base: m/s, pc: heat of the computer, W; of shape (seconds,). parts: the patterns. unit: means of the patterns.
+    fan: share of its full speed, sun: W/m², of shape (seconds, 1).
     """
 
     torque: Array
@@ -49,18 +50,29 @@ class Motion:
     pc: Array
     parts: tuple[Part, ...]
     unit: Means
+    fan: Array
+    sun: Array
 
     def means(self, exponent: float = 1.0) -> Means:
         """Return the exact means over each second; ``exponent`` is the wind's."""
         reach, unit = self.velocity, self.unit
-        return Means(
+        means = Means(
+            torque1=self.torque * unit.torque1,
             torque2=self.torque**2 * unit.torque2,
             speed=reach * unit.speed,
             speed2=reach**2 * unit.speed2,
             speed15=reach**1.5 * unit.speed15,
+            power=self.torque * reach * unit.power,
             wind=np.abs(self.base[:, None]) ** exponent,
             powered=self.powered,
         )
+        return replace(means, common=self.common(means))
+
+    def common(self, means: Means) -> Common:
+        """Return what the nodes share; ``means`` are those of this movement."""
+        computer = self.pc[:, None]
+        battery = battery_power(computer + DRIVE * self.powered.sum(axis=1, keepdims=True), means)
+        return Common(computer, battery, self.fan, self.sun)
 
     def only(self, on: Array) -> Motion:
         """Return the same movement with all drives off in the seconds in which ``on`` is 0."""
@@ -100,9 +112,11 @@ def draw_motion(segments: Sequence[Segment], rng: np.random.Generator) -> Motion
     def joined(things: Sequence[object], name: str) -> Array:
         return np.concatenate([getattr(thing, name) for thing in things])
 
-    means = ("torque2", "speed", "speed2", "speed15", "wind")
-    unit = Means(*(joined([motion.unit for motion in motions], name) for name in means))
-    moved = {name: joined(motions, name) for name in ("torque", "velocity", "powered", "base", "pc")}
+    units = [motion.unit for motion in motions]
+    names = ("torque1", "torque2", "speed", "speed2", "speed15", "power", "wind")
+    torque1, torque2, speed, speed2, speed15, power, wind = (joined(units, name) for name in names)
+    unit = Means(torque1, torque2, speed, speed2, speed15, power, wind)
+    moved = {name: joined(motions, name) for name in ("torque", "velocity", "powered", "base", "pc", "fan", "sun")}
     return Motion(**moved, parts=parts, unit=unit)
 
 
@@ -131,6 +145,8 @@ def _perform(segment: Segment, begin: int, rng: np.random.Generator) -> Motion:
         pc=np.full(seconds, PC_BUSY if act.travels else PC_IDLE),
         parts=(part,),
         unit=_unit_means(part),
+        fan=0 * still,
+        sun=0 * still,
     )
 
 
@@ -145,8 +161,10 @@ def _unit_means(part: Part) -> Means:
         means: Array = np.diff(running, axis=0) / SAMPLES
         return means
 
-    speed = np.abs(part.velocity)
-    return Means(mean(part.torque**2), mean(speed), mean(speed**2), mean(speed**1.5), np.zeros((part.seconds, 1)))
+    torque, speed = np.abs(part.torque), np.abs(part.velocity)
+    values = torque, part.torque**2, speed, speed**2, speed**1.5, torque * speed
+    torque1, torque2, speed1, speed2, speed15, power = (mean(one) for one in values)
+    return Means(torque1, torque2, speed1, speed2, speed15, power, wind=np.zeros((part.seconds, 1)))
 
 
 def _wander(seconds: int, rng: np.random.Generator) -> Array:

@@ -6,14 +6,16 @@ from collections.abc import Callable
 from typing import Literal
 
 from .runs import Run, conditions, protocol
-from .sessions import forecast, monitor, trial
+from .sessions import forecast, hour, monitor, swing, trial
 
-Plan = Literal["protocol", "tests", "trial", "forecast", "monitor"]
+Plan = Literal["protocol", "tests", "trial", "hour", "swing", "forecast", "monitor"]
 
 PLANS: dict[str, Callable[[int], dict[str, Run]]] = {
     "protocol": protocol,
     "tests": conditions,
     "trial": trial,
+    "hour": hour,
+    "swing": swing,
     "forecast": forecast,
     "monitor": monitor,
 }
@@ -23,8 +25,8 @@ def plan(name: Plan, seed: int = 0) -> dict[str, Run]:
     """Return the runs of this name.
 
     Args:
-        name: "protocol" (source S0, table T1), "tests" (table T3, row N5), "trial", "forecast" (row A3) or
-            "monitor" (row A2).
+        name: "protocol" (source S0, table T1), "tests" (table T3, row N5), "trial", "hour", "swing",
+            "forecast" (row A3) or "monitor" (row A2).
         seed: 0 or above; draws ambients, the order of things, faults.
 
     Raises:

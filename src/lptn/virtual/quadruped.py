@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Required, TypedDict, Unpack
+from typing import Required, TypedDict, Unpack, get_args
 
 import pandas as pd
 
+from .further import Columns
 from .hidden import Hidden
 from .plans import Plan, plan
 from .quadruped_truth import Level, Physics, draw_quadruped
@@ -21,7 +22,7 @@ from .writers import Format, write_logs, write_pieces
 
 RATES = (1.0, 100.0)  # Hz
 
-Effects = Sequence[Hidden | tuple[str, str] | tuple[str, str, float]]
+Effects = Sequence[Hidden | tuple[str, str] | tuple[str, str, float] | tuple[str, str, float, str]]
 
 
 class Options(TypedDict, total=False):
@@ -36,6 +37,7 @@ class Options(TypedDict, total=False):
     dropouts: float
     scatter: float
     rate: float
+    columns: Columns
 
 
 class Logs(dict[str, pd.DataFrame]):
@@ -66,6 +68,7 @@ def quadruped_logs(
     dropouts: float = 0.0,
     scatter: float = 1.0,
     rate: float = 1.0,
+    columns: Columns = "asked",
 ) -> Logs:
     """Simulate runs of the quadruped (source S0).
 
@@ -73,11 +76,13 @@ def quadruped_logs(
     where no cut-out comes between (there is none in "trial").
 
     Args:
-        hidden: effects beyond the physics: ``Hidden`` or tuples (effect, place) or (effect, place, size).
+        hidden: effects beyond the physics: ``Hidden`` or tuples (effect, place), (effect, place, size) or (effect,
+            place, size, run).
         seed: 0 or above; draws parameters, movements, events and noise.
-        runs: a plan's name: "protocol" (table T1: 25 runs), "tests" (table T3 and row N5: 7 runs), "trial" (two to
-            fit, one to hold out), "forecast" (20 trots past 60 degC), "monitor" (50 healthy logs, 50 with a sensor's
-            fault); or runs of your own by name.
+        runs: a plan's name: "protocol" (table T1: 25 runs), "tests" (table T3 and row N5: 7 runs), "trial" (60 min
+            twice to fit, 40 min to hold out), "hour" (30 min twice to fit), "swing" (as "trial", with an ambient that
+            steps by 8 K), "forecast" (20 trots past 60 degC), "monitor" (50 healthy logs, 50 with a sensor's fault);
+            or runs of your own by name.
         level: "none", "default" or "strong": hidden errors of each run, of the ambient's sensor, of the joints'
             conductances to air and of the battery's heat. ``None``: "default" for full physics, "none" for plain.
         physics: "full" has more than any model under test; "plain" is a baseline of one mass a joint, the computer,
@@ -88,6 +93,9 @@ def quadruped_logs(
         scatter: multiplies the scatter of the parameters over the legs; 0 for the nominal robot.
         rate: rows a second: 100 for signed samples, in single precision but for the time; 1 for RMS torque, mean
             |velocity| and RMS velocity over the second that follows the row's time, the temperatures at that time.
+        columns: "asked": further columns where a hidden effect is driven by them; "all": always, so that they give no
+            effect away. At 1 Hz torque_abs.<joint> (N·m, mean |torque|) and mechanical_power.<joint> (W, mean
+            |torque × velocity|); power.battery (W), speed.fan (share of full speed), irradiance.global (W/m²).
 
     Returns:
         By name of the run, tables with the columns time (s), torque.<joint> (N·m), velocity.<joint> (rad/s),
@@ -108,6 +116,7 @@ def quadruped_logs(
         dropouts=dropouts,
         scatter=scatter,
         rate=rate,
+        columns=columns,
     )
     logs = Logs(robot)
     for record, pieces in happened:
@@ -160,8 +169,8 @@ def quadruped(hidden: Effects = (), *, seed: int, physics: Physics = "full", sca
     robot = draw_quadruped(seed, physics, scatter)
     for one in hidden:
         if not isinstance(one, Hidden):
-            effect, at, size = one if len(one) == 3 else (*one, 1.0)
-            one = Hidden(effect, at, size, "quadruped")
+            effect, at = one[:2]
+            one = Hidden(effect, at, one[2] if len(one) > 2 else 1.0, "quadruped", one[3] if len(one) > 3 else "")
         replace(one, robot="quadruped").set_in(robot)
     return robot
 
@@ -178,13 +187,17 @@ def _happen(
     dropouts: float = 0.0,
     scatter: float = 1.0,
     rate: float = 1.0,
+    columns: Columns = "asked",
 ) -> tuple[Robot, Iterator[tuple[Record, Iterator[pd.DataFrame]]]]:
     """Check the options; return the robot, and each run's record with the pieces of its log, made when asked for."""
     if rate not in RATES:
         raise ValueError(f"rate: found {rate:g}; expected one of {', '.join(f'{r:g}' for r in RATES)} Hz")
+    if columns not in get_args(Columns):
+        raise ValueError(f"columns: found {columns!r}; expected one of {', '.join(get_args(Columns))}")
     sensor = Sensor(noise, quantisation, dropouts)
     planned = runs if isinstance(runs, Mapping) else plan(runs, seed)
     robot = quadruped(hidden, seed=seed, physics=physics, scatter=scatter)
+    robot.check_runs(planned)
     usual: Level = "none" if physics == "plain" else "default"
     records = live(robot, planned, seed, level or usual)
-    return robot, ((record, rows(record, sensor, seed, rate)) for record in records)
+    return robot, ((record, rows(record, sensor, seed, rate, every=columns == "all")) for record in records)

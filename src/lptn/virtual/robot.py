@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+import copy
+from collections.abc import Callable, Collection
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,10 +14,10 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Mass:
-    """A mass that no sensor sees, tied to one node.
+    """A mass that no sensor sees, tied to one node, or to several alike.
 
-    capacity: J/K. joint: index of the node. resistance: to the node, K/W. to_air: conductance to the ambient, W/K.
-    heat: its own, W.
+    capacity: J/K. joint: index of the node. resistance: to each node, K/W. to_air: conductance to the ambient, W/K.
+    heat: its own, W. also: indices of further nodes.
     """
 
     capacity: float
@@ -23,6 +25,12 @@ class Mass:
     resistance: float
     to_air: float = 0.0
     heat: float = 0.0
+    also: tuple[int, ...] = ()
+
+    @property
+    def ends(self) -> list[int]:
+        """The nodes that it is tied to."""
+        return [self.joint, *self.also]
 
 
 def _unset() -> Array:
@@ -77,6 +85,18 @@ class Robot:
     """N·m·s"""
     iron: Array = field(default_factory=_unset)
     """W/(rad/s)^1.5"""
+    gear: Array = field(default_factory=_unset)
+    """share of the mechanical power |τ ω|"""
+    driver: Array = field(default_factory=_unset)
+    """W/(N·m), on |τ|"""
+    computer: Array = field(default_factory=_unset)
+    """share of the computer's power that comes beside what its own node gets"""
+    battery: Array = field(default_factory=_unset)
+    """share of the battery's power"""
+    sunlit: Array = field(default_factory=_unset)
+    """absorptivity × area towards the sun, m²"""
+    fanned: Array = field(default_factory=_unset)
+    """in 1 + gamma × the fan's share of its full speed"""
     constant: Array = field(default_factory=_unset)
     """W"""
     masses: list[Mass] = field(default_factory=list)
@@ -84,12 +104,28 @@ class Robot:
     """time constant of the sensor, s"""
     offset: Array = field(default_factory=_unset)
     """K, on the reading"""
+    drift: Array = field(default_factory=_unset)
+    """K/s, on the reading, from each run's beginning"""
+    hot_spot: Array = field(default_factory=_unset)
+    """K/W of copper loss, on the reading"""
+    positions: list[tuple[int, int, float]] = field(default_factory=list)
+    """(node, other, share of the other in the node's reading); the other is -1 for the node's own housing"""
+    clock: float = 0.0
+    """s by which the temperatures in the rows are old"""
+    ambient_offset: float = 0.0
+    """K, of the true ambient above the logged one"""
+    ambient_lag: float = 0.0
+    """time constant with which the true ambient follows the logged one, s"""
+    ambient_swing: float = 0.0
+    """K by which the logged ambient changes out of doors, in runs that don't say"""
     bursts: Array = field(default_factory=_unset)
     """W, while a burst lasts"""
     step: Array = field(default_factory=_unset)
     """K, on the reading after the step"""
     splash: Array = field(default_factory=_unset)
     """J taken away by each splash"""
+    later: list[tuple[str, Callable[[Robot], None]]] = field(default_factory=list)
+    """(run, what sets an effect in the robot of that run)"""
 
     def __post_init__(self) -> None:
         count = len(self.nodes)
@@ -104,3 +140,21 @@ class Robot:
     def seen(self) -> tuple[str, ...]:
         """The nodes that have a sensor."""
         return self.nodes[: self.sensed]
+
+    def in_run(self, run: str) -> Robot:
+        """Return the robot as it is in this run: a copy with what acts in it alone."""
+        own = copy.deepcopy(replace(self, later=[]))
+        for name, set_in in self.later:
+            if name == run:
+                set_in(own)
+        return own
+
+    def check_runs(self, runs: Collection[str]) -> None:
+        """Refuse an effect in a run that there isn't.
+
+        Raises:
+            ValueError: it waits for a run not among these.
+        """
+        for name, _ in self.later:
+            if name not in runs:
+                raise ValueError(f"run: found {name!r}; expected one of {', '.join(runs)}")

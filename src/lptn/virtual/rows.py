@@ -2,31 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 
 import numpy as np
 import pandas as pd
 
 from .events import sensor_steps
 from .faults import shift, spoil
+from .forcing import copper_loss
+from .further import common, wanted
 from .motion import SAMPLES
 from .quadruped_truth import JOINTS, NODES
 from .record import Record
 from .robot import Array
-from .sensors import Sensor, lagged
+from .sensors import Sensor
+from .shown import shown
 from .streams import stream
 
 CHUNK = 600  # s of 100 Hz rows at a time, which bounds the memory
 TORQUE_NOISE = 0.02  # relative, of each second and joint
 
 
-def rows(record: Record, sensor: Sensor, seed: int, rate: float) -> Iterator[pd.DataFrame]:
-    """Yield a log in pieces, whole seconds each: all of it at 1 Hz, 10 min at a time at 100 Hz."""
+def rows(record: Record, sensor: Sensor, seed: int, rate: float, *, every: bool = False) -> Iterator[pd.DataFrame]:
+    """Yield a log in pieces, whole seconds each: all of it at 1 Hz, 10 min at a time at 100 Hz.
+
+    ``every``: with the columns that no hidden effect asks for, too.
+    """
     seconds = record.run.seconds
-    shown = lagged(record.sensed, record.robot.lag[: len(NODES)]) + record.robot.offset[: len(NODES)]
+    seen = shown(record.network, record.states, copper_loss(record.robot, record.motion.means()))
     steps = sensor_steps(record.robot, seconds, seed, record.name)[:, : len(NODES)]
     noise = stream(seed, "torque", record.name).standard_normal((seconds, len(JOINTS)))
-    reader = _Reader(record, sensor, seed, shown, steps, 1 + TORQUE_NOISE * noise)
+    reader = _Reader(record, sensor, seed, seen, steps, 1 + TORQUE_NOISE * noise, wanted(record.robot, every=every))
     if rate == 1:
         yield reader.slow()
         return
@@ -37,11 +43,27 @@ def rows(record: Record, sensor: Sensor, seed: int, rate: float) -> Iterator[pd.
 
 
 class _Reader:
-    """Reads one run. shown, steps: K, of shape (seconds + 1, nodes) and (seconds, nodes). gain: of the torque."""
+    """Reads one run.
 
-    def __init__(self, record: Record, sensor: Sensor, seed: int, shown: Array, steps: Array, gain: Array) -> None:
+    shown, steps: K, of shape (seconds + 1, nodes) and (seconds, nodes). gain: of the torque. further: extra columns.
+    """
+
+    def __init__(
+        self,
+        record: Record,
+        sensor: Sensor,
+        seed: int,
+        shown: Array,
+        steps: Array,
+        gain: Array,
+        further: Collection[str],
+    ) -> None:
         self.record, self.sensor, self.seed = record, sensor, seed
-        self.shown, self.steps, self.gain = shown, steps, gain
+        self.shown, self.steps, self.gain, self.further = shown, steps, gain, further
+        motion = record.motion
+        self.common = {
+            name: values for name, values in common(motion.common(motion.means())).items() if name in further
+        }
         self.frozen = self._frozen()
 
     def slow(self) -> pd.DataFrame:
@@ -53,6 +75,9 @@ class _Reader:
             "velocity": means.speed,
             "velocity_rms": np.sqrt(means.speed2),
         }
+        # A reader can't form these from the others once the signs are gone.
+        further = {"torque_abs": means.torque1 * self.gain, "mechanical_power": means.power * self.gain}
+        moves |= {name: values for name, values in further.items() if name in self.further}
         return self._table(time, moves, motion.base, self.shown[:-1] + self.steps, "slow")
 
     def fast(self, begin: int, end: int) -> pd.DataFrame:
@@ -78,8 +103,9 @@ class _Reader:
         columns["speed.base"] = base
         columns |= {f"powered.{joint}": record.motion.powered[second, i] for i, joint in enumerate(JOINTS)}
         columns["power.pc"] = record.motion.pc[second]
+        columns |= {name: values[second, 0] for name, values in self.common.items()}
         columns |= {f"temperature.{node}": readings[:, i] for i, node in enumerate(NODES)}
-        columns["temperature.ambient"] = np.full(len(time), record.run.ambient)
+        columns["temperature.ambient"] = np.interp(time, np.arange(len(self.shown)), record.ambient.logged)
         return pd.DataFrame(columns)
 
     def _frozen(self) -> Array:

@@ -21,7 +21,8 @@ class Run:
 
     Args:
         segments: what the robot does.
-        ambient: measured temperature of the air, degC.
+        ambient: measured temperature of the air, degC, when the run begins.
+        swing: K by which it changes as the robot goes out of doors and in again, 0 to 20.
         carried: begin with the temperatures that the run before left, after ``gap`` s of rest; else with all masses
             at ``start``.
         gap: s.
@@ -41,12 +42,15 @@ class Run:
     cutout: float | None = CUTOUT
     resume: float | None = None
     faults: tuple[Fault, ...] = ()
+    swing: float = 0.0
 
     def __post_init__(self) -> None:
         if not self.segments:
             raise ValueError("segments: found none; expected at least one")
         if not (math.isfinite(self.ambient) and -40 <= self.ambient <= 60):
             raise ValueError(f"ambient: found {self.ambient:g}; expected -40 to 60 degC")
+        if not 0 <= self.swing <= 20:
+            raise ValueError(f"swing: found {self.swing:g}; expected 0 to 20 K")
 
     @property
     def seconds(self) -> int:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from .activities import Segment
@@ -11,39 +13,45 @@ from .runs import RESUME, Run
 from .streams import stream
 
 TROTS, LOGS = 20, 50
+SWING = 8.0  # K
 # Where a long trot at 0.2 m/s ends, degC: without load at 0 degC, per kg and per degC of ambient, from a simulation.
 ENDS, ENDS_PER_KG = 52.0, 4.7
 WELL_ABOVE = 68.0  # degC: a trot that ends just above 60 would creep up to it, and no forecast could say when
 
-# Activity, share of the time, ranges of speed and load. A "hold" powers four joints, the next one four others.
+# Activity, share of the time, ranges of speed and load. A "hold" powers four joints, the next one four others. After
+# three of them the joints are grouped anew, or no data could tell the four of a group apart.
 _Plan = tuple[tuple[str, float, tuple[float, float], tuple[float, float]], ...]
-_HOLD = ("hold", 0.8, (0.0, 0.0), (7.0, 11.0))
+_HOLD = ("hold", 0.4, (0.0, 0.0), (8.0, 12.0))
 _FIT1: _Plan = (
-    *(_HOLD,) * 3,
+    *(_HOLD,) * 9,
     ("stand", 0.8, (0, 0), (0, 4)),
     ("trot", 1.2, (0.2, 0.4), (1, 3)),
     ("leg_sweep", 1.1, (0.9, 1.2), (0, 0)),
+    ("sway", 0.9, (0.9, 1.2), (0, 2)),
     ("trot", 1.0, (1.0, 1.4), (2, 5)),
     ("rest", 1.4, (0, 0), (0, 0)),
 )
 _FIT2: _Plan = (
-    *(_HOLD,) * 3,
+    *(_HOLD,) * 9,
     ("walk", 1.0, (0.2, 0.6), (3, 6)),
     ("leg_sweep", 1.0, (0.4, 0.7), (0, 0)),
+    ("sway", 0.9, (0.5, 0.8), (2, 4)),
     ("trot", 1.2, (0.8, 1.4), (4, 7)),
     ("rest", 0.6, (0, 0), (0, 0)),
     ("squat", 0.8, (0.7, 1.1), (2, 4)),
     ("rest", 1.4, (0, 0), (0, 0)),
 )
 _HOLDOUT: _Plan = (
-    *(_HOLD,) * 2,
+    *(_HOLD,) * 3,
     ("trot", 1.0, (0.3, 0.6), (1, 3)),
     ("rest", 0.4, (0, 0), (0, 0)),
     ("walk", 1.0, (0.3, 0.8), (0, 3)),
     ("leg_sweep", 0.8, (0.6, 1.1), (0, 0)),
+    ("sway", 0.8, (0.7, 1.0), (1, 3)),
     ("rest", 1.2, (0, 0), (0, 0)),
 )
-_TRIAL = {"fit1": (_FIT1, 3600, 22.0), "fit2": (_FIT2, 3600, 12.0), "holdout": (_HOLDOUT, 2400, 28.0)}
+_TRIAL = {"fit1": (_FIT1, 22.0), "fit2": (_FIT2, 12.0), "holdout": (_HOLDOUT, 28.0)}
+HELD_OUT = 2400  # s
 _OUTING: _Plan = (
     ("stand", 1.0, (0, 0), (0, 4)),
     ("trot", 1.5, (0.2, 0.8), (0, 2)),
@@ -54,15 +62,27 @@ _OUTING: _Plan = (
 )
 
 
-def trial(seed: int = 0) -> dict[str, Run]:
+def trial(seed: int = 0, fitted: int = 3600) -> dict[str, Run]:
     """Return "fit1" (60 min, 22 degC), "fit2" (60 min, 12 degC) and "holdout" (40 min, 28 degC), each from cold.
 
-    They tell effects apart: load without speed, speed without load, single joints, all of them, and a cool-down.
+    They tell effects apart: load without speed, speed without load, both, groups of joints, all of them, a cool-down.
+    ``fitted``: s of each run to fit.
     """
+    lasts = {"fit1": fitted, "fit2": fitted, "holdout": HELD_OUT}
     return {
-        name: Run(_draw(stream(seed, "trial", name), acts, seconds), ambient, cutout=None)
-        for name, (acts, seconds, ambient) in _TRIAL.items()
+        name: Run(_draw(stream(seed, "trial", name), acts, lasts[name]), ambient, cutout=None)
+        for name, (acts, ambient) in _TRIAL.items()
     }
+
+
+def hour(seed: int = 0) -> dict[str, Run]:
+    """Return the runs of ``trial`` with 30 min to each of those to fit."""
+    return trial(seed, fitted=1800)
+
+
+def swing(seed: int = 0) -> dict[str, Run]:
+    """Return the runs of ``trial`` out of doors and in again, where the air is 8 K warmer or colder."""
+    return {name: replace(run, swing=SWING) for name, run in trial(seed).items()}
 
 
 def forecast(seed: int = 0) -> dict[str, Run]:
@@ -107,6 +127,7 @@ def _draw(rng: np.random.Generator, plan: _Plan, seconds: int) -> tuple[Segment,
         activity, _, speeds, loads = plan[i]
         speed, load = float(rng.uniform(*speeds)), float(rng.uniform(*loads))
         if activity == "hold":
+            joints = joints or [str(joint) for joint in rng.permutation(JOINTS)]
             segments.append(Segment(activity, int(last), joints=tuple(joints[:4]), torque=load))
             joints = joints[4:]
         else:
