@@ -21,13 +21,17 @@ from lptn.arrays import FloatArray
 from lptn.files import write_whole
 from lptn.model import Model
 
-_OPTIONS = ("-O3", "-shared", "-fPIC")
+_ONCE = ("-O3", "-shared", "-fPIC")
+# A model's own functions are a small part of the work, and there are many models in a search.
+_EACH = ("-O1", "-shared", "-fPIC")
 
 
 class _Shape(ctypes.Structure):
     """The struct `shape` of kernel.c."""
 
     _fields_ = [
+        ("rates", ctypes.c_void_p),
+        ("slopes", ctypes.c_void_p),
         *((name, ctypes.c_longlong) for name in ("states", "core", "chosen", "nonzeros_a", "nonzeros_b")),
         ("pattern", ctypes.c_void_p),
         *((name, ctypes.c_longlong) for name in ("arguments", "results", "integers", "doubles")),
@@ -61,12 +65,15 @@ class Kernel:
             ca.Function("rates", [x, u, p], [ca.densify(rates)]),
             ca.Function("slopes", [x, u, p], [ca.cse(ca.densify(ca.vertcat(*nonzeros)))]),  # type: ignore[call-overload]
         ]
-        self._library = ctypes.CDLL(str(_built(_source(functions))))
+        self._functions = ctypes.CDLL(str(_built(_source(functions), _EACH)))
+        self._library = _stepping()
         triplets = [np.array(each.sparsity().get_triplet(), dtype=np.int64) for each in (by_state, by_parameter)]
         self._pattern = np.concatenate([each.ravel() for each in triplets])
         sizes = ((each.sz_arg(), each.sz_res(), each.sz_iw(), each.sz_w()) for each in functions)
         needed = [max(size) for size in zip(*sizes, strict=True)]
         self._shape = _Shape(
+            ctypes.cast(self._functions.rates, ctypes.c_void_p),
+            ctypes.cast(self._functions.slopes, ctypes.c_void_p),
             x.numel(),
             core,
             len(chosen),
@@ -75,8 +82,6 @@ class Kernel:
             self._pattern.ctypes.data,
             *needed,
         )
-        self._library.working_doubles.restype = ctypes.c_longlong
-        self._library.run.restype = None
 
     def run(
         self, start: FloatArray, inputs: FloatArray, p: FloatArray, step: float, parts: int, moved: FloatArray | None
@@ -129,22 +134,31 @@ def _source(functions: list[ca.Function]) -> str:
     generator = ca.CodeGenerator("model", {"with_header": False, "casadi_int": "long long"})
     for function in functions:
         generator.add(function)
-    kernel = files("lptn").joinpath("kernel.c").read_text(encoding="utf-8")
-    return f"{generator.dump()}\n{kernel}"
+    return str(generator.dump())
 
 
-def _built(source: str) -> Path:
+@cache
+def _stepping() -> ctypes.CDLL:
+    """The steps of kernel.c."""
+    source = files("lptn").joinpath("kernel.c").read_text(encoding="utf-8")
+    library = ctypes.CDLL(str(_built(source, _ONCE)))
+    library.working_doubles.restype = ctypes.c_longlong
+    library.run.restype = None
+    return library
+
+
+def _built(source: str, options: Sequence[str]) -> Path:
     """The shared library of a source text, from the user's cache or built anew."""
     command = compiler()
     if command is None:
         raise OSError("no C compiler")
-    digest = hashlib.sha256("\n".join((command, *_OPTIONS, source)).encode()).hexdigest()[:32]
+    digest = hashlib.sha256("\n".join((command, *options, source)).encode()).hexdigest()[:32]
     library = platformdirs.user_cache_path("lptn") / f"{digest}.so"
     if not library.exists():
         library.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory() as folder:
             text, made = Path(folder) / "model.c", Path(folder) / "model.so"
             text.write_text(source, encoding="utf-8")
-            subprocess.run([command, *_OPTIONS, str(text), "-o", str(made), "-lm"], check=True, capture_output=True)
+            subprocess.run([command, *options, str(text), "-o", str(made), "-lm"], check=True, capture_output=True)
             write_whole(library, made.read_bytes())
     return library

@@ -1,6 +1,6 @@
 /* Runge-Kutta steps of a model and, along with them, of the derivatives of its states.
  *
- * Compiled together with two functions that CasADi generates from the model:
+ * Compiled once for all models. It is given two functions that CasADi generates from a model:
  *   rates(x, u, p)  -> dx/dt
  *   slopes(x, u, p) -> dx/dt, then the nonzeros of its derivatives by the core states (A) and by the
  *                      chosen parameters (B), in the order in which `pattern` lists them.
@@ -18,9 +18,9 @@
 
 typedef long long integer;
 typedef int function(const double **arg, double **res, integer *iw, double *w, int mem);
-function rates, slopes;
 
 typedef struct {
+    function *rates, *slopes;
     integer states, core, chosen; /* all states; those whose derivatives are followed; parameters to derive by */
     integer nonzeros_a, nonzeros_b;
     const integer *pattern; /* rows of A, columns of A, rows of B, columns of B */
@@ -63,13 +63,13 @@ integer working_doubles(const shape *s) {
  *
  * x: (n + 1, states), its first row given. S: (n + 1, core, chosen + core), its first block given; NULL for
  * the states alone. u: (n, inputs). */
-WIDE void run(const shape *s, integer n, integer parts, double h, integer inputs, const double *u, const double *p, double *X,
-         double *S, const double **arg, double **res, integer *iw, double *work) {
+WIDE void run(const shape *s, integer n, integer parts, double h, integer inputs, const double *u, const double *p,
+              double *X, double *S, const double **arg, double **res, integer *iw, double *work) {
     const integer states = s->states, block = s->core * (s->chosen + s->core);
     const double share[4] = {0.0, h / 2, h / 2, h}, weight[4] = {h / 6, h / 3, h / 3, h / 6};
     double *w = work, *point = w + s->doubles, *sum = point + states, *slope = sum + states;
     double *moved = slope + states + s->nonzeros_a + s->nonzeros_b, *total = moved + block, *change = total + block;
-    function *f = S ? slopes : rates;
+    function *f = S ? s->slopes : s->rates;
     for (integer k = 0; k < n; k++, u += inputs) {
         double *x = X + (k + 1) * states, *d = S ? S + (k + 1) * block : NULL;
         memcpy(x, x - states, (size_t)states * sizeof(double));

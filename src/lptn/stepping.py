@@ -12,7 +12,7 @@ from lptn.compiled import Kernel
 from lptn.jacobians import Jacobians
 from lptn.model import Model
 
-_WORTH = 20_000  # steps with derivatives after which compiling, half a second, has been worth it
+_WORTH = 1_000  # steps with derivatives after which compiling, a fifth of a second, has been worth it
 _CHUNK = 256  # internal steps that CasADi's interpreter differentiates at once
 
 

@@ -35,7 +35,6 @@ class Fit:
         z: its unknowns at the solution.
         cost: half the sum of squared weighted residuals, priors included.
         noise: the sensors' noise.
-        uncertainty: of the free parameters.
         iterations: of all searches together.
         status: IPOPT's word, or `"interrupted"`.
     """
@@ -45,7 +44,6 @@ class Fit:
     z: FloatArray
     cost: float
     noise: Noise
-    uncertainty: Uncertainty
     iterations: int
     status: str
 
@@ -53,6 +51,11 @@ class Fit:
     def point(self) -> Point:
         """Parameter values and initial states."""
         return self.problem.point(self.z)
+
+    @cached_property
+    def uncertainty(self) -> Uncertainty:
+        """Of the free parameters; worked out when asked for, since a search asks of few of its many fits."""
+        return uncertainty(self.problem, self.z)
 
     @cached_property
     def residuals(self) -> list[FloatArray]:
@@ -178,8 +181,7 @@ def fit_starts(model: Model, drives: Sequence[Drive], sigma: FloatArray) -> list
 
 def _fit(problem: Problem, solution: Solution, noise: Noise, iterations: int) -> Fit:
     model = problem.model.with_values(problem.point(solution.z).values)
-    spread = uncertainty(problem, solution.z)
-    return Fit(model, problem, solution.z, solution.cost, noise, spread, iterations, solution.status)
+    return Fit(model, problem, solution.z, solution.cost, noise, iterations, solution.status)
 
 
 def _coarse(model: Model, driven: Drive) -> Drive:
