@@ -27,6 +27,7 @@ from lptn.diagnose import (
     examine,
     explained,
     explained_elsewhere,
+    tied,
     unless_interrupted,
     worse_by,
 )
@@ -40,8 +41,8 @@ _WIDTH, _WIDTH_LATER = 4, 2  # ladders followed side by side where the fitted da
 _WORTH = 0.01  # share by which a rung must lower the held-out error
 _MOST = 0.5  # share of the misfit beyond noise that the ladder must remove to be what was missing
 _ALIAS = 1e-3  # two rungs on one ladder whose misfits differ by less are one rung with two names
-_BLOCK = 60.0  # s; held-out errors further apart than this count as independent
-_CLEAR = 1.0  # standard errors: the one-standard-error rule of Breiman and others (1984)
+_BLOCK = 120.0  # s; held-out errors further apart than this count as independent
+_CLEAR = 2.0  # standard errors
 
 Report = Callable[[str], None]
 
@@ -194,7 +195,7 @@ def improve(
     first, last = search.diagnosis(root), search.diagnosis(chosen)
     report("fitting the rungs at full resolution")
     rungs = _rungs(root, chosen, data)
-    return Ladder(_verdict(first, root, chosen), last.verdict, rungs, first, last, len(search.paths))
+    return Ladder(_verdict(first, last, root, chosen), last.verdict, rungs, first, last, len(search.paths))
 
 
 class _Search:
@@ -210,6 +211,8 @@ class _Search:
         beam = [root]
         best = root.rank
         for depth in range(1, most + 1):
+            if any(self.diagnosis(path).verdict == "adequate" for path in beam):
+                return  # nothing is left to add; a longer ladder could only be longer
             width = _WIDTH if depth == 1 else _WIDTH_LATER
             beam = self._next([child for path in beam for child in self._children(path)], width)
             if not beam:
@@ -228,11 +231,8 @@ class _Search:
         return self._diagnoses[path.effects]
 
     def _children(self, path: _Path) -> list[_Path]:
-        found = self.diagnosis(path)
-        if found.verdict == "adequate":
-            return []
         children: list[_Path] = []
-        for finding in found.findings:
+        for finding in self.diagnosis(path).findings:
             cost = finding.refit.fit.cost
             same = any(abs(child.fit.cost - cost) < _ALIAS * cost for child in children)
             if finding.p_value < SIGNIFICANT and not same:
@@ -247,16 +247,18 @@ class _Search:
         paths = list(unique.values())
         if not paths:
             return []
-        tied = [path for path in paths if worse_by(path.fit, paths[0].fit) <= TIE]
-        kept = tied[:width]
-        by_holdout = min(tied, key=lambda each: each.rank)
+        level = [path for path in paths if tied(path.fit, paths[0].fit)]
+        kept = level[:width]
+        by_holdout = min(level, key=lambda each: each.rank)
         return kept if by_holdout in kept else [*kept, by_holdout]
 
 
-def _verdict(first: Diagnosis, root: _Path, chosen: _Path) -> Verdict:
+def _verdict(first: Diagnosis, last: Diagnosis, root: _Path, chosen: _Path) -> Verdict:
     """On the model as given; effects that only the fitted runs ask for explain nothing."""
     if first.verdict == "adequate":
         return "adequate"
+    if last.verdict == "adequate":
+        return "missing"
     elsewhere = explained_elsewhere(root.fit, root.holdout, chosen.holdout)
     return "missing" if explained(root.fit, chosen.fit) > _MOST and elsewhere else "unexplained"
 
@@ -272,9 +274,20 @@ def _chosen(paths: Sequence[_Path]) -> _Path:
     least = min(path.rank for path in paths)
     enough = [path for path in paths if path.rank <= least * (1 + _WORTH)]
     depth = min(len(path.steps) for path in enough)
-    level = sorted((path for path in paths if len(path.steps) == depth), key=lambda each: each.fit.cost)
+    level = _plausible_first([path for path in paths if len(path.steps) == depth])
     best = next(path for path in level if path in enough)
     return next(path for path in level if path is best or not _clearly_worse(path, best))
+
+
+def _plausible_first(paths: Sequence[_Path]) -> list[_Path]:
+    """By misfit; of those that the fitted data can't tell from the best, the ones of typical sizes first."""
+    least = min(paths, key=lambda each: each.fit.cost)
+
+    def order(path: _Path) -> tuple[int, float]:
+        unusual = sum(step.refit.unusual for step in path.steps)
+        return (unusual if tied(path.fit, least.fit) else 10**6, path.fit.cost)
+
+    return sorted(paths, key=order)
 
 
 def _clearly_worse(path: _Path, than: _Path) -> bool:

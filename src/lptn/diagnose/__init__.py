@@ -3,7 +3,6 @@
 from lptn.diagnose.candidates import Candidate, candidates
 from lptn.diagnose.diagnosis import (
     SEARCH_STEP,
-    TIE,
     Diagnosis,
     Finding,
     Verdict,
@@ -12,7 +11,7 @@ from lptn.diagnose.diagnosis import (
     explained,
     explained_elsewhere,
 )
-from lptn.diagnose.refit import SIGNIFICANT, Refit, continued, unless_interrupted, worse_by
+from lptn.diagnose.refit import SIGNIFICANT, TIE, Refit, continued, tied, unless_interrupted, worse_by
 from lptn.diagnose.score import Score, Scores, score
 
 __all__ = [
@@ -33,6 +32,7 @@ __all__ = [
     "explained",
     "explained_elsewhere",
     "score",
+    "tied",
     "unless_interrupted",
     "worse_by",
 ]

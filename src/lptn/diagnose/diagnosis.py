@@ -11,7 +11,8 @@ import numpy as np
 
 from lptn.compare import Errors
 from lptn.diagnose.candidates import candidates
-from lptn.diagnose.refit import Refit, refit_all, shortlist, unless_interrupted
+from lptn.diagnose.lack import TOO_MUCH, lack_of_fit
+from lptn.diagnose.refit import TIE, Refit, refit_all, shortlist, tied, unless_interrupted
 from lptn.diagnose.score import Scores, score
 from lptn.evidence import Evidence
 from lptn.identify import Fit
@@ -24,11 +25,8 @@ Report = Callable[[str], None]
 
 SEARCH_STEP = 5.0  # s; effects are sought on means over so long, which loses little and saves most of the time
 _MOST_REFITS = 6
-TIE = 10.0
-"""Information criteria closer than this decide nothing (Burnham and Anderson: beyond 10, no support)."""
 _ELSEWHERE = 0.3  # share of the held-out error, squared and beyond noise, that must go with it
 _HELPS = 1e-3  # share of the misfit that a refit must remove to be worth a line
-_LACK = 1.5  # block means above so much of their bound by chance are more than noise
 _ONE, _THREE = 0.6, 0.8  # shares of the excess misfit that one effect, or three, must remove to be what is missing
 
 
@@ -177,7 +175,7 @@ def _findings(base: Fit, done: Sequence[Refit], scores: Scores, data: Evidence) 
 
 def _alike(one: Refit, done: Sequence[Refit]) -> tuple[tuple[str, str], ...]:
     """Candidates that explain the data as well as one does."""
-    return tuple(other.candidate.key for other in done if other is not one and abs(one.gain - other.gain) <= TIE)
+    return tuple(other.candidate.key for other in done if other is not one and tied(one.fit, other.fit))
 
 
 def _chance_level(base: Fit) -> float:
@@ -190,11 +188,16 @@ def _chance_level(base: Fit) -> float:
 
 
 def _verdict(base: Fit, done: Sequence[Refit], scores: Scores, holdout: Errors | None, data: Evidence) -> Verdict:
-    lacking = any(value > _LACK for value in scores.lack.values())
+    lacking = any(value > TOO_MUCH for value in scores.lack.values())
     helps = bool(done) and done[0].gain > TIE  # only candidates beyond chance were refitted
     if not lacking and not helps:
         return "adequate"
-    return "missing" if done and _removes(base, done[0].fit, holdout, data, _ONE) else "unexplained"
+    if not done:
+        return "unexplained"
+    best = done[0].fit
+    nothing_left = all(value <= TOO_MUCH for value in lack_of_fit(best, scores.bounds).values())
+    elsewhere = explained_elsewhere(base, holdout, holdout_errors(best, data.holdout))
+    return "missing" if elsewhere and (nothing_left or explained(base, best) > _ONE) else "unexplained"
 
 
 def _removes(base: Fit, done: Fit, before: Errors | None, data: Evidence, share: float) -> bool:

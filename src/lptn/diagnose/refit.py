@@ -5,18 +5,21 @@ from __future__ import annotations
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
-from math import log
+from math import log, log2
 
 import numpy as np
 
 from lptn.arrays import FloatArray
 from lptn.diagnose.candidates import Candidate
 from lptn.diagnose.score import Score, Scores
+from lptn.diagnose.stretches import clearly_differ
 from lptn.identify import Fit, fit
 from lptn.model import Model
 from lptn.network import EffectDeclaration, Network
 from lptn.simulate import Drive, default_start, drive
 
+TIE = 10.0
+"""Information criteria closer than this decide nothing (Burnham and Anderson: beyond 10, no support)."""
 SIGNIFICANT = 0.05
 """A score that chance alone reaches less often than this is beyond chance."""
 _ITERATIONS = 40  # enough to rank candidates; the rung that is kept is fitted to the end
@@ -41,6 +44,21 @@ class Refit:
     fit: Fit
     parameters: int
     gain: float
+
+    @property
+    def size(self) -> float:
+        """The fitted amplitude in units of its typical size."""
+        amplitude = self.candidate.effect.amplitude()
+        if amplitude is None:
+            return 1.0
+        name = f"{self.declaration.name}.{amplitude.name}."
+        fitted = next(each.value for each in self.fit.model.unknowns if each.name.startswith(name))
+        return fitted / amplitude.typical
+
+    @property
+    def unusual(self) -> int:
+        """By how many factors of two the size differs from the typical one; constants of materials hardly vary."""
+        return round(abs(log2(max(abs(self.size), 1e-6))))
 
 
 def shortlist(scores: Scores, most: int) -> list[Score]:
@@ -71,7 +89,14 @@ def refit_all(base: Fit, scores: Sequence[Score], executor: Executor | None = No
     """
     tasks = [(base, score) for score in scores]
     done = list(executor.map(_refit, tasks)) if executor else [_refit(task) for task in tasks]
-    return sorted(done, key=lambda each: -each.gain)
+    return _plausible_first(sorted(done, key=lambda each: -each.gain))
+
+
+def _plausible_first(done: list[Refit]) -> list[Refit]:
+    """Of those that explain the data as well as the best does, the ones of a typical size come first."""
+    level = [each for each in done if tied(each.fit, done[0].fit)]
+    rest = [each for each in done if each not in level]
+    return [*sorted(level, key=lambda each: (each.unusual, -each.gain)), *rest]
 
 
 def refit(base: Fit, declaration: EffectDeclaration) -> Fit:
@@ -125,6 +150,11 @@ def worse_by(one: Fit, other: Fit) -> float:
     independent = independent_readings(better)
     misfit = independent * log(max(one.cost, 1e-300) / max(other.cost, 1e-300))
     return misfit + (len(one.problem.free) - len(other.problem.free)) * log(independent)
+
+
+def tied(one: Fit, other: Fit) -> bool:
+    """Whether two fits explain the data equally well: by the criterion, or within its scatter over the runs."""
+    return abs(worse_by(one, other)) <= TIE or not clearly_differ(one, other)
 
 
 def independent_readings(done: Fit) -> float:

@@ -14,6 +14,8 @@ import numpy as np
 
 from lptn.arrays import FloatArray
 from lptn.diagnose.candidates import Candidate, Site, sites
+from lptn.diagnose.lack import NEGLIGIBLE, bounds_by_chance, lack_of_fit
+from lptn.diagnose.stretches import stretches
 from lptn.identify import Fit
 from lptn.model import Model
 from lptn.sensitivity import sensitivities
@@ -21,8 +23,6 @@ from lptn.simulate import drive
 from lptn.threads import one_blas_thread
 
 _TRIALS = 200
-_NEGLIGIBLE = 0.01  # K; nobody looks for an effect that leaves less on one-minute means
-_BLOCK = 60.0  # s; noise averages out over a block, a missing effect does not
 Options = list[tuple[float | None, FloatArray, float, bool]]
 """For each shape: its value, the normalised direction, the projected column's length, whether one-sided."""
 _FAINT = 1e-8  # of a column's length left after projection: the fitted parameters imitate it wholly
@@ -38,6 +38,7 @@ class Score:
         amplitude: its size to first order, in the amplitude's unit.
         shape: the shape of the grid that scores best.
         direction: its trace on the residual, projected and normalised, shape (rows,).
+        per_unit: length of the trace of a unit amplitude, 0 where the fitted parameters imitate it wholly.
     """
 
     candidate: Candidate
@@ -45,6 +46,7 @@ class Score:
     amplitude: float
     shape: float | None
     direction: FloatArray
+    per_unit: float
 
 
 @dataclass(frozen=True)
@@ -54,20 +56,27 @@ class Scores:
     Args:
         ranked: the scores.
         chance: largest gain among all candidates in each simulated log without any missing effect.
+        bounds: of each node's lack of fit, by chance.
         lack: mean square of 60 s block means of each node's residuals, in units of its bound by chance.
+        negligible: the gain of an effect too small to matter, however far beyond chance.
     """
 
     ranked: list[Score]
     chance: FloatArray
+    bounds: dict[str, float]
     lack: dict[str, float]
+    negligible: float
 
     @property
     def threshold(self) -> float:
-        """The gain that chance exceeds once in twenty logs."""
-        return float(np.quantile(self.chance, 0.95)) if self.chance.size else 0.0
+        """The gain that chance exceeds once in twenty logs, and that matters."""
+        beyond = float(np.quantile(self.chance, 0.95)) if self.chance.size else 0.0
+        return max(beyond, self.negligible)
 
     def p_value(self, gain: float) -> float:
-        """How often chance alone reaches a gain, over all candidates."""
+        """How often chance alone reaches a gain, over all candidates; 1 for a gain too small to matter."""
+        if gain < self.negligible:
+            return 1.0
         return float((1 + np.sum(self.chance >= gain)) / (1 + len(self.chance)))
 
 
@@ -87,11 +96,13 @@ def score(fit: Fit, found: Sequence[Candidate], seed: int = 0) -> Scores:
     projected = _projected(columns, basis)
     directions = _combine(found, places, projected, columns)
     ranked = [_score(candidate, options, residual) for candidate, options in zip(found, directions, strict=True)]
+    ranked.sort(key=lambda each: -each.gain)
     rng = np.random.default_rng(seed)
     noise = _projected(_simulated_noise(fit, rng), basis)
-    chance = _chance(directions, noise)
-    ranked.sort(key=lambda each: -each.gain)
-    return Scores(ranked, chance, _lack_of_fit(fit, residual, noise))
+    flipped = _projected(_flipped(fit, _beyond(residual, ranked), rng), basis)
+    chance = np.maximum(np.sort(_chance(directions, noise)), np.sort(_chance(directions, flipped)))
+    bounds = bounds_by_chance(fit, noise)
+    return Scores(ranked, chance, bounds, lack_of_fit(fit, bounds, residual), _negligible(fit))
 
 
 def _design(fit: Fit, places: Sequence[Site]) -> tuple[FloatArray, FloatArray]:
@@ -151,13 +162,14 @@ def _combine(
 
 
 def _score(candidate: Candidate, options: Options, residual: FloatArray) -> Score:
-    best = Score(candidate, 0.0, 0.0, None, np.zeros_like(residual))
+    longest = max((length for _, _, length, _ in options), default=0.0)
+    best = Score(candidate, 0.0, 0.0, None, np.zeros_like(residual), longest)
     for shape, direction, length, one_sided in options:
         statistic = float(direction @ residual)
         if one_sided and statistic < 0:
             continue
         if statistic**2 > best.gain:
-            best = Score(candidate, statistic**2, statistic / length, shape, direction)
+            best = Score(candidate, statistic**2, statistic / length, shape, direction, length)
     return best
 
 
@@ -193,24 +205,36 @@ def _simulated_noise(fit: Fit, rng: np.random.Generator) -> FloatArray:
     return np.vstack([noise, np.zeros((rows - len(noise), _TRIALS))])
 
 
-def _lack_of_fit(fit: Fit, residual: FloatArray, noise: FloatArray) -> dict[str, float]:
-    """Each node's mean square of block means, as a share of what chance exceeds once in twenty logs."""
-    problem, start = fit.problem, 0
-    measured: dict[str, list[FloatArray]] = {node: [] for node in fit.model.nodes}
-    by_chance: dict[str, list[FloatArray]] = {node: [] for node in fit.model.nodes}
-    for driven in problem.drives:
-        size = max(1, round(_BLOCK / driven.run.step))
-        for row, node in enumerate(fit.model.nodes):
-            count = int(driven.counted[row].sum())
-            span = slice(start, start + count // size * size)
-            measured[node].append(residual[span].reshape(-1, size).mean(axis=1) ** 2)
-            by_chance[node].append(noise[span].reshape(-1, size, noise.shape[1]).mean(axis=1) ** 2)
-            start += count
-    lack = {}
-    for node in fit.model.nodes:
-        squares, chance = np.concatenate(measured[node]), np.vstack(by_chance[node])
-        if squares.size:
-            negligible = (_NEGLIGIBLE / problem.sigma[fit.model.nodes.index(node)]) ** 2
-            bound = max(float(np.quantile(chance.mean(axis=0), 0.95)), negligible)
-            lack[node] = float(squares.mean() / max(bound, 1e-30))
-    return lack
+def _beyond(residual: FloatArray, ranked: Sequence[Score]) -> FloatArray:
+    """What the best candidate leaves of the residual."""
+    if not ranked:
+        return residual
+    direction = ranked[0].direction
+    return np.asarray(residual - direction * (direction @ residual))
+
+
+def _negligible(fit: Fit) -> float:
+    """The gain of removing so little at the node where it counts least."""
+    readings = np.sum([driven.counted.sum(axis=1) for driven in fit.problem.drives], axis=0)
+    gains = readings * (NEGLIGIBLE / fit.problem.sigma) ** 2
+    return float(gains[readings > 0].min(initial=np.inf))
+
+
+def _flipped(fit: Fit, residual: FloatArray, rng: np.random.Generator) -> FloatArray:
+    """The residual with random signs, one for each stretch of each run, (rows, trials): the wild bootstrap.
+
+    It keeps what residuals have beside the sensors' noise: loads that the log does not tell to the last per cent
+    leave errors that last, and that all nodes of a stretch share.
+
+    Source: Wu (1986), Annals of Statistics 14, 1261; stretches after Shao (2010), JASA 105, 218.
+    """
+    signs = np.zeros((len(residual), _TRIALS))
+    start = 0
+    for driven in fit.problem.drives:
+        stretch = stretches(driven)
+        drawn = rng.choice((-1.0, 1.0), (int(stretch[-1]) + 1, _TRIALS))
+        for counted in driven.counted:
+            rows = stretch[counted]
+            signs[start : start + len(rows)] = drawn[rows]
+            start += len(rows)
+    return np.asarray(signs * residual[:, None])

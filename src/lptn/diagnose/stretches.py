@@ -1,0 +1,37 @@
+"""Runs cut into stretches so long that what is left of one says little about the next."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lptn.arrays import FloatArray, IntArray
+from lptn.identify import Fit
+from lptn.simulate import Drive
+
+_STRETCH, _STRETCHES = 600.0, 8  # s; a run is cut into so many at least
+_CLEAR = 2.0  # standard errors
+
+
+def stretches(driven: Drive) -> IntArray:
+    """The number of the stretch that each step of a run lies in, shape (n,)."""
+    size = max(1, min(round(_STRETCH / driven.run.step), len(driven) // _STRETCHES))
+    return np.arange(len(driven)) // size
+
+
+def misfits(fit: Fit) -> FloatArray:
+    """Sum of squared weighted residuals of each stretch of each run, shape (stretches,)."""
+    found = []
+    for driven, error in zip(fit.problem.drives, fit.residuals, strict=True):
+        squares = np.where(driven.counted, error / fit.problem.sigma[:, None], 0.0) ** 2
+        found.append(np.bincount(stretches(driven), squares.sum(axis=0)))
+    return np.concatenate(found)
+
+
+def clearly_differ(one: Fit, other: Fit) -> bool:
+    """Whether two fits to the same runs differ by more than their difference scatters from stretch to stretch.
+
+    Source: Vuong (1989), Econometrica 57, 307, on stretches in place of independent observations.
+    """
+    differences = misfits(one) - misfits(other)
+    scatter = float(np.sqrt(np.sum((differences - differences.mean()) ** 2)))
+    return bool(abs(differences.sum()) > _CLEAR * scatter)
