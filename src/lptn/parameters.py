@@ -66,6 +66,9 @@ class Parameter:
         return replace(self, value=self.typical) if self.on is None else replace(self, value=self.on, fixed=True)
 
 
+_NEAR_ZERO = 0.1  # of the typical size: below it a parameter that may be 0 is searched in even steps
+
+
 @dataclass(frozen=True)
 class Unknown:
     """One scalar of an assembled model: a parameter at the place, or group of places, that owns it.
@@ -96,7 +99,9 @@ class Unknown:
 class Transform:
     """Between parameter values and the fit's unbounded-looking, well-scaled coordinates.
 
-    A positive parameter is searched by its logarithm, any other by its share of the typical size.
+    A positive parameter is searched by its logarithm, one that may be 0 by the inverse hyperbolic sine, which goes
+    over into the logarithm far above it, any other by its share of the typical size. Multiplying all capacitances,
+    conductances and heat by one factor changes hardly a temperature: along logarithms that valley is straight.
 
     Args:
         unknowns: the m parameters, in order.
@@ -104,17 +109,22 @@ class Transform:
 
     def __init__(self, unknowns: Sequence[Unknown]) -> None:
         self._log = np.array([unknown.logarithmic for unknown in unknowns], dtype=bool)
-        self._scale = np.array([abs(unknown.declared.typical) or 1.0 for unknown in unknowns])
+        self._from_zero = np.array([unknown.declared.bounds[0] == 0 for unknown in unknowns], dtype=bool) & ~self._log
+        typical = np.array([abs(unknown.declared.typical) or 1.0 for unknown in unknowns])
+        self._scale = np.where(self._from_zero, _NEAR_ZERO * typical, typical)
 
     def forward(self, values: FloatArray) -> FloatArray:
         """Coordinates, shape (m,), of parameter values, shape (m,)."""
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return np.where(self._log, np.log(np.where(self._log, values, 1.0)), values / self._scale)
+        shares = values / self._scale
+        logarithms = np.log(np.where(self._log, values, 1.0))
+        return np.where(self._log, logarithms, np.where(self._from_zero, np.arcsinh(shares), shares))
 
     def backward(self, coordinates: FloatArray) -> FloatArray:
         """Parameter values, shape (m,), of coordinates, shape (m,)."""
-        return np.where(self._log, np.exp(np.where(self._log, coordinates, 0.0)), coordinates * self._scale)
+        positive = np.exp(np.where(self._log, coordinates, 0.0))
+        from_zero = np.sinh(np.where(self._from_zero, coordinates, 0.0))
+        return np.where(self._log, positive, self._scale * np.where(self._from_zero, from_zero, coordinates))
 
     def slope(self, values: FloatArray) -> FloatArray:
         """d value / d coordinate, shape (m,)."""
-        return np.where(self._log, values, self._scale)
+        return np.where(self._log, values, np.where(self._from_zero, np.hypot(values, self._scale), self._scale))

@@ -9,7 +9,7 @@ from lptn.identify import Fit
 from lptn.simulate import Drive
 
 _STRETCH, _STRETCHES = 600.0, 8  # s; a run is cut into so many at least
-_CLEAR = 2.0  # standard errors
+_CLEAR = 3.0  # standard errors: one in a hundred for a dozen stretches
 
 
 def stretches(driven: Drive) -> IntArray:

@@ -8,6 +8,7 @@ from lptn.arrays import FloatArray
 from lptn.identify.problem import Problem
 from lptn.simulate import SimulationError
 
+_REMEMBERED = 4  # points whose costs are kept: a line search comes back to the last few
 _DAMPING = 1e-10  # relative; keeps the Hessian positive where the data say nothing
 
 
@@ -27,7 +28,9 @@ class Evaluator:
         """Scaled cost; infinite where the model can't be simulated."""
         key = z.tobytes()
         if key not in self._costs:
-            self._costs = {key: self.problem.cost(z) * self.scale}
+            if len(self._costs) >= _REMEMBERED:
+                self._costs.pop(next(iter(self._costs)))
+            self._costs[key] = self.problem.cost(z) * self.scale
             if self._costs[key] < self.best[0]:
                 self.best = (self._costs[key], z.copy())
         return self._costs[key]

@@ -76,9 +76,20 @@ def _downhill(
         if kept > _POOR:
             if kept > _GOOD:
                 damping = 0.0 if damping < _LEAST_DAMPING else damping / 10
+                step = _further(evaluator, z, step)
             return z + step, damping
         damping = max(4 * damping, _FIRST_DAMPING)
     return None, damping
+
+
+def _further(evaluator: Evaluator, z: FloatArray, step: FloatArray) -> FloatArray:
+    """The step, doubled as long as that gains: simulations cost a tenth of derivatives."""
+    lower, upper = evaluator.problem.bounds()
+    while True:
+        longer = np.clip(z + 2 * step, lower, upper) - z
+        if not evaluator.cost(z + longer) < evaluator.cost(z + step):
+            return step
+        step = longer
 
 
 def _promised(gradient: FloatArray, hessian: FloatArray, step: FloatArray) -> float:

@@ -1,0 +1,236 @@
+"""Diagnosis trial: a virtual quadruped with something hidden; is it named, with its place, and does the error fall?
+
+Run it with ``python tests/benchmarks/diagnosis_trial.py --seeds 501 --out /tmp/trial.jsonl``. The truth comes from
+`lptn.virtual`, which shares no code with the model; its logs go through files, as a user's would. Cases that the
+output file holds already are not run again, so a trial can be stopped and gone on with. ``--tier rough`` hides the
+effect in the full physics (winding and housing masses, trunk, radiation, errors of each run) of a robot that the
+model describes by one mass a joint.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import random
+import tempfile
+import time
+from collections.abc import Iterable
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import asdict, dataclass
+from fnmatch import fnmatchcase
+from pathlib import Path
+
+from lptn.evidence import evidence
+from lptn.ladder import Ladder, improve
+from lptn.opening import open_model
+from lptn.virtual import BEYOND, EFFECTS, places, quadruped_logs, write_logs
+from lptn.virtual.layouts import LAYOUTS
+from lptn.virtual.plans import Plan
+
+MODEL = Path(__file__).with_name("quadruped_plain.toml")
+CATALOGUE = tuple(effect for effect in EFFECTS if effect not in BEYOND)
+NOISES = {"0.1K": (0.1, 0.0), "0.3K": (0.3, 0.0), "1K": (0.1, 1.0)}
+IN_ONE_RUN = ("surface_scale", "loss_scale")
+"""Effects that a free parameter imitates unless they act in one run only."""
+NODES = LAYOUTS["quadruped"].nodes
+Key = tuple[str, str]
+
+
+@dataclass(frozen=True)
+class Case:
+    """What is hidden, `effect@place` or `effect@place@run` each, nothing for an empty tuple; and the sensors."""
+
+    hidden: tuple[str, ...]
+    seed: int
+    noise: str
+    tier: str
+
+
+@dataclass(frozen=True)
+class Result:
+    """What the ladder said of a case.
+
+    Args:
+        case: the case.
+        verdict: on the model as given.
+        remaining: on the last rung.
+        rungs: effect and place of each rung.
+        group: names that the first rung can't be told from, itself included.
+        holdout: held-out RMSE of each rung, the given model first [K].
+        seconds: CPU time of the search.
+    """
+
+    case: Case
+    verdict: str
+    remaining: str
+    rungs: list[Key]
+    group: list[Key]
+    holdout: list[float]
+    seconds: float
+
+
+def covered(key: Key) -> tuple[str, frozenset[str], str]:
+    """Effect, places and run: two names of the same places are one answer."""
+    effect, at = key
+    at, _, run = at.partition("@")
+    kind = EFFECTS[effect].kind if effect in EFFECTS else "node"
+    if "~" in at:
+        ends = at.split("~")
+        return effect, frozenset((">".join(ends),) if kind == "linked" else ends), run
+    sensed = [node for node in NODES if kind != "joint" or node != "pc"]
+    return effect, frozenset(node for node in sensed if fnmatchcase(node, at)) or frozenset((at,)), run
+
+
+def truths(case: Case) -> list[Key]:
+    """Effect and place of all that is hidden."""
+    found = []
+    for text in case.hidden:
+        effect, _, at = text.partition("@")
+        found.append((effect, at))
+    return found
+
+
+def run(case: Case) -> Result:
+    """Make the logs, read them back, climb the ladder."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        noise, step = NOISES[case.noise]
+        hidden = []
+        for effect, at in truths(case):
+            place, _, only = at.partition("@")
+            hidden.append((effect, place, 1.0, only) if only else (effect, place, 1.0))
+        plan: Plan = "swing" if any("ambient_lag" in text for text in case.hidden) else "trial"
+        logs = quadruped_logs(
+            hidden,
+            seed=case.seed,
+            runs=plan,
+            physics="full" if case.tier == "rough" else "plain",
+            noise=noise,
+            quantisation=step,
+            columns="all",
+        )
+        write_logs(folder, logs)
+        opened = open_model(MODEL)
+        fitted = opened.runs([folder / "fit1.parquet", folder / "fit2.parquet"])
+        data = evidence(fitted, opened.runs([folder / "holdout.parquet"]))
+    start = time.process_time()
+    return _result(case, improve(opened.model, data), time.process_time() - start)
+
+
+def _result(case: Case, ladder: Ladder, seconds: float) -> Result:
+    rungs = [(rung.effect, rung.at) for rung in ladder.rungs[1:] if rung.effect and rung.at]
+    group = [*rungs[:1], *(ladder.rungs[1].alike if rungs else ())]
+    holdout = [rung.holdout.rmse for rung in ladder.rungs if rung.holdout]
+    return Result(case, ladder.verdict, ladder.remaining, rungs, group, holdout, seconds)
+
+
+def cases(chosen: argparse.Namespace) -> list[Case]:
+    """Each effect at a place drawn by the seed and the noise; nothing hidden; pairs of effects."""
+    found = []
+    for noise in chosen.noises:
+        for seed in chosen.seeds:
+            found += [Case(_drawn(effect, seed, noise), seed, noise, chosen.tier) for effect in chosen.effects]
+            for number in range(chosen.pairs):
+                rng = random.Random(f"pair {number} {seed} {noise}")
+                pair = rng.sample([effect for effect in CATALOGUE if effect not in IN_ONE_RUN], 2)
+                hidden = tuple(text for effect in pair for text in _drawn(effect, seed + 7 * number, noise))
+                found.append(Case(hidden, seed + number, noise, chosen.tier))
+    return found
+
+
+def _drawn(effect: str, seed: int, noise: str) -> tuple[str, ...]:
+    if effect == "none":
+        return ()
+    rng = random.Random(f"{effect} {seed} {noise}")
+    place = rng.choice(list(places(effect, "quadruped")))
+    return (f"{effect}@{place}@{rng.choice(['fit1', 'fit2'])}" if effect in IN_ONE_RUN else f"{effect}@{place}",)
+
+
+def judged(done: Result) -> tuple[bool, bool, bool]:
+    """Named first; in the first answer group; exactly the right rungs and nothing else."""
+    wanted = [covered(key) for key in truths(done.case)]
+    if not wanted or wanted[0][0] in BEYOND:
+        right = done.verdict == ("unexplained" if wanted else "adequate")
+        return right, right, right
+    rungs, group = [covered(key) for key in done.rungs], [covered(key) for key in done.group]
+    first = bool(rungs) and rungs[0] in wanted
+    return first, any(key in wanted for key in group), sorted(map(str, rungs)) == sorted(map(str, wanted))
+
+
+def row(done: Result) -> str:
+    """A line of the table."""
+    first, group, exact = judged(done)
+    answer = "exact" if exact else "first" if first else "in group" if group else "NO"
+    ladder = ", ".join(f"{effect} at {at}" for effect, at in done.rungs) or "–"
+    errors = f"{done.holdout[0]:.3f} | {done.holdout[-1]:.3f}"
+    hidden = ", ".join(done.case.hidden) or "nothing"
+    case, said = done.case, f"{done.verdict}/{done.remaining}"
+    return f"| {hidden} | {case.seed} | {case.noise} | {said} | {ladder} | {answer} | {errors} | {done.seconds:.0f} |"
+
+
+def summary(results: Iterable[Result]) -> str:
+    """Shares by kind of case."""
+    kinds: dict[str, list[Result]] = {}
+    for done in results:
+        hidden = truths(done.case)
+        beyond = bool(hidden) and hidden[0][0] in BEYOND
+        kind = "nothing" if not hidden else "outside the catalogue" if beyond else ("one", "two")[len(hidden) - 1]
+        kinds.setdefault(f"{done.case.tier}, {kind}", []).append(done)
+    lines = []
+    for kind, all_of_it in kinds.items():
+        answers = [judged(done) for done in all_of_it]
+        shares = [sum(each[k] for each in answers) / len(answers) for k in range(3)]
+        unexplained = sum(done.verdict == "unexplained" for done in all_of_it) / len(all_of_it)
+        both = sum({covered(k) for k in truths(d.case)} <= {covered(k) for k in d.rungs} for d in all_of_it)
+        third = sum(any(covered(k) in map(covered, truths(d.case)) for k in d.rungs[:3]) for d in all_of_it)
+        n = len(all_of_it)
+        lines.append(
+            f"{kind}: {n} cases; first {shares[0]:.2f}, in the first group {shares[1]:.2f}, "
+            f"exactly it {shares[2]:.2f}; all of it found {both / n:.2f}; "
+            f"within three rungs {third / n:.2f}; called unexplained {unexplained:.2f}"
+        )
+    return "\n".join(lines)
+
+
+def _read(out: Path) -> list[Result]:
+    if not out.exists():
+        return []
+    found = []
+    for line in out.read_text(encoding="utf-8").splitlines():
+        table = json.loads(line)
+        case = table["case"] | {"hidden": tuple(table["case"]["hidden"])}
+        keys = {name: [(one, other) for one, other in table[name]] for name in ("rungs", "group")}
+        found.append(Result(**(table | keys | {"case": Case(**case)})))
+    return found
+
+
+def main() -> None:
+    """Run what is missing and print the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--effects", nargs="*", default=[*CATALOGUE, "none", *BEYOND])
+    parser.add_argument("--seeds", nargs="+", type=int, default=[501, 502, 503])
+    parser.add_argument("--noises", nargs="+", choices=list(NOISES), default=list(NOISES))
+    parser.add_argument("--tier", choices=["clean", "rough"], default="clean")
+    parser.add_argument("--pairs", type=int, default=0, help="cases with two hidden effects, for each seed and noise")
+    parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--out", type=Path, required=True, help="results as JSON lines; what it holds is not run again")
+    chosen = parser.parse_args()
+    done = {result.case: result for result in _read(chosen.out)}
+    wanted = cases(chosen)
+    missing = [case for case in dict.fromkeys(wanted) if case not in done]
+    print("| hidden | seed | sensors | verdict | ladder | answer | held out before, K | after, K | CPU s |")
+    print("| --- | --- | --- | --- | --- | --- | --- | --- | --- |")
+    for case in wanted:
+        if case in done:
+            print(row(done[case]))
+    with ProcessPoolExecutor(chosen.jobs) as pool:
+        for result in pool.map(run, missing):
+            done[result.case] = result
+            with chosen.out.open("a", encoding="utf-8") as file:
+                file.write(json.dumps(asdict(result)) + "\n")
+            print(row(result), flush=True)
+    print(summary([done[case] for case in wanted]))
+
+
+if __name__ == "__main__":
+    main()
