@@ -139,18 +139,28 @@ class _Builder:
         return reference
 
     def _states(self) -> None:
-        nodes, owners = self.model.nodes, self.model.owners
         references = []
-        for row, state in enumerate(self.model.states):
-            node = nodes[owners[row]]
-            label = state.removesuffix(f".{node}") if row >= len(nodes) else ""
-            name = joined(node, label, "temperature") if label else joined(node, "temperature")
-            text = f"Temperature of {node}" if not label else f"Temperature behind {label} at {node}"
-            start = self.start[node] + ZERO_CELSIUS
-            references.append(self._add(name, "state", "K", start, text, celsius=True, minimum=0.0, hidden=bool(label)))
+        for node in self.model.nodes:
+            name, start = joined(node, "temperature"), self.start[node] + ZERO_CELSIUS
+            references.append(self._add(name, "state", "K", start, f"Temperature of {node}", celsius=True, minimum=0.0))
+        for use in self.model.balance.hidden:
+            place, _ = of_owner(use.place, ())
+            text = f"Temperature behind {use.name} at {use.place}"
+            more: dict[str, Any] = {"celsius": True, "minimum": 0.0, "hidden": True}
+            name = joined(place, use.name, "temperature")
+            references.append(self._add(name, "state", "K", self._resting(use.ends), text, **more))
         for reference in references:
             name = self.variables[reference].name
             self._add(f"der({name})", "rate", "K/s", None, f"Rate of {name}", hidden=True, of=reference)
+
+    def _resting(self, places: tuple[str, ...]) -> float:
+        """Where a hidden state starts [K]: at the mean of its nodes, or at the prescribed temperature that it is of."""
+        prescribed, found = self.model.network.prescribed, []
+        for place in places:
+            source = prescribed.get(place)
+            given = self.model.values[source] if isinstance(source, int) else ROOM
+            found.append(self.start.get(place, float(given)))
+        return sum(found) / len(found) + ZERO_CELSIUS
 
     def _inputs(self) -> None:
         for column in self.model.inputs:

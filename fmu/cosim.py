@@ -131,7 +131,7 @@ class _Plan:
     driven: Drive
     nodes: tuple[str, ...]
     inputs: tuple[str, ...]  # the FMU's names of the rows of `driven.inputs`
-    start: Mapping[str, float]  # degC, by variable
+    start: Mapping[str, float]  # degC, by variable; indicators of runs among them
     predicted: FloatArray | None
 
 
@@ -147,9 +147,18 @@ def _predicted(model: Model, part: Part, parts: Sequence[Part]) -> _Plan:
     sigma = balanced_sigma(drives, estimate_noise(drives, model.nodes))
     found = predict(model, part, sigma)
     names = [variable.name for variable in component(model).of("state")]
-    start = dict(zip(names, found.states[:, 0].tolist(), strict=True))
+    start = dict(zip(names, found.states[:, 0].tolist(), strict=True)) | _of_run(model, part.run)
     inputs = tuple(of_column(column) for column in model.inputs)
     return _Plan(found.drive, tuple(model.nodes), inputs, start, found.readings)
+
+
+def _of_run(model: Model, run: Run) -> dict[str, float]:
+    """The indicators of effects that are confined to single runs, by variable."""
+    names, values = (
+        [variable.name for variable in component(model).of("parameter")],
+        model.in_run(run.name, model.values),
+    )
+    return {names[index]: float(values[index]) for index in model.network.runs.values()}
 
 
 def _plain_runs(session: Session, logs: Sequence[str | Path]) -> list[Run]:

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from types import SimpleNamespace
-from typing import Any, cast
+from typing import Any
 
 import casadi as ca
 
-from lptn.effects import EdgeEffect, LinkEffect, LossEffect, MassEffect, NodeEffect
-from lptn.model import Model, input_column
+from lptn.effects import EdgeEffect, GroupEffect, LinkEffect, LossEffect, MassEffect, NodeEffect
+from lptn.model import Model
 from lptn.network import Link, Use
 
-from .naming import joined
+from .naming import joined, of_group
 
 
 @dataclass(frozen=True)
@@ -70,15 +69,7 @@ def heat_flows(model: Model) -> list[Flow]:
 
 class _Flows:
     def __init__(self, model: Model) -> None:
-        self.network, symbols = model.network, model.symbols
-        self.p = symbols.p
-        self.inputs = dict(zip(model.inputs, ca.vertsplit(symbols.u) if model.inputs else (), strict=True))
-        values = dict(zip(model.states, ca.vertsplit(symbols.x), strict=True))
-        self.states = values
-        self.temperature: dict[str, Any] = {node: values[node] for node in model.nodes}
-        for name, source in self.network.prescribed.items():
-            column = f"temperature.{name}" if source == "start" else source
-            self.temperature[name] = self.p[column] if isinstance(column, int) else self.inputs[column]
+        self.network, self.balance = model.network, model.balance
 
     def all(self) -> list[Flow]:
         found = [self._link(link) for link in self.network.resistors]
@@ -86,71 +77,45 @@ class _Flows:
             found += self._effect(use)
         return found
 
-    def _parameters(self, use: Use) -> SimpleNamespace:
-        return SimpleNamespace(**{name: self.p[index] for name, index in use.parameters.items()})
-
-    def _features(self, use: Use) -> SimpleNamespace:
-        node = use.ends[0]
-        return SimpleNamespace(**{name: self.inputs[input_column(name, node)] for name in use.effect.needed()})
-
     def _ordered(self, ends: Iterable[str]) -> tuple[str, str]:
         """The two ends by name, a prescribed one last."""
         one, other = sorted(ends, key=lambda name: (name in self.network.prescribed, name))
         return one, other
 
-    def _exchange(self, link: Link, source: str, left_out: Use | None = None) -> Any:
+    def _away(self, link: Link, source: str, left_out: Use | None = None) -> Any:
         """Heat that a link carries away from one of its ends, perhaps with one effect left out."""
-        (target,) = set(link.ends) - {source}
-        factor, inward = ca.SX(1), ca.SX(0)
-        for use in self.network.uses:
-            if use is left_out or not isinstance(use.effect, LinkEffect) or set(use.ends) != set(link.ends):
-                continue
-            node, around = (self.temperature[end] for end in use.ends)
-            p = self._parameters(use)
-            factor = factor * use.effect.conductance_factor(node, around, self._features(use), p)
-            extra = use.effect.extra_heat(node, around, p)
-            inward = inward + (extra if use.ends[0] == source else -extra)
-        drop = self.temperature[source] - self.temperature[target]
-        return factor * drop / self.p[link.resistance] - inward
+        inward = self.balance.exchange(link, left_out)
+        return -inward if link.ends[0] == source else inward
 
     def _link(self, link: Link) -> Flow:
         source, target = self._ordered(link.ends)
-        return Flow(source, target, "", False, self._exchange(link, source))
+        return Flow(source, target, "", False, self._away(link, source))
 
     def _effect(self, use: Use) -> list[Flow]:
-        effect, node, label = use.effect, use.ends[0], use.declaration.name
+        effect, node, label = use.effect, use.ends[0], use.name
         if isinstance(effect, EdgeEffect):
             one, other = self._ordered(use.ends)
-            drop = self.temperature[one] - self.temperature[other]
-            return [Flow(one, other, label, False, effect.conductance(self._parameters(use)) * drop)]
+            inward = self.balance.edge_flow(use)
+            return [Flow(one, other, label, False, -inward if node == one else inward)]
         if isinstance(effect, MassEffect):
-            state = self.states[f"{label}.{use.place}"]
-            return [Flow(node, "", label, False, effect.heat(self.temperature[node], state, self._parameters(use)))]
+            return [Flow(node, "", label, False, self.balance.state_heat(use, node))]
+        if isinstance(effect, GroupEffect):
+            label = of_group(label, use.place)
+            return [Flow(end, "", label, False, self.balance.state_heat(use, end)) for end in use.ends]
         if isinstance(effect, NodeEffect):
-            return [Flow(node, "", label, False, self._heat(use))]
+            return [Flow(node, "", label, False, self.balance.heat_of(use))]
         if isinstance(effect, LossEffect):
             bases = [base for base in self.network.uses if base.effect.key == effect.acts_on and base.ends == use.ends]
-            added = sum((self._heat(base) - self._heat(base, use) for base in bases), start=ca.SX(0))
-            return [Flow(node, "", label, True, added)]
+            added = (self.balance.heat_of(base) - self.balance.heat_of(base, use) for base in bases)
+            return [Flow(node, "", label, True, sum(added, start=ca.SX(0)))]
         if isinstance(effect, LinkEffect):
             return self._link_effect(use)
         return []
 
-    def _heat(self, use: Use, left_out: Use | None = None) -> Any:
-        """Heat that an effect brings into its node, with the factors of loss effects, perhaps one left out."""
-        node, effect = use.ends[0], cast(NodeEffect, use.effect)
-        heat = effect.heat(self.temperature[node], self._features(use), self._parameters(use))
-        for other in self.network.uses:
-            if other is left_out or not isinstance(other.effect, LossEffect) or other.ends != use.ends:
-                continue
-            if other.effect.acts_on == use.effect.key:
-                heat = heat * other.effect.factor(self.temperature[node], self._parameters(other))
-        return heat
-
     def _link_effect(self, use: Use) -> list[Flow]:
         (link,) = (link for link in self.network.resistors if set(link.ends) == set(use.ends))
         node, around = use.ends
-        added = self._exchange(link, node, use) - self._exchange(link, node)
+        added = self._away(link, node, use) - self._away(link, node)
         # A node with several surroundings has one such effect for each: the place then is an edge.
         target = around if "~" in use.place else ""
-        return [Flow(node, target, use.declaration.name, True, -added if target else added)]
+        return [Flow(node, target, use.name, True, -added if target else added)]

@@ -52,6 +52,11 @@ def of_owner(owner: str, prescribed: Iterable[str]) -> tuple[str, str]:
     return _spelt(one), _spelt(other) if tilde else ""
 
 
+def of_group(label: str, pattern: str) -> str:
+    """What an effect on a group of nodes is called at each of them: `shared_mass_all_calf`."""
+    return f"{label}_{_spelt(pattern)}"
+
+
 def _spelt(pattern: str) -> str:
     """A glob as a word: `*_calf` is `all_calf`, `heater*` is `heater_all`."""
     word = re.sub(r"(?<=[A-Za-z0-9])\*", "_all", pattern)

@@ -29,6 +29,9 @@ _FEATURES = {
     "power": "W",
     "mechanical_power": "W",
     "powered": "1",
+    "torque_abs": "N*m",
+    "fan": "1",
+    "irradiance": "W/m^2",
 }
 
 

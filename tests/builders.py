@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from lptn.arrays import FloatArray
-from lptn.effects import Effect, LossEffect, catalogue
+from lptn.effects import Effect, ExcessEffect, LossEffect, catalogue
 from lptn.logs import Run
 from lptn.model import Model
 from lptn.network import EffectDeclaration, LinkDeclaration, Network, NodeDeclaration
@@ -67,6 +67,18 @@ def with_every_effect() -> Network:
     return two_nodes([effect(key) for key in keys])
 
 
+def base_for(kind: type[Effect]) -> list[EffectDeclaration]:
+    """What must be there already for the effect to act."""
+    rest = [effect("constant_heat")] if kind.key != "constant_heat" else [effect("heat_input")]
+    if kind.site == "pair":
+        rest.append(effect("conduction"))
+    if issubclass(kind, LossEffect):
+        rest.append(effect(kind.acts_on))
+    if issubclass(kind, ExcessEffect) and kind.heat_of:
+        rest.append(effect(kind.heat_of))
+    return rest
+
+
 def off(kind: type[Effect]) -> EffectDeclaration:
     """An effect at its off-value, everywhere."""
     return EffectDeclaration(kind(), "*", tuple(parameter.switched_off for parameter in kind.parameters))
@@ -79,13 +91,17 @@ def make_run(columns: Mapping[str, FloatArray], *, step: float = 1.0, averaged: 
 
 
 def random_run(
-    model: Model, n: int, seed: int = 0, *, step: float = 1.0, averaged: bool = False, hold: int = 20
+    model: Model, n: int, seed: int = 0, *, step: float = 1.0, averaged: bool = False, hold: int = 20, rise: float = 0.0
 ) -> Run:
-    """A run with every input of the model changing every `hold` steps; its temperatures are only a start."""
+    """A run with every input of the model changing every `hold` steps; its temperatures are only a start.
+
+    The ambient rises by `rise` [K] over the run.
+    """
     rng = np.random.default_rng(seed)
     columns = {f"temperature.{name}": np.full(n, 25.0 + 3.0 * row) for row, name in enumerate(model.nodes)}
     for column in model.inputs:
-        size = 22.0 if column.startswith("temperature.") else rng.uniform(0.0, 6.0, n // hold + 1).repeat(hold)[:n]
+        air = 22.0 + rise * np.arange(float(n)) / n
+        size = air if column.startswith("temperature.") else rng.uniform(0.0, 6.0, n // hold + 1).repeat(hold)[:n]
         columns[column] = np.broadcast_to(np.asarray(size, dtype=float), n).copy()
     return make_run(columns, step=step, averaged=averaged)
 

@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable
-from types import SimpleNamespace
 from typing import Any, Literal, NamedTuple, TypeVar, cast
 
 import casadi as ca
 import numpy as np
 
 from lptn.arrays import FloatArray
-from lptn.balanced_faces import without_faces
-from lptn.effects import EdgeEffect, LinkEffect, LossEffect, MassEffect, NodeEffect, SensorEffect
-from lptn.network import START, Network, Use
+from lptn.effects import ClockEffect, GroupEffect, SensorEffect
+from lptn.heat_balance import HeatBalance, input_column
+from lptn.network import Network, Use
 from lptn.parameters import Unknown
+from lptn.places import is_of_run
+
+__all__ = ["Method", "Model", "Symbols", "input_column"]
 
 Made = TypeVar("Made")
 Method = Literal["rk4", "euler", "zoh"]
-_GLOBAL_INPUTS = {"base_speed": "speed.base"}
 _SQUARINGS = 12  # scaling-and-squaring steps of the symbolic matrix exponential: exact up to h |λ| of some 2000
 _TAYLOR_ORDER = 10
 
@@ -30,11 +31,6 @@ class Symbols(NamedTuple):
     p: ca.SX
     rates: ca.SX
     readings: ca.SX
-
-
-def input_column(feature: str, place: str) -> str:
-    """The log column that holds an input feature at a place: `torque.FR_calf`, `speed.base`."""
-    return _GLOBAL_INPUTS.get(feature, f"{feature}.{place}")
 
 
 class Model:
@@ -56,16 +52,21 @@ class Model:
         self.nodes: list[str] = network.dynamic
         """Dynamic nodes, which are also the outputs, in order."""
         self.unknowns: list[Unknown] = network.unknowns
-        self.inputs: list[str] = []
+        self.balance = HeatBalance(network)
+        """The expressions behind the functions."""
+        self.inputs: list[str] = list(self.balance.columns)
         """Log columns that drive the model, in order."""
-        self.started: list[str] = []
+        self.started: list[str] = self.balance.started
         """Those inputs that are taken from the start of a run instead of a column."""
-        self.states: list[str] = list(self.nodes)
-        self.owners: list[int] = list(range(len(self.nodes)))
+        self.states: list[str] = [*self.nodes, *(use.label for use in self.balance.hidden)]
+        self.rests: list[tuple[str, ...]] = [*((name,) for name in self.nodes), *map(_rests, self.balance.hidden)]
+        """For each state the places whose mean temperature it has in equilibrium."""
+        self.owners: list[int] = [self._owner(places) for places in self.rests]
         """For each state the index of the node it belongs to."""
         self.made: dict[Hashable, Any] = {}
         """What `made_once` keeps, shared with copies at other values."""
-        self._assemble()
+        self._x, self._u, self._p = self.balance.x, self.balance.u, self.balance.p
+        self._rhs, self._y = self.balance.rates, self.balance.readings
 
     def __reduce__(self) -> tuple[type[Model], tuple[Network]]:
         # CasADi's expressions don't travel between processes; the network does, and makes the same model.
@@ -96,114 +97,29 @@ class Model:
         """Indices of the parameters that a fit may change."""
         return [index for index, unknown in enumerate(self.unknowns) if unknown.free]
 
-    # --- assembly -----------------------------------------------------------------------------
+    def _owner(self, places: tuple[str, ...]) -> int:
+        """A node to name a state after: of a prescribed place the first that exchanges heat with it."""
+        around = (node for node, other in self.network.surroundings.values() if other in places)
+        return next((self.nodes.index(name) for name in (*places, *around) if name in self.nodes), 0)
 
-    def _assemble(self) -> None:
-        network = self.network
-        self._p = ca.SX.sym("p", len(self.unknowns))
-        self._column: dict[str, ca.SX] = {}
-        symbols = {name: ca.SX.sym(name) for name in self.nodes}
-        states = {id(use): ca.SX.sym(_label(use)) for use in network.uses if use.effect.has_state}
-        temperature = symbols | {name: self._prescribed(name) for name in network.prescribed}
-        faces = {name: ca.SX.sym(name) for name in network.massless}
-        temperature |= faces
-        heat = {name: ca.SX(0) for name in (*self.nodes, *faces)}
-        for link, factor, extra in self._exchange(temperature):
-            one, other = link.ends
-            flow = factor * (temperature[other] - temperature[one]) / self._p[link.resistance] + extra
-            _give(heat, one, flow)
-            _give(heat, other, -flow)
-        for inside in network.conductors:
-            one, other = inside.ends
-            flow = self._p[inside.conductivity] * inside.shape * (temperature[other] - temperature[one])
-            _give(heat, one, flow)
-            _give(heat, other, -flow)
-        self._add_heat(heat, temperature, states)
-        if faces:
-            means = [symbols[element] for element in network.massless.values()]
-            heat = without_faces(heat, faces, means)
-        rates, readings = self._states_and_readings(temperature, states)
-        warming = [heat[name] / self._p[network.capacities[name]] for name in self.nodes]
-        self._x = ca.vertcat(*symbols.values(), *states.values())
-        self._u = ca.vertcat(*self._column.values()) if self._column else ca.SX(0, 1)
-        self._rhs = ca.vertcat(*warming, *rates)
-        self._y = ca.vertcat(*readings)
-        self.inputs = list(self._column)
+    def in_run(self, name: str, values: FloatArray) -> FloatArray:
+        """Parameter values, shape (m,), with the indicators of a run's own effects set as the run's name says."""
+        if not self.network.runs:
+            return values
+        values = values.copy()
+        for pattern, index in self.network.runs.items():
+            values[index] = float(is_of_run(name, pattern))
+        return values
 
-    def _prescribed(self, name: str) -> ca.SX:
-        source = self.network.prescribed[name]
-        if isinstance(source, int):
-            return self._p[source]
-        if source == START:
-            self.started.append(f"temperature.{name}")
-        return self._input(f"temperature.{name}" if source == START else source)
-
-    def _input(self, column: str) -> ca.SX:
-        return self._column.setdefault(column, ca.SX.sym(column))
-
-    def _inputs_of(self, use: Use) -> SimpleNamespace:
-        place = use.declaration.driven_by or use.ends[0]
-        return SimpleNamespace(**{name: self._input(input_column(name, place)) for name in use.effect.needed()})
-
-    def _parameters_of(self, use: Use) -> SimpleNamespace:
-        return SimpleNamespace(**{name: self._p[index] for name, index in use.parameters.items()})
-
-    def _exchange(self, temperature: dict[str, ca.SX]) -> list[tuple[Any, ca.SX, ca.SX]]:
-        """Each link with the factor on its conductance and the extra heat into its first end."""
-        found = []
-        for link in self.network.resistors:
-            factor, extra = ca.SX(1), ca.SX(0)
-            for use in self.network.uses:
-                if isinstance(use.effect, LinkEffect) and set(use.ends) == set(link.ends):
-                    node, other = use.ends
-                    p = self._parameters_of(use)
-                    factor = factor * use.effect.conductance_factor(
-                        temperature[node], temperature[other], self._inputs_of(use), p
-                    )
-                    inward = use.effect.extra_heat(temperature[node], temperature[other], p)
-                    extra = extra + (inward if node == link.ends[0] else -inward)
-            found.append((link, factor, extra))
-        return found
-
-    def _loss_factor(self, use: Use, temperature: ca.SX) -> ca.SX:
-        """Product of the factors that other effects put on this effect's heat."""
-        factor = ca.SX(1)
-        for other in self.network.uses:
-            if (
-                isinstance(other.effect, LossEffect)
-                and other.ends == use.ends
-                and other.effect.acts_on == use.effect.key
-            ):
-                factor = factor * other.effect.factor(temperature, self._parameters_of(other))
-        return factor
-
-    def _add_heat(self, heat: dict[str, ca.SX], temperature: dict[str, ca.SX], states: dict[int, ca.SX]) -> None:
-        for use in self.network.uses:
-            p, node = self._parameters_of(use), use.ends[0]
-            if isinstance(use.effect, EdgeEffect):
-                flow = use.effect.conductance(p) * (temperature[use.ends[1]] - temperature[node])
-                _give(heat, node, flow)
-                _give(heat, use.ends[1], -flow)
-            elif isinstance(use.effect, MassEffect):
-                _give(heat, node, use.effect.heat(temperature[node], states[id(use)], p))
-            elif isinstance(use.effect, NodeEffect):
-                flow = use.effect.heat(temperature[node], self._inputs_of(use), p)
-                _give(heat, node, flow * self._loss_factor(use, temperature[node]))
-
-    def _states_and_readings(
-        self, temperature: dict[str, ca.SX], states: dict[int, ca.SX]
-    ) -> tuple[list[ca.SX], list[ca.SX]]:
-        rates, readings = [], {name: temperature[name] for name in self.nodes}
-        for use in self.network.uses:
-            node, state, p = use.ends[0], states.get(id(use)), self._parameters_of(use)
-            if isinstance(use.effect, SensorEffect):
-                readings[node] = readings[node] + use.effect.error(temperature[node], state, p)
-            if state is not None:
-                effect = cast(MassEffect | SensorEffect, use.effect)
-                rates.append(effect.rate(temperature[node], state, p))
-                self.states.append(_label(use))
-                self.owners.append(self.nodes.index(node))
-        return rates, list(readings.values())
+    @property
+    def resting_shares(self) -> FloatArray:
+        """Each hidden state's equilibrium as shares of the nodes' temperatures, shape (hidden, nodes)."""
+        shares = np.zeros((len(self.states) - len(self.nodes), len(self.nodes)))
+        for row, places in enumerate(self.rests[len(self.nodes) :]):
+            for place in places:
+                if place in self.nodes:
+                    shares[row, self.nodes.index(place)] += 1 / len(places)
+        return shares
 
     @property
     def symbols(self) -> Symbols:
@@ -227,6 +143,18 @@ class Model:
     def reads_directly(self) -> bool:
         """Whether every sensor reads its node's temperature as it is."""
         return not any(isinstance(use.effect, SensorEffect) for use in self.network.uses)
+
+    @property
+    def in_time(self) -> bool:
+        """Whether all readings belong to the instants that the log says."""
+        return not any(isinstance(use.effect, ClockEffect) for use in self.network.uses)
+
+    def delays(self, p: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """How late each node's readings come [s], shape (nodes,), and its derivative by p, shape (nodes, m)."""
+        late = self.balance.delays
+        make = lambda: ca.Function("delays", [self._p], [late, ca.densify(ca.jacobian(late, self._p))])  # noqa: E731
+        delays, slopes = self.made_once("delays", make)(p)
+        return delays.full().ravel(), slopes.full()
 
     def readings_of(self, states: FloatArray, p: FloatArray) -> FloatArray:
         """What the sensors read [degC], shape (nodes, n), at many states, shape (states, n)."""
@@ -314,12 +242,6 @@ class Model:
         return self._x + h * ca.mtimes(phi, self._rhs)
 
 
-def _label(use: Use) -> str:
-    """The name of an effect's state."""
-    return f"{use.declaration.name}.{use.place}"
-
-
-def _give(heat: dict[str, ca.SX], node: str, flow: ca.SX) -> None:
-    """Add a heat flow to a node; a prescribed node swallows it."""
-    if node in heat:
-        heat[node] = heat[node] + flow
+def _rests(use: Use) -> tuple[str, ...]:
+    """The places with which an effect's state is in equilibrium when nothing happens."""
+    return use.ends if isinstance(use.effect, GroupEffect) else use.ends[:1]

@@ -114,6 +114,8 @@ def _effect_table(effect: EffectDeclaration) -> tomlkit.items.Table:
     table = tomlkit.table()
     table.add("kind", effect.effect.key)
     table.add("at", effect.at)
+    if effect.run:
+        table.add("run", effect.run)
     if effect.driven_by:
         table.add("driven_by", effect.driven_by)
     for name, word in effect.effect.chosen.items():

@@ -126,7 +126,7 @@ class Reader:
         declared = {parameter.name: parameter for parameter in kind.parameters}
         for name in given:
             if name not in declared:
-                allowed = ", ".join(("kind", "at", "share", "driven_by", *kind.options, *declared))
+                allowed = ", ".join(("kind", "at", "run", "share", "driven_by", *kind.options, *declared))
                 raise InputError(self.path, f"{place}.{name}", f'unknown key "{name}"', f"one of {allowed}")
         parameters = []
         for name, parameter in declared.items():
@@ -138,7 +138,8 @@ class Reader:
             name = next(iter(words))
             expected = " or ".join(f'"{word}"' for word in kind.options[name])
             raise InputError(self.path, f"{place}.{name}", f"{words[name]!r}", expected) from error
-        return EffectDeclaration(effect, table.at, tuple(parameters), driven_by=table.driven_by or "")
+        driven_by, run = table.driven_by or "", table.run or ""
+        return EffectDeclaration(effect, table.at, tuple(parameters), driven_by=driven_by, run=run)
 
     def _parameter(self, declared: Parameter, given: object, place: str) -> Parameter:
         """A declared parameter with what the file says of it, converted to its SI unit."""

@@ -55,6 +55,7 @@ class EffectTable(BaseModel):
     kind: str
     at: str
     share: Share | None = None
+    run: Annotated[str, Field(min_length=1)] | None = None
     driven_by: Annotated[str, Field(pattern=r"^[^\s.~*?\[\]{}]+$")] | None = None
 
 

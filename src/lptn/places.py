@@ -54,6 +54,22 @@ def edge(one: str, other: str) -> str:
     return "~".join(sorted((one, other)))
 
 
+def in_run(name: str, run: str) -> str:
+    """A name with the run that it is confined to behind it, `"FR_calf@monday"`; without a run as it is."""
+    return f"{name}@{run_label(run)}" if run else name
+
+
+def run_label(run: str) -> str:
+    """A run's name as part of another name: characters that mean something there become commas."""
+    return re.sub(r"[.~{}\s]", ",", run)
+
+
+def is_of_run(name: str, pattern: str) -> bool:
+    """Whether a run, or the log that it is a piece of (`monday#2`), is what a name or glob means."""
+    whole = name.partition("#")[0]
+    return pattern in (name, whole) or fnmatchcase(name, pattern) or fnmatchcase(whole, pattern)
+
+
 def expand_pair(patterns: Sequence[str], names: Sequence[str]) -> list[tuple[str, str]]:
     """All pairs of places that two patterns stand for.
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lptn.arrays import FloatArray
+from lptn.clocks import Piece, pieces_read_late
 from lptn.model import Model
 from lptn.simulate import Drive, SimulationError, default_start, over_steps, substeps
 from lptn.stepping import Stepper, stepper
@@ -78,7 +79,29 @@ def sensitivity_windows(
     Raises:
         SimulationError: the parameters make the model too stiff, or it runs away.
     """
+    averaged, step = driven.run.averaged, driven.run.step
+    pieces = _pieces(model, driven, values, chosen, start, core)
+    if not model.in_time:
+        late, slopes = model.delays(model.in_run(driven.run.name, values))
+        cores = len(model.states) if core is None else core
+        by_delay = np.hstack([slopes[:, list(chosen)], np.zeros((len(late), cores))])
+        pieces = pieces_read_late(pieces, late / step, by_delay, step, len(driven) + 1)
+    for piece in pieces:
+        derivatives = np.moveaxis(over_steps(np.moveaxis(piece.derivatives, 0, 2), averaged), 2, 1)
+        window = slice(piece.first, piece.first + len(piece.derivatives) - 1)
+        yield window, Sensitivities(over_steps(piece.readings, averaged), derivatives, len(chosen))
+
+
+def _pieces(
+    model: Model,
+    driven: Drive,
+    values: FloatArray,
+    chosen: Sequence[int],
+    start: FloatArray | None,
+    core: int | None,
+) -> Iterator[Piece]:
     states = default_start(model, driven) if start is None else start
+    values = model.in_run(driven.run.name, values)
     core = len(model.states) if core is None else core
     parts = substeps(model, driven, values, states)
     steps = stepper(model, core, chosen)
@@ -89,17 +112,16 @@ def sensitivity_windows(
         path, followed = steps.follow(states, moved, driven.inputs[:, window], values, driven.run.step, parts)
         if not np.isfinite(path).all():
             raise SimulationError(f"the temperatures of run {driven.run.name} run away at these parameters")
-        yield window, _readings(steps, path, values, followed, driven.run.averaged)
+        yield Piece(first, model.readings_of(path, values), _moved_readings(steps, path, values, followed))
         states, moved = path[:, -1].copy(), followed[-1].copy()
 
 
-def _readings(steps: Stepper, states: FloatArray, p: FloatArray, followed: FloatArray, averaged: bool) -> Sensitivities:
+def _moved_readings(steps: Stepper, states: FloatArray, p: FloatArray, followed: FloatArray) -> FloatArray:
+    """Derivatives of the readings, shape (n + 1, nodes, chosen + core), from those of the states."""
     model, chosen = steps.model, len(steps.chosen)
     if model.reads_directly:
-        moved = followed[:, : len(model.nodes)]
-    else:
-        by_state, by_parameter = steps.jacobians.readings(states, p)
-        moved = by_state @ followed
-        moved[:, :, :chosen] += by_parameter
-    derivatives = np.moveaxis(over_steps(np.moveaxis(moved, 0, 2), averaged), 2, 1)
-    return Sensitivities(over_steps(model.readings_of(states, p), averaged), derivatives, chosen)
+        return followed[:, : len(model.nodes)]
+    by_state, by_parameter = steps.jacobians.readings(states, p)
+    moved: FloatArray = by_state @ followed
+    moved[:, :, :chosen] += by_parameter
+    return moved

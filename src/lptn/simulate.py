@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import ceil, log2
 
 import numpy as np
 
 from lptn.arrays import BoolArray, FloatArray
+from lptn.clocks import read_late
 from lptn.errors import InputError
 from lptn.logs import Run
 from lptn.model import Model
+from lptn.network import START
 from lptn.stepping import states_along
 
 _MAX_RATE = 1.0  # product of an internal step and the fastest rate; RK4 is stable to 2.78, exact to 1 % at 1
@@ -97,8 +99,19 @@ def default_start(model: Model, driven: Drive) -> FloatArray:
     """States to start from [degC], shape (number of states,): the first readings, hidden states in equilibrium."""
     known = driven.start[np.isfinite(driven.start)]
     somewhere = float(known.mean()) if known.size else float(np.nanmean(driven.measured))
-    nodes: FloatArray = np.where(np.isnan(driven.start), somewhere, driven.start)
-    return np.asarray(nodes[np.array(model.owners)])
+    nodes = np.where(np.isnan(driven.start), somewhere, driven.start)
+    return start_from(model, driven, dict(zip(model.nodes, nodes.tolist(), strict=True)))
+
+
+def start_from(model: Model, driven: Drive, known: Mapping[str, float]) -> FloatArray:
+    """States to start from [degC], shape (number of states,), those that nothing is known of in equilibrium.
+
+    Args:
+        known: states by name, all nodes among them.
+    """
+    places = dict(known) | {name: _given(model, driven, name) for name in model.network.prescribed}
+    resting = (float(np.mean([places[place] for place in rests])) for rests in model.rests)
+    return np.array([known.get(name, rest) for name, rest in zip(model.states, resting, strict=True)])
 
 
 def substeps(model: Model, driven: Drive, values: FloatArray, start: FloatArray) -> int:
@@ -129,19 +142,23 @@ def simulate(
     """Free-running simulation of a whole run: no measurement corrects it after its start.
 
     Args:
-        values: parameters, shape (m,); the model's own by default.
+        values: parameters, shape (m,); the model's own by default. The run's name decides which effects of single
+            runs act.
         start: initial states [degC]; by default the first readings.
 
     Raises:
         SimulationError: the parameters make the model too stiff, or it runs away.
     """
-    values = model.values if values is None else values
+    values = model.in_run(driven.run.name, model.values if values is None else values)
     start = default_start(model, driven) if start is None else start
     parts = substeps(model, driven, values, start)
     states = states_along(model, start, driven.inputs, values, driven.run.step, parts)
     if not np.isfinite(states).all():
         raise SimulationError(f"the temperatures of run {driven.run.name} run away at these parameters")
-    return Trajectory(states, over_steps(model.readings_of(states, values), driven.run.averaged))
+    readings = model.readings_of(states, values)
+    if not model.in_time:
+        readings = read_late(readings, model.delays(values)[0] / driven.run.step)
+    return Trajectory(states, over_steps(readings, driven.run.averaged))
 
 
 def over_steps(ends: FloatArray, averaged: bool) -> FloatArray:
@@ -158,6 +175,14 @@ def needed_columns(model: Model) -> tuple[list[str], list[str]]:
 def drives(model: Model, runs: Sequence[Run]) -> list[Drive]:
     """`drive` for each of several runs."""
     return [drive(model, run) for run in runs]
+
+
+def _given(model: Model, driven: Drive, name: str) -> float:
+    """The first value of a prescribed temperature [degC]."""
+    source = model.network.prescribed[name]
+    if isinstance(source, int):
+        return float(model.values[source])
+    return float(driven.inputs[model.inputs.index(f"temperature.{name}" if source == START else source), 0])
 
 
 def _first(readings: FloatArray, step: float) -> float:

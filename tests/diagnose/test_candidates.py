@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from lptn.diagnose import candidates
-from lptn.diagnose.candidates import sites
+from lptn.diagnose.candidates import separate_runs, sites
 from lptn.effects import catalogue
-from lptn.network import EffectDeclaration
+from lptn.model import Model
+from lptn.network import START, EffectDeclaration, LinkDeclaration, Network, NodeDeclaration
+from lptn.parameters import Parameter
+from tests.builders import AMBIENT, capacity, effect, resistance
 from tests.diagnose.conftest import Leg
+
+JOINTS = ("FL_thigh", "FL_calf", "FR_thigh", "FR_calf")
 
 
 def _places(leg: Leg, key: str) -> list[str]:
@@ -44,6 +51,116 @@ def test_effects_with_a_shape_are_scored_on_its_grid(leg: Leg) -> None:
 
 def test_every_candidate_can_be_added_to_the_network(leg: Leg) -> None:
     model, data = leg()
-    for candidate in candidates(model.network, data.fit[0].run.columns):
+    for candidate in candidates(model.network, data.fit[0].run.columns, ["fit1", "fit2"]):
         larger = model.network.with_effects([candidate.declaration(None, None)])
         assert len(larger.uses) == len(model.network.uses) + len(candidate.places)
+        assert larger.without_effect(*candidate.key) == model.network
+
+
+def test_with_two_runs_what_may_differ_between_them_is_proposed_for_each_alone(leg: Leg) -> None:
+    model, data = leg()
+    columns = data.fit[0].run.columns
+    single = [each for each in candidates(model.network, columns, ["fit1", "fit2"]) if each.run]
+    assert {each.run for each in single} == {"fit1", "fit2"}
+    assert {each.effect.key for each in single} >= {
+        "surface_scale",
+        "loss_scale",
+        "ambient_offset",
+        "sensor_offset",
+        "constant_heat",
+    }
+    places = [each.at for each in single if each.effect.key == "constant_heat" and each.run == "fit2"]
+    assert places == ["FR_hip@fit2", "FR_thigh@fit2", "FR_calf@fit2", "*@fit2"]
+    assert not [each for each in candidates(model.network, columns, ["fit1"]) if each.run]
+
+
+def test_pieces_of_one_log_are_runs_of_their_own_only_where_there_is_no_other_log() -> None:
+    assert separate_runs(["a#1", "a#2"]) == ["a#1", "a#2"]
+    assert separate_runs(["a#1", "a#2", "b"]) == ["a", "b"]
+    assert separate_runs(["a"]) == separate_runs([]) == []
+
+
+def test_every_site_says_the_name_of_its_amplitude(leg: Leg) -> None:
+    model, data = leg()
+    found = sites(candidates(model.network, data.fit[0].run.columns, ["fit1", "fit2"]))
+    names = {unknown.name for unknown in Model(model.network.with_effects(s.declaration() for s in found)).unknowns}
+    assert {site.amplitude_name for site in found} <= names
+    assert len({site.amplitude_name for site in found}) == len(found)
+
+
+def test_an_effect_of_one_run_does_not_stand_in_the_way_of_the_same_in_all(leg: Leg) -> None:
+    model, data = leg()
+    columns = data.fit[0].run.columns
+    taken = EffectDeclaration(catalogue()["constant_heat"](), "FR_hip", run="fit1")
+    network = model.network.with_effects([taken])
+    found = [each.at for each in candidates(network, columns, ["fit1", "fit2"]) if each.effect.key == "constant_heat"]
+    assert "FR_hip" in found
+    assert "FR_hip@fit2" in found
+    assert "FR_hip@fit1" not in found
+
+
+def test_the_ambient_is_a_place_unless_the_model_gives_it_as_a_number(leg: Leg) -> None:
+    assert _places(leg, "ambient_offset") == ["ambient"]
+
+
+COLUMNS = [f"{feature}.{joint}" for feature in ("torque", "torque_abs", "velocity") for joint in JOINTS]
+
+
+def _legs() -> Network:
+    """Two legs, each with a link from thigh to calf, all joints with copper loss."""
+    links = (
+        LinkDeclaration(("{leg}_thigh", "{leg}_calf"), resistance()),
+        LinkDeclaration(("*_*", "ambient"), resistance()),
+    )
+    nodes = (NodeDeclaration("*_*", capacity()), AMBIENT)
+    return Network("legs", nodes, links, (effect("copper_loss"),), joints=JOINTS)
+
+
+def _ats(key: str, *more: str, network: Network | None = None) -> list[str]:
+    found = candidates(network or _legs(), ["temperature.ambient", *COLUMNS, *more])
+    return [each.at for each in found if each.effect.key == key]
+
+
+def test_a_shared_mass_is_proposed_for_classes_and_for_all_but_not_for_one() -> None:
+    assert _ats("shared_mass") == ["*_thigh", "*_calf", "*"]
+    taken = _legs().with_effects([effect("shared_mass", "*")])
+    assert _ats("shared_mass", network=taken) == ["*_thigh", "*_calf"]
+
+
+def test_a_sensor_is_proposed_to_read_its_neighbour_either_way_and_on_all_legs() -> None:
+    found = _ats("sensor_position")
+    ways = (("calf", "thigh"), ("thigh", "calf"))
+    single = {f"{leg}_{one}~{leg}_{other}" for leg in ("FL", "FR") for one, other in ways}
+    assert set(found) == single | {"{leg}_calf~{leg}_thigh", "{leg}_thigh~{leg}_calf"}
+    assert len(found) == len(set(found))
+
+
+def test_the_clock_is_that_of_the_whole_robot() -> None:
+    assert _ats("clock_offset") == ["*"]
+
+
+def test_an_effect_takes_the_columns_that_there_are() -> None:
+    assert _ats("fan") == []
+    assert _ats("fan", "speed.fan") == [*JOINTS, "*_thigh", "*_calf", "*"]
+    assert _ats("solar", "irradiance.FR_calf") == ["FR_calf"]
+    found = candidates(_legs(), ["temperature.ambient", "irradiance.global"])
+    (whole,) = (each for each in found if each.key == ("solar", "*"))
+    assert whole.declaration(0.01, None).effect.chosen == {"input": "global_irradiance"}
+    assert "irradiance.global" in Model(_legs().with_effects([whole.declaration(None, None)])).inputs
+
+
+def test_a_drive_is_scored_by_torque_where_there_is_torque() -> None:
+    currents = [f"current_abs.{joint}" for joint in JOINTS]
+    for columns, word in ((COLUMNS, "torque_abs"), (currents, "current_abs"), ([*COLUMNS, *currents], "torque_abs")):
+        found = [each for each in candidates(_legs(), columns) if each.effect.key == "driver_loss"]
+        assert {each.declaration(None, None).effect.chosen["input"] for each in found} == {word}
+
+
+def test_an_ambient_given_as_a_number_is_no_place_of_an_error() -> None:
+    air = NodeDeclaration("ambient", temperature=Parameter("temperature", 20.0, "degC", (-40.0, 60.0)))
+    network = replace(_legs(), nodes=(NodeDeclaration("*_*", capacity()), air))
+    assert _ats("ambient_offset", network=network) == []
+    started = replace(
+        _legs(), nodes=(NodeDeclaration("*_*", capacity()), NodeDeclaration("ambient", temperature=START))
+    )
+    assert _ats("ambient_offset", network=started) == ["ambient"]

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import inspect
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
 
 from lptn.arrays import FloatArray
-from lptn.effects import Effect, LossEffect, Signature, catalogue
+from lptn.effects import Effect, Signature, catalogue
 from lptn.effects.base import Site
 from lptn.model import Model
 from lptn.network import EffectDeclaration
 from lptn.simulate import drive, simulate
 from tests.builders import (
-    effect,
+    base_for,
     off,
     random_inputs,
     random_run,
@@ -26,7 +27,7 @@ from tests.builders import (
 
 KINDS = list(catalogue().values())
 SWITCHED = [kind for kind in KINDS if kind.amplitude() is not None]
-SITES: tuple[Site, ...] = ("node", "link", "edge", "loss", "sensor")
+SITES: tuple[Site, ...] = get_args(Site)
 
 
 def _named(kind: type[Effect]) -> str:
@@ -35,12 +36,6 @@ def _named(kind: type[Effect]) -> str:
 
 every = pytest.mark.parametrize("kind", KINDS, ids=_named)
 every_amplitude = pytest.mark.parametrize("kind", SWITCHED, ids=_named)
-
-
-def _base(kind: type[Effect]) -> list[EffectDeclaration]:
-    """What must be there already for the effect to act."""
-    rest = [effect("constant_heat")] if kind.key != "constant_heat" else [effect("heat_input")]
-    return rest + ([effect(kind.acts_on)] if issubclass(kind, LossEffect) else [])
 
 
 def _on(kind: type[Effect]) -> EffectDeclaration:
@@ -52,7 +47,7 @@ class _Pair:
 
     def __init__(self, kind: type[Effect], declaration: EffectDeclaration, seed: int) -> None:
         rng = np.random.default_rng(seed)
-        base = two_nodes(_base(kind))
+        base = two_nodes(base_for(kind))
         self.without, self.extended = Model(base), Model(base.with_effects([declaration]))
         self.n = len(self.without.states)
         amplitude = kind.amplitude()
@@ -149,9 +144,9 @@ def test_off_is_the_model_without_it_to_the_last_bit(kind: type[Effect], seed: i
 
 @every_amplitude
 def test_off_run_is_the_run_without_it_to_the_last_bit(kind: type[Effect]) -> None:
-    base = two_nodes(_base(kind))
+    base = two_nodes(base_for(kind))
     without, extended = Model(base), Model(base.with_effects([off(kind)]))
-    run = random_run(extended, 120, seed=4)
+    run = random_run(extended, 120, seed=4, rise=5.0)
     path, other = simulate(without, drive(without, run)), simulate(extended, drive(extended, run))
     np.testing.assert_array_equal(path.readings, other.readings)
     np.testing.assert_array_equal(path.states, other.states[: len(without.states)])
@@ -159,9 +154,9 @@ def test_off_run_is_the_run_without_it_to_the_last_bit(kind: type[Effect]) -> No
 
 @every_amplitude
 def test_switched_on_it_moves_the_readings(kind: type[Effect]) -> None:
-    base = two_nodes(_base(kind))
+    base = two_nodes(base_for(kind))
     without, extended = Model(base), Model(base.with_effects([_on(kind)]))
-    run = random_run(extended, 120, seed=5)
+    run = random_run(extended, 120, seed=5, rise=5.0)
     path, other = simulate(without, drive(without, run)), simulate(extended, drive(extended, run))
     assert np.abs(path.readings - other.readings).max() > 1e-4
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from lptn.effects import LinkEffect, LossEffect, catalogue
 from lptn.fmu import FmuError, Session
 from tests.fmu.conftest import Build
 from tests.fmu.drives import ROOM, ZERO, bead_and_motor_by_hand, in_kelvin, leg_by_hand, solved, steps
@@ -122,7 +123,7 @@ def test_heat_flows_add_up_to_what_warms_each_node(name: str, built: Build) -> N
     exported = built(name)
     component, model = exported.component, exported.component.model
     outputs = [variable.name for variable in component.of("output") if variable.name.endswith(".heat_flow")]
-    inner = ("natural_convection", "forced_convection", "radiation", "resistance_rise", "torque_constant_drop")
+    inner = [key for key, kind in catalogue().items() if issubclass(kind, LinkEffect | LossEffect)]
     with Session(exported.path, outputs=outputs) as session:
         rows = in_kelvin(model, np.abs(steps(model, 5)))
         _temperatures(session, rows, 20.0)

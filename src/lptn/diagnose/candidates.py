@@ -1,15 +1,19 @@
-"""Every catalogue effect at every place where it can stand."""
+"""Every catalogue effect at every place where it can stand, in every run or in one."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import product
 
 from lptn.effects import Effect, LossEffect, catalogue
 from lptn.model import input_column
 from lptn.network import EffectDeclaration, Network
 from lptn.parameters import Parameter
-from lptn.places import EVERYWHERE, class_of, expand_pair
+from lptn.places import EVERYWHERE, class_of, expand_pair, in_run, matching, run_label
+
+Words = tuple[tuple[str, str], ...]
+"""An effect's options with the words chosen for them, those left out at their defaults."""
 
 
 @dataclass(frozen=True)
@@ -18,23 +22,33 @@ class Site:
 
     Args:
         effect: the effect.
-        place: a node or an edge, as the network names it.
+        place: a node, an edge or a group of nodes, as the network names it.
         shape: value of its shape parameter, `None` for an effect without one.
+        run: the only run in which it acts; every run by default.
+        words: the effect's options.
     """
 
     effect: type[Effect]
     place: str
     shape: float | None
+    run: str = ""
+    words: Words = field(default=(), compare=False)  # the same for all sites of an effect
 
     @property
     def label(self) -> str:
         """What its parameters are named after in the model that holds all sites."""
         return self.effect.key if self.shape is None else f"{self.effect.key}@{self.shape:g}"
 
+    @property
+    def amplitude_name(self) -> str:
+        """Full name of its amplitude among the unknowns of the model that holds all sites."""
+        amplitude = self.effect.amplitude()
+        return in_run(f"{self.label}.{'' if amplitude is None else amplitude.name}.{self.place}", self.run)
+
     def declaration(self) -> EffectDeclaration:
         """The effect at this place, switched off."""
-        parameters = tuple(_shaped(p, self.shape).switched_off for p in self.effect.parameters)
-        return EffectDeclaration(self.effect(**_options(self.effect)), self.place, parameters, self.label)
+        parameters = tuple(replace(_shaped(p, self.shape).switched_off, share="each") for p in self.effect.parameters)
+        return EffectDeclaration(self.effect(**dict(self.words)), self.place, parameters, self.label, run=self.run)
 
 
 @dataclass(frozen=True)
@@ -43,18 +57,37 @@ class Candidate:
 
     Args:
         effect: the effect.
-        at: a node, an edge, a class (`"*_calf"`), or `"*"`.
+        at: a node, an edge, a class (`"*_calf"`), or `"*"`; with `"@run"` behind it for an effect of one run.
         places: the places that `at` covers.
+        run: the only run in which it acts; every run by default.
+        words: the effect's options.
     """
 
     effect: type[Effect]
     at: str
     places: tuple[str, ...]
+    run: str = ""
+    words: Words = ()
 
     @property
     def key(self) -> tuple[str, str]:
         """Effect and place, as reports name them."""
         return self.effect.key, self.at
+
+    @property
+    def pattern(self) -> str:
+        """The place without the run."""
+        return self.at.removesuffix(f"@{run_label(self.run)}") if self.run else self.at
+
+    @property
+    def shapes(self) -> tuple[float | None, ...]:
+        """The values of the effect's shape at which it is scored; `None` alone for an effect without one."""
+        shape = self.effect.shape()
+        return shape.grid if shape else (None,)
+
+    def sites(self, shape: float | None) -> list[Site]:
+        """Its single places at one shape."""
+        return [Site(self.effect, place, shape, self.run, self.words) for place in self.places]
 
     def declaration(self, amplitude: float | None, shape: float | None) -> EffectDeclaration:
         """The effect switched on, one amplitude shared by all its places."""
@@ -65,42 +98,71 @@ class Candidate:
                 lower, upper = parameter.bounds
                 on = replace(on, value=min(max(amplitude, lower), upper))
             parameters.append(on)
-        return EffectDeclaration(self.effect(**_options(self.effect)), self.at, tuple(parameters))
+        return EffectDeclaration(self.effect(**dict(self.words)), self.pattern, tuple(parameters), run=self.run)
 
 
-def candidates(network: Network, columns: Collection[str]) -> list[Candidate]:
+def candidates(network: Network, columns: Collection[str], runs: Sequence[str] = ()) -> list[Candidate]:
     """Every effect of the catalogue at every place where the network lacks it and the log can drive it.
 
     Args:
         network: the network as it stands.
         columns: log columns at hand.
+        runs: names of the fitted runs. With two or more of them, effects that may well differ from run to run
+            are proposed for each run alone as well.
     """
     found = []
-    for effect in catalogue().values():
-        if effect.amplitude() is None:
-            continue
-        places = _free_places(network, effect, columns)
-        found += [Candidate(effect, place, (place,)) for place in places]
-        found += [Candidate(effect, at, tuple(group)) for at, group in _groups(effect, places, network)]
-    return found
+    limits = ("", *separate_runs(runs))
+    for effect, run in product(catalogue().values(), limits):
+        if effect.amplitude() is not None and (effect.per_run or not run):
+            found += _of_effect(network, effect, columns, run)
+    return sorted(found, key=lambda candidate: limits.index(candidate.run))
 
 
 def sites(found: Iterable[Candidate]) -> list[Site]:
     """The single places, at each shape of the grid, that candidates are made of."""
-    unique: dict[Site, None] = {}
-    for candidate in found:
-        shape = candidate.effect.shape()
-        for place in candidate.places:
-            for value in shape.grid if shape else (None,):
-                unique[Site(candidate.effect, place, value)] = None
-    return list(unique)
+    each = (site for candidate in found for shape in candidate.shapes for site in candidate.sites(shape))
+    return list(dict.fromkeys(each))
 
 
-def _free_places(network: Network, effect: type[Effect], columns: Collection[str]) -> list[str]:
-    declaration = EffectDeclaration(effect(**_options(effect)), EVERYWHERE)
-    taken = {use.place for use in network.uses if use.effect.key == effect.key}
+def separate_runs(names: Sequence[str]) -> list[str]:
+    """What an effect can be confined to: single logs, or the pieces of the one log; nothing if there is but one.
+
+    Args:
+        names: of runs; pieces of a split log are `monday#1`, `monday#2`.
+    """
+    logs = list(dict.fromkeys(name.partition("#")[0] for name in names))
+    found = logs if len(logs) > 1 else list(dict.fromkeys(names))
+    return found if len(found) > 1 else []
+
+
+def _of_effect(network: Network, effect: type[Effect], columns: Collection[str], run: str) -> list[Candidate]:
+    """One effect at all places, with the first of its options that the log can drive anywhere."""
+    for words in _wordings(effect):
+        places = _free_places(network, effect, words, columns, run)
+        if effect.site == "group":
+            groups = _node_groups(network, places)
+        else:
+            groups = [(place, [place]) for place in places] if not effect.whole_robot else []
+            groups += _groups(effect, places, network)
+        if groups:
+            return [Candidate(effect, in_run(at, run), tuple(group), run, words) for at, group in groups]
+    return []
+
+
+def _wordings(effect: type[Effect]) -> list[Words]:
+    """All choices of an effect's options, the defaults first and as an empty choice."""
+    names = list(effect.options)
+    chosen = [tuple(zip(names, words, strict=True)) for words in product(*effect.options.values())]
+    return [(), *chosen[1:]]
+
+
+def _free_places(network: Network, effect: type[Effect], words: Words, columns: Collection[str], run: str) -> list[str]:
+    declaration = EffectDeclaration(effect(**dict(words)), EVERYWHERE)
+    taken = {use.place for use in network.uses if use.effect.key == effect.key and use.declaration.run == run}
     if effect.site == "edge":
         taken |= {link.place for link in network.resistors}
+    if effect.site == "boundary":
+        taken |= {name for name, source in network.prescribed.items() if isinstance(source, int)}
     needed = declaration.effect.needed()
     return [
         place
@@ -119,26 +181,40 @@ def _driven_alike(network: Network, effect: type[Effect], node: str) -> bool:
     return any(set(effect.needs) <= set(use.effect.needed()) for use in losses)
 
 
+def _node_groups(network: Network, free: list[str]) -> list[tuple[str, list[str]]]:
+    """Patterns of two nodes or more, each as one place: classes of like nodes, and all of them."""
+    classes = dict.fromkeys(class_of(name) for name in network.dynamic)
+    sizes = {at: len(matching(at, network.dynamic)) for at in classes}
+    proper = [at for at, size in sizes.items() if 1 < size < len(network.dynamic)]
+    whole = [EVERYWHERE] if len(network.dynamic) > 1 and free == [EVERYWHERE] else []
+    taken = {use.place for use in network.uses if use.effect.site == "group"}
+    return [(at, [at]) for at in [*proper, *whole] if at not in taken]
+
+
 def _groups(effect: type[Effect], places: list[str], network: Network) -> list[tuple[str, list[str]]]:
     """Classes of like places, and all of them; a class that is everything is named `"*"`."""
+    if effect.whole_robot:
+        return [(EVERYWHERE, places)] if places and _covers(effect, EVERYWHERE, places, network) else []
     if len(places) < 2:
         return []
     classes: dict[str, list[str]] = {}
     for place in places:
         classes.setdefault(_class_pattern(effect, place, network), []).append(place)
     groups = [(at, group) for at, group in classes.items() if 1 < len(group) < len(places)]
+    if effect.site != "pair":  # two sensors that each read a share of the other's node: no fault is like that
+        groups.append((EVERYWHERE, places))
     # A pattern that also matches a place where the effect stands already can't be added as it is.
-    return [(at, group) for at, group in [*groups, (EVERYWHERE, places)] if _covers(effect, at, group, network)]
+    return [(at, group) for at, group in groups if _covers(effect, at, group, network)]
 
 
 def _covers(effect: type[Effect], at: str, group: list[str], network: Network) -> bool:
-    declaration = EffectDeclaration(effect(**_options(effect)), at)
-    return len(network.places_for(declaration)) == len(group)
+    declaration = EffectDeclaration(effect(), at)
+    return {place for place, _ in network.places_for(declaration)} == set(group)
 
 
 def _class_pattern(effect: type[Effect], place: str, network: Network) -> str:
     """A pattern that matches the place and its like on the other legs."""
-    if effect.site != "edge":
+    if effect.site not in ("edge", "pair"):
         return class_of(place)
     one, other = place.split("~")
     leg, _, rest = one.partition("_")
@@ -146,12 +222,8 @@ def _class_pattern(effect: type[Effect], place: str, network: Network) -> str:
         pattern = ("{leg}_" + rest, "{leg}_" + other[len(leg) + 1 :])
         if len(expand_pair(pattern, network.dynamic)) > 1:
             return "~".join(pattern)
-    return class_of(place)
+    return class_of(place) if effect.site == "edge" else f"{class_of(one)}~{class_of(other)}"
 
 
 def _shaped(parameter: Parameter, shape: float | None) -> Parameter:
     return replace(parameter, value=shape) if parameter.grid and shape is not None else parameter
-
-
-def _options(effect: type[Effect]) -> dict[str, str]:
-    return {name: words[0] for name, words in effect.options.items()}

@@ -5,31 +5,51 @@ from __future__ import annotations
 from functools import cache
 from importlib.metadata import entry_points
 
+from lptn.effects.ambient_lag import AmbientLag
+from lptn.effects.ambient_offset import AmbientOffset
 from lptn.effects.base import (
+    BoundaryEffect,
+    ClockEffect,
     EdgeEffect,
     Effect,
+    ExcessEffect,
+    GroupEffect,
     LinkEffect,
     LossEffect,
     MassEffect,
     NodeEffect,
+    PairSensorEffect,
     SensorEffect,
     Signature,
 )
+from lptn.effects.battery_heat import BatteryHeat
+from lptn.effects.clock_offset import ClockOffset
+from lptn.effects.computer_heat import ComputerHeat
 from lptn.effects.conduction import Conduction
 from lptn.effects.constant_heat import ConstantHeat
 from lptn.effects.copper_loss import CopperLoss
 from lptn.effects.coulomb_friction import CoulombFriction
 from lptn.effects.drive_heat import DriveHeat
+from lptn.effects.driver_loss import DriverLoss
+from lptn.effects.fan import Fan
 from lptn.effects.forced_convection import ForcedConvection
+from lptn.effects.gear_loss import GearLoss
 from lptn.effects.heat_input import HeatInput
+from lptn.effects.hot_spot import HotSpot
 from lptn.effects.iron_loss import IronLoss
+from lptn.effects.loss_scale import LossScale
 from lptn.effects.natural_convection import NaturalConvection
 from lptn.effects.radiation import Radiation
 from lptn.effects.resistance_rise import ResistanceRise
 from lptn.effects.second_mass import SecondMass
+from lptn.effects.sensor_drift import SensorDrift
 from lptn.effects.sensor_lag import SensorLag
 from lptn.effects.sensor_offset import SensorOffset
+from lptn.effects.sensor_position import SensorPosition
+from lptn.effects.shared_mass import SharedMass
+from lptn.effects.solar import Solar
 from lptn.effects.stray_load_loss import StrayLoadLoss
+from lptn.effects.surface_scale import SurfaceScale
 from lptn.effects.torque_constant_drop import TorqueConstantDrop
 from lptn.effects.viscous_friction import ViscousFriction
 
@@ -38,19 +58,34 @@ _BUILT_IN: tuple[type[Effect], ...] = (
     HeatInput,
     ConstantHeat,
     DriveHeat,
+    ComputerHeat,
+    BatteryHeat,
+    Solar,
     CoulombFriction,
     ViscousFriction,
     IronLoss,
+    GearLoss,
+    DriverLoss,
     StrayLoadLoss,
     ResistanceRise,
     TorqueConstantDrop,
     NaturalConvection,
     ForcedConvection,
+    Fan,
     Radiation,
     Conduction,
     SecondMass,
+    SharedMass,
     SensorLag,
     SensorOffset,
+    SensorDrift,
+    SensorPosition,
+    HotSpot,
+    ClockOffset,
+    LossScale,
+    SurfaceScale,
+    AmbientOffset,
+    AmbientLag,
 )
 
 
@@ -71,12 +106,17 @@ def catalogue() -> dict[str, type[Effect]]:
 
 
 __all__ = [
+    "BoundaryEffect",
+    "ClockEffect",
     "EdgeEffect",
     "Effect",
+    "ExcessEffect",
+    "GroupEffect",
     "LinkEffect",
     "LossEffect",
     "MassEffect",
     "NodeEffect",
+    "PairSensorEffect",
     "SensorEffect",
     "Signature",
     "catalogue",

@@ -10,7 +10,7 @@ from typing import Any, ClassVar, Literal
 
 from lptn.parameters import Parameter
 
-Site = Literal["node", "link", "edge", "loss", "sensor"]
+Site = Literal["node", "link", "edge", "loss", "sensor", "pair", "group", "boundary"]
 Symbol = Any
 """A symbolic scalar (`casadi.SX`) or a plain number: an equation is written once for both."""
 
@@ -36,6 +36,11 @@ class Effect(ABC):
     A subclass states its `key`, a `title`, the input features it `needs`, its `parameters`, its
     `signature` and its `source`, and writes one equation. With its amplitude (the parameter that has an
     off-value) at that value, the equation leaves the model unchanged to the last bit.
+
+    An effect with a state of its own (`has_state`) keeps it as a temperature, which starts a run in
+    equilibrium with the place that it belongs to. `per_run` marks what may well differ from one run to the
+    next (a fan, a door, a clock) and is then also looked for in single runs; `whole_robot` what is the same
+    for all places.
     """
 
     key: ClassVar[str]
@@ -47,6 +52,8 @@ class Effect(ABC):
     source: ClassVar[str]
     has_state: ClassVar[bool] = False
     options: ClassVar[Mapping[str, tuple[str, ...]]] = {}
+    per_run: ClassVar[bool] = False
+    whole_robot: ClassVar[bool] = False
 
     def __init__(self, **chosen: str) -> None:
         """Take one of the admissible words for each of the effect's options; the first is the default."""
@@ -66,8 +73,8 @@ class Effect(ABC):
         return next((parameter for parameter in cls.parameters if parameter.grid), None)
 
     def needed(self) -> tuple[str, ...]:
-        """Input features that the equation reads, under the chosen options."""
-        return self.needs
+        """Input features that the equation reads; an option called `input` names the one."""
+        return (self.chosen["input"],) if "input" in self.options else self.needs
 
 
 class NodeEffect(Effect):
@@ -139,7 +146,7 @@ class EdgeEffect(Effect):
 class SensorEffect(Effect):
     """A difference between what the sensor reads and the node's temperature."""
 
-    site = "sensor"
+    site: ClassVar[Site] = "sensor"
 
     @abstractmethod
     def error(self, temperature: Symbol, state: Symbol, p: SimpleNamespace) -> Symbol:
@@ -147,4 +154,72 @@ class SensorEffect(Effect):
 
     def rate(self, temperature: Symbol, state: Symbol, p: SimpleNamespace) -> Symbol:
         """Time derivative of the sensor's state [K/s], for an effect that has one."""
+        return 0.0
+
+
+class ClockEffect(Effect):
+    """A time by which readings come late, or early, against the inputs of the same log.
+
+    It is a matter of the log and not of the robot, so it acts where a model is driven by one, and in no FMU and no
+    estimator.
+    """
+
+    site = "sensor"
+
+    @abstractmethod
+    def delay(self, p: SimpleNamespace) -> Symbol:
+        """How late the readings come [s]."""
+
+
+class ExcessEffect(SensorEffect):
+    """A sensor error with inertia, which follows the heat in its node, or time, but not the temperature.
+
+    Its state is the node's temperature plus an excess, so that it starts a run without any.
+    """
+
+    has_state = True
+    heat_of: ClassVar[str] = ""
+    """Key of the effect whose heat at the same node drives the excess."""
+
+    @abstractmethod
+    def excess_rate(self, excess: Symbol, heat: Symbol, p: SimpleNamespace) -> Symbol:
+        """Time derivative of state minus temperature [K/s], from that excess [K] and the driving heat [W]."""
+
+
+class PairSensorEffect(SensorEffect):
+    """A sensor error that comes from another node: place `"a~b"` is the sensor of *a*, disturbed by *b*."""
+
+    site = "pair"
+
+    @abstractmethod
+    def error(self, temperature: Symbol, state: Symbol, p: SimpleNamespace) -> Symbol:
+        """Reading minus temperature [K]; `state` is the other node's temperature [degC]."""
+
+
+class GroupEffect(Effect):
+    """One state (degC) beside several nodes, exchanging heat with each of them and with their surroundings."""
+
+    site = "group"
+    has_state = True
+
+    @abstractmethod
+    def heat(self, temperature: Symbol, state: Symbol, p: SimpleNamespace) -> Symbol:
+        """Heat from the state into one of the nodes [W]."""
+
+    @abstractmethod
+    def rate(self, mean: Symbol, state: Symbol, surroundings: Symbol, p: SimpleNamespace) -> Symbol:
+        """Time derivative of the state [K/s], from the nodes' mean temperature and that of the surroundings."""
+
+
+class BoundaryEffect(Effect):
+    """A difference between a prescribed temperature as it is given and as the nodes feel it."""
+
+    site = "boundary"
+
+    @abstractmethod
+    def error(self, temperature: Symbol, state: Symbol, p: SimpleNamespace) -> Symbol:
+        """What is felt minus what is given [K]; `state` is `None` for an effect without one."""
+
+    def rate(self, temperature: Symbol, state: Symbol, p: SimpleNamespace) -> Symbol:
+        """Time derivative of the state [K/s], for an effect that has one."""
         return 0.0

@@ -18,6 +18,7 @@ class ConstantHeat(NodeEffect):
 
     key = "constant_heat"
     title = "constant heat"
+    per_run = True
     parameters = (Parameter("power", 3.0, "W", (0.0, 1e4), off=0.0, typical=3.0, title="constant heat"),)
     signature = Signature(
         looks_like="predicted too cold all the time, at rest as well",

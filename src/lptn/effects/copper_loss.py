@@ -41,9 +41,6 @@ class CopperLoss(NodeEffect):
     )
     source = "I²R: source S0, row E1"
 
-    def needed(self) -> tuple[str, ...]:
-        return (self.chosen["input"],)
-
     def heat(self, temperature: Symbol, inputs: SimpleNamespace, p: SimpleNamespace) -> Symbol:
         current = inputs.current if self.chosen["input"] == "current" else inputs.torque / p.torque_constant
         return p.resistance * current**2

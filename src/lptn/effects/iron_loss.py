@@ -16,7 +16,7 @@ class IronLoss(NodeEffect):
     .. math:: Q = k \, |\omega|^n
 
     The exponent lies between 1 (hysteresis) and 2 (eddy currents); at the ends it can't be told from
-    Coulomb and viscous friction. It is held at 1.5 unless freed.
+    Coulomb and viscous friction, so a fit keeps away from them.
 
     Source: Steinmetz's law at constant flux; eddy part 0.004 W s²/rad² in source S0, virtual robot.
     """
@@ -26,7 +26,7 @@ class IronLoss(NodeEffect):
     needs = ("velocity_rms",)
     parameters = (
         Parameter("gain", 0.05, "W*(s/rad)^n", (0.0, 100.0), off=0.0, typical=0.05, title="loss at 1 rad/s"),
-        Parameter("exponent", 1.5, "1", (1.0, 2.0), typical=1.0, title="exponent of the speed", fixed=True),
+        Parameter("exponent", 1.5, "1", (1.1, 1.9), typical=1.5, title="exponent of the speed", grid=(1.3, 1.5, 1.7)),
     )
     signature = Signature(
         looks_like="predicted too cold when the joint moves fast, even unloaded",

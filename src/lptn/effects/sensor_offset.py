@@ -18,6 +18,7 @@ class SensorOffset(SensorEffect):
 
     key = "sensor_offset"
     title = "sensor offset"
+    per_run = True
     parameters = (
         Parameter("offset", 1.0, "K", (-10.0, 10.0), off=0.0, typical=1.0, title="reading minus temperature"),
     )

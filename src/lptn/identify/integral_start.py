@@ -14,7 +14,7 @@ from scipy.optimize import lsq_linear
 
 from lptn.arrays import FloatArray
 from lptn.model import Model
-from lptn.simulate import Drive
+from lptn.simulate import Drive, default_start
 
 _MOST_ROWS = 400  # instants of each run that enter
 _FAINT = 1e-12  # W/K; a link that conducts less is none
@@ -68,9 +68,10 @@ class _LinearBalance:
         """
         model, nodes = self.model, len(self.model.nodes)
         temperatures = _filled(driven)
-        states = temperatures[np.array(model.owners)]
+        # A hidden state follows its nodes; one beside a prescribed temperature follows that.
+        states = _resting(model, driven, temperatures)
         n = len(driven)
-        w0 = self._declared.copy()
+        w0 = model.in_run(driven.run.name, self._declared).copy()
         w0[self.chosen] = 0.0  # the part of the heat that no chosen parameter moves
         heat, by_w = self._heat.map(n)(states, driven.inputs, np.repeat(w0[:, None], n, axis=1))
         given = _integrated(heat.full(), driven.run.step)
@@ -115,6 +116,15 @@ class _LinearBalance:
 
     def _to_w(self, values: FloatArray) -> FloatArray:
         return np.where(self._inverse, 1.0 / np.where(self._inverse, values, 1.0), values)
+
+
+def _resting(model: Model, driven: Drive, temperatures: FloatArray) -> FloatArray:
+    """All states in equilibrium with the measured temperatures, shape (states, n)."""
+    hidden = model.resting_shares @ temperatures
+    lonely = np.flatnonzero(model.resting_shares.sum(axis=1) == 0)
+    start = default_start(model, driven)[len(model.nodes) :]
+    hidden[lonely] = start[lonely][:, None]
+    return np.vstack([temperatures, hidden])
 
 
 def _is_amplitude(model: Model, index: int) -> bool:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lptn.arrays import BoolArray, FloatArray, IntArray
+from lptn.effects import ClockEffect, SensorEffect
 from lptn.model import Model
 from lptn.parameters import Transform
 from lptn.sensitivity import sensitivity_windows
@@ -32,7 +33,8 @@ class Problem:
     """Residuals of free-running simulations, with priors on initial states and a left-right regulariser.
 
     The unknowns are the coordinates of the free parameters, then for each run the initial temperatures of
-    the nodes and how far each hidden state lies from its node's temperature.
+    the nodes and how far each hidden state lies from its node's temperature, or the mean of its nodes. A state
+    that belongs to a prescribed temperature stands as it is.
 
     Args:
         model: the model to fit; its values are used for the parameters that stay fixed.
@@ -56,6 +58,7 @@ class Problem:
         self.free = list(model.free if free is None else free)
         self._transform = Transform([model.unknowns[index] for index in self.free])
         self._guesses = [default_start(model, driven) for driven in self.drives]
+        self._shares = model.resting_shares
         self._mirrors = self._mirror_rows(mirror_weight)
         self.readings = sum(int(driven.counted.sum()) for driven in self.drives)
         """Number of readings that count."""
@@ -198,7 +201,7 @@ class Problem:
     @property
     def _read_wrongly(self) -> BoolArray:
         """Which nodes have a sensor effect, so that they may start away from their first readings."""
-        nodes = {use.ends[0] for use in self.model.network.uses if use.effect.site == "sensor"}
+        nodes = {use.ends[0] for use in self.model.network.uses if isinstance(use.effect, SensorEffect | ClockEffect)}
         return np.array([node in nodes for node in self.model.nodes], dtype=bool)
 
     # --- initial states ---------------------------------------------------------------------------
@@ -206,19 +209,19 @@ class Problem:
     def _relative(self, states: FloatArray) -> FloatArray:
         nodes = len(self.model.nodes)
         relative = states.copy()
-        relative[nodes:] -= states[np.array(self.model.owners[nodes:], dtype=int)]
+        relative[nodes:] -= self._shares @ states[:nodes]
         return relative
 
     def _absolute(self, relative: FloatArray) -> FloatArray:
         nodes = len(self.model.nodes)
         states = relative.copy()
-        states[nodes:] += relative[np.array(self.model.owners[nodes:], dtype=int)]
+        states[nodes:] += self._shares @ relative[:nodes]
         return states
 
     def _make_relative(self, by_start: FloatArray) -> None:
         """A node's initial temperature takes its hidden states along."""
-        for state in range(len(self.model.nodes), len(self.model.states)):
-            by_start[:, self.model.owners[state]] += by_start[:, state]
+        nodes = len(self.model.nodes)
+        by_start[:, :nodes] += by_start[:, nodes:] @ self._shares
 
     # --- priors -----------------------------------------------------------------------------------
 

@@ -40,11 +40,13 @@ class Feature:
     reduction: Reduction
 
 
-# Copper loss goes with the square of torque or current, so these keep their RMS. Friction goes with |speed|
-# and with its square, so velocity gives two features. Any quantity that is not listed keeps its plain mean.
+# Copper loss goes with the square of torque or current, so these keep their RMS; a drive's loss goes with |current|.
+# Friction goes with |speed| and with its square, so velocity gives two features. Any quantity that is not listed keeps
+# its plain mean.
 FEATURES: Mapping[str, Feature] = {
     "temperature": Feature(("temperature",), MEAN),
     "torque": Feature(("torque",), RMS),
+    "torque_abs": Feature(("torque",), MEAN_ABS),
     "current": Feature(("current",), RMS),
     "current_abs": Feature(("current",), MEAN_ABS),
     "velocity": Feature(("velocity",), MEAN_ABS),

@@ -46,5 +46,6 @@ def _iron(geometry: Geometry) -> list[str]:
     for name, volume in volumes.items():
         gain = losses.iron_gain * volume / sum(volumes.values()) / geometry.given.pieces.axial
         lines += ["[[effects]]", 'kind = "iron_loss"', f'at = "{name}_z*"', 'driven_by = "motor"', 'share = "all"']
-        lines += [f"gain = {gain:.6g}", f"exponent = {losses.iron_exponent:.6g}", ""]
+        exponent = f"{{ value = {losses.iron_exponent:.6g}, bounds = [1, 2], fixed = true }}"
+        lines += [f"gain = {gain:.6g}", f"exponent = {exponent}", ""]
     return lines

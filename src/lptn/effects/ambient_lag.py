@@ -1,0 +1,45 @@
+"""What surrounds the nodes follows the measured ambient late: walls, covers, a body that warms through."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+from lptn.effects.base import BoundaryEffect, Signature, Symbol
+from lptn.parameters import Parameter
+
+
+class AmbientLag(BoundaryEffect):
+    r"""A prescribed temperature of which a share acts late.
+
+    .. math:: T_E' = T_E + f \, (T_l - T_E), \qquad \dot T_l = (T_E - T_l) / t_l
+
+    Source: first-order lag; walls radiate at a temperature that follows the air's within half an hour or more.
+    """
+
+    key = "ambient_lag"
+    title = "surroundings that follow the ambient late"
+    has_state = True
+    parameters = (
+        Parameter("fraction", 0.7, "1", (0.0, 1.0), off=0.0, typical=0.7, title="share that is late"),
+        Parameter(
+            "time_constant",
+            900.0,
+            "s",
+            (10.0, 5e4),
+            typical=900.0,
+            title="time constant",
+            grid=(300.0, 900.0, 2700.0),
+        ),
+    )
+    signature = Signature(
+        looks_like="after each change of the ambient all nodes are predicted to follow too soon",
+        separate_by="carry the robot, unpowered, from a cool room into a warm one and log for an hour",
+        confused_with=("ambient_offset", "shared_mass"),
+    )
+    source = "first-order lag"
+
+    def error(self, temperature: Symbol, state: Symbol, p: SimpleNamespace) -> Symbol:
+        return p.fraction * (state - temperature)
+
+    def rate(self, temperature: Symbol, state: Symbol, p: SimpleNamespace) -> Symbol:
+        return (temperature - state) / p.time_constant

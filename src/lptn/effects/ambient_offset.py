@@ -1,0 +1,33 @@
+"""The air around the robot is warmer or cooler than the ambient sensor says."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+from lptn.effects.base import BoundaryEffect, Signature, Symbol
+from lptn.parameters import Parameter
+
+
+class AmbientOffset(BoundaryEffect):
+    r"""Constant error of a prescribed temperature.
+
+    .. math:: T_E' = T_E + d
+
+    Source: definition; the ambient sensor hangs elsewhere, in the sun, or above a heater.
+    """
+
+    key = "ambient_offset"
+    title = "ambient warmer or cooler than given"
+    per_run = True
+    parameters = (
+        Parameter("offset", 2.0, "K", (-20.0, 20.0), off=0.0, typical=2.0, title="true minus given temperature"),
+    )
+    signature = Signature(
+        looks_like="every node drifts off by the same amount, from a start that fits",
+        separate_by="leave the robot unpowered for two hours: what does it settle at?",
+        confused_with=("constant_heat", "sensor_offset", "surface_scale"),
+    )
+    source = "definition"
+
+    def error(self, temperature: Symbol, state: Symbol, p: SimpleNamespace) -> Symbol:
+        return p.offset

@@ -1,0 +1,35 @@
+"""The temperatures of a log come later, or earlier, than its torques and speeds."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+from lptn.effects.base import ClockEffect, Signature, Symbol
+from lptn.parameters import Parameter
+
+
+class ClockOffset(ClockEffect):
+    r"""A delay of all readings of the robot against its inputs.
+
+    .. math:: y(t) = T(t - d)
+
+    Before a run's first instant and behind its last the temperature is taken as constant. A negative delay means
+    readings that come early.
+
+    Source: definition; two computers log inputs and temperatures, each by its own clock.
+    """
+
+    key = "clock_offset"
+    title = "clock offset between temperatures and inputs"
+    per_run = True
+    whole_robot = True
+    parameters = (Parameter("delay", 10.0, "s", (-120.0, 120.0), off=0.0, typical=10.0, title="delay of the readings"),)
+    signature = Signature(
+        looks_like="all readings come late (or early) at every change of load, by the same time on every node",
+        separate_by="one short strong burst of load from rest: when does the first node begin to warm?",
+        confused_with=("sensor_lag", "second_mass"),
+    )
+    source = "definition"
+
+    def delay(self, p: SimpleNamespace) -> Symbol:
+        return p.delay

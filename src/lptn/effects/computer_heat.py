@@ -1,0 +1,34 @@
+"""Part of the onboard computer's heat reaches a joint."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+from lptn.effects.base import NodeEffect, Signature, Symbol
+from lptn.parameters import Parameter
+
+
+class ComputerHeat(NodeEffect):
+    r"""A share of the computer's logged power.
+
+    .. math:: Q = f \, P_{pc}
+
+    Source: source S0, row E1 (Q_other) and its virtual robot, whose computer sits between the hips.
+    """
+
+    key = "computer_heat"
+    title = "heat of the onboard computer"
+    options = {"input": ("pc_power", "computer_power")}  # noqa: RUF012
+    parameters = (
+        Parameter("fraction", 0.1, "1", (0.0, 1.0), off=0.0, typical=0.1, title="share of the computer's power"),
+    )
+    signature = Signature(
+        looks_like="predicted too cold whenever the computer works hard, at rest as well",
+        separate_by="leave the robot resting for an hour with the computer under full load, then idle",
+        confused_with=("constant_heat", "conduction", "battery_heat"),
+    )
+    source = "source S0, row E1"
+
+    def heat(self, temperature: Symbol, inputs: SimpleNamespace, p: SimpleNamespace) -> Symbol:
+        power = inputs.pc_power if self.chosen["input"] == "pc_power" else inputs.computer_power
+        return p.fraction * power

@@ -1,0 +1,35 @@
+"""A gear that passes power on loses part of it as heat."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+from lptn.effects.base import NodeEffect, Signature, Symbol
+from lptn.parameters import Parameter
+
+
+class GearLoss(NodeEffect):
+    r"""A share of the mechanical power, driving or braking.
+
+    .. math:: Q = k \, |\tau \, \dot q|
+
+    The mean of the absolute power gives the exact mean heat. Losses that don't depend on the load are friction.
+
+    Source: load-dependent loss of gears (ISO/TR 14179-1); 2 to 20 % for the gears of robot joints.
+    """
+
+    key = "gear_loss"
+    title = "gear loss, a share of the mechanical power"
+    needs = ("mechanical_power",)
+    parameters = (
+        Parameter("fraction", 0.1, "1", (0.0, 1.0), off=0.0, typical=0.1, title="share of the mechanical power lost"),
+    )
+    signature = Signature(
+        looks_like="predicted too cold when the joint moves under load, right when it moves unloaded or holds still",
+        separate_by="lift and lower the same load at two speeds, 15 min each, and swing unloaded at those speeds",
+        confused_with=("coulomb_friction", "viscous_friction", "loss_scale"),
+    )
+    source = "load-dependent gear loss, ISO/TR 14179-1"
+
+    def heat(self, temperature: Symbol, inputs: SimpleNamespace, p: SimpleNamespace) -> Symbol:
+        return p.fraction * abs(inputs.mechanical_power)

@@ -1,0 +1,34 @@
+"""The heat computed from torque or current is wrong by a factor: another torque constant, another resistance."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+from lptn.effects.base import LossEffect, Signature, Symbol
+from lptn.parameters import Parameter
+
+
+class LossScale(LossEffect):
+    r"""Copper loss changed by a constant factor.
+
+    .. math:: Q' = (1 + g) \, Q, \qquad 1 + g = \frac{R'_d}{R_d} \left( \frac{k_\tau}{k'_\tau} \right)^2
+
+    A torque constant that is really 10 % lower than the model's gives *g* = 0.23.
+
+    Source: definition; source S0, row E15 (torque constant and resistance come from data sheets).
+    """
+
+    key = "loss_scale"
+    title = "wrong torque constant or resistance"
+    acts_on = "copper_loss"
+    per_run = True
+    parameters = (Parameter("change", 0.2, "1", (-0.9, 20.0), off=0.0, typical=0.2, title="change of the copper loss"),)
+    signature = Signature(
+        looks_like="predicted too cold (or too hot) in proportion to the square of the load, warm or cold",
+        separate_by="hold one joint at two torques, 15 min each; measure current and torque together",
+        confused_with=("stray_load_loss", "resistance_rise"),
+    )
+    source = "definition"
+
+    def factor(self, temperature: Symbol, p: SimpleNamespace) -> Symbol:
+        return 1 + p.change

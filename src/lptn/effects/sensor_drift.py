@@ -1,0 +1,38 @@
+"""The sensor's error grows with time."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+from lptn.effects.base import ExcessEffect, Signature, Symbol
+from lptn.parameters import Parameter
+
+_SCALE = 1000.0  # K/h; so steep that what is unsure about the state at the start is seconds, not degrees
+_HOUR = 3600.0  # s
+
+
+class SensorDrift(ExcessEffect):
+    r"""Error of the reading that grows evenly from the start of a run.
+
+    .. math:: y = T + r \, t
+
+    The time is kept as a state, :math:`T_t = T + t \cdot 1000\,\mathrm{K/h}`.
+
+    Source: definition; source S0, table A2 (a sensor that drifts is the fault that its monitor looks for).
+    """
+
+    key = "sensor_drift"
+    title = "sensor drift"
+    parameters = (Parameter("rate", 1.0, "K/h", (-100.0, 100.0), off=0.0, typical=1.0, title="drift of the reading"),)
+    signature = Signature(
+        looks_like="predicted off by more and more, whatever the robot does",
+        separate_by="two hours at rest with nothing powered: does the reading leave the ambient?",
+        confused_with=("sensor_offset", "constant_heat", "second_mass"),
+    )
+    source = "definition"
+
+    def error(self, temperature: Symbol, state: Symbol, p: SimpleNamespace) -> Symbol:
+        return p.rate * (state - temperature) / _SCALE
+
+    def excess_rate(self, excess: Symbol, heat: Symbol, p: SimpleNamespace) -> Symbol:
+        return _SCALE / _HOUR

@@ -1,0 +1,34 @@
+"""The sensor sits between two parts and reads a mix of their temperatures."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+from lptn.effects.base import PairSensorEffect, Signature, Symbol
+from lptn.parameters import Parameter
+
+
+class SensorPosition(PairSensorEffect):
+    r"""The sensor of one node reads partly that of a node which it touches.
+
+    .. math:: y_a = T_a + f \, (T_b - T_a)
+
+    The place `"a~b"` is the sensor of *a*; `"b~a"` is that of *b*.
+
+    Source: definition; source S1, row N13 (thermocouples on a housing, meant for the winding).
+    """
+
+    key = "sensor_position"
+    title = "sensor between two parts"
+    parameters = (
+        Parameter("fraction", 0.2, "1", (0.0, 1.0), off=0.0, typical=0.2, title="share of the other temperature"),
+    )
+    signature = Signature(
+        looks_like="one reading follows a neighbour at once, without the delay that a mass would give",
+        separate_by="a step of load on the neighbour alone: does the reading rise in the first seconds?",
+        confused_with=("conduction", "hot_spot"),
+    )
+    source = "definition"
+
+    def error(self, temperature: Symbol, state: Symbol, p: SimpleNamespace) -> Symbol:
+        return p.fraction * (state - temperature)

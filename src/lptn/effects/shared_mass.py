@@ -1,0 +1,49 @@
+"""Several joints sit on a common part that has no node in the model: the trunk."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+from lptn.effects.base import GroupEffect, Signature, Symbol
+from lptn.parameters import Parameter
+
+
+class SharedMass(GroupEffect):
+    r"""One hidden mass that exchanges heat with several nodes, and with their surroundings.
+
+    .. math:: Q_i = g \, (T_s - T_i), \qquad
+              t_s \dot T_s = \frac{1}{n} \sum_{i=1}^n T_i - T_s - \lambda \, (T_s - T_E)
+
+    With the time constant :math:`t_s = C_s / (n g)` as the shape, the conductance enters as an amplitude. The
+    mass's own conductance to the surroundings is :math:`\lambda n g`.
+
+    Source: source S0, virtual robot (trunk of 2600 J/K, 1.6 K/W to each hip, 1.4 K/W to the air).
+    """
+
+    key = "shared_mass"
+    title = "a hidden mass shared by several nodes"
+    parameters = (
+        Parameter("conductance", 0.3, "W/K", (0.0, 100.0), off=0.0, typical=0.3, title="from each node to the mass"),
+        Parameter(
+            "time_constant",
+            1200.0,
+            "s",
+            (10.0, 5e4),
+            typical=1200.0,
+            title="its time constant",
+            grid=(200.0, 800.0, 3200.0),
+        ),
+        Parameter("leak", 0.5, "1", (0.0, 20.0), typical=0.5, title="its loss, as a share of the exchange", fixed=True),
+    )
+    signature = Signature(
+        looks_like="like nodes warm each other with a delay of many minutes, however far apart they sit",
+        separate_by="load one joint of the group for 40 min; do the resting ones warm, all alike and late?",
+        confused_with=("second_mass", "conduction"),
+    )
+    source = "source S0, virtual robot"
+
+    def heat(self, temperature: Symbol, state: Symbol, p: SimpleNamespace) -> Symbol:
+        return p.conductance * (state - temperature)
+
+    def rate(self, mean: Symbol, state: Symbol, surroundings: Symbol, p: SimpleNamespace) -> Symbol:
+        return (mean - state - p.leak * (state - surroundings)) / p.time_constant

@@ -1,0 +1,35 @@
+"""A node loses heat faster or slower than its link says: a fan, a cover, a wet or dusty surface."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+from lptn.effects.base import LinkEffect, Signature, Symbol
+from lptn.parameters import Parameter
+
+
+class SurfaceScale(LinkEffect):
+    r"""Conductance to the surroundings changed by a constant factor.
+
+    .. math:: \frac{1}{R'} = \frac{1 + g}{R}
+
+    Said of one run it tells a condition that the log doesn't hold, such as a fan that was on.
+
+    Source: definition; source S1, table T4.2, where a fan changes the loss to the air.
+    """
+
+    key = "surface_scale"
+    title = "loses heat faster or slower"
+    per_run = True
+    parameters = (Parameter("change", 0.3, "1", (-0.9, 20.0), off=0.0, typical=0.3, title="change of the conductance"),)
+    signature = Signature(
+        looks_like="predicted too hot (or too cold) in proportion to how far it lies above the surroundings",
+        separate_by="heat up, then cool down unpowered for 30 min; the rate of cooling tells it from heat",
+        confused_with=("natural_convection", "ambient_offset"),
+    )
+    source = "definition"
+
+    def conductance_factor(
+        self, temperature: Symbol, surroundings: Symbol, inputs: SimpleNamespace, p: SimpleNamespace
+    ) -> Symbol:
+        return 1 + p.change

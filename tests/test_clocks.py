@@ -1,0 +1,67 @@
+"""Readings late or early by a clock: pieces of a run give what the whole run gives."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from lptn import sensitivity
+from lptn.arrays import FloatArray
+from lptn.clocks import Piece, pieces_read_late, read_late
+from lptn.model import Model
+from lptn.sensitivity import sensitivities
+from lptn.simulate import drive
+from tests.builders import effect, random_run, two_nodes
+
+N = 200
+
+
+def _whole() -> tuple[FloatArray, FloatArray]:
+    rng = np.random.default_rng(3)
+    return rng.normal(size=(2, N + 1)).cumsum(axis=1), rng.normal(size=(N + 1, 2, 4)).cumsum(axis=0)
+
+
+def _pieces(width: int) -> Iterator[Piece]:
+    readings, derivatives = _whole()
+    for first in range(0, N, width):
+        stop = min(first + width, N) + 1
+        yield Piece(first, readings[:, first:stop], derivatives[first:stop].copy())
+
+
+@pytest.mark.parametrize("late", [(3.0, 3.0), (0.4, -7.25), (-25.0, 60.0), (1000.0, -1000.0)])
+@pytest.mark.parametrize("width", [1, 7, 64, N])
+def test_pieces_of_any_length_give_the_whole(width: int, late: tuple[float, float]) -> None:
+    steps, by_delay = np.array(late), np.array([[0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 2.0, 0.0]])
+    (whole,) = pieces_read_late(_pieces(N), steps, by_delay, 2.0, N + 1)
+    found = list(pieces_read_late(_pieces(width), steps, by_delay, 2.0, N + 1))
+    assert [piece.first for piece in found] == list(range(0, N, width))
+    for piece in found:
+        span = slice(piece.first, piece.first + piece.readings.shape[1])
+        np.testing.assert_array_equal(piece.readings, whole.readings[:, span])
+        np.testing.assert_array_equal(piece.derivatives, whole.derivatives[span])
+    np.testing.assert_array_equal(whole.readings, read_late(_whole()[0], steps))
+
+
+def test_late_readings_are_those_of_earlier_instants() -> None:
+    readings, _ = _whole()
+    found = read_late(readings, np.array([2.0, -0.25]))
+    np.testing.assert_array_equal(found[0, 2:], readings[0, :-2])
+    np.testing.assert_array_equal(found[0, :2], readings[0, 0])
+    np.testing.assert_allclose(found[1, :-1], 0.75 * readings[1, :-1] + 0.25 * readings[1, 1:], rtol=1e-12)
+    np.testing.assert_array_equal(read_late(readings, np.zeros(2)), readings)
+
+
+@pytest.mark.parametrize("delay", [0.0, 7.5, -12.0])
+def test_a_long_run_is_told_in_windows_as_in_one(delay: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    model = Model(two_nodes([effect("copper_loss"), effect("clock_offset", delay=delay)]))
+    driven = drive(model, random_run(model, 300, seed=2, averaged=True))
+    chosen = list(range(len(model.unknowns)))
+    whole = sensitivities(model, driven, model.values, chosen)
+    monkeypatch.setattr(sensitivity, "_WINDOW", 50)
+    pieces = sensitivities(model, driven, model.values, chosen)
+    np.testing.assert_allclose(pieces.readings, whole.readings, rtol=1e-12)
+    # Where nothing is late yet, a window's ends have the slope of one side only.
+    atol = 0.05 if delay == 0 else 1e-9
+    np.testing.assert_allclose(pieces.derivatives, whole.derivatives, atol=atol)
