@@ -15,10 +15,14 @@ from lptn.arrays import FloatArray
 from lptn.cli import main
 from lptn.errors import InputError
 from lptn.forecast import Knowledge, find_gait, forecast
+from lptn.forecast.dynamics import Dynamics
 from lptn.forecast.operating_point import operating_point, steady_seconds
+from lptn.forecast.present import present
 from lptn.logs import Run
 from lptn.model import Model
+from lptn.model_schema import FitTable, FittedTable
 from lptn.network import Network
+from lptn.noise import Noise
 from lptn.simulate import drive
 from tests.builders import AMBIENT, effect, link, make_run, node
 
@@ -93,6 +97,53 @@ def test_heat_that_the_model_lacks_is_found_in_the_log(motor: Model) -> None:
     found = forecast(motor, run, 80.0, fit=doubt).nodes["m"]
     assert abs(found.time_to_limit - true) < 0.1 * abs(bare - true)
     assert found.low < true < found.high
+
+
+def test_parameters_that_the_fit_left_open_are_learnt_from_the_log(motor: Model) -> None:
+    """A mass that is a third too large: the log's slope puts it right."""
+    values = motor.values.copy()
+    (index,) = (k for k in motor.free if motor.unknowns[k].name.startswith("capacity"))
+    values[index] *= 1.33
+    doubted, variance = motor.with_values(values), np.zeros(len(motor.free))
+    variance[motor.free.index(index)] = 0.3**2
+    doubt = Knowledge(np.diag(variance), certain(motor).error, "test")
+    run = warming(np.full(1200, 10.0))
+    true = exactly(10.0, 90.0, 1200.0)
+    learnt, kept = (forecast(doubted, run, 90.0, fit=each).nodes["m"] for each in (doubt, certain(motor)))
+    assert abs(learnt.time_to_limit - true) < 0.1 * true
+    assert abs(learnt.time_to_limit - true) < 0.5 * abs(kept.time_to_limit - true)
+    assert learnt.low < true < learnt.high
+
+
+def test_a_model_that_lacks_something_is_not_bent_to_the_log(motor: Model) -> None:
+    """A poor fit's parameters stay: in the first minutes a missing mass looks like a small one, and like a draught."""
+    table = FitTable(rmse=0.5, parameters={})
+    poor, good = (Knowledge.of_table(motor, table, np.array([floor])) for floor in (0.3, 0.5))
+    assert (poor.adequate, good.adequate) == (False, True)
+    assert "lptn diagnose" in poor.source
+    run = warming(np.full(600, 10.0), extra=8.0)
+    noise = Noise(np.array([0.05]), np.array([0.0]))
+    kept, learnt = (present(motor, run, noise, each).mean[2:] for each in (poor, good))
+    assert not kept.any()
+    assert learnt.any()
+
+
+def test_a_parameter_is_not_learnt_beyond_its_bounds(motor: Model) -> None:
+    dynamics = Dynamics(motor)
+    errors = dynamics.bounded(np.full(1 + len(motor.free), 100.0))
+    upper = np.array([motor.unknowns[index].declared.bounds[1] for index in motor.free])
+    assert errors[0] == 100.0
+    assert dynamics.values(np.concatenate([[0.0], errors[1:]]))[motor.free] == pytest.approx(upper)
+
+
+def test_standard_errors_of_parameters_at_a_bound_are_not_believed(motor: Model) -> None:
+    values = motor.values.copy()
+    stopped, inside = motor.free[0], motor.free[1]
+    values[stopped] = motor.unknowns[stopped].declared.bounds[1]
+    model = motor.with_values(values)
+    sure = {model.unknowns[k].name: FittedTable(value=values[k], error=0.01 * values[k]) for k in (stopped, inside)}
+    known = Knowledge.of_table(model, FitTable(rmse=0.3, parameters=sure), np.array([0.1]))
+    assert known.covariance[0, 0] > 100 * known.covariance[1, 1]
 
 
 def test_intervals_cover_what_they_promise(motor: Model) -> None:

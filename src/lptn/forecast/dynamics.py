@@ -46,7 +46,11 @@ class Dynamics:
 
     def __init__(self, model: Model) -> None:
         self.model, self._values, self._free = model, model.values, model.free
-        self._transform = Transform([model.unknowns[index] for index in self._free])
+        free = [model.unknowns[index] for index in self._free]
+        self._transform = Transform(free)
+        self._fitted = self._transform.forward(self._values[self._free])
+        bounds = np.array([unknown.declared.bounds for unknown in free], dtype=float).reshape(-1, 2)
+        self._bounds = [self._transform.forward(bound) for bound in bounds.T]
         prescribed = model.network.prescribed
         outward = [link.resistance for link in model.network.resistors if not prescribed.keys().isdisjoint(link.ends)]
         self._outward = list(dict.fromkeys(outward))
@@ -57,11 +61,21 @@ class Dynamics:
         self._by_input = model.made_once("input jacobian", self._make_by_input)
         self._capacities = [model.network.capacities[node] for node in model.nodes]
 
-    def values(self, air: float) -> FloatArray:
-        """Parameter values, shape (m,), with all conductances to prescribed temperatures times exp(air)."""
+    def values(self, errors: FloatArray) -> FloatArray:
+        """Parameter values, shape (m,), corrected.
+
+        Args:
+            errors: logarithm of a factor on all conductances to prescribed temperatures, then what is added
+                to the free parameters' coordinates, shape (1 + free,).
+        """
         values = self._values.copy()
-        values[self._outward] *= np.exp(-air)
+        values[self._free] = self._transform.backward(self._fitted + errors[1:])
+        values[self._outward] *= np.exp(-errors[0])
         return values
+
+    def bounded(self, errors: FloatArray) -> FloatArray:
+        """What `values` takes, changed so that each parameter stays within its bounds."""
+        return np.concatenate([errors[:1], np.clip(self._fitted + errors[1:], *self._bounds) - self._fitted])
 
     def rates(self, x: FloatArray, u: FloatArray, p: FloatArray) -> FloatArray:
         """d rates / d states [1/s]."""

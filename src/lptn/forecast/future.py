@@ -45,7 +45,7 @@ def future(model: Model, present: Present, point: OperatingPoint) -> Future:
     dynamics = Dynamics(model)
     n, nodes, size, mean = len(model.states), len(model.nodes), present.mean.size, present.mean
     covariance = block_diag(present.covariance, point.error)
-    p = dynamics.values(float(mean[n + nodes]))  # the unknowns behind missing heat stay as they are
+    p = dynamics.values(mean[n + nodes :])  # the unknowns behind missing heat stay as they are
     time, step = [0.0], _FIRST_STEP
     paths = [_shown(dynamics, mean[:n], p, covariance[:size, :size])]
     slowest = float(np.abs(np.linalg.eigvals(dynamics.rates(mean[:n], point.inputs, p)).real).min())

@@ -49,9 +49,10 @@ class Present:
 def present(model: Model, run: Run, noise: Noise, knowledge: Knowledge) -> Present:
     """Estimate the present from the end of a log by an extended Kalman filter.
 
-    Errors of the parameters widen the uncertainty and are not corrected: a model that is too simple would bend them to
-    suit the last minutes. Missing heat is of the size that the fit's residuals suggest, times a factor that
-    makes this log likeliest.
+    The parameters and the draught are estimated along, from what the fit leaves open: a trot says more of its own
+    friction than an identification with few trots. Not so for a model that lacks something, such as a second mass: it
+    would bend them to suit the log so far, so their errors only widen the uncertainty. Missing heat is of the size
+    that the fit's residuals suggest, times a factor that makes this log likeliest.
 
     Raises:
         InputError: the log lacks an input, or measures none of the model's nodes.
@@ -129,7 +130,7 @@ class _Filter:
 
     def _motion(self, mean: FloatArray, k: int) -> Motion:
         n, nodes = self._states, self._nodes
-        p = self._dynamics.values(float(mean[n + nodes]))
+        p = self._dynamics.values(mean[n + nodes :])
         return self._dynamics.step(mean[:n], mean[n : n + nodes], self._driven.inputs[:, k], p, self._driven.run.step)
 
     def _corrected(self, mean: FloatArray, covariance: FloatArray, k: int) -> tuple[FloatArray, FloatArray, float]:
@@ -143,17 +144,20 @@ class _Filter:
         spread = slope @ covariance @ slope.T + noise
         innovation = measured[seen] - expected[seen]
         gain = np.linalg.solve(spread, slope @ covariance).T
-        gain[self._states + self._nodes + 1 :] = 0.0  # errors of parameters are allowed for, not learnt
+        if not self._knowledge.adequate:
+            gain[self._states + self._nodes :] = 0.0
         kept = np.eye(len(mean)) - gain @ slope
         covariance = kept @ covariance @ kept.T + gain @ noise @ gain.T
         size = float(np.linalg.slogdet(2 * pi * spread)[1])
         gained = -0.5 * (float(innovation @ np.linalg.solve(spread, innovation)) + size)
-        return mean + gain @ innovation, 0.5 * (covariance + covariance.T), gained
+        mean, first = mean + gain @ innovation, self._states + self._nodes
+        mean[first:] = self._dynamics.bounded(mean[first:])
+        return mean, 0.5 * (covariance + covariance.T), gained
 
     def _expected(self, mean: FloatArray, k: int) -> tuple[FloatArray, FloatArray]:
         """Expected readings and their derivative; the mean over a block lies half-way between its ends."""
         n, nodes = self._states, self._nodes
-        p = self._dynamics.values(float(mean[n + nodes]))
+        p = self._dynamics.values(mean[n + nodes :])
         shown, slope = self._dynamics.readings(mean[:n], p)
         if not self._driven.run.averaged:
             return shown, slope
