@@ -1,0 +1,146 @@
+"""How warm the joints get under constant torques: along time, at a horizon, and what each torque adds there."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from lptn.arrays import FloatArray
+from lptn.errors import InputError
+from lptn.model import Model
+
+_STEPS = 256  # that one call takes
+_FINE = 1.0  # s
+_RATE = 1.0  # greatest product of a step and the fastest rate
+_NUDGE = 1.0  # (N·m)², by which a squared torque is moved to see what it adds
+
+
+class Heating:
+    """A thermal model that stands: torques are held, nothing moves.
+
+    Args:
+        model: whose inputs are `torque.<joint>`, or `current.<joint>` with a torque constant.
+        joints: names of the joints, in the order of the torques.
+        ambient: of the air [degC].
+        inputs: further inputs by column (`power.pc`); drives are powered unless said otherwise, speeds are 0.
+        torque_constant: torque at the joint per ampere [N·m/A], for a model that is driven by currents.
+
+    Raises:
+        InputError: the model needs an input that isn't given, or has none of the joints.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        joints: Sequence[str],
+        *,
+        ambient: float = 25.0,
+        inputs: Mapping[str, float] | None = None,
+        torque_constant: float | None = None,
+    ) -> None:
+        self.model = model
+        self._values, self._joints = model.values, list(joints)
+        self._constant = np.zeros(len(model.inputs))
+        self._weights = np.zeros((len(model.inputs), len(joints)))
+        for row, column in enumerate(model.inputs):
+            self._fill(row, column, ambient, dict(inputs or {}), torque_constant)
+        if not self._weights.any():
+            raise InputError(model.network.origin, "inputs", "no torque or current of any joint", ", ".join(joints))
+
+    def _fill(self, row: int, column: str, ambient: float, given: dict[str, float], constant: float | None) -> None:
+        quantity, _, place = column.partition(".")
+        if column in given:
+            self._constant[row] = given[column]
+        elif quantity == "temperature":
+            self._constant[row] = ambient
+        elif place in self._joints and quantity in ("torque", "current", "current_abs"):
+            if quantity != "torque" and constant is None:
+                raise InputError(self.model.network.origin, column, "no torque constant", "torque_constant in N·m/A")
+            self._weights[row, self._joints.index(place)] = 1.0 if quantity == "torque" else 1.0 / (constant or 1.0)
+        elif quantity == "powered":
+            self._constant[row] = 1.0
+        elif column != "speed.base" and quantity not in ("torque", "velocity", "velocity_rms", "mechanical_power"):
+            raise InputError(self.model.network.origin, column, "no value", f'inputs = {{"{column}": …}}')
+
+    def start(self, temperatures: float | Mapping[str, float]) -> FloatArray:
+        """States [degC] from one temperature, or from one for each node.
+
+        Raises:
+            InputError: a node has none.
+        """
+        nodes = self.model.nodes
+        if isinstance(temperatures, Mapping):
+            missing = [node for node in nodes if node not in temperatures]
+            if missing:
+                raise InputError("temperatures", missing[0], "no temperature", f"one of each of {', '.join(nodes)}")
+            by_node = np.array([float(temperatures[node]) for node in nodes])
+        else:
+            by_node = np.full(len(nodes), float(temperatures))
+        if not np.isfinite(by_node).all():
+            node = nodes[int(np.argmin(np.isfinite(by_node)))]
+            raise InputError("temperatures", node, "no number", "a temperature [degC]; the limit where none is known")
+        return np.asarray(by_node[np.array(self.model.owners)])
+
+    def reached(self, start: FloatArray, torques: FloatArray, limits: FloatArray, horizon: float) -> tuple[float, int]:
+        """When the first node passes its limit [s], and which; infinity and -1 where none does within the horizon.
+
+        Args:
+            start: states [degC].
+            torques: of the joints [N·m].
+            limits: by node [degC], infinite for none.
+            horizon: [s].
+        """
+        nodes, x, time = limits.size, start, 0.0
+        if (x[:nodes] >= limits).any():
+            return 0.0, int((x[:nodes] - limits).argmax())
+        h = self._step(x, torques, _FINE)
+        while time < horizon:
+            path = np.hstack([x[:, None], self._run(x, torques[:, None], h)])
+            passed = (path[:nodes] >= limits[:, None]).any(axis=0)
+            if passed.any():
+                k = int(passed.argmax())
+                before, after = path[:nodes, k - 1], path[:nodes, k]
+                over = after >= limits
+                part = np.full(nodes, np.inf)
+                part[over] = (limits - before)[over] / (after - before)[over]
+                found = time + h * (k - 1 + float(part.min()))
+                return (found, int(part.argmin())) if found <= horizon else (np.inf, -1)
+            x, time = path[:, -1], time + _STEPS * h
+        return np.inf, -1
+
+    def at(self, start: FloatArray, torques: FloatArray, horizon: float) -> tuple[FloatArray, FloatArray]:
+        """Temperatures at the horizon, and what each squared torque adds to them.
+
+        Returns:
+            Shapes (nodes,) [degC] and (nodes, joints) [K/(N·m)²].
+        """
+        squared = np.repeat((torques**2)[:, None], torques.size + 1, axis=1)
+        squared[np.arange(torques.size), np.arange(1, torques.size + 1)] += _NUDGE
+        x = np.repeat(start[:, None], torques.size + 1, axis=1)
+        h = self._step(start, torques, np.inf, horizon)
+        blocks = max(1, round(horizon / (h * _STEPS)))
+        run = self.model.made_once(
+            ("together", _STEPS, torques.size + 1), lambda: self.model.run(_STEPS).map(torques.size + 1)
+        )
+        u = np.repeat(self._inputs(np.sqrt(squared)), _STEPS, axis=1)
+        p = np.repeat(self._values[:, None], torques.size + 1, axis=1)
+        for _ in range(blocks):
+            path = run(x, u, p, np.full((1, torques.size + 1), h)).full()
+            x = path[:, _STEPS - 1 :: _STEPS]
+        nodes = len(self.model.nodes)
+        return x[:nodes, 0], (x[:nodes, 1:] - x[:nodes, :1]) / _NUDGE
+
+    def _inputs(self, torques: FloatArray) -> FloatArray:
+        """The model's inputs for magnitudes of the torques, shapes (inputs, n) and (joints, n)."""
+        return np.asarray(self._constant[:, None] + self._weights @ np.abs(torques))
+
+    def _run(self, x: FloatArray, torques: FloatArray, h: float) -> FloatArray:
+        u = np.repeat(self._inputs(torques), _STEPS, axis=1)
+        return np.asarray(self.model.run(_STEPS)(x, u, self._values, h).full())
+
+    def _step(self, x: FloatArray, torques: FloatArray, longest: float, horizon: float | None = None) -> float:
+        """A step that is short for the fastest rate; where there is a horizon, a whole number of blocks of it."""
+        jacobian = self.model.state_jacobian(x, self._inputs(torques[:, None])[:, 0], self._values).full()
+        h = min(longest, _RATE / max(float(np.abs(np.linalg.eigvals(jacobian)).max()), 1e-12))
+        return h if horizon is None else horizon / (_STEPS * max(1, int(np.ceil(horizon / (_STEPS * h)))))

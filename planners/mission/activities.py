@@ -1,0 +1,161 @@
+"""A mission: what is to be done, what may be chosen, what must hold; times in s, temperatures in degC, all else SI."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+
+from lptn.arrays import FloatArray
+from lptn.model import Model
+
+from .gait import Gait
+
+REST = "rest"
+"""The gait with all drives off."""
+GivesUp = Literal["deadline", "distance"]
+Range = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Activity:
+    """One item of the list.
+
+    Args:
+        do: the name of its gait.
+        gait: what the joints do in it.
+        distance: to travel [m]; `None` for one that stays where it is.
+        duration: least and most time [s] of one that stays where it is.
+        speed: least and most speed [m/s].
+        load: least and most load [kg].
+        pieces: parts that may each have a speed of their own and a rest before them.
+    """
+
+    do: str
+    gait: Gait
+    distance: float | None = None
+    duration: Range = (0.0, 0.0)
+    speed: Range = (0.0, 0.0)
+    load: Range = (0.0, 0.0)
+    pieces: int = 1
+
+    @property
+    def travels(self) -> bool:
+        return self.distance is not None
+
+    @property
+    def chooses_load(self) -> bool:
+        """Whether the load is sought."""
+        return self.load[1] > self.load[0]
+
+    @property
+    def work(self) -> float:
+        """What it counts for [s]: its least time, nothing for a rest."""
+        return 0.0 if self.do == REST else self.least_time
+
+    @property
+    def least_time(self) -> float:
+        """How long it takes if nothing gets hot [s]."""
+        return self.duration[0] if self.distance is None else self.distance / self.speed[1]
+
+
+@dataclass(frozen=True)
+class Mission:
+    """A list of activities, a deadline, and bounds of the temperatures.
+
+    Args:
+        model: the thermal model.
+        activities: in their order.
+        rest: the gait of a rest, for rests that the planner inserts; `None` where it may insert none.
+        longest_rest: of each inserted rest [s].
+        limits: greatest temperature by node [degC].
+        start: states at the start [degC], shape (states,); NaN where it is not known.
+        ambient: of the air [degC].
+        deadline: of the whole [s], `None` for none.
+        carry: least sum of the loads that are sought [kg].
+        gives_up: what yields where the deadline can't be met: the deadline, or the distance.
+        name: what people call it.
+        origin: the file, for messages.
+    """
+
+    model: Model
+    activities: tuple[Activity, ...]
+    rest: Gait | None
+    longest_rest: float
+    limits: dict[str, float]
+    start: FloatArray
+    ambient: float
+    deadline: float | None = None
+    carry: float = 0.0
+    gives_up: GivesUp = "deadline"
+    name: str = "mission"
+    origin: str = "mission"
+
+    @property
+    def fastest(self) -> float:
+        """Time of the whole if nothing gets hot [s]."""
+        return sum(activity.least_time for activity in self.activities)
+
+    @property
+    def too_hot(self) -> list[str]:
+        """Nodes that begin above their limit."""
+        return [node for node, most in self.limits.items() if self.start[self.model.nodes.index(node)] > most]
+
+
+def with_known_start(mission: Mission) -> tuple[Mission, tuple[str, ...]]:
+    """The mission with a temperature for every node, and the nodes that for want of one are put at their limit.
+
+    What has no limit is taken to be as hot as the hottest that is known.
+    """
+    unknown = ~np.isfinite(mission.start)
+    if not unknown.any():
+        return mission, ()
+    model, known = mission.model, mission.start[~unknown]
+    hottest = float(known.max()) if known.size else max(mission.ambient, *mission.limits.values())
+    owners = [model.nodes[owner] for owner in model.owners]
+    assumed = np.array([mission.limits.get(node, hottest) for node in owners])
+    nodes = tuple(dict.fromkeys(node for node, missing in zip(owners, unknown, strict=True) if missing))
+    return replace(mission, start=np.where(unknown, assumed, mission.start)), nodes
+
+
+@dataclass(frozen=True)
+class Segment:
+    """One piece of the plan with constant speed and load.
+
+    Args:
+        name: for people: `walk 1, part 2 of 3`.
+        activity: index of its activity, -1 for a rest that the planner inserts.
+        gait: what the joints do in it.
+        length: distance [m], or least time [s] of what stays.
+        travels: whether `length` is a distance.
+        time: least and most time [s] where it stays; equal for a given time.
+    """
+
+    name: str
+    activity: int
+    gait: Gait
+    length: float
+    travels: bool
+    time: Range = field(default=(0.0, 0.0))
+
+
+def segments_of(mission: Mission) -> list[Segment]:
+    """The pieces of a mission in order, with the rests that the planner may insert."""
+    found: list[Segment] = []
+    for number, activity in enumerate(mission.activities):
+        named = f"{activity.do} {1 + sum(each.do == activity.do for each in mission.activities[:number])}"
+        for part in range(activity.pieces):
+            if mission.rest is not None and not _rests(mission.rest, found, activity):
+                found.append(Segment("rest", -1, mission.rest, 0.0, False, (0.0, mission.longest_rest)))
+            name = named if activity.pieces == 1 else f"{named}, part {part + 1} of {activity.pieces}"
+            low, high = (limit / activity.pieces for limit in activity.duration)
+            length = low if activity.distance is None else activity.distance / activity.pieces
+            found.append(Segment(name, number, activity.gait, length, activity.travels, (low, high)))
+    return found
+
+
+def _rests(rest: Gait, found: list[Segment], activity: Activity) -> bool:
+    """Whether a rest here would touch one that is there already, or stand before one whose time is sought."""
+    before = bool(found) and found[-1].gait is rest
+    return before or (activity.gait is rest and activity.duration[1] > activity.duration[0])

@@ -1,0 +1,165 @@
+"""A plan shown: as a table, as lines for people, as JSON, as a figure; what `lptn plan` writes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+
+from .plan import Plan
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_SAID = 0.5  # K between the program's few steps and the replay above which it is said
+_SHOWN = 4  # prices that a person is shown
+
+
+@dataclass(frozen=True)
+class MissionAnswer:
+    """The four faces of a plan.
+
+    Args:
+        plan: what was found.
+    """
+
+    plan: Plan
+
+    def table(self) -> pd.DataFrame:
+        """A row for each piece of the plan; with the temperature of every node at its end."""
+        plan = self.plan
+        nodes = plan.mission.model.nodes
+        begins = np.concatenate([[0.0], np.cumsum(plan.time)[:-1]]) if plan.time.size else np.zeros(0)
+        ends = plan.course.states[: len(nodes), plan.course.ends]
+        distance = plan.speed * plan.time
+        columns: dict[str, object] = {
+            "start [s]": begins, "duration [s]": plan.time, "activity": [each.name for each in plan.segments],
+            "speed [m/s]": plan.speed, "load [kg]": plan.load, "distance [m]": distance,
+            "hottest": [nodes[k] for k in ends.argmax(axis=0)] if plan.segments else [],
+        }  # fmt: skip
+        warm = {f"temperature.{node} [degC]": row for node, row in zip(nodes, ends, strict=True)}
+        return pd.DataFrame(columns | warm)
+
+    def figure(self) -> Figure:
+        """Temperatures with their limits, speed and load over time, and the prices."""
+        from .figure import mission_figure
+
+        return mission_figure(self.plan)
+
+    def as_json(self) -> dict[str, object]:
+        """The whole answer, SI and degC; `seconds_per_kelvin` counts what one kelvin more of a limit gains."""
+        plan, mission = self.plan, self.plan.mission
+        rows = self.table().iloc[:, :7].rename(columns=lambda name: name.partition(" ")[0]).to_dict("records")
+        return {
+            "mission": mission.name, "verdict": plan.verdict, "total": plan.total, "deadline": mission.deadline,
+            "late": plan.late if mission.deadline is not None else None, "plan": rows,
+            "done": [
+                {"activity": activity.do, "share": share}
+                for activity, share in zip(mission.activities, plan.share.tolist(), strict=True)
+            ],
+            "bottleneck": plan.bottleneck, "seconds_per_kelvin": plan.limit_prices,
+            "seconds_per_kelvin_of_class": plan.class_prices, "prices": plan.prices,
+            "raise_needed": plan.raise_needed, "limits": mission.limits, "peaks": plan.peaks,
+            "limits_lowered": plan.lowered, "program_peaks": plan.coarse, "coarseness": plan.coarseness,
+            "solver": plan.status, "assumed": list(plan.assumed),
+        }  # fmt: skip
+
+    def text(self) -> str:
+        """What was given up first, then what is in the way, then the plan."""
+        plan = self.plan
+        return "\n".join([*_verdict(plan), *_assumed(plan), *_prices(plan), "", *self._rows(), "", *_check(plan)])
+
+    def _rows(self) -> list[str]:
+        shown = self.table().iloc[:, :7]
+        if shown.empty:
+            return ["nothing to do"]
+        ends = self.plan.course.states[: len(self.plan.mission.model.nodes), self.plan.course.ends].max(axis=0)
+        shown["[degC]"] = ends
+        formats = {"start [s]": "{:.0f}", "duration [s]": "{:.0f}", "speed [m/s]": "{:.2f}", "load [kg]": "{:.1f}",
+                   "distance [m]": "{:.0f}", "[degC]": "{:.1f}"}  # fmt: skip
+        return str(
+            shown.to_string(index=False, formatters={key: value.format for key, value in formats.items()})
+        ).splitlines()
+
+
+def _verdict(plan: Plan) -> list[str]:
+    mission, total = plan.mission, _time(plan.total)
+    until = "" if mission.deadline is None else f", deadline {_time(mission.deadline)}"
+    if plan.verdict == "met":
+        spare = "" if mission.deadline is None else f", {_time(-plan.late)} to spare"
+        return [f"{mission.name}: done in {total}{until}{spare}"]
+    if plan.verdict == "none":
+        return [f"{mission.name}: given up: all of it; the plan is to rest", _why_none(plan)]
+    if plan.verdict == "late":
+        missed = f"the deadline, missed by {_time(plan.late)}"
+        return [f"{mission.name}: given up: {missed} ({total}{until})", *_wanted(plan)]
+    parts = [
+        f"{activity.do} {1 + sum(each.do == activity.do for each in mission.activities[:k])} {100 * share:.1f} %"
+        for k, (activity, share) in enumerate(zip(mission.activities, plan.share.tolist(), strict=True))
+        if share < 1 - 1e-4
+    ]
+    return [f"{mission.name}: given up: part of the work; done of {', '.join(parts)} ({total}{until})", *_wanted(plan)]
+
+
+def _assumed(plan: Plan) -> list[str]:
+    if not plan.assumed:
+        return []
+    return [f"no temperature of {', '.join(plan.assumed)}: taken to be at its limit, or as hot as the hottest"]
+
+
+def _why_none(plan: Plan) -> str:
+    over = {node: peak for node, peak in plan.peaks.items() if peak > plan.mission.limits[node]}
+    if over:
+        node = max(over, key=lambda each: over[each] - plan.mission.limits[each])
+        return f"even at rest {node} gets to {over[node]:.1f} degC, its limit is {plan.mission.limits[node]:g} degC"
+    return f"no plan was found that does a part of it within the limits (solver: {plan.status})"
+
+
+def _wanted(plan: Plan) -> list[str]:
+    mission = plan.mission
+    if mission.deadline is not None and mission.fastest > mission.deadline:
+        return [f"no rise of the limits would do: at its fastest it takes {_time(mission.fastest)}"]
+    if plan.raise_needed is None:
+        return ["no rise of the limits up to 100 K was found that would do"]
+    return [f"all of it in time would need all limits {plan.raise_needed:.1f} K higher"]
+
+
+def _prices(plan: Plan) -> list[str]:
+    if not plan.prices:
+        return ["what a limit is worth is not given: the solve did not converge"]
+    if plan.bottleneck is None:
+        return ["no temperature limit holds it up"]
+    more = "work" if plan.verdict == "cut" else "time saved"
+    classes = list(plan.class_prices.items())[:_SHOWN]
+    lines = []
+    for name, price in classes:
+        tied = [node for node in plan.limit_prices if node == name or _same(node, name)]
+        each = f"{tied[0]}" if len(tied) == 1 else f"{', '.join(tied)} together"
+        lines.append(f"{each}: {price:.1f} s of {more} for 1 K more of the limit")
+    return [f"bottleneck: {lines[0]}", *(f"then {line}" for line in lines[1:])]
+
+
+def _same(node: str, name: str) -> bool:
+    from lptn.places import class_of
+
+    return class_of(node) == name
+
+
+def _check(plan: Plan) -> list[str]:
+    over = {node: peak - plan.mission.limits[node] for node, peak in plan.peaks.items()}
+    if not over:
+        return []
+    node = max(over, key=lambda each: over[each])
+    lines = [f"replayed in fine steps: {node} is nearest to its limit, {plan.peaks[node]:.2f} of "
+             f"{plan.mission.limits[node]:g} degC; program and replay differ by {plan.coarseness:.2f} K"]  # fmt: skip
+    if plan.coarseness > _SAID:
+        lines.append("that is much: cut the activities into more pieces")
+    if plan.lowered > 0:
+        lines.append(f"found with limits {plan.lowered:.2f} K lower, so that the replay keeps them")
+    return lines
+
+
+def _time(seconds: float) -> str:
+    return f"{seconds:.0f} s" if seconds < 600 else f"{seconds / 60:.1f} min"

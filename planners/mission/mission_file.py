@@ -1,0 +1,148 @@
+"""A mission's task file read: every mistake named with its line, its key, what was found and what was expected."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import TypeAdapter, ValidationError
+
+from lptn.arrays import FloatArray
+from lptn.errors import InputError
+from lptn.logs import parse_columns
+from lptn.model import Model
+from lptn.model_mistakes import text_of, told_by_line
+from lptn.places import matching
+
+from ..trade.schema import Celsius
+from .activities import REST, Activity, Mission, Range
+from .gait import Gait
+from .gait_logs import LogPart, gait_from_logs
+from .gait_tables import gait_from_tables
+from .schema import ActivityTable, Between, File, GaitTable, TaskTable
+
+_WALK_PIECES = 3
+
+
+def read_mission(table: Mapping[str, Any], origin: str, model: Model) -> Mission:
+    """A mission from the parsed task file.
+
+    Args:
+        table: the whole document.
+        origin: the task file, for messages and for logs beside it.
+        model: the model that the mission is about.
+
+    Raises:
+        InputError: something in it can't be used; with its line where the file is there.
+    """
+    path = Path(origin)
+    text = text_of(path, "a task file") if path.is_file() else ""
+    with told_by_line(path, text):
+        return _mission(File.model_validate(dict(table)), origin, model)
+
+
+def _mission(tables: File, origin: str, model: Model) -> Mission:
+    task = tables.task
+    gaits = {name: _gait(name, gait, tables, model, origin) for name, gait in tables.gaits.items()}
+    activities = tuple(_activity(each, f"activities[{k}]", gaits, origin) for k, each in enumerate(tables.activities))
+    limits: dict[str, float] = {}
+    for pattern, most in tables.limits.items():
+        found = matching(pattern, model.nodes)
+        if not found:
+            raise InputError(origin, f'limits."{pattern}"', "no such node", f"some of {', '.join(model.nodes)}")
+        limits |= dict.fromkeys(found, most)
+    start = _start(task, model, origin)
+    hot = any(start[model.nodes.index(node)] > most for node, most in limits.items())
+    rest = gaits.get(REST) if task.longest_rest > 0 or hot else None
+    if rest is None and (task.longest_rest > 0 or hot):
+        expected = f"[gaits.{REST}], or longest_rest = 0 and a start below the limits"
+        raise InputError(origin, "gaits", "no gait rest", expected)
+    if task.carry > sum(each.load[1] for each in activities if each.chooses_load):
+        expected = "as much as the activities with load = [least, most] can take together"
+        raise InputError(origin, "task.carry", f"{task.carry:g} kg", expected)
+    return Mission(
+        model, activities, rest, task.longest_rest or task.deadline or 3600.0, limits, start, task.ambient,
+        task.deadline, task.carry, task.gives_up, task.name, origin,
+    )  # fmt: skip
+
+
+def _start(task: TaskTable, model: Model, origin: str) -> FloatArray:
+    """Temperatures at the start by state; what no pattern names has the ambient's."""
+    nodes = np.full(len(model.nodes), task.ambient)
+    single = not isinstance(task.start, Mapping) or set(task.start) == {"value", "unit"}
+    given = {"*": task.ambient if task.start is None else task.start} if single else task.start
+    for pattern, value in given.items():
+        found = matching(pattern, model.nodes)
+        if not found:
+            raise InputError(origin, f'task.start."{pattern}"', "no such node", f"some of {', '.join(model.nodes)}")
+        try:
+            nodes[[model.nodes.index(node) for node in found]] = TypeAdapter(Celsius).validate_python(value)
+        except ValidationError as error:
+            place = "task.start" if single else f'task.start."{pattern}"'
+            raise InputError(origin, place, repr(value), "a temperature in degC, -80 to 500") from error
+    return np.asarray(nodes[np.array(model.owners)])
+
+
+# --- gaits and activities -----------------------------------------------------------------------
+
+
+def _gait(name: str, table: GaitTable, tables: File, model: Model, origin: str) -> Gait:
+    speeds = [0.0] if table.speeds is None else table.speeds
+    for key, values in (("speeds", speeds), ("loads", table.loads)):
+        if np.any(np.diff(values) <= 0):
+            raise InputError(origin, f"gaits.{name}.{key}", str(values), "rising numbers")
+    given = dict(table.model_extra or {})
+    if table.logs is None:
+        return gait_from_tables(name, speeds, table.loads, given, model, origin)
+    if given:
+        raise InputError(origin, f"gaits.{name}", f"{next(iter(given))} beside logs", "tables or logs, not both")
+    folder = Path(origin).parent
+    parts = [LogPart(folder / log.file, log.load, log.start, log.end or np.inf) for log in table.logs]
+    columns = parse_columns(tables.columns, origin, "[columns]")
+    return gait_from_logs(
+        name, speeds, table.loads, parts, model, origin, window=table.window, columns=columns
+    )  # fmt: skip
+
+
+def _activity(table: ActivityTable, place: str, gaits: Mapping[str, Gait], origin: str) -> Activity:
+    if table.do not in gaits:
+        raise InputError(origin, f"{place}.do", f'"{table.do}"', f"one of {', '.join(gaits)}, the tables under [gaits]")
+    gait = gaits[table.do]
+    between = _between(table, place, origin)
+    travels = gait.speeds.size > 1 or gait.speeds[0] > 0
+    if travels != (table.distance is not None):
+        expected = "a distance [m], for it has speeds" if travels else "a duration [s], for its gait has no speeds"
+        raise InputError(origin, place, "a duration" if travels else "a distance", expected)
+    load = _range(between.load, gait.loads, f"{place}.load", "kg", origin)
+    if travels:
+        speed = _range(between.speed, gait.speeds, f"{place}.speed", "m/s", origin)
+        return Activity(table.do, gait, table.distance, (0.0, 0.0), speed, load, table.pieces or _WALK_PIECES)
+    if between.duration is None or table.speed is not None:
+        raise InputError(origin, place, "no duration" if between.duration is None else "a speed", "a duration [s]")
+    given = between.duration
+    duration = (given[0], given[1]) if isinstance(given, list) else (given, given)
+    if duration[1] <= 0 or duration[1] < duration[0]:
+        raise InputError(origin, f"{place}.duration", str(given), "a time [s], or the least and the most")
+    return Activity(table.do, gait, None, duration, (0.0, 0.0), load, table.pieces or 1)
+
+
+def _between(table: ActivityTable, place: str, origin: str) -> Between:
+    given = {key: getattr(table, key) for key in ("speed", "load", "duration")}
+    try:
+        return Between.model_validate(given)
+    except ValidationError as error:
+        key = str(error.errors()[0]["loc"][0])
+        raise InputError(origin, f"{place}.{key}", repr(given[key]), "a number, or [least, most]") from error
+
+
+def _range(given: float | list[float] | None, cells: FloatArray, place: str, unit: str, origin: str) -> Range:
+    """Least and most of a speed or load, within the cells of the gait."""
+    low, high = float(cells[0]), float(cells[-1])
+    if given is None:
+        return (low, high) if unit == "m/s" else (low, low)
+    chosen = (given[0], given[1]) if isinstance(given, list) else (given, given)
+    if not low - 1e-9 <= chosen[0] <= chosen[1] <= high + 1e-9:
+        raise InputError(origin, place, f"{given} {unit}", f"within {low:g} to {high:g} {unit}, the gait's cells")
+    return chosen

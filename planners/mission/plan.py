@@ -1,0 +1,231 @@
+"""A mission answered: the fastest plan, or what gives way; the bottleneck, its price, what would have to be."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from lptn.arrays import FloatArray
+from lptn.places import class_of
+
+from .activities import Mission, Segment, with_known_start
+from .program import Goal, Program, Solution
+from .replay import Course, replay
+
+Verdict = Literal["met", "late", "cut", "none"]
+"""All is done in time; all is done but later than the deadline; not all is done; nothing can be done but rest."""
+_EXACT = 0.005  # K by which a replayed plan may pass a limit
+_TIGHTENINGS = 3
+_SEARCHES, _CLOSE = 14, 0.5  # solves, s
+_FINE = 0.1  # K, or share of the rise, to which the rise that would do is sought
+_FARTHEST = 100.0  # K by which limits are raised in search of what would do
+_SHORTEST = 0.05  # s; shorter pieces are solver dust
+_COUNTS = 1e-3  # s/K; smaller multipliers are solver dust
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The answer to a mission.
+
+    Args:
+        mission: what was asked.
+        verdict: whether it can be done.
+        segments: the pieces, rests of no length left out.
+        time: of each [s].
+        speed: in each [m/s].
+        load: in each [kg].
+        share: of each activity that is done.
+        course: temperatures along it, from the replay in fine steps.
+        coarse: greatest temperature of each limited node as the program has it [degC].
+        lowered: by how much the limits were lowered so that the replayed plan keeps them [K].
+        prices: seconds of the whole (of work done, where the verdict is "cut") for one unit more of a parameter;
+            empty where no solve converged.
+        raise_needed: by how much all limits together would have to rise for all to be done in time [K]; 0 where
+            nothing is missing, `None` where no rise up to 100 K was found that would do. Where the verdict is "cut" it
+            is enough, and at most a tenth too much.
+        status: IPOPT's word.
+        assumed: nodes whose temperature at the start is not known; they are taken to be at their limit.
+    """
+
+    mission: Mission
+    verdict: Verdict
+    segments: list[Segment]
+    time: FloatArray
+    speed: FloatArray
+    load: FloatArray
+    share: FloatArray
+    course: Course
+    coarse: dict[str, float]
+    lowered: float
+    prices: dict[str, float]
+    raise_needed: float | None
+    status: str
+    assumed: tuple[str, ...] = ()
+
+    @property
+    def total(self) -> float:
+        """Time of the whole [s]."""
+        return float(self.time.sum())
+
+    @property
+    def late(self) -> float:
+        """Seconds after the deadline; negative before it, 0 where there is none."""
+        return 0.0 if self.mission.deadline is None else self.total - self.mission.deadline
+
+    @property
+    def limit_prices(self) -> dict[str, float]:
+        """Seconds gained for one kelvin more of each node's limit, dearest first; only those that count."""
+        sign = 1.0 if self.verdict == "cut" else -1.0
+        found = {name.removeprefix("limit."): sign * value for name, value in self.prices.items() if "limit." in name}
+        return dict(sorted(((n, v) for n, v in found.items() if v > _COUNTS), key=lambda each: -each[1]))
+
+    @property
+    def class_prices(self) -> dict[str, float]:
+        """Seconds gained for one kelvin more of the limits of all joints of a class, dearest first.
+
+        Joints that are loaded alike reach their limits together. Then one joint's own price is not unique, the sum is.
+        """
+        found: dict[str, float] = {}
+        for node, price in self.limit_prices.items():
+            found[class_of(node)] = found.get(class_of(node), 0.0) + price
+        return dict(sorted(found.items(), key=lambda each: -each[1]))
+
+    @property
+    def bottleneck(self) -> str | None:
+        """The node whose limit is worth most; `None` where no limit holds the plan up."""
+        return next(iter(self.limit_prices), None)
+
+    @property
+    def peaks(self) -> dict[str, float]:
+        """Greatest temperature of each limited node along the replayed plan [degC]."""
+        return _peaks(self.mission, self.course)
+
+    @property
+    def coarseness(self) -> float:
+        """Greatest difference between the program's peaks and the replayed ones [K]."""
+        return max((abs(self.peaks[node] - value) for node, value in self.coarse.items()), default=0.0)
+
+
+def plan_mission(mission: Mission) -> Plan:
+    """Find the fastest plan that keeps all limits, or the best of what is possible.
+
+    Never fails: where not all can be done the verdict says so, and the plan is the safe part of it.
+
+    Args:
+        mission: what is asked.
+    """
+    known, assumed = with_known_start(mission)
+    return replace(_planned(known), assumed=assumed)
+
+
+def _planned(mission: Mission) -> Plan:
+    program = Program(mission)
+    fastest = program.solve("time")
+    if fastest.success:
+        if not _misses(mission, fastest):
+            return _finished(program, "met", fastest, 0.0)
+        raised = _rise(program, fastest, "time")
+        if mission.gives_up == "deadline":
+            return _finished(program, "late", fastest, raised)
+    part = program.solve("work", deadline=mission.deadline)
+    if part.success:
+        raised = _rise(program, part, "work")
+        return _finished(program, "cut", part, raised)
+    return _resting(program, part)
+
+
+def _misses(mission: Mission, found: Solution) -> bool:
+    return mission.deadline is not None and found.total > mission.deadline + 1e-6 * mission.deadline
+
+
+def _rise(program: Program, found: Solution, goal: Goal) -> float | None:
+    """By how much all limits would have to rise for all to be done in time [K].
+
+    Newton's method on the prices, kept between what is known to be too little and what is known to be enough.
+    """
+    mission, raised, little = program.mission, 0.0, 0.0
+    if mission.deadline is not None and mission.fastest > mission.deadline:
+        return None
+    enough: float | None = None
+    for _ in range(_SEARCHES):
+        lack = _lack(mission, found, goal)
+        if lack <= _CLOSE:
+            enough = raised
+            if goal == "time":
+                return raised
+        else:
+            little = raised
+        if enough is not None and enough - little <= max(_FINE, _FINE * enough):
+            return enough
+        slope = sum(abs(price) for name, price in found.prices.items() if name.startswith("limit."))
+        raised += lack / slope if slope > _COUNTS else _FARTHEST
+        if enough is not None and not little < raised < enough - _FINE / 2:
+            raised = (little + enough) / 2
+        if raised > _FARTHEST:
+            return None
+        lifted = {node: limit + raised for node, limit in mission.limits.items()}
+        found = program.solve(goal, limits=lifted, deadline=mission.deadline if goal == "work" else None, near=found)
+        if not found.success:
+            break
+    return enough
+
+
+def _lack(mission: Mission, found: Solution, goal: Goal) -> float:
+    """What is missing [s]: work, or time until the deadline."""
+    if goal == "time":
+        return found.total - (mission.deadline or np.inf)
+    return sum(activity.work for activity in mission.activities) - found.work(mission)
+
+
+def _finished(program: Program, verdict: Verdict, found: Solution, raised: float | None) -> Plan:
+    """The plan replayed, and found again for limits a little lower where the replay passes one."""
+    mission, lowered = program.mission, 0.0
+    plan = _plan(program, verdict, found, lowered, raised)
+    for _ in range(_TIGHTENINGS):
+        beyond = max((plan.peaks[node] - limit for node, limit in mission.limits.items()), default=0.0)
+        if beyond <= _EXACT:
+            break
+        lowered += beyond + _EXACT
+        limits = {node: limit - lowered for node, limit in mission.limits.items()}
+        goal: Goal = "work" if verdict == "cut" else "time"
+        again = program.solve(goal, limits=limits, deadline=mission.deadline if goal == "work" else None, near=found)
+        if not again.success:
+            break
+        plan = _plan(program, verdict, again, lowered, raised)
+    if verdict == "met" and plan.late > 1e-6 * plan.total:
+        return replace(plan, verdict="late")
+    return plan
+
+
+def _plan(program: Program, verdict: Verdict, found: Solution, lowered: float, raised: float | None) -> Plan:
+    mission, kept = program.mission, np.flatnonzero(found.time > _SHORTEST)
+    segments = [program.segments[k] for k in kept.tolist()]
+    time, speed, load = found.time[kept], found.speed[kept], found.load[kept]
+    course = replay(mission, segments, time, speed, load)
+    return Plan(
+        mission, verdict, segments, time, speed, load, found.share, course, program.peaks(found), lowered,
+        found.prices, raised, found.status,
+    )  # fmt: skip
+
+
+def _resting(program: Program, failed: Solution) -> Plan:
+    """All drives off until the deadline: the safest plan there is."""
+    mission = program.mission
+    rest = next((each for each in program.segments if each.gait is mission.rest), None)
+    segments = [] if rest is None else [rest]
+    time = np.full(len(segments), mission.deadline or mission.longest_rest)
+    still = np.zeros(len(segments))
+    course = replay(mission, segments, time, still, still)
+    share = np.zeros(len(mission.activities))
+    return Plan(mission, "none", segments, time, still, still, share, course, {}, 0.0, {}, None, failed.status)
+
+
+def _peaks(mission: Mission, course: Course) -> dict[str, float]:
+    """A node that begins too hot counts from when the rest at the beginning is over."""
+    rows = {node: mission.model.nodes.index(node) for node in mission.limits}
+    return {
+        node: float(course.states[row, course.rested if node in mission.too_hot else 0 :].max())
+        for node, row in rows.items()
+    }

@@ -1,0 +1,79 @@
+"""A plan driven through the model in fine steps, to check the few steps of the program that found it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import ceil
+
+import numpy as np
+
+from lptn.arrays import FloatArray
+from lptn.model import Model
+
+from .activities import Mission, Segment
+
+_STEP = 1.0  # s
+_BLOCK = 32  # steps that one call takes
+_RATE = 0.5  # product of a step and the fastest rate; a Runge-Kutta step is then exact to 1e-4
+
+
+@dataclass(frozen=True)
+class Course:
+    """Temperatures along a plan.
+
+    Args:
+        time: since the start [s], shape (n,).
+        states: [degC], shape (states, n).
+        ends: index into `time` at which each segment ends.
+        rested: index into `time` at which the rest at the beginning ends.
+    """
+
+    time: FloatArray
+    states: FloatArray
+    ends: list[int]
+    rested: int
+
+
+def inputs_of(mission: Mission, segment: Segment, speed: float, load: float) -> FloatArray:
+    """The model's inputs in a segment, shape (inputs,)."""
+    found = segment.gait.at(speed, load)
+    for row, column in enumerate(mission.model.inputs):
+        if column.startswith("temperature."):
+            found[row] = mission.ambient
+        elif column == "speed.base":
+            found[row] = speed
+    return found
+
+
+def replay(mission: Mission, segments: list[Segment], time: FloatArray, speed: FloatArray, load: FloatArray) -> Course:
+    """Simulate a plan.
+
+    Args:
+        mission: model, start, ambient.
+        segments: the pieces.
+        time: of each [s].
+        speed: of each [m/s].
+        load: of each [kg].
+    """
+    model, values = mission.model, mission.model.values
+    run = model.run(_BLOCK)
+    clock, states, ends = [0.0], [mission.start[:, None]], []
+    count = 0
+    for segment, lasting, v, m in zip(segments, time.tolist(), speed.tolist(), load.tolist(), strict=True):
+        u = inputs_of(mission, segment, v, m)
+        blocks = max(1, ceil(lasting / (_BLOCK * _step(model, states[-1][:, -1], u))))
+        h = lasting / (_BLOCK * blocks)
+        begin = clock[-1]
+        for block in range(blocks):
+            path = run(states[-1][:, -1], np.repeat(u[:, None], _BLOCK, axis=1), values, h).full()
+            states.append(path)
+            clock += (begin + h * (block * _BLOCK + np.arange(1, _BLOCK + 1))).tolist()
+        count += blocks * _BLOCK
+        ends.append(count)
+    leading = next((k for k, each in enumerate(segments) if each.gait is not mission.rest), len(segments))
+    return Course(np.array(clock), np.hstack(states), ends, ends[leading - 1] if leading else 0)
+
+
+def _step(model: Model, x: FloatArray, u: FloatArray) -> float:
+    fastest = float(np.abs(np.linalg.eigvals(model.state_jacobian(x, u, model.values).full())).max())
+    return min(_STEP, _RATE / max(fastest, 1e-12))
