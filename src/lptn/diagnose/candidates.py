@@ -202,7 +202,9 @@ def _groups(effect: type[Effect], places: list[str], network: Network) -> list[t
         classes.setdefault(_class_pattern(effect, place, network), []).append(place)
     groups = [(at, group) for at, group in classes.items() if 1 < len(group) < len(places)]
     if effect.site != "pair":  # two sensors that each read a share of the other's node: no fault is like that
-        groups.append((EVERYWHERE, places))
+        # Where not every node can have the effect, one of the patterns that declare nodes may name those that can.
+        patterns = (EVERYWHERE, *(node.pattern for node in network.nodes))
+        groups += [(at, places) for at in patterns if _covers(effect, at, places, network)][:1]
     # A pattern that also matches a place where the effect stands already can't be added as it is.
     return [(at, group) for at, group in groups if _covers(effect, at, group, network)]
 

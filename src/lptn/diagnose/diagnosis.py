@@ -12,7 +12,7 @@ import numpy as np
 from lptn.compare import Errors
 from lptn.diagnose.candidates import candidates
 from lptn.diagnose.lack import TOO_MUCH, lack_of_fit
-from lptn.diagnose.refit import TIE, Refit, refit_all, shortlist, tied, unless_interrupted
+from lptn.diagnose.refit import TIE, Refit, alike, refit_all, shortlist, unless_interrupted
 from lptn.diagnose.score import Scores, score
 from lptn.evidence import Evidence
 from lptn.identify import Fit
@@ -27,6 +27,7 @@ SEARCH_STEP = 5.0  # s; effects are sought on means over so long, which loses li
 _MOST_REFITS = 6
 _ELSEWHERE = 0.3  # share of the held-out error, squared and beyond noise, that must go with it
 _HELPS = 1e-3  # share of the misfit that a refit must remove to be worth a line
+_REFUTED = 1.2  # times the least held-out error among names for one answer: a parameter put into the wrong run
 _ONE, _THREE = 0.6, 0.8  # shares of the excess misfit that one effect, or three, must remove to be what is missing
 
 
@@ -147,7 +148,7 @@ def examine(
 ) -> Diagnosis:
     """`diagnose` for a model that is fitted already, on data of the step it was fitted with."""
     columns = set.intersection(*(set(part.run.columns) for part in data.fit))
-    found = candidates(base.model.network, columns)
+    found = candidates(base.model.network, columns, [part.run.name for part in data.fit])
     report(f"scoring {len(found)} candidates")
     scores = score(base, found)
     worthwhile = shortlist(scores, refits)
@@ -155,13 +156,13 @@ def examine(
     done = refit_all(base, worthwhile, executor)
     findings = _findings(base, done, scores, data)
     holdout = holdout_errors(base, data.holdout)
-    verdict = _verdict(base, done, scores, holdout, data)
+    verdict = _verdict(base, findings, scores, holdout)
     return Diagnosis(verdict, base, base.rmse, holdout, scores, findings)
 
 
 def _findings(base: Fit, done: Sequence[Refit], scores: Scores, data: Evidence) -> tuple[Finding, ...]:
     gains = {each.candidate.key: each.gain for each in scores.ranked}
-    return tuple(
+    found = [
         Finding(
             each,
             each.fit.rmse,
@@ -170,12 +171,26 @@ def _findings(base: Fit, done: Sequence[Refit], scores: Scores, data: Evidence) 
             _alike(each, done),
         )
         for each in done
-    )
+    ]
+    return tuple(_held_out_decides(found))
+
+
+def _held_out_decides(found: list[Finding]) -> list[Finding]:
+    """Of names for one answer those come last that held-out runs speak against."""
+    if not found or found[0].holdout is None:
+        return found
+    names = {found[0].key, *found[0].alike}
+    errors = [each.holdout.rmse for each in found if each.holdout and each.key in names]
+    refuted = [
+        each.key in names and each.holdout is not None and each.holdout.rmse > _REFUTED * min(errors) for each in found
+    ]
+    order = [2 if each.key not in names else int(no) for each, no in zip(found, refuted, strict=True)]
+    return [each for _, each in sorted(zip(order, found, strict=True), key=lambda pair: pair[0])]
 
 
 def _alike(one: Refit, done: Sequence[Refit]) -> tuple[tuple[str, str], ...]:
     """Candidates that explain the data as well as one does."""
-    return tuple(other.candidate.key for other in done if other is not one and tied(one.fit, other.fit))
+    return tuple(other.candidate.key for other in done if other is not one and alike(one, other))
 
 
 def _chance_level(base: Fit) -> float:
@@ -187,16 +202,16 @@ def _chance_level(base: Fit) -> float:
     return float((weights.sum(axis=0) * share).sum() / max(weights.sum(), 1))
 
 
-def _verdict(base: Fit, done: Sequence[Refit], scores: Scores, holdout: Errors | None, data: Evidence) -> Verdict:
+def _verdict(base: Fit, findings: Sequence[Finding], scores: Scores, holdout: Errors | None) -> Verdict:
     lacking = any(value > TOO_MUCH for value in scores.lack.values())
-    helps = bool(done) and done[0].gain > TIE  # only candidates beyond chance were refitted
+    helps = bool(findings) and findings[0].refit.gain > TIE  # only candidates beyond chance were refitted
     if not lacking and not helps:
         return "adequate"
-    if not done:
+    if not findings:
         return "unexplained"
-    best = done[0].fit
+    best = findings[0].refit.fit
     nothing_left = all(value <= TOO_MUCH for value in lack_of_fit(best, scores.bounds).values())
-    elsewhere = explained_elsewhere(base, holdout, holdout_errors(best, data.holdout))
+    elsewhere = explained_elsewhere(base, holdout, findings[0].holdout)
     return "missing" if elsewhere and (nothing_left or explained(base, best) > _ONE) else "unexplained"
 
 

@@ -16,7 +16,7 @@ from lptn.diagnose.stretches import clearly_differ
 from lptn.identify import Fit, fit
 from lptn.model import Model
 from lptn.network import EffectDeclaration, Network
-from lptn.simulate import Drive, default_start, drive
+from lptn.simulate import Drive, default_start, drive, start_from
 
 TIE = 10.0
 """Information criteria closer than this decide nothing (Burnham and Anderson: beyond 10, no support)."""
@@ -24,6 +24,8 @@ SIGNIFICANT = 0.05
 """A score that chance alone reaches less often than this is beyond chance."""
 _ITERATIONS = 40  # enough to rank candidates; the rung that is kept is fitted to the end
 _SAME_FAMILY_SHARE = 0.2  # the best place of an effect is refitted if it scores so much of the best gain
+_HOPELESS = 1.5  # times the misfit of the most promising candidate
+_COMPARABLE = 0.5  # share of the best gain below which no scatter makes two candidates alike
 _TYPICAL_RANGE = (0.02, 20.0)  # first-order amplitudes outside this share of the typical size are not trusted
 
 
@@ -87,25 +89,27 @@ def refit_all(base: Fit, scores: Sequence[Score], executor: Executor | None = No
         scores: candidates with their first-order sizes.
         executor: where to run them; here, one after the other, by default.
     """
-    tasks = [(base, score) for score in scores]
-    done = list(executor.map(_refit, tasks)) if executor else [_refit(task) for task in tasks]
+    # What has no hope to come near the most promising one is not fitted to the end.
+    done = [_refit((base, score, np.inf)) for score in scores[:1]]
+    tasks = [(base, score, _HOPELESS * done[0].fit.cost) for score in scores[1:]]
+    done += executor.map(_refit, tasks) if executor else map(_refit, tasks)
     return _plausible_first(sorted(done, key=lambda each: -each.gain))
 
 
 def _plausible_first(done: list[Refit]) -> list[Refit]:
     """Of those that explain the data as well as the best does, the ones of a typical size come first."""
-    level = [each for each in done if tied(each.fit, done[0].fit)]
+    level = [each for each in done if alike(each, done[0])]
     rest = [each for each in done if each not in level]
     return [*sorted(level, key=lambda each: (each.unusual, -each.gain)), *rest]
 
 
-def refit(base: Fit, declaration: EffectDeclaration) -> Fit:
-    """The baseline and one more effect, started from the baseline's solution."""
+def refit(base: Fit, declaration: EffectDeclaration, rival: float = np.inf) -> Fit:
+    """The baseline and one more effect, started from the baseline's solution; `rival` as for `identify.fit`."""
     network = base.model.network.with_effects([declaration])
-    return continued(base, network)
+    return continued(base, network, rival)
 
 
-def continued(base: Fit, network: Network) -> Fit:
+def continued(base: Fit, network: Network, rival: float = np.inf) -> Fit:
     """Fit a network that differs from a fitted one by some effects, started from its solution."""
     model = Model(network)
     problem = base.problem
@@ -113,8 +117,7 @@ def continued(base: Fit, network: Network) -> Fit:
     known = {unknown.name: unknown.value for unknown in base.model.unknowns}
     guess = np.array([known.get(unknown.name, unknown.value) for unknown in model.unknowns])
     starts = [
-        _carried(base.model, model, start, default_start(model, driven))
-        for start, driven in zip(base.point.starts, drives, strict=True)
+        _carried(base.model, model, start, driven) for start, driven in zip(base.point.starts, drives, strict=True)
     ]
     done = fit(
         model,
@@ -124,6 +127,7 @@ def continued(base: Fit, network: Network) -> Fit:
         guess=guess,
         starts=starts,
         iterations=_ITERATIONS,
+        rival=rival,
     )
     return unless_interrupted(done)
 
@@ -150,6 +154,12 @@ def worse_by(one: Fit, other: Fit) -> float:
     independent = independent_readings(better)
     misfit = independent * log(max(one.cost, 1e-300) / max(other.cost, 1e-300))
     return misfit + (len(one.problem.free) - len(other.problem.free)) * log(independent)
+
+
+def alike(one: Refit, other: Refit) -> bool:
+    """Whether two refits of one baseline are one answer with two names."""
+    less, more = sorted((one.gain, other.gain))
+    return more - less <= TIE or (less >= _COMPARABLE * more and tied(one.fit, other.fit))
 
 
 def tied(one: Fit, other: Fit) -> bool:
@@ -180,15 +190,15 @@ def _correlation_time(residual: FloatArray) -> float:
     return max(1.0, 2.0 * float(positive.sum()) - 1.0)
 
 
-def _refit(task: tuple[Fit, Score]) -> Refit:
-    base, score = task
+def _refit(task: tuple[Fit, Score, float]) -> Refit:
+    base, score, rival = task
     amplitude = score.candidate.effect.amplitude()
     size = None
     if amplitude is not None:
         least, most = (share * abs(amplitude.typical) for share in _TYPICAL_RANGE)
         size = float(np.sign(score.amplitude) * np.clip(abs(score.amplitude), least, most))
     declaration = score.candidate.declaration(size, score.shape)
-    done = refit(base, declaration)
+    done = refit(base, declaration, rival)
     added = len(done.problem.free) - len(base.problem.free)
     return Refit(score.candidate, declaration, done, added, worse_by(base, done))
 
@@ -199,8 +209,7 @@ def _redriven(model: Model, driven: Drive) -> Drive:
     return Drive(again.run, again.inputs, again.measured, driven.counted, again.start)
 
 
-def _carried(old: Model, new: Model, states: FloatArray, fallback: FloatArray) -> FloatArray:
+def _carried(old: Model, new: Model, states: FloatArray, driven: Drive) -> FloatArray:
     """Initial states of the new model: those of the old one by name, new hidden states in equilibrium."""
-    known = dict(zip(old.states, states.tolist(), strict=True))
-    nodes = [known.get(name, value) for name, value in zip(new.nodes, fallback[: len(new.nodes)], strict=True)]
-    return np.array([known.get(name, nodes[owner]) for name, owner in zip(new.states, new.owners, strict=True)])
+    nodes = dict(zip(new.nodes, default_start(new, driven).tolist(), strict=False))
+    return start_from(new, driven, nodes | dict(zip(old.states, states.tolist(), strict=True)))

@@ -19,7 +19,7 @@ from lptn.diagnose.stretches import stretches
 from lptn.identify import Fit
 from lptn.model import Model
 from lptn.sensitivity import sensitivities
-from lptn.simulate import drive
+from lptn.simulate import drive, start_from
 from lptn.threads import one_blas_thread
 
 _TRIALS = 200
@@ -111,22 +111,17 @@ def _design(fit: Fit, places: Sequence[Site]) -> tuple[FloatArray, FloatArray]:
     _, baseline = problem.jacobian(fit.z)
     full = Model(fit.model.network.with_effects(site.declaration() for site in places))
     index = {unknown.name: number for number, unknown in enumerate(full.unknowns)}
-    chosen = [index[f"{site.label}.{_amplitude_name(site)}.{site.place}"] for site in places]
+    chosen = [index[site.amplitude_name] for site in places]
     core = len(fit.model.states)  # effects are added behind the network's own, and so are their states
     blocks = []
     for driven, start in zip(problem.drives, fit.point.starts, strict=True):
         wide = drive(full, driven.run)
-        states = np.concatenate([start, start[np.array(full.owners[core:], dtype=int)]])
+        states = start_from(full, wide, dict(zip(fit.model.states, start.tolist(), strict=True)))
         moved = sensitivities(full, wide, full.values, chosen, states, core=core)
         scale = 1.0 / np.repeat(problem.sigma, driven.counted.sum(axis=1))[:, None]
         blocks.append(moved.by_parameter[driven.counted] * scale)
     columns = np.vstack([*blocks, np.zeros((len(baseline) - sum(map(len, blocks)), len(places)))])
     return baseline, columns
-
-
-def _amplitude_name(site: Site) -> str:
-    amplitude = site.effect.amplitude()
-    return "" if amplitude is None else amplitude.name
 
 
 def _regular(baseline: FloatArray) -> FloatArray:
@@ -147,10 +142,10 @@ def _combine(
     where = {site: number for number, site in enumerate(places)}
     combined = []
     for candidate in found:
-        shape, amplitude = candidate.effect.shape(), candidate.effect.amplitude()
+        amplitude = candidate.effect.amplitude()
         options: Options = []
-        for value in shape.grid if shape else (None,):
-            members = [where[Site(candidate.effect, place, value)] for place in candidate.places]
+        for value in candidate.shapes:
+            members = [where[site] for site in candidate.sites(value)]
             column = projected[:, members].sum(axis=1)
             whole = float(np.linalg.norm(columns[:, members].sum(axis=1)))
             length = float(np.linalg.norm(column))

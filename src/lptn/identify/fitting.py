@@ -36,7 +36,7 @@ class Fit:
         cost: half the sum of squared weighted residuals, priors included.
         noise: the sensors' noise.
         iterations: of all searches together.
-        status: IPOPT's word, or `"interrupted"`.
+        status: IPOPT's word, `"interrupted"`, or `"given up"`.
     """
 
     model: Model
@@ -124,6 +124,7 @@ def fit(
     starts: Sequence[FloatArray] | None = None,
     iterations: int = 80,
     progress: Progress | None = None,
+    rival: float = np.inf,
 ) -> Fit:
     """Fit the free parameters, and the initial states of each run, to free-running simulations.
 
@@ -138,6 +139,7 @@ def fit(
         starts: initial states to start from, together with `guess`.
         iterations: how many the last search may take.
         progress: called after each iteration.
+        rival: a cost to beat; a fit from a `guess` that has no hope of it ends, with status `"given up"`.
     """
     noise = estimate_noise(drives, model.nodes)
     sigma = balanced_sigma(drives, noise) if sigma is None else sigma
@@ -158,7 +160,7 @@ def fit(
     else:
         balanced = integral_start(model, drives, sigma)
         z = min((problem.guess(guess, starts), problem.guess(balanced, starts)), key=problem.cost)
-    solution = minimise(problem, z, progress, iterations, near=True)
+    solution = minimise(problem, z, progress, iterations, near=True, rival=rival)
     return _fit(problem, solution, noise, before + solution.iterations)
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from lptn.arrays import FloatArray
 from lptn.identify.evaluator import Evaluator
-from lptn.identify.polish import polish
+from lptn.identify.polish import Ending, polish
 from lptn.identify.problem import Problem
 
 Progress = Callable[[int, float], None]
@@ -124,6 +124,7 @@ def minimise(
     iterations: int = 80,
     *,
     near: bool = False,
+    rival: float = np.inf,
 ) -> Solution:
     """The least weighted sum of squares, from `guess`, within the problem's bounds.
 
@@ -136,6 +137,7 @@ def minimise(
         progress: called after each iteration.
         iterations: how many to take at most.
         near: the guess is a solution on coarser data, from which a few steps should do.
+        rival: a cost to beat; a search from near that has no hope of it ends, with status `"given up"`.
     """
     evaluator = Evaluator(problem)
     watcher = _Watcher(evaluator, progress)
@@ -143,28 +145,28 @@ def minimise(
     evaluator.cost(np.clip(guess, lower, upper))
     watcher.say()
     with _interrupt(watcher):
-        ended = _search(evaluator, watcher, iterations, near)
+        ended = _search(evaluator, watcher, iterations, near, rival * evaluator.scale)
     best, z = evaluator.best
     status = "interrupted" if watcher.interrupted else ended
     return Solution(np.clip(z, lower, upper), best / evaluator.scale, watcher.iterations, status)
 
 
-def _search(evaluator: Evaluator, watcher: _Watcher, iterations: int, near: bool) -> str:
+def _search(evaluator: Evaluator, watcher: _Watcher, iterations: int, near: bool, rival: float) -> str:
     """Polish where the start is near; else IPOPT, then polish; IPOPT to its end where polishing fails."""
 
     def left() -> int:
         return max(0, iterations - watcher.iterations)
 
-    def polished() -> bool:
-        return polish(evaluator, evaluator.best[1].copy(), left(), lambda: watcher.interrupted, watcher.count)
+    def polished() -> Ending:
+        return polish(evaluator, evaluator.best[1].copy(), left(), lambda: watcher.interrupted, watcher.count, rival)
 
-    if near and polished():
-        return "converged"
+    if near and (ending := polished()) != "stopped":
+        return ending
     ended = _interior_point(evaluator, watcher, left())
     if ended != _STOPPED:
         return _STATUS.get(ended, "not converged")
-    if polished():
-        return "converged"
+    if (ending := polished()) != "stopped":
+        return ending
     watcher.patient = True
     return _STATUS.get(_interior_point(evaluator, watcher, left()), "not converged")
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Literal
 
 import numpy as np
 from scipy.optimize import lsq_linear
@@ -10,10 +11,13 @@ from scipy.optimize import lsq_linear
 from lptn.arrays import FloatArray
 from lptn.identify.evaluator import Evaluator
 
+Ending = Literal["converged", "given up", "stopped"]
+
 _GAIN = 1e-6  # of the cost, a log-likelihood: a thousandth of a standard error away from the optimum
 _SHARE = 3e-8  # of the cost: where the model misses much, so little is beyond all meaning
 _FAR = 1e6  # no step in the search's coordinates is as long
 _FIRST_DAMPING, _LEAST_DAMPING, _MOST_DAMPING = 1e-3, 1e-7, 1e3  # relative to the Hessian's diagonal
+_HOPE = 2.0  # times the gain that the quadratic model promises
 _POOR, _GOOD = 0.1, 0.7  # shares of the promised gain that a step kept
 
 
@@ -23,7 +27,8 @@ def polish(
     most: int,
     stopped: Callable[[], bool],
     step_taken: Callable[[], None],
-) -> bool:
+    rival: float = np.inf,
+) -> Ending:
     """Step from `z` until nothing is left to gain; the evaluator keeps the best point.
 
     An interior-point search shrinks its barrier to the last digit, at a full evaluation each time. Near the optimum
@@ -36,31 +41,34 @@ def polish(
         most: how many steps to take at most.
         stopped: asked before each step.
         step_taken: called after each step.
+        rival: a cost to beat, scaled as the evaluator's; a search that has no hope of it ends.
 
     Returns:
-        Whether the optimum was reached.
+        `"converged"`: the optimum was reached; `"given up"`: it is no match for the rival; `"stopped"` before either.
     """
     lower, upper = evaluator.problem.bounds()
     damping = 0.0
     for _ in range(most):
         if stopped():
-            return False
+            return "stopped"
         gradient, hessian = evaluator.derivatives(z)
         if not np.isfinite(hessian).all():
-            return False
+            return "stopped"
         enough = max(_GAIN * evaluator.scale, _SHARE * evaluator.cost(z))
         free = _bounded_step(gradient, hessian, lower - z, upper - z)
-        if _promised(gradient, hessian, free) < enough:
-            return True
-        before = evaluator.cost(z)
+        promised, before = _promised(gradient, hessian, free), evaluator.cost(z)
+        if promised < enough:
+            return "converged"
+        if before - _HOPE * promised > rival:
+            return "given up"
         following, damping = _downhill(evaluator, z, (gradient, hessian), free, damping)
         if following is None:  # rounding in the simulation hides what is left, or the model is no guide here
-            return _promised(gradient, hessian, free) < 100 * enough
+            return "converged" if promised < 100 * enough else "stopped"
         step_taken()
         if before - evaluator.cost(following) < 0.01 * enough:
-            return True
+            return "converged"
         z = following
-    return False
+    return "stopped"
 
 
 def _downhill(
