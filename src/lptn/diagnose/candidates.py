@@ -12,6 +12,7 @@ from lptn.network import EffectDeclaration, Network
 from lptn.parameters import Parameter
 from lptn.places import EVERYWHERE, class_of, expand_pair, in_run, matching, run_label
 
+_FEWEST = 3  # nodes that share an unseen mass
 Words = tuple[tuple[str, str], ...]
 """An effect's options with the words chosen for them, those left out at their defaults."""
 
@@ -182,11 +183,14 @@ def _driven_alike(network: Network, effect: type[Effect], node: str) -> bool:
 
 
 def _node_groups(network: Network, free: list[str]) -> list[tuple[str, list[str]]]:
-    """Patterns of two nodes or more, each as one place: classes of like nodes, and all of them."""
+    """Patterns of three nodes or more, each as one place: classes of like nodes, and all of them.
+
+    What lies between two nodes is an edge, and needs no mass of its own to be named.
+    """
     classes = dict.fromkeys(class_of(name) for name in network.dynamic)
     sizes = {at: len(matching(at, network.dynamic)) for at in classes}
-    proper = [at for at, size in sizes.items() if 1 < size < len(network.dynamic)]
-    whole = [EVERYWHERE] if len(network.dynamic) > 1 and free == [EVERYWHERE] else []
+    proper = [at for at, size in sizes.items() if _FEWEST <= size < len(network.dynamic)]
+    whole = [EVERYWHERE] if len(network.dynamic) >= _FEWEST and free == [EVERYWHERE] else []
     taken = {use.place for use in network.uses if use.effect.site == "group"}
     return [(at, [at]) for at in [*proper, *whole] if at not in taken]
 

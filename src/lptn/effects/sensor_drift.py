@@ -24,7 +24,7 @@ class SensorDrift(ExcessEffect):
     key = "sensor_drift"
     title = "sensor drift"
     per_run = True
-    parameters = (Parameter("rate", 1.0, "K/h", (-100.0, 100.0), off=0.0, typical=1.0, title="drift of the reading"),)
+    parameters = (Parameter("rate", 1.0, "K/h", (-30.0, 30.0), off=0.0, typical=1.0, title="drift of the reading"),)
     signature = Signature(
         looks_like="predicted off by more and more, whatever the robot does",
         separate_by="two hours at rest with nothing powered: does the reading leave the ambient?",
