@@ -14,7 +14,7 @@ import json
 import random
 import tempfile
 import time
-from collections.abc import Iterable
+from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
 from fnmatch import fnmatchcase
@@ -32,6 +32,28 @@ CATALOGUE = tuple(effect for effect in EFFECTS if effect not in BEYOND)
 NOISES = {"0.1K": (0.1, 0.0), "0.3K": (0.3, 0.0), "1K": (0.1, 1.0)}
 IN_ONE_RUN = ("surface_scale", "loss_scale")
 """Effects that a free parameter imitates unless they act in one run only."""
+SIZES = {
+    "resistance_rise": 0.00393,
+    "torque_constant_drop": 0.0012,
+    "natural_convection": 0.006,
+    "forced_convection": 0.55,
+    "coulomb_friction": 0.5,
+    "viscous_friction": 0.07,
+    "constant_heat": 1.5,
+    "gear_loss": 0.1,
+    "driver_loss": 0.5,
+    "computer_heat": 0.1,
+    "battery_heat": 0.01,
+    "radiation": 0.008,
+    "sensor_offset": 2.0,
+    "sensor_drift": 4.0,
+    "sensor_position": 0.2,
+    "ambient_offset": 2.5,
+    "clock_offset": 30.0,
+    "surface_scale": 0.3,
+    "loss_scale": 0.2,
+}
+"""True amplitudes at size 1, where truth and model share the parameter."""
 NODES = LAYOUTS["quadruped"].nodes
 Key = tuple[str, str]
 
@@ -57,6 +79,8 @@ class Result:
         rungs: effect and place of each rung.
         group: names that the first rung can't be told from, itself included.
         holdout: held-out RMSE of each rung, the given model first [K].
+        p_value: of the best candidate: how often chance alone would score as much.
+        off: fitted minus true amplitude in standard errors, where the one hidden effect was named and both share it.
         seconds: CPU time of the search.
     """
 
@@ -66,6 +90,8 @@ class Result:
     rungs: list[Key]
     group: list[Key]
     holdout: list[float]
+    p_value: float
+    off: float | None
     seconds: float
 
 
@@ -121,7 +147,23 @@ def _result(case: Case, ladder: Ladder, seconds: float) -> Result:
     rungs = [(rung.effect, rung.at) for rung in ladder.rungs[1:] if rung.effect and rung.at]
     group = [*rungs[:1], *(ladder.rungs[1].alike if rungs else ())]
     holdout = [rung.holdout.rmse for rung in ladder.rungs if rung.holdout]
-    return Result(case, ladder.verdict, ladder.remaining, rungs, group, holdout, seconds)
+    best = max((score.gain for score in ladder.first.scores.ranked), default=0.0)
+    p_value = ladder.first.scores.p_value(best)
+    return Result(case, ladder.verdict, ladder.remaining, rungs, group, holdout, p_value, _off(case, ladder), seconds)
+
+
+def _off(case: Case, ladder: Ladder) -> float | None:
+    if len(case.hidden) != 1 or len(ladder.rungs) != 2:
+        return None
+    declaration = ladder.rungs[1].declaration
+    if declaration is None or declaration.effect.key not in SIZES or not case.hidden[0].startswith(declaration.name):
+        return None
+    amplitude = declaration.effect.amplitude()
+    known = {unknown.name: unknown.value for unknown in ladder.best.fit.model.unknowns}
+    for name, error in ladder.best.fit.errors.items():
+        if amplitude is not None and name.startswith(f"{declaration.name}.{amplitude.name}.") and error > 0:
+            return (known[name] - SIZES[declaration.effect.key]) / error
+    return None
 
 
 def cases(chosen: argparse.Namespace) -> list[Case]:
@@ -168,7 +210,7 @@ def row(done: Result) -> str:
     return f"| {hidden} | {case.seed} | {case.noise} | {said} | {ladder} | {answer} | {errors} | {done.seconds:.0f} |"
 
 
-def summary(results: Iterable[Result]) -> str:
+def summary(results: Sequence[Result]) -> str:
     """Shares by kind of case."""
     kinds: dict[str, list[Result]] = {}
     for done in results:
@@ -189,7 +231,17 @@ def summary(results: Iterable[Result]) -> str:
             f"exactly it {shares[2]:.2f}; all of it found {both / n:.2f}; "
             f"within three rungs {third / n:.2f}; called unexplained {unexplained:.2f}"
         )
-    return "\n".join(lines)
+    return "\n".join([*lines, _calibration(results)])
+
+
+def _calibration(results: Sequence[Result]) -> str:
+    """Stated p-values and intervals against what happened."""
+    clean = [done for done in results if done.case.tier == "clean"]
+    nothing = [done.p_value for done in clean if not done.case.hidden]
+    off = [abs(done.off) for done in clean if done.off is not None]
+    alarms = ", ".join(f"{sum(p <= level for p in nothing)} at p <= {level:g}" for level in (0.05, 0.1, 0.2))
+    inside = ", ".join(f"{sum(o <= width for o in off)} within {width:g} SE" for width in (1.0, 1.96, 3.0))
+    return f"calibration: nothing hidden, {len(nothing)} cases: {alarms}; sizes, {len(off)} cases: {inside}"
 
 
 def _read(out: Path) -> list[Result]:

@@ -1,0 +1,282 @@
+"""Rival effects on a sensor of 1 K steps: decided by an hour of walking, by the proposed run, by more walking?
+
+Run it with ``python tests/benchmarks/designed_experiment.py --seeds 101 102 --jobs 2 --out rivals.jsonl``. One effect
+of each pair is hidden in a virtual quadruped; both are refitted, first to 60 min of ordinary walking, then to that and
+the proposed 20 min as the virtual robot does them, then to that and 20 min more of walking. Decided rightly means:
+the hidden one explains the data best, and the other is not tied with it. ``--out`` keeps each pair that is done;
+with the same file a run goes on where it was stopped. The truth comes from `lptn.virtual`, which shares no code with
+the model; logs go through files, as a user's would.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import random
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+
+from lptn import virtual
+from lptn.diagnose import Refit, candidates, score, tied
+from lptn.diagnose.experiment import Experiment, Move, possible_moves, propose
+from lptn.diagnose.refit import refit_all
+from lptn.evidence import evidence
+from lptn.on_evidence import fit_parts
+from lptn.opening import Opened, open_model
+from lptn.places import EVERYWHERE
+from lptn.robots import preset_text
+from lptn.virtual import Hidden, Segment
+
+NOISE, STEPS, AMBIENT = 0.15, 1.0, 22.0
+SEARCH_STEP = 5.0  # s
+BODY, LOADED, MOST_LOAD = 12.0, 4.0, 20.0  # kg, as the virtual robot's activities have it
+STAND = {"hip": 1.3, "thigh": 2.2, "calf": 5.6}  # N·m with LOADED on the back
+TROT = {"hip": 2.242, "thigh": 3.767, "calf": 8.078}
+SWEEP = {"hip": 8.0, "thigh": 8.0, "calf": 9.0}  # rad/s, amplitude of a sine
+
+# Two effects, their place ("?" is a joint drawn by the seed), and how many times its usual size the hidden one has.
+PAIRS: tuple[tuple[str, str, str, float], ...] = (
+    ("radiation", "natural_convection", "*", 3.0),
+    ("radiation", "natural_convection", "*_calf", 3.0),
+    ("coulomb_friction", "viscous_friction", "*", 1.0),
+    ("coulomb_friction", "viscous_friction", "*_calf", 1.0),
+    ("coulomb_friction", "iron_loss", "?", 2.0),
+    ("viscous_friction", "iron_loss", "*_thigh", 1.0),
+    ("sensor_offset", "constant_heat", "?", 1.5),
+    ("gear_loss", "coulomb_friction", "*", 1.0),
+    ("gear_loss", "viscous_friction", "?", 2.0),
+    ("driver_loss", "constant_heat", "*", 1.0),
+    ("driver_loss", "loss_scale", "?", 2.0),
+    ("forced_convection", "natural_convection", "*", 1.0),
+    ("resistance_rise", "natural_convection", "*", 1.0),
+    ("constant_heat", "computer_heat", "?", 2.0),
+)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """One pair: what was hidden, and for each set of data whether it was decided rightly, wrongly, or not.
+
+    Args:
+        pair: number in `PAIRS`.
+        hidden: the true effect.
+        rival: the other.
+        at: the place of both.
+        seed: of the robot.
+        before: the answer from the hour of walking.
+        designed: from that and the proposed run.
+        walking: from that and more walking.
+        gain: of the better rival over the baseline before; an effect below 10 was hardly there to be seen.
+        expected: decisive standard deviations that the proposal promises.
+        kelvin: the difference that it promises.
+        separates: whether it says that the run decides.
+        tried: how many runs it compared.
+        proposing: seconds that it took.
+        seconds: for all of it.
+        text: the proposal.
+    """
+
+    pair: int
+    hidden: str
+    rival: str
+    at: str
+    seed: int
+    before: str
+    designed: str
+    walking: str
+    gain: float
+    expected: float
+    kelvin: float
+    separates: bool
+    tried: int
+    proposing: float
+    seconds: float
+    text: str
+
+
+def walking(seconds: int, seed: str) -> tuple[Segment, ...]:
+    """Ordinary walking: walks and trots of moderate speed and load, a stand, at the end a short rest."""
+    draw = random.Random(f"walking {seed}")
+    kinds = ["walk", "trot", "walk", "stand", "trot"] * max(1, seconds // 1800)
+    draw.shuffle(kinds)
+    each = int(0.92 * seconds / len(kinds))
+    parts = []
+    for kind in kinds:
+        speed = 0.0 if kind == "stand" else draw.uniform(0.2, 0.8)
+        parts.append(Segment(kind, each, speed, draw.uniform(0.0, 4.0)))
+    return (*parts, Segment("rest", seconds - each * len(kinds)))
+
+
+def segments(experiment: Experiment) -> tuple[Segment, ...]:
+    """The proposed run in the virtual robot's words."""
+    table = zip(experiment.program.steps, experiment.moves, strict=True)
+    return tuple(_segment(step.move, round(step.seconds), entry["inputs"]) for step, entry in table)
+
+
+def feasible(move: Move) -> bool:
+    """What the virtual robot can do: any joints push; all swing without load; all walk under load."""
+    if move.speed == 0.0:
+        return True
+    return move.at == EVERYWHERE and (move.load == 0.0 or move.travelling)
+
+
+def _segment(move: Move, seconds: int, inputs: object) -> Segment:
+    if not isinstance(inputs, dict) or not move.joints:
+        return Segment("rest", seconds)
+    torque = {joint: float(inputs.get(f"torque.{joint}", 0.0)) for joint in move.joints}
+    if move.travelling:
+        speed = float(inputs["speed.base"])
+        return Segment("trot", seconds, speed, _load(torque, TROT, 1 + 0.15 * speed))
+    if move.speed > 0.0:
+        means = {joint: 2 / np.pi * SWEEP[joint.split("_")[1]] for joint in move.joints}
+        paces = [float(inputs[f"velocity.{joint}"]) / mean for joint, mean in means.items()]
+        return Segment("leg_sweep", seconds, min(float(np.mean(paces)), 3.0))
+    if move.at == EVERYWHERE:
+        return Segment("stand", seconds, 0.0, _load(torque, STAND, 1.0))
+    size = float(np.sqrt(np.mean(np.square(list(torque.values())))))
+    return Segment("hold", seconds, joints=move.joints, torque=min(size, 33.5))
+
+
+def _load(torque: dict[str, float], usual: dict[str, float], growth: float) -> float:
+    """The load [kg] with which all joints together have the torques' copper loss."""
+    ratio = np.sqrt(sum(t**2 for t in torque.values()) / sum(usual[j.split("_")[1]] ** 2 for j in torque)) / growth
+    return float(np.clip(ratio * (BODY + LOADED) - BODY, 0.0, MOST_LOAD))
+
+
+def judged(hidden: str, found: Sequence[Refit]) -> str:
+    """Decided `right` or `wrong`, or `tied`."""
+    if len(found) < 2:
+        return "tied"
+    first, second = found[:2]
+    if tied(first.fit, second.fit):
+        return "tied"
+    return "right" if first.candidate.effect.key == hidden else "wrong"
+
+
+def refits(opened: Opened, logs: Sequence[Path], rivals: Sequence[str], at: str) -> list[Refit]:
+    """The rivals fitted to these logs, the one that explains more first."""
+    data = evidence(opened.runs(logs)).coarsened(SEARCH_STEP)
+    base = fit_parts(opened.model, data.fit)
+    columns = set.intersection(*(set(part.run.columns) for part in data.fit))
+    # All that can have the effect: every node, or every joint.
+    names = ("*", "*_*") if at == EVERYWHERE else (at,)
+    known = candidates(opened.model.network, columns)
+    found = [each for each in known if each.effect.key in rivals and each.at in names and not each.run]
+    if len(found) != len(rivals):
+        raise ValueError(f"rivals {rivals} at {at}: the model has room for {[each.key for each in found]}")
+    return refit_all(base, score(base, found).ranked)
+
+
+def trial(number: int, seed: int) -> Outcome:
+    """One pair of `PAIRS` on one robot."""
+    pair = PAIRS[number]
+    begin, draw = time.perf_counter(), random.Random(f"{pair[:3]} {seed}")
+    at = draw.choice(virtual.places("coulomb_friction", "quadruped")[:12]) if pair[2] == "?" else pair[2]
+    hidden, rival = draw.sample(pair[:2], 2)
+    rivals = (hidden, rival)
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        (folder / "quadruped.toml").write_text(preset_text("quadruped", "coupled"))
+        opened = open_model(folder / "quadruped.toml")
+
+        def log(what: str, parts: tuple[Segment, ...], ambient: float) -> Path:
+            effect = Hidden(hidden, at, pair[3], "quadruped")
+            runs = {what: virtual.Run(parts, ambient, cutout=None)}
+            options = {"seed": seed, "physics": "plain", "noise": NOISE, "quantisation": STEPS, "columns": "all"}
+            return virtual.write_quadruped(folder, [effect], runs=runs, **options)[0]  # type: ignore[arg-type]
+
+        base = log("base", walking(3600, f"{seed}"), AMBIENT)
+        first = refits(opened, [base], rivals, at)
+        moves = [move for move in possible_moves(first) if feasible(move)]
+        asked = time.process_time()
+        experiment = propose(first, allowed=moves)
+        proposing = time.process_time() - asked
+        if experiment is None:
+            raise ValueError(f"{rivals} at {at}, seed {seed}: every run is too hot")
+        designed = log("designed", segments(experiment), experiment.program.ambient)
+        more = log("more", walking(1200, f"more {seed}"), AMBIENT)
+        weakest = experiment.weakest
+        return Outcome(
+            number,
+            hidden,
+            rival,
+            at,
+            seed,
+            judged(hidden, first),
+            judged(hidden, refits(opened, [base, designed], rivals, at)),
+            judged(hidden, refits(opened, [base, more], rivals, at)),
+            max(each.gain for each in first),
+            weakest.decisive,
+            weakest.kelvin,
+            experiment.separates,
+            experiment.tried,
+            proposing,
+            time.perf_counter() - begin,
+            experiment.text(),
+        )
+
+
+def row(done: Outcome) -> str:
+    """A line of the table."""
+    said = "yes" if done.separates else "no"
+    return (
+        f"| {done.hidden} | {done.rival} | {done.at} | {done.seed} | {done.gain:.0f} | {done.before} | {done.designed} | {done.walking} "
+        f"| {said}, {done.expected:.1f} sd, {done.kelvin:.2f} K | {done.text} |"
+    )
+
+
+def summary(outcomes: Sequence[Outcome]) -> str:
+    """Shares of the pairs decided rightly and wrongly."""
+    lines = []
+    for what, label in (("before", "60 min walking"), ("designed", "+ proposed"), ("walking", "+ 20 min walking")):
+        answers = [getattr(done, what) for done in outcomes]
+        shares = ", ".join(f"{word} {answers.count(word) / len(answers):.2f}" for word in ("right", "tied", "wrong"))
+        lines.append(f"{label}: {shares}")
+    for said in (True, False):
+        chosen = [done.designed for done in outcomes if done.separates == said]
+        promise = "promised to separate" if said else "said that nothing separates"
+        lines.append(f"{promise}: {len(chosen)}, of these right after the run {chosen.count('right')}")
+    lines.append(f"median {np.median([done.proposing for done in outcomes]):.1f} s of CPU a proposal")
+    return f"{len(outcomes)} pairs; " + "; ".join(lines)
+
+
+def _kept(file: Path | None) -> Iterator[Outcome]:
+    if file is not None and file.exists():
+        for line in file.read_text(encoding="utf-8").splitlines():
+            yield Outcome(**json.loads(line))
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seeds", nargs="+", type=int, default=[101, 102])
+    parser.add_argument("--pairs", nargs="+", type=int, default=list(range(len(PAIRS))), help="numbers in PAIRS")
+    parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--out", type=Path)
+    chosen = parser.parse_args()
+    done = {(each.pair, each.seed): each for each in _kept(chosen.out)}
+    wanted = [(number, seed) for seed in chosen.seeds for number in chosen.pairs]
+    print("| hidden | rival | at | seed | gain | before | after proposed | after walking | promised | proposal |")
+    print("| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |")
+    for each in done.values():
+        print(row(each))
+    with ProcessPoolExecutor(chosen.jobs) as pool:
+        tasks = [pool.submit(trial, *task) for task in wanted if task not in done]
+        for task in as_completed(tasks):
+            found = task.result()
+            done[found.pair, found.seed] = found
+            print(row(found), flush=True)
+            if chosen.out is not None:
+                with chosen.out.open("a", encoding="utf-8") as file:
+                    file.write(json.dumps(asdict(found)) + "\n")
+    print(summary(list(done.values())))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,74 @@
+"""Time of one diagnosis against refitting every candidate, and whether the two agree.
+
+Run it with ``python tests/benchmarks/diagnosis_time.py``: the virtual quadruped, 13 nodes, an hour at 1 s, the full
+catalogue. Brute force fits the model once with each candidate in it, by the same fit from the same start, to the end.
+CPU time of one process; the two are measured in one run.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+import time
+from pathlib import Path
+
+from lptn.diagnose import SEARCH_STEP, candidates, examine, worse_by
+from lptn.diagnose.refit import refit
+from lptn.evidence import Evidence, evidence
+from lptn.identify import Fit
+from lptn.model import Model
+from lptn.on_evidence import fit_parts
+from lptn.opening import open_model
+from lptn.virtual import quadruped_logs, write_logs
+
+MODEL = Path(__file__).with_name("quadruped_plain.toml")
+
+
+def hour(effect: str, at: str, seed: int) -> tuple[Model, Evidence]:
+    """An hour of logs with one hidden effect, to fit."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        logs = quadruped_logs([(effect, at)], seed=seed, runs="hour", physics="plain", noise=0.1, quantisation=0.0)
+        write_logs(folder, logs)
+        opened = open_model(MODEL)
+        return opened.model, evidence(opened.runs([folder / "fit1.parquet", folder / "fit2.parquet"]))
+
+
+def brute_force(base: Fit, data: Evidence, most: int | None) -> tuple[list[tuple[float, tuple[str, str]]], int, float]:
+    """Each candidate's gain, best first; how many there are; and the CPU time for all, from those that were run."""
+    columns = set.intersection(*(set(part.run.columns) for part in data.fit))
+    found = candidates(base.model.network, columns, [part.run.name for part in data.fit])
+    picked = found if most is None else found[:: max(1, len(found) // most)]
+    start = time.process_time()
+    gains = []
+    for candidate in picked:
+        shape = candidate.effect.shape()
+        declaration = candidate.declaration(None, shape.grid[0] if shape else None)
+        gains.append((worse_by(base, refit(base, declaration)), candidate.key))
+    spent = (time.process_time() - start) * len(found) / len(picked)
+    return sorted(gains, reverse=True), len(found), spent
+
+
+def main() -> None:
+    """Print both times, their ratio and both answers."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--effect", default="forced_convection")
+    parser.add_argument("--at", default="RL_calf")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--most", type=int, help="candidates to refit by brute force, spread evenly; all by default")
+    chosen = parser.parse_args()
+    model, data = hour(chosen.effect, chosen.at, chosen.seed)
+    coarse = data.coarsened(SEARCH_STEP)
+    start = time.process_time()
+    base = fit_parts(model, coarse.fit)
+    fitted = time.process_time()
+    found = examine(base, coarse)
+    ours = time.process_time() - fitted
+    print(f"baseline fit {fitted - start:.1f} s; diagnosis {ours:.1f} s: {found.verdict}, {found.findings[0].key}")
+    gains, count, spent = brute_force(base, coarse, chosen.most)
+    print(f"brute force, {count} candidates: {spent:.0f} s, {spent / ours:.0f} times as long; best {gains[0][1]}")
+    print("first five: ours", [each.key for each in found.findings[:5]], "brute force", [key for _, key in gains[:5]])
+
+
+if __name__ == "__main__":
+    main()
