@@ -31,6 +31,7 @@ class Assembly:
         self.prescribed: dict[str, str | int] = {}
         self.links: list[Link] = []
         self.uses: list[Use] = []
+        self._labels: set[str] = set()
         self.runs: dict[str, int] = {}
         self.bodies = Bodies(origin)
         self._elements: dict[str, tuple[str, Element]] = {}
@@ -174,7 +175,6 @@ class Assembly:
                 f'"{effect.at}", which matches no place for {effect.effect.key}',
                 places_in_words(effect, network),
             )
-        taken = {use.label for use in self.uses}
         indicator = self._indicator(effect.run)
         for place, ends in places:
             indices = {
@@ -182,8 +182,9 @@ class Assembly:
                 for name, declared in effect.resolved.items()
             }
             use = Use(effect, place, ends, indices, indicator)
-            if use.label in taken:
+            if use.label in self._labels:
                 raise InputError(
                     self.origin, where, f"a second {use.name} at {place}", "each effect once at each place"
                 )
+            self._labels.add(use.label)
             self.uses.append(use)

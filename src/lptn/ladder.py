@@ -17,7 +17,6 @@ import numpy as np
 from lptn.arrays import FloatArray
 from lptn.compare import Errors, Prediction, predict
 from lptn.diagnose import (
-    SEARCH_STEP,
     SIGNIFICANT,
     TIE,
     Diagnosis,
@@ -27,6 +26,7 @@ from lptn.diagnose import (
     examine,
     explained,
     explained_elsewhere,
+    for_search,
     tied,
     unless_interrupted,
     worse_by,
@@ -187,7 +187,7 @@ def improve(
     Raises:
         InputError: a run lacks an input of the model.
     """
-    coarse = data.coarsened(SEARCH_STEP)
+    coarse = for_search(data)
     report("fitting the model as it stands")
     search = _Search(coarse, executor, report)
     root = _Path(unless_interrupted(fit_parts(model, coarse.fit)), (), coarse)

@@ -10,6 +10,7 @@ from lptn.diagnose.diagnosis import (
     examine,
     explained,
     explained_elsewhere,
+    for_search,
 )
 from lptn.diagnose.refit import SIGNIFICANT, TIE, Refit, continued, tied, unless_interrupted, worse_by
 from lptn.diagnose.score import Score, Scores, score
@@ -31,6 +32,7 @@ __all__ = [
     "examine",
     "explained",
     "explained_elsewhere",
+    "for_search",
     "score",
     "tied",
     "unless_interrupted",

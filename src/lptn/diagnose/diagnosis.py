@@ -24,6 +24,7 @@ Report = Callable[[str], None]
 """Called with a sentence on what is being done."""
 
 SEARCH_STEP = 5.0  # s; effects are sought on means over so long, which loses little and saves most of the time
+_MOST_STEPS = 4000  # of all fitted runs together: days of data get longer means, so that memory stays bounded
 _MOST_REFITS = 6
 _ELSEWHERE = 0.3  # share of the held-out error, squared and beyond noise, that must go with it
 _HELPS = 1e-3  # share of the misfit that a refit must remove to be worth a line
@@ -127,7 +128,7 @@ def diagnose(
     Raises:
         InputError: a run lacks an input of the model.
     """
-    coarse = data.coarsened(SEARCH_STEP)
+    coarse = for_search(data)
     report("fitting the model as it stands")
     base = unless_interrupted(fit_parts(model, coarse.fit))
     found = examine(base, coarse, refits=refits, executor=executor, report=report)
@@ -136,6 +137,12 @@ def diagnose(
         if _together(found, coarse, refits, executor):
             return replace(found, verdict="missing")
     return found
+
+
+def for_search(data: Evidence) -> Evidence:
+    """The same evidence in steps that a search takes: 5 s, longer for more than five hours to fit."""
+    seconds = sum(len(part.run) * part.run.step for part in data.fit)
+    return data.coarsened(max(SEARCH_STEP, seconds / _MOST_STEPS))
 
 
 def examine(

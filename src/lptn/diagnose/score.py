@@ -140,6 +140,8 @@ def _combine(
 ) -> list[Options]:
     """For each candidate its directions: the sum of its places' columns, at each shape."""
     where = {site: number for number, site in enumerate(places)}
+    # A candidate's columns lie side by side in memory when the matrices are stored by columns.
+    projected, columns = np.asfortranarray(projected), np.asfortranarray(columns)
     combined = []
     for candidate in found:
         amplitude = candidate.effect.amplitude()
