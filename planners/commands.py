@@ -1,4 +1,4 @@
-"""Commands of the planners' room: `lptn trade`."""
+"""Commands of the planners' room: `lptn trade` and `lptn plan`."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Annotated
 
 from cyclopts import Parameter as Option
 
-from lptn.cli_support import check_outputs, check_picture, write_figure
+from lptn.cli_support import Json, check_outputs, check_picture, write_figure
 
 Result = Annotated[
     Path | None, Option(name=["--json", "--output", "-o"], help="File to write the result to, for programs (JSON).")
@@ -42,3 +42,53 @@ def trade(study: Path, /, *, json: Result = None, plot: Plot = None) -> None:
 
         write_figure(study_figure(result), plot)
     write_json(json, as_json(result))
+
+
+def plan(
+    model: Path,
+    task: Path,
+    /,
+    *,
+    output: Annotated[
+        Path | None, Option(name=["--output", "-o"], help="Table to write the plan to: .csv or .parquet.")
+    ] = None,
+    json: Json = None,
+    plot: Plot = None,
+    emit_c: Annotated[
+        Path | None, Option(name="--emit-c", help="Folder to write the controller step to, as C for the robot.")
+    ] = None,
+) -> None:
+    """Plan torque, speeds or loads so that nothing gets too hot, as a task file asks.
+
+    Example: lptn plan quadruped.toml track.toml -o plan.csv --json plan.json --plot plan.png
+    """
+    from lptn.errors import InputError
+    from lptn.model import Model
+    from lptn.model_file import load_model
+    from lptn.terminal import progress, write_json
+
+    from .plan.kinds import kind_of
+    from .plan.output import check_folder, check_table, write_c, write_table
+    from .plan.task_file import load_task
+
+    check_outputs(output, json, plot)
+    check_table(output)
+    check_picture(plot)
+    for written in (output, json, plot):
+        if written is not None and written.resolve() in (model.resolve(), task.resolve()):
+            expected = "another file, for this one would be lost"
+            raise InputError(written, "output", "the model or the task itself", expected)
+    table = load_task(task)
+    kind = kind_of(table, str(task))
+    check_folder(emit_c, kind, str(task))
+    asked = kind.read(table, str(task), Model(load_model(model).network))
+    with progress("planning"):
+        answer = kind.run(asked)
+    print(answer.text())
+    if output is not None:
+        write_table(answer.table(), output)
+    if plot is not None:
+        write_figure(answer.figure(), plot)
+    write_json(json, answer.as_json())
+    if emit_c is not None:
+        write_c(kind, asked, emit_c)

@@ -1,0 +1,163 @@
+"""`kind = "limit"` for `lptn plan`: admissible torque now, and how far an activity can be scaled."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import inf, isinf
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+import pandas as pd
+from pydantic import Field
+
+from lptn.arrays import FloatArray
+from lptn.model import Model
+from lptn.model_schema import Strict
+
+from ..mpc.controller import requested_by
+from ..mpc.heat import Request
+from ..plan.task_file import ByPlace, Celsius, Positive, by_name, conditions_of, start_of, told_in
+from .limiter import Limiter
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+class TaskTable(Strict):
+    kind: Literal["limit"]
+    name: str = "admissible torque"
+    request: Request | None = None
+    horizons: list[Positive] = Field(default=[10.0, 60.0, 300.0], min_length=1, max_length=12)
+
+
+class File(Strict):
+    task: TaskTable
+    limits: dict[str, Celsius] = Field(min_length=1)
+    start: dict[str, Celsius] = Field(min_length=1)
+    load: ByPlace = Field(default_factory=dict)
+    conditions: ByPlace = Field(default_factory=dict)
+    current_limits: dict[str, Positive] = Field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Task:
+    """A limiter and the present.
+
+    Args:
+        limiter: at the task's limits and horizons, the last one infinite.
+        name: for the figure.
+        x: states [degC].
+        load: RMS torque or current of each joint.
+        conditions: the model's other inputs.
+    """
+
+    limiter: Limiter
+    name: str
+    x: FloatArray
+    load: FloatArray
+    conditions: FloatArray
+
+
+@dataclass(frozen=True)
+class LimitAnswer:
+    """What each joint may give, and how far all can be scaled.
+
+    Args:
+        task: what was asked.
+        admissible: shape (joints, horizons).
+        scales: of the present load of all joints, by horizon; infinite without a load.
+    """
+
+    task: Task
+    admissible: FloatArray
+    scales: FloatArray
+
+    def table(self) -> pd.DataFrame:
+        """A row a joint."""
+        limiter = self.task.limiter
+        unit, nodes = limiter.heating.unit, limiter.model.nodes
+        warm = [self.task.x[nodes.index(joint)] if joint in nodes else np.nan for joint in limiter.joints]
+        columns: dict[str, object] = {"joint": list(limiter.joints), "temperature [degC]": warm,
+                                      f"load [{unit}]": self.task.load}  # fmt: skip
+        for number, seconds in enumerate(limiter.horizons):
+            columns[f"{_named(seconds)} [{unit}]"] = self.admissible[:, number]
+        return pd.DataFrame(columns)
+
+    def figure(self) -> Figure:
+        """Bars of the admissible values, the load as a line."""
+        from .figure import limit_figure
+
+        return limit_figure(self)
+
+    def as_json(self) -> dict[str, object]:
+        """Admissible values by joint and horizon; `for ever` under null seconds."""
+        limiter = self.task.limiter
+        return {
+            "kind": "limit",
+            "name": self.task.name,
+            "unit": limiter.heating.unit,
+            "seconds": [None if isinf(seconds) else seconds for seconds in limiter.horizons],
+            "admissible": dict(zip(limiter.joints, self.admissible.tolist(), strict=True)),
+            "scale": [None if isinf(scale) else scale for scale in self.scales],
+        }
+
+    def text(self) -> str:
+        """The table, and the scales of the whole load."""
+        limiter = self.task.limiter
+        names = [_named(seconds) for seconds in limiter.horizons]
+        head = "".join(f"{name:>12}" for name in names)
+        lines = [f"{'joint':16} {'load':>8} {head} [{limiter.heating.unit}]"]
+        for joint, load, row in zip(limiter.joints, self.task.load, self.admissible, strict=True):
+            lines.append(f"{joint:16} {load:8.3g} " + "".join(f"{_short(value):>12}" for value in row))
+        lines.append(f"{'all, as a factor':16} {1:8} " + "".join(f"{_short(value):>12}" for value in self.scales))
+        nothing = [joint for joint, row in zip(limiter.joints, self.admissible, strict=True) if not row.any()]
+        if nothing:
+            why = "a node is at its limit, or gets there by the other joints' load"
+            lines.insert(0, f"No torque at all is admissible at {', '.join(nothing)}: {why}.")
+        return "\n".join(lines)
+
+
+class LimitKind:
+    """`kind = "limit"`."""
+
+    def read(self, table: Mapping[str, Any], origin: str, model: Model) -> Task:
+        """A task from the whole parsed task file.
+
+        Raises:
+            InputError: something in it can't be used.
+        """
+        with told_in(origin):
+            file = File.model_validate(dict(table))
+            by_name(file.limits, model.nodes, origin, "limits")
+            request = file.task.request or requested_by(model)
+            limiter = Limiter(model, file.limits, request=request, horizons=(*sorted(set(file.task.horizons)), inf),
+                              current_limits=file.current_limits or inf)  # fmt: skip
+            levels = by_name(file.load, limiter.joints, origin, "load")
+            load = np.array([levels.get(joint, 0.0) for joint in limiter.joints])
+            around = conditions_of(file.conditions, limiter.conditions, origin)
+            return Task(limiter, file.task.name, start_of(file.start, model, origin), load, around)
+
+    def run(self, task: Task) -> LimitAnswer:
+        """The admissible values now."""
+        limiter = task.limiter
+        scales = [limiter.largest_scale(task.x, task.load, seconds, task.conditions) for seconds in limiter.horizons]
+        return LimitAnswer(task, limiter.admissible(task.x, task.load, task.conditions), np.array(scales))
+
+    def emit_c(self, task: Task, folder: Path) -> list[Path]:
+        """The limiter as C."""
+        from .emit import emit
+
+        return emit(task.limiter, folder, task.x, task.load, task.conditions)
+
+
+def _named(seconds: float) -> str:
+    return "continuous" if isinf(seconds) else f"{seconds:g} s"
+
+
+def _short(value: float) -> str:
+    return "no limit" if isinf(value) or value > 1e6 else f"{value:.3g}"
+
+
+plan_kind = LimitKind()

@@ -1,0 +1,117 @@
+/* One step of the thermal controller: bias estimate, exact linear steps, interior point with Riccati elimination. */
+#include "lptn_mpc.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "heat.c"
+#include "linear.c"
+#include "observe.c"
+#include "bounds.c"
+#include "newton.c"
+#include "interior.c"
+
+#define KEPT 1e-3 /* K; slack below it is the solver's own */
+
+/* Requests and conditions as finite numbers, and what a deviation from them costs. */
+static void take(const lptn_mpc_settings *o, lptn_mpc_state *m, lptn_mpc_work *w, const double *request,
+                 const double *conditions, lptn_mpc_result *out) {
+    double all = 0;
+    for (int k = 0; k < LPTN_N; k++) {
+        for (int i = 0; i < LPTN_ND; i++) {
+            const double given = conditions[k * LPTN_ND + i];
+            if (isfinite(given)) m->conditions[i] = given;
+            else out->status |= LPTN_NO_CONDITION;
+            w->d[k][i] = m->conditions[i];
+        }
+        for (int j = 0; j < LPTN_NU; j++) {
+            const double given = request[k * LPTN_NU + j];
+            if (!isfinite(given)) out->status |= LPTN_NO_REQUEST;
+            w->c[k][j] = isfinite(given) ? given : 0.0;
+            w->a[k][j] = o->stage[k] * o->weight[j] * w->c[k][j] * w->c[k][j];
+            all += w->a[k][j];
+        }
+    }
+    memcpy(m->conditions, w->d[0], sizeof w->d[0]);
+    memcpy(w->bias, m->bias, sizeof w->bias), memcpy(w->gain, m->gain, sizeof w->gain);
+    /* A joint of which nothing is asked keeps a trace of cost, so that its scale is determined. */
+    for (int k = 0; k < LPTN_N; k++)
+        for (int j = 0; j < LPTN_NU; j++)
+            w->a[k][j] = all > 0 ? fmax(w->a[k][j] / all, 1e-9) : 1.0 / (LPTN_N * LPTN_NU);
+}
+
+/* Whether everything that the current allows stays below every limit; then it is the optimum. */
+static int all_stays_cool(const lptn_mpc_settings *o, lptn_mpc_work *w) {
+    memcpy(w->s, w->hi, sizeof w->s);
+    for (int k = 0; k < LPTN_N; k++) {
+        linearise(o, w, k, w->x[k]);
+        advance(w, k, w->x[k], w->s[k], w->x[k + 1]);
+        for (int l = 0; l < LPTN_NL; l++)
+            if (!(w->x[k + 1][o->node[l]] <= w->limit[k][l])) return 0;
+    }
+    return 1;
+}
+
+/* The largest scale for all joints and stages that keeps the limits, where the solver gave up. */
+static void constant_scale(const lptn_mpc_settings *o, lptn_mpc_work *w) {
+    double low = FLOOR, high = 1.0;
+    for (int n = 0; n < 30; n++) {
+        const double middle = 0.5 * (low + high);
+        int cool = 1;
+        for (int k = 0; k < LPTN_N && cool; k++) {
+            for (int j = 0; j < LPTN_NU; j++) w->s[k][j] = fmax(w->lo[k][j], middle * w->hi[k][j]);
+            if (n == 0) linearise(o, w, k, w->x[k]);
+            advance(w, k, w->x[k], w->s[k], w->x[k + 1]);
+            for (int l = 0; l < LPTN_NL; l++) cool &= w->x[k + 1][o->node[l]] <= w->limit[k][l];
+        }
+        if (cool) low = middle;
+        else high = middle;
+    }
+    for (int k = 0; k < LPTN_N; k++) {
+        for (int j = 0; j < LPTN_NU; j++) w->s[k][j] = fmax(w->lo[k][j], low * w->hi[k][j]);
+        advance(w, k, w->x[k], w->s[k], w->x[k + 1]);
+    }
+}
+
+static void report(const lptn_mpc_settings *o, lptn_mpc_state *m, const lptn_mpc_work *w, lptn_mpc_result *out) {
+    out->cost = out->worst = 0;
+    for (int k = 0; k < LPTN_N; k++) {
+        for (int j = 0; j < LPTN_NU; j++) {
+            const double scale = sqrt(w->s[k][j]);
+            out->plan[k][j] = scale * w->c[k][j];
+            out->cost += w->a[k][j] * (1 - scale) * (1 - scale);
+        }
+        for (int l = 0; l < LPTN_NL; l++) {
+            out->slack[k][l] = fmax(w->x[k + 1][o->node[l]] - o->limit[l], 0.0);
+            out->worst = fmax(out->worst, out->slack[k][l]);
+        }
+    }
+    if (out->worst > KEPT) out->status |= LPTN_TOO_HOT;
+    memcpy(out->x, w->x, sizeof out->x);
+    memcpy(out->admitted, out->plan[0], sizeof out->admitted);
+    memcpy(m->applied, out->admitted, sizeof m->applied);
+    memcpy(m->scale, w->s, sizeof m->scale);
+}
+
+void lptn_mpc_step(const lptn_mpc_settings *o, lptn_mpc_state *m, lptn_mpc_work *w, const double *measured,
+                   const double *request, const double *conditions, const double *applied, lptn_mpc_result *out) {
+    memset(out, 0, sizeof *out);
+    observe(o, m, w, measured, applied, out);
+    take(o, m, w, request, conditions, out);
+    for (int k = 0; k <= LPTN_N; k++) memcpy(w->x[k], m->x, sizeof m->x);
+    limit(o, m, w);
+    bound(o, m, w, 1, out);
+    double start[LPTN_N][LPTN_NU];
+    memcpy(start, w->s, sizeof start);
+    if (all_stays_cool(o, w)) {
+        out->status |= LPTN_SHORTCUT;
+    } else {
+        memcpy(w->s, start, sizeof start);
+        if (!solve(o, m, w, out)) {
+            out->status |= LPTN_FALLBACK;
+            for (int k = 0; k <= LPTN_N; k++) memcpy(w->x[k], m->x, sizeof m->x);
+            constant_scale(o, w);
+        }
+    }
+    report(o, m, w, out);
+}

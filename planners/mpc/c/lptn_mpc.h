@@ -1,0 +1,81 @@
+/* One step of the thermal controller: from temperatures and requested currents to the closest admissible currents.
+ *
+ * sizes.h gives LPTN_NX states (the first LPTN_NN are nodes with a sensor), LPTN_NU joints, LPTN_ND conditions,
+ * LPTN_NP parameters, LPTN_NL limited nodes, LPTN_N stages. No heap, no globals, no input or output: all memory is in the
+ * structs. A request is a torque [N*m] or a current [A], as sizes.h says; over a stage it is the RMS value. */
+#ifndef LPTN_MPC_H
+#define LPTN_MPC_H
+#include "sizes.h"
+
+#define LPTN_SHORTCUT 1    /* the full request stays cool; nothing was solved */
+#define LPTN_UNMEASURED 2  /* a reading was missing or absurd: the prediction stood in for it */
+#define LPTN_NO_REQUEST 4  /* a request was no number: taken as zero */
+#define LPTN_CURRENT_CUT 8 /* a request lies above the current limit */
+#define LPTN_TOO_HOT 16    /* a bound can't be met everywhere: see the slack */
+#define LPTN_FALLBACK 32   /* the solver did not converge: one constant scale for all joints instead */
+#define LPTN_NO_CONDITION 64 /* a condition was no number: the last good one stood in for it, else zero */
+
+/* What does not change from step to step. */
+typedef struct {
+    double stage[LPTN_N];       /* lengths [s]; the first is the control period */
+    double limit[LPTN_NL];      /* degC, the margin taken off */
+    int node[LPTN_NL];          /* which state each limit is for */
+    int owner[LPTN_NX];         /* node that a state belongs to */
+    double weight[LPTN_NU];     /* of a squared deviation of each joint */
+    double most[LPTN_NU];       /* current limit [A] */
+    double rate[LPTN_NU];       /* largest change of a request's unit per second; 0 for none */
+    double p[LPTN_NP + 1];      /* parameters of the model */
+    double recovery;            /* s that a node above its limit may take to come down to it */
+    double linear, quadratic;   /* price of slack, per K and per K^2; the cost of admitting nothing at all is 1 */
+    double noise;               /* of a reading, standard deviation [K] */
+    double doubt[LPTN_NX];      /* heat that the model may lack, as a rate of each state [K/s]; 0: readings are taken
+                                   as they are */
+    double gain_doubt;          /* relative error that the controlled heat may have */
+    double tolerance;           /* on the duality gap */
+    int iterations;             /* at most */
+} lptn_mpc_settings;
+
+/* What is kept between steps; all zero before the first. */
+typedef struct {
+    double x[LPTN_NX], bias[LPTN_NX]; /* estimate [degC]; heat that the model lacks, as a rate [K/s] */
+    double gain[LPTN_NX];             /* relative error of the controlled heat */
+    double spread[LPTN_NN][3][3];     /* covariance of each node's temperature, bias and gain */
+    double applied[LPTN_NU], conditions[LPTN_ND + 1];
+    double scale[LPTN_N][LPTN_NU];    /* of the heat, as solved last */
+    int started;
+} lptn_mpc_state;
+
+typedef struct {
+    double admitted[LPTN_NU];        /* for the coming control period, in the request's unit */
+    double plan[LPTN_N][LPTN_NU];    /* for each stage */
+    double x[LPTN_N + 1][LPTN_NX];   /* expected at the stages' ends [degC] */
+    double slack[LPTN_N][LPTN_NL];   /* by how much each limit is passed [K] */
+    double cost, worst, error, gap;  /* cost, 1 for admitting nothing; largest slack [K]; by how much a stage's
+                                        end misses the next one's start [K]; duality gap */
+    int iterations, linearisations, status;
+} lptn_mpc_result;
+
+typedef struct {
+    double M[LPTN_N][LPTN_NX][LPTN_W], offset[LPTN_N][LPTN_NX];       /* x+ = M [s; x] + offset */
+    double U[LPTN_N][LPTN_W][LPTN_W], v[LPTN_N][LPTN_W];   /* eliminated controls */
+    double a[LPTN_N][LPTN_NU], c[LPTN_N][LPTN_NU], d[LPTN_N][LPTN_ND + 1];
+    double s[LPTN_N][LPTN_NU], lo[LPTN_N][LPTN_NU], hi[LPTN_N][LPTN_NU], zl[LPTN_N][LPTN_NU], zu[LPTN_N][LPTN_NU];
+    double ds[LPTN_N][LPTN_NU], dl[LPTN_N][LPTN_NU], du[LPTN_N][LPTN_NU], cl[LPTN_N][LPTN_NU], cu[LPTN_N][LPTN_NU];
+    double t[LPTN_N][LPTN_NL], y[LPTN_N][LPTN_NL], e[LPTN_N][LPTN_NL], z[LPTN_N][LPTN_NL];
+    double dt[LPTN_N][LPTN_NL], dy[LPTN_N][LPTN_NL], de[LPTN_N][LPTN_NL], dz[LPTN_N][LPTN_NL];
+    double ct[LPTN_N][LPTN_NL], ce[LPTN_N][LPTN_NL], row[LPTN_N][LPTN_NL];
+    double R[LPTN_N][LPTN_NU], r[LPTN_N][LPTN_NU], Q[LPTN_N][LPTN_NL], q[LPTN_N][LPTN_NL];
+    double x[LPTN_N + 1][LPTN_NX], dx[LPTN_N + 1][LPTN_NX];
+    double gap[LPTN_N][LPTN_NX], P[LPTN_N][LPTN_NX][LPTN_NXP]; /* x+ less the next stage's x; cost to go */
+    double bias[LPTN_NX], gain[LPTN_NX], limit[LPTN_N][LPTN_NL];
+    double heat[LPTN_HEAT_OUT], casadi[LPTN_HEAT_W + 1];
+} lptn_mpc_work;
+
+/* One control period.
+ *
+ * measured: LPTN_NN readings [degC], NaN where there is none. request: LPTN_N x LPTN_NU, RMS over each stage.
+ * conditions: LPTN_N x LPTN_ND, the model's other inputs. applied: LPTN_NU, what was really applied over the last
+ * period; NULL where it was what had been admitted. Never fails: `result->status` says what was given up. */
+void lptn_mpc_step(const lptn_mpc_settings *settings, lptn_mpc_state *state, lptn_mpc_work *work, const double *measured,
+                   const double *request, const double *conditions, const double *applied, lptn_mpc_result *result);
+#endif

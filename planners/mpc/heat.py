@@ -1,0 +1,160 @@
+"""How requested currents or torques heat a model: heat goes with their square, which makes planning convex."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import casadi as ca
+import numpy as np
+
+from lptn.errors import InputError
+from lptn.model import Model
+from lptn.network import Use
+
+Request = Literal["current", "torque"]
+_RANDOM_POINTS = 5
+
+
+@dataclass(frozen=True)
+class Heating:
+    """A model whose controlled inputs are squares of what is requested.
+
+    Args:
+        model: the model.
+        request: what is asked of a joint.
+        joints: places of the controlled inputs, in the model's order.
+        conditions: the model's other inputs, in order; they are given, not chosen.
+        x: states.
+        heat: squares of the requested torques or currents, `(N*m)^2` or `A^2`.
+        d: conditions.
+        p: parameters.
+        rates: d states / dt [K/s].
+        gain: currents per unit requested [A], at the states.
+    """
+
+    model: Model
+    request: Request
+    joints: tuple[str, ...]
+    conditions: tuple[str, ...]
+    x: Any
+    heat: Any
+    d: Any
+    p: Any
+    rates: Any
+    gain: Any
+
+    @property
+    def unit(self) -> str:
+        """Of a request."""
+        return "A" if self.request == "current" else "N*m"
+
+    def function(self) -> ca.Function:
+        """(x, heat, d, p) -> rates at no heat [K/s]; their slope in x at the heat, by rows; what a unit of heat adds
+        to the rates, by rows; and the gain."""
+        none = ca.substitute(self.rates, self.heat, ca.SX.zeros(self.heat.shape))
+        slope = ca.jacobian(self.rates, self.x).T
+        controlled = ca.jacobian(self.rates, self.heat).T
+        results = [none, slope, controlled, self.gain]
+        dense = ca.cse([ca.densify(result) for result in results])
+        return ca.Function("lptn_heat", [self.x, self.heat, self.d, self.p], dense)
+
+    def rate_function(self) -> ca.Function:
+        """(x, heat, d, p) -> rates [K/s]."""
+        return self.model.made_once(
+            ("heated rates", self.request),
+            lambda: ca.Function("heated", [self.x, self.heat, self.d, self.p], [self.rates]),
+        )
+
+
+def heating(model: Model, request: Request) -> Heating:
+    """A model seen from its requested torques or currents.
+
+    Where the model's input is the other of the two, the torque constant of the joint's copper loss converts, falling
+    with temperature where the model says so (source S1, row E2.6).
+
+    Raises:
+        InputError: the model has no such input, or its heat does not go with the square of it.
+    """
+    made = model.made_once(("heating", request), lambda: _make(model, request))
+    return replace(made, model=model)  # its expressions are shared with copies at other values, its values are not
+
+
+def _make(model: Model, request: Request) -> Heating:
+    x, u, p, rates, _ = model.symbols
+    uses = {_column(use): use for use in model.network.uses if use.effect.key == "copper_loss"}
+    controlled = [column for column in model.inputs if column.partition(".")[0] in ("torque", "current")]
+    if not controlled:
+        raise InputError(model.network.origin, "effects", "no torque or current that heats a joint", "a copper_loss")
+    joints = [column.partition(".")[2] for column in controlled]
+    if len(set(joints)) < len(joints):
+        twice = next(joint for joint in joints if joints.count(joint) > 1)
+        found = f"torque.{twice} and current.{twice}"
+        raise InputError(model.network.origin, "effects", found, "one of the two a joint")
+    square = ca.SX.sym("heat", len(joints))
+    requested = ca.SX.sym("requested", len(joints))
+    inputs, gain = [], []
+    for column in model.inputs:
+        if column in controlled:
+            number = controlled.index(column)
+            per_ampere = _torque_constant(model, uses.get(column), x, p)
+            given = column.partition(".")[0]
+            if per_ampere is None and given != request:
+                found = f"no copper_loss, so no torque constant to plan a {request}"
+                raise InputError(model.network.origin, column, found, f'request = "{given}"')
+            gain.append(ca.SX(1) if request == "current" else 1 / per_ampere if per_ampere is not None else ca.SX(1))
+            factor = ca.SX(1) if given == request else per_ampere if given == "torque" else 1 / per_ampere
+            inputs.append(requested[number] * factor)
+        else:
+            inputs.append(u[model.inputs.index(column)])
+    seen = ca.substitute(rates, u, ca.vertcat(*inputs))
+    others = [u[index] for index, column in enumerate(model.inputs) if column not in controlled]
+    conditions = tuple(column for column in model.inputs if column not in controlled)
+    d = ca.vertcat(*others) if others else ca.SX(0, 1)
+    squared = _in_squares(model, seen, requested, square, [x, d, p])
+    return Heating(model, request, tuple(joints), conditions, x, square, d, p, squared, ca.vertcat(*gain))
+
+
+def _column(use: Use) -> str:
+    place = use.declaration.driven_by or use.ends[0]
+    return f"{use.effect.needed()[0]}.{place}"
+
+
+def _torque_constant(model: Model, use: Use | None, x: Any, p: Any) -> Any:
+    """N*m per ampere at the node's temperature, `None` where the model does not know it."""
+    if use is None:
+        return None
+    constant = p[use.parameters["torque_constant"]]
+    for other in model.network.uses:
+        if other.effect.key == "torque_constant_drop" and other.ends == use.ends:
+            warm = x[model.nodes.index(use.ends[0])] - p[other.parameters["reference"]]
+            constant = constant * (1 - p[other.parameters["kappa"]] * warm)
+    return constant
+
+
+def _in_squares(model: Model, rates: Any, requested: Any, square: Any, others: list[Any]) -> Any:
+    """The rates as a linear function of squares; the last of `others` are the parameters.
+
+    Raises:
+        InputError: they are none.
+    """
+    zero = ca.SX.zeros(requested.shape)
+    none = ca.substitute(rates, requested, zero)
+    columns = []
+    for number in range(requested.numel()):
+        unit = ca.SX.zeros(requested.shape)
+        unit[number] = 1
+        columns.append(ca.substitute(rates, requested, unit) - none)
+    found = none + ca.mtimes(ca.horzcat(*columns), square)
+    check = ca.Function("check", [requested, *others], [rates - ca.substitute(found, square, requested**2), rates])
+    random = np.random.default_rng(0)
+    for _ in range(_RANDOM_POINTS):
+        point = [random.uniform(-3, 3, requested.numel())]
+        point += [random.uniform(20.0, 60.0, other.numel()) for other in others[:-1]] + [model.values]
+        left, size = (np.asarray(each.full()).ravel() for each in check(*point))
+        if not np.all(np.abs(left) <= 1e-7 * (1 + np.abs(size))):
+            raise InputError(
+                model.network.origin, "effects", "heat that does not go with the square of torque or current",
+                "copper_loss and stray_load_loss as the only effects of torque and current",
+            )  # fmt: skip
+    return found

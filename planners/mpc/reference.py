@@ -1,0 +1,142 @@
+"""The same optimal-control problem as one nonlinear program for IPOPT: the yardstick, and the slow fallback."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from lptn.arrays import FloatArray
+
+from .heat import Heating
+from .settings import Settings
+
+_FLOOR = 1e-3  # of the heat scale, as in `c/linear.c`
+_SUBSTEP = 5.0  # s; RK4 is exact to 1e-4 K at that length on joints of a minute's time constant
+_OPTIONS: dict[str, Any] = {
+    "print_time": False,
+    "error_on_fail": False,
+    "ipopt": {"print_level": 0, "sb": "yes", "tol": 1e-9, "max_iter": 300, "mu_strategy": "adaptive"},
+}
+
+
+@dataclass(frozen=True)
+class Solution:
+    """What IPOPT found.
+
+    Args:
+        scale: heat scales, shape (stages, joints).
+        temperatures: at the ends of the stages [degC], shape (states, stages + 1).
+        slack: K above each limit, shape (stages, limited nodes).
+        cost: 0 for all that was requested, 1 for nothing; slack not counted.
+        converged: whether IPOPT says so.
+    """
+
+    scale: FloatArray
+    temperatures: FloatArray
+    slack: FloatArray
+    cost: float
+    converged: bool
+
+
+class Reference:
+    """Direct multiple shooting, RK4, in heat scales.
+
+    Args:
+        heating: the model.
+        settings: limits, weights and stages.
+    """
+
+    def __init__(self, heating: Heating, settings: Settings) -> None:
+        self.heating, self.settings = heating, settings
+        self._solver, self._sizes = self._build()
+
+    def solve(
+        self, start: FloatArray, request: FloatArray, conditions: FloatArray, bias: FloatArray | None = None
+    ) -> Solution:
+        """Solve it.
+
+        Args:
+            start: states [degC].
+            request: RMS of each stage, shape (stages, joints).
+            conditions: means of each stage, shape (stages, conditions).
+            bias: heat that the model lacks [K/s], by state.
+        """
+        told, p = self.settings, self.heating.model.values
+        n, joints = len(told.stages), len(self.heating.joints)
+        weight = told.stages[:, None] * told.weights * request**2
+        weight = np.maximum(weight / weight.sum(), 1e-9) if weight.sum() > 0 else np.full_like(weight, 1 / weight.size)
+        most = self._most(start, request, conditions, p)
+        nodes = [self.heating.model.nodes.index(node) for node in told.limits]
+        lower = np.concatenate([np.ravel(_FLOOR * most), np.full(n * len(start), -ca.inf), np.zeros(n * len(nodes))])
+        upper = np.concatenate([np.ravel(most), np.full(n * (len(start) + len(nodes)), ca.inf)])
+        guess = np.concatenate([np.ravel(0.5 * most), np.tile(start, n), np.full(n * len(nodes), 0.1)])
+        known = [start, np.ravel(request**2), np.ravel(conditions), np.ravel(weight),
+                 np.zeros(len(start)) if bias is None else bias, p]  # fmt: skip
+        known.append(told.limits_from(start[nodes]).T.ravel())
+        bounds = np.zeros(n * (len(start) + len(nodes)))
+        low = bounds.copy()
+        low[n * len(start) :] = -ca.inf
+        found = self._solver(x0=guess, lbx=lower, ubx=upper, lbg=low, ubg=bounds, p=np.concatenate(known))
+        flat = np.asarray(found["x"]).ravel()
+        scale, states, slack = np.split(flat, [n * joints, n * (joints + len(start))])
+        scale = np.clip(scale.reshape(n, joints), 0, most)
+        return Solution(
+            scale,
+            np.vstack([start, states.reshape(n, len(start))]).T,
+            slack.reshape(n, len(nodes)),
+            float((weight * (1 - np.sqrt(scale)) ** 2).sum()),
+            bool(self._solver.stats()["success"]),
+        )
+
+    def _most(self, start: FloatArray, request: FloatArray, conditions: FloatArray, p: FloatArray) -> FloatArray:
+        """Largest heat scale that the current limit allows, at the present temperatures."""
+        heating, told = self.heating, self.settings
+        if not np.isfinite(told.currents).any():
+            return np.ones_like(request)
+        gain = np.asarray(ca.Function("gain", [heating.x, heating.p], [heating.gain])(start, p)).ravel()
+        current = np.abs(request) * gain
+        return np.where(current > told.currents, (told.currents / np.maximum(current, 1e-12)) ** 2, 1.0)
+
+    def _build(self) -> tuple[Any, tuple[int, int]]:
+        heating, told = self.heating, self.settings
+        states, joints, others = heating.x.numel(), len(heating.joints), len(heating.conditions)
+        nodes, n = [heating.model.nodes.index(node) for node in told.limits], len(told.stages)
+        s, x, e = ca.MX.sym("s", joints, n), ca.MX.sym("x", states, n), ca.MX.sym("e", len(nodes), n)
+        start, square = ca.MX.sym("start", states), ca.MX.sym("square", joints, n)
+        d, weight = ca.MX.sym("d", others, n), ca.MX.sym("weight", joints, n)
+        bias, p = ca.MX.sym("bias", states), ca.MX.sym("p", heating.p.numel())
+        following = []
+        before = start
+        for k in range(n):
+            step = self._step(float(told.stages[k]))
+            following.append(step(before, s[:, k] * square[:, k], d[:, k], bias, p) - x[:, k])
+            before = x[:, k]
+        limits = ca.MX.sym("limits", len(nodes), n)
+        over = x[nodes, :] - limits - e
+        linear, quadratic = told.prices
+        cost = ca.sum1(ca.vec(weight * (1 - ca.sqrt(s)) ** 2))
+        cost += linear * ca.sum1(ca.vec(e)) + quadratic / 2 * ca.sumsqr(e)
+        program = {
+            "x": ca.veccat(s, x, e),
+            "p": ca.veccat(start, square, d, weight, bias, p, limits),
+            "f": cost,
+            "g": ca.vertcat(*following, ca.vec(over)),
+        }
+        return ca.nlpsol("reference", "ipopt", program, {**_OPTIONS, "expand": True}), (states, n)
+
+    def _step(self, h: float) -> ca.Function:
+        """(x, heat, d, bias, p) -> x after h seconds, by RK4."""
+        heating = self.heating
+        bias = ca.SX.sym("bias", heating.x.numel())
+        parts = max(1, round(h / _SUBSTEP))
+        rate, part, x = heating.rate_function(), h / parts, heating.x
+        for _ in range(parts):
+            k1 = rate(x, heating.heat, heating.d, heating.p) + bias
+            k2 = rate(x + part / 2 * k1, heating.heat, heating.d, heating.p) + bias
+            k3 = rate(x + part / 2 * k2, heating.heat, heating.d, heating.p) + bias
+            k4 = rate(x + part * k3, heating.heat, heating.d, heating.p) + bias
+            x = x + part / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+        return ca.Function("step", [heating.x, heating.heat, heating.d, bias, heating.p], [x])

@@ -1,0 +1,143 @@
+"""Tasks of `kind = "track"`: what is asked of the joints phase by phase, read from a task file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field
+
+from lptn.arrays import FloatArray
+from lptn.errors import InputError
+from lptn.model import Model
+from lptn.model_schema import Strict
+
+from ..plan.task_file import ByPlace, Celsius, NotNegative, Positive, by_name, conditions_of, start_of, told_in
+from .controller import requested_by
+from .heat import Request, heating
+
+_MOST_STEPS = 400
+
+
+class TaskTable(Strict):
+    kind: Literal["track"]
+    name: str = "torque within temperature limits"
+    period: Positive = 5.0
+    repeat: Annotated[int, Field(ge=1, le=1000, strict=True)] = 1
+    margin: NotNegative = 0.15
+    recovery: NotNegative = 0.0
+
+
+class PhaseTable(Strict):
+    name: str = ""
+    duration: Positive
+    torque: ByPlace = Field(default_factory=dict)
+    current: ByPlace = Field(default_factory=dict)
+    conditions: ByPlace = Field(default_factory=dict)
+
+
+class ControllerTable(Strict):
+    horizon: Positive = 300.0
+    stages: Annotated[int, Field(ge=1, le=200, strict=True)] = 16
+    noise: NotNegative = 0.1
+    model_error: NotNegative = 0.2
+
+
+class File(Strict):
+    task: TaskTable
+    limits: dict[str, Celsius] = Field(min_length=1)
+    start: dict[str, Celsius] = Field(min_length=1)
+    phases: list[PhaseTable] = Field(min_length=1)
+    conditions: ByPlace = Field(default_factory=dict)
+    current_limits: dict[str, Positive] = Field(default_factory=dict)
+    weights: dict[str, Positive] = Field(default_factory=dict)
+    rates: dict[str, NotNegative] = Field(default_factory=dict)
+    controller: ControllerTable = ControllerTable()
+
+
+@dataclass(frozen=True)
+class Task:
+    """What is asked, in steps of one period.
+
+    Args:
+        model: the model.
+        name: for the figure.
+        request: what is asked of a joint.
+        period: length of a step [s].
+        asked: RMS torque [N*m] or current [A], shape (steps, joints).
+        conditions: the model's other inputs, shape (steps, conditions).
+        start: states [degC].
+        file: the tables, for limits, weights and the controller.
+    """
+
+    model: Model
+    name: str
+    request: Request
+    period: float
+    asked: FloatArray
+    conditions: FloatArray
+    start: FloatArray
+    file: File
+
+    @property
+    def duration(self) -> float:
+        """Of the whole task [s]."""
+        return self.period * len(self.asked)
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """What `TorqueMPC` is told, whatever its horizon."""
+        return {
+            "request": self.request,
+            "current_limits": self.file.current_limits or float("inf"),
+            "weights": self.file.weights or 1.0,
+            "rates": self.file.rates or 0.0,
+            "period": self.period,
+            "margin": self.file.task.margin,
+            "recovery": self.file.task.recovery,
+        }
+
+
+def read_task(table: Mapping[str, Any], origin: str, model: Model) -> Task:
+    """A task from the parsed task file.
+
+    Raises:
+        InputError: something in it can't be used.
+    """
+    with told_in(origin):
+        file = File.model_validate(dict(table))
+        request = _request(file, model, origin)
+        heat = heating(model, request)
+        period = file.task.period
+        asked: list[FloatArray] = []
+        around: list[FloatArray] = []
+        for number, phase in enumerate(file.phases):
+            steps = round(phase.duration / period)
+            if abs(steps * period - phase.duration) > 1e-6 * phase.duration:
+                place = f"phases[{number}].duration"
+                raise InputError(origin, place, f"{phase.duration:g}", f"a multiple of {period:g} s")
+            levels = by_name(getattr(phase, request), heat.joints, origin, f"phases[{number}].{request}")
+            given = file.conditions | phase.conditions
+            asked += [np.array([levels.get(joint, 0.0) for joint in heat.joints])] * steps
+            around += [conditions_of(given, heat.conditions, origin)] * steps
+        by_name(file.limits, model.nodes, origin, "limits")
+        for name in ("current_limits", "weights", "rates"):
+            by_name(getattr(file, name), heat.joints, origin, name)
+        repeated = file.task.repeat
+        if len(asked) * repeated > _MOST_STEPS:
+            found = f"{len(asked) * repeated} steps of {period:g} s"
+            raise InputError(origin, "task.period", found, f"at most {_MOST_STEPS}: a longer period, or a shorter task")
+        return Task(model, file.task.name, request, period, np.array(asked * repeated), np.array(around * repeated),
+                    start_of(file.start, model, origin), file)  # fmt: skip
+
+
+def _request(file: File, model: Model, origin: str) -> Request:
+    """Torque or current, whichever the phases speak of."""
+    torque, current = (any(getattr(phase, what) for phase in file.phases) for what in ("torque", "current"))
+    if torque and current:
+        raise InputError(origin, "phases", "torque and current", "one of the two in all phases")
+    if not torque and not current:
+        return requested_by(model)
+    return "torque" if torque else "current"

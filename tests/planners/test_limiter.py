@@ -1,0 +1,136 @@
+"""Admissible torque: against bisection on a simulator that shares nothing with the model."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from lptn.arrays import FloatArray
+from lptn.errors import InputError
+from lptn.model import Model
+from lptn.planners import Limiter
+from tests.builders import effect, leg
+from tests.planners.truth import World, conditions, model_of, true_robot
+
+LIMIT, MOST = 60.0, 60.0  # degC, A
+CONSTANT = 9.1 * 0.0927  # N*m/A
+AROUND = [25.0]
+
+
+@cache
+def limiter() -> Limiter:
+    return Limiter(model_of(true_robot(3), 0.0), {"*_*": LIMIT}, current_limits=MOST)
+
+
+def stays_cool(torque: FloatArray, start: FloatArray, seconds: int) -> bool:
+    """Whether no joint of the true robot passes the limit."""
+    return bool(World(true_robot(3), start).step(torque, seconds)[:, :12].max() <= LIMIT)
+
+
+def bisected(load: FloatArray, direction: FloatArray, start: FloatArray, seconds: int, most: float) -> float:
+    """The largest factor on `direction`, added to the load, that stays cool."""
+    low, high = 0.0, most
+    if stays_cool(load + high * direction, start, seconds):
+        return most
+    for _ in range(16):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if stays_cool(load + middle * direction, start, seconds) else (low, middle)
+    return 0.5 * (low + high)
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize(("row", "seconds"), [(0, 10), (1, 60), (2, 300)])
+def test_admissible_torque_is_what_bisection_finds(seed: int, row: int, seconds: int) -> None:
+    random = np.random.default_rng(seed)
+    start, load = random.uniform(30, 58, 13), random.uniform(0, 5, 12)
+    found = limiter().admissible(start, load, conditions(limiter().conditions))
+    for joint in (0, 4, 8, 11):
+        others, direction = load * (np.arange(12) != joint), np.eye(12)[joint]
+        expected = bisected(others, direction, start, seconds, MOST * CONSTANT)
+        assert found[joint, row] == pytest.approx(expected, rel=1e-3)
+
+
+def test_continuous_torque_settles_at_the_limit() -> None:
+    load, around = np.full(12, 1.5), conditions(limiter().conditions)
+    found = limiter().admissible(np.full(13, 40.0), load, around)[:, 3]
+    for joint in (2, 7):
+        torque = np.where(np.arange(12) == joint, found[joint], load)
+        settled = World(true_robot(3), 50.0).step(torque, 20_000)[-1, :12]
+        assert settled.max() == pytest.approx(LIMIT, abs=0.02)
+
+
+@pytest.mark.parametrize("seconds", [10.0, 60.0, 300.0])
+def test_the_largest_scale_is_what_bisection_finds(seconds: float) -> None:
+    activity, start = np.tile([4.0, 7.0, 9.0], 4), np.linspace(40, 55, 13)
+    found = limiter().largest_scale(start, activity, seconds, conditions(limiter().conditions))
+    expected = bisected(np.zeros(12), activity, start, int(seconds), 20.0)
+    assert found == pytest.approx(min(expected, MOST * CONSTANT / 9.0), rel=1e-3)
+
+
+def test_longer_is_less() -> None:
+    load = np.full(12, 1.0)
+    found = limiter().admissible(np.full(13, 45.0), load, conditions(limiter().conditions))
+    assert np.all(np.diff(found, axis=1) <= 1e-9)
+    assert found.min() > 1.0
+
+
+# --- edges, on three joints -----------------------------------------------------------------------------
+
+
+@cache
+def small(kappa: float = 0.0, **more: float) -> Limiter:
+    effects = [effect("copper_loss"), effect("resistance_rise")]
+    extra = [effect("torque_constant_drop", kappa=kappa)] if kappa else []
+    return Limiter(Model(leg(effects + extra)), LIMIT, **more)
+
+
+def test_a_node_above_its_limit_admits_nothing() -> None:
+    assert not small().admissible(np.full(3, 62.0), np.zeros(3), AROUND)[:, :1].any()
+    assert small().largest_scale(np.full(3, 62.0), np.ones(3), 10.0, AROUND) == 0.0
+
+
+def test_a_neighbour_that_overheats_by_itself_admits_nothing() -> None:
+    found = small().admissible([40.0, 40.0, 59.9], [0.0, 0.0, 40.0], AROUND)
+    assert not found[0].any()
+    assert not found[1].any()
+    assert found[2, 0] > 0
+
+
+def test_what_is_no_number_admits_nothing() -> None:
+    found = small().admissible([40.0, np.nan, 40.0], np.zeros(3), AROUND)
+    assert np.all(found == 0.0)
+    assert np.all(small().admissible(np.full(3, 40.0), np.zeros(3), [np.nan]) == 0.0)
+
+
+def test_the_current_limit_is_an_end() -> None:
+    found = small(current_limits=5.0).admissible(np.full(3, 30.0), np.zeros(3), AROUND)
+    assert found[:, 0].tolist() == pytest.approx([5.0 * 0.84] * 3)
+
+
+def test_no_load_has_no_largest_scale() -> None:
+    assert small().largest_scale(np.full(3, 30.0), np.zeros(3), 60.0, AROUND) == float("inf")
+
+
+def test_a_falling_torque_constant_admits_less() -> None:
+    start = np.full(3, 50.0)
+    assert np.all(small(0.003).admissible(start, np.zeros(3), AROUND) < small().admissible(start, np.zeros(3), AROUND))
+
+
+def test_the_function_is_what_is_called() -> None:
+    one, x, load = small(0.0012), np.array([40.0, 50.0, 55.0]), np.array([1.0, 2.0, 3.0])
+    flat = one.function(x, load, AROUND, one.model.values, one.limits, one.most)
+    found = one.admissible(x, load, AROUND)
+    np.testing.assert_allclose(np.asarray(flat).reshape(found.shape), found, rtol=1e-12)
+
+
+def test_mistakes_are_refused() -> None:
+    with pytest.raises(InputError):
+        Limiter(small().model, {"nowhere": 60.0})
+    with pytest.raises(InputError):
+        Limiter(small().model, {})
+    with pytest.raises(ValueError, match="horizons"):
+        Limiter(small().model, 60.0, horizons=(0.0,))
+    with pytest.raises(InputError, match="unknown name"):
+        small().admissible({"FL_calf": 3.0}, np.zeros(3), AROUND)

@@ -1,0 +1,311 @@
+"""The thermal controller: against IPOPT, in closed loop on a robot that is not its model, and against bad input."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+
+from lptn.arrays import FloatArray
+from lptn.errors import InputError
+from lptn.model import Model
+from lptn.planners import TorqueMPC
+from lptn.planners.mpc.reference import Reference
+from tests.builders import LEG, effect, leg
+from tests.planners.truth import World, conditions, model_of, true_robot
+
+LIMIT = 60.0
+REQUEST = np.array([6.0, 10.0, 14.0])
+AROUND = {"temperature.ambient": 25.0}
+
+
+@cache
+def leg_model(kappa: float = 0.0) -> Model:
+    """Three joints with copper loss whose resistance rises."""
+    effects = [effect("copper_loss"), effect("resistance_rise")]
+    return Model(leg([*effects, effect("torque_constant_drop", kappa=kappa)] if kappa else effects))
+
+
+@cache
+def quadruped(error: float) -> Model:
+    return model_of(true_robot(1), error, 1)
+
+
+def test_it_finds_what_ipopt_finds() -> None:
+    mpc = TorqueMPC(leg_model(), LIMIT, period=5, horizon=150, stages=30)
+    reference = Reference(mpc.heating, mpc.settings)
+    for start in (50.0, 55.0, 59.0, 61.0):
+        mpc.reset()
+        plan = mpc.step(np.full(3, start), REQUEST, AROUND)
+        found = reference.solve(np.full(3, start), np.tile(REQUEST, (30, 1)), np.full((30, 1), 25.0))
+        assert found.converged
+        assert plan.converged
+        assert plan.cost == pytest.approx(found.cost, rel=2e-4)
+        np.testing.assert_allclose(plan.temperatures, found.temperatures, atol=0.02)
+
+
+def test_growing_stages_cost_little() -> None:
+    few = TorqueMPC(leg_model(), LIMIT, period=5, horizon=300, stages=13)
+    many = TorqueMPC(leg_model(), LIMIT, period=5, horizon=300, stages=60)
+    for start in (48.0, 54.0, 59.0):
+        costs = []
+        for mpc in (few, many):
+            mpc.reset()
+            costs.append(mpc.step(np.full(3, start), REQUEST, AROUND).cost)
+        assert costs[0] == pytest.approx(costs[1], rel=0.015)
+
+
+def test_the_plan_is_what_an_integrator_finds() -> None:
+    """Copper loss, rising resistance and a torque constant that falls, written again without the model."""
+    kappa = 0.0012
+    mpc = TorqueMPC(leg_model(kappa), LIMIT, period=5, horizon=150, stages=30)
+    plan = mpc.step(np.full(3, 45.0), REQUEST, AROUND)
+
+    def slope(_: float, T: FloatArray, torque: FloatArray) -> FloatArray:
+        current = torque / (0.84 * (1 - kappa * (T - 25)))
+        heat = 0.15 * (1 + 0.0039 * (T - 25)) * current**2 - (T - 25.0) / 10
+        heat[:2] += np.array([1, -1]) * (T[1] - T[0]) / 3
+        heat[1:] += np.array([1, -1]) * (T[2] - T[1]) / 2
+        return np.asarray(heat / 300)
+
+    T = np.full(3, 45.0)
+    for k, torque in enumerate(plan.currents):
+        T = solve_ivp(slope, (0, 5), T, args=(torque,), rtol=1e-8).y[:, -1]
+        np.testing.assert_allclose(plan.temperatures[:, k + 1], T, atol=0.02)
+
+
+def test_a_falling_torque_constant_costs_torque() -> None:
+    admitted = [
+        TorqueMPC(leg_model(kappa), LIMIT, request="torque").step(np.full(3, 55.0), REQUEST, AROUND).admitted
+        for kappa in (0.0, 0.003)
+    ]
+    assert np.all(admitted[1] < admitted[0])
+
+
+def test_currents_and_torques_are_the_same_plan() -> None:
+    """At a temperature that stays, a current is the torque divided by the torque constant there."""
+    model, start = leg_model(0.0012), np.full(3, 59.8)
+    torque = TorqueMPC(model, LIMIT, request="torque").step(start, REQUEST, AROUND)
+    constant = 0.84 * (1 - 0.0012 * (start - 25))
+    current = TorqueMPC(model, LIMIT, request="current").step(start, REQUEST / constant, AROUND)
+    np.testing.assert_allclose(current.admitted * constant, torque.admitted, rtol=5e-3)
+
+
+def test_a_request_that_stays_cool_is_granted_as_it_is() -> None:
+    plan = TorqueMPC(leg_model(), LIMIT).step(np.full(3, 30.0), np.array([2.0, 3.0, -4.0]), AROUND)
+    assert plan.full
+    assert plan.iterations == 0
+    assert plan.admitted.tolist() == [2.0, 3.0, -4.0]
+    assert plan.given_up == ()
+
+
+def test_a_heavier_joint_gets_more() -> None:
+    equal = TorqueMPC(leg_model(), LIMIT).step(np.full(3, 55.0), REQUEST, AROUND)
+    heavy = TorqueMPC(leg_model(), LIMIT, weights={"*": 1, "FR_calf": 5}).step(np.full(3, 55.0), REQUEST, AROUND)
+    assert heavy.admitted[2] > equal.admitted[2] * 1.05
+    assert heavy.admitted[1] < equal.admitted[1]
+
+
+def test_the_rate_limit_holds() -> None:
+    mpc = TorqueMPC(leg_model(), LIMIT, period=1, horizon=60, rates=0.5)
+    before = np.zeros(3)
+    for asked in (REQUEST, REQUEST, REQUEST / 2, REQUEST):
+        admitted = mpc.step(np.full(3, 58.0), asked, AROUND).admitted
+        assert np.all(admitted <= before + 0.5 + 1e-6)
+        assert np.all(admitted >= np.minimum(before - 0.5, 0.95 * asked) - 1e-6)
+        before = admitted
+
+
+@pytest.mark.parametrize(("start", "steps"), [(45.0, 120), (61.0, 40), (63.0, 60)])
+def test_limits_hold_on_a_robot_that_is_ten_percent_off(start: float, steps: int) -> None:
+    mpc = TorqueMPC(quadruped(0.1), {"*_*": LIMIT}, request="torque")
+    world, idle = World(true_robot(1), start, 0.1, seed=2), World(true_robot(1), start)
+    request, around = np.tile([7.0, 12.0, 18.0], 4), conditions(mpc.conditions)
+    for _ in range(steps):
+        plan = mpc.step(world.read(), request, around)
+        assert plan.converged
+        # From above the limit nothing can do better than no torque at all.
+        bound = np.maximum(idle.step(np.zeros(12), 5)[:, :12], LIMIT)
+        assert (world.step(plan.admitted, 5)[:, :12] - bound).max() < 0.05
+
+
+def test_what_the_model_lacks_is_learnt() -> None:
+    """Without the estimate the robot passes the limit; `applied` says what was really done."""
+    worst = {}
+    for error in (0.0, 0.2):
+        mpc = TorqueMPC(quadruped(0.1), {"*_*": LIMIT}, request="torque", margin=0.0, model_error=error, noise=0.02)
+        world, around = World(true_robot(1), 50.0), conditions(mpc.conditions)
+        worst[error], applied = 0.0, None
+        for _ in range(90):
+            applied = mpc.step(world.read(), np.tile([7.0, 12.0, 18.0], 4), around, applied).admitted
+            worst[error] = max(worst[error], float(world.step(applied, 5)[:, :12].max()) - LIMIT)
+    assert worst[0.0] > 0.05
+    assert worst[0.2] < 0.02
+
+
+def test_a_copy_at_other_values_plans_with_its_own() -> None:
+    model = leg_model()
+    weak = {f"resistance.{node}~ambient": 30.0 for node in LEG}
+    values = np.array([weak.get(unknown.name, unknown.value) for unknown in model.unknowns])
+    mpc = TorqueMPC(model.with_values(values), LIMIT, period=5, horizon=150, stages=30)
+    plan = mpc.step(np.full(3, 55.0), REQUEST, AROUND)
+    found = Reference(mpc.heating, mpc.settings).solve(
+        np.full(3, 55.0), np.tile(REQUEST, (30, 1)), np.full((30, 1), 25.0)
+    )
+    assert plan.cost == pytest.approx(found.cost, rel=2e-4)
+    assert plan.cost > 1.05 * TorqueMPC(model, LIMIT, horizon=150).step(np.full(3, 55.0), REQUEST, AROUND).cost
+
+
+# --- what can go wrong --------------------------------------------------------------------------------
+
+
+def test_a_missing_reading_is_predicted() -> None:
+    mpc, start = TorqueMPC(leg_model(), LIMIT), np.array([50.0, 55.0, 58.0])
+    mpc.step(start, REQUEST, AROUND)
+    expected = mpc.step(start, REQUEST, AROUND).admitted
+    for absurd in (np.nan, np.inf, 4000.0, -273.0):
+        plan = mpc.step([50.0, absurd, 58.0], REQUEST, AROUND)
+        assert plan.converged
+        assert any("missing or absurd" in said for said in plan.given_up)
+        np.testing.assert_allclose(plan.admitted, expected, rtol=0.2)
+
+
+def test_a_node_that_was_never_read_counts_as_hot() -> None:
+    warm = TorqueMPC(leg_model(), LIMIT).step([40.0, np.nan, 58.0], REQUEST, AROUND)
+    assert warm.temperatures[1, 0] == 58.0
+    blind = TorqueMPC(leg_model(), LIMIT).step([np.nan] * 3, REQUEST, AROUND)
+    seen = TorqueMPC(leg_model(), LIMIT).step(np.full(3, LIMIT - 0.15), REQUEST, AROUND)
+    np.testing.assert_allclose(blind.admitted, seen.admitted)
+
+
+@pytest.mark.parametrize("start", [63.0, 90.0, 300.0])
+def test_a_start_above_the_limit_admits_next_to_nothing(start: float) -> None:
+    plan = TorqueMPC(leg_model(), LIMIT).step(np.full(3, start), REQUEST, AROUND)
+    assert plan.converged
+    assert np.all(np.abs(plan.admitted) <= 0.05 * REQUEST)
+    assert plan.given_up[0].startswith("a limit less its margin can't be met: FR_hip by ")
+
+
+def test_a_recovery_spares_the_neighbours() -> None:
+    """A hot calf: at once, all that warms it is cut; in a minute, it comes down in time without the hip's help."""
+    start, grid = np.array([40.0, 40.0, 63.0]), {"period": 5.0, "horizon": 150.0, "stages": 30}
+    at_once = TorqueMPC(leg_model(), LIMIT, **grid).step(start, REQUEST, AROUND)
+    mpc = TorqueMPC(leg_model(), LIMIT, recovery=90.0, **grid)
+    slowly = mpc.step(start, REQUEST, AROUND)
+    assert at_once.admitted[0] < 0.1 * REQUEST[0]
+    assert slowly.admitted[0] > 0.8 * REQUEST[0]
+    assert slowly.temperatures[2, 19] <= LIMIT
+    found = Reference(mpc.heating, mpc.settings).solve(start, np.tile(REQUEST, (30, 1)), np.full((30, 1), 25.0))
+    assert slowly.cost == pytest.approx(found.cost, rel=1e-3)
+
+
+def test_an_infeasible_task_is_answered_with_its_slack() -> None:
+    plan = TorqueMPC(leg_model(), LIMIT).step(np.full(3, 59.0), REQUEST, {"temperature.ambient": 150.0})
+    assert plan.converged
+    assert plan.slack.max() > 1
+    assert np.all(plan.admitted <= REQUEST)
+    assert "can't be met" in plan.given_up[0]
+
+
+def test_ten_times_the_current_limit_is_cut_to_it() -> None:
+    mpc = TorqueMPC(leg_model(), LIMIT, current_limits=20.0)
+    plan = mpc.step(np.full(3, 30.0), np.full(3, 10 * 20.0 * 0.84), AROUND)
+    assert plan.converged
+    assert np.all(plan.admitted / 0.84 <= 20.0 + 1e-9)
+    assert any("above the current limit" in said for said in plan.given_up)
+
+
+def test_requests_and_conditions_that_are_no_numbers() -> None:
+    mpc = TorqueMPC(leg_model(), LIMIT)
+    plan = mpc.step(np.full(3, 50.0), [np.nan, 10.0, np.inf], {"temperature.ambient": 25.0})
+    assert plan.admitted[0] == 0.0
+    assert plan.admitted[2] == 0.0
+    assert any("taken as zero" in said for said in plan.given_up)
+    later, known = [], TorqueMPC(leg_model(), LIMIT)
+    known.step(np.full(3, 50.0), [np.nan, 10.0, np.inf], AROUND)
+    for each, ambient in ((mpc, np.nan), (known, 25.0)):
+        later.append(each.step(np.full(3, 50.0), REQUEST, {"temperature.ambient": ambient}))
+    assert any("condition is no number" in said for said in later[0].given_up)
+    assert later[0].admitted.tolist() == later[1].admitted.tolist()
+
+
+def test_one_absurd_moment_is_forgotten() -> None:
+    """An ambient of 1e30 degC is a finite number, and the plan of that moment is worth nothing; but the next one is."""
+    mpc, fresh = TorqueMPC(leg_model(), LIMIT), TorqueMPC(leg_model(), LIMIT)
+    for ambient in (25.0, 1e30, 1e308):
+        plan = mpc.step(np.full(3, 55.0), REQUEST, {"temperature.ambient": ambient})
+        assert np.all(np.isfinite(plan.admitted))
+        assert np.all(np.abs(plan.admitted) <= REQUEST)
+    later = mpc.step(np.full(3, 55.0), REQUEST, AROUND)
+    np.testing.assert_allclose(later.admitted, fresh.step(np.full(3, 55.0), REQUEST, AROUND).admitted, rtol=1e-4)
+    assert later.converged
+
+
+def test_nothing_asked_is_nothing_admitted() -> None:
+    plan = TorqueMPC(leg_model(), LIMIT).step(np.full(3, 70.0), np.zeros(3), AROUND)
+    assert plan.admitted.tolist() == [0.0, 0.0, 0.0]
+
+
+_STARTS = ((20.0, 60.0), (55.0, 65.0), (20.0, 120.0))
+
+
+@given(st.integers(0, 10**6))
+def test_it_always_converges_and_never_admits_more_than_is_asked(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    mpc = _any_controller()
+    if random.random() < 0.5:
+        mpc.reset()
+    request = random.uniform(0, 10 ** random.uniform(0, 3), (mpc.settings.stages.size, 3))
+    request[random.random(request.shape) < 0.2] = 0.0
+    plan = mpc.step(random.uniform(*_STARTS[random.integers(3)], 3), request, AROUND)
+    assert plan.converged
+    assert np.all((plan.currents >= 0) & (plan.currents <= request + 1e-9))
+    over = plan.temperatures[:3, 1:].T - mpc.settings.planned_limits
+    assert np.all(over <= plan.slack + 1e-6)
+
+
+@cache
+def _any_controller() -> TorqueMPC:
+    return TorqueMPC(leg_model(), {"*": LIMIT, "FR_hip": 55.0}, current_limits=40.0)
+
+
+# --- mistakes -----------------------------------------------------------------------------------------
+
+
+def test_mistakes_are_said_in_one_line() -> None:
+    model = leg_model()
+    mistakes: tuple[dict[str, Any], ...] = (
+        {"limits": {"FL_calf": 60.0}},
+        {"limits": {"*": float("nan")}},
+        {"limits": {}},
+        {"limits": 60.0, "margin": -1.0},
+        {"limits": 60.0, "weights": {"FR_hip": 0.0}},
+    )
+    for wrong in mistakes:
+        with pytest.raises(InputError):
+            TorqueMPC(model, **wrong)
+    with pytest.raises(ValueError, match="period"):
+        TorqueMPC(model, 60.0, period=10, horizon=5)
+    mpc = TorqueMPC(model, 60.0)
+    with pytest.raises(InputError, match="unknown name"):
+        mpc.step({"FL_calf": 30.0}, REQUEST, AROUND)
+    with pytest.raises(InputError, match="shape"):
+        mpc.step(np.zeros(4), REQUEST, AROUND)
+
+
+def test_a_model_without_currents_is_refused() -> None:
+    with pytest.raises(InputError, match="no torque or current"):
+        TorqueMPC(Model(leg([effect("constant_heat")])), 60.0)
+
+
+def test_names_or_order_are_the_same() -> None:
+    by_name = TorqueMPC(leg_model(), LIMIT).step(
+        dict(zip(LEG, (50.0, 55.0, 58.0), strict=True)), dict(zip(LEG, REQUEST, strict=True)), AROUND
+    )
+    by_order = TorqueMPC(leg_model(), LIMIT).step([50.0, 55.0, 58.0], REQUEST, [25.0])
+    assert by_name.admitted.tolist() == by_order.admitted.tolist()

@@ -1,0 +1,77 @@
+"""The controller and the limiter as C programs: the same numbers as in Python."""
+
+from __future__ import annotations
+
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lptn.arrays import FloatArray
+from lptn.compiled import compiler
+from lptn.model import Model
+from lptn.planners import Limiter, TorqueMPC
+from lptn.planners.limiter.emit import emit as emit_limiter
+from lptn.planners.mpc.emit import emit
+from tests.builders import effect, leg
+
+needs_a_compiler = pytest.mark.skipif(compiler() is None, reason="no C compiler")
+MODEL = Model(leg([effect("copper_loss"), effect("resistance_rise"), effect("torque_constant_drop")]))
+
+
+def built(folder: Path, source: str, *options: str) -> Path:
+    """The program of a folder, every warning about it an error."""
+    words = [str(compiler()), "-std=c99", "-Wall", "-Werror", *options, "main.c", source, "-lm", "-o", "program"]
+    done = subprocess.run(words, cwd=folder, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return folder / "program"
+
+
+def answered(program: Path, rows: FloatArray) -> FloatArray:
+    """What the program prints for lines of numbers."""
+    lines = "\n".join(" ".join(repr(value) for value in row) for row in rows.tolist())
+    done = subprocess.run([program], input=lines, capture_output=True, text=True, check=True)
+    return np.array([[float(word) for word in line.split()] for line in done.stdout.splitlines()])
+
+
+@needs_a_compiler
+@pytest.mark.parametrize("options", [("-O2", "-ftree-vectorize", "-ffp-contract=off"), ("-O0",), ("-O3",)])
+def test_the_emitted_step_is_pythons(tmp_path: Path, options: tuple[str, ...]) -> None:
+    limits = {"*": 60.0, "FR_hip": 58.0}
+    mpc = TorqueMPC(MODEL, limits, request="torque", current_limits={"*": 40.0, "FR_calf": 15.0}, rates=2.0, stages=12)
+    random, steps = np.random.default_rng(0), 40
+    measured = random.uniform(45, 62, (steps, 3))
+    measured[random.random(measured.shape) < 0.1] = np.nan
+    request, ambient = random.uniform(-20, 20, (steps, 3)), random.uniform(20, 30, (steps, 1))
+    emit(mpc, tmp_path, np.full(3, 50.0), request, ambient)
+    told = answered(built(tmp_path, "lptn_mpc.c", *options), np.hstack([measured, request, ambient]))
+    mpc.reset()
+    for row, *given in zip(told, measured, request, ambient, strict=True):
+        plan = mpc.step(*given)
+        np.testing.assert_allclose(row[:3], plan.admitted, rtol=0, atol=1e-9)
+        assert row[3] == plan.status
+        assert row[4] == pytest.approx(plan.cost, abs=1e-9)
+
+
+@needs_a_compiler
+def test_the_emitted_example_runs(tmp_path: Path) -> None:
+    mpc = TorqueMPC(MODEL, 60.0, request="torque")
+    paths = emit(mpc, tmp_path, np.full(3, 50.0), np.full((5, 3), 9.0), np.full((5, 1), 25.0))
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(path.name for path in paths)
+    program = built(tmp_path, "lptn_mpc.c", "-O1", "-fsanitize=undefined", "-fno-sanitize-recover")
+    example = np.loadtxt(tmp_path / "example.txt", ndmin=2)
+    assert answered(program, example).shape == (5, 5)
+    assert (tmp_path / "names.txt").read_text().split("\n")[0] == "temperature.FR_hip [degC]"
+
+
+@needs_a_compiler
+def test_the_emitted_limiter_is_pythons(tmp_path: Path) -> None:
+    limiter = Limiter(MODEL, 60.0, request="torque", current_limits=40.0)
+    random = np.random.default_rng(0)
+    rows = np.hstack([random.uniform(40, 61, (20, 3)), random.uniform(0, 5, (20, 3)), np.full((20, 1), 25.0)])
+    emit_limiter(limiter, tmp_path, rows[0, :3], rows[0, 3:6], rows[0, 6:])
+    told = answered(built(tmp_path, "admissible.c", "-O2", "-ffp-contract=off"), rows)
+    for row, given in zip(told, rows, strict=True):
+        here = limiter.admissible(given[:3], given[3:6], given[6:])
+        np.testing.assert_allclose(row, here.ravel(), rtol=0, atol=1e-9)
