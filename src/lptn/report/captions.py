@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from lptn.compare import Comparison, Condition
+from lptn.diagnose.confusable import ALIKE, Confusability
+from lptn.diagnose.detectable import Detectable
 from lptn.evidence import Evidence
 from lptn.ladder import Ladder
 from lptn.report.conditions import worst
+from lptn.report.detectability import reaches
 from lptn.report.ranking import candidates_shown
-from lptn.report.text import kelvin, spanned
+from lptn.report.text import kelvin, listed, spanned
 from lptn.report.timeseries import MOST, NOISE_BAND, opening_end, views
 
 _PLAIN = 0.5  # share of the RMSE from which its mean is worth a word
@@ -47,6 +52,36 @@ def of_predictions(given: Comparison, best: Comparison | None, data: Evidence, w
         told += " The start was fitted along with these readings, so this is no proof."
     count = len(views(given))
     return f"{told} {_chosen(count)}"
+
+
+def of_error_map(which: str) -> str:
+    """Under the map of errors by node and time."""
+    return f"Predicted minus measured on the {which} runs: red where the model is too hot, blue where too cold."
+
+
+def of_confusion(found: Confusability) -> str:
+    """Under the likeness of candidates' traces."""
+    told = "How alike the traces are that candidates leave on the fitted runs, once the parameters have adapted."
+    if not found.groups():
+        return (
+            f"{told} No two of the best reach {ALIKE:g}, so these data tell them apart if the effects are large enough."
+        )
+    numbers = {key: str(number) for number, key in enumerate(found.keys, start=1)}
+    groups = "; ".join(
+        "all of them" if len(group) == len(numbers) else listed([numbers[key] for key in group])
+        for group in found.groups()
+    )
+    return f"{told} Linked by {ALIKE:g} or more, so to first order one answer with several names: {groups}."
+
+
+def of_detectability(found: Sequence[Detectable]) -> str:
+    """Under what the data could have shown."""
+    rows = reaches(found)
+    hidden = sum(each.easiest.share >= 1 for each in rows)
+    told = "The dot is the place where an effect shows most easily, the end of the line where it hides best."
+    told += " An effect that was not found is smaller than that, or absent; right of the dashed line even one of"
+    told += f" typical size could hide ({hidden} of {len(rows)} effects wherever they are)."
+    return told
 
 
 def of_ranking(ladder: Ladder) -> str:

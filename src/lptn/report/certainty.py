@@ -20,7 +20,7 @@ def how_sure(ladder: Ladder) -> str:
 
 
 def _sure(ladder: Ladder, number: int, rung: Rung) -> str:
-    found = _finding(ladder, rung)
+    found = finding_of(ladder, rung)
     told = f"How sure is rung {number}, {named(rung.effect or '', rung.at or '')}? "
     if found is not None:
         told += f"Chance alone would score as much in {share_by_chance(ladder, found)} of logs. "
@@ -46,7 +46,7 @@ def share_by_chance(ladder: Ladder, found: Finding) -> str:
     return f"{at_most}{100 * found.p_value:.2g} %"
 
 
-def _finding(ladder: Ladder, rung: Rung) -> Finding | None:
+def finding_of(ladder: Ladder, rung: Rung) -> Finding | None:
     """What the first diagnosis says of a rung, where it looked at it."""
     if rung is not ladder.rungs[1]:
         return None

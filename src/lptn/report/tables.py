@@ -13,7 +13,18 @@ from lptn.identify import Fit
 from lptn.ladder import Ladder
 from lptn.report.certainty import share_by_chance
 from lptn.report.conditions import conditions_of
-from lptn.report.text import NOTHING, duration, experiment_for, kelvin, number, place_of, title_of, within
+from lptn.report.text import (
+    NOTHING,
+    duration,
+    experiment_for,
+    kelvin,
+    number,
+    place_of,
+    short_size,
+    title_of,
+    unit_text,
+    within,
+)
 
 _WORST = 12  # conditions listed
 
@@ -44,7 +55,7 @@ def ladder_table(ladder: Ladder) -> Table:
 def refit_table(ladder: Ladder) -> Table:
     """One row for each candidate that the first diagnosis refitted, best first."""
     found = ladder.first
-    heads = ("no.", "effect", "place", "RMSE fitted", "RMSE held out", "by chance", "cannot be told from no.")
+    heads = ("no.", "effect", "place", "size / typical", "RMSE fitted", "RMSE held out", "by chance", "like no.")
     order = {each.key: str(place) for place, each in enumerate(found.findings, start=1)}
     before = kelvin(found.holdout.rmse if found.holdout else None)
     rows = []
@@ -53,8 +64,26 @@ def refit_table(ladder: Ladder) -> Table:
         held = NOTHING if each.holdout is None else f"{before} → {kelvin(each.holdout.rmse)}"
         errors = (f"{kelvin(found.rmse_fit)} → {kelvin(each.rmse_fit)}", held, share_by_chance(ladder, each))
         alike = ", ".join(sorted((order[key] for key in each.alike), key=int)) or NOTHING
-        rows.append((order[each.key], effect.title, place_of(at), *errors, alike, experiment_for(effect)))
-    return Table((*heads, "experiment that separates"), tuple(rows), (3, 4, 5))
+        size = short_size(each.refit.size)
+        rows.append((order[each.key], effect.title, place_of(at), size, *errors, alike, experiment_for(effect)))
+    return Table((*heads, "experiment that separates"), tuple(rows), (3, 4, 5, 6))
+
+
+def node_table(given: Comparison, best: Comparison | None) -> Table:
+    """Errors of each node over all runs, before and after."""
+    nodes = [node for node in given.model.nodes if given.node(node).count]
+    rows = []
+    for node in nodes:
+        before, after = given.node(node), best.node(node) if best else None
+        cells = [kelvin(before.rmse), kelvin(after.rmse if after else None), kelvin(before.max)]
+        cells += [kelvin(after.max if after else None), kelvin(given.floor(node), 2)]
+        rows.append((node, *cells))
+    if best is None:
+        return Table(
+            ("node", "RMSE", "largest", "noise alone"), tuple((r[0], r[1], r[3], r[5]) for r in rows), (1, 2, 3)
+        )
+    heads = ("node", "RMSE before", "RMSE after", "largest before", "largest after", "noise alone")
+    return Table(heads, tuple(rows), (1, 2, 3, 4, 5))
 
 
 def parameter_table(best: Fit, given: Fit) -> Table:
@@ -75,7 +104,7 @@ def parameter_table(best: Fit, given: Fit) -> Table:
         spread = f"{error:.2g}" if math.isfinite(error) else "not determined"
         before = number(known[unknown.name]) if unknown.name in known else "new"
         what = unknown.declared.title or NOTHING
-        rows.append((unknown.name, what, number(unknown.value), spread, _unit(unknown.declared.unit), before))
+        rows.append((unknown.name, what, number(unknown.value), spread, unit_text(unknown.declared.unit), before))
     heads = heads if best is not given else heads[:-1]
     return Table(heads, tuple(row[: len(heads)] for row in rows), (2, 3, 5))
 
@@ -124,8 +153,3 @@ def _data_row(job: str, part: Part) -> tuple[str, ...]:
 
 def _signed(value: float) -> str:
     return f"{value:+.2g} K"
-
-
-def _unit(unit: str) -> str:
-    """`m^2` as people write it."""
-    return unit.replace("^2", "²").replace("*", "·").replace("ohm", "Ω")

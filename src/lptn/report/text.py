@@ -9,6 +9,7 @@ from lptn.effects import Effect, catalogue
 from lptn.evidence import Part, Window
 
 NOTHING = "–"
+_EVERYWHERE = "everywhere"
 
 
 def kelvin(value: float | None, digits: int = 3) -> str:
@@ -36,12 +37,15 @@ def title_of(effect: str) -> str:
 
 def named(effect: str, at: str) -> str:
     """An effect and its place, in words."""
-    return f"{title_of(effect)} everywhere" if at == "*" else f"{title_of(effect)} at {at}"
+    place = place_of(at)
+    return f"{title_of(effect)} {place}" if place.startswith(_EVERYWHERE) else f"{title_of(effect)} at {place}"
 
 
 def place_of(at: str) -> str:
-    """A place as people call it."""
-    return "everywhere" if at == "*" else at
+    """A place as people call it, and the run where the effect acts in one alone."""
+    place, _, run = at.partition("@")
+    place = _EVERYWHERE if place == "*" else place
+    return f"{place} in run {run}" if run else place
 
 
 def experiment_for(effect: type[Effect]) -> str:
@@ -63,6 +67,16 @@ def spanned(quantity: str, lower: float, upper: float) -> str:
     """A bin of an operating condition: `temperature 46.7 to 54.8 °C`."""
     name, _, unit = quantity.partition(" [")
     return f"{name} {short(lower)} to {short(upper)} {unit.rstrip(']')}".rstrip()
+
+
+def short_size(value: float) -> str:
+    """Two digits, and no exponent where a person can read it without."""
+    return f"{value:.0f}" if 10 <= abs(value) < 1e5 else f"{value:.2g}"
+
+
+def unit_text(unit: str) -> str:
+    """`m^2` as people write it."""
+    return unit.replace("^2", "²").replace("*", "·").replace("ohm", "Ω")
 
 
 def duration(seconds: float) -> str:

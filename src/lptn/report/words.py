@@ -1,4 +1,4 @@
-"""The story in words: what is missing, where, how sure, what to do next."""
+"""The story in words: what is missing, how sure, which data say so; and what to do next."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ _HELPED = 0.99  # the share of the error below which an error is called smaller
 
 
 def story_in_words(ladder: Ladder, data: Evidence) -> list[str]:
-    """The story, a few sentences to each of: what is missing, how sure, which data say so, what to do next."""
+    """The story, a few sentences to each of: what is missing, how sure, which data say so."""
     told = {"adequate": _adequate, "missing": _missing, "unexplained": _unexplained}[ladder.verdict]
-    return [told(ladder, data), *filter(None, [how_sure(ladder)]), which_data(ladder, data), _next(ladder)]
+    return [told(ladder, data), *filter(None, [how_sure(ladder)]), which_data(ladder, data)]
 
 
 def noise_alone(fit: Fit) -> float:
@@ -48,7 +48,7 @@ def _missing(ladder: Ladder, data: Evidence) -> str:
         return (
             f"The model as given is wrong by more than noise. {_errors(given)}. On the fitted runs an effect of the "
             "catalogue explains most of it, but none that was tried makes the model better by the rule that ends the "
-            "ladder, so none was added. Section 5 lists what was tried."
+            "ladder, so none was added. Section 6 lists what was tried."
         )
     return f"Missing: {_added(ladder)}. {_fall(given, best)} {_rest(ladder)}"
 
@@ -103,22 +103,26 @@ def _rest(ladder: Ladder) -> str:
     return told + f"further effects lowered the error on the fitted runs but {where}."
 
 
-def _next(ladder: Ladder) -> str:
-    told = "What to do next: "
+def next_step(ladder: Ladder) -> str:
+    """What to do next, in a sentence or two."""
     if ladder.verdict == "adequate":
-        return told + "use the model. Compare it again when the robot works harder, faster or in other air."
+        return "use the model. Compare it again when the robot works harder, faster or in other air."
     open_ = [rung for rung in ladder.rungs if rung.alike and rung.declaration]
     if ladder.verdict == "unexplained":
-        return told + (
+        return (
             "look in sections 3 and 4 for where and when the error grows, and ask what happened then that the log does "
             "not hold: touch, water, a fan, a moved sensor, a load without a column. Log it, or leave that stretch out."
         )
     if ladder.best is ladder.rungs[0]:
-        return told + "measure a longer run with more contrast (rest, load, speed), and diagnose again."
+        return "measure a longer run with more contrast (rest, load, speed), and diagnose again."
     if not open_:
-        return told + "use the best model. " + ("" if ladder.remaining == "adequate" else "Section 4 shows the rest.")
-    advice = [f"for {title_of(rung.effect or '')}: {_experiment(rung)}" for rung in open_]
-    return told + f"one experiment would tell the candidates apart; {'; '.join(advice)}. Then fit again with that log."
+        return "use the best model." + ("" if ladder.remaining == "adequate" else " Section 4 shows the rest.")
+    advice = " ".join(f"For {title_of(rung.effect or '')}: {_ended(_experiment(rung))}" for rung in open_)
+    return f"one experiment would tell the candidates apart. {advice} Then fit again with that log."
+
+
+def _ended(text: str) -> str:
+    return text if text.endswith(("?", ".")) else f"{text}."
 
 
 def _experiment(rung: Rung) -> str:

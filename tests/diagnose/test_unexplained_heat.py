@@ -1,0 +1,200 @@
+"""Hidden bursts of heat are found at their node and in their minutes; nothing hidden shows nothing."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import multivariate_normal
+
+from lptn.arrays import BoolArray
+from lptn.diagnose.unexplained_heat import UnexplainedHeat, largest, unexplained_heat
+from lptn.diagnose.unexplained_heat_blocks import Blocks, blocks
+from lptn.diagnose.unexplained_heat_inputs import block_means, input_links
+from lptn.diagnose.unexplained_heat_smoother import Prior, likelihood, smoothed
+from lptn.identify import Fit
+from tests.builders import LEG
+from tests.diagnose.hidden_heat import bursts, fitted, nothing, truth_run
+
+SEEDS = (11, 12)
+
+
+@pytest.fixture(scope="module", params=SEEDS)
+def burst_fit(request: pytest.FixtureRequest) -> Fit:
+    """The bursts hidden from the model, fine sensors."""
+    return fitted(truth_run(request.param, bursts))
+
+
+def _between(found: UnexplainedHeat, start: float, stop: float) -> BoolArray:
+    return np.asarray((found.time > start) & (found.time < stop))
+
+
+def _quiet(found: UnexplainedHeat) -> BoolArray:
+    """Blocks a minute and a half from any burst; their edges are blurred."""
+    return _between(found, 0, 1110) | _between(found, 1590, 2310) | _between(found, 2610, 3600)
+
+
+def test_bursts_at_their_node_in_their_minutes(burst_fit: Fit) -> None:
+    (found,) = unexplained_heat(burst_fit)
+    assert found.nodes == LEG
+    assert found.heat.shape == found.band.shape == (3, 360)
+    for start, stop in ((1200, 1500), (2400, 2520)):
+        inside = found.heat[:, _between(found, start, stop)].mean(axis=1)
+        assert 3.0 < inside[1] < 8.0
+        assert np.abs(inside[[0, 2]]).max() < 1.2
+        assert (found.clear[1, _between(found, start + 30, stop - 30)] > 0).any()
+    stretch = largest([found])
+    assert stretch is not None
+    assert stretch.node == "FR_thigh"
+    near = [(1200.0, 1500.0), (2400.0, 2520.0)]
+    assert any(abs(stretch.start - a) <= 30 and abs(stretch.stop - b) <= 30 for a, b in near)
+    assert stretch.text().startswith("at FR_thigh from ")
+
+
+def test_zero_elsewhere_within_the_band(burst_fit: Fit) -> None:
+    (found,) = unexplained_heat(burst_fit)
+    quiet = _quiet(found)
+    assert np.mean(np.abs(found.heat[:, quiet]) < found.band[:, quiet]) > 0.93
+    assert not found.clear[:, quiet].any()
+
+
+@pytest.mark.parametrize("steps", [0.0, 1.0])
+def test_coarse_sensors_and_gaps_still_show_the_node(steps: float) -> None:
+    run = truth_run(11, bursts, steps=steps)
+    columns = {name: values.copy() for name, values in run.columns.items()}
+    columns["temperature.FR_thigh"][600:900] = np.nan
+    columns["temperature.FR_hip"][np.random.default_rng(0).uniform(size=3600) < 0.2] = np.nan
+    (found,) = unexplained_heat(fitted(replace(run, columns=columns)))
+    stretch = largest([found])
+    assert stretch is not None
+    assert stretch.node == "FR_thigh"
+    assert stretch.start < 1500
+    assert stretch.stop > 1200
+    assert np.isfinite(found.heat).all()
+
+
+@pytest.mark.parametrize("steps", [0.0, 1.0])
+def test_nothing_hidden_covers_zero(steps: float) -> None:
+    found = [unexplained_heat(fitted(truth_run(seed, nothing, steps=steps)))[0] for seed in SEEDS]
+    assert np.mean([np.abs(each.heat) < each.band for each in found]) > 0.93
+    assert largest(found) is None
+
+
+def test_heat_of_one_of_several_runs_is_placed_in_that_run() -> None:
+    done = fitted(truth_run(21, nothing, length=1800.0), truth_run(22, bursts, length=1800.0))
+    found = unexplained_heat(done)
+    assert [each.run for each in found] == ["run21", "run22"]
+    stretch = largest(found)
+    assert stretch is not None
+    assert (stretch.run, stretch.node) == ("run22", "FR_thigh")
+
+
+def test_smoothing_is_the_least_squares_answer(burst_fit: Fit) -> None:
+    """Against one large linear solve for all states, heats and parameters at once."""
+    run = _first(blocks(burst_fit, 0), 25)
+    size, states, nodes = run.top.shape[2], 3, 3
+    prior = Prior(np.r_[np.full(states, 1.5), np.full(nodes, 4.0), np.full(size - states - nodes, 0.5)], 0.4)
+    heat, spread = smoothed(run, prior)
+    # Unknowns: the start, then each block's walk of heat; everything else follows.
+    moved, at, rows = np.eye(size), [], []
+    wanders = [np.zeros((size, nodes * 24))]
+    for k in range(25):
+        rows.append(np.hstack([run.by[k] @ moved, run.by[k] @ wanders[k]]))
+        at.append(np.hstack([moved, wanders[k]])[states : states + nodes])
+        transition = np.eye(size)
+        transition[:states] = run.top[k]
+        moved, wander = transition @ moved, transition @ wanders[k]
+        if k < 24:
+            wander[states : states + nodes, nodes * k : nodes * (k + 1)] += np.eye(nodes)
+        wanders.append(wander)
+    weighted = np.vstack(rows) / np.sqrt(run.variance.ravel())[:, None]
+    known = np.isfinite(run.residual.ravel())
+    walk = np.full(nodes * 24, prior.walk * np.sqrt(run.seconds))
+    information = weighted[known].T @ weighted[known] + np.diag(1.0 / np.r_[prior.deviations, walk] ** 2)
+    target = (run.residual.ravel() / np.sqrt(run.variance.ravel()))[known]
+    covariance = np.linalg.inv(information)
+    solution = covariance @ (weighted[known].T @ target)
+    expected = np.array([part @ solution for part in at]).T
+    deviations = np.array([np.sqrt(np.diag(part @ covariance @ part.T)) for part in at]).T
+    np.testing.assert_allclose(heat, expected, atol=1e-6)
+    np.testing.assert_allclose(spread, deviations, rtol=1e-5)
+    loads = weighted[known] * np.sqrt(run.variance.ravel()[known])[:, None]
+    spreads = (loads * np.r_[prior.deviations, walk] ** 2) @ loads.T + np.diag(run.variance.ravel()[known])
+    density = multivariate_normal(np.zeros(len(spreads)), spreads).logpdf(run.residual.ravel()[known])
+    assert likelihood(run, prior) == pytest.approx(density + 0.5 * known.sum() * np.log(2 * np.pi), rel=1e-6)
+
+
+def test_a_gap_widens_the_band_where_it_is(burst_fit: Fit) -> None:
+    run = blocks(burst_fit, 0)
+    prior = Prior(np.r_[np.full(3, 1.5), np.full(3, 4.0), np.zeros(run.top.shape[2] - 6)], 0.4)
+    gap = run.residual.copy()
+    gap[100:130, 1] = np.nan
+    without, within = smoothed(run, prior)[1], smoothed(replace(run, residual=gap), prior)[1]
+    assert (within[1, 105:125] > 1.5 * without[1, 105:125]).all()
+    np.testing.assert_allclose(within[:, 200:], without[:, 200:], rtol=0.02)
+
+
+def _first(run: Blocks, count: int) -> Blocks:
+    residual = run.residual[:count].copy()
+    residual[7:10, 1] = np.nan
+    residual[12] = np.nan
+    arrays = {name: getattr(run, name)[:count] for name in ("time", "top", "by", "variance", "storage")}
+    return replace(run, residual=residual, **arrays)
+
+
+def test_blocks_carry_heat_as_the_model_does(burst_fit: Fit) -> None:
+    """Constant extra heat moves the linear blocks as it moves a free simulation of the truth's equations."""
+    run = blocks(burst_fit, 0)
+    d = np.zeros(run.top.shape[2])
+    d[4] = 2.0  # W at the thigh
+    for k in range(len(run.time)):
+        d[:3] = run.top[k] @ d
+    values = {each.name: value for each, value in zip(burst_fit.model.unknowns, burst_fit.point.values, strict=True)}
+    g = {name.removeprefix("resistance."): 1.0 / value for name, value in values.items() if name.startswith("resis")}
+    flow = np.diag([g[f"{name}~ambient"] for name in LEG])
+    for a, b, key in ((0, 1, "FR_hip~FR_thigh"), (1, 2, "FR_calf~FR_thigh")):
+        flow[[a, b], [a, b]] += g[key]
+        flow[[a, b], [b, a]] -= g[key]
+    settled = np.linalg.solve(flow, np.array([0.0, 2.0, 0.0]))
+    c = np.array([values[f"capacity.{name}"] for name in LEG])
+    slowest = 1.0 / np.linalg.eigvals(flow / c[:, None]).real.min()
+    left = np.exp(-3600.0 / slowest)
+    assert np.abs(d[:3] - settled).max() < 2.0 * left * np.abs(settled).max() + 1e-6
+
+
+def test_a_node_without_a_sensor_gets_no_heat_of_its_own() -> None:
+    run = truth_run(12, bursts, length=2400.0)
+    columns = {name: values for name, values in run.columns.items() if name != "temperature.FR_hip"}
+    (found,) = unexplained_heat(fitted(replace(run, columns=columns)))
+    assert found.nodes == ("FR_thigh", "FR_calf")
+    stretch = largest([found])
+    assert stretch is not None
+    assert stretch.node == "FR_thigh"
+    assert abs(stretch.start - 1200) <= 60
+
+
+def test_the_input_that_heat_follows_comes_first() -> None:
+    run = truth_run(31, nothing, length=1800.0)
+    done = fitted(run)
+    (found,) = unexplained_heat(done)
+    torque = block_means(run, found, "torque.FR_hip", squared=True)
+    made = replace(found, heat=np.vstack([np.zeros_like(torque), 0.3 * torque, np.zeros_like(torque)]))
+    first = input_links(done, [made])[0]
+    assert (first.node, first.what) == ("FR_thigh", "torque.FR_hip²")
+    assert first.correlation == pytest.approx(1.0)
+    assert all(link.column != "temperature.ambient" for link in input_links(done, [found]))
+
+
+def test_a_long_run_gets_longer_blocks() -> None:
+    done = fitted(truth_run(41, nothing, length=600.0))
+    driven = done.problem.drives[0]
+    assert blocks(done, 0).seconds == 10.0
+    many = np.tile(driven.inputs, (1, 40))
+    run = replace(driven.run, time=np.arange(24_000.0), columns={})
+    measured, counted = np.tile(driven.measured, (1, 40)), np.tile(driven.counted, (1, 40))
+    long = replace(driven, run=run, inputs=many, measured=measured, counted=counted)
+    problem = type(done.problem)(done.model, [long], done.problem.sigma)
+    found = blocks(replace(done, problem=problem), 0)
+    assert found.seconds == 20.0
+    assert len(found.time) == 1200

@@ -1,0 +1,192 @@
+"""The panels of a diagnosis: true to their numbers, a unit on every axis, and words that agree with the verdict."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from lptn.compare import compare
+from lptn.diagnose.confusable import Confusability, confusability
+from lptn.diagnose.detectable import Detectable, smallest
+from lptn.diagnose.unexplained_heat import UnexplainedHeat
+from lptn.diagnose.unexplained_heat_inputs import InputLink
+from lptn.effects import catalogue
+from lptn.ladder import Ladder
+from lptn.report import captions, story_html
+from lptn.report.confusion import confusion
+from lptn.report.detectability import detectability, reaches
+from lptn.report.heat_line import chosen_links, worst_of
+from lptn.report.heat_story import HeatStory, heat_line_picture, heat_map_picture, heat_story
+from lptn.report.in_short import in_short
+from lptn.report.node_time import error_fields, heat_fields, node_time_map, worst_runs
+from lptn.report.tables import node_table, refit_table
+from lptn.report.text import named
+from tests.report.two_joints import NODES, STEP, Told
+
+HIDDEN = 3.0  # W, what the truth of `missing` has at the first joint
+
+
+class Advice:
+    """An experiment as others propose one."""
+
+    def text(self) -> str:
+        return "Hold 2 N*m at thigh for 8.5 min. At 4 min the two predictions differ by 3 K."
+
+
+@pytest.fixture(scope="module")
+def heat(missing: Told) -> HeatStory:
+    return heat_story(missing[0])
+
+
+def _labels(figure: Figure) -> set[str]:
+    return {label for ax in figure.axes if ax.axison for label in (ax.get_xlabel(), ax.get_ylabel()) if label}
+
+
+def _short(ladder: Ladder, heat: HeatStory, proposal: Advice | None = None) -> dict[str, str]:
+    return dict(in_short(ladder, heat, proposal))
+
+
+def _bursting(found: UnexplainedHeat, watts: float) -> UnexplainedHeat:
+    """The same run with clear heat at the second joint in its second quarter."""
+    made = np.zeros_like(found.heat)
+    quarter = found.time.size // 4
+    made[1, quarter : 2 * quarter] = watts
+    return replace(found, heat=made, band=np.full_like(made, 0.5))
+
+
+def test_errors_by_node_and_time_are_the_means_of_the_errors(missing: Told) -> None:
+    comparison = compare(missing[0].rungs[0].fit.model, missing[1].holdout)
+    (field,) = error_fields(comparison)
+    error = comparison.predictions[0].error
+    counted = np.flatnonzero(np.isfinite(error).any(axis=0))
+    assert field.start == comparison.predictions[0].part.run.time[counted[0]]
+    assert field.seconds % STEP == 0
+    size = round(field.seconds / STEP)
+    block = slice(counted[0] + 2 * size, counted[0] + 3 * size)
+    np.testing.assert_allclose(field.values[:, 2], error[:, block].mean(axis=1))
+    figure = node_time_map([field], [field], "error [K]", 0.1)
+    assert _labels(figure) == {"time [s]", "error [K]"}
+    drawn = figure.axes[0].images[0]
+    assert drawn.norm.vmax == pytest.approx(-drawn.norm.vmin)  # type: ignore[operator]
+
+
+def test_heat_within_its_band_is_drawn_as_none(heat: HeatStory) -> None:
+    (found,) = heat.given[:1]
+    made = _bursting(found, 4.0)
+    (field,) = heat_fields([made])
+    quarter = found.time.size // 4
+    assert set(np.unique(field.values)) == {0.0, 4.0}
+    assert (field.values[1, quarter : 2 * quarter] == 4.0).all()
+    assert not heat_fields([replace(made, band=np.full_like(made.heat, 5.0))])[0].values.any()
+
+
+def test_the_worst_runs_are_drawn_in_their_order(heat: HeatStory) -> None:
+    runs = [_bursting(heat.given[0], watts) for watts in (3.0, 1.0, 9.0, 2.0, 8.0, 7.0)]
+    assert worst_runs(heat_fields(runs)) == [0, 2, 4, 5]
+
+
+def test_the_line_has_the_heat_and_the_inputs(heat: HeatStory, missing: Told) -> None:
+    made = [_bursting(each, 4.0) for each in heat.given]
+    story = replace(heat, given=made, best=[], worst=replace(heat.worst, node=NODES[1]))
+    drawn = heat_line_picture(story)
+    text = str(drawn.drawings[0])
+    assert "unexplained heat [W]" in text
+    assert "[N·m]" in text
+    assert "correlates with the heat by" in text
+    assert drawn.caption.endswith(".")
+    kinds = [InputLink(NODES[1], column, False, share) for column, share in (("a.x", 0.9), ("a.y", 0.8), ("b.x", 0.1))]
+    assert [link.column for link in chosen_links(kinds, NODES[1])] == ["a.x", "b.x", "a.y"]
+    assert not chosen_links(kinds, NODES[0])
+
+
+def test_heat_without_a_stretch_has_no_map(adequate: Told) -> None:
+    story = heat_story(adequate[0])
+    assert story.where == ""
+    assert heat_map_picture(story) is None
+    assert "No node asks for heat beyond chance" in heat_line_picture(story).caption
+    told = _short(adequate[0], story)
+    assert told["What is missing"].startswith("Nothing")
+    assert told["Where"].startswith("Nowhere: no node asks for heat beyond chance; its 95 % band")
+    assert told["What to do"].startswith("Use the model.")
+
+
+def test_the_opening_paragraph_of_a_missing_effect(missing: Told, heat: HeatStory) -> None:
+    told = _short(missing[0], heat)
+    assert list(told) == ["What is missing", "Where", "How sure", "What to do"]
+    assert told["What is missing"] == "Constant heat."
+    assert told["Where"].startswith(NODES[0].capitalize()[:1])
+    assert "in at most 0.5 % of logs" in told["How sure"]
+    assert "The RMSE on the proof runs goes from" in told["How sure"]
+    assert told["What to do"].endswith("Use the best model.")
+
+
+def test_a_proposal_is_what_to_do(missing: Told, heat: HeatStory) -> None:
+    told = _short(missing[0], heat, Advice())
+    assert "Hold 2 N*m at thigh for 8.5 min. Section 8 says what that shows." in told["What to do"]
+    html = story_html(*missing, "story", (), Advice())
+    assert "At 4 min the two predictions differ by 3 K." in html
+    assert "No run was worked out" not in html
+
+
+def test_heat_that_stays_is_said_and_asked_about(missing: Told, heat: HeatStory) -> None:
+    stretch = replace(heat, given=[_bursting(each, 4.0) for each in heat.given])
+    stretch = replace(stretch, worst=worst_of(stretch.given))
+    stays = replace(stretch, best=[_bursting(each, 3.0) for each in heat.given])
+    told = _short(missing[0], stays)
+    assert "what was added does not explain that" in told["How sure"]
+    assert told["What to do"].startswith(f"Ask what happened at {NODES[1]} from 150 to 300 s")
+    gone = replace(stretch, best=[_bursting(each, 0.0) for each in heat.given])
+    assert "Ask what happened" not in _short(missing[0], gone)["What to do"]
+    unexplained = replace(missing[0], verdict="unexplained", rungs=missing[0].rungs[:1])
+    told = _short(unexplained, replace(stretch, best=[]))
+    assert "the catalogue does not hold" in told["What is missing"]
+    assert f"heat is missing most clearly at {NODES[1]} from 150 to 300 s, about 4 W (3.5 to 4.5 W)" in told["Where"]
+
+
+def test_confusion_shows_every_pair(missing: Told) -> None:
+    found = confusability(missing[0].first.scores, 5)
+    figure = confusion(found)
+    assert len(figure.axes[0].texts) == len(found.keys) ** 2
+    assert "likeness of traces [1]" in _labels(figure)
+    keys = tuple(("constant_heat", name) for name in "abcd")
+    matrix = np.eye(4)
+    matrix[0, 2] = matrix[2, 0] = 0.99
+    told = captions.of_confusion(Confusability(keys, matrix))
+    assert told.endswith("one answer with several names: 1 and 3.")
+    assert "tell them apart" in captions.of_confusion(Confusability(keys, np.eye(4)))
+
+
+def test_detectability_has_a_row_for_each_effect(missing: Told) -> None:
+    found = smallest(missing[0].first.scores)
+    rows = reaches(found)
+    assert len(rows) == len({each.effect for each in found})
+    shares = [each.easiest.share for each in rows]
+    assert shares == sorted(shares)
+    assert _labels(detectability(found)) == {"smallest size that would show, as a share of the typical size [1]"}
+    pair = [Detectable("radiation", at, size, "m^2", size / 0.02) for at, size in (("a", 0.01), ("b", 0.5))]
+    (one,) = reaches(pair)
+    assert (one.easiest.at, one.hardest.at) == ("a", "b")
+    assert "(0 of 1 effects" in captions.of_detectability(pair)
+
+
+def test_tables_hold_size_and_nodes(missing: Told) -> None:
+    ladder, data = missing
+    table = refit_table(ladder)
+    place = table.heads.index("size / typical")
+    sizes = {finding.key: row[place] for finding, row in zip(ladder.first.findings, table.rows, strict=True)}
+    typical = catalogue()["constant_heat"].amplitude()
+    assert typical is not None
+    assert float(sizes["constant_heat", NODES[0]]) == pytest.approx(HIDDEN / typical.typical, rel=0.1)
+    given, best = (compare(rung.fit.model, data.holdout) for rung in (ladder.rungs[0], ladder.best))
+    both = node_table(given, best)
+    assert [row[0] for row in both.rows] == list(NODES)
+    assert float(both.rows[0][2].split()[0]) < float(both.rows[0][1].split()[0])
+    assert node_table(given, None).heads == ("node", "RMSE", "largest", "noise alone")
+
+
+def test_a_place_in_one_run_is_said_in_words() -> None:
+    assert named("radiation", "*@monday") == "radiation to the surroundings everywhere in run monday"
+    assert named("radiation", "calf@monday") == "radiation to the surroundings at calf in run monday"
