@@ -22,7 +22,8 @@ TIE = 10.0
 """Information criteria closer than this decide nothing (Burnham and Anderson: beyond 10, no support)."""
 SIGNIFICANT = 0.05
 """A score that chance alone reaches less often than this is beyond chance."""
-_ITERATIONS = 40  # enough to rank candidates; the rung that is kept is fitted to the end
+# Enough to rank candidates; the rung that is kept is fitted to the end.
+_ITERATIONS, _PRECISION = 25, 3e-4
 _SAME_FAMILY_SHARE = 0.2  # the best place of an effect is refitted if it scores so much of the best gain
 _HOPELESS = 1.5  # times the misfit of the most promising candidate
 _COMPARABLE = 0.5  # share of the best gain below which no scatter makes two candidates alike
@@ -128,6 +129,7 @@ def continued(base: Fit, network: Network, rival: float = np.inf) -> Fit:
         starts=starts,
         iterations=_ITERATIONS,
         rival=rival,
+        precision=_PRECISION,
     )
     return unless_interrupted(done)
 

@@ -13,6 +13,7 @@ import numpy as np
 from lptn.arrays import FloatArray
 from lptn.identify.gauss_newton import Progress, Solution, minimise
 from lptn.identify.integral_start import integral_start
+from lptn.identify.polish import PRECISION
 from lptn.identify.problem import Point, Problem
 from lptn.identify.uncertainty import Uncertainty, uncertainty
 from lptn.model import Model
@@ -125,6 +126,7 @@ def fit(
     iterations: int = 80,
     progress: Progress | None = None,
     rival: float = np.inf,
+    precision: float = PRECISION,
 ) -> Fit:
     """Fit the free parameters, and the initial states of each run, to free-running simulations.
 
@@ -140,6 +142,7 @@ def fit(
         iterations: how many the last search may take.
         progress: called after each iteration.
         rival: a cost to beat; a fit from a `guess` that has no hope of it ends, with status `"given up"`.
+        precision: share of the cost that is not worth another step of the last search.
     """
     noise = estimate_noise(drives, model.nodes)
     sigma = balanced_sigma(drives, noise) if sigma is None else sigma
@@ -160,7 +163,7 @@ def fit(
     else:
         balanced = integral_start(model, drives, sigma)
         z = min((problem.guess(guess, starts), problem.guess(balanced, starts)), key=problem.cost)
-    solution = minimise(problem, z, progress, iterations, near=True, rival=rival)
+    solution = minimise(problem, z, progress, iterations, near=True, rival=rival, precision=precision)
     return _fit(problem, solution, noise, before + solution.iterations)
 
 

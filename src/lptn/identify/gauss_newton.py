@@ -14,7 +14,7 @@ import numpy as np
 
 from lptn.arrays import FloatArray
 from lptn.identify.evaluator import Evaluator
-from lptn.identify.polish import Ending, polish
+from lptn.identify.polish import PRECISION, Ending, polish
 from lptn.identify.problem import Problem
 
 Progress = Callable[[int, float], None]
@@ -125,6 +125,7 @@ def minimise(
     *,
     near: bool = False,
     rival: float = np.inf,
+    precision: float = PRECISION,
 ) -> Solution:
     """The least weighted sum of squares, from `guess`, within the problem's bounds.
 
@@ -138,6 +139,7 @@ def minimise(
         iterations: how many to take at most.
         near: the guess is a solution on coarser data, from which a few steps should do.
         rival: a cost to beat; a search from near that has no hope of it ends, with status `"given up"`.
+        precision: share of the cost that is not worth another step, for a search from near.
     """
     evaluator = Evaluator(problem)
     watcher = _Watcher(evaluator, progress)
@@ -145,20 +147,23 @@ def minimise(
     evaluator.cost(np.clip(guess, lower, upper))
     watcher.say()
     with _interrupt(watcher):
-        ended = _search(evaluator, watcher, iterations, near, rival * evaluator.scale)
+        ended = _search(evaluator, watcher, iterations, near, rival * evaluator.scale, precision)
     best, z = evaluator.best
     status = "interrupted" if watcher.interrupted else ended
     return Solution(np.clip(z, lower, upper), best / evaluator.scale, watcher.iterations, status)
 
 
-def _search(evaluator: Evaluator, watcher: _Watcher, iterations: int, near: bool, rival: float) -> str:
+def _search(
+    evaluator: Evaluator, watcher: _Watcher, iterations: int, near: bool, rival: float, precision: float
+) -> str:
     """Polish where the start is near; else IPOPT, then polish; IPOPT to its end where polishing fails."""
 
     def left() -> int:
         return max(0, iterations - watcher.iterations)
 
     def polished() -> Ending:
-        return polish(evaluator, evaluator.best[1].copy(), left(), lambda: watcher.interrupted, watcher.count, rival)
+        start, stopped = evaluator.best[1].copy(), lambda: watcher.interrupted
+        return polish(evaluator, start, left(), stopped, watcher.count, rival, precision)
 
     if near and (ending := polished()) != "stopped":
         return ending

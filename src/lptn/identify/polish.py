@@ -14,7 +14,7 @@ from lptn.identify.evaluator import Evaluator
 Ending = Literal["converged", "given up", "stopped"]
 
 _GAIN = 1e-6  # of the cost, a log-likelihood: a thousandth of a standard error away from the optimum
-_SHARE = 3e-8  # of the cost: where the model misses much, so little is beyond all meaning
+PRECISION = 3e-8  # of the cost: where the model misses much, so little is beyond all meaning
 _FAR = 1e6  # no step in the search's coordinates is as long
 _FIRST_DAMPING, _LEAST_DAMPING, _MOST_DAMPING = 1e-3, 1e-7, 1e3  # relative to the Hessian's diagonal
 _HOPE = 2.0  # times the gain that the quadratic model promises
@@ -28,6 +28,7 @@ def polish(
     stopped: Callable[[], bool],
     step_taken: Callable[[], None],
     rival: float = np.inf,
+    precision: float = PRECISION,
 ) -> Ending:
     """Step from `z` until nothing is left to gain; the evaluator keeps the best point.
 
@@ -42,6 +43,7 @@ def polish(
         stopped: asked before each step.
         step_taken: called after each step.
         rival: a cost to beat, scaled as the evaluator's; a search that has no hope of it ends.
+        precision: share of the cost that is not worth another step.
 
     Returns:
         `"converged"`: the optimum was reached; `"given up"`: it is no match for the rival; `"stopped"` before either.
@@ -54,7 +56,7 @@ def polish(
         gradient, hessian = evaluator.derivatives(z)
         if not np.isfinite(hessian).all():
             return "stopped"
-        enough = max(_GAIN * evaluator.scale, _SHARE * evaluator.cost(z))
+        enough = max(_GAIN * evaluator.scale, precision * evaluator.cost(z))
         free = _bounded_step(gradient, hessian, lower - z, upper - z)
         promised, before = _promised(gradient, hessian, free), evaluator.cost(z)
         if promised < enough:
