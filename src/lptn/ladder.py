@@ -29,6 +29,7 @@ from lptn.diagnose import (
     for_search,
     tied,
     unless_interrupted,
+    with_ambient_errors,
     worse_by,
 )
 from lptn.evidence import Evidence
@@ -169,6 +170,7 @@ def improve(
     data: Evidence,
     *,
     most: int = 6,
+    ambient_error: float = 0.0,
     executor: Executor | None = None,
     report: Report = lambda _: None,
 ) -> Ladder:
@@ -181,6 +183,7 @@ def improve(
         model: the model to start from.
         data: runs to fit, to hold out, and for proof.
         most: how many effects to add at most.
+        ambient_error: how far the ambient sensor may be off in each run [K], one standard deviation.
         executor: where refits run; here, one after the other, by default.
         report: told what is being done.
 
@@ -188,6 +191,7 @@ def improve(
         InputError: a run lacks an input of the model.
     """
     coarse = for_search(data)
+    model = with_ambient_errors(model, data, ambient_error)
     report("fitting the model as it stands")
     search = _Search(coarse, executor, report)
     root = _Path(unless_interrupted(fit_parts(model, coarse.fit)), (), coarse)

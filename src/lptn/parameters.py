@@ -32,6 +32,8 @@ class Parameter:
         share: who has it in common.
         on: the value it is held at once the effect is added, for an amplitude that is all or nothing.
         grid: shapes at which the effect is scored before one is fitted (time constants, exponents).
+        prior: standard deviation about 0 that a fit grants it, for what is a nuisance of the logs and no part of the
+            model; `None` where only the data speak.
     """
 
     name: str
@@ -45,6 +47,7 @@ class Parameter:
     share: Share = "each"
     on: float | None = None
     grid: tuple[float, ...] = ()
+    prior: float | None = None
 
     def __post_init__(self) -> None:
         lower, upper = self.bounds

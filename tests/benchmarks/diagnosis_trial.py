@@ -41,6 +41,8 @@ BACKGROUND = (
     ("ambient_offset", "ambient", 0.15, "holdout"),
 )
 """What the rough tier has besides what is hidden, at shares of the typical sizes."""
+AMBIENT_ERROR = 0.5
+"""K; what the rough tier's user says of the ambient sensor."""
 IN_ONE_RUN = ("surface_scale", "loss_scale")
 """Effects that a free parameter imitates unless they act in one run only."""
 SIZES = {
@@ -153,7 +155,8 @@ def run(case: Case) -> Result:
         fitted = opened.runs([folder / "fit1.parquet", folder / "fit2.parquet"])
         data = evidence(fitted, opened.runs([folder / "holdout.parquet"]))
     start = time.process_time()
-    return _result(case, improve(opened.model, data), time.process_time() - start)
+    ladder = improve(opened.model, data, ambient_error=AMBIENT_ERROR if case.tier == "rough" else 0.0)
+    return _result(case, ladder, time.process_time() - start)
 
 
 def _result(case: Case, ladder: Ladder, seconds: float) -> Result:

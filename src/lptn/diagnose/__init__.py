@@ -12,6 +12,7 @@ from lptn.diagnose.diagnosis import (
     explained_elsewhere,
     for_search,
 )
+from lptn.diagnose.nuisance import with_ambient_errors
 from lptn.diagnose.refit import SIGNIFICANT, TIE, Refit, continued, tied, unless_interrupted, worse_by
 from lptn.diagnose.score import Score, Scores, score
 
@@ -36,5 +37,6 @@ __all__ = [
     "score",
     "tied",
     "unless_interrupted",
+    "with_ambient_errors",
     "worse_by",
 ]

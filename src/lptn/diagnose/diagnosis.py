@@ -12,6 +12,7 @@ import numpy as np
 from lptn.compare import Errors
 from lptn.diagnose.candidates import candidates
 from lptn.diagnose.lack import TOO_MUCH, lack_of_fit
+from lptn.diagnose.nuisance import with_ambient_errors
 from lptn.diagnose.refit import TIE, Refit, alike, refit_all, shortlist, unless_interrupted
 from lptn.diagnose.score import Scores, score
 from lptn.evidence import Evidence
@@ -113,6 +114,7 @@ def diagnose(
     data: Evidence,
     *,
     refits: int = _MOST_REFITS,
+    ambient_error: float = 0.0,
     executor: Executor | None = None,
     report: Report = lambda _: None,
 ) -> Diagnosis:
@@ -122,6 +124,7 @@ def diagnose(
         model: the model to question.
         data: the runs to fit, and those held out.
         refits: how many candidates to refit at least.
+        ambient_error: how far the ambient sensor may be off in each run [K], one standard deviation.
         executor: where refits run; here, one after the other, by default.
         report: told what is being done.
 
@@ -129,6 +132,7 @@ def diagnose(
         InputError: a run lacks an input of the model.
     """
     coarse = for_search(data)
+    model = with_ambient_errors(model, data, ambient_error)
     report("fitting the model as it stands")
     base = unless_interrupted(fit_parts(model, coarse.fit))
     found = examine(base, coarse, refits=refits, executor=executor, report=report)

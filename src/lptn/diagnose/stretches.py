@@ -9,7 +9,7 @@ from lptn.identify import Fit
 from lptn.simulate import Drive
 
 _STRETCH, _STRETCHES = 600.0, 8  # s; a run is cut into so many at least
-_CLEAR = 3.0  # standard errors: one in a hundred for a dozen stretches
+_DRAWS, _RARE = 5000, 0.01
 
 
 def stretches(driven: Drive) -> IntArray:
@@ -28,10 +28,14 @@ def misfits(fit: Fit) -> FloatArray:
 
 
 def clearly_differ(one: Fit, other: Fit) -> bool:
-    """Whether two fits to the same runs differ by more than their difference scatters from stretch to stretch.
+    """Whether two fits to the same runs differ by more than chance: signs of the stretches' differences, drawn anew.
 
-    Source: Vuong (1989), Econometrica 57, 307, on stretches in place of independent observations.
+    Fits that are equally good win as many stretches as they lose. A difference that one stretch makes alone is no
+    evidence, however large; one that nearly all stretches share is, however uneven.
+
+    Source: Fisher's randomisation test, on stretches in place of independent observations.
     """
     differences = misfits(one) - misfits(other)
-    scatter = float(np.sqrt(np.sum((differences - differences.mean()) ** 2)))
-    return bool(abs(differences.sum()) > _CLEAR * scatter)
+    signs = np.random.default_rng(0).choice((-1.0, 1.0), (_DRAWS, len(differences)))
+    by_chance = np.abs(signs @ differences) >= abs(differences.sum()) * (1 - 1e-12)
+    return bool(by_chance.mean() <= _RARE)

@@ -71,8 +71,9 @@ class Fit:
         return float(np.sqrt(np.mean(np.concatenate(counted) ** 2)))
 
     def table(self) -> FitTable:
-        """The result as a model file keeps it; an infinite standard error is left out."""
-        free = [self.model.unknowns[index] for index in self.problem.free]
+        """The result as a model file keeps it; infinite standard errors, and nuisances of the logs, are left out."""
+        unknowns = [self.model.unknowns[index] for index in self.problem.free]
+        free = [unknown for unknown in unknowns if unknown.declared.prior is None]
         sources = {driven.run.source: driven.run.fingerprint for driven in self.problem.drives}
         return FitTable(
             rmse=self.rmse,

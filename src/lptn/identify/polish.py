@@ -17,7 +17,7 @@ _GAIN = 1e-6  # of the cost, a log-likelihood: a thousandth of a standard error 
 PRECISION = 3e-8  # of the cost: where the model misses much, so little is beyond all meaning
 _FAR = 1e6  # no step in the search's coordinates is as long
 _FIRST_DAMPING, _LEAST_DAMPING, _MOST_DAMPING = 1e-3, 1e-7, 1e3  # relative to the Hessian's diagonal
-_HOPE = 2.0  # times the gain that the quadratic model promises
+_HOPE, _TRIED = 3.0, 3  # times the gain that the quadratic model promises, after so many steps
 _POOR, _GOOD = 0.1, 0.7  # shares of the promised gain that a step kept
 
 
@@ -50,7 +50,7 @@ def polish(
     """
     lower, upper = evaluator.problem.bounds()
     damping = 0.0
-    for _ in range(most):
+    for taken in range(most):
         if stopped():
             return "stopped"
         gradient, hessian = evaluator.derivatives(z)
@@ -61,7 +61,7 @@ def polish(
         promised, before = _promised(gradient, hessian, free), evaluator.cost(z)
         if promised < enough:
             return "converged"
-        if before - _HOPE * promised > rival:
+        if taken >= _TRIED and before - _HOPE * promised > rival:
             return "given up"
         following, damping = _downhill(evaluator, z, (gradient, hessian), free, damping)
         if following is None:  # rounding in the simulation hides what is left, or the model is no guide here

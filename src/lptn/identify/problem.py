@@ -59,7 +59,7 @@ class Problem:
         self._transform = Transform([model.unknowns[index] for index in self.free])
         self._guesses = [default_start(model, driven) for driven in self.drives]
         self._shares = model.resting_shares
-        self._mirrors = self._mirror_rows(mirror_weight)
+        self._pulls = self._pulls_on_parameters(mirror_weight)
         self.readings = sum(int(driven.counted.sum()) for driven in self.drives)
         """Number of readings that count."""
 
@@ -235,18 +235,18 @@ class Problem:
             (self._relative(start) - self._relative(guess)) / self._spread
             for start, guess in zip(point.starts, self._guesses, strict=True)
         ]
-        return np.concatenate([*parts, self._mirrors @ z[: len(self.free)]]) if parts else np.zeros(0)
+        return np.concatenate([*parts, self._pulls @ z[: len(self.free)]]) if parts else np.zeros(0)
 
     def _prior_jacobian(self) -> FloatArray:
         starts = np.diag(np.tile(1.0 / self._spread, len(self.drives)))
         free = len(self.free)
-        jacobian = np.zeros((len(starts) + len(self._mirrors), self.size))
+        jacobian = np.zeros((len(starts) + len(self._pulls), self.size))
         jacobian[: len(starts), free:] = starts
-        jacobian[len(starts) :, :free] = self._mirrors
+        jacobian[len(starts) :, :free] = self._pulls
         return jacobian
 
-    def _mirror_rows(self, weight: float) -> FloatArray:
-        """One row for each left-right pair of free parameters: sqrt(λ) times their difference."""
+    def _pulls_on_parameters(self, weight: float) -> FloatArray:
+        """A row for each left-right pair of free parameters, sqrt(λ) times their difference; and for each prior."""
         where = {self.model.unknowns[index].name: row for row, index in enumerate(self.free)}
         rows = []
         for index in self.free:
@@ -254,6 +254,10 @@ class Problem:
             if weight > 0 and unknown.mirror in where and unknown.name < unknown.mirror:
                 row = np.zeros(len(self.free))
                 row[where[unknown.name]], row[where[unknown.mirror]] = np.sqrt(weight), -np.sqrt(weight)
+                rows.append(row)
+            if unknown.declared.prior is not None:
+                row = np.zeros(len(self.free))
+                row[where[unknown.name]] = unknown.declared.typical / unknown.declared.prior
                 rows.append(row)
         return np.array(rows, dtype=float).reshape(len(rows), len(self.free))
 
