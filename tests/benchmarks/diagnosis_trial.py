@@ -43,6 +43,7 @@ BACKGROUND = (
 """What the rough tier has besides what is hidden, at shares of the typical sizes."""
 AMBIENT_ERROR = 0.5
 """K; what the rough tier's user says of the ambient sensor."""
+THREE = 3  # rungs within which the rough tier wants the hidden effect
 IN_ONE_RUN = ("surface_scale", "loss_scale")
 """Effects that a free parameter imitates unless they act in one run only."""
 SIZES = {
@@ -155,7 +156,10 @@ def run(case: Case) -> Result:
         fitted = opened.runs([folder / "fit1.parquet", folder / "fit2.parquet"])
         data = evidence(fitted, opened.runs([folder / "holdout.parquet"]))
     start = time.process_time()
-    ladder = improve(opened.model, data, ambient_error=AMBIENT_ERROR if case.tier == "rough" else 0.0)
+    if case.tier == "rough":
+        ladder = improve(opened.model, data, most=THREE, ambient_error=AMBIENT_ERROR)
+    else:
+        ladder = improve(opened.model, data)
     return _result(case, ladder, time.process_time() - start)
 
 
