@@ -12,6 +12,7 @@ from cyclopts import Parameter as Option
 from cyclopts import validators
 
 from lptn.cli_support import (
+    AmbientError,
     Holdout,
     HoldoutAfter,
     Jobs,
@@ -132,6 +133,7 @@ def diagnose(
     *logs: Path,
     holdout: Holdout = None,
     holdout_after: HoldoutAfter = None,
+    ambient_error: AmbientError = 0.0,
     json: Json = None,
     jobs: Jobs = 1,
     map: Map = None,  # noqa: A002
@@ -140,15 +142,19 @@ def diagnose(
 
     Example: lptn diagnose leg.toml monday.parquet --holdout friday.parquet --json found.json
     """
+    from lptn.advice import advise
     from lptn.diagnose import diagnose as question
-    from lptn.terminal import progress, show_diagnosis, write_json
+    from lptn.diagnose import for_search
+    from lptn.terminal import progress, show_advice, show_diagnosis, write_json
 
     check_outputs(json)
     opened, data = open_by_job(model, logs, holdout, holdout_after, None, map)
     with progress("reading") as report, executor_of(jobs) as executor:
-        found = question(opened.model, data, executor=executor, report=report)
+        found = question(opened.model, data, ambient_error=ambient_error, executor=executor, report=report)
+        advice = advise(found, found.fit, for_search(data), report)
     show_diagnosis(found)
-    write_json(json, found.as_json())
+    show_advice(advice)
+    write_json(json, found.as_json() | advice.as_json())
 
 
 @app.command
@@ -180,6 +186,7 @@ def improve(
     holdout_after: HoldoutAfter = None,
     proof: Proof = None,
     rungs: Annotated[int, Option(help="Effects to add at most.", validator=validators.Number(gte=0))] = 6,
+    ambient_error: AmbientError = 0.0,
     json: Json = None,
     report: Annotated[Path | None, Option(help="HTML report to write.")] = None,
     jobs: Jobs = 1,
@@ -189,22 +196,27 @@ def improve(
 
     Example: lptn improve leg.toml monday.parquet --holdout friday.parquet -o better.toml --report story.html
     """
+    from lptn.advice import advise
+    from lptn.diagnose import for_search
     from lptn.files import write_whole
     from lptn.ladder import improve as climb
-    from lptn.terminal import progress, show_ladder, write_json
+    from lptn.terminal import progress, show_advice, show_ladder, write_json
 
     check_outputs(output, json, report)
     opened, data = open_by_job(model, logs, holdout, holdout_after, proof, map)
     with progress("reading") as say, executor_of(jobs) as executor:
-        ladder = climb(opened.model, data, most=rungs, executor=executor, report=say)
+        ladder = climb(opened.model, data, most=rungs, ambient_error=ambient_error, executor=executor, report=say)
+        advice = advise(ladder.first, ladder.last.fit, for_search(data), say)
     show_ladder(ladder)
+    show_advice(advice)
     if output is not None:
         opened.file.with_effects(ladder.declarations()).with_fit(ladder.best.fit.table()).write(output)
-    write_json(json, ladder.as_json())
+    write_json(json, ladder.as_json() | advice.as_json())
     if report is not None:
         from lptn.report import story_html
 
-        write_whole(report, story_html(ladder, data, opened.model.network.name, (typed(),)))
+        page = story_html(ladder, data, opened.model.network.name, (typed(),), advice.experiment)
+        write_whole(report, page)
 
 
 @app.command

@@ -60,6 +60,10 @@ MirrorWeight = Annotated[
         validator=_not_negative,
     ),
 ]
+AmbientError = Annotated[
+    float,
+    Option(help="How far the ambient sensor may be off in each run [K].", validator=validators.Number(gte=0)),
+]
 Jobs = Annotated[
     int, Option(name="--jobs", help="Processes that refit candidates side by side.", validator=validators.Number(gte=1))
 ]

@@ -14,6 +14,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from lptn.advice import Advice
 from lptn.compare import Comparison, Errors
 from lptn.diagnose import Diagnosis
 from lptn.effects import catalogue
@@ -116,9 +117,12 @@ def show_diagnosis(found: Diagnosis) -> None:
         table.add_row(*cells, " ".join(ranks[key] for key in finding.alike if key in ranks))
     out.print(table)
     out.print("p: how often chance alone would score as much. like: ranks that these data can't tell from it.")
-    best = found.helpful[0]
-    if best.alike:
-        out.print(f"To separate them: {best.refit.candidate.effect.signature.separate_by}.", markup=False)
+
+
+def show_advice(advice: Advice) -> None:
+    """What to do next, a sentence or two each."""
+    for told in advice.sentences:
+        out.print(told, markup=False)
 
 
 def show_fit(done: Fit) -> None:
