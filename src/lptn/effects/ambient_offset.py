@@ -19,6 +19,10 @@ class AmbientOffset(BoundaryEffect):
     key = "ambient_offset"
     title = "ambient warmer or cooler than given"
     per_run = True
+    in_one_run = (
+        "in {run} the {place} was {size} K warmer than given",
+        "in {run} the {place} was {size} K cooler than given",
+    )
     parameters = (
         Parameter("offset", 2.0, "K", (-20.0, 20.0), off=0.0, typical=2.0, title="true minus given temperature"),
     )

@@ -54,6 +54,8 @@ class Effect(ABC):
     options: ClassVar[Mapping[str, tuple[str, ...]]] = {}
     per_run: ClassVar[bool] = False
     whole_robot: ClassVar[bool] = False
+    in_one_run: ClassVar[tuple[str, str]] = ("", "")
+    """What it means in one run, for an amplitude above and below 0; fields as in `diagnose.other_runs_search`."""
 
     def __init__(self, **chosen: str) -> None:
         """Take one of the admissible words for each of the effect's options; the first is the default."""

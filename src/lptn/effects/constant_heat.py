@@ -19,6 +19,10 @@ class ConstantHeat(NodeEffect):
     key = "constant_heat"
     title = "constant heat"
     per_run = True
+    in_one_run = (
+        "in {run} {size} W more heat goes into {into} all the time: was something beside it on?",
+        "in {run} {size} W less heat goes into {into} all the time",
+    )
     parameters = (Parameter("power", 3.0, "W", (0.0, 1e4), off=0.0, typical=3.0, title="constant heat"),)
     signature = Signature(
         looks_like="predicted too cold all the time, at rest as well",

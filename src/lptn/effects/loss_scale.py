@@ -22,6 +22,10 @@ class LossScale(LossEffect):
     title = "wrong torque constant or resistance"
     acts_on = "copper_loss"
     per_run = True
+    in_one_run = (
+        "in {run} the copper loss{at} is {factor} times what the model computes",
+        "in {run} the copper loss{at} is only {factor} times what the model computes",
+    )
     parameters = (Parameter("change", 0.2, "1", (-0.9, 20.0), off=0.0, typical=0.2, title="change of the copper loss"),)
     signature = Signature(
         looks_like="predicted too cold (or too hot) in proportion to the square of the load, warm or cold",

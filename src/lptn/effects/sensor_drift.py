@@ -24,6 +24,10 @@ class SensorDrift(ExcessEffect):
     key = "sensor_drift"
     title = "sensor drift"
     per_run = True
+    in_one_run = (
+        "in {run} {of} drifts up by {size} K an hour",
+        "in {run} {of} drifts down by {size} K an hour",
+    )
     parameters = (Parameter("rate", 1.0, "K/h", (-30.0, 30.0), off=0.0, typical=1.0, title="drift of the reading"),)
     signature = Signature(
         looks_like="predicted off by more and more, whatever the robot does",

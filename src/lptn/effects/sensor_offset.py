@@ -19,6 +19,10 @@ class SensorOffset(SensorEffect):
     key = "sensor_offset"
     title = "sensor offset"
     per_run = True
+    in_one_run = (
+        "in {run} {of} reads {size} K high",
+        "in {run} {of} reads {size} K low",
+    )
     parameters = (
         Parameter("offset", 1.0, "K", (-10.0, 10.0), off=0.0, typical=1.0, title="reading minus temperature"),
     )

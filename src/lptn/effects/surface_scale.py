@@ -21,6 +21,10 @@ class SurfaceScale(LinkEffect):
     key = "surface_scale"
     title = "loses heat faster or slower"
     per_run = True
+    in_one_run = (
+        "{run} loses heat{at} {factor} times as fast as the fitted runs did: was a fan on?",
+        "{run} loses heat{at} only {factor} times as fast as the fitted runs did: was it covered, or out of the wind?",
+    )
     parameters = (Parameter("change", 0.3, "1", (-0.9, 20.0), off=0.0, typical=0.3, title="change of the conductance"),)
     signature = Signature(
         looks_like="predicted too hot (or too cold) in proportion to how far it lies above the surroundings",

@@ -1,0 +1,185 @@
+"""Held-out runs that differ from the fitted ones by one thing, their truth integrated by SciPy."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from lptn.arrays import FloatArray
+from lptn.diagnose.differing import Differing
+from lptn.diagnose.other_runs import runs_that_differ
+from lptn.effects import catalogue
+from lptn.evidence import evidence
+from lptn.identify import Fit
+from lptn.logs import Run
+from lptn.model import Model
+from lptn.network import Network
+from lptn.on_evidence import fit_parts
+from tests.builders import AMBIENT, effect, link, make_run, node
+
+NODES = ("winding", "body", "foot")
+STEP, MINUTES = 5.0, 40
+CAPACITY = np.array([100.0, 250.0, 180.0])  # J/K
+AMONG = np.array([1.5, 4.0])  # K/W from each node to the next
+TO_AIR = np.array([12.0, 5.0, 9.0])  # K/W
+NOISE = 0.1  # K
+
+
+def network() -> Network:
+    """Three nodes in a row, heated by a logged power at the first, each of them in air."""
+    links = (link("winding", "body", 2.0), link("body", "foot", 5.0), *(link(name, "ambient", 8.0) for name in NODES))
+    return Network("row", (*(node(name, 200.0) for name in NODES), AMBIENT), links, (effect("heat_input", "winding"),))
+
+
+def held_gain() -> Network:
+    """The same with the heat of a watt held at a watt."""
+    (heated,) = network().effects
+    return replace(network(), effects=(replace(heated, parameters=(replace(heated.parameters[0], fixed=True),)),))
+
+
+def truth(
+    name: str,
+    seed: int,
+    *,
+    fan: float = 1.0,
+    fan_at: Sequence[int] = (0, 1, 2),
+    warmer: float = 0.0,
+    reads_high: float = 0.0,
+    heat: float = 1.0,
+    late: float = 0.0,
+    bursts: float = 0.0,
+) -> Run:
+    """A run from SciPy's integrator, with what differs in it."""
+    rng = np.random.default_rng(seed)
+    n = int(MINUTES * 60 / STEP)
+    power = rng.uniform(0.0, 12.0, n // 48 + 1).repeat(48)[:n]
+    power[-n // 4 :] = 0.0
+    air, begun = 20.0 + rng.uniform(0.0, 3.0), rng.uniform(2.0, 8.0, 3)
+    loss = 1.0 / TO_AIR
+    loss[list(fan_at)] *= fan
+    noise_heat = bursts * (np.sin(np.arange(n) / 17.0) > 0.6) * rng.uniform(0.0, 1.0, n)
+
+    def rates(t: float, x: FloatArray) -> FloatArray:
+        index = min(int(t / STEP + 1e-9), n - 1)
+        q = (x[:-1] - x[1:]) / AMONG
+        gained = np.array([heat * power[index], noise_heat[index], 0.0]) - loss * (x - air - warmer)
+        gained[:-1] -= q
+        gained[1:] += q
+        return np.asarray(gained / CAPACITY)
+
+    times = STEP * np.arange(n)
+    at = np.clip(times - late, 0.0, times[-1])
+    path = solve_ivp(rates, (0.0, times[-1]), air + begun, t_eval=np.unique(at), max_step=STEP, rtol=1e-8, atol=1e-8)
+    readings = np.array([np.interp(at, path.t, row) for row in path.y]) + rng.normal(0.0, NOISE, (3, n))
+    readings[0] += reads_high
+    columns = {f"temperature.{place}": row for place, row in zip(NODES, readings, strict=True)}
+    columns |= {"temperature.ambient": np.full(n, air), "power.winding": power}
+    return make_run(columns, step=STEP, name=name)
+
+
+@pytest.fixture(scope="module")
+def fitted() -> Fit:
+    """The model, fitted to two runs that do not differ."""
+    return fit_parts(Model(held_gain()), evidence([truth("monday", 1), truth("tuesday", 2)]).fit)
+
+
+def said_of(fitted: Fit, **differs: object) -> list[Differing]:
+    """What is said of one held-out run."""
+    run = truth("run4", 3, **differs)  # type: ignore[arg-type]
+    return runs_that_differ(fitted, evidence([], [run]).holdout)
+
+
+def test_of_a_run_like_the_fitted_ones_nothing_is_said(fitted: Fit) -> None:
+    assert said_of(fitted) == []
+
+
+def test_a_fan_is_found_and_its_size(fitted: Fit) -> None:
+    (found,) = said_of(fitted, fan=3.0)
+    assert (found.run, found.effect, found.at) == ("run4", "surface_scale", "*")
+    assert found.amplitude == pytest.approx(2.0, rel=0.1)
+    assert found.rmse_after is not None
+    assert found.rmse_after < 1.2 * NOISE < found.rmse_before
+    assert found.text().startswith("run4 loses heat 3 times as fast as the fitted runs did: was a fan on?")
+    assert "not a prediction" in found.text()
+
+
+def test_a_fan_at_one_node_is_placed(fitted: Fit) -> None:
+    (found,) = said_of(fitted, fan=3.0, fan_at=(1,))
+    assert (found.effect, found.at) == ("surface_scale", "body")
+    assert "run4 loses heat at body 3 times as fast" in found.text()
+
+
+def test_a_cover_is_told_from_a_fan(fitted: Fit) -> None:
+    (found,) = said_of(fitted, fan=0.4)
+    assert (found.effect, found.at) == ("surface_scale", "*")
+    assert "only 0.4 times as fast" in found.text()
+
+
+def test_a_warmer_room_is_found(fitted: Fit) -> None:
+    (found,) = said_of(fitted, warmer=2.3)
+    assert (found.effect, found.at) == ("ambient_offset", "ambient")
+    assert found.amplitude == pytest.approx(2.3, abs=0.3)
+    assert "In run4 the ambient was 2.3 K warmer than given." in found.text()
+    # The same data to the last bit, up to the start: every sensor off by as much.
+    assert [(each.effect, each.at) for each in found.alike] == [("sensor_offset", "*")]
+
+
+def test_a_sensor_that_reads_high_is_found(fitted: Fit) -> None:
+    (found,) = said_of(fitted, reads_high=1.5)
+    assert (found.effect, found.at) == ("sensor_offset", "winding")
+    assert found.amplitude == pytest.approx(1.5, abs=0.15)
+    assert "the sensor of winding reads 1.5 K high" in found.text()
+
+
+def test_an_offset_below_the_steps_of_its_sensor_is_found() -> None:
+    def in_steps(run: Run) -> Run:
+        read = {f"temperature.{place}": np.round(run.temperature(place)) for place in NODES}
+        return replace(run, columns={**run.columns, **read}, resolution=dict.fromkeys(read, 1.0))
+
+    runs = [in_steps(truth("monday", 1)), in_steps(truth("tuesday", 2))]
+    done = fit_parts(Model(held_gain()), evidence(runs).fit)
+    like, high = (in_steps(truth("run4", 200, reads_high=size)) for size in (0.0, 0.7))
+    assert runs_that_differ(done, evidence([], [like]).holdout) == []
+    (found,) = runs_that_differ(done, evidence([], [high]).holdout)
+    assert (found.effect, found.at) == ("sensor_offset", "winding")
+    assert found.amplitude == pytest.approx(0.7, abs=0.15)
+
+
+def test_a_heater_that_gives_more_is_not_called_a_draught(fitted: Fit) -> None:
+    (found,) = said_of(fitted, heat=1.3)
+    assert (found.effect, found.at) == ("heat_scale", "winding")
+    assert found.amplitude == pytest.approx(0.3, rel=0.05)
+
+
+def test_clocks_apart_are_found(fitted: Fit) -> None:
+    (found,) = said_of(fitted, late=40.0)
+    assert found.effect == "clock_offset"
+    assert found.amplitude == pytest.approx(40.0, abs=5.0)
+    assert "s later than the inputs" in found.text()
+
+
+def test_what_no_one_parameter_explains_is_said_plainly(fitted: Fit) -> None:
+    (found,) = said_of(fitted, bursts=20.0, reads_high=-3.0, fan=2.0)
+    assert (found.effect, found.amplitude, found.alike) == (None, None, ())
+    assert "no one parameter that may differ from run to run explains half of it" in found.text()
+    assert found.as_json()["rmse_before"] == found.rmse_before > 1.0
+
+
+def test_a_cause_that_leaves_much_says_so(fitted: Fit) -> None:
+    (found,) = said_of(fitted, bursts=40.0)
+    assert found.effect == "constant_heat"
+    assert "It does not explain all" in found.text()
+
+
+def test_the_rest_of_a_fitted_run_is_left_out(fitted: Fit) -> None:
+    fan = truth("monday", 1, fan=3.0)
+    assert runs_that_differ(fitted, evidence([], [fan]).holdout) == []
+
+
+def test_every_effect_that_may_differ_from_run_to_run_has_its_sentences() -> None:
+    for kind in catalogue().values():
+        assert all(kind.in_one_run) == kind.per_run, kind.key

@@ -1,0 +1,58 @@
+"""The stators: of a run with a fan on, which no log tells, the loss to the air is named."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from lptn.diagnose.differing import Differing
+from lptn.diagnose.other_runs import runs_that_differ
+from lptn.evidence import evidence
+from lptn.identify import Fit
+from lptn.on_evidence import fit_parts
+from lptn.opening import open_model
+
+FOLDER = Path(__file__).parents[1] / "examples" / "bldc_stators"
+
+
+def _said(model: str, fitted: str, held_out: str) -> tuple[Fit, list[Differing]]:
+    """The model fitted to some runs by their numbers, and what is said of another."""
+    opened = open_model(FOLDER / f"{model}.toml")
+    runs, others = (opened.runs([FOLDER / f"Run{number}.csv" for number in text]) for text in (fitted, held_out))
+    data = evidence(runs, others)
+    done = fit_parts(opened.model, data.fit)
+    return done, runs_that_differ(done, data.holdout)
+
+
+@pytest.mark.parametrize("model", ["two_nodes", "own_surfaces"])
+def test_of_the_run_with_a_fan_the_loss_to_the_air_is_named(model: str) -> None:
+    done, (found,) = _said(model, "135", "4")
+    assert done.rmse < 3.5
+    assert found.rmse_before > 50.0
+    assert (found.run, found.effect, found.at) == ("Run4", "surface_scale", "*")
+    assert found.amplitude is not None
+    assert found.rmse_after is not None
+    assert 3.0 < found.amplitude < 12.0
+    assert found.rmse_after < 0.3 * found.rmse_before
+    assert "times as fast as the fitted runs did: was a fan on?" in found.text()
+    # A fan on two lumps is not all that there is.
+    assert "It does not explain all" in found.text()
+
+
+def test_of_a_run_in_still_air_nothing_is_said() -> None:
+    _, found = _said("two_nodes", "15", "3")
+    assert found == []
+
+
+def test_run_4_is_slower_from_the_first_seconds() -> None:
+    """Why a fan is not all: at 10 K above the air no loss to the air takes a fifth of 560 W."""
+    opened = open_model(FOLDER / "two_nodes.toml")
+    rises = {}
+    for run in opened.runs([FOLDER / f"Run{number}.csv" for number in "1345"]):
+        power, winding = run.columns["power.winding"], run.temperature("winding")
+        begun = int((power > 200.0).argmax())
+        rises[run.name] = 1e3 * (winding[begun + 20] - winding[begun]) / (power[begun : begun + 20].sum() * run.step)
+    slow = rises.pop("Run4")
+    assert 1.7 < min(rises.values()) <= max(rises.values()) < 1.9  # K/kJ
+    assert slow < 0.85 * min(rises.values())
