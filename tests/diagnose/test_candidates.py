@@ -121,10 +121,10 @@ def _ats(key: str, *more: str, network: Network | None = None) -> list[str]:
     return [each.at for each in found if each.effect.key == key]
 
 
-def test_a_shared_mass_is_proposed_for_classes_and_for_all_but_not_for_one() -> None:
-    assert _ats("shared_mass") == ["*_thigh", "*_calf", "*"]
+def test_a_shared_mass_is_proposed_for_groups_of_three_nodes_or_more() -> None:
+    assert _ats("shared_mass") == ["*"]  # the classes have two nodes each: what lies between those is an edge
     taken = _legs().with_effects([effect("shared_mass", "*")])
-    assert _ats("shared_mass", network=taken) == ["*_thigh", "*_calf"]
+    assert _ats("shared_mass", network=taken) == []
 
 
 def test_a_sensor_is_proposed_to_read_its_neighbour_either_way_and_on_all_legs() -> None:
