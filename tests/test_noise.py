@@ -43,6 +43,13 @@ def test_rare_jumps_and_gaps_do_not_raise_it() -> None:
     assert _noise(_run(readings, readings)).white == pytest.approx([0.2, 0.2], rel=0.1)
 
 
+def test_a_sensor_slower_than_the_grid_shows_its_noise_too() -> None:
+    rng, time = np.random.default_rng(5), np.arange(float(N))
+    readings = 40.0 + 20.0 * np.sin(time / 300.0) + 0.2 * rng.standard_normal(N)
+    readings[time % 3 == 2] = np.nan
+    assert _noise(_run(readings, readings)).white == pytest.approx([0.2, 0.2], rel=0.2)
+
+
 def test_a_sensor_in_steps_of_one_kelvin_has_a_floor_of_one_over_root_twelve() -> None:
     slow = np.round(40.0 + 20.0 * np.sin(np.arange(float(N)) / 300.0))
     noise = _noise(_run(slow, slow, {"temperature.a": 1.0, "temperature.b": 1.0}))
