@@ -16,6 +16,7 @@ from types import FrameType
 _AGAIN = 0.005  # s
 _DEAF = "casadi"
 _OURS = "lptn"
+_held_back = threading.Event()
 
 
 @contextmanager
@@ -36,12 +37,18 @@ def heard_interrupts() -> Iterator[None]:
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:
-    if _inside_casadi(frame):
-        again = threading.Timer(_AGAIN, signal.raise_signal, [number])
+    if not _inside_casadi(frame):
+        raise KeyboardInterrupt
+    if not _held_back.is_set():  # one is enough, however often it was pressed
+        _held_back.set()
+        again = threading.Timer(_AGAIN, _press_again, [number])
         again.daemon = True
         again.start()
-    else:
-        raise KeyboardInterrupt
+
+
+def _press_again(number: int) -> None:
+    _held_back.clear()
+    signal.raise_signal(number)
 
 
 def _inside_casadi(frame: FrameType | None) -> bool:

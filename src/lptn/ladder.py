@@ -288,12 +288,13 @@ def _chosen(paths: Sequence[_Path]) -> _Path:
 
 
 def _plausible_first(paths: Sequence[_Path]) -> list[_Path]:
-    """By misfit; of those that the fitted data can't tell from the best, the ones of typical sizes first."""
+    """By misfit; of those that the fitted data can't tell from the best, typical sizes, then few parameters, first."""
     least = min(paths, key=lambda each: each.fit.cost)
 
-    def order(path: _Path) -> tuple[int, float]:
-        unusual = sum(step.refit.unusual for step in path.steps)
-        return (unusual if tied(path.fit, least.fit) else 10**6, path.fit.cost)
+    def order(path: _Path) -> tuple[bool, int, int, float]:
+        level = tied(path.fit, least.fit)
+        unusual, free = sum(step.refit.unusual for step in path.steps), len(path.fit.problem.free)
+        return (not level, unusual if level else 0, free if level else 0, path.fit.cost)
 
     return sorted(paths, key=order)
 

@@ -98,10 +98,10 @@ def refit_all(base: Fit, scores: Sequence[Score], executor: Executor | None = No
 
 
 def _plausible_first(done: list[Refit]) -> list[Refit]:
-    """Of those that explain the data as well as the best does, the ones of a typical size come first."""
+    """Of those that explain the data as well as the best does, typical sizes come first, then few parameters."""
     level = [each for each in done if alike(each, done[0])]
     rest = [each for each in done if each not in level]
-    return [*sorted(level, key=lambda each: (each.unusual, -each.gain)), *rest]
+    return [*sorted(level, key=lambda each: (each.unusual, each.parameters, -each.gain)), *rest]
 
 
 def refit(base: Fit, declaration: EffectDeclaration, rival: float = np.inf) -> Fit:
