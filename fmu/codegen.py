@@ -28,15 +28,17 @@ def functions(component: Component) -> list[ca.Function]:
     back = ca.jtimes(rates, known, ar, True) + ca.jtimes(outputs, known, ay, True)
     split = [0, x.numel(), x.numel() + u.numel(), known.numel()]
     forward = [x, u, p, dx, du, dp]
+    # The limiter completes these three: see c/admissible.c.
+    part = "lptn_plain" if component.admissible else "lptn"
     return [
         _function("lptn_rates", [x, u, p], [rates]),
         _function("lptn_rk4", *_rk4(component)),
         _function("lptn_jacobian", [x, u, p], [jacobian]),
         _function("lptn_bound", [x, u, p], [_largest_row(jacobian)]),
-        _function("lptn_outputs", [x, u, p], [outputs]),
+        _function(f"{part}_outputs", [x, u, p], [outputs]),
         _function("lptn_rates_forward", forward, [ca.jtimes(rates, known, seeds)]),
-        _function("lptn_outputs_forward", forward, [ca.jtimes(outputs, known, seeds)]),
-        _function("lptn_reverse", [x, u, p, ar, ay], ca.vertsplit(back, split)),
+        _function(f"{part}_outputs_forward", forward, [ca.jtimes(outputs, known, seeds)]),
+        _function(f"{part}_reverse", [x, u, p, ar, ay], ca.vertsplit(back, split)),
     ]
 
 
@@ -54,7 +56,10 @@ def c_code(component: Component, name: str) -> str:
     text = _without_housekeeping(generator.dump())
     # The core never passes a null pointer; without the checks the compiler keeps numbers in registers.
     text = _NULL_OUTPUT.sub(r"\2", _NULL_INPUT.sub(r"\2", text))
-    return re.sub(r"^casadi_real casadi_", "static casadi_real casadi_", text, flags=re.MULTILINE)
+    if component.admissible:  # its functions do pass null pointers
+        limiter = component.admissible.c_code(component.p.numel(), component.outputs.numel())
+        text += _without_housekeeping(limiter).replace("lptn_limiter_ ## ID", f"{name}_limiter_ ## ID")
+    return re.sub(r"^(casadi|limiter)_real \1_", r"static \1_real \1_", text, flags=re.MULTILINE)
 
 
 def moving_jacobian(component: Component) -> bool:

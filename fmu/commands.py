@@ -28,6 +28,22 @@ Limit = Annotated[
     list[str] | None,
     Option(name="--limit", help="Limit in degC, of all nodes or as NODE=90; may be given again.", negative=""),
 ]
+Admissible = Annotated[
+    bool,
+    Option(
+        name="--admissible",
+        help="Add each joint's admissible torque for 10 s, 60 s, 300 s and for ever as outputs; it keeps the --limit.",
+        negative="",
+    ),
+]
+CurrentLimit = Annotated[
+    list[str] | None,
+    Option(
+        name="--current-limit",
+        help="With --admissible: limit in A, of all joints or as JOINT=30; may be given again.",
+        negative="",
+    ),
+]
 Outputs = Annotated[
     Path | None,
     Option(name=["--output", "-o"], help="File to write all outputs at the ends of steps to: .csv or .parquet."),
@@ -44,6 +60,8 @@ def fmu(
     solver: Annotated[str, Option(help="Of Co-Simulation: rk4, or ros2 for stiff networks.")] = "rk4",
     step: Annotated[float | None, Option(help="Longest inner step in s; by default one that fits the model.")] = None,
     limit: Limit = None,
+    admissible: Admissible = False,
+    current_limit: CurrentLimit = None,
     compiler: Annotated[str, Option(help="auto, zig or cc.")] = "auto",
     json: Json = None,
 ) -> None:
@@ -58,6 +76,8 @@ def fmu(
     check_outputs(output, json)
     if compiler not in ("auto", "zig", "cc"):
         raise InputError("command line", "--compiler", f"'{compiler}'", "auto, zig or cc")
+    if current_limit and not admissible:
+        raise InputError("command line", "--current-limit", "no --admissible", "both")
     with progress("compiling"):
         done = export(
             model,
@@ -67,6 +87,8 @@ def fmu(
             solver=solver,
             step=step,
             limits=_limits(limit),
+            admissible=admissible,
+            current_limits=_limits(current_limit, "--current-limit", "A", "JOINT"),
             compiler=cast("Compiler", compiler),
         )
     _show_export(done)
@@ -116,14 +138,16 @@ def _platforms(text: str | None) -> list[str] | None:
     return [name for name in names if name != "source"]
 
 
-def _limits(texts: list[str] | None) -> dict[str, float] | None:
+def _limits(
+    texts: list[str] | None, option: str = "--limit", unit: str = "degC", place: str = "NODE"
+) -> dict[str, float] | None:
     found = {}
     for text in texts or ():
         node, equals, value = text.rpartition("=")
         try:
             found[node if equals else "*"] = float(value)
         except ValueError as error:
-            raise InputError("command line", "--limit", f"'{text}'", "a number in degC, or NODE=number") from error
+            raise InputError("command line", option, f"'{text}'", f"a number in {unit}, or {place}=number") from error
     return found or None
 
 

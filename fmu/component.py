@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 
@@ -16,9 +16,12 @@ from lptn.parameters import Unknown
 from lptn.places import matching
 
 from .flows import heat_flows
-from .naming import joined, of_column, of_owner
+from .naming import described, joined, of_column, of_owner
 from .units import ZERO_CELSIUS, feature_unit, plain
 from .variables import Kind, Variable, refuse_twice
+
+if TYPE_CHECKING:
+    from .admissible import Admissible
 
 DEFAULT_LIMIT = 80.0
 """Temperature limit of a node whose limit nobody gave [degC]."""
@@ -42,6 +45,7 @@ class Component:
         rates: dx/dt [K/s].
         outputs: the calculated outputs, states left out.
         limited: for each node the index of its limit in p.
+        admissible: the predictive limiter, where its outputs were asked for.
     """
 
     model: Model
@@ -52,6 +56,7 @@ class Component:
     rates: Any
     outputs: Any
     limited: tuple[int, ...]
+    admissible: Admissible | None = None
 
     def of(self, *kinds: Kind) -> list[Variable]:
         """The variables of some kinds, in order."""
@@ -59,7 +64,7 @@ class Component:
 
     def first(self, kind: Kind) -> int:
         """The value reference of the first variable of a kind."""
-        kinds: list[Kind] = ["time", "state", "rate", "input", "parameter", "output", "forecast"]
+        kinds: list[Kind] = ["time", "state", "rate", "input", "parameter", "output", "admissible", "forecast"]
         return sum(len(self.of(each)) for each in kinds[: kinds.index(kind)])
 
     @cached_property
@@ -72,18 +77,26 @@ def component(
     model: Model,
     limits: Mapping[str, float] | float | None = None,
     start: Mapping[str, float] | float | None = None,
+    *,
+    admissible: bool = False,
+    current_limits: Mapping[str, float] | float | None = None,
 ) -> Component:
     """A model's component.
 
     Args:
         limits: temperature limit [degC] of each node by name or pattern, or one of all; 80 degC where none is given.
         start: start temperature [degC] in the same way; 25 degC where none is given.
+        admissible: whether to add the admissible torques.
+        current_limits: of the joints [A], for the admissible torques.
 
     Raises:
-        InputError: a limit or start names no node, or lies below absolute zero.
+        InputError: a limit or start names no node, or lies below absolute zero; or the model has no admissible torque.
     """
     limited, started = _by_node(model, limits, DEFAULT_LIMIT, "limits"), _by_node(model, start, ROOM, "start")
-    return _Builder(model, limited, started).build()
+    builder = _Builder(model, limited, started)
+    if admissible:
+        builder.limit(current_limits)
+    return builder.build()
 
 
 def _by_node(model: Model, given: Mapping[str, float] | float | None, default: float, where: str) -> dict[str, float]:
@@ -112,21 +125,32 @@ class _Builder:
         self.p = ca.SX.sym("p", self.known + len(model.nodes) + 2)
         self.limited = tuple(self.known + row for row in range(len(model.nodes)))
 
+        self.shift = [ZERO_CELSIUS if feature_unit(column) == "degC" else 0.0 for column in model.inputs]
+        self.raised = [ZERO_CELSIUS if unknown.declared.unit == "degC" else 0.0 for unknown in model.unknowns]
+        self.admissible: Admissible | None = None
+
+    def limit(self, current_limits: Mapping[str, float] | float | None) -> None:
+        """Add the predictive limiter."""
+        from .admissible import admissible
+
+        self.admissible = admissible(self.model, self.limits, current_limits, self.shift, self.raised)
+
     def build(self) -> Component:
-        shift = [ZERO_CELSIUS if feature_unit(column) == "degC" else 0.0 for column in self.model.inputs]
-        raised = [ZERO_CELSIUS if unknown.declared.unit == "degC" else 0.0 for unknown in self.model.unknowns]
-        arguments = [self.x - ZERO_CELSIUS, self.u - ca.DM(shift), self.p[: self.known] - ca.DM(raised)]
+        arguments = [self.x - ZERO_CELSIUS, self.u - ca.DM(self.shift), self.p[: self.known] - ca.DM(self.raised)]
         self._states()
         self._inputs()
         self._parameters()
         outputs = self._outputs(self._in_celsius(arguments))
+        for name, unit, text in self.admissible.outputs if self.admissible else ():
+            self._add(name, "admissible", unit, None, text)
         for node in self.model.nodes:
             text = f"Time until {node} reaches its limit, inputs held"
             self._add(joined(node, "time_to_limit"), "forecast", "s", None, text)
         refuse_twice(self.variables, self.model.network.origin)
         rates = self.model.rhs(*arguments)
         values = ca.vertcat(*outputs)
-        return Component(self.model, tuple(self.variables), self.x, self.u, self.p, rates, values, self.limited)
+        known = (self.x, self.u, self.p)
+        return Component(self.model, tuple(self.variables), *known, rates, values, self.limited, self.admissible)
 
     def _in_celsius(self, arguments: list[Any]) -> Callable[[Any], Any]:
         """An expression of the model's own symbols as one of the component's."""
@@ -166,7 +190,7 @@ class _Builder:
         for column in self.model.inputs:
             unit = feature_unit(column)
             hot = unit == "degC"
-            text = _described(column)
+            text = described(column)
             start = ROOM + ZERO_CELSIUS if hot else _USUAL.get(column.partition(".")[0], 0.0)
             self._add(of_column(column), "input", plain(unit), start, text, celsius=hot, minimum=0.0 if hot else None)
 
@@ -235,17 +259,3 @@ class _Builder:
         return any(
             {"torque", "current"} & set(use.effect.needed()) and use.ends[0] == node for use in self.model.network.uses
         )
-
-
-def _described(column: str) -> str:
-    feature, _, place = column.partition(".")
-    words: dict[str, str] = {
-        "velocity": "Joint speed",
-        "velocity_rms": "RMS of the joint speed over the communication step (the speed itself at short steps)",
-        "torque": "Joint torque",
-        "current": "Winding current",
-        "speed": "Speed",
-        "power": "Power",
-        "temperature": "Temperature",
-    }
-    return f"{words.get(feature, feature)} of {place}" if place else feature

@@ -77,6 +77,8 @@ def export(
     step: float | None = None,
     limits: Mapping[str, float] | float | None = None,
     start: Mapping[str, float] | float | None = None,
+    admissible: bool = False,
+    current_limits: Mapping[str, float] | float | None = None,
     compiler: Compiler = "auto",
     date: datetime | None = None,
 ) -> Exported:
@@ -93,6 +95,8 @@ def export(
         limits: temperature limit [degC] for each node by name or pattern, or one for all; 80 degC where none is
             given.
         start: start temperature [degC] in the same way; 25 degC where none is given.
+        admissible: `True` to add the admissible torque of each joint for 10 s, 60 s, 300 s and for ever as outputs.
+        current_limits: of the joints [A] by name or pattern, or one of all; ends of the admissible torques.
         compiler: `auto`, `zig` or `cc`.
         date: generation time in the FMU; now by default.
 
@@ -101,7 +105,7 @@ def export(
 
     Raises:
         InputError: a model that can't be read, an unknown option, another file ending, no compiler, or a step too
-            long for the solver.
+            long for the solver, or a model without an admissible torque.
     """
     if fmi not in (2, 3):
         raise InputError("command line", "--fmi", f"{fmi!r}", "2 or 3")
@@ -110,7 +114,7 @@ def export(
         raise InputError(path, "--output", f"a file name ending in '{path.suffix}'", "one ending in .fmu")
     chosen = platforms_of(platforms)
     assembled, text = _opened(model)
-    made = component(assembled, limits, start)
+    made = component(assembled, limits, start, admissible=admissible, current_limits=current_limits)
     steps = integration(made, solver, step)
     parts = source(made, fmi, steps, text, date)
     content = _archive(parts, chosen, compiler)

@@ -39,6 +39,21 @@ def to_column(name: str) -> str:
     return f"{parts[-1]}.{'.'.join(parts[:-1])}" if len(parts) > 1 else name
 
 
+def described(column: str) -> str:
+    """What a person reads of the variable of a log column."""
+    feature, _, place = column.partition(".")
+    words: dict[str, str] = {
+        "velocity": "Joint speed",
+        "velocity_rms": "RMS of the joint speed over the communication step (the speed itself at short steps)",
+        "torque": "Joint torque",
+        "current": "Winding current",
+        "speed": "Speed",
+        "power": "Power",
+        "temperature": "Temperature",
+    }
+    return f"{words.get(feature, feature)} of {place}" if place else feature
+
+
 def of_owner(owner: str, prescribed: Iterable[str]) -> tuple[str, str]:
     """Where a parameter hangs: a place, and behind it the other end of an edge or an empty text.
 

@@ -125,7 +125,7 @@ def _values(component: Component, integration: Integration, fmi: int) -> dict[st
         "states": component.of("state"),
         "inputs": component.of("input"),
         "parameters": component.of("parameter"),
-        "outputs": component.of("output"),
+        "outputs": component.of("output", "admissible"),
         "forecasts": component.of("forecast"),
         "limits": component.limited[0],
         "bound_moves": moving_jacobian(component),

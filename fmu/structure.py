@@ -45,6 +45,7 @@ def structure(component: Component) -> Structure:
     states = [Unknown(state, (state.reference,), ("constant",)) for state in component.of("state") if not state.hidden]
     rates = _unknowns(component, component.of("rate"), component.rates)
     calculated = _unknowns(component, component.of("output"), component.outputs)
+    calculated += _admissible(component)
     forecasts = _forecasts(component)
     initial = sorted((*rates, *calculated, *forecasts), key=_by_reference)
     return Structure((*states, *calculated, *forecasts), tuple(rates), tuple(initial))
@@ -83,6 +84,13 @@ def _touched(entries: Any, by: Any) -> np.ndarray[Any, np.dtype[np.bool_]]:
     touched = np.zeros(entries.numel(), dtype=bool)
     touched[list(rows)] = True
     return touched
+
+
+def _admissible(component: Component) -> list[Unknown]:
+    """An admissible torque runs the whole model against all limits."""
+    parameters = component.of("parameter")[: len(component.model.unknowns) + len(component.limited)]
+    references = tuple(variable.reference for variable in (*component.of("state", "input"), *parameters))
+    return [Unknown(each, references, ("dependent",) * len(references)) for each in component.of("admissible")]
 
 
 def _forecasts(component: Component) -> list[Unknown]:

@@ -8,7 +8,7 @@ from typing import Literal
 
 from lptn.errors import InputError
 
-Kind = Literal["time", "state", "rate", "input", "parameter", "output", "forecast"]
+Kind = Literal["time", "state", "rate", "input", "parameter", "output", "admissible", "forecast"]
 
 
 @dataclass(frozen=True)

@@ -153,7 +153,8 @@ class Limiter:
                 ca.repmat(x, 1, joints), base, ca.DM.eye(joints), heats.T, ca.repmat(d, 1, joints),
                 ca.repmat(ready, 1, joints), ca.repmat(limits, 1, joints),
             )  # fmt: skip
-            results.append(ca.sqrt(z))
+            some = z > 0  # the root has no slope at 0, but what admits nothing stays so
+            results.append(ca.if_else(some, ca.sqrt(ca.if_else(some, z, 1)), 0))
         table = ca.vertcat(*results)
         return ca.Function("lptn_limiter", [x, load, d, p, limits, most], [ca.vec(table)], list(names), ["admissible"])
 

@@ -41,9 +41,11 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Build]:
     folder = tmp_path_factory.mktemp("fmus")
 
     @cache
-    def build(name: str, fmi: int = 3, solver: str = "rk4", step: float | None = None) -> Exported:
-        path = folder / f"{name}.{fmi}.{solver}.{step}.fmu"
-        return export(Model(network(name)), path, fmi=fmi, solver=solver, step=step)
+    def build(
+        name: str, fmi: int = 3, solver: str = "rk4", step: float | None = None, admissible: bool = False
+    ) -> Exported:
+        path = folder / f"{name}.{fmi}.{solver}.{step}.{admissible}.fmu"
+        return export(Model(network(name)), path, fmi=fmi, solver=solver, step=step, admissible=admissible)
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_STATE_HOME", str(folder))
