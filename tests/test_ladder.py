@@ -37,7 +37,8 @@ def test_the_held_out_error_falls_to_the_noise(climbed: tuple[Model, Evidence, L
     errors = [rung.holdout.rmse for rung in ladder.rungs if rung.holdout]
     assert errors[-1] < 0.2  # K; the sensors' noise is 0.15 K
     assert errors[-1] < 0.6 * errors[0]
-    assert ladder.best.proof and ladder.best.holdout
+    assert ladder.best.proof
+    assert ladder.best.holdout
     assert ladder.best.proof.rmse == pytest.approx(ladder.best.holdout.rmse, rel=1e-9)
 
 
