@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import runpy
 from importlib import import_module
 from pathlib import Path
 
@@ -70,3 +71,10 @@ def test_measured_data_stand_beside_their_source_and_licence(folder: str) -> Non
     notice = (EXAMPLES / folder / "NOTICE.md").read_text()
     assert "Source:" in notice
     assert "icen" in notice
+
+
+def test_the_steps_of_the_notebook_lead_to_the_same_ladder(capsys: pytest.CaptureFixture[str]) -> None:
+    runpy.run_path(str(EXAMPLES / "tclab" / "step_by_step.py"))
+    said = capsys.readouterr().out
+    assert "conduction heater1~heater2 1.00 K held out" in said
+    assert "Next experiment" in said
