@@ -40,6 +40,7 @@ from lptn.on_evidence import fit_parts, holdout_errors
 
 _WIDTH, _WIDTH_LATER = 4, 2  # ladders followed side by side where the fitted data can't tell them apart
 _WORTH = 0.01  # share by which a rung must lower the held-out error
+_UNOPPOSED = 1e-3  # share by which a held-out error may rise and still speak against nothing
 _MOST = 0.5  # share of the misfit beyond noise that the ladder must remove to be what was missing
 _ALIAS = 1e-3  # two rungs on one ladder whose misfits differ by less are one rung with two names
 _BLOCK = 120.0  # s; held-out errors further apart than this count as independent
@@ -196,7 +197,7 @@ def improve(
     search = _Search(coarse, executor, report)
     root = _Path(unless_interrupted(fit_parts(model, coarse.fit)), (), coarse)
     search.climb(root, most)
-    chosen = _pruned(_chosen(search.paths), report)
+    chosen = _pruned(search.complete(_chosen(search.paths)), report)
     first, last = search.diagnosis(root), search.diagnosis(chosen)
     report("fitting the rungs at full resolution")
     rungs = _rungs(root, chosen, data)
@@ -234,6 +235,15 @@ class _Search:
         if path.effects not in self._diagnoses:
             self._diagnoses[path.effects] = examine(path.fit, self.data, executor=self.executor)
         return self._diagnoses[path.effects]
+
+    def complete(self, chosen: _Path) -> _Path:
+        """The chosen ladder, or one that leaves nothing unexplained where held-out data have nothing against it."""
+        if self.diagnosis(chosen).verdict == "adequate":
+            return chosen
+        known = [path for path in self.paths if path.effects in self._diagnoses]
+        whole = [path for path in known if self.diagnosis(path).verdict == "adequate"]
+        unopposed = [path for path in whole if path.rank <= chosen.rank * (1 + _UNOPPOSED)]
+        return min(unopposed, key=lambda path: len(path.steps), default=chosen)
 
     def _children(self, path: _Path) -> list[_Path]:
         children: list[_Path] = []

@@ -28,6 +28,7 @@ SEARCH_STEP = 5.0  # s; effects are sought on means over so long, which loses li
 _MOST_STEPS = 4000  # of all fitted runs together: days of data get longer means, so that memory stays bounded
 _MOST_REFITS = 6
 _ELSEWHERE = 0.3  # share of the held-out error, squared and beyond noise, that must go with it
+_SILENT = 1.1  # mean squares so little above the noise show nothing that could go
 _HELPS = 1e-3  # share of the misfit that a refit must remove to be worth a line
 _REFUTED = 1.2  # times the least held-out error among names for one answer: a parameter put into the wrong run
 _ONE, _THREE = 0.6, 0.8  # shares of the excess misfit that one effect, or three, must remove to be what is missing
@@ -232,10 +233,12 @@ def _removes(base: Fit, done: Fit, before: Errors | None, data: Evidence, share:
 
 
 def explained_elsewhere(base: Fit, before: Errors | None, after: Errors | None) -> bool:
-    """Whether most of the held-out error beyond noise goes, too; true where nothing is held out."""
+    """Whether most of the held-out error beyond noise goes, too; true where nothing is held out, or shows it."""
     if before is None or after is None:
         return True
     floor = float(np.mean(base.noise.floor**2))
+    if before.rmse**2 < _SILENT * floor:
+        return after.rmse <= before.rmse
     return before.rmse**2 - after.rmse**2 > _ELSEWHERE * max(before.rmse**2 - floor, 0.0)
 
 
