@@ -55,7 +55,7 @@ SIZES = {
     "viscous_friction": 0.07,
     "constant_heat": 1.5,
     "gear_loss": 0.1,
-    "driver_loss": 0.5,
+    "driver_loss": 0.42,
     "computer_heat": 0.1,
     "battery_heat": 0.01,
     "radiation": 0.008,
