@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lptn import compiled
+from lptn.c_library import compiler
 from lptn.model import Model
 from lptn.sensitivity import sensitivities
 from lptn.simulate import Drive, default_start, drive, simulate
@@ -15,7 +15,7 @@ from lptn.stepping import Stepper, stepper
 from tests.builders import effect as declared
 from tests.builders import random_run, two_nodes, with_every_effect
 
-needs_compiler = pytest.mark.skipif(compiled.compiler() is None, reason="no C compiler on this machine")
+needs_compiler = pytest.mark.skipif(compiler() is None, reason="no C compiler on this machine")
 
 
 @pytest.fixture(autouse=True)
@@ -71,7 +71,7 @@ def test_a_library_is_built_once_and_found_again(tmp_path: Path) -> None:
 @pytest.mark.parametrize("program", ["no-such-compiler", "false"])
 def test_without_a_working_compiler_the_interpreter_goes_on(monkeypatch: pytest.MonkeyPatch, program: str) -> None:
     monkeypatch.setenv("CC", program)
-    compiled.compiler.cache_clear()
+    compiler.cache_clear()
     try:
         model, driven, steps = _case(averaged=True)
         before = sensitivities(model, driven, model.values, range(len(model.unknowns)))
@@ -79,4 +79,4 @@ def test_without_a_working_compiler_the_interpreter_goes_on(monkeypatch: pytest.
         after = sensitivities(model, driven, model.values, range(len(model.unknowns)))
         np.testing.assert_array_equal(after.by_parameter, before.by_parameter)
     finally:
-        compiled.compiler.cache_clear()
+        compiler.cache_clear()

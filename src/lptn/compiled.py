@@ -3,27 +3,20 @@
 from __future__ import annotations
 
 import ctypes
-import hashlib
-import os
-import shutil
-import subprocess
-import tempfile
 from collections.abc import Sequence
 from functools import cache
 from importlib.resources import files
-from pathlib import Path
 
 import casadi as ca
 import numpy as np
-import platformdirs
 
 from lptn.arrays import FloatArray
-from lptn.files import write_whole
+from lptn.c_library import shared_library
 from lptn.model import Model
 
-_ONCE = ("-O3", "-shared", "-fPIC")
+_ONCE = ("-O3",)
 # A model's own functions are a small part of the work, and there are many models in a search.
-_EACH = ("-O1", "-shared", "-fPIC")
+_EACH = ("-O1",)
 
 
 class _Shape(ctypes.Structure):
@@ -36,12 +29,6 @@ class _Shape(ctypes.Structure):
         ("pattern", ctypes.c_void_p),
         *((name, ctypes.c_longlong) for name in ("arguments", "results", "integers", "doubles")),
     ]
-
-
-@cache
-def compiler() -> str | None:
-    """The C compiler: `$CC`, or the system's; `None` where there is none."""
-    return shutil.which(os.environ.get("CC", "cc"))
 
 
 class Kernel:
@@ -65,7 +52,7 @@ class Kernel:
             ca.Function("rates", [x, u, p], [ca.densify(rates)]),
             ca.Function("slopes", [x, u, p], [ca.cse(ca.densify(ca.vertcat(*nonzeros)))]),  # type: ignore[call-overload]
         ]
-        self._functions = ctypes.CDLL(str(_built(_source(functions), _EACH)))
+        self._functions = ctypes.CDLL(str(shared_library({"model.c": _source(functions)}, "model.c", _EACH)))
         self._library = _stepping()
         triplets = [np.array(each.sparsity().get_triplet(), dtype=np.int64) for each in (by_state, by_parameter)]
         self._pattern = np.concatenate([each.ravel() for each in triplets])
@@ -141,24 +128,7 @@ def _source(functions: list[ca.Function]) -> str:
 def _stepping() -> ctypes.CDLL:
     """The steps of kernel.c."""
     source = files("lptn").joinpath("kernel.c").read_text(encoding="utf-8")
-    library = ctypes.CDLL(str(_built(source, _ONCE)))
+    library = ctypes.CDLL(str(shared_library({"kernel.c": source}, "kernel.c", _ONCE)))
     library.working_doubles.restype = ctypes.c_longlong
     library.run.restype = None
-    return library
-
-
-def _built(source: str, options: Sequence[str]) -> Path:
-    """The shared library of a source text, from the user's cache or built anew."""
-    command = compiler()
-    if command is None:
-        raise OSError("no C compiler")
-    digest = hashlib.sha256("\n".join((command, *options, source)).encode()).hexdigest()[:32]
-    library = platformdirs.user_cache_path("lptn") / f"{digest}.so"
-    if not library.exists():
-        library.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory() as folder:
-            text, made = Path(folder) / "model.c", Path(folder) / "model.so"
-            text.write_text(source, encoding="utf-8")
-            subprocess.run([command, *options, str(text), "-o", str(made), "-lm"], check=True, capture_output=True)
-            write_whole(library, made.read_bytes())
     return library

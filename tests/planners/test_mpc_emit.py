@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from lptn.arrays import FloatArray
-from lptn.compiled import compiler
+from lptn.c_library import compiler
 from lptn.model import Model
 from lptn.planners import Limiter, TorqueMPC
 from lptn.planners.limiter.emit import emit as emit_limiter
