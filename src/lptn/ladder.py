@@ -17,6 +17,7 @@ import numpy as np
 from lptn.arrays import FloatArray
 from lptn.compare import Errors, Prediction, predict
 from lptn.diagnose import (
+    MUCH_WORSE,
     SIGNIFICANT,
     TIE,
     Diagnosis,
@@ -45,7 +46,6 @@ _MOST = 0.5  # share of the misfit beyond noise that the ladder must remove to b
 _ALIAS = 1e-3  # two rungs on one ladder whose misfits differ by less are one rung with two names
 _BLOCK = 120.0  # s; held-out errors further apart than this count as independent
 _CLEAR = 2.0  # standard errors
-_WORSE = 1.2  # times the best held-out error: too much for any scatter to excuse
 
 Report = Callable[[str], None]
 
@@ -292,9 +292,8 @@ def _chosen(paths: Sequence[_Path]) -> _Path:
     depth = min(len(path.steps) for path in enough)
     level = _plausible_first([path for path in paths if len(path.steps) == depth])
     best = next(path for path in level if path in enough)
-    return next(
-        path for path in level if path is best or (path.rank <= _WORSE * best.rank and not _clearly_worse(path, best))
-    )
+    near = [path for path in level if path is best or path.rank <= MUCH_WORSE * best.rank]
+    return next(path for path in near if path is best or not _clearly_worse(path, best))
 
 
 def _plausible_first(paths: Sequence[_Path]) -> list[_Path]:

@@ -23,7 +23,7 @@ from pathlib import Path
 import numpy as np
 
 from lptn import virtual
-from lptn.diagnose import Refit, candidates, score, tied
+from lptn.diagnose import Refit, candidates, for_search, score, tied
 from lptn.diagnose.experiment import Experiment, Move, possible_moves, propose
 from lptn.diagnose.refit import TIE, refit_all, worse_by
 from lptn.evidence import evidence
@@ -34,7 +34,6 @@ from lptn.robots import preset_text
 from lptn.virtual import Hidden, Segment
 
 NOISE, STEPS, AMBIENT = 0.15, 1.0, 22.0
-SEARCH_STEP = 5.0  # s
 BODY, LOADED, MOST_LOAD = 12.0, 4.0, 20.0  # kg, as the virtual robot's activities have it
 STAND = {"hip": 1.3, "thigh": 2.2, "calf": 5.6}  # N·m with LOADED on the back
 TROT = {"hip": 2.242, "thigh": 3.767, "calf": 8.078}
@@ -177,7 +176,7 @@ def judged(hidden: str, found: Sequence[Refit]) -> str:
 
 def refits(opened: Opened, logs: Sequence[Path], rivals: Sequence[str], at: str) -> list[Refit]:
     """The rivals fitted to these logs, the one that explains more first."""
-    data = evidence(opened.runs(logs)).coarsened(SEARCH_STEP)
+    data = for_search(evidence(opened.runs(logs)))
     base = fit_parts(opened.model, data.fit)
     columns = set.intersection(*(set(part.run.columns) for part in data.fit))
     # All that can have the effect: every node, or every joint.

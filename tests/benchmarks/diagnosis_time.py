@@ -12,7 +12,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from lptn.diagnose import SEARCH_STEP, candidates, examine, worse_by
+from lptn.diagnose import candidates, examine, for_search, worse_by
 from lptn.diagnose.refit import refit
 from lptn.evidence import Evidence, evidence
 from lptn.identify import Fit
@@ -58,7 +58,7 @@ def main() -> None:
     parser.add_argument("--most", type=int, help="candidates to refit by brute force, spread evenly; all by default")
     chosen = parser.parse_args()
     model, data = hour(chosen.effect, chosen.at, chosen.seed)
-    coarse = data.coarsened(SEARCH_STEP)
+    coarse = for_search(data)
     start = time.process_time()
     base = fit_parts(model, coarse.fit)
     fitted = time.process_time()

@@ -1,6 +1,6 @@
 """Diagnosis trial: a virtual quadruped with something hidden; is it named, with its place, and does the error fall?
 
-Run it with ``python tests/benchmarks/diagnosis_trial.py --seeds 501 --out /tmp/trial.jsonl``. The truth comes from
+Run it with ``python tests/benchmarks/diagnosis_trial.py --seeds 501 --out trial.jsonl``. The truth comes from
 `lptn.virtual`, which shares no code with the model; its logs go through files, as a user's would. Cases that the
 output file holds already are not run again, so a trial can be stopped and gone on with. ``--tier rough`` adds small
 physics that the model never has: a trunk, radiation, natural convection, friction, second masses, and an ambient sensor
@@ -43,7 +43,8 @@ BACKGROUND = (
 """What the rough tier has besides what is hidden, at shares of the typical sizes."""
 AMBIENT_ERROR = 0.5
 """K; what the rough tier's user says of the ambient sensor."""
-THREE = 3  # rungs within which the rough tier wants the hidden effect
+RUNGS = 3
+"""Within so many the rough tier wants the hidden effect."""
 IN_ONE_RUN = ("surface_scale", "loss_scale")
 """Effects that a free parameter imitates unless they act in one run only."""
 SIZES = {
@@ -157,7 +158,7 @@ def run(case: Case) -> Result:
         data = evidence(fitted, opened.runs([folder / "holdout.parquet"]))
     start = time.process_time()
     if case.tier == "rough":
-        ladder = improve(opened.model, data, most=THREE, ambient_error=AMBIENT_ERROR)
+        ladder = improve(opened.model, data, most=RUNGS, ambient_error=AMBIENT_ERROR)
     else:
         ladder = improve(opened.model, data)
     return _result(case, ladder, time.process_time() - start)

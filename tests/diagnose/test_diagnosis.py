@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lptn.diagnose import candidates, diagnose, score
+from lptn.diagnose import candidates, diagnose, for_search, score
 from lptn.diagnose.refit import independent_readings, refit_all
 from lptn.diagnose.score import Scores
 from lptn.on_evidence import fit_parts
@@ -73,12 +73,23 @@ def test_the_score_estimates_the_size(leg: Leg) -> None:
     assert best.amplitude == pytest.approx(0.3 * 1.5, rel=0.2)  # W; 1.5 W is the hidden effect's full size
 
 
-def test_chance_alone_stays_below_the_threshold_as_often_as_stated(leg: Leg) -> None:
-    model, data = leg()
-    base = fit_parts(model, data.coarsened(5.0).fit)
-    scores = score(base, candidates(model.network, data.fit[0].run.columns))
-    assert np.mean(scores.chance > scores.threshold) <= 0.05
-    assert np.mean(scores.chance > np.quantile(scores.chance, 0.95)) == pytest.approx(0.05, abs=0.01)
+def test_chance_reaches_a_p_value_about_as_often_as_stated(leg: Leg) -> None:
+    """Eight legs with nothing hidden: three below 0.1 would happen once in 26 times, if what is stated holds."""
+    stated = []
+    for seed in range(31, 39):
+        model, data = leg(seed=seed)
+        base = fit_parts(model, for_search(data).fit)
+        runs = [part.run.name for part in data.fit]
+        scores = score(base, candidates(model.network, data.fit[0].run.columns, runs))
+        # Without the limit below which an effect is too small to be named, which would hide alarms.
+        best = scores.ranked[0].gain
+        stated.append(float((1 + np.sum(scores.chance >= best)) / (1 + len(scores.chance))))
+    assert sum(p < 0.1 for p in stated) <= 2
+    assert max(stated) > 0.2  # nor is chance said to reach everything, or nothing
+
+
+def test_p_values_run_from_chance_to_certainty(leg: Leg) -> None:
+    scores, *_ = _scored(leg, Hidden("constant_heat", "FR_thigh"))
     assert scores.p_value(scores.negligible * 0.99) == 1.0
     assert scores.p_value(scores.threshold * 100) == pytest.approx(1 / (1 + len(scores.chance)))
 

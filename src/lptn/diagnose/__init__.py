@@ -2,7 +2,7 @@
 
 from lptn.diagnose.candidates import Candidate, candidates
 from lptn.diagnose.diagnosis import (
-    SEARCH_STEP,
+    MUCH_WORSE,
     Diagnosis,
     Finding,
     Verdict,
@@ -17,7 +17,7 @@ from lptn.diagnose.refit import SIGNIFICANT, TIE, Refit, continued, tied, unless
 from lptn.diagnose.score import Score, Scores, score
 
 __all__ = [
-    "SEARCH_STEP",
+    "MUCH_WORSE",
     "SIGNIFICANT",
     "TIE",
     "Candidate",

@@ -11,7 +11,7 @@ import numpy as np
 
 from lptn.compare import Errors
 from lptn.diagnose.candidates import candidates
-from lptn.diagnose.lack import TOO_MUCH, lack_of_fit
+from lptn.diagnose.lack import TOO_MUCH, cost_of_noise, lack_of_fit
 from lptn.diagnose.nuisance import with_ambient_errors
 from lptn.diagnose.refit import TIE, Refit, alike, refit_all, shortlist, unless_interrupted
 from lptn.diagnose.score import Scores, score
@@ -24,13 +24,14 @@ Verdict = Literal["adequate", "missing", "unexplained"]
 Report = Callable[[str], None]
 """Called with a sentence on what is being done."""
 
-SEARCH_STEP = 5.0  # s; effects are sought on means over so long, which loses little and saves most of the time
+_STEP = 5.0  # s; effects are sought on means over so long, which loses little and saves most of the time
 _MOST_STEPS = 4000  # of all fitted runs together: days of data get longer means, so that memory stays bounded
 _MOST_REFITS = 6
 _ELSEWHERE = 0.3  # share of the held-out error, squared and beyond noise, that must go with it
 _SILENT = 1.1  # mean squares so little above the noise show nothing that could go
 _HELPS = 1e-3  # share of the misfit that a refit must remove to be worth a line
-_REFUTED = 1.2  # times the least held-out error among names for one answer: a parameter put into the wrong run
+MUCH_WORSE = 1.2
+"""Times the least held-out error: too much for any scatter to excuse."""
 _ONE, _THREE = 0.6, 0.8  # shares of the excess misfit that one effect, or three, must remove to be what is missing
 
 
@@ -147,7 +148,7 @@ def diagnose(
 def for_search(data: Evidence) -> Evidence:
     """The same evidence in steps that a search takes: 5 s, longer for more than five hours to fit."""
     seconds = sum(len(part.run) * part.run.step for part in data.fit)
-    return data.coarsened(max(SEARCH_STEP, seconds / _MOST_STEPS))
+    return data.coarsened(max(_STEP, seconds / _MOST_STEPS))
 
 
 def examine(
@@ -194,7 +195,8 @@ def _held_out_decides(found: list[Finding]) -> list[Finding]:
     names = {found[0].key, *found[0].alike}
     errors = [each.holdout.rmse for each in found if each.holdout and each.key in names]
     refuted = [
-        each.key in names and each.holdout is not None and each.holdout.rmse > _REFUTED * min(errors) for each in found
+        each.key in names and each.holdout is not None and each.holdout.rmse > MUCH_WORSE * min(errors)
+        for each in found
     ]
     order = [2 if each.key not in names else int(no) for each, no in zip(found, refuted, strict=True)]
     return [each for _, each in sorted(zip(order, found, strict=True), key=lambda pair: pair[0])]
@@ -203,15 +205,6 @@ def _held_out_decides(found: list[Finding]) -> list[Finding]:
 def _alike(one: Refit, done: Sequence[Refit]) -> tuple[tuple[str, str], ...]:
     """Candidates that explain the data as well as one does."""
     return tuple(other.candidate.key for other in done if other is not one and alike(one, other))
-
-
-def _chance_level(base: Fit) -> float:
-    """Mean square of weighted residuals that noise alone would leave."""
-    weights = np.concatenate([driven.counted.sum(axis=1) for driven in base.problem.drives]).reshape(
-        len(base.problem.drives), -1
-    )
-    share = (base.noise.floor / base.problem.sigma) ** 2
-    return float((weights.sum(axis=0) * share).sum() / max(weights.sum(), 1))
 
 
 def _verdict(base: Fit, findings: Sequence[Finding], scores: Scores, holdout: Errors | None) -> Verdict:
@@ -244,8 +237,7 @@ def explained_elsewhere(base: Fit, before: Errors | None, after: Errors | None) 
 
 def explained(base: Fit, done: Fit) -> float:
     """Share of the misfit beyond noise that a larger model removes."""
-    excess = 2 * base.cost - _chance_level(base) * base.problem.readings
-    return 2 * (base.cost - done.cost) / max(excess, 1e-12)
+    return (base.cost - done.cost) / max(base.cost - cost_of_noise(base), 1e-12)
 
 
 def _together(found: Diagnosis, data: Evidence, refits: int, executor: Executor | None) -> bool:

@@ -40,6 +40,12 @@ def lack_of_fit(fit: Fit, bounds: dict[str, float], residual: FloatArray | None 
     return {node: float(squares[node][0] / bound) for node, bound in bounds.items() if node in squares}
 
 
+def cost_of_noise(fit: Fit) -> float:
+    """The misfit that the sensors' noise and steps alone would leave: half a sum of squared weighted residuals."""
+    share = (fit.noise.floor / fit.problem.sigma) ** 2
+    return 0.5 * float(sum((driven.counted.sum(axis=1) * share).sum() for driven in fit.problem.drives))
+
+
 def _mean_squares(fit: Fit, residuals: FloatArray) -> dict[str, FloatArray]:
     """Mean square of each node's block means, shape (trials,)."""
     start = 0

@@ -11,7 +11,7 @@ from scipy.stats import chi2
 from lptn.arrays import FloatArray
 from lptn.compare import Errors, Prediction, predict
 from lptn.diagnose.differing import CLEARLY, Cause, Differing
-from lptn.diagnose.lack import BLOCK, NEGLIGIBLE, TOO_MUCH
+from lptn.diagnose.lack import BLOCK, NEGLIGIBLE, TOO_MUCH, cost_of_noise
 from lptn.diagnose.other_runs_search import Search, possible, search_of
 from lptn.diagnose.refit import TIE, refit, worse_by
 from lptn.evidence import Part
@@ -119,7 +119,7 @@ def _as_fit(fit: Fit, model: Model, found: Prediction, free: tuple[int, ...]) ->
 
 def _best_and_alike(fit: Fit, before: Prediction, base: Fit, trials: Sequence[_Trial]) -> list[_Trial]:
     """Those that halve the error beyond noise and pay for themselves: the best, and what explains the run as well."""
-    noise = _noise_alone(base)
+    noise = cost_of_noise(base)
     most = noise + _HALF**2 * max(base.cost - noise, 0.0)
     ranked = sorted((each for each in trials if each.fit.cost <= most), key=lambda each: each.fit.cost)
     if not ranked or worse_by(base, ranked[0].fit) <= 0:
@@ -129,12 +129,6 @@ def _best_and_alike(fit: Fit, before: Prediction, base: Fit, trials: Sequence[_T
     near = min(TIE, (1 - _COMPARABLE) * worse_by(base, best))
     kept = [each for each in ranked if worse_by(each.fit, best) <= near]
     return kept if len(kept) == 1 else _decided_together(fit, before, kept)
-
-
-def _noise_alone(base: Fit) -> float:
-    """The cost that the sensors' noise and steps alone would leave."""
-    share = (base.noise.floor / base.problem.sigma) ** 2
-    return 0.5 * float(sum((driven.counted.sum(axis=1) * share).sum() for driven in base.problem.drives))
 
 
 def _decided_together(fit: Fit, before: Prediction, kept: list[_Trial]) -> list[_Trial]:

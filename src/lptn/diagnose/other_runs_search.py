@@ -12,7 +12,6 @@ from lptn.arrays import BoolArray, FloatArray
 from lptn.compare import predict
 from lptn.diagnose.candidates import Candidate, candidates
 from lptn.diagnose.differing import short
-from lptn.effects.loss_scale import LossScale
 from lptn.evidence import Part
 from lptn.model import Model
 from lptn.network import Network
@@ -25,18 +24,6 @@ _TRIES = 25
 _EDGE = 1e-3  # relative; so near a bound, the size is only a limit
 _PLAIN = "in {run}{at}: {title}, {amplitude}"
 _HOPELESS = 1e3  # weighted residual of an amplitude at which the model can't be simulated
-
-
-class HeatScale(LossScale):
-    """A logged power heats more or less than the model's gain says; in a model file that is `heat_input`'s gain."""
-
-    key = "heat_scale"
-    title = "logged power heats more or less"
-    in_one_run = (
-        "in {run} the logged power heats{at} {factor} times as much as in the fitted runs",
-        "in {run} the logged power heats{at} only {factor} times as much as in the fitted runs",
-    )
-    acts_on = "heat_input"
 
 
 @dataclass(frozen=True)
@@ -135,10 +122,7 @@ class Search:
 def possible(network: Network, part: Part) -> list[Candidate]:
     """Every effect that may differ from run to run, at each of its places, in this run alone."""
     run = part.run.name.partition("#")[0]
-    found = [each for each in candidates(network, part.run.columns, ["", run]) if each.run == run]
-    heated = network.nodes_with(HeatScale.acts_on)
-    places = [*heated, EVERYWHERE] if len(heated) > 1 else heated
-    return found + [Candidate(HeatScale, in_run(at, run), (at,), run) for at in places]
+    return [each for each in candidates(network, part.run.columns, ["", run]) if each.run == run]
 
 
 def search_of(fitted: Model, part: Part, candidate: Candidate, sigma: FloatArray) -> Search:

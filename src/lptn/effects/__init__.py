@@ -35,6 +35,7 @@ from lptn.effects.fan import Fan
 from lptn.effects.forced_convection import ForcedConvection
 from lptn.effects.gear_loss import GearLoss
 from lptn.effects.heat_input import HeatInput
+from lptn.effects.heat_scale import HeatScale
 from lptn.effects.hot_spot import HotSpot
 from lptn.effects.iron_loss import IronLoss
 from lptn.effects.loss_scale import LossScale
@@ -56,6 +57,7 @@ from lptn.effects.viscous_friction import ViscousFriction
 _BUILT_IN: tuple[type[Effect], ...] = (
     CopperLoss,
     HeatInput,
+    HeatScale,
     ConstantHeat,
     DriveHeat,
     ComputerHeat,
