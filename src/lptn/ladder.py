@@ -34,12 +34,13 @@ from lptn.diagnose import (
     worse_by,
 )
 from lptn.evidence import Evidence
-from lptn.identify import Fit
+from lptn.identify import Fit, finished
 from lptn.model import Model
 from lptn.network import EffectDeclaration
 from lptn.on_evidence import fit_parts, holdout_errors
 
 _WIDTH, _WIDTH_LATER = 4, 2  # ladders followed side by side where the fitted data can't tell them apart
+_BY_HOLDOUT = 2  # more ladders that are looked at because they do well on held-out data
 _WORTH = 0.01  # share by which a rung must lower the held-out error
 _UNOPPOSED = 1e-3  # share by which a held-out error may rise and still speak against nothing
 _MOST = 0.5  # share of the misfit beyond noise that the ladder must remove to be what was missing
@@ -264,9 +265,13 @@ class _Search:
         if not paths:
             return []
         level = [path for path in paths if tied(path.fit, paths[0].fit)]
-        kept = level[:width]
-        by_holdout = min(level, key=lambda each: each.rank)
-        return kept if by_holdout in kept else [*kept, by_holdout]
+        by_holdout = sorted(level, key=lambda each: each.rank)[:_BY_HOLDOUT]
+        # Fits that only ranked candidates ended early: where a valley is long, their held-out errors are accidents.
+        followed = [*level[:width], *(path for path in by_holdout if path not in level[:width])]
+        fits = (self.executor.map if self.executor else map)(finished, [path.fit for path in followed])
+        done = [replace(path, fit=unless_interrupted(fit)) for path, fit in zip(followed, fits, strict=True)]
+        best = min(done, key=lambda each: each.rank)
+        return done[:width] if best in done[:width] else [*done[:width], best]
 
 
 def _verdict(first: Diagnosis, last: Diagnosis, root: _Path, chosen: _Path) -> Verdict:
@@ -276,7 +281,7 @@ def _verdict(first: Diagnosis, last: Diagnosis, root: _Path, chosen: _Path) -> V
     if last.verdict == "adequate":
         return "missing"
     elsewhere = explained_elsewhere(root.fit, root.holdout, chosen.holdout)
-    return "missing" if explained(root.fit, chosen.fit) > _MOST and elsewhere else "unexplained"
+    return "missing" if explained(root.fit, chosen.fit, first.scores.by_chance) > _MOST and elsewhere else "unexplained"
 
 
 def _chosen(paths: Sequence[_Path]) -> _Path:

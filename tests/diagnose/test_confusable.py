@@ -7,6 +7,7 @@ import pytest
 
 from lptn.diagnose.candidates import Candidate
 from lptn.diagnose.confusable import confusability
+from lptn.diagnose.lack import ByChance
 from lptn.diagnose.score import Score, Scores
 from lptn.effects import catalogue
 
@@ -17,7 +18,7 @@ def _score(at: str, gain: float, direction: list[float]) -> Score:
 
 
 def _scores(*ranked: Score) -> Scores:
-    return Scores(list(ranked), np.ones(20), {}, {}, 0.0)
+    return Scores(list(ranked), np.ones(20), ByChance({}, {}), {}, 0.0)
 
 
 def test_the_matrix_holds_the_sizes_of_correlations() -> None:

@@ -8,10 +8,10 @@ from lptn.diagnose.diagnosis import (
     Verdict,
     diagnose,
     examine,
-    explained,
     explained_elsewhere,
     for_search,
 )
+from lptn.diagnose.lack import explained
 from lptn.diagnose.nuisance import with_ambient_errors
 from lptn.diagnose.refit import SIGNIFICANT, TIE, Refit, continued, tied, unless_interrupted, worse_by
 from lptn.diagnose.score import Score, Scores, score

@@ -11,7 +11,7 @@ import numpy as np
 
 from lptn.compare import Errors
 from lptn.diagnose.candidates import candidates
-from lptn.diagnose.lack import TOO_MUCH, cost_of_noise, lack_of_fit
+from lptn.diagnose.lack import TOO_MUCH, explained, lack_of_fit
 from lptn.diagnose.nuisance import with_ambient_errors
 from lptn.diagnose.refit import TIE, Refit, alike, refit_all, shortlist, unless_interrupted
 from lptn.diagnose.score import Scores, score
@@ -215,14 +215,11 @@ def _verdict(base: Fit, findings: Sequence[Finding], scores: Scores, holdout: Er
     if not findings:
         return "unexplained"
     best = findings[0].refit.fit
-    nothing_left = all(value <= TOO_MUCH for value in lack_of_fit(best, scores.bounds).values())
+    nothing_left = all(value <= TOO_MUCH for value in lack_of_fit(best, scores.by_chance).values())
     elsewhere = explained_elsewhere(base, holdout, findings[0].holdout)
-    return "missing" if elsewhere and (nothing_left or explained(base, best) > _ONE) else "unexplained"
-
-
-def _removes(base: Fit, done: Fit, before: Errors | None, data: Evidence, share: float) -> bool:
-    """Whether a larger model removes that share of the misfit, and of the held-out error too."""
-    return explained(base, done) > share and explained_elsewhere(base, before, holdout_errors(done, data.holdout))
+    return (
+        "missing" if elsewhere and (nothing_left or explained(base, best, scores.by_chance) > _ONE) else "unexplained"
+    )
 
 
 def explained_elsewhere(base: Fit, before: Errors | None, after: Errors | None) -> bool:
@@ -235,11 +232,6 @@ def explained_elsewhere(base: Fit, before: Errors | None, after: Errors | None) 
     return before.rmse**2 - after.rmse**2 > _ELSEWHERE * max(before.rmse**2 - floor, 0.0)
 
 
-def explained(base: Fit, done: Fit) -> float:
-    """Share of the misfit beyond noise that a larger model removes."""
-    return (base.cost - done.cost) / max(base.cost - cost_of_noise(base), 1e-12)
-
-
 def _together(found: Diagnosis, data: Evidence, refits: int, executor: Executor | None) -> bool:
     """Whether three effects, each the best after the one before, remove what one alone can't."""
     fitted = Evidence(data.fit)
@@ -249,4 +241,5 @@ def _together(found: Diagnosis, data: Evidence, refits: int, executor: Executor 
             break
         path = examine(path.findings[0].refit.fit, fitted, refits=refits, executor=executor)
     last = path.findings[0].refit.fit if path.findings else path.fit
-    return _removes(found.fit, last, found.holdout, data, _THREE)
+    enough = explained(found.fit, last, found.scores.by_chance) > _THREE
+    return enough and explained_elsewhere(found.fit, found.holdout, holdout_errors(last, data.holdout))

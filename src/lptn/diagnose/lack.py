@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from lptn.arrays import FloatArray
@@ -12,32 +14,64 @@ NEGLIGIBLE = 0.03  # K; nobody looks for an effect that leaves less on one node'
 TOO_MUCH = 1.5  # mean squares above so much of their bound by chance are more than noise
 
 
-def bounds_by_chance(fit: Fit, noise: FloatArray) -> dict[str, float]:
-    """For each node the mean square of block means that chance exceeds once in twenty logs.
+@dataclass(frozen=True)
+class ByChance:
+    """What a perfect model would leave at each node: mean squares of block means of weighted residuals.
 
     Args:
-        fit: whose residuals are asked about.
-        noise: weighted residuals of a perfect model, shape (rows, trials), in the order of the problem's.
+        usual: their mean over many logs.
+        most: what they exceed once in twenty logs, and what is negligible on top.
     """
-    by_chance = _mean_squares(fit, noise)
-    bounds = {}
-    for node, squares in by_chance.items():
-        least = (NEGLIGIBLE / fit.problem.sigma[fit.model.nodes.index(node)]) ** 2
-        bounds[node] = max(float(np.quantile(squares, 0.95)), least)
-    return bounds
+
+    usual: dict[str, float]
+    most: dict[str, float]
+
+    @classmethod
+    def of(cls, fit: Fit, noise: FloatArray) -> ByChance:
+        """From simulated noise.
+
+        Args:
+            fit: whose residuals are asked about.
+            noise: weighted residuals of a perfect model, shape (rows, trials), in the order of the problem's.
+        """
+        squares = _mean_squares(fit, noise)
+        sigma = dict(zip(fit.model.nodes, fit.problem.sigma, strict=True))
+        return cls(
+            {node: float(each.mean()) for node, each in squares.items()},
+            {node: float(np.quantile(each, 0.95)) + (NEGLIGIBLE / sigma[node]) ** 2 for node, each in squares.items()},
+        )
 
 
-def lack_of_fit(fit: Fit, bounds: dict[str, float], residual: FloatArray | None = None) -> dict[str, float]:
-    """Mean square of each node's block means as a share of its bound.
+def lack_of_fit(fit: Fit, chance: ByChance, residual: FloatArray | None = None) -> dict[str, float]:
+    """Mean square of each node's block means as a share of the most that chance leaves.
 
     Args:
-        fit: a fit to the runs that the bounds were made from.
-        bounds: from `bounds_by_chance`.
+        fit: a fit to the runs that `chance` was made from.
+        chance: what a perfect model would leave.
         residual: weighted residuals, shape (rows,); the fit's own by default.
     """
     residual = fit.problem.residuals(fit.z) if residual is None else residual
     squares = _mean_squares(fit, residual[:, None])
-    return {node: float(squares[node][0] / bound) for node, bound in bounds.items() if node in squares}
+    return {node: float(squares[node][0] / most) for node, most in chance.most.items() if node in squares}
+
+
+def explained(base: Fit, done: Fit, chance: ByChance) -> float:
+    """Share that a larger model removes of the misfit beyond noise.
+
+    Of block means: in single readings a sensor of 1 K steps hides it.
+
+    Args:
+        base: the smaller model's fit.
+        done: the larger model's fit to the same runs.
+        chance: what a perfect model would leave.
+    """
+    before, after = (_beyond_noise(each, chance) for each in (base, done))
+    return (before - after) / max(before, 1e-12)
+
+
+def _beyond_noise(fit: Fit, chance: ByChance) -> float:
+    squares = _mean_squares(fit, fit.problem.residuals(fit.z)[:, None])
+    return sum(float(squares[node][0]) - usual for node, usual in chance.usual.items() if node in squares)
 
 
 def cost_of_noise(fit: Fit) -> float:

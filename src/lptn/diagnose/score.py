@@ -14,7 +14,7 @@ import numpy as np
 
 from lptn.arrays import FloatArray
 from lptn.diagnose.candidates import Candidate, Site, sites
-from lptn.diagnose.lack import NEGLIGIBLE, bounds_by_chance, lack_of_fit
+from lptn.diagnose.lack import NEGLIGIBLE, ByChance, lack_of_fit
 from lptn.diagnose.stretches import stretches
 from lptn.identify import Fit
 from lptn.model import Model
@@ -56,14 +56,14 @@ class Scores:
     Args:
         ranked: the scores.
         chance: largest gain among all candidates in each simulated log without any missing effect.
-        bounds: of each node's lack of fit, by chance.
-        lack: mean square of 60 s block means of each node's residuals, in units of its bound by chance.
+        by_chance: what a perfect model would leave of each node's readings.
+        lack: mean square of 60 s block means of each node's residuals, as a share of the most that chance leaves.
         negligible: the gain of an effect too small to matter, however far beyond chance.
     """
 
     ranked: list[Score]
     chance: FloatArray
-    bounds: dict[str, float]
+    by_chance: ByChance
     lack: dict[str, float]
     negligible: float
 
@@ -101,8 +101,8 @@ def score(fit: Fit, found: Sequence[Candidate], seed: int = 0) -> Scores:
     noise = _projected(_simulated_noise(fit, rng), basis)
     flipped = _projected(_flipped(fit, _beyond(residual, ranked), rng), basis)
     chance = np.maximum(np.sort(_chance(directions, noise)), np.sort(_chance(directions, flipped)))
-    bounds = bounds_by_chance(fit, noise)
-    return Scores(ranked, chance, bounds, lack_of_fit(fit, bounds, residual), _negligible(fit))
+    usual = ByChance.of(fit, noise)
+    return Scores(ranked, chance, usual, lack_of_fit(fit, usual, residual), _negligible(fit))
 
 
 def _design(fit: Fit, places: Sequence[Site]) -> tuple[FloatArray, FloatArray]:

@@ -169,6 +169,13 @@ def fit(
 
 
 @one_blas_thread
+def finished(done: Fit) -> Fit:
+    """A fit that was ended early because it only ranked, gone on with to the end."""
+    solution = minimise(done.problem, done.z, near=True)
+    return _fit(done.problem, solution, done.noise, done.iterations + solution.iterations)
+
+
+@one_blas_thread
 def fit_starts(model: Model, drives: Sequence[Drive], sigma: FloatArray) -> list[FloatArray]:
     """Initial states of runs from their counted readings, the parameters being held.
 
