@@ -156,11 +156,11 @@ def test_a_drive_is_scored_by_torque_where_there_is_torque() -> None:
         assert {each.declaration(None, None).effect.chosen["input"] for each in found} == {word}
 
 
-def test_an_ambient_given_as_a_number_is_no_place_of_an_error() -> None:
-    air = NodeDeclaration("ambient", temperature=Parameter("temperature", 20.0, "degC", (-40.0, 60.0)))
-    network = replace(_legs(), nodes=(NodeDeclaration("*_*", capacity()), air))
-    assert _ats("ambient_offset", network=network) == []
-    started = replace(
-        _legs(), nodes=(NodeDeclaration("*_*", capacity()), NodeDeclaration("ambient", temperature=START))
-    )
-    assert _ats("ambient_offset", network=started) == ["ambient"]
+def test_a_guessed_ambient_may_be_wrong_like_a_sensor() -> None:
+    """A log without an ambient column: in all runs, or in one."""
+    for ambient in (START, Parameter("temperature", 20.0, "degC", (-40.0, 60.0), fixed=True)):
+        air = NodeDeclaration("ambient", temperature=ambient)
+        network = replace(_legs(), nodes=(NodeDeclaration("*_*", capacity()), air))
+        assert _ats("ambient_offset", network=network) == ["ambient"]
+        found = {each.key for each in candidates(network, [], ["monday", "tuesday"])}
+        assert ("ambient_offset", "ambient@monday") in found

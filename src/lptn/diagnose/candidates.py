@@ -162,8 +162,6 @@ def _free_places(network: Network, effect: type[Effect], words: Words, columns: 
     taken = {use.place for use in network.uses if use.effect.key == effect.key and use.declaration.run == run}
     if effect.site == "edge":
         taken |= {link.place for link in network.resistors}
-    if effect.site == "boundary":
-        taken |= {name for name, source in network.prescribed.items() if isinstance(source, int)}
     needed = declaration.effect.needed()
     return [
         place
