@@ -8,8 +8,11 @@ from pathlib import Path
 
 import pytest
 
+from lptn.diagnose import candidates
+from lptn.diagnose.other_runs import runs_that_differ
 from lptn.evidence import evidence
 from lptn.ladder import improve
+from lptn.model import Model
 from lptn.on_evidence import fit_parts, holdout_errors
 from lptn.opening import open_model
 from lptn.versus import versus
@@ -23,6 +26,7 @@ def test_two_heaters_lack_conduction_and_a_sensor_lag() -> None:
     runs = opened.runs([EXAMPLES / "tclab" / "log.csv"])
     ladder = improve(opened.model, evidence(runs, holdout_after=300.0))
     assert {rung.effect for rung in ladder.rungs[1:3]} == {"conduction", "sensor_lag"}
+    assert ladder.verdict == "missing"
     before, after = ladder.rungs[0].holdout, ladder.rungs[2].holdout
     assert before is not None
     assert after is not None
@@ -41,6 +45,29 @@ def test_pmsm_models_fit_their_log(name: str) -> None:
     # One operating point was fitted: the fit looks good and predicts another one badly. That is the lesson.
     assert held is not None
     assert held.rmse > 3 * done.rmse
+
+
+def test_held_out_data_lead_the_winding_to_a_model_that_predicts_other_operating_points() -> None:
+    """The names are stand-ins, since the fitted part holds one operating point; what they predict is not."""
+    opened = open_model(EXAMPLES / "pmsm" / "winding.toml")
+    ladder = improve(opened.model, evidence(opened.runs([EXAMPLES / "pmsm" / "log.csv"]), holdout_after=4400.0))
+    before, after = ladder.rungs[0].holdout, ladder.best.holdout
+    assert before is not None
+    assert after is not None
+    assert before.rmse > 7
+    assert after.rmse < 1.72  # K; what a hand-made model reached
+
+
+def test_the_later_run_of_the_ur3_arm_is_told_from_a_warmer_room() -> None:
+    """The log has no ambient column, so a guess is held; a room that warmed up must be among the causes."""
+    folder = EXAMPLES / "ur3"
+    opened = open_model(folder / "coupled.toml")
+    data = evidence(opened.runs([folder / "warm_up.parquet"]), opened.runs([folder / "later.parquet"])).coarsened(5.0)
+    known = candidates(opened.model.network, data.fit[0].run.columns)
+    named = next(each for each in known if each.key == ("loss_scale", "wrist1"))  # what `lptn improve` adds
+    model = Model(opened.model.network.with_effects([named.declaration(None, None)]))
+    (found,) = runs_that_differ(fit_parts(model, data.fit), data.holdout)
+    assert "ambient_offset" in {cause.effect for cause in found.causes}
 
 
 def test_neighbouring_joints_of_the_ur3_arm_heat_each_other() -> None:

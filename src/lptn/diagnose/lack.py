@@ -11,6 +11,7 @@ from lptn.identify import Fit
 
 BLOCK = 60.0  # s; noise averages out over a block, a missing effect does not
 NEGLIGIBLE = 0.03  # K; nobody looks for an effect that leaves less on one node's one-minute means
+_PLAIN = 2.0  # times what noise leaves: a misfit that single readings show
 TOO_MUCH = 1.5  # mean squares above so much of their bound by chance are more than noise
 
 
@@ -58,13 +59,17 @@ def lack_of_fit(fit: Fit, chance: ByChance, residual: FloatArray | None = None) 
 def explained(base: Fit, done: Fit, chance: ByChance) -> float:
     """Share that a larger model removes of the misfit beyond noise.
 
-    Of block means: in single readings a sensor of 1 K steps hides it.
+    Of single readings where these show it plainly, since a lag or a clock is over within a minute; else of block
+    means, since noise and steps of 1 K hide the rest.
 
     Args:
         base: the smaller model's fit.
         done: the larger model's fit to the same runs.
         chance: what a perfect model would leave.
     """
+    noise = cost_of_noise(base)
+    if base.cost > _PLAIN * noise:
+        return (base.cost - done.cost) / (base.cost - noise)
     before, after = (_beyond_noise(each, chance) for each in (base, done))
     return (before - after) / max(before, 1e-12)
 
