@@ -11,6 +11,7 @@ import cyclopts
 from cyclopts import Parameter as Option
 from cyclopts import validators
 
+from lptn.check_command import check
 from lptn.cli_support import (
     AmbientError,
     Holdout,
@@ -18,7 +19,6 @@ from lptn.cli_support import (
     Jobs,
     Json,
     Map,
-    MirrorWeight,
     OptionalOutput,
     Output,
     Proof,
@@ -27,8 +27,11 @@ from lptn.cli_support import (
     open_by_job,
     typed,
 )
+from lptn.closed_pipe import spared_closed_pipes
 from lptn.compare_command import compare
-from lptn.errors import InputError
+from lptn.completion_command import install_completion
+from lptn.errors import InputError, one_line
+from lptn.fit_command import fit
 from lptn.fmu.commands import cosim, fmu
 from lptn.forecast_command import forecast
 from lptn.interrupts import heard_interrupts
@@ -38,7 +41,9 @@ from lptn.planners.commands import plan, trade
 
 app = cyclopts.App(
     name="lptn",
-    help="Thermal networks of electric robot joints: fit, compare, and find the physical effect that is missing.",
+    help="""Thermal networks of electric robot joints: fit, compare, and find the physical effect that is missing.
+
+    Example: lptn improve leg.toml monday.parquet --holdout friday.parquet -o better.toml --report story.html""",
     help_format="plaintext",
     suppress_keyboard_interrupt=False,  # `main` says what becomes of the files
 )
@@ -70,60 +75,8 @@ def new(
         write_whole(output, text)
 
 
-@app.command
-def check(model: Path, /, *logs: Path, map: Map = None) -> None:  # noqa: A002 - the option's name
-    """Say what a model file and logs hold, and what is wrong with them.
-
-    Example: lptn check leg.toml monday.parquet
-    """
-    from lptn.opening import open_model
-    from lptn.terminal import show_check
-
-    opened = open_model(model, map or ())
-    show_check(opened.model, opened.runs(logs))
-
-
-@app.command
-def fit(
-    model: Path,
-    /,
-    *logs: Path,
-    output: OptionalOutput = None,
-    holdout: Holdout = None,
-    holdout_after: HoldoutAfter = None,
-    mirror_weight: MirrorWeight = 0.0,
-    json: Json = None,
-    map: Map = None,  # noqa: A002
-) -> None:
-    """Fit the free parameters; Ctrl-C keeps the best point so far.
-
-    Example: lptn fit leg.toml monday.parquet --holdout friday.parquet -o fitted.toml
-    """
-    from lptn.on_evidence import fit_parts, holdout_errors, mirror_trials
-    from lptn.terminal import progress, show_fit, show_holdout, show_mirror_trials, write_json
-
-    check_outputs(output, json)
-    opened, data = open_by_job(model, logs, holdout, holdout_after, None, map)
-    if not opened.model.free:
-        raise InputError(model, "parameters", "none that is free", "one at least without fixed = true")
-    with progress("fitting") as report:
-        trials = mirror_trials(opened.model, data, report=report) if mirror_weight == "auto" else []
-        best = min(trials, key=lambda each: each.holdout.rmse) if trials else None
-        done = fit_parts(
-            opened.model,
-            data.fit,
-            best.fit.point if best else None,
-            mirror_weight=best.weight if best else float(mirror_weight),
-            progress=lambda number, rms: report(f"fitting: iteration {number}, weighted residual {rms:.4g}"),
-        )
-    held = holdout_errors(done, data.holdout)
-    show_mirror_trials(trials)
-    show_fit(done)
-    show_holdout(held)
-    if output is not None:
-        opened.file.with_fit(done.table()).write(output)
-    tried = [{"weight": each.weight, "rmse_holdout": each.holdout.rmse} for each in trials]
-    write_json(json, done.as_json() | {"rmse_holdout": held.rmse if held else None, "mirror_weights": tried})
+app.command(check)
+app.command(fit)
 
 
 @app.command
@@ -147,7 +100,7 @@ def diagnose(
     from lptn.diagnose import for_search
     from lptn.terminal import progress, show_advice, show_diagnosis, write_json
 
-    check_outputs(json)
+    check_outputs(json, inputs=(model, *logs, *(holdout or ())))
     opened, data = open_by_job(model, logs, holdout, holdout_after, None, map)
     with progress("reading") as report, executor_of(jobs) as executor:
         found = question(opened.model, data, ambient_error=ambient_error, executor=executor, report=report)
@@ -202,7 +155,7 @@ def improve(
     from lptn.ladder import improve as climb
     from lptn.terminal import progress, show_advice, show_ladder, write_json
 
-    check_outputs(output, json, report)
+    check_outputs(output, json, report, inputs=(*logs, *(holdout or ()), *(proof or ())))
     opened, data = open_by_job(model, logs, holdout, holdout_after, proof, map)
     with progress("reading") as say, executor_of(jobs) as executor:
         ladder = climb(opened.model, data, most=rungs, ambient_error=ambient_error, executor=executor, report=say)
@@ -220,18 +173,33 @@ def improve(
 
 
 @app.command
-def effects(key: str | None = None, /) -> None:
+def effects(
+    key: str | None = None,
+    /,
+    *,
+    markdown: Annotated[Path | None, Option(help="Write the whole catalogue as a page of Markdown.")] = None,
+    json: Json = None,
+) -> None:
     """List the catalogue of effects, or show one.
 
     Example: lptn effects forced_convection
     """
-    from lptn.terminal import show_effects
+    from lptn.terminal import catalogue_json, show_effects, write_json
 
-    show_effects(key)
+    check_outputs(markdown, json)
+    if markdown is None or key is not None:
+        show_effects(key)
+    write_json(json, catalogue_json(key))
+    if markdown is None:
+        return
+    from lptn.catalogue_page import catalogue_markdown
+    from lptn.files import write_whole
+
+    write_whole(markdown, catalogue_markdown())
 
 
 @app.command
-def simulate(model: Path, log: Path, /, *, output: Output, map: Map = None) -> None:  # noqa: A002
+def simulate(model: Path, log: Path, /, *, output: Output, json: Json = None, map: Map = None) -> None:  # noqa: A002
     """Predict a log's temperatures and write them as a log (.csv or .parquet).
 
     Example: lptn simulate fitted.toml friday.parquet -o predicted.csv
@@ -239,10 +207,16 @@ def simulate(model: Path, log: Path, /, *, output: Output, map: Map = None) -> N
     from lptn.compare import compare as against
     from lptn.evidence import evidence
     from lptn.opening import open_model
-    from lptn.predicted_log import write_predictions
+    from lptn.predicted_log import check_ending, write_predictions
+    from lptn.terminal import progress, write_json
 
-    opened = open_model(model, map or ())
-    write_predictions(against(opened.model, evidence((), opened.runs([log])).holdout), output)
+    check_outputs(output, json, inputs=(model, log))
+    check_ending(output)
+    with progress("predicting"):
+        opened = open_model(model, map or ())
+        predicted = against(opened.model, evidence((), opened.runs([log])).holdout)
+        write_predictions(predicted, output)
+    write_json(json, predicted.as_json())
 
 
 @app.command
@@ -275,11 +249,12 @@ def report(
 
 for _command in (compare, forecast, monitor, fmu, cosim, trade, plan, motor):
     app.command(_command)
+app.command(install_completion, name="--install-completion")
 
 
 def _say(message: object) -> None:
     """One line on the error stream; nothing is imported, for it may be said in the middle of an import."""
-    print(f"lptn: {' '.join(str(message).split())}", file=sys.stderr)
+    print(f"lptn: {one_line(message)}", file=sys.stderr)
 
 
 def main(words: Sequence[str] | None = None) -> None:
@@ -289,13 +264,19 @@ def main(words: Sequence[str] | None = None) -> None:
         words: what stands behind `lptn`; by default what the shell gave.
     """
     try:
-        with heard_interrupts():
+        with spared_closed_pipes(), heard_interrupts():
             app(sys.argv[1:] if words is None else words, exit_on_error=False, print_error=False)
     except InputError as error:
         _say(error)
         sys.exit(2)
     except cyclopts.CycloptsError as error:
         _say(f"{error} (`lptn --help` shows how)")
+        sys.exit(2)
+    except OSError as error:  # the system's, not the user's: a full disk, a folder that went away
+        _say(f"{error.filename or 'system'}: {error.strerror or error}")
+        sys.exit(2)
+    except MemoryError:
+        _say("not enough memory")
         sys.exit(2)
     except KeyboardInterrupt:
         _say("stopped; nothing was written")

@@ -5,8 +5,8 @@ from __future__ import annotations
 import io
 import shlex
 import sys
-from collections.abc import Iterator
-from concurrent.futures import Executor, ProcessPoolExecutor
+from collections.abc import Iterable, Iterator
+from concurrent.futures import Executor
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -80,11 +80,13 @@ def open_by_job(
     """The model file, and the logs arranged by what they are for."""
     from lptn.evidence import evidence
     from lptn.opening import open_model
+    from lptn.run_names import say_absent_runs
 
     needs_logs(logs)
     opened = open_model(model, mapped or ())
     fitted, held, proving = (opened.runs(group) for group in (logs, holdout or [], proof or []))
     _refuse_twice({"LOGS": fitted, "--holdout": held, "--proof": proving})
+    say_absent_runs(opened.model.network, (*fitted, *held, *proving))
     return opened, evidence(fitted, held, proving, holdout_after)
 
 
@@ -100,18 +102,26 @@ def _refuse_twice(groups: dict[str, list[Run]]) -> None:
             jobs[digest] = source, option
 
 
-def check_outputs(*paths: Path | None) -> None:
+def check_outputs(*paths: Path | None, inputs: Iterable[Path] = ()) -> None:
     """Refuse a file that can't be written before hours of work, not after.
 
+    Args:
+        paths: files that will be written.
+        inputs: files that are read, and must not be lost.
+
     Raises:
-        InputError: its folder does not exist, it is a folder itself, or two results would go to one file.
+        InputError: its folder does not exist, it is a folder itself, two results would go to one file, or a result
+            would take the place of what is read.
     """
     given = [path for path in paths if path is not None]
+    read = {path.resolve() for path in inputs}
     for path in given:
         if path.is_dir():
             raise InputError(path, "output", "a folder", "a file in it")
         if not path.absolute().parent.is_dir():
             raise InputError(path, "output", "no such folder", "a file in a folder that exists")
+        if path.resolve() in read:
+            raise InputError(path, "output", "a file that is read", "another file, for this one would be lost")
     for number, path in enumerate(given):
         if path.absolute() in [other.absolute() for other in given[:number]]:
             raise InputError(path, "output", "one file for two results", "a file of its own for each")
@@ -129,7 +139,9 @@ def executor_of(jobs: int) -> Iterator[Executor | None]:
     if jobs <= 1:
         yield None
         return
-    with ProcessPoolExecutor(jobs) as pool:
+    from lptn.workers import pool_of
+
+    with pool_of(jobs) as pool:
         yield pool
 
 

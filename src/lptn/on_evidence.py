@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
+from lptn.checkpoint import Checkpoint, Kept
 from lptn.compare import Errors, predict
 from lptn.errors import InputError
 from lptn.evidence import Evidence, Part
 from lptn.identify import Fit, Point, Progress, fit
 from lptn.model import Model
-from lptn.simulate import drive
+from lptn.simulate import Drive, drive
 
 _SEARCH_STEP = 10.0  # s; averages that are long enough to compare regularisers
 _MIRROR_WEIGHTS = (0.0, *(10.0**power for power in range(1, 7)))
@@ -35,9 +37,96 @@ def fit_parts(
         mirror_weight: λ of the left-right regulariser.
         progress: called after each iteration.
     """
-    drives = [drive(model, part.run).count(part.counted).until(part.counted[1]) for part in parts]
+    drives = _drives(model, parts)
     guess, starts = (None, None) if near is None else (near.values, near.starts)
     return fit(model, drives, mirror_weight=mirror_weight, guess=guess, starts=starts, progress=progress)
+
+
+def fit_parts_again(
+    model: Model,
+    parts: Sequence[Part],
+    checkpoint: Checkpoint,
+    *,
+    near: Point | None = None,
+    mirror_weight: float = 0.0,
+    progress: Progress | None = None,
+) -> Fit:
+    """Fit a model as `fit_parts` does, from where an earlier attempt was cut off, and so that this one may be.
+
+    Args:
+        model: the model.
+        parts: the runs.
+        checkpoint: keeps the best point while the search runs, and if Ctrl-C ends it; empty once the fit is done.
+        near: a solution on coarser data, to start from where nothing was kept.
+        mirror_weight: λ of the left-right regulariser.
+        progress: called after each iteration.
+    """
+    kept = checkpoint.load(model, len(parts))
+    start = kept.point if kept else near
+    done = fit(
+        model,
+        _drives(model, parts),
+        mirror_weight=mirror_weight,
+        guess=start.values if start else None,
+        starts=start.starts if start else None,
+        averaged=bool(kept and kept.averaged),
+        progress=progress,
+        keep=lambda point, averaged: checkpoint.offer(model, Kept(point, averaged)),
+    )
+    if done.status == "interrupted":
+        checkpoint.save(model, Kept(done.point, averaged=False))
+    else:
+        checkpoint.remove()
+    return done
+
+
+def _drives(model: Model, parts: Sequence[Part]) -> list[Drive]:
+    return [drive(model, part.run).count(part.counted).until(part.counted[1]) for part in parts]
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A fit, its errors on held-out runs, and the left-right weights that were tried for it."""
+
+    fit: Fit
+    holdout: Errors | None
+    trials: tuple[MirrorTrial, ...]
+
+
+def fit_evidence(
+    model: Model,
+    data: Evidence,
+    mirror_weight: float | Literal["auto"] = 0.0,
+    *,
+    checkpoint: Callable[[float], Checkpoint] | None = None,
+    report: Callable[[str], None] = lambda _: None,
+) -> Judged:
+    """Fit the runs that are there to fit, and look at those held out.
+
+    Args:
+        model: the model.
+        data: the runs by their jobs.
+        mirror_weight: λ of the left-right regulariser; `"auto"` for the one best on held-out runs.
+        checkpoint: where the best point is kept, for the λ that is used; by default nowhere.
+        report: told what is being done.
+
+    Raises:
+        InputError: λ can't be chosen from these runs, or a run lacks an input of the model.
+    """
+    trials = mirror_trials(model, data, report=report) if mirror_weight == "auto" else []
+    best = min(trials, key=lambda each: each.holdout.rmse) if trials else None
+    weight = best.weight if best else float(mirror_weight)
+    near = best.fit.point if best else None
+
+    def progress(number: int, rms: float) -> None:
+        report(f"fitting: iteration {number}, weighted residual {rms:.4g}")
+
+    if checkpoint is None:
+        done = fit_parts(model, data.fit, near, mirror_weight=weight, progress=progress)
+    else:
+        kept = checkpoint(weight)
+        done = fit_parts_again(model, data.fit, kept, near=near, mirror_weight=weight, progress=progress)
+    return Judged(done, holdout_errors(done, data.holdout), tuple(trials))
 
 
 def holdout_errors(done: Fit, parts: Sequence[Part]) -> Errors | None:

@@ -10,7 +10,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from rich.console import Console
 from rich.table import Table
 
@@ -22,12 +21,8 @@ from lptn.errors import InputError
 from lptn.files import write_whole
 from lptn.identify import Fit
 from lptn.ladder import Ladder
-from lptn.logs import Run
-from lptn.model import Model
-from lptn.noise import estimate_noise
 from lptn.on_evidence import MirrorTrial
-from lptn.simulate import Drive, default_start, drive
-from lptn.state_space import state_space
+from lptn.progress_line import ProgressLine
 from lptn.versus import Versus
 
 out = Console(highlight=False, soft_wrap=True)
@@ -50,12 +45,16 @@ _REMAINING = {
 
 @contextmanager
 def progress(first: str) -> Iterator[Callable[[str], None]]:
-    """A line that says what is being done; silent where nobody watches."""
+    """A line that says what is being done, from 2 s on with its time; silent where nobody watches.
+
+    What is said as "7 of 20" also gets the time that is left.
+    """
     if not err.is_terminal:
         yield lambda _: None
         return
-    with err.status(first) as status:
-        yield status.update
+    line = ProgressLine(first)
+    with err.status(line):
+        yield line.say
 
 
 def write_json(path: Path | None, content: object) -> None:
@@ -190,50 +189,6 @@ def show_holdout(errors: Errors | None) -> None:
         out.print(f"Held out: RMSE {_kelvin(errors.rmse)}, max {_kelvin(errors.max)}.")
 
 
-def show_check(model: Model, runs: Sequence[Run]) -> None:
-    """What a model needs and logs hold."""
-    free = len(model.free)
-    out.print(f"Model {model.network.name}: nodes {', '.join(model.nodes)}; {free} free parameters.", markup=False)
-    out.print(f"Inputs: {', '.join(model.inputs)}.", markup=False)
-    for column in model.started:
-        out.print(f"{column} is no column of the log: it is taken from each run's first readings.", markup=False)
-    for run in runs:
-        driven = drive(model, run)
-        noise = estimate_noise([driven], model.nodes)
-        kind = "means" if run.averaged else "samples"
-        out.print(
-            f"\n{run.name}: {len(run)} {kind} of {run.step:g} s, {len(run) * run.step / 60:.3g} min",
-            markup=False,
-        )
-        table = _table("node", "from", "to", "missing", "noise floor")
-        for row, node in enumerate(model.nodes):
-            readings = driven.measured[row]
-            if np.isfinite(readings).any():
-                ends = f"{np.nanmin(readings):.1f} °C", f"{np.nanmax(readings):.1f} °C"
-                missing = f"{np.isnan(readings).mean():.0%}"
-                table.add_row(node, *ends, missing, _kelvin(float(noise.floor[row])))
-            else:
-                table.add_row(node, "not measured", "", "", "")
-        out.print(table)
-        for note in run.notes:
-            out.print(f"  {note}", markup=False)
-    if runs:
-        _show_steps(model, drive(model, runs[0]))
-
-
-def _show_steps(model: Model, driven: Drive) -> None:
-    """How fast the network is, and the steps that forward Euler could take with it."""
-    form = state_space(model, default_start(model, driven), driven.inputs.mean(axis=1))
-    slowest = form.time_constants[np.isfinite(form.time_constants)].max()
-    spread = f"{form.time_constants[0]:.3g} to {slowest:.3g} s"
-    euler = f"stable to {form.euler_stable:.3g} s, within 0.1 K of the exact hold to {form.euler_step(0.1):.2g} s"
-    out.print(
-        f"\nTime constants {spread} at the declared values. Steps of forward Euler would stay {euler}; "
-        "Runge-Kutta steps, used here, are cut finer where they need to be.",
-        markup=False,
-    )
-
-
 def show_effects(key: str | None) -> None:
     """The catalogue, or one effect of it.
 
@@ -258,6 +213,25 @@ def show_effects(key: str | None) -> None:
     out.print(table)
     out.print(f"Looks like: {effect.signature.looks_like}.", markup=False)
     out.print(f"Separate it by: {effect.signature.separate_by}.", markup=False)
+
+
+def catalogue_json(key: str | None) -> dict[str, object]:
+    """The catalogue, or one effect of it, as other tools read it."""
+    return {
+        name: {
+            "title": effect.title,
+            "at": effect.site,
+            "needs": list(effect.needs),
+            "looks_like": effect.signature.looks_like,
+            "separate_by": effect.signature.separate_by,
+            "parameters": {
+                each.name: {"title": each.title, "unit": each.unit, "typical": each.typical, "off": each.off}
+                for each in effect.parameters
+            },
+        }
+        for name, effect in catalogue().items()
+        if key in (None, name)
+    }
 
 
 def _held_out(found: Diagnosis) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import isfinite
@@ -21,6 +21,9 @@ from lptn.model_schema import DataTable, FitTable, FittedTable
 from lptn.noise import Noise, balanced_sigma, estimate_noise
 from lptn.simulate import Drive, drive
 from lptn.threads import one_blas_thread
+
+Keep = Callable[[Point, bool], None]
+"""Called with the best point so far, and whether it is that of a coarse search."""
 
 _COARSE_STEP = 10.0  # s
 _LEAST_COARSE = 150  # steps that a run must keep to be worth a coarse search
@@ -124,8 +127,10 @@ def fit(
     sigma: FloatArray | None = None,
     guess: FloatArray | None = None,
     starts: Sequence[FloatArray] | None = None,
+    averaged: bool = False,
     iterations: int = 80,
     progress: Progress | None = None,
+    keep: Keep | None = None,
     rival: float = np.inf,
     precision: float = PRECISION,
 ) -> Fit:
@@ -140,8 +145,10 @@ def fit(
         guess: parameter values to start from, shape (m,), unless those of the integrated heat balance are
             better; without it, a coarse search comes first.
         starts: initial states to start from, together with `guess`.
+        averaged: the guess is of a coarse search that was cut off, and that comes first.
         iterations: how many the last search may take.
         progress: called after each iteration.
+        keep: called after each iteration with the best point so far, and whether the search is still coarse.
         rival: a cost to beat; a fit from a `guess` that has no hope of it ends, with status `"given up"`.
         precision: share of the cost that is not worth another step of the last search.
     """
@@ -149,13 +156,10 @@ def fit(
     sigma = balanced_sigma(drives, noise) if sigma is None else sigma
     problem = Problem(model, drives, sigma, mirror_weight)
     before = 0
-    if guess is None:
+    if guess is None or averaged:
         coarse = Problem(model, [_coarse(model, driven) for driven in drives], sigma, mirror_weight)
-        best = min(
-            (coarse.guess(values) for values in (model.values, integral_start(model, coarse.drives, sigma))),
-            key=coarse.cost,
-        )
-        rough = minimise(coarse, best, progress, near=True)
+        best = _first_guess(coarse) if guess is None else coarse.guess(guess, starts)
+        rough = minimise(coarse, best, progress, keep=_kept(keep, coarse, averaged=True), near=True)
         before = rough.iterations
         found = coarse.point(rough.z)
         z = problem.guess(found.values, found.starts)
@@ -164,7 +168,8 @@ def fit(
     else:
         balanced = integral_start(model, drives, sigma)
         z = min((problem.guess(guess, starts), problem.guess(balanced, starts)), key=problem.cost)
-    solution = minimise(problem, z, progress, iterations, near=True, rival=rival, precision=precision)
+    kept = _kept(keep, problem, averaged=False)
+    solution = minimise(problem, z, progress, iterations, keep=kept, near=True, rival=rival, precision=precision)
     return _fit(problem, solution, noise, before + solution.iterations)
 
 
@@ -195,6 +200,17 @@ def fit_starts(model: Model, drives: Sequence[Drive], sigma: FloatArray) -> list
 def _fit(problem: Problem, solution: Solution, noise: Noise, iterations: int) -> Fit:
     model = problem.model.with_values(problem.point(solution.z).values)
     return Fit(model, problem, solution.z, solution.cost, noise, iterations, solution.status)
+
+
+def _first_guess(problem: Problem) -> FloatArray:
+    """The declared values, or those that balance the integrated heat."""
+    balanced = integral_start(problem.model, problem.drives, problem.sigma)
+    return min((problem.guess(values) for values in (problem.model.values, balanced)), key=problem.cost)
+
+
+def _kept(keep: Keep | None, problem: Problem, *, averaged: bool) -> Callable[[FloatArray], None] | None:
+    """What the search calls with its unknowns, for a caller that wants points."""
+    return None if keep is None else lambda z: keep(problem.point(z), averaged)
 
 
 def _coarse(model: Model, driven: Drive) -> Drive:

@@ -19,6 +19,8 @@ from lptn.identify.problem import Problem
 
 Progress = Callable[[int, float], None]
 """Called after each iteration with its number and the RMS of the weighted residuals."""
+Keep = Callable[[FloatArray], None]
+"""Called after each iteration with the best unknowns so far, shape (size,)."""
 
 _IPOPT = {
     "ipopt.print_level": 0,
@@ -91,8 +93,8 @@ class _Function(ca.Callback):
 class _Watcher:
     """Counts iterations and reports them; tells IPOPT to stop near the optimum, and once Ctrl-C was pressed."""
 
-    def __init__(self, evaluator: Evaluator, progress: Progress | None) -> None:
-        self.evaluator, self.progress = evaluator, progress
+    def __init__(self, evaluator: Evaluator, progress: Progress | None, keep: Keep | None) -> None:
+        self.evaluator, self.progress, self.keep = evaluator, progress, keep
         self.iterations = 0
         self.interrupted = False
         self.patient = False  # whether IPOPT is to go on to its own end
@@ -112,7 +114,9 @@ class _Watcher:
         self.say()
 
     def say(self) -> None:
-        """Report how far the search is."""
+        """Hand on the best point, and report how far the search is."""
+        if self.keep is not None:
+            self.keep(self.evaluator.best[1])
         if self.progress is not None:
             self.progress(self.iterations, float(np.sqrt(2 * self.evaluator.best[0])))
 
@@ -123,6 +127,7 @@ def minimise(
     progress: Progress | None = None,
     iterations: int = 80,
     *,
+    keep: Keep | None = None,
     near: bool = False,
     rival: float = np.inf,
     precision: float = PRECISION,
@@ -137,12 +142,13 @@ def minimise(
         guess: unknowns to start from, shape (size,).
         progress: called after each iteration.
         iterations: how many to take at most.
+        keep: called after each iteration with the best unknowns so far.
         near: the guess is a solution on coarser data, from which a few steps should do.
         rival: a cost to beat; a search from near that has no hope of it ends, with status `"given up"`.
         precision: share of the cost that is not worth another step, for a search from near.
     """
     evaluator = Evaluator(problem)
-    watcher = _Watcher(evaluator, progress)
+    watcher = _Watcher(evaluator, progress, keep)
     lower, upper = problem.bounds()
     evaluator.cost(np.clip(guess, lower, upper))
     watcher.say()

@@ -1,0 +1,110 @@
+"""Which files are which robot's logs."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from lptn.errors import InputError
+
+_ENDINGS = (".csv", ".csv.gz", ".parquet", ".mcap", ".db3", ".ulg", ".ulog")
+_BAG = "metadata.yaml"  # what makes a folder a log: a ROS 2 bag
+
+
+@dataclass(frozen=True)
+class Robot:
+    """A robot and its logs.
+
+    Args:
+        name: what its results are called; different for each robot of a fleet.
+        logs: its logs, in order: files, or folders that are bags; each may hold several runs.
+    """
+
+    name: str
+    logs: tuple[Path, ...]
+
+
+def robots_of(places: Sequence[Path]) -> list[Robot]:
+    """The robots that files and folders stand for.
+
+    A log is one robot, named as the file, or as the folder of a ROS 2 bag. Any other folder with logs in it
+    is one robot, named as the folder; its logs are that robot's runs. A folder without logs is a shelf: each folder in
+    it that holds logs is one robot. Robots of the same name get the name of the folder above in front. Hidden files,
+    and files that are no logs, are passed over.
+
+    Args:
+        places: log files and folders.
+
+    Raises:
+        InputError: a place does not exist, holds no log, or is given twice.
+    """
+    found = [robot for place in places for robot in _robots_at(place)]
+    _refuse_twice(found)
+    names = _different_names([_named_after(robot) for robot in found])
+    return [Robot(name, robot.logs) for name, robot in zip(names, found, strict=True)]
+
+
+def _robots_at(place: Path) -> list[Robot]:
+    if not place.exists():
+        raise InputError(place, "--each", "no such file or folder", "a robot's log, or a folder of its logs")
+    if place.is_file() or _is_bag(place):
+        return [Robot(_stem(place), (place,))]
+    logs = _logs_in(place)
+    if logs:
+        return [Robot(place.resolve().name, logs)]
+    folders = sorted(each for each in place.iterdir() if each.is_dir() and not each.name.startswith("."))
+    shelf = [Robot(folder.name, logs) for folder in folders if (logs := _logs_in(folder))]
+    if not shelf:
+        raise InputError(place, "--each", "no log in it", f"bags, or files that end in {', '.join(_ENDINGS)}")
+    return shelf
+
+
+def _logs_in(folder: Path) -> tuple[Path, ...]:
+    seen = sorted(each for each in folder.iterdir() if not each.name.startswith("."))
+    return tuple(each for each in seen if _is_bag(each) or (each.is_file() and each.name.endswith(_ENDINGS)))
+
+
+def _is_bag(place: Path) -> bool:
+    return (place / _BAG).is_file()
+
+
+def _stem(path: Path) -> str:
+    if path.is_dir():
+        return path.resolve().name
+    ending = next((ending for ending in (".csv.gz", path.suffix) if path.name.endswith(ending)), "")
+    return path.name.removesuffix(ending).lstrip(".") or "robot"
+
+
+def _refuse_twice(robots: Sequence[Robot]) -> None:
+    seen = Counter(log.resolve() for robot in robots for log in robot.logs)
+    log, times = max(seen.items(), key=lambda each: each[1], default=(Path(), 0))
+    if times > 1:
+        raise InputError(log, "--each", "a log that is given twice", "each log once")
+
+
+def _named_after(robot: Robot) -> list[str]:
+    """The robot's name and the folders above it, nearest first."""
+    place = robot.logs[0].resolve().parent
+    above = [place, *place.parents] if robot.name != place.name else [*place.parents]
+    return [robot.name, *(folder.name for folder in above if folder.name)]
+
+
+def _different_names(paths: list[list[str]]) -> list[str]:
+    """The shortest ends of paths that tell all of them apart, whatever a file system thinks of capital letters."""
+    lengths = [1] * len(paths)
+    while True:
+        names = ["_".join(reversed(path[:length])) for path, length in zip(paths, lengths, strict=True)]
+        often = Counter(name.casefold() for name in names)
+        longer = [
+            length + 1 if often[name.casefold()] > 1 and length < len(path) else length
+            for name, path, length in zip(names, paths, lengths, strict=True)
+        ]
+        if longer == lengths:
+            break
+        lengths = longer
+    for number, name in enumerate(names):  # a.csv beside a.parquet
+        if name.casefold() in {other.casefold() for other in names[:number]}:
+            names[number] = f"{name}_{number + 1}"
+    return names
