@@ -2,39 +2,72 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from lptn.effects import catalogue
-from lptn.logs import Run, parse_map_option, read_log
+from lptn.logs import ColumnSource, Run, parse_map_option, read_log
+from lptn.logs.read import GUESSED
 from lptn.model import Model, input_column
 from lptn.model_file import ModelFile, load_model
 from lptn.simulate import needed_columns
 
+GUESS = "guess"
+"""What `--map` says to have columns guessed."""
+
 
 @dataclass(frozen=True)
 class Opened:
-    """A model file, its model, and a reader that brings logs to it."""
+    """A model file, its model, and a reader that brings logs to it.
+
+    Args:
+        file: the model file.
+        model: the model that it declares.
+        mapped: columns mapped on the command line, over those of the file.
+        guessing: columns that are still missing are guessed from names, and said.
+    """
 
     file: ModelFile
     model: Model
     mapped: dict[str, str]
+    guessing: bool = False
 
-    def runs(self, logs: Sequence[Path]) -> list[Run]:
-        """Every run of the logs, in order.
+    @property
+    def columns(self) -> dict[str, ColumnSource]:
+        """Where the quantities stand, by the file and by the command line."""
+        return self.file.columns | dict(parse_map_option(f"{key}={text}") for key, text in self.mapped.items())
+
+    def runs(self, logs: Sequence[Path], *, strict: bool = True) -> list[Run]:
+        """Every run of the logs, in order; what was guessed or looks wrong is said on the error stream.
+
+        Args:
+            logs: paths of logs; `a.csv+b.csv` for two of one run.
+            strict: refuse values that can't be in the unit they are read in, and say what is doubtful; else both are
+                left to who looks at the runs' doubts.
 
         Raises:
             InputError: a log can't be used, or lacks a column that the model needs.
         """
-        columns = self.file.columns | dict(parse_map_option(f"{key}={text}") for key, text in self.mapped.items())
         inputs, outputs = needed_columns(self.model)
-        useful = optional_columns(self.model)
-        return [
-            run
-            for log in logs
-            for run in read_log(log, columns, step=self.file.step, inputs=inputs, outputs=outputs, optional=useful)
-        ]
+        found = []
+        for log in logs:
+            runs = read_log(
+                log,
+                self.columns,
+                step=self.file.step,
+                inputs=inputs,
+                outputs=outputs,
+                optional=optional_columns(self.model),
+                strict=strict,
+                guessing=self.guessing,
+            )
+            doubts = [doubt.sentence for doubt in runs[0].doubts] if strict else []
+            for note in [*(note for note in runs[0].notes if note.startswith(GUESSED)), *doubts]:
+                print(f"lptn: {log}: {note}", file=sys.stderr)
+            found += runs
+        return found
 
 
 def open_model(path: Path, mapped: Sequence[str] = ()) -> Opened:
@@ -42,14 +75,15 @@ def open_model(path: Path, mapped: Sequence[str] = ()) -> Opened:
 
     Args:
         path: the model file.
-        mapped: `--map` options, such as `"temperature.FR_calf=T3[degF]"`; they win over the file's `[columns]`.
+        mapped: `--map` options, such as `"temperature.FR_calf=T3[degF]"`; they win over the file's `[columns]`. The
+            word `guess` among them has columns that are still missing guessed from names.
 
     Raises:
         InputError: the file or an option can't be used.
     """
-    pairs = dict(_pair(text) for text in mapped)
+    pairs = dict(_pair(text) for text in mapped if text.strip() != GUESS)
     file = load_model(path)
-    return Opened(file, Model(file.network), pairs)
+    return Opened(file, Model(file.network), pairs, any(text.strip() == GUESS for text in mapped))
 
 
 def optional_columns(model: Model) -> list[str]:

@@ -12,6 +12,8 @@ from lptn.arrays import FloatArray
 from lptn.errors import InputError
 from lptn.model import Model
 
+_MOST_STEPS = 20_000  # of a comparison; a model with time constants of microseconds would take days
+
 
 @dataclass(frozen=True)
 class StateSpace:
@@ -91,7 +93,7 @@ class StateSpace:
 
         Args:
             step: of both [s].
-            duration: time looked at [s].
+            duration: time looked at [s]; at most 20,000 steps, after which a mode's error is below 1e-4 of its rise.
             rise: the inputs' step, shape (inputs,); by default the operating point's own heat, switched on.
 
         Raises:
@@ -101,7 +103,7 @@ class StateSpace:
         rise = np.where(heats, self.u, 0.0) if rise is None else rise
         (exact, held), (rough, pushed) = self.exact(step), self.euler(step)
         true, guess, worst = np.zeros(len(self.A)), np.zeros(len(self.A)), 0.0
-        for _ in range(max(1, round(duration / step))):
+        for _ in range(min(max(1, round(duration / step)), _MOST_STEPS)):
             true, guess = exact @ true + held @ rise, rough @ guess + pushed @ rise
             worst = max(worst, float(np.abs(guess - true).max()))
         return worst

@@ -30,6 +30,7 @@ def spoilt(column: str, row: int, value: object) -> dict[str, list[object]]:
     [
         (spoilt("torque.a", 3, "off"), "line 5, column 'torque.a'", "'off'", "a number or an empty cell"),
         (spoilt("torque.a", 3, "inf"), "line 5, column 'torque.a'", "an infinite value", "a number"),
+        (spoilt("torque.a", 3, 1e300), "line 5, column 'torque.a'", "1e+300", "a number within"),
         (spoilt("time", 3, None), "line 5, column 'time'", "no time", "a time in every row"),
         (spoilt("time", 3, "inf"), "line 5, column 'time'", "inf", "a time in every row"),
         (spoilt("time", 3, 1.5), "line 5, column 'time'", "1.5 s after 2 s", "time that runs forwards"),

@@ -210,3 +210,10 @@ def test_csv_dialects(tmp_path: Path, separator: str, comma: str, start: str) ->
     (run,) = read_log(tmp_path / "log.csv.gz")
     assert run.name == "log"
     np.testing.assert_allclose(run.temperature("a"), 20 + np.arange(20) / 4)
+
+
+def test_times_written_as_dates(write: Write) -> None:
+    dates = [f"2026-01-01T00:00:{k:02d}.250" for k in range(20)]
+    (run,) = read_log(write({"time": dates, "temperature.a": [20.0 + k for k in range(20)]}))
+    assert run.step == 1.0
+    assert run.time[0] == pd.Timestamp("2026-01-01T00:00:00.250Z").timestamp()

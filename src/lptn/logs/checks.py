@@ -12,7 +12,7 @@ from lptn.logs.tables import Table
 
 _FEWEST_ROWS = 10
 _DAY = 86400.0  # s
-_HOTTEST = 1000.0  # degC, of the middle value: no motor or board survives that
+_LARGEST = 1e12  # of any quantity in SI, so that its square is still a number
 
 
 def check_time(table: Table, name: str, time: FloatArray) -> tuple[npt.NDArray[np.intp], tuple[str, ...]]:
@@ -33,7 +33,8 @@ def check_time(table: Table, name: str, time: FloatArray) -> tuple[npt.NDArray[n
     steps = np.diff(time)
     if (steps < 0).any():
         row = int((steps < 0).argmax()) + 1
-        table.refuse(row, name, f"{time[row]:.12g} s after {time[row - 1]:.12g} s", "time that runs forwards")
+        found = f"{time[row]:.12g} s after {time[row - 1]:.12g} s"
+        table.refuse(row, name, found, f"time that runs forwards{_restart(time, row)}")
     keep = np.flatnonzero(np.concatenate(([True], steps > 0)))
     _enough(table, keep.size)
     period = float(np.median(np.diff(time[keep])))
@@ -46,7 +47,7 @@ def check_time(table: Table, name: str, time: FloatArray) -> tuple[npt.NDArray[n
 
 
 def check_values(table: Table, key: str, source: ColumnSource, values: FloatArray) -> None:
-    """Refuse infinite values, temperatures below absolute zero, and those that look like another unit.
+    """Refuse infinite values, those that nothing can have, and temperatures below absolute zero.
 
     Args:
         table: the log, for the line numbers.
@@ -61,21 +62,26 @@ def check_values(table: Table, key: str, source: ColumnSource, values: FloatArra
     infinite = np.isinf(values)
     if infinite.any():
         table.refuse(int(infinite.argmax()), name, "an infinite value", "a number or an empty cell")
+    huge = np.abs(values) > _LARGEST
+    if huge.any():
+        row = int(huge.argmax())
+        table.refuse(row, name, f"{values[row]:.3g}", f"a number within ±{_LARGEST:.0e}, in SI")
     if not key.startswith("temperature.") or np.isnan(values).all():
         return
     impossible = values < -273.15
     if impossible.any():
         row = int(impossible.argmax())
-        table.refuse(row, name, f"{values[row]:.6g} degC", "a temperature above -273.15 degC")
-    low, middle, high = np.nanmin(values), np.nanmedian(values), np.nanmax(values)
-    if source.unit is None and middle > 200 and low >= 200 and high <= 500:
-        found = f"values {low:.4g} … {high:.4g}, which look like kelvin"
-        raise InputError(table.path, f"column '{name}'", found, 'degC; write unit = "K" in [columns]')
-    if middle > _HOTTEST:
-        expected = "degC; for thousandths write scale = 0.001 in [columns]"
-        raise InputError(table.path, f"column '{name}'", f"values around {middle:.4g}", expected)
+        mend = "; a code for no reading is written as invalid = [NUMBER] in [columns]"
+        table.refuse(row, name, f"{values[row]:.6g} degC", f"a temperature above -273.15 degC{mend}")
 
 
 def _enough(table: Table, rows: int) -> None:
     if rows < _FEWEST_ROWS:
         raise InputError(table.path, "log", f"{rows} rows", f"at least {_FEWEST_ROWS} at different times")
+
+
+def _restart(time: FloatArray, row: int) -> str:
+    """What else it may be where a clock starts again from about 0."""
+    if abs(time[row]) > 0.1 * abs(time[row - 1]):
+        return ""
+    return "; a counter that overflows is written as wrap = 65536, or whatever it counts to, in its entry of [columns]"

@@ -16,31 +16,64 @@ from lptn.logs.units import check_unit, to_si
 
 _KEY = re.compile(r"time|[A-Za-z_]\w*\.[^\s.]+")
 _OPTION = re.compile(r"(?P<key>[^=]+)=(?P<column>.+?)(?:\[(?P<unit>[^\[\]]*)\])?")
-_ALLOWED = ("column", "norm", "unit", "scale", "offset")
+_COLUMNS = ("column", "norm", "product")
+_ALLOWED = (*_COLUMNS[:2], "unit", "scale", "offset", "product", "wrap", "invalid", "valid")
 
 
 @dataclass(frozen=True)
 class ColumnSource:
-    """Where a quantity stands in a log: `scale * x + offset` in `unit`, x a column or the norm of several.
+    """Where a quantity stands in a log: `scale * x + offset` in `unit`, x a column or made of several.
 
     Attributes:
-        columns: names in the file; several are combined as the root of the sum of their squares.
+        columns: names in the file; several are combined as the root of the sum of their squares, or multiplied.
         unit: what `scale * x + offset` is in; None for SI (degC for temperatures).
         scale: factor on x.
         offset: added after scaling, in `unit`.
+        product: several columns are multiplied: voltage and current.
+        wrap: what a counter of few bits jumps by, 65536 for one of 16 bit; 0 for none. Of what is no time, the
+            middle value is taken to lie between -wrap/2 and wrap/2.
+        invalid: numbers in the file that stand for no reading, such as 850.
+        valid: least and greatest number in the file that is a reading.
     """
 
     columns: tuple[str, ...]
     unit: str | None = None
     scale: float = 1.0
     offset: float = 0.0
+    product: bool = False
+    wrap: float = 0.0
+    invalid: tuple[float, ...] = ()
+    valid: tuple[float, float] = (-math.inf, math.inf)
 
     def values(self, key: str, raw: Mapping[str, FloatArray]) -> FloatArray:
-        """The quantity `key` in SI (degC), (n,), from the file's columns `raw`, (n,) each."""
-        x = raw[self.columns[0]]
-        if len(self.columns) > 1:
-            x = np.sqrt(sum((np.square(raw[name]) for name in self.columns), start=np.zeros_like(x)))
-        return to_si(self.scale * x + self.offset, key.partition(".")[0], self.unit)
+        """The quantity `key` in SI (degC), (n,), from the file's columns `raw`, (n,) each; NaN where invalid."""
+        quantity = key.partition(".")[0]
+        parts = [self._unwrapped(self._readings(raw[name]), quantity) for name in self.columns]
+        x = parts[0]
+        if self.product:
+            x = np.prod(parts, axis=0)
+        elif len(parts) > 1:
+            x = np.sqrt(np.sum(np.square(parts), axis=0))
+        return to_si(self.scale * x + self.offset, quantity, self.unit)
+
+    def missing(self, raw: Mapping[str, FloatArray]) -> int:
+        """How many numbers in the file `invalid` and `valid` take for no reading."""
+        return sum(int((np.isnan(self._readings(raw[name])) & ~np.isnan(raw[name])).sum()) for name in self.columns)
+
+    def _readings(self, x: FloatArray) -> FloatArray:
+        low, high = self.valid
+        if not self.invalid and (low, high) == (-math.inf, math.inf):
+            return x
+        return np.where(np.isin(x, self.invalid) | (x < low) | (x > high), np.nan, x)
+
+    def _unwrapped(self, x: FloatArray, quantity: str) -> FloatArray:
+        known = np.isfinite(x)
+        if not self.wrap or not known.any():
+            return x
+        whole = x.copy()
+        whole[known] = np.unwrap(x[known], period=self.wrap)
+        turns = 0.0 if quantity == "time" else np.round(np.median(whole[known]) / self.wrap)
+        return np.asarray(whole - turns * self.wrap)
 
 
 def is_key(name: str) -> bool:
@@ -51,7 +84,8 @@ def is_key(name: str) -> bool:
 def parse_columns(table: Mapping[str, object], file: str | Path, place: str) -> dict[str, ColumnSource]:
     """Read a `[columns]` table.
 
-    An entry is a name, `{ column = "T1" }` or `{ norm = ["i_d", "i_q"] }`, with unit, scale and offset.
+    An entry is a name, `{ column = "T1" }`, `{ norm = ["i_d", "i_q"] }` or `{ product = ["u_dc", "i_dc"] }`, with
+    unit, scale, offset, wrap, invalid and valid.
 
     Args:
         table: the table as it was read from TOML.
@@ -65,7 +99,10 @@ def parse_columns(table: Mapping[str, object], file: str | Path, place: str) -> 
 
 
 def parse_map_option(text: str, option: str = "--map") -> tuple[str, ColumnSource]:
-    """Read `temperature.a=T1` or `temperature.a=T1[degF]`; for a name that ends in a bracket: `T[x][]`.
+    """Read `temperature.a=T1`, `temperature.a=T1[degF]` or `temperature.a=T1[degC; invalid=850,-127]`.
+
+    Behind the unit may stand scale, offset, wrap, invalid and valid. A name that ends in a bracket is written with
+    another one behind it: `T[x][]`.
 
     Raises:
         InputError: the text or its unit can't be used.
@@ -73,8 +110,16 @@ def parse_map_option(text: str, option: str = "--map") -> tuple[str, ColumnSourc
     match = _OPTION.fullmatch(text.strip())
     if match is None:
         raise InputError(option, "its value", f"'{text}'", "<quantity>.<place>=COLUMN or …=COLUMN[UNIT]")
-    key, unit = match["key"].strip(), (match["unit"] or "").strip()
-    entry: dict[str, object] = {"column": match["column"].strip()} | ({"unit": unit} if unit else {})
+    key, (unit, *more) = match["key"].strip(), [word.strip() for word in (match["unit"] or "").split(";")]
+    entry: dict[str, object] = {"column": match["column"].strip()}
+    if "=" in unit:
+        unit, more = "", [unit, *more]
+    if unit:
+        entry["unit"] = unit
+    for word in filter(None, more):
+        name, _, value = (part.strip() for part in word.partition("="))
+        numbers = [_as_number(part) for part in value.split(",")]
+        entry[name] = numbers if name in {"invalid", "valid"} else numbers[0]
     return key, _entry(key, entry, option, key)
 
 
@@ -88,28 +133,35 @@ def _entry(key: str, entry: object, file: str | Path, place: str) -> ColumnSourc
     unknown = [str(name) for name in entry if name not in _ALLOWED]
     if unknown:
         raise InputError(file, place, f"key '{unknown[0]}'", f"one of {', '.join(_ALLOWED)}")
+    low, high = _numbers(entry, "valid", (-math.inf, math.inf), file, place)[:2]
     return ColumnSource(
         _names(entry, file, place),
         _unit(entry, key.partition(".")[0], file, place),
         _number(entry, "scale", 1.0, file, place),
         _number(entry, "offset", 0.0, file, place),
+        "product" in entry,
+        _number(entry, "wrap", 0.0, file, place),
+        _numbers(entry, "invalid", (), file, place),
+        (low, high),
     )
 
 
 def _names(entry: Mapping[str, object], file: str | Path, place: str) -> tuple[str, ...]:
-    if ("column" in entry) == ("norm" in entry):
-        found = "both column and norm" if "column" in entry else "neither column nor norm"
+    ways = [way for way in _COLUMNS if way in entry]
+    if len(ways) != 1:
+        found = f"both {ways[0]} and {ways[1]}" if ways else "neither column nor norm"
         raise InputError(file, place, found, 'one of them: column = "T1" or norm = ["i_d", "i_q"]')
-    column, norm = entry.get("column"), entry.get("norm")
-    if "column" in entry:
-        if isinstance(column, str) and column:
-            return (str(column),)
-        raise InputError(file, f"{place} column", f"{column!r}", "the name of a column")
-    if isinstance(norm, Sequence) and not isinstance(norm, str) and len(norm) > 1:
-        names = [str(name) for name in norm if isinstance(name, str) and name]
-        if len(names) == len(norm):
+    way, given = ways[0], entry[ways[0]]
+    if way == "column":
+        if isinstance(given, str) and given:
+            return (str(given),)
+        raise InputError(file, f"{place} column", f"{given!r}", "the name of a column")
+    if isinstance(given, Sequence) and not isinstance(given, str) and len(given) > 1:
+        names = [str(name) for name in given if isinstance(name, str) and name]
+        if len(names) == len(given):
             return tuple(names)
-    raise InputError(file, f"{place} norm", f"{norm!r}", 'two or more column names, such as ["i_d", "i_q"]')
+    example = '["i_d", "i_q"]' if way == "norm" else '["u_dc", "i_dc"]'
+    raise InputError(file, f"{place} {way}", f"{given!r}", f"two or more column names, such as {example}")
 
 
 def _unit(entry: Mapping[str, object], quantity: str, file: str | Path, place: str) -> str | None:
@@ -124,7 +176,36 @@ def _unit(entry: Mapping[str, object], quantity: str, file: str | Path, place: s
 
 def _number(entry: Mapping[str, object], name: str, default: float, file: str | Path, place: str) -> float:
     value = entry.get(name, default)
-    usable = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
-    if not usable or (name == "scale" and value == 0):
-        raise InputError(file, f"{place} {name}", f"{value!r}", "a finite number" + " but 0" * (name == "scale"))
+    given = name in entry
+    if not _usable(value) or (name == "scale" and value == 0) or (name == "wrap" and given and not value > 0):  # type: ignore[operator]
+        more = {"scale": " but 0", "wrap": " above 0"}.get(name, "")
+        raise InputError(file, f"{place} {name}", f"{value!r}", "a finite number" + more)
     return float(value)  # type: ignore[arg-type]
+
+
+def _numbers(
+    entry: Mapping[str, object], name: str, default: tuple[float, ...], file: str | Path, place: str
+) -> tuple[float, ...]:
+    if name not in entry:
+        return default
+    given = entry[name]
+    listed = [given] if name == "invalid" and _usable(given) else given
+    numbers: list[float] = []
+    if isinstance(listed, Sequence) and not isinstance(listed, str) and all(map(_usable, listed)):
+        numbers = [float(number) for number in listed]
+    if not numbers or (name == "valid" and not (len(numbers) == 2 and numbers[0] < numbers[1])):
+        example = "numbers, such as [850, -127]" if name == "invalid" else "least and greatest, such as [-40, 200]"
+        raise InputError(file, f"{place} {name}", f"{given!r}", example)
+    return tuple(numbers)
+
+
+def _usable(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def _as_number(text: str) -> object:
+    """A number that stands in an option; the text itself where it is none, for the message."""
+    try:
+        return float(text)
+    except ValueError:
+        return text

@@ -11,19 +11,24 @@ import numpy as np
 
 from lptn.arrays import FloatArray
 from lptn.errors import InputError
-from lptn.files import fingerprint
 from lptn.logs.checks import check_time, check_values
 from lptn.logs.columns import ColumnSource
+from lptn.logs.doubts import doubts_of
 from lptn.logs.features import raw_keys
+from lptn.logs.guess import guess, recognised
+from lptn.logs.opening import open_log, run_name
 from lptn.logs.quantisation import quantisation_step
 from lptn.logs.resample import Samples, driven, grid, hold, measured
 from lptn.logs.run import Run
 from lptn.logs.select import Selection, select
-from lptn.logs.stretches import find_stretches
-from lptn.logs.tables import Table, open_table
+from lptn.logs.stretches import find_stretches, would_cut
+from lptn.logs.suspicions import Suspicion
+from lptn.logs.tables import Table
 
 _FEWEST_STEPS = 10
 _BEGINNING = 5.0  # s
+GUESSED = "guessed: "
+"""How notes on guessed columns begin."""
 
 
 def read_log(
@@ -35,21 +40,26 @@ def read_log(
     inputs: Collection[str] = (),
     outputs: Collection[str] = (),
     optional: Collection[str] = (),
+    strict: bool = True,
+    guessing: bool = False,
 ) -> list[Run]:
-    """Read a CSV or Parquet log into runs, one for each stretch between gaps in the inputs.
+    """Read a log into runs, one for each stretch between gaps in the inputs.
 
     Inputs hold from sample to sample; over a step torque and current keep their RMS, velocity and speed the
     mean of the absolute value. Temperatures are the mean over a step, or are interpolated at its start where
     a step holds about one sample.
 
     Args:
-        path: a `.csv`, `.csv.gz` or `.parquet` file.
+        path: a `.csv`, `.csv.gz`, `.parquet`, `.mcap`, `.db3` or `.ulg` file, the folder of a ROS 2 bag, or two logs of
+            one run with clocks of their own, `a.csv+b.csv` (see `lptn.logs.joining`).
         columns: where the quantities stand, for a log whose columns are not called `<quantity>.<place>`.
         step: s, of the runs; None for the log's own or 1 s, whichever is longer.
         max_gap: s, the longest gap in time or in an input that is bridged; None for max(10 s, 5 steps).
         inputs: `<feature>.<place>` columns that the model is driven by.
         outputs: temperature columns that the model predicts. Neither given: all columns are kept.
         optional: inputs that are kept where the log has them without a gap.
+        strict: refuse values that can't be in the unit they are read in; else they are only among the runs' doubts.
+        guessing: take columns whose names say what they hold for what is missing; the runs' notes say which.
 
     Returns:
         the runs in order of time, at least one.
@@ -61,9 +71,11 @@ def read_log(
     for name, value in (("step", step), ("max_gap", max_gap)):
         if value is not None and not (math.isfinite(value) and value > 0):
             raise InputError(path, name, f"{value:g} s", "a time above 0 s")
-    table = open_table(path)
-    chosen = select(table, columns or {}, inputs, outputs, optional)
-    samples, notes = _load(table, chosen)
+    table, columns = open_log(path, columns or {})
+    guesses = guess(table, columns, inputs, outputs) if guessing else []
+    columns |= {each.key: each.source for each in guesses}
+    chosen = select(table, columns, inputs, outputs, optional)
+    samples, notes, doubts = _load(table, chosen, strict)
     chosen, samples, spared = _without_gappy(chosen, samples, {*inputs, *outputs} or set(chosen.inputs))
     chosen, samples, emptied = _without_empty(table, chosen, samples)
     step, said = _grid(step, samples.period)
@@ -71,33 +83,52 @@ def read_log(
     if max_gap < 1.5 * samples.period:
         expected = f"more than 1.5 sampling periods of {samples.period:.3g} s"
         raise InputError(path, "max_gap", f"{max_gap:g} s", expected)
-    return _runs(path, chosen, samples, step, max_gap, [*chosen.notes, *notes, *spared, *emptied, *said])
+    guessed = [f"{GUESSED}{each.line} ({each.why})." for each in guesses]
+    said = [*guessed, *filter(None, [recognised(table)]), *table.notes, *chosen.notes, *notes, *spared, *emptied, *said]
+    return [replace(run, doubts=doubts) for run in _runs(table, chosen, samples, step, max_gap, said)]
 
 
-def _load(table: Table, chosen: Selection) -> tuple[Samples, list[str]]:
-    """The log's samples in SI and degC, checked, and notes."""
+def _load(table: Table, chosen: Selection, strict: bool) -> tuple[Samples, list[str], tuple[Suspicion, ...]]:
+    """The log's samples in SI and degC, checked, notes, and what looks wrong."""
     numbers = table.numbers(name for source in chosen.sources.values() for name in source.columns)
     raw: dict[str, FloatArray] = {}
+    notes: list[str] = []
     for key, source in chosen.sources.items():
         raw[key] = source.values(key, numbers)
         if key != "time":
             check_values(table, key, source, raw[key])
+        if marked := source.missing(numbers):
+            notes.append(f"{key}: {marked} of {raw[key].size} numbers are no readings, by its entry in [columns].")
+    doubts = doubts_of(chosen.sources, numbers, raw)
+    if strict:
+        for doubt in doubts:
+            if doubt.sure:
+                raise InputError(table.path, f"column '{doubt.column}'", doubt.found, doubt.mend)
     time = raw.pop("time")
-    keep, notes = check_time(table, chosen.sources["time"].columns[0], time)
+    keep, repeated = check_time(table, chosen.sources["time"].columns[0], time)
     if keep.size < time.size:
         time, raw = time[keep], {key: values[keep] for key, values in raw.items()}
-    return Samples(time, raw), [*notes, *_temperature_notes(raw)]
+    samples = Samples(time, raw)
+    notes += [*repeated, *_temperature_notes(samples), *(doubt.sentence for doubt in doubts)]
+    return samples, notes, doubts
 
 
-def _temperature_notes(raw: Mapping[str, FloatArray]) -> list[str]:
+def _temperature_notes(samples: Samples) -> list[str]:
     notes = []
-    for key, values in raw.items():
+    for key, values in samples.raw.items():
         if not key.startswith("temperature."):
             continue
         missing = int(np.isnan(values).sum())
-        if 0 < missing < values.size:
+        if not 0 < missing < values.size:
+            continue
+        stamps = samples.time[~np.isnan(values)]
+        usual = float(np.median(np.diff(stamps))) if stamps.size > 1 else 0.0
+        if usual > 1.5 * samples.period:
+            late = int((np.diff(stamps) > 1.5 * usual).sum())
+            notes.append(f"{key}: logged every {usual:.4g} s{f', {late} times later' if late else ''}.")
+        else:
             notes.append(f"{key}: {missing} of {values.size} readings are missing.")
-    return notes + [f"{key}: sensor steps of {step:g} K." for key, step in _resolution(raw).items()]
+    return notes + [f"{key}: sensor steps of {step:g} K." for key, step in _resolution(samples.raw).items()]
 
 
 def _resolution(raw: Mapping[str, FloatArray]) -> dict[str, float]:
@@ -110,7 +141,8 @@ def _without_gappy(
     chosen: Selection, samples: Samples, needed: Collection[str]
 ) -> tuple[Selection, Samples, list[str]]:
     """Leave out inputs that nobody needs and that would cut the log into pieces."""
-    gappy = {key for key, values in samples.raw.items() if np.isnan(values).any()}
+    kept_anyway = {key for column in needed for key in raw_keys(column, samples.raw)}
+    gappy = would_cut(samples.time, samples.period, samples.raw, kept_anyway.difference(chosen.outputs))
     spared = [
         column
         for column in chosen.inputs
@@ -154,9 +186,14 @@ def _grid(step: float | None, period: float) -> tuple[float, list[str]]:
     return step, []
 
 
-def _runs(path: Path, chosen: Selection, samples: Samples, step: float, max_gap: float, notes: list[str]) -> list[Run]:
+def _runs(
+    table: Table, chosen: Selection, samples: Samples, step: float, max_gap: float, notes: list[str]
+) -> list[Run]:
+    path = table.path
     needed = {key: values for key, values in samples.raw.items() if key not in chosen.outputs}
     spans, gaps = find_stretches(samples.time, samples.period, needed, max_gap)
+    if table.mixed:  # rows of several clocks follow each other at any distance
+        gaps = [note for note in gaps if not (note.startswith("time: ") and "bridged" in note)]
     counts = [math.floor((stop - start) / step + 1e-6) for start, stop in spans]
     kept = [(start, n) for (start, _), n in zip(spans, counts, strict=True) if n >= _FEWEST_STEPS]
     if not kept:
@@ -166,7 +203,7 @@ def _runs(path: Path, chosen: Selection, samples: Samples, step: float, max_gap:
     if len(kept) < len(spans):
         dropped = f"{len(spans) - len(kept)} of {len(spans)} stretches"
         gaps.append(f"log: {dropped} hold fewer than {_FEWEST_STEPS} steps of {step:g} s; dropped.")
-    stem = path.name.removesuffix(".gz").rpartition(".")[0]
+    stem = run_name(path)
     whole = Run(
         name=stem,
         step=step,
@@ -174,7 +211,7 @@ def _runs(path: Path, chosen: Selection, samples: Samples, step: float, max_gap:
         columns={},
         averaged=step >= 1.5 * samples.period,
         source=str(path),
-        fingerprint=fingerprint(path),
+        fingerprint=table.digest(),
         notes=_merged([*notes, *gaps]),
         resolution=_resolution(samples.raw),
         beginning=_beginning(samples),

@@ -10,6 +10,7 @@ import numpy as np
 from lptn.arrays import FloatArray
 from lptn.errors import InputError
 from lptn.logs.features import reduce_blocks
+from lptn.logs.suspicions import Suspicion
 
 
 @dataclass(frozen=True)
@@ -27,6 +28,7 @@ class Run:
         beginning: the log's first readings, degC, by temperature column; all pieces of a split log share them.
         resolution: for a temperature column whose sensor moves in steps, the step in K.
         notes: what was found in the file and how it was treated, a sentence each.
+        doubts: those of the notes that name something wrong, with the line that would mend it.
     """
 
     name: str
@@ -39,6 +41,7 @@ class Run:
     notes: tuple[str, ...] = ()
     resolution: Mapping[str, float] = field(default_factory=dict)
     beginning: Mapping[str, float] = field(default_factory=dict)
+    doubts: tuple[Suspicion, ...] = ()
 
     def __len__(self) -> int:
         return int(self.time.size)

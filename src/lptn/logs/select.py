@@ -37,7 +37,7 @@ def select(
         InputError: time or an input is not in the log, or none of the outputs is.
     """
     # The convention's own names need no mapping; a mapping of the same key wins.
-    known = {name: ColumnSource((name,)) for name in table.names if is_key(name)} | dict(columns)
+    known = known_columns(table, columns)
     if not inputs and not outputs:
         _require(table, known, tuple(known), "")
         features = features_of(key for key in known if key != "time")
@@ -61,6 +61,12 @@ def select(
         if not any(_absent(table, known, key) for key in raw_keys(column, known)) and column not in outputs
     ]
     return _selection(table, known, (*inputs, *there), measured, notes, False)
+
+
+def known_columns(table: Table, columns: Mapping[str, ColumnSource]) -> dict[str, ColumnSource]:
+    """Where each quantity stands: by its own name, by the format's own rules, or, above both, by the mapping."""
+    own = {name: ColumnSource((name,)) for name in table.names if is_key(name)}
+    return own | dict(table.defaults) | dict(columns)
 
 
 def _selection(
@@ -90,8 +96,37 @@ def _require(table: Table, known: Mapping[str, ColumnSource], keys: tuple[str, .
             place = f"column '{name}'" if key in known else f"column {key}"
             because = f" (for {purpose})" if purpose and purpose != key else ""
             found = f"no such column; the log has: {_listing(table)}"
-            expected = f"a column of that name, or a line in [columns] / --map {key}=YOURNAME"
-            raise InputError(table.path, place + because, found, expected)
+            raise InputError(table.path, place + because, found, _instead(table, known, key, purpose))
+
+
+def _instead(table: Table, known: Mapping[str, ColumnSource], key: str, purpose: str) -> str:
+    """What would have been right in place of a missing column: the line to write, with a column that may be meant."""
+    from lptn.logs.guess import guess  # it needs this module's rules
+
+    own = known_columns(table, {})
+    mapped = {name: source for name, source in known.items() if own.get(name) != source}
+    mapped = {name: source for name, source in mapped.items() if set(source.columns) <= set(table.names)}
+    wanted = [purpose] if purpose and not purpose.startswith("temperature.") else []
+    found = {each.key: each for each in guess(table, mapped, wanted, [key] if key.startswith("temperature.") else [])}
+    proposal = found[key].option.removeprefix("--map ") if key in found else ""
+    if proposal and " " not in proposal:
+        proposal = proposal.strip('"')
+    expected = f"a column of that name, or a line in [columns] / --map {proposal or f'{key}=YOURNAME'}"
+    if proposal:
+        expected += f" ({found[key].why}; `lptn check` proposes all such lines, --map guess takes them)"
+    if key.startswith("temperature.") and purpose == key:
+        expected += without_column(key)
+    return expected
+
+
+def without_column(key: str) -> str:
+    """What a model file can say instead of a prescribed temperature's column."""
+    place = key.partition(".")[2]
+    table, name = ("[model]", "ambient") if place == "ambient" else (f"[nodes.{place}]", "temperature")
+    return (
+        f'; or in the model file under {table} {name} = "start" for a log that begins at rest, {name} = 22 for a '
+        f"constant [degC], or {name} = {{ value = 22, fixed = false }} for one that the fit finds"
+    )
 
 
 def _listing(table: Table) -> str:

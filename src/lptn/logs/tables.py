@@ -5,31 +5,56 @@ from __future__ import annotations
 import csv
 import gzip
 import zlib
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
 from itertools import islice
 from pathlib import Path
 from typing import NoReturn
 
 import numpy as np
 import pandas as pd
-import pyarrow as pa
 import pyarrow.parquet as pq
 
 from lptn.arrays import FloatArray
 from lptn.errors import InputError
+from lptn.files import fingerprint
+from lptn.logs.columns import ColumnSource
 
-_FORMATS = ".csv, .csv.gz or .parquet"
+_MOST_NUMBERS = 500_000_000  # 4 GB; a day of twelve joints at 100 Hz has 400 million
+_PIECES = "cut the log into pieces"
+_LONGEST_LINE = 1 << 20  # characters; binary files may have no line end at all
+_FORMATS = ".csv, .csv.gz, .parquet, .mcap, .db3 or .ulg file, or the folder of a ROS 2 bag"
 
 
 @dataclass(frozen=True)
 class Table:
-    """An open log: its column names, a way to read some of them, and where a row stands in the file."""
+    """An open log.
+
+    Attributes:
+        path: its file or folder.
+        names: of its columns.
+        read: gives some of them.
+        where: a row's place in the file, in words.
+        kind: its format, in words.
+        defaults: where quantities stand in a format that says so itself; a user's mapping wins.
+        notes: what was found while it was opened and read, a sentence each.
+        digest: SHA-256 of all its bytes.
+    """
 
     path: Path
     names: tuple[str, ...]
     read: Callable[[Sequence[str]], pd.DataFrame]
     where: Callable[[int], str]
+    kind: str = "CSV"
+    defaults: Mapping[str, ColumnSource] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+    digest: Callable[[], str] = str
+
+    @property
+    def mixed(self) -> bool:
+        """Whether its rows come from several sources, each at a rate of its own."""
+        return self.kind not in {"CSV", "Parquet"}
 
     def numbers(self, names: Iterable[str]) -> dict[str, FloatArray]:
         """The columns `names` as floats, (n,) each, NaN where empty; dates in s since 1970, durations in s.
@@ -49,18 +74,33 @@ class Table:
         raise InputError(self.path, f"{self.where(row)}, column '{name}'", found, expected)
 
     def _floats(self, name: str, series: pd.Series) -> FloatArray:
+        if not _is_number_or_date(series):
+            numbers = pd.to_numeric(series, errors="coerce")
+            text = (numbers.isna() & series.notna()).to_numpy()
+            dates = _dates(series) if text.all() else None
+            if text.any() and dates is None:
+                row = int(text.argmax())
+                self.refuse(row, name, repr(str(series.iloc[row])[:100]), "a number or an empty cell")
+            series = numbers if dates is None else dates
         if pd.api.types.is_datetime64_any_dtype(series.dtype):
             series = pd.to_datetime(series, utc=True) - pd.Timestamp(0, tz="UTC")
         if pd.api.types.is_timedelta64_dtype(series.dtype):
             return np.asarray(series.dt.total_seconds(), dtype=np.float64)
-        if not pd.api.types.is_numeric_dtype(series.dtype):
-            numbers = pd.to_numeric(series, errors="coerce")
-            text = (numbers.isna() & series.notna()).to_numpy()
-            if text.any():
-                row = int(text.argmax())
-                self.refuse(row, name, repr(str(series.iloc[row])), "a number or an empty cell")
-            series = numbers
         return series.to_numpy(dtype=np.float64, na_value=np.nan)
+
+
+def _is_number_or_date(series: pd.Series) -> bool:
+    kinds = pd.api.types
+    return any(
+        is_kind(series.dtype)
+        for is_kind in (kinds.is_numeric_dtype, kinds.is_datetime64_any_dtype, kinds.is_timedelta64_dtype)
+    )
+
+
+def _dates(series: pd.Series) -> pd.Series | None:
+    """Text in which every cell is a date as ISO 8601 writes it, in UTC if it names no zone; `None` for other text."""
+    dates = pd.to_datetime(series, errors="coerce", utc=True, format="ISO8601")
+    return dates if len(dates) and not dates.isna().any() else None
 
 
 def open_table(path: Path) -> Table:
@@ -70,14 +110,33 @@ def open_table(path: Path) -> Table:
         InputError: there is no such file, its format is not known, or it can't be read.
     """
     if not path.exists():
-        raise InputError(path, "log", "no such file", f"a {_FORMATS} file")
-    if path.is_dir():
-        raise InputError(path, "log", "a folder", f"a {_FORMATS} file")
+        raise InputError(path, "log", "no such file", f"a {_FORMATS}")
+    if path.is_dir() and not (path / "metadata.yaml").is_file():
+        raise InputError(path, "log", "a folder", f"a {_FORMATS} with its metadata.yaml")
+    if path.is_dir() or path.suffix in {".mcap", ".db3"}:
+        from lptn.logs.bags import open_bag
+
+        return open_bag(path)
+    if path.suffix in {".ulg", ".ulog"}:
+        from lptn.logs.ulog import open_ulog
+
+        return open_ulog(path)
     if path.name.endswith(".parquet"):
         return _open_parquet(path)
     if path.name.endswith((".csv", ".csv.gz")):
         return _open_csv(path)
-    raise InputError(path, "log", f"the ending '{path.suffix}'", _FORMATS)
+    raise InputError(path, "log", f"the ending '{path.suffix}'", f"a {_FORMATS}")
+
+
+def check_size(path: Path, rows: int, columns: int) -> None:
+    """Refuse a table that would fill the memory.
+
+    Raises:
+        InputError: it holds more than 500 million numbers.
+    """
+    if rows * columns > _MOST_NUMBERS:
+        found = f"{rows} rows of {columns} columns"
+        raise InputError(path, "log", found, f"at most {_MOST_NUMBERS:.0e} numbers; {_PIECES}")
 
 
 def _open_csv(path: Path) -> Table:
@@ -87,6 +146,8 @@ def _open_csv(path: Path) -> Table:
         raise InputError(path, "log", f"a file that can't be read ({error})", "CSV text in UTF-8") from error
     if not head:
         raise InputError(path, "log", "an empty file", "a header line and at least 10 rows")
+    if len(head[0]) >= _LONGEST_LINE - 1:
+        raise InputError(path, "header", "a line of a million characters", "a line of column names")
     separator = max(",;\t", key=head[0].count)
     names = tuple(name.strip() for name in next(csv.reader(head[:1], delimiter=separator)))
     if all(_is_number(name) for name in names):
@@ -97,6 +158,8 @@ def _open_csv(path: Path) -> Table:
         raise InputError(path, "header", found, "a name for each column, and numbers with a decimal point")
     # Where ; separates, a comma in the first row can only be a decimal comma.
     decimal = "," if separator == ";" and "," in "".join(head[1:]) else "."
+
+    most = _MOST_NUMBERS // len(names)
 
     def read(wanted: Sequence[str]) -> pd.DataFrame:
         # All columns are parsed: with usecols pandas lets a row pass that is too long, such as a torn one.
@@ -110,41 +173,51 @@ def _open_csv(path: Path) -> Table:
                 skipinitialspace=True,
                 low_memory=False,
                 encoding="utf-8-sig",
+                nrows=most,
             )
-        except (OSError, EOFError, zlib.error, ValueError) as error:
-            raise InputError(path, "log", f"a broken file ({error})", "rows as long as the header") from error
+        except (OSError, EOFError, zlib.error, ValueError, OverflowError, MemoryError) as error:
+            raise InputError(path, "log", f"a broken file ({_short(error)})", "rows as long as the header") from error
+        if len(frame) >= most:
+            raise InputError(path, "log", f"{most} rows or more", f"at most {_MOST_NUMBERS:.0e} numbers; {_PIECES}")
         return frame.iloc[:, [names.index(name) for name in wanted]].set_axis(list(wanted), axis="columns")
 
     def where(row: int) -> str:
-        return f"line {next(islice(_lines(path), row + 1, None))[0]}"
+        line, _ = next(islice(_lines(path), row + 1, None), (0, ""))
+        return f"line {line}" if line else f"row {row + 1}"  # of a file that pandas cuts into lines another way
 
-    return Table(path, names, read, where)
+    return Table(path, names, read, where, digest=partial(fingerprint, path))
 
 
 def _open_parquet(path: Path) -> Table:
     try:
-        names = tuple(pq.ParquetFile(path).schema_arrow.names)
-    except (OSError, pa.ArrowException) as error:
-        raise InputError(path, "log", f"a broken file ({error})", "a whole Parquet file") from error
+        with pq.ParquetFile(path) as file:
+            names, rows = tuple(file.schema_arrow.names), int(file.metadata.num_rows)
+    except Exception as error:  # of broken bytes the library makes errors of many kinds
+        raise InputError(path, "log", f"a broken file ({_short(error)})", "a whole Parquet file") from error
 
     def read(wanted: Sequence[str]) -> pd.DataFrame:
+        check_size(path, rows, len(wanted))  # such a number of rows takes few bytes to write
         try:
             frame: pd.DataFrame = pq.read_table(path, columns=list(wanted)).to_pandas(ignore_metadata=True)
-        except (OSError, pa.ArrowException) as error:
-            raise InputError(path, "log", f"a broken file ({error})", "a whole Parquet file") from error
+        except Exception as error:
+            raise InputError(path, "log", f"a broken file ({_short(error)})", "a whole Parquet file") from error
         return frame
 
-    return Table(path, names, read, lambda row: f"row {row + 1}")
+    return Table(path, names, read, lambda row: f"row {row + 1}", "Parquet", digest=partial(fingerprint, path))
 
 
 def _lines(path: Path) -> Iterator[tuple[int, str]]:
     """The lines that hold data, each with its number from 1: neither blank nor comment."""
     opener = gzip.open if path.suffix == ".gz" else open
     with opener(path, "rt", encoding="utf-8-sig", newline="") as stream:
-        for number, line in enumerate(stream, start=1):
+        for number, line in enumerate(iter(partial(stream.readline, _LONGEST_LINE), ""), start=1):
             text = line.split("#")[0].strip()
             if text:
                 yield number, text
+
+
+def _short(error: Exception) -> str:
+    return (str(error) or type(error).__name__)[:200]
 
 
 def _is_number(text: str) -> bool:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import secrets
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Literal, get_args
@@ -45,14 +47,21 @@ def write_pieces(
     for name, pieces in logs:
         folder.mkdir(parents=True, exist_ok=True)
         file = folder / f"{name}.{format}"
-        half = file.with_name(f".{file.name}.part")
+        half = file.with_name(f".{file.name[:48]}.{secrets.token_hex(6)}.part")  # two processes may write one log
         try:
             write(pieces, half)
+            _to_the_disk(half)
             half.replace(file)
         finally:
             half.unlink(missing_ok=True)
         files.append(file)
     return files
+
+
+def _to_the_disk(file: Path) -> None:
+    """Force a file to the disk, so that its new name never stands for less than the whole."""
+    with file.open("rb+") as stream:
+        os.fsync(stream.fileno())
 
 
 def _writer(format: str) -> Callable[[Iterable[pd.DataFrame], Path], None]:  # noqa: A002

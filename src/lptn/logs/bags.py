@@ -1,0 +1,154 @@
+"""ROS 2 bags (folders with sqlite3 or MCAP storage, single .mcap and .db3 files) opened as tables of number columns."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from functools import partial
+from importlib.util import find_spec
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from lptn.errors import InputError
+from lptn.files import fingerprint
+from lptn.logs.bag_clock import one_clock
+from lptn.logs.bag_messages import COMMON, Decoder, Stream, numbers_in, quantities
+from lptn.logs.tables import Table, check_size
+
+_FIRST = 20  # messages of a topic that are looked at for names: joints may come in several messages
+_WIDEST = 4000  # columns of one topic
+
+
+def open_bag(path: Path) -> Table:
+    """Open a bag: one column for each number that its messages hold, such as `/joint_states.effort[FR_calf]`.
+
+    What JointState, DynamicJointState, Temperature, Odometry and TwistStamped messages hold is known by its quantity
+    too (`torque.FR_calf`, `temperature.FR_calf`, `speed.base`). Time is that of the header's stamps, or where there are
+    none the time of reception.
+
+    Raises:
+        InputError: the package rosbags is not installed, or the bag can't be read.
+    """
+    if find_spec("rosbags") is None:
+        raise InputError(path, "log", "a ROS 2 bag, and no package to read it", "pip install 'lptn[ros]'")
+    with _told(path), _reader(path) as reader:
+        store = _store(reader.connections)
+        shown = {topic: _first_numbers(reader, store, topic) for topic in _topics(reader, store)}
+        kinds = {connection.topic: connection.msgtype for connection in reader.connections}
+    shown = {topic: names for topic, names in shown.items() if names}
+    if not shown:
+        raise InputError(path, "log", "no topic whose messages hold numbers", "a bag with joint states or the like")
+    names = ("time", *(f"{topic}.{name}" for topic, given in shown.items() for name in given))
+    notes: list[str] = []
+    times: list[float] = []
+
+    def read(wanted: Sequence[str]) -> pd.DataFrame:
+        topics = {topic: [name for name in given if f"{topic}.{name}" in wanted] for topic, given in shown.items()}
+        topics = {topic: given for topic, given in topics.items() if given} or {next(iter(shown)): []}
+        with _told(path), _reader(path) as again:
+            streams = [_stream(again, store, topic, given) for topic, given in topics.items()]
+        stamps, said = one_clock(streams)
+        notes[:] = said
+        check_size(path, sum(own.size for own in stamps), len(wanted))
+        frame = _merged(streams, stamps)
+        times[:] = frame["time"].tolist()
+        return frame[list(wanted)]
+
+    def where(row: int) -> str:
+        return f"at {times[row]:.6f} s"
+
+    kind = "ROS 2 bag"
+    return Table(path, names, read, where, kind, quantities(shown, kinds), notes, partial(_digest, path))
+
+
+def _stream(reader: Any, store: Any, topic: str, wanted: list[str]) -> Stream:
+    """All of a topic's messages, the wanted numbers of each."""
+    connections = [connection for connection in reader.connections if connection.topic == topic]
+    decoder = Decoder(store, connections[0].msgtype, wanted)
+    messages = ((when, bytes(raw)) for _, when, raw in reader.messages(connections))
+    return Stream.of(topic, wanted, decoder, messages)
+
+
+def _merged(streams: Sequence[Stream], stamps: Sequence[Any]) -> pd.DataFrame:
+    """The streams on the union of their times; empty where a topic has no message at a time."""
+    time = np.unique(np.concatenate(stamps))
+    columns: dict[str, Any] = {"time": time / 1e9}
+    for stream, own in zip(streams, stamps, strict=True):
+        rows = np.searchsorted(time, own)
+        for number, name in enumerate(stream.names):
+            column = np.full(time.size, np.nan)
+            # Where two messages have one stamp the first counts.
+            column[rows[::-1]] = stream.values[::-1, number]
+            columns[f"{stream.topic}.{name}"] = column
+    return pd.DataFrame(columns, copy=False)
+
+
+def _topics(reader: Any, store: Any) -> list[str]:
+    """The topics of types that are known, those with joints first."""
+    known = [each for each in reader.connections if each.msgtype in store.fielddefs]
+    return list(dict.fromkeys(each.topic for each in sorted(known, key=lambda each: (each.topic, each.id))))
+
+
+def _first_numbers(reader: Any, store: Any, topic: str) -> list[str]:
+    """What a topic's first messages hold: names of their numbers."""
+    found: dict[str, None] = {}
+    for connection in reader.connections:
+        if connection.topic == topic:
+            for _, _, raw in islice(reader.messages([connection]), _FIRST):
+                numbers = numbers_in(store.deserialize_cdr(raw, connection.msgtype))
+                found.update(dict.fromkeys(name for name, _ in islice(numbers, _WIDEST)))
+    return list(found)[:_WIDEST]
+
+
+def _store(connections: Sequence[Any]) -> Any:
+    """Types of ROS 2 itself, those of joint states, and those that the bag defines."""
+    from rosbags.interfaces import MessageDefinitionFormat
+    from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
+
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    for name, text in COMMON.items():
+        store.register(get_types_from_msg(text, name))
+    for connection in connections:
+        definition = connection.msgdef
+        if connection.msgtype in store.fielddefs or definition.format == MessageDefinitionFormat.NONE:
+            continue
+        if definition.format == MessageDefinitionFormat.IDL:
+            types = get_types_from_idl(definition.data)
+        else:
+            types = get_types_from_msg(definition.data, connection.msgtype)
+        store.register({name: fields for name, fields in types.items() if name not in store.fielddefs})
+    return store
+
+
+@contextmanager
+def _reader(path: Path) -> Iterator[Any]:
+    from rosbags.rosbag2 import Reader
+
+    with Reader(path) as reader:
+        yield reader
+
+
+@contextmanager
+def _told(path: Path) -> Iterator[None]:
+    """Whatever a broken bag makes the library say, said as one line."""
+    try:
+        yield
+    except InputError:
+        raise
+    except Exception as error:
+        reason = str(error) or type(error).__name__
+        expected = "a whole ROS 2 bag; one that was not closed is mended by `mcap recover` or `ros2 bag reindex`"
+        raise InputError(path, "log", f"a broken file ({reason[:200]})", expected) from error
+
+
+def _digest(path: Path) -> str:
+    """The SHA-256 of a bag: of a folder, that of its files' digests in order of their names."""
+    if path.is_file():
+        return fingerprint(path)
+    parts: Mapping[str, str] = {each.name: fingerprint(each) for each in sorted(path.iterdir()) if each.is_file()}
+    return hashlib.sha256("\n".join(f"{name} {digest}" for name, digest in parts.items()).encode()).hexdigest()

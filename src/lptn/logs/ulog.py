@@ -1,0 +1,151 @@
+"""PX4 ULog files opened as tables of number columns, called `topic.field`."""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Mapping, Sequence
+from contextlib import redirect_stdout
+from functools import partial
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from lptn.arrays import FloatArray
+from lptn.errors import InputError
+from lptn.files import fingerprint
+from lptn.logs.columns import ColumnSource
+from lptn.logs.tables import Table, check_size
+
+_ESC = re.compile(r"(?P<topic>esc_status|esc_report)\.esc\[(?P<number>\d+)\]\.(?P<field>esc_\w+)")
+_ESC_FIELDS = {
+    "esc_temperature": ("temperature", "degC"),
+    "esc_current": ("current", "A"),
+    "esc_rpm": ("velocity", "rpm"),
+}
+_MOST_FIELDS = 20_000  # of one topic: a definition that unfolds to more is no log's
+_DEEPEST = 16
+
+
+def open_ulog(path: Path) -> Table:
+    """Open a ULog: columns `topic.field`, of further instances `topic:1.field`; time is that since the start, in s.
+
+    Known without a mapping, in the units that PX4 logs them in: each motor controller's temperature, current and
+    speed (`temperature.esc0`), the battery's power and temperature, and the speed over ground.
+
+    Raises:
+        InputError: the package pyulog is not installed, or the file can't be read.
+    """
+    if find_spec("pyulog") is None:
+        raise InputError(path, "log", "a PX4 ULog, and no package to read it", "pip install 'lptn[ulog]'")
+    topics = _topics(path)
+    names = (
+        "time",
+        *(f"{topic}.{field}" for topic, fields in topics.items() for field in fields if field != "timestamp"),
+    )
+    if len(names) == 1:
+        raise InputError(path, "log", "no topic with numbers", "a ULog with esc_status or the like")
+    defaults = _defaults(names, topics)
+    notes = [f"{', '.join(defaults)}: known by PX4's names; the units are PX4's."] if defaults else []
+
+    times: list[float] = []
+
+    def read(wanted: Sequence[str]) -> pd.DataFrame:
+        asked = {topic: fields for topic, fields in topics.items() if _asked(topic, fields, wanted)}
+        check_size(path, sum(len(fields["timestamp"]) for fields in asked.values()), len(wanted))
+        frame = _merged(asked or topics, wanted)
+        times[:] = frame["time"].tolist()
+        return frame[list(wanted)]
+
+    def where(row: int) -> str:
+        return f"at {times[row]:.6f} s"
+
+    return Table(path, names, read, where, "PX4 ULog", defaults, notes, partial(fingerprint, path))
+
+
+def _topics(path: Path) -> dict[str, Mapping[str, Any]]:
+    """Each topic's fields, (n,) each; the time of the message, us, is `timestamp`."""
+    noise = io.StringIO()  # the library prints what it finds odd
+    try:
+        with path.open("rb") as stream, redirect_stdout(noise):
+            log = _careful()(stream)
+    except Exception as error:
+        reason = str(error) or type(error).__name__
+        raise InputError(path, "log", f"a broken file ({reason[:200]})", "a whole PX4 ULog") from error
+    found: dict[str, Mapping[str, Any]] = {}
+    for data in log.data_list:
+        stamps = data.data.get("timestamp")
+        if stamps is not None and np.asarray(stamps).size:
+            found[data.name + (f":{data.multi_id}" if data.multi_id else "")] = data.data
+    return found
+
+
+def _careful() -> Any:
+    """The library's reader, with a bound on what one definition may unfold to: a broken one would fill the memory."""
+    from pyulog import ULog
+
+    class Added(ULog._MessageAddLogged):  # type: ignore[misc]
+        def _parse_nested_type(self, prefix: str, name: str, formats: Any) -> None:
+            sizes = [size for _, size, _ in formats[name].fields]
+            if (
+                len(self.field_data) + sum(max(size, 1) for size in sizes) > _MOST_FIELDS
+                or prefix.count(".") > _DEEPEST
+            ):
+                raise ValueError("a definition that unfolds to too many fields")
+            super()._parse_nested_type(prefix, name, formats)
+
+    class Careful(ULog):  # type: ignore[misc]
+        _MessageAddLogged = Added
+
+    return Careful
+
+
+def _defaults(names: Sequence[str], topics: Mapping[str, Mapping[str, Any]]) -> dict[str, ColumnSource]:
+    """Where quantities stand by PX4's names; slots of controllers that are not there are left out."""
+    found: dict[str, ColumnSource] = {}
+    for name in names:
+        match = _ESC.fullmatch(name)
+        if match and match["field"] in _ESC_FIELDS and _is_there(topics[match["topic"]], int(match["number"])):
+            quantity, unit = _ESC_FIELDS[match["field"]]
+            found[f"{quantity}.esc{match['number']}"] = ColumnSource((name,), unit)
+    several = {
+        "power.battery": ColumnSource(("battery_status.voltage_v", "battery_status.current_a"), product=True),
+        "temperature.battery": ColumnSource(("battery_status.temperature",), "degC"),
+        "speed.base": ColumnSource(tuple(f"vehicle_local_position.v{axis}" for axis in "xyz")),
+    }
+    return found | {key: source for key, source in several.items() if set(source.columns) <= set(names)}
+
+
+def _is_there(topic: Mapping[str, Any], number: int) -> bool:
+    count = topic.get("esc_count")
+    if count is not None:
+        return number < int(np.max(count))
+    readings = topic.get(f"esc[{number}].esc_temperature")
+    return readings is None or bool(np.any(np.asarray(readings) != 0))
+
+
+def _asked(topic: str, fields: Mapping[str, Any], wanted: Sequence[str]) -> bool:
+    return any(f"{topic}.{field}" in wanted for field in fields)
+
+
+def _union(topics: Mapping[str, Mapping[str, Any]]) -> FloatArray:
+    """All times at which one of the topics has a message, s since 1970 or since the flight controller started."""
+    stamps = [np.asarray(fields["timestamp"], np.float64) for fields in topics.values()]
+    return np.asarray(np.unique(np.concatenate(stamps)) / 1e6)
+
+
+def _merged(topics: Mapping[str, Mapping[str, Any]], wanted: Sequence[str]) -> pd.DataFrame:
+    """The topics on the union of their times; empty where a topic has no message at a time."""
+    time = _union(topics)
+    columns: dict[str, FloatArray] = {"time": time}
+    for topic, fields in topics.items():
+        rows = np.searchsorted(time, np.asarray(fields["timestamp"], np.float64) / 1e6)
+        for field, values in fields.items():
+            name = f"{topic}.{field}"
+            if name in wanted:
+                columns[name] = np.full(time.size, np.nan)
+                columns[name][rows[::-1]] = np.asarray(values, np.float64)[::-1]
+    return pd.DataFrame(columns, copy=False)

@@ -1,0 +1,110 @@
+"""`lptn check`: one screen, the lines that mend, JSON, and status 2 where another command would refuse."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+from tests.check.pair_runs import table
+
+Lptn = Callable[..., tuple[int, str, str]]
+
+
+def test_one_screen_of_a_good_log(lptn: Lptn, model: Path, tmp_path: Path) -> None:
+    log = tmp_path / "monday.csv"
+    table().assign(gain=1.0).to_csv(log, index=False)
+    status, out, err = lptn("check", model, log)
+    assert (status, err) == (0, "")
+    assert "monday.csv (CSV): 2400 samples of 1 s, 40 min" in out
+    assert "not used: gain" in out
+    assert "Could show, if it is there: " in out
+    assert "  drive_heat: not logged: powered.<node>" in out
+    assert len(out.splitlines()) < 45
+
+
+def test_json(lptn: Lptn, model: Path, tmp_path: Path) -> None:
+    log, found = tmp_path / "monday.parquet", tmp_path / "found.json"
+    data = table()
+    data.loc[100:103, "temperature.a"] = 850.0
+    data.to_parquet(log)
+    status, out, _ = lptn("check", model, log, "--json", found)
+    assert status == 0
+    assert "WRONG? temperature.a: 4 readings of exactly 850 degC" in out
+    content = json.loads(found.read_text())
+    assert content["nodes"] == ["a", "b"]
+    (written,) = content["logs"]
+    assert written["format"] == "Parquet"
+    assert written["used"]["torque.a"] == ["torque.a"]
+    assert written["runs"][0]["steps"] == 2400
+    assert "invalid = [850]" in written["wrong"][0]["mend"]
+    assert written["wrong"][0]["sure"] is False
+    effects = {each["effect"]: each for each in content["effects"]}
+    assert effects["forced_convection"]["could"] is True
+    assert effects["fan"]["why"] == "not logged: fan.<node> or speed.fan"
+    assert content["excitation"]["runs"] == 1
+
+
+def test_what_can_not_be_right_is_shown_and_refused(lptn: Lptn, model: Path, tmp_path: Path) -> None:
+    data = table()
+    kelvin = {name: data[name] + 273.15 for name in ("temperature.a", "temperature.b")}
+    log, found = tmp_path / "monday.csv", tmp_path / "found.json"
+    data.assign(**kelvin).to_csv(log, index=False)
+    status, out, err = lptn("check", model, log, "--json", found)
+    assert status == 2
+    assert out.count("which look like kelvin") == 2  # all of them, where other commands say the first
+    assert err.count("\n") == 1
+    assert '--map "temperature.a=temperature.a[K]"' in err
+    assert not found.exists()
+
+
+def test_columns_are_proposed_and_taken_on_request(lptn: Lptn, model: Path, tmp_path: Path) -> None:
+    names = {"time": "t_s", "temperature.ambient": "T_amb", "speed.base": "v"}
+    for joint in "ab":
+        names |= {
+            f"temperature.{joint}": f"T_{joint}",
+            f"torque.{joint}": f"tau_{joint}",
+            f"velocity.{joint}": f"dq{joint}",
+        }
+    log = tmp_path / "monday.csv"
+    table().rename(columns=names).to_csv(log, index=False)
+    status, out, err = lptn("check", model, log)
+    assert status == 2
+    assert 'time = { column = "t_s", unit = "s" }' in out
+    assert '"torque.a" = "tau_a"' in out
+    assert '--map "temperature.b=T_b"' in out
+    assert err.count("\n") == 1
+    status, out, err = lptn("check", model, log, "--guess")
+    assert status == 0
+    assert 'guessed: "torque.a" = "tau_a"' in err
+    assert "2400 samples of 1 s" in out
+
+
+def test_a_good_and_a_bad_log(lptn: Lptn, model: Path, tmp_path: Path) -> None:
+    table().to_csv(tmp_path / "good.csv", index=False)
+    table().drop(columns="torque.b").to_csv(tmp_path / "bad.csv", index=False)
+    status, out, err = lptn("check", model, tmp_path / "bad.csv", tmp_path / "good.csv")
+    assert status == 2
+    assert "good.csv (CSV): 2400 samples" in out
+    assert "bad.csv (CSV): it can't be used yet" in out
+    assert "bad.csv: column torque.b: found no such column" in err
+    status, out, err = lptn("check", model, tmp_path / "none.csv")
+    assert (status, out) == (2, "")
+
+
+def test_two_logs_joined(lptn: Lptn, model: Path, tmp_path: Path) -> None:
+    data = table()
+    warm = [name for name in data if name == "time" or str(name).startswith("temperature.")]
+    data[warm].to_csv(tmp_path / "warm.csv", index=False)
+    rest = data.drop(columns=warm[1:])
+    rest.assign(time=rest["time"] - 5.0).to_csv(tmp_path / "moved.csv", index=False)
+    status, out, _ = lptn("check", model, f"{tmp_path / 'warm.csv'}+moved.csv@5")
+    assert status == 0
+    assert "warm.csv+moved.csv@5 (CSV joined with CSV)" in out
+    assert "its clock set forward by 5 s, as given" in out
+
+
+def test_a_model_without_a_log(lptn: Lptn, model: Path) -> None:
+    status, out, _ = lptn("check", model)
+    assert status == 0
+    assert "Model pair: nodes a, b" in out

@@ -1,0 +1,269 @@
+"""ROS 2 bags, written by rosbags as a robot's recorder would."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from lptn.logs import ColumnSource, read_log
+
+rosbag2 = pytest.importorskip("rosbags.rosbag2")
+typesys = pytest.importorskip("rosbags.typesys")
+
+Refuse = Callable[..., str]
+CONTROL = {
+    "control_msgs/msg/InterfaceValue": "string[] interface_names\nfloat64[] values\n",
+    "control_msgs/msg/DynamicJointState": (
+        "std_msgs/Header header\nstring[] joint_names\ncontrol_msgs/InterfaceValue[] interface_values\n"
+    ),
+    "maker_msgs/msg/Motor": "float32 temperature\nfloat32 tau_est\nint8 mode\n",
+    "maker_msgs/msg/LowState": "std_msgs/Header header\nmaker_msgs/Motor[2] motor_state\nfloat32 power_v\n",
+}
+START = 1_700_000_000  # s
+
+
+class Recorder:
+    """Writes messages at times in s since START; the header's stamp may differ from the time of reception."""
+
+    def __init__(self, path: Path, plugin: str) -> None:
+        self.store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
+        for name, text in CONTROL.items():
+            self.store.register(typesys.get_types_from_msg(text, name))
+        kinds = {"sqlite3": rosbag2.StoragePlugin.SQLITE3, "mcap": rosbag2.StoragePlugin.MCAP}
+        self.writer = rosbag2.Writer(path, version=9, storage_plugin=kinds[plugin])
+        self.connections: dict[str, Any] = {}
+
+    def make(self, kind: str, *values: object) -> Any:
+        package, _, name = kind.partition("/")
+        return self.store.types[f"{package}/msg/{name}"](*values)
+
+    def header(self, stamp: float | None) -> Any:
+        whole = 0 if stamp is None else round((START + stamp) * 1e9)
+        return self.make("std_msgs/Header", self.make("builtin_interfaces/Time", whole // 10**9, whole % 10**9), "")
+
+    def send(self, topic: str, received: float, message: Any) -> None:
+        kind = message.__msgtype__
+        if topic not in self.connections:
+            self.connections[topic] = self.writer.add_connection(topic, kind, typestore=self.store)
+        raw = self.store.serialize_cdr(message, kind)
+        self.writer.write(self.connections[topic], round((START + received) * 1e9), raw)
+
+    def joints(self, stamp: float | None, names: list[str], velocity: list[float], effort: list[float]) -> Any:
+        empty = np.zeros(0)
+        return self.make(
+            "sensor_msgs/JointState", self.header(stamp), names, empty, np.array(velocity), np.array(effort)
+        )
+
+    def dynamic(self, stamp: float | None, values: dict[str, dict[str, float]]) -> Any:
+        entries = [
+            self.make("control_msgs/InterfaceValue", list(each), np.array(list(each.values())))
+            for each in values.values()
+        ]
+        return self.make("control_msgs/DynamicJointState", self.header(stamp), list(values), entries)
+
+    def twist(self, stamp: float, x: float, y: float) -> Any:
+        linear = self.make("geometry_msgs/Vector3", x, y, 0.0)
+        twist = self.make("geometry_msgs/Twist", linear, self.make("geometry_msgs/Vector3", 0.0, 0.0, 0.0))
+        return self.make("geometry_msgs/TwistStamped", self.header(stamp), twist)
+
+
+@pytest.fixture(params=["sqlite3", "mcap"])
+def recorder(request: pytest.FixtureRequest, tmp_path: Path) -> Recorder:
+    made = Recorder(tmp_path / "bag", request.param)
+    made.writer.open()
+    return made
+
+
+def test_topics_of_several_rates(recorder: Recorder, tmp_path: Path) -> None:
+    for k in range(600):  # 10 Hz, 0.3 s under way
+        stamp = 0.1 * k
+        sign = (-1.0) ** k
+        recorder.send(
+            "/joint_states", stamp + 0.3, recorder.joints(stamp, ["a", "b"], [2 * sign, 0.0], [3 * sign, 1.0])
+        )
+        if k % 10 == 0:
+            warm = {"a": {"temperature": 20 + stamp, "effort": 9.9}, "b": {"temperature": 30.0, "current": 2.5}}
+            recorder.send("/dynamic_joint_states", stamp + 0.3, recorder.dynamic(stamp, warm))
+            recorder.send("/base/twist", stamp + 0.3, recorder.twist(stamp, 0.3, 0.4))
+            recorder.send("/cmd_vel", stamp + 0.3, recorder.twist(stamp, 9.0, 9.0))
+        if k % 100 == 0:
+            room = recorder.make("sensor_msgs/Temperature", recorder.header(stamp), 22.0, 0.0)
+            recorder.send("/ambient_temperature", stamp + 0.3, room)
+    recorder.writer.close()
+    (run,) = read_log(tmp_path / "bag", step=1.0)
+    assert run.name == "bag"
+    assert run.averaged
+    assert run.time[0] == pytest.approx(START, abs=1e-3)  # the header's, not the time of reception
+    assert any("header stamps of" in note and "/joint_states" in note for note in run.notes)
+    np.testing.assert_allclose(run.columns["torque.a"], 3.0)  # RMS; of two topics with a torque the joint states count
+    np.testing.assert_allclose(run.columns["velocity.a"], 2.0)
+    np.testing.assert_allclose(run.columns["mechanical_power.a"], 6.0)
+    np.testing.assert_allclose(run.columns["current.b"], 2.5)
+    np.testing.assert_allclose(run.columns["speed.base"], 0.5)
+    np.testing.assert_allclose(run.columns["temperature.b"], 30.0)
+    # A mean over [k, k+1), of a reading at k and one at k+1.
+    np.testing.assert_allclose(run.temperature("a")[:-1], 20.5 + np.arange(len(run) - 1), atol=1e-3)
+    assert len(run.fingerprint) == 64
+
+
+def test_without_header_stamps_the_time_of_reception(recorder: Recorder, tmp_path: Path) -> None:
+    for k in range(30):
+        recorder.send("/joint_states", 1.0 * k, recorder.joints(None, ["a"], [1.0], [1.0]))
+    recorder.writer.close()
+    (run,) = read_log(tmp_path / "bag")
+    assert run.time[0] == pytest.approx(START, abs=1e-3)
+    assert "time: of /joint_states the time of reception; no usable header stamps." in run.notes
+
+
+def test_a_topic_without_stamps_beside_one_with_its_own_clock(recorder: Recorder, tmp_path: Path) -> None:
+    for k in range(30):  # a simulator's clock, a thousand seconds behind
+        recorder.send("/joint_states", 1.0 * k, recorder.joints(k - 1000.0, ["a"], [1.0], [float(k)]))
+        recorder.send("/t", k + 0.0, recorder.make("sensor_msgs/Temperature", recorder.header(None), 20.0 + k, 0.0))
+    recorder.writer.close()
+    (run,) = read_log(tmp_path / "bag")
+    assert run.time[0] == pytest.approx(START - 1000, abs=1e-3)
+    np.testing.assert_allclose(run.temperature("t"), 20 + run.columns["torque.a"], atol=1e-5)
+    assert any("moved by -1000 s onto the header stamps' clock" in note for note in run.notes)
+
+
+def test_joints_that_change_places_or_come_apart(recorder: Recorder, tmp_path: Path) -> None:
+    for k in range(40):
+        names = ["a", "b"] if k % 3 else ["b", "a"]
+        effort = [1.0, 2.0] if k % 3 else [2.0, 1.0]
+        recorder.send("/joint_states", 1.0 * k, recorder.joints(k, names, [0.0, 0.0], effort))
+        recorder.send("/joint_states", k + 0.5, recorder.joints(k + 0.5, ["c"], [0.0], [3.0]))
+    recorder.writer.close()
+    (run,) = read_log(tmp_path / "bag", step=1.0)
+    for joint, torque in (("a", 1.0), ("b", 2.0), ("c", 3.0)):
+        np.testing.assert_allclose(run.columns[f"torque.{joint}"], torque)
+
+
+def test_messages_of_a_maker_s_own_type(tmp_path: Path) -> None:
+    """Their definition is in the MCAP file; their numbers are columns that a mapping can name."""
+    recorder = Recorder(tmp_path / "bag", "mcap")
+    with recorder.writer:
+        for k in range(30):
+            motors = [
+                recorder.make("maker_msgs/Motor", 20.0 + k, 1.5, 1),
+                recorder.make("maker_msgs/Motor", 30.0, 2.5, 1),
+            ]
+            recorder.send("/lowstate", 1.0 * k, recorder.make("maker_msgs/LowState", recorder.header(k), motors, 48.0))
+    columns = {
+        "temperature.hip": ColumnSource(("/lowstate.motor_state[0].temperature",)),
+        "torque.knee": ColumnSource(("/lowstate.motor_state[1].tau_est",)),
+    }
+    (file,) = (tmp_path / "bag").glob("*.mcap")
+    for path in (tmp_path / "bag", file):
+        (run,) = read_log(path, columns)
+        np.testing.assert_allclose(run.temperature("hip"), 20.0 + np.arange(30))
+        np.testing.assert_allclose(run.columns["torque.knee"], 2.5)
+
+
+MIXED = {
+    "maker_msgs/msg/Cell": "int8 temperature\nbool on\nstring label\nfloat64 x\nuint16[] counts\n",
+    "maker_msgs/msg/Mixed": (
+        "uint8 first\nstring text\nstd_msgs/Header header\nmaker_msgs/Cell[] cells\nfloat32 y\nint64 big\n"
+        "uint8[] picture\nfloat64[3] triple\nbyte last\n"
+    ),
+}
+
+
+def test_numbers_are_found_among_the_bytes_of_any_layout(tmp_path: Path) -> None:
+    """The quick way, which looks at bytes, against rosbags' own reading of each message."""
+    from lptn.logs.bag_messages import Decoder, numbers_in
+
+    recorder = Recorder(tmp_path / "bag", "mcap")
+    for name, text in MIXED.items():
+        recorder.store.register(typesys.get_types_from_msg(text, name))
+    rng = np.random.default_rng(5)
+
+    def message(k: int, text: str) -> Any:
+        cells = [
+            recorder.make(
+                "maker_msgs/Cell", int(rng.integers(-128, 127)), bool(k % 2), label, float(rng.normal()),
+                rng.integers(0, 65535, size).astype(np.uint16)
+            )
+            for label, size in (("hip", 3), ("", 1), ("ankle", 0))
+        ]  # fmt: skip
+        picture = rng.integers(0, 255, 1001).astype(np.uint8)
+        return recorder.make(
+            "maker_msgs/Mixed", k % 256, text, recorder.header(k), cells, float(np.float32(rng.normal())),
+            int(rng.integers(-(2**62), 2**62)), picture, rng.normal(size=3), 7
+        )  # fmt: skip
+
+    kind = "maker_msgs/msg/Mixed"
+    messages = [message(k, "same" if k % 10 else "other text") for k in range(60)]
+    raws = [bytes(recorder.store.serialize_cdr(each, kind)) for each in messages]
+    wanted = list(dict(numbers_in(messages[0])))
+    assert {"cells[2].temperature", "cells[0].counts[2]", "y", "triple[1]", "last"} <= set(wanted)
+    assert not any(name.startswith("picture") for name in wanted)
+    decoder = Decoder(recorder.store, kind, wanted)
+    stamps, values = decoder.read(raws)
+    # The first's layout is that of one in ten.
+    assert [template.like(raws)[1].sum() for template in decoder.templates] == [6, 54]
+    expected = [list(dict(numbers_in(recorder.store.deserialize_cdr(raw, kind))).values()) for raw in raws]
+    np.testing.assert_array_equal(values, expected)
+    np.testing.assert_array_equal(stamps, [(START + k) * 10**9 for k in range(60)])
+
+
+def test_a_file_of_lptn_virtual(tmp_path: Path) -> None:
+    from lptn.virtual import Run, Segment, quadruped_logs, writers
+
+    runs = {"mix": Run((Segment("trot", 300, 0.5), Segment("rest", 100)))}
+    table = quadruped_logs(seed=1, runs=runs)["mix"]
+    mcap, parquet = (writers.write_logs(tmp_path, {"log": table}, kind)[0] for kind in ("mcap", "parquet"))
+    (one,), (other,) = read_log(mcap), read_log(parquet)
+    assert set(one.columns) == set(other.columns)
+    for name, values in one.columns.items():
+        if name.startswith("velocity_rms."):  # no topic has it, so it follows from the one-second mean there
+            continue
+        np.testing.assert_allclose(values, other.columns[name], atol=1e-9, err_msg=name)
+
+
+def test_a_joint_that_is_not_there_is_one_line(recorder: Recorder, tmp_path: Path, refuse: Refuse) -> None:
+    for k in range(30):
+        recorder.send("/joint_states", 1.0 * k, recorder.joints(k, ["FR_calf_joint"], [1.0], [1.0]))
+    recorder.writer.close()
+    path = tmp_path / "bag"
+    said = refuse(path, read_log, path, inputs=["torque.FR_calf"], outputs=["temperature.FR_calf"])
+    assert "--map torque.FR_calf=/joint_states.effort[FR_calf_joint][]" in said
+
+
+def test_a_bag_without_numbers(recorder: Recorder, tmp_path: Path, refuse: Refuse) -> None:
+    recorder.send("/chatter", 0.0, recorder.make("std_msgs/String", "hello"))
+    recorder.writer.close()
+    assert "no topic whose messages hold numbers" in refuse(tmp_path / "bag", read_log, tmp_path / "bag")
+
+
+def test_a_cell_of_a_bag_is_named_by_its_time(recorder: Recorder, tmp_path: Path, refuse: Refuse) -> None:
+    for k in range(30):
+        torque = np.inf if k == 7 else 1.0
+        recorder.send("/joint_states", 1.0 * k, recorder.joints(k, ["a"], [1.0], [torque]))
+    recorder.writer.close()
+    said = refuse(tmp_path / "bag", read_log, tmp_path / "bag")
+    assert f"at {START + 7}.000000 s, column '/joint_states.effort[a]': found an infinite value" in said
+
+
+@pytest.mark.parametrize("plugin", ["sqlite3", "mcap"])
+def test_truncated_storage(tmp_path: Path, refuse: Refuse, plugin: str) -> None:
+    recorder = Recorder(tmp_path / "bag", plugin)
+    with recorder.writer:
+        for k in range(500):
+            recorder.send("/joint_states", 1.0 * k, recorder.joints(k, ["a"], [1.0], [1.0]))
+    storage = next(each for each in (tmp_path / "bag").iterdir() if each.suffix in {".db3", ".mcap"})
+    storage.write_bytes(storage.read_bytes()[: storage.stat().st_size // 2])
+    for path in (tmp_path / "bag", storage):
+        assert "found a broken file" in refuse(path, read_log, path)
+
+
+@pytest.mark.parametrize(
+    "text", ["", "{", "rosbag2_bagfile_information: 3", "rosbag2_bagfile_information: {version: 5}"]
+)
+def test_broken_metadata(tmp_path: Path, refuse: Refuse, text: str) -> None:
+    (tmp_path / "bag").mkdir()
+    (tmp_path / "bag" / "metadata.yaml").write_text(text)
+    assert "found a broken file" in refuse(tmp_path / "bag", read_log, tmp_path / "bag")

@@ -1,0 +1,164 @@
+"""Bytes that are no log, or were one: one line, nothing else, and no memory without bound."""
+
+from __future__ import annotations
+
+import gzip
+import resource
+import subprocess
+import sys
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from lptn.errors import InputError
+from lptn.logs import read_log, tables
+from tests.logs.ulog_bytes import FORMATS, battery, definitions, esc_status, header
+
+Refuse = Callable[..., str]
+ENDINGS = (".csv", ".csv.gz", ".parquet", ".mcap", ".db3", ".ulg")
+MAGIC = {
+    ".csv": b"time,temperature.a\n",
+    ".csv.gz": b"\x1f\x8b\x08\x00\x00\x00\x00\x00\x00\x03",
+    ".parquet": b"PAR1",
+    ".mcap": b"\x89MCAP0\r\n\x01\x0f\x00\x00\x00\x00\x00\x00\x00\x04\x00\x00\x00ros2",
+    ".db3": b"SQLite format 3\x00",
+    ".ulg": header(),
+}
+
+
+def looked_at(path: Path) -> None:
+    """Read a file that may be anything: runs, or one line."""
+    try:
+        read_log(path)
+    except InputError as error:
+        line = str(error)
+        assert "\n" not in line
+        assert line.startswith(f"{path}: ")
+        assert len(line) < 5000
+
+
+@cache
+def whole(ending: str) -> bytes:
+    """A small good log of a format."""
+    rows = 40
+    table = pd.DataFrame({"time": np.arange(rows) * 1.0, "temperature.a": 20 + 0.1 * np.arange(rows), "torque.a": 1.0})
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / f"log{ending}"
+        if ending.startswith(".csv"):
+            table.to_csv(path, index=False)
+        elif ending == ".parquet":
+            table.to_parquet(path)
+        elif ending == ".ulg":
+            body = (esc_status(k, 1, [(60, 1.0, 20 + k)] * 4) + battery(k + 0.1, 16.0, 1.0, 25.0) for k in range(rows))
+            path.write_bytes(header() + definitions(FORMATS) + b"".join(body))
+        else:
+            _bag(Path(folder) / "bag", ending, rows)
+            (path,) = (Path(folder) / "bag").glob(f"*{ending}")
+        return path.read_bytes()
+
+
+def _bag(path: Path, ending: str, rows: int) -> None:
+    from tests.logs.test_logs_bags import Recorder
+
+    recorder = Recorder(path, {".db3": "sqlite3", ".mcap": "mcap"}[ending])
+    with recorder.writer:
+        for k in range(rows):
+            recorder.send("/joint_states", 1.0 * k, recorder.joints(k, ["a"], [1.0], [1.0]))
+            recorder.send("/dynamic_joint_states", k + 0.1, recorder.dynamic(k, {"a": {"temperature": 20.0}}))
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+def test_the_good_ones_are_read(tmp_path: Path, ending: str) -> None:
+    (tmp_path / f"log{ending}").write_bytes(whole(ending))
+    assert len(read_log(tmp_path / f"log{ending}")) == 1
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+@given(content=st.binary(max_size=2000), begun=st.booleans())
+def test_random_bytes(ending: str, content: bytes, begun: bool) -> None:
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / f"log{ending}"
+        path.write_bytes(MAGIC[ending] * begun + content)
+        looked_at(path)
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+@given(data=st.data())
+def test_a_good_log_with_some_bytes_changed_or_cut(ending: str, data: st.DataObject) -> None:
+    content = bytearray(whole(ending))
+    for _ in range(data.draw(st.integers(0, 6))):
+        at = data.draw(st.integers(0, len(content) - 1))
+        content[at] = data.draw(st.integers(0, 255))
+    cut = data.draw(st.integers(0, len(content)) | st.just(len(content)))
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / f"log{ending}"
+        path.write_bytes(bytes(content[:cut]))
+        looked_at(path)
+
+
+@given(text=st.text(alphabet="time,.0123456789eE+-;\t\n\"'# naif", max_size=400))
+def test_random_tables_of_text(text: str) -> None:
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "log.csv"
+        path.write_text("time,temperature.a\n" + text, encoding="utf-8")
+        looked_at(path)
+
+
+def test_more_numbers_than_a_memory_holds(tmp_path: Path, refuse: Refuse, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tables, "_MOST_NUMBERS", 1000)
+    table = pd.DataFrame({"time": np.arange(600.0), "temperature.a": 20.0})
+    table.to_parquet(tmp_path / "log.parquet")
+    table.to_csv(tmp_path / "log.csv", index=False)
+    said = refuse(tmp_path / "log.parquet", read_log, tmp_path / "log.parquet")
+    assert "found 600 rows of 2 columns; expected at most 1e+03 numbers; cut the log into pieces" in said
+    assert "found 500 rows or more" in refuse(tmp_path / "log.csv", read_log, tmp_path / "log.csv")
+
+
+def test_three_hundred_million_rows_in_a_few_bytes(tmp_path: Path) -> None:
+    """Run-length encoding packs columns of nothing into nothing: refused before they are unfolded."""
+    path = tmp_path / "log.parquet"
+    chunk = pa.table({"time": pa.nulls(20_000_000), "temperature.a": pa.nulls(20_000_000)})
+    with pq.ParquetWriter(path, chunk.schema) as writer:
+        for _ in range(15):
+            writer.write_table(chunk, row_group_size=20_000_000)
+    assert path.stat().st_size < 1_000_000
+    code = (
+        "import resource, sys; from lptn.logs import read_log; from lptn.errors import InputError\n"
+        "before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss\n"
+        "try: read_log(sys.argv[1])\n"
+        "except InputError as error: print(error)\n"
+        "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before)"
+    )
+    done = subprocess.run([sys.executable, "-c", code, path], capture_output=True, text=True, check=True)
+    line, kilobytes = done.stdout.strip().splitlines()
+    assert "300000000 rows of 2 columns" in line
+    assert int(kilobytes) < 200_000
+
+
+def test_a_line_that_never_ends(tmp_path: Path, refuse: Refuse) -> None:
+    path = tmp_path / "log.csv.gz"
+    path.write_bytes(gzip.compress(b"a" * 50_000_000))
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    assert "a line of a million characters" in refuse(path, read_log, path)
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 100_000  # kB
+
+
+@pytest.mark.parametrize("module", ["rosbags", "pyulog"])
+def test_a_package_that_is_not_installed(
+    tmp_path: Path, refuse: Refuse, monkeypatch: pytest.MonkeyPatch, module: str
+) -> None:
+    ending, extra = {"rosbags": (".mcap", "ros"), "pyulog": (".ulg", "ulog")}[module]
+    for name in ("bags", "ulog"):
+        monkeypatch.setattr(f"lptn.logs.{name}.find_spec", lambda _: None)
+    path = tmp_path / f"log{ending}"
+    path.write_bytes(whole(ending))
+    assert f"pip install 'lptn[{extra}]'" in refuse(path, read_log, path)

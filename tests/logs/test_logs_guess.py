@@ -1,0 +1,189 @@
+"""Columns in other people's naming: proposed with their units, taken only when the user says so."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lptn.cli import main
+from lptn.logs import ColumnSource, parse_columns, parse_map_option, read_log
+from lptn.logs.guess import guess, recognised
+from lptn.logs.tables import open_table
+from lptn.robots import presets
+
+Write = Callable[..., Path]
+Refuse = Callable[..., str]
+
+TIME: list[object] = [float(k) for k in range(60)]
+WARM = [30 + 0.05 * k for k in range(60)]
+JOINTS = ("FR_hip", "FR_thigh", "FR_calf")
+INPUTS = ("temperature.ambient", *(f"torque.{joint}" for joint in JOINTS))
+OUTPUTS = tuple(f"temperature.{joint}" for joint in JOINTS)
+
+
+def lptn(*words: object) -> int:
+    """Run a command; its exit status."""
+    with pytest.raises(SystemExit) as stop:
+        main([str(word) for word in words])
+    return int(stop.value.code or 0)
+
+
+def guessed(path: Path, inputs: tuple[str, ...] = INPUTS, outputs: tuple[str, ...] = OUTPUTS) -> dict[str, str]:
+    """Key -> column and unit, after both ways to write each guess were read back and found the same."""
+    found = {}
+    for each in guess(open_table(path), {}, inputs, outputs):
+        written = parse_columns(tomllib.loads(each.line), "m.toml", "[columns]")
+        assert written == dict([parse_map_option(each.option.removeprefix('--map "').removesuffix('"'))])
+        assert written == {each.key: each.source}
+        found[each.key] = f"{each.source.columns[0]}|{each.source.unit or ''}"
+    return found
+
+
+def test_names_with_the_joint_in_them(write: Write) -> None:
+    table: dict[str, list[object]] = {"t_ms": [1000 * k for k in range(60)], "T_amb": [22.0] * 60}
+    for joint in JOINTS:
+        table |= {
+            f"{joint}_temp": list(WARM),
+            f"tau_{joint}": TIME,
+            f"tau_cmd_{joint}": TIME,
+            f"{joint}_temp_limit": TIME,
+        }
+    found = guessed(write(table))
+    assert found["time"] == "t_ms|ms"
+    assert found["temperature.ambient"] == "T_amb|"
+    assert found["temperature.FR_thigh"] == "FR_thigh_temp|"
+    assert found["torque.FR_calf"] == "tau_FR_calf|"
+    assert set(found) == {"time", *INPUTS, *OUTPUTS}
+
+
+@pytest.mark.parametrize(
+    ("key", "column", "unit"),
+    [
+        ("temperature.FR_calf", "T_FR_calf", ""),
+        ("temperature.FR_calf", "frCalfTemperature [degF]", "degF"),
+        ("temperature.FR_calf", "FR_calf_joint.temp_K", "K"),
+        ("temperature.FR_calf", "calf_FR temp".replace("calf_FR", "FR-calf"), ""),
+        ("torque.FR_calf", "effort[FR_calf]", ""),
+        ("torque.FR_calf", "FR_calf_torque (mNm)", "mN*m"),
+        ("current.FR_calf", "I_q_FR_calf_mA", "mA"),
+        ("current.FR_calf", "FR_calf.current [A]", "A"),
+        ("velocity.FR_calf", "FR_calf_rpm", "rpm"),
+        ("velocity.FR_calf", "dq_FR_calf", ""),
+        ("velocity.FR_calf", "FR_calf/vel (deg/s)", "deg/s"),
+        ("temperature.ambient", "room", ""),
+        ("temperature.ambient", "air temp (degC)", "degC"),
+        ("speed.base", "base_velocity_x", ""),
+        ("power.pc", "computer_power_W", "W"),
+    ],
+)
+def test_one_name(write: Write, key: str, column: str, unit: str) -> None:
+    path = write({"time": TIME, column: WARM, "FL_calf_temp": WARM, "gain": TIME, "FR_calf_foot": TIME})
+    inputs = () if key == "temperature.FR_calf" else (key,)
+    assert guessed(path, inputs, ("temperature.FR_calf",)).get(key) == f"{column}|{unit}"
+
+
+@pytest.mark.parametrize(
+    "column", ["T_FR_calf_des", "FR_calf_temp_limit", "FL_calf_temp", "calf_temp", "FR_calf_current"]
+)
+def test_what_is_no_reading_of_this_joint_is_not_proposed(write: Write, column: str) -> None:
+    path = write({"time": TIME, column: WARM})
+    assert "temperature.FR_calf" not in guessed(path, ("torque.FR_hip",), ("temperature.FR_calf", "temperature.FR_hip"))
+
+
+def test_two_names_as_good_as_each_other_are_left_to_the_user(write: Write) -> None:
+    path = write({"time": TIME, "FR_calf_temp1": WARM, "FR_calf_temp2": WARM})
+    assert "temperature.FR_calf" not in guessed(path, (), ("temperature.FR_calf", "temperature.FR_hip"))
+
+
+def test_numbered_columns_in_the_order_of_the_nodes(write: Write) -> None:
+    table: dict[str, list[object]] = {"timestamp": [1.7e15 + 1e6 * k for k in range(60)]}
+    for number in range(3):
+        table |= {f"motor_temperature[{number}]": [value + 273.15 for value in WARM], f"tau_est[{number}]": TIME}
+    path = write(table)
+    found = guessed(path)
+    assert found["time"] == "timestamp|us"
+    assert found["temperature.FR_calf"] == "motor_temperature[2]|K"
+    assert found["torque.FR_hip"] == "tau_est[0]|"
+    (one, *_) = (each for each in guess(open_table(path), {}, INPUTS, OUTPUTS) if each.key == "torque.FR_hip")
+    assert "in the order of the model's nodes: check that" in one.why
+
+
+def test_an_opensourceleg_log(write: Write) -> None:
+    table: dict[str, list[object]] = {
+        "Time": TIME,
+        "Output Position": TIME,
+        "Motor Current": [50 * k for k in range(60)],
+        "Output Torque": TIME,
+        "Case Temperature": list(WARM),
+        "Winding Temperature": [value + 5 for value in WARM],
+    }
+    path = write(table)
+    found = guessed(path, ("current.motor",), ("temperature.motor",))
+    assert found["current.motor"] == "Motor Current|mA"
+    assert found["temperature.motor"] == "Case Temperature|"  # what is measured, and not what is estimated
+    both = guessed(path, ("current.winding",), ("temperature.winding", "temperature.housing"))
+    assert both["temperature.winding"] == "Winding Temperature|"
+    assert both["temperature.housing"] == "Case Temperature|"
+    assert "its winding temperature is its own estimate" in recognised(open_table(path))
+    (run,) = read_log(path, inputs=["current.motor"], outputs=["temperature.motor"], guessing=True)
+    assert run.columns["current.motor"][59] == pytest.approx(2.95)
+    assert any(note.startswith("guessed: ") and "mA" in note for note in run.notes)
+    assert any("opensourceleg" in note for note in run.notes)
+
+
+def test_a_mapping_wins_over_a_guess(write: Write) -> None:
+    path = write({"time": TIME, "FR_calf_temp": WARM, "other": WARM})
+    columns = {"temperature.FR_calf": ColumnSource(("other",))}
+    assert guess(open_table(path), columns, (), ("temperature.FR_calf",)) == []
+
+
+def test_a_message_proposes_what_it_guesses_and_takes_nothing(write: Write, refuse: Refuse) -> None:
+    path = write({"time": TIME, "FR_calf_temp": WARM, "tau_FR_calf": TIME})
+    said = refuse(path, read_log, path, inputs=["torque.FR_calf"], outputs=["temperature.FR_calf"])
+    assert "--map torque.FR_calf=tau_FR_calf (its name;" in said
+
+
+def test_no_ambient_column_and_what_can_be_done(write: Write, refuse: Refuse) -> None:
+    path = write({"time": TIME, "temperature.a": WARM})
+    said = refuse(path, read_log, path, inputs=["temperature.ambient"], outputs=["temperature.a"])
+    for line in (
+        "--map temperature.ambient=YOURNAME",
+        '[model] ambient = "start"',
+        "ambient = 22 for a constant",
+        "ambient = { value = 22, fixed = false }",
+    ):
+        assert line in said
+    said = refuse(path, read_log, path, inputs=["temperature.coolant"], outputs=["temperature.a"])
+    assert '[nodes.coolant] temperature = "start"' in said
+
+
+@pytest.mark.parametrize("line", ['ambient = "start"', "ambient = 22", "ambient = { value = 22, fixed = false }"])
+def test_what_the_message_proposes_works(
+    tmp_path: Path, write: Write, capsys: pytest.CaptureFixture[str], line: str
+) -> None:
+    model = tmp_path / "model.toml"
+    model.write_text(presets()["single-motor"].replace('ambient = "temperature.ambient"', line))
+    assert line in model.read_text()
+    path = write({"time": TIME, "temperature.motor": WARM, "torque.motor": [5.0] * 60})
+    assert lptn("fit", model, path) == 0
+    assert ("temperature.ambient" in capsys.readouterr().out) == ("fixed" in line)
+
+
+def test_map_guess_says_what_it_takes(tmp_path: Path, write: Write, capsys: pytest.CaptureFixture[str]) -> None:
+    model = tmp_path / "model.toml"
+    model.write_text(presets()["single-motor"])
+    noisy = np.random.default_rng(0).normal(0, 0.05, 60) + WARM
+    path = write({"t_ms": [1e3 * k for k in range(60)], "T": noisy.tolist(), "tau": [5.0] * 60, "room": [21.0] * 60})
+    out = tmp_path / "fitted.toml"
+    assert lptn("fit", model, path, "-o", out) == 2
+    assert not out.exists()
+    capsys.readouterr()
+    assert lptn("fit", model, path, "--map", "guess", "-o", out) == 0
+    said = capsys.readouterr().err
+    assert out.exists()
+    for line in ('time = { column = "t_ms", unit = "ms" }', '"torque.motor" = "tau"', '"temperature.ambient" = "room"'):
+        assert f"guessed: {line}" in said

@@ -1,0 +1,266 @@
+"""Values in another unit, counters that wrap and dead sensors: said with the line that mends it, mended only by it."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lptn.logs import ColumnSource, Run, parse_columns, parse_map_option, read_log
+from lptn.logs.writing import map_option, toml_line
+
+Write = Callable[..., Path]
+Refuse = Callable[..., str]
+
+TIME: list[object] = [float(k) for k in range(100)]
+WARMING = [round(20 + 0.1 * k, 3) for k in range(100)]
+
+
+def mended(said: str) -> dict[str, ColumnSource]:
+    """The entry that a message proposes, read as the model file's and as the option: both have to be the same."""
+    line = re.search(r"write (\S+ = .+?) in \[columns\]", said)
+    option = re.search(r'--map "([^"]+)"', said)
+    assert line
+    assert option
+    columns = parse_columns(tomllib.loads(line[1]), "m.toml", "[columns]")
+    assert columns == dict([parse_map_option(option[1])])
+    return columns
+
+
+def only(path: Path, columns: dict[str, ColumnSource] | None = None, **options: bool) -> Run:
+    (run,) = read_log(path, columns, **options)  # type: ignore[arg-type]
+    return run
+
+
+@pytest.mark.parametrize(
+    ("key", "values", "looks_like", "truth"),
+    [
+        ("temperature.a", np.array(WARMING) + 273.15, "kelvin", WARMING),
+        ("temperature.a", np.array(WARMING) * 1000, "values around", WARMING),
+        ("temperature.a", np.array(WARMING) * 100, "values around", WARMING),
+        ("current.a", np.array(WARMING) * 1000, "mA", WARMING),
+        ("velocity.a", np.array(WARMING) * 100, "rpm", np.array(WARMING) * 100 * np.pi / 30),
+    ],
+)
+def test_a_unit_that_can_not_be_is_refused_and_its_mend_mends(
+    write: Write, refuse: Refuse, key: str, values: np.ndarray, looks_like: str, truth: np.ndarray
+) -> None:
+    path = write({"time": TIME, key: values.tolist(), "power.b": TIME})
+    said = refuse(path, read_log, path)
+    assert looks_like in said
+    np.testing.assert_allclose(only(path, mended(said)).columns[key], truth, rtol=1e-9)
+    # The user's word for the unit as it stands is taken.
+    unit = {"temperature.a": "degC", "current.a": "A", "velocity.a": "rad/s"}[key]
+    assert not only(path, {key: ColumnSource((key,), unit)}).doubts
+
+
+@pytest.mark.parametrize(
+    ("key", "name", "unit"),
+    [
+        ("current.a", "I_mA", "mA"),
+        ("velocity.a", "motor rpm", "rpm"),
+        ("torque.a", "tau [mNm]", "mN*m"),
+        ("temperature.a", "T_degF", "degF"),
+    ],
+)
+def test_a_name_that_says_another_unit_is_heard(write: Write, refuse: Refuse, key: str, name: str, unit: str) -> None:
+    path = write({"time": TIME, name: WARMING, "power.b": TIME})
+    said = refuse(path, read_log, path, {key: ColumnSource((name,))})
+    assert f"whose name says {unit}" in said
+    assert mended(said) == {key: ColumnSource((name,), unit)}
+
+
+@pytest.mark.parametrize(
+    ("name", "factor", "start", "unit"),
+    [("t_ms", 1e3, 0.0, "ms"), ("time", 1e3, 1.7e12, "ms"), ("time", 1e6, 1.7e15, "us"), ("time", 1e9, 1.7e18, "ns")],
+)
+def test_time_in_another_unit(write: Write, refuse: Refuse, name: str, factor: float, start: float, unit: str) -> None:
+    path = write({name: [start + factor * k for k in range(100)], "temperature.a": WARMING})
+    columns = {} if name == "time" else {"time": ColumnSource((name,))}
+    said = refuse(path, read_log, path, columns)
+    assert mended(said) == {"time": ColumnSource((name,), unit)}
+    run = only(path, mended(said))
+    assert run.step == pytest.approx(1.0, rel=1e-3)
+
+
+def test_long_steps_of_whole_numbers_are_doubted_only(write: Write) -> None:
+    path = write({"time": [100 * k for k in range(2000)], "temperature.a": [20 + k % 7 for k in range(2000)]})
+    (doubt,) = only(path).doubts
+    assert (doubt.key, doubt.sure) == ("time", False)
+    assert "ms" in doubt.mend
+
+
+def test_surroundings_like_a_room_in_fahrenheit_are_doubted(write: Write) -> None:
+    path = write({"time": TIME, "temperature.a": WARMING, "temperature.ambient": [72.0] * 100})
+    (doubt,) = only(path).doubts
+    assert doubt.key == "temperature.ambient"
+    assert "degF" in doubt.found
+    assert only(path, mended(doubt.sentence)).columns["temperature.ambient"][0] == pytest.approx(22.22, abs=0.01)
+
+
+def test_motors_in_fahrenheit_beside_a_room_in_celsius_are_doubted(write: Write) -> None:
+    fahrenheit = [1.8 * value + 32 for value in WARMING]
+    path = write({"time": TIME, "temperature.a": fahrenheit, "temperature.ambient": [20.0] * 100})
+    (doubt,) = only(path).doubts
+    assert doubt.key == "temperature.a"
+    assert mended(doubt.sentence)["temperature.a"].unit == "degF"
+
+
+def test_a_time_counter_of_16_bit(write: Write, refuse: Refuse) -> None:
+    path = write({"t": [(5000 + 1000 * k) % 65536 for k in range(100)], "temperature.a": WARMING})
+    said = refuse(path, read_log, path, {"time": ColumnSource(("t",), "ms")})
+    source = mended(said)["time"]
+    assert (source.wrap, source.unit) == (65536.0, "ms")
+    run = only(path, {"time": source})
+    np.testing.assert_allclose(run.time, 5.0 + np.arange(100))
+
+
+def test_a_current_in_counts_of_16_bit(write: Write, refuse: Refuse) -> None:
+    truth = np.round(3000 * np.sin(np.arange(100) / 9))  # mA, written without its sign
+    path = write({"time": TIME, "c": (truth % 65536).tolist(), "temperature.a": WARMING})
+    columns = {"current.a": ColumnSource(("c",), "mA")}
+    said = refuse(path, read_log, path, columns)
+    assert "a counter of 16 bit that wraps" in said
+    run = only(path, mended(said))
+    np.testing.assert_allclose(run.columns["current.a"], np.abs(truth) / 1000)
+
+
+def test_a_fault_code_is_said_and_missing_only_when_told(write: Write) -> None:
+    readings = list(WARMING)
+    for row in (10, 11, 40):
+        readings[row] = 850.0
+    path = write({"time": TIME, "temperature.a": readings, "power.b": TIME})
+    run = only(path)
+    (doubt,) = run.doubts
+    assert doubt.found.startswith("3 readings of exactly 850 degC")
+    assert doubt.sentence in run.notes
+    assert run.temperature("a")[10] == 850.0
+    run = only(path, mended(doubt.sentence))
+    assert np.flatnonzero(np.isnan(run.temperature("a"))).tolist() == [10, 11, 40]
+    assert "temperature.a: 3 of 100 numbers are no readings, by its entry in [columns]." in run.notes
+    assert not run.doubts
+
+
+@pytest.mark.parametrize("code", [-127.0, 85.0])
+def test_what_a_thermometer_gives_when_it_fails(write: Write, code: float) -> None:
+    readings = list(WARMING)
+    readings[50] = code
+    (doubt,) = only(write({"time": TIME, "temperature.a": readings})).doubts
+    assert f"invalid = [{code:g}]" in doubt.mend
+
+
+def test_a_motor_that_passes_85_degrees_is_no_fault(write: Write) -> None:
+    readings = [40 + 0.5 * k for k in range(100)]
+    assert not only(write({"time": TIME, "temperature.a": readings})).doubts
+
+
+def test_a_range_of_valid_readings(write: Write) -> None:
+    readings = [*WARMING[:50], 400.0, -60.0, *WARMING[52:]]
+    columns = {"temperature.a": ColumnSource(("temperature.a",), valid=(-40.0, 200.0))}
+    run = only(write({"time": TIME, "temperature.a": readings}), columns)
+    assert np.flatnonzero(np.isnan(run.temperature("a"))).tolist() == [50, 51]
+
+
+def test_a_sensor_that_is_stuck_is_said(write: Write) -> None:
+    rng = np.random.default_rng(1)
+    moving = np.round(30 + 0.01 * np.arange(2000) + rng.normal(0, 0.03, 2000), 3)
+    stuck = moving.copy()
+    stuck[500:1500] = stuck[500]
+    path = write({"time": list(range(2000)), "temperature.a": moving.tolist(), "temperature.b": stuck.tolist()})
+    (doubt,) = only(path).doubts
+    assert doubt.key == "temperature.b"
+    assert "for 1000 s from 500 s on" in doubt.found
+
+
+def test_coarse_sensors_and_quiet_rooms_are_not_stuck(write: Write) -> None:
+    coarse = [float(round(20 + 0.002 * k)) for k in range(4000)]
+    path = write({"time": list(range(4000)), "temperature.a": coarse, "temperature.ambient": [21.0] * 4000})
+    assert not only(path).doubts
+
+
+def test_a_product_of_voltage_and_current(write: Write) -> None:
+    columns = parse_columns({"power.a": {"product": ["u", "i"], "unit": "mW"}}, "m.toml", "[columns]")
+    path = write({"time": TIME, "u": [48.0] * 100, "i": TIME, "temperature.a": WARMING})
+    np.testing.assert_allclose(only(path, columns).columns["power.a"], 0.048 * np.arange(100))
+
+
+def test_doubts_do_not_stop_a_reader_who_only_looks(write: Write) -> None:
+    path = write({"time": TIME, "temperature.a": [value + 273.15 for value in WARMING]})
+    run = only(path, strict=False)
+    assert [doubt.sure for doubt in run.doubts] == [True]
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        ColumnSource(("T1",)),
+        ColumnSource(("T[3]",)),
+        ColumnSource(("Motor temp [degC]",), "degC"),
+        ColumnSource(("T",), "K", 2.0, -1.5, False, 65536.0, (850.0, -127.0), (-40.0, 2000.0)),
+        ColumnSource(('a "quoted" name',), "K"),
+    ],
+)
+def test_lines_to_paste_are_read_as_they_are_meant(source: ColumnSource) -> None:
+    line = toml_line("temperature.a", source)
+    assert parse_columns(tomllib.loads(line), "m.toml", "[columns]") == {"temperature.a": source}
+    option = map_option("temperature.a", source).removeprefix('--map "').removesuffix('"')
+    assert parse_map_option(option) == ("temperature.a", source)
+
+
+@pytest.mark.parametrize("way", ["norm", "product"])
+def test_lines_of_several_columns(way: str) -> None:
+    source = ColumnSource(("i_d", "i_q"), "mA", product=way == "product")
+    assert parse_columns(tomllib.loads(toml_line("current.a", source)), "m", "[columns]") == {"current.a": source}
+    assert map_option("current.a", source) == ""
+
+
+@pytest.mark.parametrize(
+    ("entry", "found"),
+    [
+        ({"column": "T", "wrap": -1}, "-1"),
+        ({"column": "T", "wrap": 0}, "0"),
+        ({"column": "T", "invalid": "850"}, "'850'"),
+        ({"column": "T", "invalid": []}, "[]"),
+        ({"column": "T", "invalid": [True]}, "[True]"),
+        ({"column": "T", "valid": [3, 1]}, "[3, 1]"),
+        ({"column": "T", "valid": 3}, "3"),
+        ({"column": "T", "product": ["a", "b"]}, "both column and product"),
+        ({"product": ["a"]}, "['a']"),
+    ],
+)
+def test_a_wrong_entry_is_named(refuse: Refuse, entry: dict[str, object], found: str) -> None:
+    assert f"found {found};" in refuse("m.toml", parse_columns, {"temperature.a": entry}, "m.toml", "[columns]")
+
+
+@pytest.mark.parametrize("text", ["temperature.a=T[degC; invalid=x]", "temperature.a=T[wrap=]", "temperature.a=T[a=1]"])
+def test_a_wrong_word_in_an_option_is_named(refuse: Refuse, text: str) -> None:
+    refuse("--map", parse_map_option, text)
+
+
+def test_a_sensor_that_never_moves_while_others_do(write: Write) -> None:
+    warm = [20 + 0.01 * k for k in range(700)]
+    table: dict[str, list[object]] = {"time": list(range(700)), "temperature.a": [25.0] * 700}
+    assert not only(write(table)).doubts
+    (doubt,) = only(write(table | {"temperature.b": list(warm)})).doubts
+    assert doubt.found == "reads 25 degC throughout, 699 s"
+
+
+def test_what_is_doubtful_is_said_by_every_command(
+    write: Write, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from lptn.opening import open_model
+    from lptn.robots import presets
+
+    readings = [*WARMING[:50], 850.0, *WARMING[51:]]
+    path = write(
+        {"time": TIME, "temperature.motor": readings, "torque.motor": TIME, "temperature.ambient": [20.0] * 100}
+    )
+    (tmp_path / "model.toml").write_text(presets()["single-motor"])
+    open_model(tmp_path / "model.toml").runs([path])
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert said.startswith(f"lptn: {path}: temperature.motor: 1 reading of exactly 850 degC")
