@@ -8,6 +8,7 @@
 from pathlib import Path
 
 from lptn.advice import advise
+from lptn.compare import compare
 from lptn.diagnose import candidates, continued, for_search, score
 from lptn.diagnose.refit import refit
 from lptn.diagnose.unexplained_heat import largest, unexplained_heat
@@ -15,14 +16,17 @@ from lptn.evidence import evidence
 from lptn.ladder import improve
 from lptn.on_evidence import fit_parts, holdout_errors
 from lptn.opening import open_model
+from lptn.report import comparison_figure, ladder_curve, predictions_figure, show
+from lptn.report.words import noise_alone
 
-here = Path(__file__).parent
+here = Path(__file__).parent if "__file__" in globals() else Path.cwd()  # a notebook runs in its folder
 opened = open_model(here / "two_heaters.toml")
 data = evidence(opened.runs([here / "log.csv"]), holdout_after=300.0)  # fit the first 300 s, predict the rest
 
 # %% The model as it was given, fitted: how wrong is it where the fit never looked?
 given = fit_parts(opened.model, data.fit)
 print(f"given model: {given.rmse:.2f} K fitted, {holdout_errors(given, data.holdout).rmse:.2f} K held out")
+show(comparison_figure(compare(given.model, data.holdout)))
 
 # %% Every effect of the catalogue at every place, scored by what it would take off the misfit
 coarse = for_search(data)
@@ -48,6 +52,8 @@ for rung in ladder.rungs:
     print(rung.effect or "as given", rung.at or "", f"{rung.holdout.rmse:.2f} K held out")
 for sentence in advise(ladder.first, ladder.last.fit, coarse).sentences:
     print(sentence)
+show(ladder_curve(ladder, noise_alone(ladder.best.fit)))
+show(predictions_figure(*(compare(rung.fit.model, data.holdout) for rung in (ladder.rungs[0], ladder.best))))
 
 # %% Second thoughts: the last model without its first rung
 first = ladder.rungs[1]

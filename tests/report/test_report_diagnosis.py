@@ -23,7 +23,7 @@ from lptn.report.heat_story import HeatStory, heat_line_picture, heat_map_pictur
 from lptn.report.in_short import in_short
 from lptn.report.node_time import error_fields, heat_fields, node_time_map, worst_runs
 from lptn.report.tables import node_table, refit_table
-from lptn.report.text import named
+from lptn.report.text import for_people, named
 from tests.report.two_joints import NODES, STEP, Told
 
 HIDDEN = 3.0  # W, what the truth of `missing` has at the first joint
@@ -125,7 +125,7 @@ def test_the_opening_paragraph_of_a_missing_effect(missing: Told, heat: HeatStor
 
 def test_a_proposal_is_what_to_do(missing: Told, heat: HeatStory) -> None:
     told = _short(missing[0], heat, Advice())
-    assert "Hold 2 N*m at thigh for 8.5 min. Section 8 says what that shows." in told["What to do"]
+    assert "Hold 2 N*m at thigh for 8.5 min. Section 7 says what that shows." in told["What to do"]
     html = story_html(*missing, "story", (), Advice())
     assert "At 4 min the two predictions differ by 3 K." in html
     assert "No run was worked out" not in html
@@ -190,3 +190,19 @@ def test_tables_hold_size_and_nodes(missing: Told) -> None:
 def test_a_place_in_one_run_is_said_in_words() -> None:
     assert named("radiation", "*@monday") == "radiation to the surroundings everywhere in run monday"
     assert named("radiation", "calf@monday") == "radiation to the surroundings at calf in run monday"
+
+
+def test_the_terminals_sentence_as_it_is_printed() -> None:
+    told = for_people("At 20 degC sensor_lag at * and radiation at a~b differ by -0.72 W (x-1, 3 N*m).")
+    assert told == (
+        "At 20 °C sensor lag everywhere and radiation to the surroundings at a~b differ by −0.72 W (x-1, 3 N·m)."
+    )
+
+
+def test_too_cold_is_hatched_so_that_grey_shows_it(missing: Told) -> None:
+    comparison = compare(missing[0].rungs[0].fit.model, missing[1].holdout)
+    (field,) = error_fields(comparison)
+    cold = replace(field, values=np.where(np.arange(field.values.shape[1]) % 4 == 1, -1.0, 1.0) * [[1.0], [0.1]])
+    drawn = node_time_map([cold], [], "error [K]", 0.1).axes[0]
+    assert {patch.get_y() for patch in drawn.patches} == {0.0}  # type: ignore[attr-defined]
+    assert len(drawn.patches) == int((cold.values[0] < 0).sum())

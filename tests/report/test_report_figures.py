@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
+import pytest
 from matplotlib.figure import Figure
 
 from lptn.compare import Comparison, compare
 from lptn.evidence import predicted
-from lptn.report import comparison_figure, error_maps, ladder_curve, predictions_figure, ranking
+from lptn.report import comparison_figure, error_maps, ladder_curve, predictions_figure, ranking, show
 from lptn.report.conditions import conditions_of
 from lptn.report.decimate import decimated
 from lptn.report.timeseries import views, worst_views
@@ -114,3 +117,21 @@ def test_ranking_on_both_scales(missing: Told, adequate: Told) -> None:
         found = told[0].first
         figure = ranking(found, frozenset({("constant_heat", NODES[0])}))
         assert len(figure.axes[0].patches) >= len(found.findings)
+
+
+def test_two_models_are_called_by_their_names(missing: Told) -> None:
+    given = _comparison(missing)
+    (legend,) = predictions_figure(given, given, names=("a$b", "c")).legends
+    assert [text.get_text() for text in legend.get_texts()][1:3] == [r"a\$b", "c"]
+
+
+def test_a_figure_is_shown_where_a_notebook_runs(missing: Told, monkeypatch: pytest.MonkeyPatch) -> None:
+    shown: list[bytes] = []
+    display = SimpleNamespace(Image=lambda data, width: data, display=shown.append)
+    figure = ladder_curve(missing[0], 0.05)
+    show(figure)
+    monkeypatch.setitem(sys.modules, "ipykernel", display)
+    monkeypatch.setitem(sys.modules, "IPython.display", display)
+    show(figure)
+    (picture,) = shown
+    assert picture.startswith(b"\x89PNG")

@@ -85,7 +85,10 @@ def test_every_figure_has_its_sentence(html: str, missing: Told) -> None:
         assert page.tags.count("figure") == len(page.captions) > 0
         assert all(caption.strip().endswith(".") for caption in page.captions)
     assert Page(html).tags.count("figure") == 9
-    assert all(f"<h2>{number}." in html for number in range(1, 11))
+    told = re.findall(r"<h2>(\d)\. ([^<]*)</h2>", html)
+    assert [number for number, _ in told] == [str(number) for number in range(1, 9)]
+    story = ["The log", "The fit", "Where it fails", "What is missing", "Proof", "What to do next"]
+    assert all(title.startswith(start) for (_, title), start in zip(told[1:], story, strict=False))
 
 
 def test_user_text_is_escaped(html: str) -> None:
@@ -171,3 +174,12 @@ def test_without_held_out_data_the_page_says_so(missing: Told) -> None:
 
 def _without_rungs(ladder: Ladder, verdict: str) -> Ladder:
     return replace(ladder, verdict=verdict, rungs=ladder.rungs[:1])  # type: ignore[arg-type]
+
+
+def test_many_parameters_wait_until_the_story_is_told(missing: Told, monkeypatch: pytest.MonkeyPatch) -> None:
+    few = story_html(*missing, "few")
+    assert few.index("capacity.") < few.index("4. Where it fails")
+    monkeypatch.setattr("lptn.report.story._FEW", 0)
+    many = story_html(*missing, "many")
+    assert "Their values stand in section 8." in many
+    assert many.index("<td>capacity.") > many.index("8. Parameters")

@@ -9,6 +9,7 @@ from lptn.report.heatmap import error_maps
 from lptn.report.in_short import Proposal
 from lptn.report.ladder_curve import ladder_curve
 from lptn.report.node_time import node_time_map
+from lptn.report.notebook import show
 from lptn.report.ranking import ranking
 from lptn.report.story import story_html
 from lptn.report.timeseries import predictions_figure
@@ -26,6 +27,7 @@ __all__ = [
     "node_time_map",
     "predictions_figure",
     "ranking",
+    "show",
     "story_html",
     "versus_figure",
     "versus_html",

@@ -22,7 +22,7 @@ def of_ladder(ladder: Ladder) -> str:
     """Under the falling errors."""
     last = len(ladder.rungs) - 1
     held = "the held-out errors say where it ends" if ladder.best.holdout else "no held-out errors check it"
-    return f"RMSE from the model as given (rung 0) to the best model (rung {last}); {held}."
+    return f"RMSE from the model as given (rung 0) to the best model (rung {last}), blue and green; {held}."
 
 
 def of_maps(given: Comparison, best: Comparison | None, which: str) -> str:
@@ -56,7 +56,8 @@ def of_predictions(given: Comparison, best: Comparison | None, data: Evidence, w
 
 def of_error_map(which: str) -> str:
     """Under the map of errors by node and time."""
-    return f"Predicted minus measured on the {which} runs: red where the model is too hot, blue where too cold."
+    told = f"Predicted minus measured on the {which} runs: red where the model is too hot, blue where too cold"
+    return f"{told} (hatched where clearly so)."
 
 
 def of_confusion(found: Confusability) -> str:

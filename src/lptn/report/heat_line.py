@@ -16,6 +16,7 @@ from lptn.identify import Fit
 from lptn.logs import Run
 from lptn.report.decimate import decimated
 from lptn.report.style import BEST, FAINT, GIVEN, INK, OPENING, SMALL, TEXT, dress, new_figure, plain, time_axis
+from lptn.report.text import for_people
 
 MOST_INPUTS = 3
 """Inputs drawn below the heat."""
@@ -122,4 +123,4 @@ def _input(ax: Axes, run: Run, link: InputLink, per_second: float) -> None:
     ax.set_ylabel(f"[{_UNITS.get(quantity, 'as logged')}]", size=SMALL)
     what = f"{link.column}, whose square" if link.squared else f"{link.column}, which"
     title = f"{what} correlates with the heat by {link.correlation:+.2f}"
-    ax.set_title(plain(title), size=SMALL, loc="left", pad=2)
+    ax.set_title(plain(for_people(title)), size=SMALL, loc="left", pad=2)

@@ -14,7 +14,7 @@ from lptn.ladder import Ladder
 from lptn.report.heat_line import Worst, chosen_links, heat_line, worst_of
 from lptn.report.node_time import MOST_RUNS, heat_fields, node_time_map
 from lptn.report.page import Picture, picture
-from lptn.report.text import listed, number
+from lptn.report.text import for_people, listed, number
 
 _STAYS = 0.5  # share of the heat from which it is called unexplained by what was added
 _CLOSE = 0.5  # correlation from which an input is worth a word
@@ -68,7 +68,7 @@ class HeatStory:
             return ""
         missing = "heat is missing" if stretch.heat > 0 else "there is too much heat"
         about = stretch.text().removeprefix(stretch.place)
-        return f"{missing} most clearly {self._place(stretch)}{about}"
+        return for_people(f"{missing} most clearly {self._place(stretch)}{about}")
 
     def _place(self, stretch: Stretch) -> str:
         return f"{stretch.place} of run {stretch.run}" if len(self.given) > 1 else stretch.place
@@ -89,7 +89,8 @@ def heat_map_picture(story: HeatStory) -> Picture | None:
         return None
     least = _PALE * float(np.median(np.concatenate([each.band.ravel() for each in story.given])))
     figure = node_time_map(heat_fields(story.given), heat_fields(story.best), "heat [W]", least)
-    told = "Heat that the model lacks (red) or has too much of (blue); white where zero lies within the 95 % band."
+    told = "Heat that the model lacks (red) or has too much of (blue, hatched); white where zero lies within"
+    told += " the 95 % band."
     told += f" With the model as given {story.where}"
     told += f"; with the best one {story.left or 'none stands out'}." if story.best else "."
     told += " Trust where and when more than the watts: the fitted parameters absorb part."
@@ -117,7 +118,7 @@ def _inputs(links: Sequence[InputLink]) -> str:
     if not close:
         return f"It follows no input closely: the closest, {links[0].what}, correlates by {links[0].correlation:+.2f}."
     named = listed([f"{link.what} ({link.correlation:+.2f})" for link in close])
-    return f"It goes with {named}, which suggests a cause and proves none."
+    return for_people(f"It goes with {named}, which suggests a cause and proves none.")
 
 
 def hiding(story: HeatStory) -> str:

@@ -32,7 +32,7 @@ def in_short(ladder: Ladder, heat: HeatStory, proposal: Proposal | None = None) 
     """
     told = {"adequate": _adequate, "missing": _missing, "unexplained": _unexplained}[ladder.verdict]
     what, where, sure = told(ladder, heat)
-    to_do = f"{_first_sentence(proposal.text())} Section 8 says what that shows." if proposal else next_step(ladder)
+    to_do = f"{_first_sentence(proposal.text())} Section 7 says what that shows." if proposal else next_step(ladder)
     if heat.event and ladder.verdict != "adequate":
         to_do = f"Ask what happened {heat.event} that the log does not hold. {_sentence(to_do)}"
     return [("What is missing", what), ("Where", where), ("How sure", sure), ("What to do", _sentence(to_do))]
@@ -42,7 +42,7 @@ def _adequate(ladder: Ladder, heat: HeatStory) -> tuple[str, str, str]:
     only = ladder.rungs[0]
     noise = kelvin(noise_alone(only.fit), 2)
     sure = f"The RMSE on the fitted runs is {kelvin(only.fit.rmse, 2)}, noise alone leaves {noise}. "
-    sure += "Section 7 lists how large each effect could be without showing."
+    sure += "Section 5 shows how large each effect could be without showing."
     where = f"Nowhere: {hiding(heat)}." if not heat.where else f"{_sentence(heat.where)}, but too little to matter."
     return "Nothing that these data can show.", where, sure
 

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from lptn.ladder import Ladder, Rung
-from lptn.report.style import FAINT, INK, SMALL, TEXT, dress, new_figure, plain
+from lptn.report.style import BEST, FAINT, GIVEN, INK, SMALL, TEXT, dress, new_figure, plain
 from lptn.report.text import place_of, title_of
 
 _WIDE = 8.0  # ratio of errors above which only a logarithmic axis shows them all
@@ -34,6 +36,7 @@ def ladder_curve(ladder: Ladder, noise: float) -> Figure:
         found = [(place, error) for place, error in enumerate(errors) if error is not None]
         if found:
             ax.plot(*zip(*found, strict=True), label=name, linewidth=1.4, markersize=6, **style)
+            _mark_models(ax, found, ladder.rungs.index(ladder.best), style)
             shown += [error for _, error in found]
     ax.axhline(noise, color=FAINT, linewidth=0.8)
     ax.text(
@@ -58,6 +61,14 @@ def ladder_curve(ladder: Ladder, noise: float) -> Figure:
     ax.legend(frameon=False, fontsize=SMALL)
     dress(ax)
     return figure
+
+
+def _mark_models(ax: Axes, found: Sequence[tuple[int, float]], best: int, style: dict[str, Any]) -> None:
+    """The model as given and the best one in the colours that they have in every other figure."""
+    for place, error in found:
+        colour = BEST["color"] if place == best else GIVEN["color"]
+        if best and place in (0, best):
+            ax.plot(place, error, linestyle="", marker=style["marker"], markersize=8, color=colour, zorder=4)
 
 
 def _error(rung: Rung, data: str) -> float | None:

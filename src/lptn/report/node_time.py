@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Colormap, Normalize
 from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 
 from lptn.arrays import FloatArray
 from lptn.compare import Comparison
@@ -22,6 +23,8 @@ MOST_RUNS = 4
 _ROW, _FRAME = 0.24, 0.75  # inch: a node's row, and what surrounds the rows of a map
 _LEAST = 1.6  # inch; what the colour bar's label needs
 _COLUMNS = 150  # blocks of time in one map
+_HATCHED = 0.2  # share of the colour scale from which blue is hatched, so that it can be told from red in grey
+_DEEP = 2.5  # multiples of that from which the hatching must be white to be seen
 _BOTH: Colormap = colormaps["RdBu_r"].with_extremes(bad="0.8")  # red for more, blue for less, grey for not known
 
 
@@ -111,6 +114,20 @@ def worst_runs(fields: Sequence[Field]) -> list[int]:
     return sorted(order[:MOST_RUNS])
 
 
+def _hatch(ax: Axes, field: Field, span: tuple[float, float], below: float) -> None:
+    """Lines over what is clearly negative: blue and red are one grey on a grey printer."""
+    width = (span[1] - span[0]) / field.values.shape[1]
+    for row, values in enumerate(field.values):
+        low = np.concatenate([[False], values < below, [False]]).astype(np.int8)
+        edges = np.flatnonzero(np.diff(low)).reshape(-1, 2)
+        for start, stop in edges:
+            ink = "white" if float(np.mean(values[start:stop])) < _DEEP * below else "0.25"
+            corner = (span[0] + start * width, row)
+            ax.add_patch(
+                Rectangle(corner, (stop - start) * width, 1.0, fill=False, hatch="///", edgecolor=ink, linewidth=0)
+            )
+
+
 def _norm(fields: Sequence[Field], least: float) -> Normalize:
     largest = max(float(np.nanmax(np.abs(field.values), initial=0.0)) for field in fields)
     return Normalize(-max(largest, least), max(largest, least))
@@ -124,6 +141,7 @@ def _draw(ax: Axes, field: Field, norm: Normalize, *, labelled: bool) -> None:
         field.values, aspect="auto", extent=(first, last, rows, 0.0), cmap=_BOTH, norm=norm, interpolation="nearest"
     )
     ax.set_yticks([row + 0.5 for row in range(rows)], [plain(node) if labelled else "" for node in field.nodes])
+    _hatch(ax, field, (first, last), _HATCHED * float(norm.vmin or 0.0))
     for row in range(1, rows):
         ax.axhline(row, color="white", linewidth=1.0)
     ax.tick_params(labelsize=SMALL)

@@ -21,9 +21,16 @@ from lptn.report.node_time import error_fields, node_time_map
 from lptn.report.page import Picture, picture, render
 from lptn.report.ranking import candidates_shown, ranking
 from lptn.report.tables import data_table, ladder_table, node_table, parameter_table, refit_table
+from lptn.report.text import for_people
 from lptn.report.timeseries import predictions_figure
-from lptn.report.words import next_step, noise_alone, story_in_words
+from lptn.report.words import fitted_in_words, next_step, noise_alone, story_in_words
 
+_FEW = 12  # parameters that may stand before the story
+_PROOF = {
+    "held-out": "Proof: the held-out runs",
+    "proof": "Proof: runs that chose nothing",
+    "fitted": "Measured against predicted, on the fitted runs only",
+}
 _PALE = 5.0  # multiples of the noise that the colours of errors reach at least
 
 
@@ -55,7 +62,7 @@ def story_html(
         "story.html.j2",
         title=title,
         verdict=ladder.verdict,
-        short=in_short(ladder, heat, proposal),
+        short=[(label, for_people(text)) for label, text in in_short(ladder, heat, proposal)],
         words=story_in_words(ladder, data),
         ladder=ladder_table(ladder),
         fall=_fall(ladder),
@@ -72,8 +79,12 @@ def story_html(
         coarse=_coarse_step(ladder),
         confusion=_confusion(ladder),
         detectability=_detectability(ladder),
-        proposal=proposal.text() if proposal else None,
+        heading=_PROOF[which],
+        proposal=for_people(proposal.text()) if proposal else None,
         next=next_step(ladder),
+        fitted=fitted_in_words(ladder),
+        few=_FEW,
+        parameters_given=parameter_table(ladder.rungs[0].fit, ladder.rungs[0].fit),
         parameters=parameter_table(ladder.best.fit, ladder.rungs[0].fit),
         warnings=ladder.best.fit.uncertainty.warnings,
         status=ladder.best.fit.status,

@@ -16,6 +16,7 @@ WIDTH = 9.0  # inch; fills a laptop's page and still prints legibly on A4
 TEXT, SMALL, TINY = 9.0, 8.0, 6.5  # pt
 INK, FAINT = "black", "0.55"
 OPENING, NOISE = "0.93", "0.85"
+LIMIT = "#CC0000"  # of limits and alarms, and of nothing else
 RMSE_MAP: Colormap = colormaps["cividis_r"]  # light is good, dark is bad, on a grey printer too
 
 # Blue and green look alike in grey, so each has a dash pattern of its own.

@@ -11,6 +11,7 @@ from lptn.compare import Comparison
 from lptn.evidence import Part
 from lptn.identify import Fit
 from lptn.ladder import Ladder
+from lptn.parameters import Unknown
 from lptn.report.certainty import share_by_chance
 from lptn.report.conditions import conditions_of
 from lptn.report.text import (
@@ -27,6 +28,7 @@ from lptn.report.text import (
 )
 
 _WORST = 12  # conditions listed
+_ZERO = 1e-9  # share of the typical size
 
 
 @dataclass(frozen=True)
@@ -101,10 +103,12 @@ def parameter_table(best: Fit, given: Fit) -> Table:
     for index in best.problem.free:
         unknown = best.model.unknowns[index]
         error = best.errors[unknown.name]
-        spread = f"{error:.2g}" if math.isfinite(error) else "not determined"
-        before = number(known[unknown.name]) if unknown.name in known else "new"
+        spread = short_size(error) if math.isfinite(error) else "not determined"
+        before = _value(known[unknown.name], unknown) if unknown.name in known else "new"
         what = unknown.declared.title or NOTHING
-        rows.append((unknown.name, what, number(unknown.value), spread, unit_text(unknown.declared.unit), before))
+        rows.append(
+            (unknown.name, what, _value(unknown.value, unknown), spread, unit_text(unknown.declared.unit), before)
+        )
     heads = heads if best is not given else heads[:-1]
     return Table(heads, tuple(row[: len(heads)] for row in rows), (2, 3, 5))
 
@@ -151,5 +155,10 @@ def _data_row(job: str, part: Part) -> tuple[str, ...]:
     return (*cells, start, within(part.counted, part), notes)
 
 
+def _value(value: float, unknown: Unknown) -> str:
+    """A fitted value; what a search leaves of a zero is zero."""
+    return number(0.0 if abs(value) < _ZERO * unknown.declared.typical else value)
+
+
 def _signed(value: float) -> str:
-    return f"{value:+.2g} K"
+    return f"{value:+.2g} K".replace("-", "−")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 
 from lptn.effects import Effect, catalogue
@@ -10,6 +11,7 @@ from lptn.evidence import Part, Window
 
 NOTHING = "–"
 _EVERYWHERE = "everywhere"
+_MINUS = re.compile(r"(?<![\w.-])-(?=\d)")
 
 
 def kelvin(value: float | None, digits: int = 3) -> str:
@@ -51,6 +53,13 @@ def place_of(at: str) -> str:
 def experiment_for(effect: type[Effect]) -> str:
     """The experiment that tells an effect from its rivals."""
     return effect.signature.separate_by.replace("degC", "°C")
+
+
+def for_people(text: str) -> str:
+    """A sentence of the terminal as it is printed: titles for keys, `°C` for `degC`, a minus that is no hyphen."""
+    keys = "|".join(sorted(catalogue(), key=len, reverse=True))
+    text = re.sub(rf"\b({keys}) at ([^\s,;]*[^\s,;.])", lambda found: named(found[1], found[2]), text)
+    return _MINUS.sub("−", text.replace("degC", "°C").replace("N*m", "N·m"))
 
 
 def listed(items: Sequence[str], last: str = "and") -> str:

@@ -63,17 +63,23 @@ def worst_views(comparison: Comparison, most: int = MOST) -> list[View]:
     return [view for view in found if view in chosen]
 
 
-def predictions_figure(given: Comparison, best: Comparison | None = None, most: int = MOST) -> Figure:
+def predictions_figure(
+    given: Comparison,
+    best: Comparison | None = None,
+    most: int = MOST,
+    names: tuple[str, str] = ("model as given", "best model"),
+) -> Figure:
     """Measured and predicted temperature [°C] with the error [K] below, for each node and run.
 
     Args:
         given: the given model's comparison.
         best: the best model's on the same runs.
         most: how many panels at most; the given model's worst are chosen.
+        names: of the two models.
     """
     chosen = worst_views(given, most)
     figure = new_figure(panels_height(len(chosen)))
-    draw_predictions(figure, chosen, given, best)
+    draw_predictions(figure, chosen, given, best, names)
     return figure
 
 
@@ -82,7 +88,13 @@ def panels_height(count: int) -> float:
     return _LEGEND + _PANEL * ceil(count / _columns(count))
 
 
-def draw_predictions(figure: FigureBase, chosen: Sequence[View], given: Comparison, best: Comparison | None) -> None:
+def draw_predictions(
+    figure: FigureBase,
+    chosen: Sequence[View],
+    given: Comparison,
+    best: Comparison | None,
+    names: tuple[str, str] = ("model as given", "best model"),
+) -> None:
     """Draw panels under one legend."""
     columns = _columns(len(chosen))
     rows = ceil(len(chosen) / columns)
@@ -96,7 +108,9 @@ def draw_predictions(figure: FigureBase, chosen: Sequence[View], given: Comparis
         lower.set_axis_on()
         lower.sharex(upper)
         _draw(upper, lower, view, given, best)
-    figure.legend(handles=_legend(given, best), loc="outside upper center", ncols=5, frameon=False, fontsize=SMALL)
+    figure.legend(
+        handles=_legend(given, best, names), loc="outside upper center", ncols=5, frameon=False, fontsize=SMALL
+    )
 
 
 def _columns(count: int) -> int:
@@ -145,13 +159,13 @@ def _rmse(comparison: Comparison, view: View) -> float:
     return float(np.sqrt(np.nanmean(prediction.error[view.row] ** 2)))
 
 
-def _legend(given: Comparison, best: Comparison | None) -> list[Line2D | Patch]:
+def _legend(given: Comparison, best: Comparison | None, names: tuple[str, str]) -> list[Line2D | Patch]:
     handles: list[Line2D | Patch] = [
         Line2D([], [], label="measured", **MEASURED),
-        Line2D([], [], label="model as given" if best else "model", **GIVEN),
+        Line2D([], [], label=plain(names[0]) if best else "model", **GIVEN),
     ]
     if best is not None:
-        handles.append(Line2D([], [], label="best model", **BEST))
+        handles.append(Line2D([], [], label=plain(names[1]), **BEST))
     if any(opening_end(prediction) is not None for prediction in given.predictions):
         handles.append(Patch(color=OPENING, label="opening: finds the start"))
     handles.append(Patch(color=NOISE, label="sensor noise"))

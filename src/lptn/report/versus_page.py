@@ -20,13 +20,14 @@ from lptn.versus import Pair, Versus
 
 def versus_figure(result: Versus) -> Figure:
     """Mean absolute error by class and largest error by run, both models side by side."""
-    figure = new_figure(1.6 + 0.32 * max(len(result.classes), len(result.runs)))
+    figure = new_figure(1.9 + 0.32 * max(len(result.classes), len(result.runs)))
     left, right = figure.subplots(1, 2, width_ratios=(1.0, 1.5))
     _bars(left, result.classes, [pair.mean for pair in result.classes], result.names)
     _bars(right, result.runs, [pair.max for pair in result.runs], result.names)
     left.set_xlabel("mean absolute error [K]", size=TEXT)
     right.set_xlabel("largest error [K]", size=TEXT)
-    left.legend(frameon=False, fontsize=SMALL, loc="lower right")
+    bars, names = left.get_legend_handles_labels()
+    figure.legend(bars, names, frameon=False, fontsize=SMALL, loc="outside upper center", ncols=2)
     return figure
 
 
@@ -59,7 +60,7 @@ def _predictions(result: Versus) -> Picture:
     caption = captions.of_predictions(given, best, Evidence(()), "compared")
     if both:
         caption = caption.replace("the model as given", result.names[1]).replace("the best model", result.names[0])
-    return picture(caption, predictions_figure(given, best))
+    return picture(caption, predictions_figure(given, best, names=(result.names[1], result.names[0])))
 
 
 def _bars(ax: Axes, pairs: Sequence[Pair], sizes: Sequence[tuple[float, float]], names: tuple[str, str]) -> None:

@@ -48,7 +48,7 @@ def _missing(ladder: Ladder, data: Evidence) -> str:
         return (
             f"The model as given is wrong by more than noise. {_errors(given)}. On the fitted runs an effect of the "
             "catalogue explains most of it, but none that was tried makes the model better by the rule that ends the "
-            "ladder, so none was added. Section 6 lists what was tried."
+            "ladder, so none was added. Section 5 lists what was tried."
         )
     return f"Missing: {_added(ladder)}. {_fall(given, best)} {_rest(ladder)}"
 
@@ -103,6 +103,14 @@ def _rest(ladder: Ladder) -> str:
     return told + f"further effects lowered the error on the fitted runs but {where}."
 
 
+def fitted_in_words(ladder: Ladder) -> str:
+    """What was fitted at first, and how well it follows the runs that it was fitted to."""
+    given = ladder.rungs[0]
+    free = given.parameters
+    told = f"{free} free parameter{'s' if free != 1 else ''}, fitted by weighted least squares. {_errors(given)}; "
+    return f"{told}the sensors' noise alone would leave about {kelvin(noise_alone(given.fit), 2)}."
+
+
 def next_step(ladder: Ladder) -> str:
     """What to do next, in a sentence or two."""
     if ladder.verdict == "adequate":
@@ -110,7 +118,7 @@ def next_step(ladder: Ladder) -> str:
     open_ = [rung for rung in ladder.rungs if rung.alike and rung.declaration]
     if ladder.verdict == "unexplained":
         return (
-            "look in sections 3 and 4 for where and when the error grows, and ask what happened then that the log does "
+            "look in section 4 for where and when the error grows, and ask what happened then that the log does "
             "not hold: touch, water, a fan, a moved sensor, a load without a column. Log it, or leave that stretch out."
         )
     if ladder.best is ladder.rungs[0]:

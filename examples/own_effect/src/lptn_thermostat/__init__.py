@@ -1,0 +1,1 @@
+"""An effect for lptn in a package of its own."""

@@ -1,0 +1,55 @@
+"""A newcomer's first minutes (slow): every command of the front page, as it is typed there, one after the other."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from tests.docs.pages import ROOT, Page
+
+_NOT_HERE = ("pip install", "pytest")  # what made this environment, and what runs now
+
+
+def commands() -> list[str]:
+    """What the front page tells to type, in its order."""
+    front = Page("README.md", (ROOT / "README.md").read_text(encoding="utf-8"))
+    lines = [line for block in front.blocks("") for line in block.splitlines()]
+    return [line for line in lines if line.startswith(("lptn ", "python ")) and not line.startswith(_NOT_HERE)]
+
+
+def test_the_front_page_has_its_commands() -> None:
+    assert len(commands()) >= 19
+
+
+@pytest.mark.slow
+def test_every_command_of_the_front_page_works(tmp_path: Path) -> None:
+    shutil.copytree(ROOT / "examples", tmp_path / "examples", ignore=shutil.ignore_patterns("__pycache__"))
+    surroundings = os.environ | {"PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"}
+    for command in commands():
+        if "robots/*" in command:
+            for robot in ("one", "two"):
+                shutil.copytree(tmp_path / "logs", tmp_path / "robots" / robot)
+        began = time.monotonic()
+        done = subprocess.run(
+            ["bash", "-c", command], cwd=tmp_path, env=surroundings, capture_output=True, text=True, check=False
+        )
+        print(f"{time.monotonic() - began:5.0f} s  {command}")
+        assert done.returncode == 0, f"{command}\n{done.stdout}{done.stderr}"
+        assert not done.stderr, f"{command}\n{done.stderr}"
+    made = {path.name for path in tmp_path.iterdir()}
+    assert {
+        "better.toml",
+        "story.html",
+        "where.png",
+        "versus.html",
+        "leg.fmu",
+        "study.png",
+        "plan.csv",
+        "fleet",
+    } <= made

@@ -1,0 +1,86 @@
+"""The pages: each link leads somewhere, each command is one, each script is there."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+
+from lptn.catalogue_page import built_in, catalogue_markdown
+from lptn.cli import app
+from tests.docs.pages import ROOT, Page, pages
+
+PAGES = pages()
+_NAMED = {page.name: page for page in PAGES}
+every_page = pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+
+
+def _commands(page: Page, first: str) -> list[list[str]]:
+    """What is typed in a page's blocks, without the remark behind it."""
+    lines = [line.strip() for block in page.blocks("") for line in block.splitlines()]
+    return [shlex.split(line, comments=True) for line in lines if line.startswith(f"{first} ")]
+
+
+@every_page
+def test_links_lead_somewhere(page: Page) -> None:
+    for link in page.links():
+        if link.startswith(("http:", "https:", "mailto:")):
+            continue
+        name, _, anchor = link.partition("#")
+        target = (page.folder / name).resolve() if name else ROOT / page.name
+        assert target.exists(), f"{page.name}: {link}"
+        if anchor:
+            there = _NAMED[str(target.relative_to(ROOT))]
+            assert anchor in there.anchors(), f"{page.name}: {link}"
+
+
+@every_page
+def test_every_command_of_a_page_is_one(page: Page) -> None:
+    for words in _commands(page, "lptn"):
+        app.parse_args(_spelt(words[1:]), print_error=False, exit_on_error=False)
+
+
+@every_page
+def test_every_script_of_a_page_is_there(page: Page) -> None:
+    for words in _commands(page, "python"):
+        script = ROOT / f"{words[2].replace('.', '/')}.py" if words[1] == "-m" else ROOT / words[1]
+        if words[1] == "-m" and words[2].startswith("lptn"):
+            script = ROOT / "src" / words[2].replace(".", "/") / "__main__.py"
+        assert script.is_file(), f"{page.name}: {' '.join(words)}"
+
+
+def test_the_front_page_keeps_what_a_newcomer_needs() -> None:
+    front = _NAMED["README.md"]
+    typed = "\n".join(front.blocks(""))
+    assert "pip install -e '.[dev]'" in typed
+    assert re.search(r"^lptn improve .* --report story.html$", typed, re.MULTILINE)
+    assert re.search(r"^pytest$", typed, re.MULTILINE)
+    (picture,) = re.findall(r"!\[[^\]]*\]\(([^)]+)\)", front.text)
+    assert 0 < (ROOT / picture).stat().st_size < 60_000
+    assert len(front.text[: front.text.index("## Install")].splitlines()) < 25
+
+
+def test_the_catalogue_page_is_the_catalogue() -> None:
+    page = Path(ROOT / "src/lptn/effects/README.md").read_text(encoding="utf-8")
+    assert page == catalogue_markdown(built_in()), "stale: lptn effects --markdown src/lptn/effects/README.md"
+
+
+def test_the_catalogue_page_says_all_of_an_effect() -> None:
+    text = catalogue_markdown(built_in())
+    section = text[text.index("## second_mass") : text.index("## shared_mass")]
+    said = (
+        "```math\nQ = \\frac{C_2}{t_2} (T_2 - T)",
+        "$`t_2 = R_2 C_2`$",
+        "amplitude, off at 0",
+        "| J/K | 0 to 100000 |",
+    )
+    for each in (*said, "shape, tried at 15, 60, 240, 900", "Looks like: fast at first", "Source: source S1", ".py)"):
+        assert each in section
+    assert text.count("\n## ") == len(built_in())
+
+
+def _spelt(words: list[str]) -> list[str]:
+    """`LOG...` is one log, `…` and what a page leaves out stands for nothing."""
+    return [word.removesuffix("...") for word in words if word != "…"]
