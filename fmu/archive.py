@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import io
+import lzma
 import re
 import stat
+import struct
 import zipfile
+import zlib
 from pathlib import Path, PurePosixPath
 
 from lptn.errors import InputError
@@ -18,6 +21,8 @@ _BEGINNING = re.compile(rb"\s*(?:<\?xml\b([^>]*)\?>|<[A-Za-z!])")
 _ENCODING = re.compile(rb"""encoding\s*=\s*["']([^"']*)["']""")
 _PLAIN = (b"utf-8", b"us-ascii", b"ascii", b"iso-8859-1", b"windows-1252")
 _C_NAME = re.compile(rb"[A-Za-z_][A-Za-z0-9_]*")
+_DAMAGED = (zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error, EOFError, OSError, RuntimeError, ValueError)
+"""What `zipfile` raises for archives that are none."""
 _EXPECTED = "an FMU: a ZIP archive of plain files with modelDescription.xml"
 
 
@@ -54,7 +59,9 @@ def unpack(content: bytes, path: Path, folder: Path) -> None:
             for entry in entries:
                 if not entry.is_dir():
                     left = _write(archive, entry, path, folder, left)
-    except (zipfile.BadZipFile, EOFError, OSError, RuntimeError, NotImplementedError) as error:
+    except InputError:
+        raise
+    except _DAMAGED as error:
         raise InputError(path, "archive", str(error) or "a damaged archive", _EXPECTED) from error
     _check_description(folder / "modelDescription.xml", path)
 

@@ -74,6 +74,7 @@ def fmu(
     from .exporter import export
 
     check_outputs(output, json)
+    check_outputs(json, inputs=(model,))
     if compiler not in ("auto", "zig", "cc"):
         raise InputError("command line", "--compiler", f"'{compiler}'", "auto, zig or cc")
     if current_limit and not admissible:
@@ -112,17 +113,18 @@ def cosim(
 
     Example: lptn cosim leg.fmu friday.parquet -o outputs.csv
     """
-    from lptn.terminal import write_json
+    from lptn.terminal import progress, write_json
 
     from .cosim import cosimulate
     from .session import FmuError
 
     needs_logs(logs)
-    check_outputs(output, json)
+    check_outputs(output, json, inputs=(fmu, *logs, *(() if model is None else (model,))))
     _check_table(output)
     pairs = dict(text.partition("=")[::2] for text in map or ())
     try:
-        done = cosimulate(fmu, logs, model=model, mapped=pairs, ramps=ramps, trust=trust)
+        with progress("co-simulating"):
+            done = cosimulate(fmu, logs, model=model, mapped=pairs, ramps=ramps, trust=trust)
     except FmuError as error:
         raise InputError(fmu, "FMU", str(error), "inputs that it takes") from error
     _show_cosimulation(done)

@@ -59,7 +59,13 @@ class DrivenRun:
 
 @dataclass(frozen=True)
 class Cosimulation:
-    """What an FMU gave for logs."""
+    """What an FMU gave for logs.
+
+    Args:
+        fmu: its file.
+        fmi: the version of FMI that it was driven by.
+        runs: one for each log, or each piece of one.
+    """
 
     fmu: Path
     fmi: str

@@ -1,4 +1,8 @@
-"""Which FMUs were written here: only their native code runs without being asked for."""
+"""Which FMUs were written here: only their native code runs without being asked for.
+
+For each there is an empty file that has the SHA-256 of the whole FMU for its name: processes that export at the same
+time can't lose each other's.
+"""
 
 from __future__ import annotations
 
@@ -7,22 +11,31 @@ import os
 from contextlib import suppress
 from pathlib import Path
 
-from lptn.files import write_whole
-
 _MOST = 2000  # FMUs remembered; the oldest are forgotten first
 
 
 def remember(content: bytes) -> None:
     """Note the SHA-256 of an FMU that was just written; without a writable home nothing is noted."""
-    known = [digest for digest in _known() if digest != _digest(content)]
-    with suppress(OSError, ValueError):
-        _store().parent.mkdir(parents=True, exist_ok=True)
-        write_whole(_store(), "\n".join([*known, _digest(content)][-_MOST:]) + "\n")
+    with suppress(OSError, RuntimeError):  # no home at all is a RuntimeError
+        store = _store()
+        store.mkdir(parents=True, exist_ok=True, mode=0o700)
+        (store / _digest(content)).touch()
+        _forget_oldest(store)
 
 
 def is_own(content: bytes) -> bool:
     """Whether an FMU with these bytes was written here."""
-    return _digest(content) in _known()
+    try:
+        return (_store() / _digest(content)).is_file()
+    except (OSError, RuntimeError):
+        return False
+
+
+def _forget_oldest(store: Path) -> None:
+    known = list(store.iterdir())
+    if len(known) > _MOST:
+        for path in sorted(known, key=lambda each: each.stat().st_mtime)[:-_MOST]:
+            path.unlink(missing_ok=True)
 
 
 def _digest(content: bytes) -> str:
@@ -30,11 +43,4 @@ def _digest(content: bytes) -> str:
 
 
 def _store() -> Path:
-    return Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state") / "lptn" / "exported_fmus"
-
-
-def _known() -> list[str]:
-    try:
-        return _store().read_text(encoding="ascii").split()
-    except (OSError, ValueError, RuntimeError):  # no home at all is a RuntimeError
-        return []
+    return Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state") / "lptn" / "own_fmus"

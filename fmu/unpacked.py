@@ -49,9 +49,16 @@ class Unpacked:
 
     @property
     def model_text(self) -> str | None:
-        """The model file inside, `None` where there is none."""
+        """The model file inside, `None` where there is none.
+
+        Raises:
+            InputError: it is no text.
+        """
         file = self.folder / "resources" / "model.toml"
-        return file.read_text(encoding="utf-8") if file.is_file() else None
+        try:
+            return file.read_text(encoding="utf-8") if file.is_file() else None
+        except (OSError, ValueError) as error:
+            raise InputError(self.path, "resources/model.toml", str(error), "a model file, in UTF-8") from error
 
     def names(self, causality: str) -> list[str]:
         """The real variables of a causality, in order."""

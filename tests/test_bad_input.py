@@ -171,3 +171,32 @@ def test_numbers_out_of_range_are_refused(tmp_path: Path, capsys: pytest.Capture
     both = [tmp_path / "model.toml", tmp_path / "log.csv"]
     assert "--jobs" in _refused(["diagnose", *both, "--jobs", 0], capsys)
     assert "--mirror-weight" in _refused(["fit", *both, "--mirror-weight", -5], capsys)
+
+
+def test_an_ending_that_cannot_be_written_is_said_before_the_work(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "model.toml").write_text(MODEL)
+    GOOD.to_csv(tmp_path / "log.csv", index=False)
+    monkeypatch.setattr("lptn.opening.open_model", None)
+    words: list[object] = ["simulate", tmp_path / "model.toml", tmp_path / "log.csv", "-o", tmp_path / "x.xlsx"]
+    assert ".csv or .parquet" in _refused(words, capsys)
+
+
+@pytest.mark.parametrize(("run", "said"), [("mnday", True), ("monday", False), ("mon*", False), ("tues*", True)])
+@pytest.mark.parametrize("command", ["check", "compare", "fit"])
+def test_an_effect_in_a_run_that_no_log_is_is_said(
+    command: str, run: str, said: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    offset = (
+        f'\n[[effects]]\nkind = "constant_heat"\nat = "motor"\npower = {{ value = 1, fixed = true }}\nrun = "{run}"\n'
+    )
+    (tmp_path / "model.toml").write_text(MODEL + offset)
+    GOOD.to_csv(tmp_path / "monday.csv", index=False)
+    with pytest.raises(SystemExit) as stop:
+        main([command, str(tmp_path / "model.toml"), str(tmp_path / "monday.csv")])
+    assert stop.value.code in (0, None)
+    line = (
+        f'Warning: constant_heat at motor acts only in run "{run}", and no log is that run (here: monday): it is off.'
+    )
+    assert (line in capsys.readouterr().out) == said

@@ -296,7 +296,7 @@ MISTAKES: dict[str, tuple[str, str, str, tuple[str, ...]]] = {
     "no unit at all": ("= 300\n", '= { value = 3, unit = "((" }\n', "line 6", ("a unit like J/K",)),
     "text for a number": ("= 300\n", '= "300"\n', "line 6, nodes.a.capacity", ("'300'", "number")),
     "text for a number of an effect": ("= 0.2", '= "0.2"', "line 20, effects[0].resistance", ("'0.2'",)),
-    "true for a number": ("= 300\n", "= true\n", "line 6", ("True",)),
+    "true for a number": ("= 300\n", "= true\n", "line 6", ("true",)),
     "infinite": ("= 300\n", "= inf\n", "line 6", ("inf", "finite")),
     "both": ("= 300\n", "= 300\ntemperature = 20\n", "line 5", ("both capacity and temperature", "one of the two")),
     "neither": ("capacity = 300\n", "", "line 5", ("neither capacity",)),

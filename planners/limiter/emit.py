@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lptn.arrays import FloatArray
-from lptn.files import write_whole
+from lptn.files import write_folder
 
 if TYPE_CHECKING:
     from .limiter import Limiter
@@ -58,7 +58,7 @@ void lptn_admissible(lptn_limiter_memory *memory, const double *x, const double 
 
 
 def emit(limiter: Limiter, folder: Path, x: FloatArray, load: FloatArray, conditions: FloatArray) -> list[Path]:
-    """Write a limiter's C code into an existing folder; the arrays are its example.
+    """Write a limiter's C code into a folder, made where it is missing; the arrays are its example.
 
     Returns:
         The files, in the order in which a person reads them.
@@ -92,6 +92,4 @@ def emit(limiter: Limiter, folder: Path, x: FloatArray, load: FloatArray, condit
         "names.txt": "\n".join([*names, ""]),
         "example.txt": " ".join(f"{value:.17g}" for value in [*x, *load, *conditions]) + "\n",
     }
-    for name, text in content.items():
-        write_whole(folder / name, text)
-    return [folder / name for name in content]
+    return write_folder(folder, content)

@@ -7,11 +7,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from lptn.places import class_of
-from lptn.report.style import FAINT, INK, SMALL, TEXT, dress, new_figure, plain, time_axis
+from lptn.report.style import FAINT, INK, LIMIT, SMALL, TEXT, dress, new_figure, plain, time_axis
 
 from .plan import Plan
 
-_LIMIT = "#D55E00"
 _COLOURS = ("#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#8C6D31")
 _BARS = 8
 _VERDICTS = {
@@ -47,10 +46,10 @@ def _temperatures(ax: Axes, plan: Plan) -> None:
         ax.plot(time, plan.course.states[row], lw=1.0, color=colour, label=label)
     for limit in sorted(set(plan.mission.limits.values())):
         held = [class_of(node) for node, most in plan.mission.limits.items() if most == limit]
-        ax.axhline(limit, color=_LIMIT, lw=1.0, ls=(0, (4, 2)))
+        ax.axhline(limit, color=LIMIT, lw=1.0, ls=(0, (4, 2)))
         named = ", ".join(dict.fromkeys(held))
         ax.annotate(f"limit of {plain(named)}", (0.005, limit), (0, 2), xycoords=("axes fraction", "data"),
-                    textcoords="offset points", fontsize=SMALL, color=_LIMIT)  # fmt: skip
+                    textcoords="offset points", fontsize=SMALL, color=LIMIT)  # fmt: skip
     ax.set_ylabel("temperature [degC]")
     ax.set_ylim(top=max([*plan.mission.limits.values(), float(plan.course.states.max())]) + 4)
     ax.legend(frameon=False, fontsize=SMALL, ncols=len(classes), loc="lower right")

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from lptn.arrays import FloatArray
-from lptn.errors import InputError
+from lptn.errors import InputError, shown
 from lptn.model import Model
 from lptn.places import matching
 
@@ -17,6 +17,7 @@ from .activities import REST
 from .gait import Gait, gait
 
 _FORM = math.pi / (2 * math.sqrt(2))  # RMS over mean magnitude of a sine, for a speed of which only the mean is given
+_MOST = 1e15  # SI; beyond it no quantity of a robot lies
 _IDLE = ("torque", "current", "current_abs", "velocity", "velocity_rms", "mechanical_power", "powered")
 _BELOW = -1e-6  # relative to its largest cell; further below zero a table swings between its cells
 
@@ -43,7 +44,7 @@ def gait_from_tables(
     for quantity, by_place in given.items():
         place = f"gaits.{name}.{quantity}"
         if not isinstance(by_place, Mapping):
-            raise InputError(origin, place, repr(by_place), 'a table of places, such as { "*_calf" = … }')
+            raise InputError(origin, place, shown(by_place), 'a table of places, such as { "*_calf" = … }')
         for pattern, values in by_place.items():
             where = f'{place}."{pattern}"'
             columns = [c for c in model.inputs if c.partition(".")[0] == quantity]
@@ -107,6 +108,7 @@ def _table(values: Any, shape: tuple[int, int], origin: str, where: str) -> Floa
         array = array[None, :] if shape[1] > 1 else array[:, None]
     if array.ndim > 2 or array.shape not in ((), shape, (shape[0], 1), (1, shape[1])):
         raise InputError(origin, where, f"a table of {' x '.join(map(str, array.shape))}", expected)
-    if not np.isfinite(array).all() or (array < 0).any():
-        raise InputError(origin, where, f"{float(array.min()):g}", expected)
+    wrong = array[~((array >= 0) & (array < _MOST))]
+    if wrong.size:
+        raise InputError(origin, where, f"{float(wrong[0]):g}", expected)
     return np.broadcast_to(array, shape)

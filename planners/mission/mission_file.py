@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
 from lptn.arrays import FloatArray
-from lptn.errors import InputError
+from lptn.errors import InputError, shown
 from lptn.logs import parse_columns
 from lptn.model import Model
 from lptn.model_mistakes import text_of, told_by_line
@@ -81,7 +81,7 @@ def _start(task: TaskTable, model: Model, origin: str) -> FloatArray:
             nodes[[model.nodes.index(node) for node in found]] = TypeAdapter(Celsius).validate_python(value)
         except ValidationError as error:
             place = "task.start" if single else f'task.start."{pattern}"'
-            raise InputError(origin, place, repr(value), "a temperature in degC, -80 to 500") from error
+            raise InputError(origin, place, shown(value), "a temperature in degC, -80 to 500") from error
     return np.asarray(nodes[np.array(model.owners)])
 
 
@@ -134,7 +134,7 @@ def _between(table: ActivityTable, place: str, origin: str) -> Between:
         return Between.model_validate(given)
     except ValidationError as error:
         key = str(error.errors()[0]["loc"][0])
-        raise InputError(origin, f"{place}.{key}", repr(given[key]), "a number, or [least, most]") from error
+        raise InputError(origin, f"{place}.{key}", shown(given[key]), "a number, or [least, most]") from error
 
 
 def _range(given: float | list[float] | None, cells: FloatArray, place: str, unit: str, origin: str) -> Range:

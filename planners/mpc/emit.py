@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lptn.arrays import FloatArray
-from lptn.files import write_whole
+from lptn.files import write_folder
 
 if TYPE_CHECKING:
     from .controller import TorqueMPC
@@ -17,7 +17,7 @@ _NUMBERS_IN_A_LINE = 8
 
 
 def emit(mpc: TorqueMPC, folder: Path, start: FloatArray, asked: FloatArray, conditions: FloatArray) -> list[Path]:
-    """Write a controller's C code into an existing folder.
+    """Write a controller's C code into a folder, made where it is missing.
 
     Args:
         mpc: the controller; its step there gives the same digits as here.
@@ -44,9 +44,7 @@ def emit(mpc: TorqueMPC, folder: Path, start: FloatArray, asked: FloatArray, con
         "example.txt": "\n".join([*(" ".join(f"{value:.10g}" for value in row) for row in rows), ""]),
         **mpc.sources,
     }
-    for name, text in content.items():
-        write_whole(folder / name, text)
-    return [folder / name for name in content]
+    return write_folder(folder, content)
 
 
 def settings_header(mpc: TorqueMPC) -> str:

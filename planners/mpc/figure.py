@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from lptn.report.style import BEST, GIVEN, INK, MEASURED, SMALL, TEXT, dress, new_figure, plain, time_axis
+from lptn.report.style import BEST, GIVEN, INK, LIMIT, MEASURED, SMALL, TEXT, dress, new_figure, plain, time_axis
 
 from .heat import heating
 
@@ -17,7 +17,6 @@ if TYPE_CHECKING:
 
 _COLUMNS, _MOST = 3, 12
 _ROW, _EXTRA = 1.75, 0.5  # inch
-_LIMIT = "#CC0000"
 
 
 def track_figure(found: TrackAnswer) -> Figure:
@@ -63,9 +62,9 @@ def _temperature(ax: object, found: TrackAnswer, joint: str, ends: object) -> No
     ax.plot(ends, values, **GIVEN)  # type: ignore[attr-defined]
     if joint in found.limits:
         limit = found.limits[joint]
-        ax.axhline(limit, color=_LIMIT, linewidth=1.2)  # type: ignore[attr-defined]
+        ax.axhline(limit, color=LIMIT, linewidth=1.2)  # type: ignore[attr-defined]
         over = np.maximum(values, limit)
-        ax.fill_between(ends, limit, over, color=_LIMIT, alpha=0.35, linewidth=0)  # type: ignore[attr-defined]
+        ax.fill_between(ends, limit, over, color=LIMIT, alpha=0.35, linewidth=0)  # type: ignore[attr-defined]
     ax.margins(y=0.12)  # type: ignore[attr-defined]
 
 
@@ -74,8 +73,8 @@ def _legend(found: TrackAnswer) -> list[Line2D]:
         Line2D([], [], color=INK, linewidth=0.8, label="requested"),
         Line2D([], [], color=BEST["color"], linewidth=1.8, label="admitted"),
         Line2D([], [], label="temperature", **GIVEN),
-        Line2D([], [], color=_LIMIT, linewidth=1.2, label="limit"),
+        Line2D([], [], color=LIMIT, linewidth=1.2, label="limit"),
     ]
     if found.slack.max(initial=0.0) > 0:
-        lines.append(Line2D([], [], color=_LIMIT, alpha=0.35, linewidth=6, label="slack"))
+        lines.append(Line2D([], [], color=LIMIT, alpha=0.35, linewidth=6, label="slack"))
     return lines

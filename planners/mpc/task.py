@@ -118,6 +118,7 @@ def read_task(table: Mapping[str, Any], origin: str, model: Model) -> Task:
             if abs(steps * period - phase.duration) > 1e-6 * phase.duration:
                 place = f"phases[{number}].duration"
                 raise InputError(origin, place, f"{phase.duration:g}", f"a multiple of {period:g} s")
+            _refuse_many(len(asked) + steps, period, origin)
             levels = by_name(getattr(phase, request), heat.joints, origin, f"phases[{number}].{request}")
             given = file.conditions | phase.conditions
             asked += [np.array([levels.get(joint, 0.0) for joint in heat.joints])] * steps
@@ -126,11 +127,15 @@ def read_task(table: Mapping[str, Any], origin: str, model: Model) -> Task:
         for name in ("current_limits", "weights", "rates"):
             by_name(getattr(file, name), heat.joints, origin, name)
         repeated = file.task.repeat
-        if len(asked) * repeated > _MOST_STEPS:
-            found = f"{len(asked) * repeated} steps of {period:g} s"
-            raise InputError(origin, "task.period", found, f"at most {_MOST_STEPS}: a longer period, or a shorter task")
+        _refuse_many(len(asked) * repeated, period, origin)
         return Task(model, file.task.name, request, period, np.array(asked * repeated), np.array(around * repeated),
                     start_of(file.start, model, origin), file)  # fmt: skip
+
+
+def _refuse_many(steps: int, period: float, origin: str) -> None:
+    if steps > _MOST_STEPS:
+        found = f"{steps} steps of {period:g} s"
+        raise InputError(origin, "task.period", found, f"at most {_MOST_STEPS}: a longer period, or a shorter task")
 
 
 def _request(file: File, model: Model, origin: str) -> Request:

@@ -61,5 +61,5 @@ class EmitsC(Protocol):
     """A kind that can also write its step as C code for a robot (`lptn plan --emit-c DIR`)."""
 
     def emit_c(self, task: Any, folder: Path) -> list[Path]:
-        """Write the C files into an existing folder; returns the files, in the order a person reads them."""
+        """Write the C files into a folder, made if missing; returns the files, in the order a person reads them."""
         ...

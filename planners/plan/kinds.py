@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from importlib import import_module
 from typing import Any
 
-from lptn.errors import InputError
+from lptn.errors import InputError, shown
 
 from .kind import Kind
 
@@ -29,7 +29,7 @@ def kind_of(table: Mapping[str, Any], origin: str) -> Kind[Any]:
     task = table.get("task")
     kind = task.get("kind") if isinstance(task, Mapping) else None
     if not isinstance(kind, str) or kind not in _WHERE:
-        found = "no such key" if kind is None else f"{kind!r}"
+        found = "no such key" if kind is None else shown(kind)
         raise InputError(origin, "task.kind", found, f"one of {', '.join(KINDS)}")
     module, _, name = _WHERE[kind].rpartition(".")
     planner: Kind[Any] = getattr(import_module(module), name)

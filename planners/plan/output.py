@@ -54,6 +54,5 @@ def check_folder(folder: Path | None, kind: Kind[Any], origin: str) -> None:
 def write_c(kind: Kind[Any], task: Any, folder: Path) -> None:
     """Write a kind's C code into a folder that `check_folder` has passed."""
     if isinstance(kind, EmitsC):
-        folder.mkdir(exist_ok=True)
         for path in kind.emit_c(task, folder):
             print(f"wrote {path}")

@@ -13,7 +13,7 @@ from pydantic import Field
 from lptn.arrays import FloatArray
 from lptn.errors import InputError
 from lptn.model import Model
-from lptn.model_mistakes import text_of, told_by_line
+from lptn.model_mistakes import text_of, told_by_line, toml_of
 from lptn.model_schema import Number
 from lptn.places import matching
 
@@ -30,12 +30,7 @@ def load_task(path: Path) -> dict[str, Any]:
     Raises:
         InputError: it can't be read, or is no TOML.
     """
-    import tomlkit
-
-    text = text_of(path, "a task file")
-    with told_by_line(path, text):
-        document = tomlkit.parse(text)
-    return dict(document.unwrap())
+    return toml_of(path, text_of(path, "a task file"))
 
 
 @contextmanager

@@ -10,6 +10,7 @@ from pydantic import BeforeValidator, Field
 from lptn.model_schema import Number, Strict
 from lptn.units import convert
 
+_LEAST = 1e-12  # SI
 Goal = Literal["held_torque", "time_to_limit", "worst_temperature", "mass", "volume"]
 Cooling = Literal["none", "passive", "fan"]
 Kind = Literal["hold", "cycle", "level_walking", "jump"]
@@ -20,18 +21,25 @@ def _quantity(unit: str) -> BeforeValidator:
 
     def read(given: Any) -> Any:
         if not isinstance(given, Mapping):
-            return given
+            return _not_dust(given)
         if set(given) != {"value", "unit"}:
             raise ValueError(f'a number in {unit}, or {{ value = …, unit = "…" }}')
         number, named = given["value"], given["unit"]
         if isinstance(number, bool) or not isinstance(number, int | float) or not isinstance(named, str):
             raise ValueError(f'a number in {unit}, or {{ value = …, unit = "…" }}')
         try:
-            return convert(float(number), named, unit)
+            return _not_dust(convert(float(number), named, unit))
         except ValueError as error:
             raise ValueError(f"a unit like {unit}") from error
 
     return BeforeValidator(read)
+
+
+def _not_dust(value: Any) -> Any:
+    """Refuse what is above 0 by a hair: the inverse of it is no number any more."""
+    if isinstance(value, float) and 0 < abs(value) < _LEAST:
+        raise ValueError(f"0, or a size of at least {_LEAST:g}")
+    return value
 
 
 _POSITIVE, _NOT_NEGATIVE = Field(gt=0), Field(ge=0)

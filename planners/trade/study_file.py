@@ -7,11 +7,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import tomlkit
 
-from lptn.errors import InputError
+from lptn.errors import InputError, shown
 from lptn.model_file import load_model, parse_model
-from lptn.model_mistakes import text_of, told_by_line
+from lptn.model_mistakes import text_of, told_by_line, toml_of
 from lptn.network import Network
 from lptn.robots import presets
 from lptn.units import convert
@@ -24,11 +23,15 @@ from .sink import Air, blown_air, still_air
 from .study import Study
 
 _UNITS = {"mass": "kg", "volume": "m^3", "torque": "N*m", "duration": "s"}
+_MOST_FACTOR = 1e6  # kg of body on a motor without gear
 _NEEDED = {"mass": "a mass in kg", "volume": "a volume in m^3", "torque_constant": "a torque constant in N*m/A"}
 
 
 def load_study(path: Path) -> Study:
     """Read a study file.
+
+    Args:
+        path: of the TOML file; models that it names stand beside it.
 
     Raises:
         InputError: it can't be read, is not TOML, or says something that can't be a study; with its line.
@@ -43,7 +46,7 @@ def parse_study(text: str, path: Path) -> Study:
         InputError: with the line of the mistake.
     """
     with told_by_line(path, text):
-        tables = File.model_validate(tomlkit.parse(text).unwrap())
+        tables = File.model_validate(toml_of(path, text))
         return _study(tables, path)
 
 
@@ -176,7 +179,11 @@ def _cycle(table: TaskTable, path: Path) -> tuple[Any, float]:
         raise InputError(path, "task", "a torque of its own", f"body_mass, gear and share for {table.kind}")
     moment = {"level_walking": profiles.level_walking, "jump": profiles.jump}[table.kind](table.samples)
     period = {"level_walking": profiles.WALKING_PERIOD, "jump": profiles.JUMP_PERIOD}[table.kind]
-    return moment * table.body_mass * table.share / table.gear, table.period or period
+    factor = table.body_mass * table.share / table.gear
+    if not 0 < factor < _MOST_FACTOR:
+        expected = f"body_mass * share / gear below {_MOST_FACTOR:g} kg"
+        raise InputError(path, "task", f"{factor:g} kg", expected)
+    return moment * factor, table.period or period
 
 
 # --- the rest -----------------------------------------------------------------------------------
@@ -208,7 +215,9 @@ def _sweep(table: SweepTable, study: Study, path: Path) -> Sweep:
         try:
             value = convert(float(given["value"]), given["unit"], unit) if isinstance(given, dict) else float(given)
         except (KeyError, TypeError, ValueError) as error:
-            raise InputError(path, f"pareto.{name}", f"{given!r}", f"a number in {unit}") from error
+            raise InputError(path, f"pareto.{name}", shown(given), f"a number in {unit}") from error
+        if not abs(value) < 1e15:
+            raise InputError(path, f"pareto.{name}", shown(given), f"a number in {unit} below 1e15")
         ends.append(value)
     if not 0 < ends[0] < ends[1]:
         raise InputError(path, "pareto.least", f"{ends[0]:g} to {ends[1]:g} {unit}", "a least above 0, below the most")

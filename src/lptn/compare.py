@@ -150,6 +150,8 @@ def predict(model: Model, part: Part, sigma: FloatArray) -> Prediction:
     """Predict a run from the initial states that its opening gives.
 
     Args:
+        model: at the values that it is to predict with.
+        part: the run, which stretch of it finds the start, and which counts.
         sigma: standard deviation that weighs each node [K], shape (nodes,).
     """
     driven = drive(model, part.run)

@@ -28,7 +28,7 @@ def compare(
     Example: lptn compare whole-body.toml friday.parquet --against single-nodes.toml --report versus.html
     """
     needs_logs(logs)
-    check_outputs(json, plot, report)
+    check_outputs(json, plot, report, inputs=(model, *logs, *(() if against is None else (against,))))
     check_picture(plot)
     if against is None:
         _alone(model, logs, json, plot, report, map or [])
@@ -44,10 +44,14 @@ def _alone(
     from lptn.files import write_whole
     from lptn.opening import open_model
     from lptn.report import comparison_figure, comparison_html
-    from lptn.terminal import show_comparison, write_json
+    from lptn.run_names import say_absent_runs
+    from lptn.terminal import progress, show_comparison, write_json
 
-    opened = open_model(model, mapped)
-    found = measured(opened.model, evidence((), opened.runs(logs)).holdout)
+    with progress("comparing"):
+        opened = open_model(model, mapped)
+        runs = opened.runs(logs)
+        found = measured(opened.model, evidence((), runs).holdout)
+    say_absent_runs(opened.model.network, runs)
     show_comparison(found)
     write_json(json, found.as_json())
     if plot is not None:
@@ -69,12 +73,13 @@ def _versus(
     from lptn.files import write_whole
     from lptn.opening import open_model
     from lptn.report import versus_figure, versus_html
-    from lptn.terminal import show_versus, write_json
+    from lptn.terminal import progress, show_versus, write_json
     from lptn.versus import versus
 
-    one, other = open_model(model, mapped), open_model(against, mapped)
-    parts = [evidence((), opened.runs(logs)).holdout for opened in (one, other)]
-    found = versus(one.model, other.model, *parts)
+    with progress("comparing"):
+        one, other = open_model(model, mapped), open_model(against, mapped)
+        parts = [evidence((), opened.runs(logs)).holdout for opened in (one, other)]
+        found = versus(one.model, other.model, *parts)
     show_versus(found)
     write_json(json, found.model.as_json() | {"against": found.as_json()})
     if plot is not None:

@@ -8,8 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from lptn.elements import KINDS, Element, Shape
-from lptn.errors import InputError
-from lptn.model_mistakes import shown
+from lptn.errors import InputError, shown
 from lptn.model_schema import ElementTable
 from lptn.parameters import Parameter
 

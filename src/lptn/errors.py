@@ -2,7 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
+
+_LONGEST = {"file": 300, "place": 200, "found": 300, "expected": 900}  # characters of each part
+
+
+def one_line(text: object) -> str:
+    """A text as one line that does nothing to a terminal: blanks single, whatever can't be printed as its escape."""
+    return "".join(
+        character if character.isprintable() else character.encode("unicode_escape").decode()
+        for character in " ".join(str(text).split())
+    )
 
 
 class InputError(ValueError):
@@ -20,4 +31,26 @@ class InputError(ValueError):
         super().__init__(file, place, found, expected)
 
     def __str__(self) -> str:
-        return " ".join(f"{self.file}: {self.place}: found {self.found}; expected {self.expected}".split())
+        file, place, found, expected = (_short(getattr(self, part), most) for part, most in _LONGEST.items())
+        file = file if file == self.file else f"…{self.file[-_LONGEST['file'] :]}"  # a path's end says more
+        return one_line(f"{file}: {place}: found {found}; expected {expected}")
+
+
+def _short(text: str, most: int) -> str:
+    return text if len(text) <= most else text[: most - 1] + "…"
+
+
+def shown(found: object) -> str:
+    """What was found, as TOML would have it, cut to a length that fits a line."""
+    text = _as_toml(found)
+    return text if len(text) <= 60 else text[:57] + "…"
+
+
+def _as_toml(found: object) -> str:
+    if isinstance(found, bool):
+        return str(found).lower()
+    if isinstance(found, Mapping):
+        return "{ " + ", ".join(f"{key} = {_as_toml(inner)}" for key, inner in found.items()) + " }" if found else "{}"
+    if isinstance(found, list):
+        return "[" + ", ".join(map(_as_toml, found)) + "]"
+    return repr(found)

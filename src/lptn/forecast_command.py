@@ -47,7 +47,7 @@ def forecast(
     from lptn.opening import open_model
     from lptn.terminal import progress, write_json
 
-    check_outputs(json, plot)
+    check_outputs(json, plot, inputs=(model, log))
     check_picture(plot)
     limits, chosen = _limits(limit), _window(window)
     opened = open_model(model, map or ())

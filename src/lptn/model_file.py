@@ -11,7 +11,7 @@ import tomlkit
 
 from lptn.files import write_whole
 from lptn.logs import ColumnSource, parse_columns
-from lptn.model_mistakes import text_of, told_by_line
+from lptn.model_mistakes import text_of, told_by_line, toml_of
 from lptn.model_reader import Reader, flat_columns
 from lptn.model_schema import File, FitTable
 from lptn.network import EffectDeclaration, Network
@@ -90,6 +90,9 @@ class ModelFile:
 def load_model(path: Path) -> ModelFile:
     """Read a model file.
 
+    Args:
+        path: of the TOML file.
+
     Raises:
         InputError: it can't be read, is not TOML, or says something that can't be a model; with its line.
     """
@@ -103,7 +106,7 @@ def parse_model(text: str, path: Path) -> ModelFile:
         InputError: with the line of the mistake.
     """
     with told_by_line(path, text):
-        content = tomlkit.parse(text).unwrap()
+        content = toml_of(path, text)
         tables = File.model_validate(content)
         columns = parse_columns(flat_columns(tables.columns), path, "columns")
         network = Reader(path, tables).network()

@@ -7,12 +7,27 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import tomlkit
 from pydantic import ValidationError
 from tomlkit.exceptions import ParseError, TOMLKitError
 
-from lptn.errors import InputError
+from lptn.errors import InputError, shown
 from lptn.places import is_glob
 from lptn.toml_places import locate
+
+_GREATEST = 2**63 - 1
+_KINDS = {
+    "float_type": "a number",
+    "finite_number": "a finite number",
+    "int_type": "a whole number",
+    "string_type": "a text in quotes",
+    "bool_type": "true or false",
+    "list_type": "a list, […]",
+    "dict_type": "a table, {…}",
+    "model_type": "a table, {…}",
+    "model_attributes_type": "a table, {…}",
+}
+"""What pydantic expected, by its kind of error."""
 
 
 def text_of(path: Path, expected: str) -> str:
@@ -32,19 +47,48 @@ def text_of(path: Path, expected: str) -> str:
         raise InputError(path, "file", reason or "no file", expected) from error
 
 
+def toml_of(path: Path, text: str) -> dict[str, Any]:
+    """A TOML text as plain Python values.
+
+    Raises:
+        InputError: it is no TOML, or holds a number that no program can use; with its line.
+    """
+    try:
+        content = tomlkit.parse(text).unwrap()
+        _check_integers(path, content)
+    except ParseError as error:
+        raise InputError(path, f"line {error.line}", sentence(str(error)), "TOML") from error
+    except RecursionError as error:
+        raise InputError(path, "file", "tables or lists in each other without end", "TOML of a few levels") from error
+    except InputError as error:
+        raise with_line(error, path, text) from error
+    except (TOMLKitError, ValueError, OverflowError) as error:  # such as a number of 5000 digits
+        raise InputError(path, "file", sentence(str(error)), "TOML") from error
+    return content
+
+
+def _check_integers(path: Path, content: object, place: str = "") -> None:
+    """Refuse whole numbers beyond what TOML promises: they are no `float` either."""
+    if isinstance(content, Mapping):
+        for key, inner in content.items():
+            _check_integers(path, inner, place + _step(str(key)))
+    elif isinstance(content, list):
+        for number, inner in enumerate(content):
+            _check_integers(path, inner, f"{place}[{number}]")
+    elif isinstance(content, int) and abs(content) > _GREATEST:
+        found = f"a whole number of {len(hex(content)) * 4 // 13} digits"
+        raise InputError(path, place.lstrip("."), found, "one of 18 digits at most")
+
+
 @contextmanager
 def told_by_line(path: Path, text: str) -> Iterator[None]:
-    """Turn what goes wrong while a TOML text is read into one line that names the place.
+    """Turn what goes wrong while a TOML text is understood into one line that names the place.
 
     Raises:
         InputError: with the line of the mistake.
     """
     try:
         yield
-    except ParseError as error:
-        raise InputError(path, f"line {error.line}", sentence(str(error)), "TOML") from error
-    except TOMLKitError as error:
-        raise InputError(path, "file", sentence(str(error)), "TOML") from error
     except ValidationError as error:
         raise from_validation(error, path, text) from error
     except InputError as error:
@@ -58,11 +102,14 @@ def from_validation(error: ValidationError, path: Path, text: str) -> InputError
         first = max(error.errors(), key=lambda each: len(each["loc"]))
     # A union reports each alternative with its own name in the path; only the file's own keys are wanted.
     keys = [part for part in first["loc"] if isinstance(part, int) or not _is_alternative(part)]
-    place = ""
-    for key in keys:
-        place += f"[{key}]" if isinstance(key, int) else f'."{key}"' if "." in key or is_glob(key) else f".{key}"
-    place = place.lstrip(".") or "file"
-    return with_line(InputError(path, place, shown(first["input"]), expectation(first)), path, text)
+    place = "".join(map(_step, keys)).lstrip(".") or "file"
+    return with_line(InputError(path, place, found_in(first), expectation(first)), path, text)
+
+
+def _step(key: str | int) -> str:
+    if isinstance(key, int):
+        return f"[{key}]"
+    return f'."{key}"' if "." in key or is_glob(key) else f".{key}"
 
 
 def _is_alternative(part: str) -> bool:
@@ -76,18 +123,19 @@ def expectation(error: Any) -> str:
         return f'no key "{error["loc"][-1]}" here'
     if kind == "missing":
         return f'a key "{error["loc"][-1]}"'
+    if kind in _KINDS:
+        return _KINDS[kind]
     return sentence(message.removeprefix("Input should be ").removeprefix("Value error, "))
 
 
-def shown(found: object) -> str:
-    """What was found, cut to a length that fits a line."""
-    text = repr(found)
-    return text if len(text) <= 60 else text[:57] + "…"
+def found_in(error: Any) -> str:
+    """What stands in the file where pydantic found a mistake."""
+    return "no such key" if error["type"] == "missing" else shown(error["input"])
 
 
 def sentence(message: str) -> str:
     """A message that can stand behind a colon."""
-    return message[:1].lower() + message[1:]
+    return message[:1].lower() + message[1:] if message[1:2].islower() else message
 
 
 def with_line(error: InputError, path: Path, text: str) -> InputError:

@@ -13,8 +13,8 @@ from pydantic import ValidationError
 
 from lptn.effects import catalogue
 from lptn.element_reader import ElementReader
-from lptn.errors import InputError
-from lptn.model_mistakes import expectation, shown
+from lptn.errors import InputError, shown
+from lptn.model_mistakes import expectation, found_in
 from lptn.model_schema import EffectTable, ElementTable, File, LinkTable, NodeTable, ParameterTable
 from lptn.network import START, EffectDeclaration, LinkDeclaration, Network, NodeDeclaration
 from lptn.parameters import Parameter
@@ -78,8 +78,8 @@ class Reader:
         if table.element is not None:
             return self._body(name, table, table.element, place)
         if (table.capacity is None) == (table.temperature is None):
-            found = "neither" if table.capacity is None else "both"
-            raise InputError(self.path, place, f"{found} capacity and temperature", "one of the two")
+            found = "neither capacity nor" if table.capacity is None else "both capacity and"
+            raise InputError(self.path, place, f"{found} temperature", "one of the two")
         if table.capacity is not None:
             return NodeDeclaration(name, capacity=self._parameter(_CAPACITY, table.capacity, f"{place}.capacity"))
         return NodeDeclaration(name, temperature=self._temperature(table.temperature, f"{place}.temperature"))
@@ -92,9 +92,9 @@ class Reader:
         element = reader.element()
         computed = reader.capacity(element.shape)
         if (computed is None) == (table.capacity is None):
-            found = "neither" if computed is None else "both"
+            found = "neither capacity nor" if computed is None else "both capacity and"
             expected = "either capacity, or density and specific_heat in the element"
-            raise InputError(self.path, f"{place}.element", f"{found} capacity and density", expected)
+            raise InputError(self.path, f"{place}.element", f"{found} density", expected)
         capacity = computed or self._parameter(_CAPACITY, table.capacity, f"{place}.capacity")
         return NodeDeclaration(name, capacity=capacity, element=element)
 
@@ -137,7 +137,7 @@ class Reader:
         except (TypeError, ValueError) as error:
             name = next(iter(words))
             expected = " or ".join(f'"{word}"' for word in kind.options[name])
-            raise InputError(self.path, f"{place}.{name}", f"{words[name]!r}", expected) from error
+            raise InputError(self.path, f"{place}.{name}", shown(words[name]), expected) from error
         driven_by, run = table.driven_by or "", table.run or ""
         return EffectDeclaration(effect, table.at, tuple(parameters), driven_by=driven_by, run=run)
 
@@ -186,7 +186,7 @@ class Reader:
             first = error.errors()[0]
             inner = ".".join(str(part) for part in first["loc"])
             where = f"{place}.{inner}" if inner else place
-            raise InputError(self.path, where, shown(first["input"]), expectation(first)) from error
+            raise InputError(self.path, where, found_in(first), expectation(first)) from error
 
 
 def flat_columns(columns: Mapping[str, Any]) -> dict[str, object]:

@@ -8,7 +8,8 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from lptn.parameters import Share
 
-Number = Annotated[float, Field(allow_inf_nan=False, strict=True)]
+_MOST = 1e15  # beyond it no quantity of a robot lies, in whatever unit, and squares would overflow
+Number = Annotated[float, Field(allow_inf_nan=False, strict=True, ge=-_MOST, le=_MOST)]
 
 
 class Strict(BaseModel):

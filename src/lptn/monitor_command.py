@@ -60,7 +60,7 @@ def monitor(
     from lptn.terminal import progress, write_json
 
     needs_logs(logs)
-    check_outputs(json, plot, calibration if healthy else None)
+    check_outputs(json, plot, calibration if healthy else None, inputs=(model, *logs, *(healthy or ())))
     check_picture(plot)
     opened = open_model(model, map or ())
     runs, good = opened.runs(logs), opened.runs(healthy or [])

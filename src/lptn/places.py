@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
-from fnmatch import fnmatchcase
+from fnmatch import fnmatchcase, translate
 from functools import lru_cache
 
 EVERYWHERE = "*"
@@ -101,14 +101,14 @@ def _expression(pattern: str) -> re.Pattern[str]:
     parts = re.split(r"(\{[A-Za-z_]\w*\}|\*|\?|\[[^\]]+\])", pattern)
     expression, seen = "", set()
     for part in parts:
-        field = part[1:-1] if re.fullmatch(r"\{\w+\}", part) else ""
+        field = part[1:-1] if re.fullmatch(r"\{[A-Za-z_]\w*\}", part) and part[1:-1].isidentifier() else ""
         if field and field in seen:
             expression += f"(?P={field})"
         elif field:
             expression += f"(?P<{field}>[^~]+?)"
             seen.add(field)
         elif part.startswith("[") and part.endswith("]"):
-            expression += part.replace("[!", "[^", 1)
+            expression += translate(part).removeprefix("(?s:").rpartition(")")[0]
         else:
             expression += {"*": ".*", "?": "."}.get(part, re.escape(part))
     return re.compile(expression)

@@ -13,12 +13,23 @@ from lptn.errors import InputError
 from lptn.files import write_whole
 
 
+def check_ending(path: Path) -> None:
+    """Refuse a kind of table that can't be written.
+
+    Raises:
+        InputError: the file name ends in neither `.csv` nor `.parquet`.
+    """
+    if path.suffix not in (".csv", ".parquet"):
+        raise InputError(path, "--output", f"a file name ending in '{path.suffix}'", "one ending in .csv or .parquet")
+
+
 def write_predictions(comparison: Comparison, path: Path) -> None:
     """Write time [s], each node's predicted reading [degC] and the inputs, runs one after the other.
 
     Raises:
         InputError: the file name ends in neither `.csv` nor `.parquet`, or can't be written.
     """
+    check_ending(path)
     tables = []
     for prediction in comparison.predictions:
         columns = {"time": prediction.drive.run.time}
@@ -30,9 +41,7 @@ def write_predictions(comparison: Comparison, path: Path) -> None:
     table = pd.concat(tables, ignore_index=True)
     if path.suffix == ".csv":
         write_whole(path, table.to_csv(index=False, float_format="%.6g"))
-    elif path.suffix == ".parquet":
+    else:
         buffer = io.BytesIO()
         table.astype(np.float64).to_parquet(buffer, index=False)
         write_whole(path, buffer.getvalue())
-    else:
-        raise InputError(path, "--output", f"a file name ending in '{path.suffix}'", "one ending in .csv or .parquet")

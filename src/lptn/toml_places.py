@@ -15,7 +15,7 @@ def locate(text: str, place: str) -> int | None:
     best: tuple[int, int] | None = None
     header: list[str] = []
     seen: dict[str, int] = {}
-    for number, line in enumerate(text.splitlines(), start=1):
+    for number, line in enumerate(text.split("\n"), start=1):
         stripped = line.strip()
         if stripped.startswith("["):
             header = _header(stripped, seen)

@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from functools import cache
 from typing import Any
+
+_LONGEST = 60  # characters; no unit that people write comes near
+_NUMBER = re.compile(r"(?<!\w)\d[\d.]*")
+_POWER = ("**", "^")
 
 
 @cache
@@ -11,7 +16,23 @@ def registry() -> Any:
     """Pint's registry, made on first use: it takes a third of a second."""
     import pint
 
-    return pint.UnitRegistry()
+    return pint.UnitRegistry(preprocessors=[_harmless])
+
+
+def _harmless(unit: str) -> str:
+    """A unit's text, refused where it is arithmetic: pint works `9**9**9` out, for hours.
+
+    Raises:
+        ValueError: it is longer than any unit, or holds a number that is neither 1 nor an exponent of two digits.
+    """
+    if len(unit) > _LONGEST:
+        raise ValueError("more text than a unit has")
+    for number in _NUMBER.finditer(unit):
+        before, after = unit[: number.start()].rstrip("-+( "), unit[number.end() :].lstrip(") ")
+        exponent = before.endswith(_POWER) and len(number[0]) <= 2
+        if not (exponent or number[0] == "1") or (exponent and after.startswith(_POWER)):
+            raise ValueError("a number in a unit that is no exponent")
+    return unit
 
 
 def convert(value: float, unit: str, target: str) -> float:

@@ -182,7 +182,7 @@ MISTAKES: dict[str, tuple[str, str, str, tuple[str, ...]]] = {
         'density = { value = 7.65, unit = "g/cm^3" }\nspecific_heat = 490\n',
         "",
         "line 4",
-        ("neither capacity and density",),
+        ("neither capacity nor density",),
     ),
     "temperature": (
         "[nodes.stator.element]",

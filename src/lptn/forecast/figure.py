@@ -10,14 +10,13 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from lptn.forecast.result import Forecast, NodeForecast
-from lptn.report.style import GIVEN, INK, MEASURED, SMALL, TEXT, dress, new_figure, plain
+from lptn.report.style import GIVEN, INK, LIMIT, MEASURED, SMALL, TEXT, dress, new_figure, plain
 
 _COLUMNS = 3
 _MOST = 12
 _PANEL = 2.1  # inch
 _LEGEND = 0.4  # inch
 _BEYOND = 1.4  # times the last interval's end that is shown
-_LIMIT = "#CC0000"
 
 
 def forecast_figure(found: Forecast) -> Figure:
@@ -60,7 +59,7 @@ def _panel(ax: Axes, found: Forecast, one: NodeForecast, span: tuple[float, floa
     )
     ax.plot(found.log[past] / 60, found.measured[row][past], **MEASURED)
     ax.plot(minutes[shown], found.temperature[row][shown], **GIVEN)
-    ax.axhline(one.limit, color=_LIMIT, linewidth=1.2)
+    ax.axhline(one.limit, color=LIMIT, linewidth=1.2)
     ax.axvline(0.0, color="0.6", linewidth=0.8)
     if one.reaches and one.time_to_limit > 0:
         high = one.high if isfinite(one.high) else span[1] * 1.05
@@ -85,6 +84,6 @@ def _legend(found: Forecast) -> list[Line2D | Patch]:
         Line2D([], [], label="measured", **MEASURED),
         Line2D([], [], label="expected", **GIVEN),
         Patch(color=GIVEN["color"], alpha=0.25, label=f"{found.coverage:.0%} interval"),
-        Line2D([], [], color=_LIMIT, linewidth=1.2, label="limit"),
+        Line2D([], [], color=LIMIT, linewidth=1.2, label="limit"),
         Line2D([], [], color=INK, linewidth=3.0, marker="o", markersize=4, label="time to the limit, interval"),
     ]

@@ -12,13 +12,12 @@ from matplotlib.lines import Line2D
 
 from lptn.monitor.monitoring import Monitoring, Watched
 from lptn.report.decimate import decimated
-from lptn.report.style import BEST, GIVEN, MEASURED, SMALL, TEXT, dress, new_figure, plain, time_axis
+from lptn.report.style import BEST, GIVEN, LIMIT, MEASURED, SMALL, TEXT, dress, new_figure, plain, time_axis
 
 _MOST = 6
 _PANEL, _LEGEND = 2.9, 0.35  # inch
-_RED = "#C1121F"
-_LIMIT: dict[str, Any] = {"color": _RED, "linewidth": 1.0, "linestyle": (0, (1, 1))}
-_CALLED: dict[str, Any] = {"color": _RED, "linewidth": 1.4}
+_LIMIT: dict[str, Any] = {"color": LIMIT, "linewidth": 1.0, "linestyle": (0, (1, 1))}
+_CALLED: dict[str, Any] = {"color": LIMIT, "linewidth": 1.4}
 _EARLY: dict[str, Any] = {"color": BEST["color"], "linewidth": 1.4, "linestyle": (0, (4, 2))}
 
 

@@ -13,6 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from lptn.errors import InputError
 from lptn.files import write_whole
 from lptn.model import Model
+from lptn.model_mistakes import expectation, found_in, sentence
 from lptn.monitor.calibration import Calibration
 from lptn.noise import Noise
 from lptn.online import ModelError
@@ -72,7 +73,9 @@ def kept(path: Path, model: Model) -> Calibration:
     except ValidationError as error:
         first = error.errors()[0]
         place = ".".join(str(part) for part in first["loc"]) or "calibration"
-        raise InputError(path, place, first["msg"], "a calibration as `lptn monitor` writes it") from error
+        stands = sentence(first["msg"]) if first["type"] == "json_invalid" else found_in(first)
+        expected = "JSON" if first["type"] == "json_invalid" else expectation(first)
+        raise InputError(path, place, stands, f"{expected}, as `lptn monitor --healthy` writes it") from error
     lists = (found.still, found.noise.white, found.noise.step, found.limits.offset, found.limits.drift)
     same = all(len(each) == len(model.nodes) for each in lists)
     if found.nodes != model.nodes or not same or not set(found.model_error.inputs) <= set(model.inputs):

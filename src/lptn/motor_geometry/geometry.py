@@ -8,10 +8,8 @@ from functools import cached_property
 from importlib.resources import files
 from pathlib import Path
 
-import tomlkit
-
 from lptn.errors import InputError
-from lptn.model_mistakes import text_of, told_by_line
+from lptn.model_mistakes import text_of, told_by_line, toml_of
 from lptn.motor_geometry.materials import MATERIALS, Material, winding
 from lptn.motor_geometry.schema import GeometryFile, MaterialTable
 
@@ -187,6 +185,6 @@ def parse_geometry(text: str, path: Path) -> Geometry:
         InputError: with the line of the mistake.
     """
     with told_by_line(path, text):
-        geometry = Geometry(path, GeometryFile.model_validate(tomlkit.parse(text).unwrap()))
+        geometry = Geometry(path, GeometryFile.model_validate(toml_of(path, text)))
         geometry.check()
     return geometry

@@ -11,6 +11,15 @@ from pydantic import BeforeValidator, Field
 from lptn.model_schema import Strict
 from lptn.units import convert
 
+_LEAST = 1e-12
+
+
+def _not_dust(value: float, expected: str) -> float:
+    """Refuse what is above 0 by a hair: the inverse of it is no number any more."""
+    if 0 < abs(value) < _LEAST:
+        raise ValueError(expected)
+    return value
+
 
 def _in(unit: str) -> Callable[[object], float]:
     def read(given: object) -> float:
@@ -21,10 +30,10 @@ def _in(unit: str) -> Callable[[object], float]:
             raise ValueError(expected)
         if isinstance(given, Mapping):
             try:
-                return convert(float(value), str(given.get("unit", unit)), unit)
+                return _not_dust(convert(float(value), str(given.get("unit", unit)), unit), expected)
             except ValueError as error:
                 raise ValueError(expected) from error
-        return float(value)
+        return _not_dust(float(value), expected)
 
     return read
 

@@ -292,7 +292,7 @@ class Estimator:
 
     def _told(self, innovation: FloatArray, spreads: FloatArray) -> Estimate:
         nodes, where = len(self.model.nodes), self._dynamics.layout.parameters
-        deviations = np.sqrt(np.diag(self._covariance))
+        deviations = np.sqrt(np.maximum(np.diag(self._covariance), 0.0))  # rounding may go below 0
         coordinates = self._z[where]
         values = self._transform.backward(coordinates)
         errors = deviations[where] * np.abs(self._transform.slope(values))

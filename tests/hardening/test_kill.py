@@ -1,0 +1,28 @@
+"""Commands killed in the middle leave whole files, and run again; `python -m tests.hardening.kill` kills more often."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from random import Random
+
+import pytest
+
+from tests.hardening.kill import COMMANDS, prepare, trial
+
+
+def _killed(name: str, kills: int, folder: Path) -> None:
+    prepare(folder, name)
+    told = trial(name, kills, Random(1), folder)
+    assert told.wrong == []
+    assert told.kills == kills
+    assert told.ended_before < kills
+
+
+def test_logs_of_a_virtual_robot_that_was_killed_are_whole(tmp_path: Path) -> None:
+    _killed("virtual", 2, tmp_path)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", COMMANDS)
+def test_what_was_killed_leaves_whole_files_and_runs_again(name: str, tmp_path: Path) -> None:
+    _killed(name, 8, tmp_path)
