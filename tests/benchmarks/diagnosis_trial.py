@@ -14,11 +14,12 @@ import json
 import random
 import tempfile
 import time
-from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass
 from fnmatch import fnmatchcase
 from pathlib import Path
+from typing import Any, cast
 
 from lptn.evidence import evidence
 from lptn.ladder import Ladder, improve
@@ -187,6 +188,21 @@ def _off(case: Case, ladder: Ladder) -> float | None:
     return None
 
 
+def trial(wanted: Sequence[Case], executor: Executor) -> Iterator[Result]:
+    """Results of cases as they come, from processes or a cluster."""
+    for future in as_completed([executor.submit(run, case) for case in wanted]):
+        yield future.result()
+
+
+def _executor(jobs: int, scheduler: str | None) -> Executor:
+    if scheduler is None:
+        return ProcessPoolExecutor(jobs)
+    from dask import distributed
+
+    client: Any = distributed.Client(scheduler)  # type: ignore[no-untyped-call]
+    return cast("Executor", client.get_executor(pure=False))
+
+
 def cases(chosen: argparse.Namespace) -> list[Case]:
     """Each effect at a place drawn by the seed and the noise; nothing hidden; pairs of effects."""
     found = []
@@ -286,6 +302,7 @@ def main() -> None:
     parser.add_argument("--tier", choices=["clean", "rough"], default="clean")
     parser.add_argument("--pairs", type=int, default=0, help="cases with two hidden effects, for each seed and noise")
     parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--scheduler", help="address of a Dask scheduler whose workers run the cases")
     parser.add_argument("--out", type=Path, required=True, help="results as JSON lines; what it holds is not run again")
     chosen = parser.parse_args()
     done = {result.case: result for result in _read(chosen.out)}
@@ -296,8 +313,8 @@ def main() -> None:
     for case in wanted:
         if case in done:
             print(row(done[case]))
-    with ProcessPoolExecutor(chosen.jobs) as pool:
-        for result in pool.map(run, missing):
+    with _executor(chosen.jobs, chosen.scheduler) as executor:
+        for result in trial(missing, executor):
             done[result.case] = result
             with chosen.out.open("a", encoding="utf-8") as file:
                 file.write(json.dumps(asdict(result)) + "\n")

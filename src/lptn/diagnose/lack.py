@@ -10,7 +10,7 @@ from lptn.arrays import FloatArray
 from lptn.identify import Fit
 
 BLOCK = 60.0  # s; noise averages out over a block, a missing effect does not
-NEGLIGIBLE = 0.03  # K; nobody looks for an effect that leaves less on one node's one-minute means
+NEGLIGIBLE = 0.04  # K; nobody looks for an effect that leaves less on one node's one-minute means
 _PLAIN = 2.0  # times what noise leaves: a misfit that single readings show
 TOO_MUCH = 1.5  # mean squares above so much of their bound by chance are more than noise
 
