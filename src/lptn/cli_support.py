@@ -42,7 +42,7 @@ Map = Annotated[
     list[str] | None,
     Option(
         name="--map",
-        help="Other people's column: temperature.FR_calf=T3[degF]; may be given again.",
+        help="Other people's column: temperature.FR_calf=T3[degF]; may be given again. guess: by their names.",
         negative="",
     ),
 ]
@@ -114,7 +114,7 @@ def check_outputs(*paths: Path | None, inputs: Iterable[Path] = ()) -> None:
             would take the place of what is read.
     """
     given = [path for path in paths if path is not None]
-    read = {path.resolve() for path in inputs}
+    read = {part.resolve() for path in inputs for part in _parts(path)}
     for path in given:
         if path.is_dir():
             raise InputError(path, "output", "a folder", "a file in it")
@@ -125,6 +125,16 @@ def check_outputs(*paths: Path | None, inputs: Iterable[Path] = ()) -> None:
     for number, path in enumerate(given):
         if path.absolute() in [other.absolute() for other in given[:number]]:
             raise InputError(path, "output", "one file for two results", "a file of its own for each")
+
+
+def _parts(path: Path) -> tuple[Path, ...]:
+    """The files behind a path: of `a.csv+b.csv` both."""
+    if "+" not in str(path):
+        return (path,)
+    from lptn.logs.opening import pair_of
+
+    pair = pair_of(path)
+    return (path,) if pair is None else pair[:2]
 
 
 def needs_logs(logs: tuple[Path, ...]) -> None:

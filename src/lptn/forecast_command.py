@@ -112,16 +112,18 @@ def _gait(opened: Opened, log: Path) -> Gait:
     from dataclasses import replace
 
     from lptn.forecast import find_gait
-    from lptn.logs import ColumnSource, parse_map_option, read_log
+    from lptn.logs import ColumnSource, read_log
     from lptn.simulate import needed_columns
 
-    columns = opened.file.columns | dict(parse_map_option(f"{key}={text}") for key, text in opened.mapped.items())
-    nodes = opened.model.nodes
+    nodes, columns = opened.model.nodes, opened.columns
     sources = {node: columns.get(f"velocity.{node}", ColumnSource((f"velocity.{node}",))) for node in nodes}
     # Under a name of its own a speed isn't made a magnitude.
     signed = {f"signed_speed.{node}": replace(source) for node, source in sources.items()}
     outputs = needed_columns(opened.model)[1]
-    run = read_log(log, columns | signed, step=_FINEST, outputs=outputs, optional=tuple(signed))[-1]
+    found = read_log(
+        log, columns | signed, step=_FINEST, outputs=outputs, optional=tuple(signed), guessing=opened.guessing
+    )
+    run = found[-1]
     return find_gait([run.columns[name] for name in signed if run.has(name)], run.step)
 
 

@@ -26,6 +26,7 @@ _RESISTANCE = Parameter("resistance", 5.0, "K/W", (1e-4, 1e4), typical=5.0, titl
 _TEMPERATURE = Parameter(
     "temperature", 20.0, "degC", (-80.0, 200.0), typical=10.0, title="prescribed temperature", fixed=True
 )
+_MOST_WILD = 4  # in one name: trying all ways to share out its letters takes a power of that
 
 
 class Reader:
@@ -107,6 +108,11 @@ class Reader:
 
     def _link(self, number: int, link: LinkTable) -> LinkDeclaration:
         one, other = link.between
+        for end in link.between:
+            wild = end.count("{") + end.count("*")
+            if "{" in end and wild > _MOST_WILD:
+                expected = f"at most {_MOST_WILD}, such as {{leg}}_*"
+                raise InputError(self.path, f"links[{number}].between", f"{wild} of {{…}} and * in one name", expected)
         if link.perfect:
             if link.resistance is not None:
                 raise InputError(self.path, f"links[{number}]", "both perfect and resistance", "one of the two")

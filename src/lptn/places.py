@@ -92,6 +92,8 @@ def expand_pair(patterns: Sequence[str], names: Sequence[str]) -> list[tuple[str
 
 def _capture(pattern: str, name: str) -> dict[str, str] | None:
     """What each `{field}` of the pattern stands for in the name; `None` if they don't match."""
+    if "{" not in pattern:  # its many stars take no time there
+        return {} if fnmatchcase(name, pattern) else None
     match = _expression(pattern).fullmatch(name)
     return None if match is None else match.groupdict()
 

@@ -127,7 +127,7 @@ def controller(said: str) -> list[Row]:
         for group, which in enumerate(("median", "worst"), start=1):
             what = f"a step of thermal MPC, 13 nodes, from {start} °C, {which}"
             ratio = float(peer[group]) / float(ours[group])
-            rows.append(Row(what, f"{float(ours[group]):.3g} ms", "do-mpc 5", f"{float(peer[group]):.3g} ms", ratio))
+            rows.append(Row(what, _ms(ours[group]), "do-mpc 5", _ms(peer[group]), ratio))
     return rows
 
 
@@ -252,6 +252,11 @@ def _one(pattern: str, said: str) -> re.Match[str]:
 
 def _seconds(what: str, ours: str, peer: str, theirs: str) -> Row:
     return Row(what, f"{float(ours):g} s", peer, f"{float(theirs):g} s", float(theirs) / float(ours))
+
+
+def _ms(said: str) -> str:
+    value = float(said)
+    return f"{value:.0f} ms" if value >= 100 else f"{value:.3g} ms"
 
 
 def _ratio(value: float | None) -> str:

@@ -181,6 +181,7 @@ MODELS = [
     _model("effects[0].share", "everybody", old=END, new='share = "everybody"\n' + END),
     _model("effects[0].run", old=END, new='run = ""\n' + END),
     _model("links[0].between", "stator", old='["motor", "ambient"]', new='["stator", "ambient"]'),
+    _model("links[0].between", "at most 4", old='"motor", "ambient"]', new='"{a}{b}{c}{d}{e}", "ambient"]'),
     _model("links[0].between", "list", old='["motor", "ambient"]', new='"motor"'),
     _model("links[1].between", "a second link", old="[[effects]]",
            new='[[links]]\nbetween = ["ambient", "motor"]\n[[effects]]'),

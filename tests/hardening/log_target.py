@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import gzip
 import io
+import tempfile
 from collections.abc import Callable, Mapping
 from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -13,7 +15,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from lptn.virtual import leg_logs
+from lptn.virtual.writers import write_logs
 from tests.hardening.mutations import spoil_bytes, spoil_csv
+from tests.logs.ulog_bytes import FORMATS, definitions, esc_status, header
 
 _SPOIL_BYTES = 0.5
 
@@ -40,6 +45,22 @@ def logs() -> Mapping[str, bytes]:
     found["comma.csv"] = table.to_csv(index=False, sep=";", decimal=",").encode()
     for name, each in (("log.parquet", table), ("dated.parquet", dated), ("typed.parquet", typed)):
         found[name] = _parquet(each)
+    return found | _recordings()
+
+
+def _recordings() -> dict[str, bytes]:
+    """A ROS 2 bag and a ULog, where the packages that read them are installed."""
+    found = {}
+    if find_spec("rosbags"):
+        with tempfile.TemporaryDirectory() as name:
+            legs = {"bag": leg_logs(seed=1)["holdout"][:300]}
+            found["bag.mcap"] = write_logs(Path(name), legs, "mcap")[0].read_bytes()
+    if find_spec("pyulog"):
+        parts = [header(), definitions(FORMATS)]
+        for k in range(300):
+            slots = [(3000, 2.5, 40 + k // 100), (-600, 1.0, 35), (0, 0.0, 0), (0, 0.0, 0)]
+            parts.append(esc_status(5 + 0.1 * k, 2, slots))
+        found["flight.ulg"] = b"".join(parts)
     return found
 
 
@@ -50,6 +71,8 @@ def _parquet(table: pd.DataFrame) -> bytes:
 
 
 def spoil_log(random: Random, content: bytes, others: list[bytes]) -> bytes:
+    if content.startswith((b"\x89MCAP", b"ULog")):
+        return spoil_bytes(random, content)
     if content.startswith(b"PAR1"):
         return spoil_bytes(random, content) if random.random() < _SPOIL_BYTES else _odd_parquet(random)
     if content.startswith(b"\x1f\x8b"):

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 
+from lptn.cli import main
 from lptn.errors import InputError, one_line
 from lptn.files import write_folder, write_whole
 
@@ -164,15 +165,17 @@ def test_a_reader_that_goes_away_is_no_error(words: list[str]) -> None:
     assert started.wait(60) == 0
 
 
-def test_a_full_disk_behind_standard_output_is_one_line() -> None:
+def test_a_full_disk_behind_standard_output_is_one_line(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     if not Path("/dev/full").exists():
         pytest.skip("no /dev/full on this system")
     with Path("/dev/full").open("w") as full:
-        done = subprocess.run(
-            [sys.executable, "-m", "lptn.cli", "effects"], stdout=full, stderr=subprocess.PIPE, text=True, check=False
-        )
-    assert done.returncode == 2
-    assert done.stderr == "lptn: system: No space left on device\n"
+        monkeypatch.setattr(sys, "stdout", full)
+        with pytest.raises(SystemExit) as stop:
+            main(["new", "quadruped"])
+    assert stop.value.code == 2
+    assert capsys.readouterr().err == "lptn: system: No space left on device\n"
 
 
 def test_a_message_does_nothing_to_the_terminal() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -142,21 +143,17 @@ def test_joints_that_change_places_or_come_apart(recorder: Recorder, tmp_path: P
         np.testing.assert_allclose(run.columns[f"torque.{joint}"], torque)
 
 
-def test_messages_of_a_maker_s_own_type(tmp_path: Path) -> None:
-    """Their definition is in the MCAP file; their numbers are columns that a mapping can name."""
-    recorder = Recorder(tmp_path / "bag", "mcap")
-    with recorder.writer:
-        for k in range(30):
-            motors = [
-                recorder.make("maker_msgs/Motor", 20.0 + k, 1.5, 1),
-                recorder.make("maker_msgs/Motor", 30.0, 2.5, 1),
-            ]
-            recorder.send("/lowstate", 1.0 * k, recorder.make("maker_msgs/LowState", recorder.header(k), motors, 48.0))
+def test_messages_of_a_maker_s_own_type(recorder: Recorder, tmp_path: Path) -> None:
+    """Their definition is in the bag; their numbers are columns that a mapping can name."""
+    for k in range(30):
+        motors = [recorder.make("maker_msgs/Motor", 20.0 + k, 1.5, 1), recorder.make("maker_msgs/Motor", 30.0, 2.5, 1)]
+        recorder.send("/lowstate", 1.0 * k, recorder.make("maker_msgs/LowState", recorder.header(k), motors, 48.0))
+    recorder.writer.close()
     columns = {
         "temperature.hip": ColumnSource(("/lowstate.motor_state[0].temperature",)),
         "torque.knee": ColumnSource(("/lowstate.motor_state[1].tau_est",)),
     }
-    (file,) = (tmp_path / "bag").glob("*.mcap")
+    (file,) = (each for each in (tmp_path / "bag").iterdir() if each.suffix in {".mcap", ".db3"})
     for path in (tmp_path / "bag", file):
         (run,) = read_log(path, columns)
         np.testing.assert_allclose(run.temperature("hip"), 20.0 + np.arange(30))
@@ -233,6 +230,21 @@ def test_a_joint_that_is_not_there_is_one_line(recorder: Recorder, tmp_path: Pat
     assert "--map torque.FR_calf=/joint_states.effort[FR_calf_joint][]" in said
 
 
+def test_a_message_that_is_not_of_its_type_costs_its_topic_only(recorder: Recorder, tmp_path: Path) -> None:
+    for k in range(30):
+        recorder.send("/joint_states", 1.0 * k, recorder.joints(k, ["a"], [1.0], [1.0]))
+        recorder.send("/t", 1.0 * k, recorder.make("sensor_msgs/Temperature", recorder.header(k), 20.0, 0.0))
+        recorder.writer.write(recorder.connections["/t"], (START + k) * 10**9, b"\x00\x01\x00\x00abc")
+    recorder.connections["/u"] = recorder.writer.add_connection(
+        "/u", "sensor_msgs/msg/Temperature", typestore=recorder.store
+    )
+    recorder.writer.write(recorder.connections["/u"], START * 10**9, b"\x00\x01\x00\x00abc")
+    recorder.writer.close()
+    (run,) = read_log(tmp_path / "bag")
+    assert run.has("torque.a")
+    assert not run.has("temperature.u")
+
+
 def test_a_bag_without_numbers(recorder: Recorder, tmp_path: Path, refuse: Refuse) -> None:
     recorder.send("/chatter", 0.0, recorder.make("std_msgs/String", "hello"))
     recorder.writer.close()
@@ -267,3 +279,46 @@ def test_broken_metadata(tmp_path: Path, refuse: Refuse, text: str) -> None:
     (tmp_path / "bag").mkdir()
     (tmp_path / "bag" / "metadata.yaml").write_text(text)
     assert "found a broken file" in refuse(tmp_path / "bag", read_log, tmp_path / "bag")
+
+
+EVIL = '"""\nimport pathlib; pathlib.Path("EVIL").touch()\n"""'
+
+
+@pytest.mark.parametrize(
+    ("kind", "text"),
+    [
+        (f"evil_msgs/msg/A{EVIL}", "float64 x\n"),
+        ("evil_msgs/msg/A", f"float64 x{EVIL}\n"),
+        ("evil_msgs/msg/A", f"string X={EVIL!r}\nfloat64 x\n"),
+        ("evil_msgs/msg/A", f"evil_msgs/B{EVIL} x\n"),
+    ],
+)
+def test_a_definition_that_is_code_is_never_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: str, text: str
+) -> None:
+    """The library makes Python code of definitions; what is no plain name never gets there."""
+    from rosbags.interfaces import MessageDefinition, MessageDefinitionFormat
+
+    from lptn.logs import bags
+
+    monkeypatch.chdir(tmp_path)
+    connection = SimpleNamespace(msgtype=kind, msgdef=MessageDefinition(MessageDefinitionFormat.MSG, text))
+    bags._store([connection])
+    assert not (tmp_path / "EVIL").exists()
+
+
+@pytest.mark.parametrize(
+    ("types", "plain"),
+    [
+        ({"a/msg/B": ([], [("x", (1, ("float64", 0)))])}, True),
+        ({"a/msg/B": ([("X", "string", "any text")], [("x", (4, ((2, "a/msg/C"), 0)))])}, True),
+        ({f"a/msg/B{EVIL}": ([], [("x", (1, ("float64", 0)))])}, False),
+        ({"a/msg/B": ([], [(f"x{EVIL}", (1, ("float64", 0)))])}, False),
+        ({"a/msg/B": ([(f"X{EVIL}", "string", "")], [])}, False),
+        ({"a/msg/B": ([], [("x", (4, ((2, f"a/msg/C{EVIL}"), 0)))])}, False),
+    ],
+)
+def test_which_definitions_are_plain(types: dict[str, Any], plain: bool) -> None:
+    from lptn.logs import bags
+
+    assert bags._plain(types) is plain

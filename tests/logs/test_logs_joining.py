@@ -140,6 +140,8 @@ def test_paths_that_can_not_be_joined(tmp_path: Path, refuse: Refuse) -> None:
     assert "more than two logs" in refuse(path, read_log, path, COLUMNS)
     missing = tmp_path / "none.csv"
     assert "no such file" in refuse(missing, read_log, f"{warm}+{missing}", COLUMNS)
+    missing = tmp_path / "run+1" / "log.csv"
+    assert "no such file" in refuse(missing, read_log, missing, COLUMNS)
 
 
 def test_a_file_with_a_plus_in_its_name_is_one_log(tmp_path: Path) -> None:

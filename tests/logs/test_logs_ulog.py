@@ -43,6 +43,21 @@ def test_px4_s_own_names(tmp_path: Path) -> None:
     assert any("the units are PX4's" in note for note in run.notes)
 
 
+def test_rows_of_other_topics_are_no_gaps(tmp_path: Path) -> None:
+    """Battery and speed come between the controllers' messages."""
+    (run,) = read_log(
+        flight(tmp_path / "flight.ulg"),
+        inputs=["current.esc0"],
+        outputs=["temperature.esc0"],
+        optional=["velocity.esc0", "power.battery"],
+        step=1.0,
+    )
+    assert run.has("velocity.esc0")
+    assert run.has("power.battery")
+    assert "temperature.esc0: logged every 0.1 s." in run.notes
+    assert not any("missing" in note or "left out" in note or "gap" in note for note in run.notes)
+
+
 def test_a_mapping_names_topics_and_fields(tmp_path: Path) -> None:
     columns = {
         "temperature.motor": ColumnSource(("esc_status.esc[1].esc_temperature",)),

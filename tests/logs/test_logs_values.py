@@ -74,6 +74,14 @@ def test_a_name_that_says_another_unit_is_heard(write: Write, refuse: Refuse, ke
     assert mended(said) == {key: ColumnSource((name,), unit)}
 
 
+def test_electrical_turns_are_not_taken_for_the_shaft_s(write: Write, refuse: Refuse) -> None:
+    path = write({"time": TIME, "erpm": [1400.0 * k for k in range(100)], "temperature.a": WARMING})
+    said = refuse(path, read_log, path, {"velocity.a": ColumnSource(("erpm",))})
+    assert "electrical turns, by the column's name" in said
+    run = only(path, mended(said))  # as proposed, for 14 pole pairs
+    assert run.columns["velocity.a"][60] == pytest.approx(60 * 100 * np.pi / 30)
+
+
 @pytest.mark.parametrize(
     ("name", "factor", "start", "unit"),
     [("t_ms", 1e3, 0.0, "ms"), ("time", 1e3, 1.7e12, "ms"), ("time", 1e6, 1.7e15, "us"), ("time", 1e9, 1.7e18, "ns")],
@@ -225,7 +233,7 @@ def test_lines_of_several_columns(way: str) -> None:
         ({"column": "T", "wrap": 0}, "0"),
         ({"column": "T", "invalid": "850"}, "'850'"),
         ({"column": "T", "invalid": []}, "[]"),
-        ({"column": "T", "invalid": [True]}, "[True]"),
+        ({"column": "T", "invalid": [True]}, "[true]"),
         ({"column": "T", "valid": [3, 1]}, "[3, 1]"),
         ({"column": "T", "valid": 3}, "3"),
         ({"column": "T", "product": ["a", "b"]}, "both column and product"),

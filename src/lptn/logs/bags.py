@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import hashlib
+import re
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import partial
 from importlib.util import find_spec
 from itertools import islice
@@ -22,6 +23,8 @@ from lptn.logs.tables import Table, check_size
 
 _FIRST = 20  # messages of a topic that are looked at for names: joints may come in several messages
 _WIDEST = 4000  # columns of one topic
+_KIND = re.compile(r"[A-Za-z]\w*(/[A-Za-z]\w*)+", re.ASCII)
+_MEMBER = re.compile(r"[A-Za-z]\w*", re.ASCII)
 
 
 def open_bag(path: Path) -> Table:
@@ -96,12 +99,18 @@ def _topics(reader: Any, store: Any) -> list[str]:
 
 def _first_numbers(reader: Any, store: Any, topic: str) -> list[str]:
     """What a topic's first messages hold: names of their numbers."""
+    from rosbags.serde import SerdeError
+
     found: dict[str, None] = {}
     for connection in reader.connections:
-        if connection.topic == topic:
-            for _, _, raw in islice(reader.messages([connection]), _FIRST):
-                numbers = numbers_in(store.deserialize_cdr(raw, connection.msgtype))
-                found.update(dict.fromkeys(name for name, _ in islice(numbers, _WIDEST)))
+        if connection.topic != topic:
+            continue
+        for _, _, raw in islice(reader.messages([connection]), _FIRST):
+            try:
+                message = store.deserialize_cdr(raw, connection.msgtype)
+            except SerdeError:  # of another version of its type
+                return []
+            found.update(dict.fromkeys(name for name, _ in islice(numbers_in(message), _WIDEST)))
     return list(found)[:_WIDEST]
 
 
@@ -117,12 +126,39 @@ def _store(connections: Sequence[Any]) -> Any:
         definition = connection.msgdef
         if connection.msgtype in store.fielddefs or definition.format == MessageDefinitionFormat.NONE:
             continue
-        if definition.format == MessageDefinitionFormat.IDL:
-            types = get_types_from_idl(definition.data)
-        else:
-            types = get_types_from_msg(definition.data, connection.msgtype)
-        store.register({name: fields for name, fields in types.items() if name not in store.fielddefs})
+        # A type that the library can't read costs its own topics and no others.
+        with suppress(Exception):
+            if definition.format == MessageDefinitionFormat.IDL:
+                types = get_types_from_idl(definition.data)
+            else:
+                types = get_types_from_msg(definition.data, connection.msgtype)
+            types = {name: fields for name, fields in types.items() if name not in store.fielddefs}
+            if _plain(types):
+                store.register(types)
     return store
+
+
+def _plain(types: Mapping[str, Any]) -> bool:
+    """Whether all names are names: the library makes Python code of them, and a log must not bring code of its own."""
+    for kind, (constants, members) in types.items():
+        used = [*(name for name, *_ in constants), *(name for name, _ in members)]
+        if not _KIND.fullmatch(kind) or not all(map(_MEMBER.fullmatch, used)):
+            return False
+        texts = [text for _, described in members for text in _texts(described)]
+        if not all(_KIND.fullmatch(text) or _MEMBER.fullmatch(text) for text in texts):
+            return False
+        if not all(isinstance(value, bool | int | float | str) for *_, value in constants):
+            return False
+    return True
+
+
+def _texts(described: Any) -> Iterator[str]:
+    """All names in the description of a type."""
+    if isinstance(described, str):
+        yield described
+    elif isinstance(described, tuple):
+        for each in described:
+            yield from _texts(each)
 
 
 @contextmanager

@@ -12,6 +12,7 @@ from lptn.logs.tables import Table
 
 _FEWEST_ROWS = 10
 _DAY = 86400.0  # s
+_LATEST = 1e20  # s, or in whatever unit was meant
 _LARGEST = 1e12  # of any quantity in SI, so that its square is still a number
 
 
@@ -27,8 +28,9 @@ def check_time(table: Table, name: str, time: FloatArray) -> tuple[npt.NDArray[n
         InputError: time is missing somewhere, runs backwards, or is too short or too coarse to be in s.
     """
     _enough(table, time.size)
-    if not np.isfinite(time).all():
-        row = int(np.argmin(np.isfinite(time)))
+    told = np.abs(time) < _LATEST
+    if not told.all():
+        row = int(np.argmin(told))
         table.refuse(row, name, f"{'no time' if np.isnan(time[row]) else time[row]}", "a time in every row")
     steps = np.diff(time)
     if (steps < 0).any():

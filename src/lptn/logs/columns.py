@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from lptn.arrays import FloatArray
-from lptn.errors import InputError
+from lptn.errors import InputError, shown
 from lptn.logs.units import check_unit, to_si
 
 _KEY = re.compile(r"time|[A-Za-z_]\w*\.[^\s.]+")
@@ -129,7 +129,7 @@ def _entry(key: str, entry: object, file: str | Path, place: str) -> ColumnSourc
     if isinstance(entry, str):
         entry = {"column": entry}
     if not isinstance(entry, Mapping):
-        raise InputError(file, place, f"{entry!r}", 'a column\'s name or a table such as { column = "T1" }')
+        raise InputError(file, place, shown(entry), 'a column\'s name or a table such as { column = "T1" }')
     unknown = [str(name) for name in entry if name not in _ALLOWED]
     if unknown:
         raise InputError(file, place, f"key '{unknown[0]}'", f"one of {', '.join(_ALLOWED)}")
@@ -155,13 +155,13 @@ def _names(entry: Mapping[str, object], file: str | Path, place: str) -> tuple[s
     if way == "column":
         if isinstance(given, str) and given:
             return (str(given),)
-        raise InputError(file, f"{place} column", f"{given!r}", "the name of a column")
+        raise InputError(file, f"{place} column", shown(given), "the name of a column")
     if isinstance(given, Sequence) and not isinstance(given, str) and len(given) > 1:
         names = [str(name) for name in given if isinstance(name, str) and name]
         if len(names) == len(given):
             return tuple(names)
     example = '["i_d", "i_q"]' if way == "norm" else '["u_dc", "i_dc"]'
-    raise InputError(file, f"{place} {way}", f"{given!r}", f"two or more column names, such as {example}")
+    raise InputError(file, f"{place} {way}", shown(given), f"two or more column names, such as {example}")
 
 
 def _unit(entry: Mapping[str, object], quantity: str, file: str | Path, place: str) -> str | None:
@@ -169,7 +169,7 @@ def _unit(entry: Mapping[str, object], quantity: str, file: str | Path, place: s
         return None
     unit = entry["unit"]
     if not isinstance(unit, str) or not unit.strip():
-        raise InputError(file, f"{place} unit", f"{unit!r}", 'the name of a unit, such as "degC"')
+        raise InputError(file, f"{place} unit", shown(unit), 'the name of a unit, such as "degC"')
     check_unit(unit.strip(), quantity, file, place)
     return unit.strip()
 
@@ -179,7 +179,7 @@ def _number(entry: Mapping[str, object], name: str, default: float, file: str | 
     given = name in entry
     if not _usable(value) or (name == "scale" and value == 0) or (name == "wrap" and given and not value > 0):  # type: ignore[operator]
         more = {"scale": " but 0", "wrap": " above 0"}.get(name, "")
-        raise InputError(file, f"{place} {name}", f"{value!r}", "a finite number" + more)
+        raise InputError(file, f"{place} {name}", shown(value), "a finite number" + more)
     return float(value)  # type: ignore[arg-type]
 
 
@@ -195,7 +195,7 @@ def _numbers(
         numbers = [float(number) for number in listed]
     if not numbers or (name == "valid" and not (len(numbers) == 2 and numbers[0] < numbers[1])):
         example = "numbers, such as [850, -127]" if name == "invalid" else "least and greatest, such as [-40, 200]"
-        raise InputError(file, f"{place} {name}", f"{given!r}", example)
+        raise InputError(file, f"{place} {name}", shown(given), example)
     return tuple(numbers)
 
 

@@ -17,6 +17,7 @@ from lptn.logs.tables import Table
 from lptn.logs.writing import map_option, toml_line
 
 _OSL = ({"case", "temperature"}, {"motor", "current"})  # words of columns that opensourceleg's examples log
+_MOST_WORDS = 24  # of a name; a line of a million characters is none
 _FREE = {"joint", "joints", "motor", "actuator", "leg", "sensor", "measured", "state", "states", "q", "est", "deg"}
 
 
@@ -159,7 +160,7 @@ def _spellings(place: str) -> set[str]:
 def _besides(parts: Parts, quantity: str, spellings: set[str]) -> int | None:
     """How many words a name has besides place, quantity and unit; `None` where it lacks one or is no measurement."""
     words = list(parts.words)
-    if NOT_MEASURED.intersection(words):
+    if len(words) > _MOST_WORDS or NOT_MEASURED.intersection(words):
         return None
     spans = [
         (i, j) for i in range(len(words)) for j in range(i + 1, len(words) + 1) if "".join(words[i:j]) in spellings

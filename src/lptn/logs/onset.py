@@ -52,9 +52,13 @@ def shift_of(warm_time: FloatArray, temperature: FloatArray, heat_time: FloatArr
         NoOnsetError: heating begins before one of the logs does, or nothing warms, or the shift is left open.
     """
     on = _begun(heat_time, heat)
-    found = [_fitted(on, warm_time, temperature, heat_time, heat, share) for share in (1.0, 0.5)]
+    found = _fitted(on, warm_time, temperature, heat_time, heat, 1.0)
+    try:
+        half = _fitted(on, warm_time, temperature, heat_time, heat, 0.5)
+    except NoOnsetError:  # too noisy for half the rise
+        return Shift(found.seconds, 2 * found.error)
     # What the equation leaves out shows in how far half the rise says otherwise.
-    return Shift(found[0].seconds, float(np.hypot(found[0].error, found[1].seconds - found[0].seconds)))
+    return Shift(found.seconds, float(np.hypot(found.error, half.seconds - found.seconds)))
 
 
 def _fitted(

@@ -37,7 +37,7 @@ def open_log(path: Path, columns: Mapping[str, ColumnSource]) -> tuple[Table, di
 def pair_of(path: Path) -> tuple[Path, Path, float | None] | None:
     """The two logs that a path `a.csv+b.csv` names, and the shift that it gives; `None` for the path of one log.
 
-    The second is looked for beside the first, and then where its own path says.
+    The second is looked for beside the first, and then where its own path says. Where neither is found it is one path.
 
     Raises:
         InputError: more than two are named.
@@ -51,7 +51,10 @@ def pair_of(path: Path) -> tuple[Path, Path, float | None] | None:
         raise InputError(path, "log", "more than two logs joined by +", "two: LOG+OTHER")
     first, second, shift = Path(match["first"]), Path(match["second"]), match["shift"]
     beside = first.parent / second
-    return first, beside if beside.exists() else second, None if shift is None else float(shift)
+    second = beside if beside.exists() else second
+    if not first.exists() and not second.exists():  # a + in the name of a folder, and no such file in it
+        return None
+    return first, second, None if shift is None else float(shift)
 
 
 def run_name(path: Path) -> str:

@@ -76,7 +76,7 @@ def read_log(
     columns |= {each.key: each.source for each in guesses}
     chosen = select(table, columns, inputs, outputs, optional)
     samples, notes, doubts = _load(table, chosen, strict)
-    chosen, samples, spared = _without_gappy(chosen, samples, {*inputs, *outputs} or set(chosen.inputs))
+    chosen, samples, spared = _without_gappy(chosen, samples, {*inputs, *outputs} or set(chosen.inputs), table.mixed)
     chosen, samples, emptied = _without_empty(table, chosen, samples)
     step, said = _grid(step, samples.period)
     max_gap = max_gap if max_gap is not None else max(10.0, 5 * step)
@@ -99,7 +99,8 @@ def _load(table: Table, chosen: Selection, strict: bool) -> tuple[Samples, list[
             check_values(table, key, source, raw[key])
         if marked := source.missing(numbers):
             notes.append(f"{key}: {marked} of {raw[key].size} numbers are no readings, by its entry in [columns].")
-    doubts = doubts_of(chosen.sources, numbers, raw)
+    with np.errstate(over="ignore", invalid="ignore"):  # what overflows here is refused as a time below
+        doubts = doubts_of(chosen.sources, numbers, raw)
     if strict:
         for doubt in doubts:
             if doubt.sure:
@@ -109,11 +110,11 @@ def _load(table: Table, chosen: Selection, strict: bool) -> tuple[Samples, list[
     if keep.size < time.size:
         time, raw = time[keep], {key: values[keep] for key, values in raw.items()}
     samples = Samples(time, raw)
-    notes += [*repeated, *_temperature_notes(samples), *(doubt.sentence for doubt in doubts)]
+    notes += [*repeated, *_temperature_notes(samples, table.mixed), *(doubt.sentence for doubt in doubts)]
     return samples, notes, doubts
 
 
-def _temperature_notes(samples: Samples) -> list[str]:
+def _temperature_notes(samples: Samples, mixed: bool) -> list[str]:
     notes = []
     for key, values in samples.raw.items():
         if not key.startswith("temperature."):
@@ -123,7 +124,7 @@ def _temperature_notes(samples: Samples) -> list[str]:
             continue
         stamps = samples.time[~np.isnan(values)]
         usual = float(np.median(np.diff(stamps))) if stamps.size > 1 else 0.0
-        if usual > 1.5 * samples.period:
+        if mixed or usual > 1.5 * samples.period:
             late = int((np.diff(stamps) > 1.5 * usual).sum())
             notes.append(f"{key}: logged every {usual:.4g} s{f', {late} times later' if late else ''}.")
         else:
@@ -138,11 +139,11 @@ def _resolution(raw: Mapping[str, FloatArray]) -> dict[str, float]:
 
 
 def _without_gappy(
-    chosen: Selection, samples: Samples, needed: Collection[str]
+    chosen: Selection, samples: Samples, needed: Collection[str], mixed: bool
 ) -> tuple[Selection, Samples, list[str]]:
     """Leave out inputs that nobody needs and that would cut the log into pieces."""
     kept_anyway = {key for column in needed for key in raw_keys(column, samples.raw)}
-    gappy = would_cut(samples.time, samples.period, samples.raw, kept_anyway.difference(chosen.outputs))
+    gappy = would_cut(samples.time, samples.period, samples.raw, kept_anyway.difference(chosen.outputs), mixed)
     spared = [
         column
         for column in chosen.inputs

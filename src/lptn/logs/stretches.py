@@ -32,7 +32,9 @@ def find_stretches(
     return _complement(blocked, time[0], time[-1] + period), notes
 
 
-def would_cut(time: FloatArray, period: float, inputs: Mapping[str, FloatArray], needed: Collection[str]) -> set[str]:
+def would_cut(
+    time: FloatArray, period: float, inputs: Mapping[str, FloatArray], needed: Collection[str], mixed: bool
+) -> set[str]:
     """The inputs that have gaps, of those logged more seldom than the rest only what is longer than their own period.
 
     Args:
@@ -40,6 +42,7 @@ def would_cut(time: FloatArray, period: float, inputs: Mapping[str, FloatArray],
         period: s, the usual time between samples.
         inputs: raw inputs by name, (n,) each, NaN where missing.
         needed: those that the log is cut to in any case.
+        mixed: rows come from several sources, so that a row without a value is no gap.
     """
     stamps = {name: time[~np.isnan(values)] for name, values in inputs.items() if np.isnan(values).any()}
     limits = [(own[0], own[-1]) for name, own in stamps.items() if name in needed and own.size]
@@ -49,7 +52,7 @@ def would_cut(time: FloatArray, period: float, inputs: Mapping[str, FloatArray],
         usual = float(np.median(np.diff(own))) if own.size > 1 else 0.0
         bridged = 2.5 * usual
         whole = own.size > 1 and own[0] <= first + bridged and own[-1] >= last - bridged
-        if usual <= 1.5 * period or not whole or np.diff(own).max() > bridged:
+        if (usual <= 1.5 * period and not mixed) or not whole or np.diff(own).max() > bridged:
             found.add(name)
     return found
 

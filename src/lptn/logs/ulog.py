@@ -9,7 +9,7 @@ from contextlib import redirect_stdout
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 import pandas as pd
@@ -28,6 +28,7 @@ _ESC_FIELDS = {
 }
 _MOST_FIELDS = 20_000  # of one topic: a definition that unfolds to more is no log's
 _DEEPEST = 16
+_HEADER = 3  # bytes of a message's head: with nothing more the file ends well
 
 
 def open_ulog(path: Path) -> Table:
@@ -79,7 +80,8 @@ def _topics(path: Path) -> dict[str, Mapping[str, Any]]:
     for data in log.data_list:
         stamps = data.data.get("timestamp")
         if stamps is not None and np.asarray(stamps).size:
-            found[data.name + (f":{data.multi_id}" if data.multi_id else "")] = data.data
+            fields = {name: values for name, values in data.data.items() if "_padding" not in name}
+            found[data.name + (f":{data.multi_id}" if data.multi_id else "")] = fields
     return found
 
 
@@ -100,7 +102,26 @@ def _careful() -> Any:
     class Careful(ULog):  # type: ignore[misc]
         _MessageAddLogged = Added
 
+        def _read_file_definitions(self) -> None:
+            whole: Any = self._file_handle
+            self._file_handle: Any = _Definitions(whole)
+            super()._read_file_definitions()
+            self._file_handle = whole
+
     return Careful
+
+
+class _Definitions:
+    """The file while its definitions are read: in one that ends among them the library would go back for ever."""
+
+    def __init__(self, stream: BinaryIO) -> None:
+        self.tell, self.seek, self._stream = stream.tell, stream.seek, stream
+
+    def read(self, size: int) -> bytes:
+        found = self._stream.read(size)
+        if len(found) < size and (found or size != _HEADER):
+            raise EOFError("it ends among its definitions")
+        return found
 
 
 def _defaults(names: Sequence[str], topics: Mapping[str, Mapping[str, Any]]) -> dict[str, ColumnSource]:

@@ -1,0 +1,36 @@
+"""The page on logs: what it tells people to write is read as it is meant."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from pathlib import Path
+
+import lptn.logs
+from lptn.logs import ColumnSource, parse_columns, parse_map_option
+from lptn.logs.tables import _FORMATS
+
+PAGE = (Path(lptn.logs.__file__).parent / "README.md").read_text()
+
+
+def test_its_tables_are_read() -> None:
+    blocks = re.findall(r"```toml\n(.*?)```", PAGE, flags=re.DOTALL)
+    assert len(blocks) == 2
+    found: dict[str, ColumnSource] = {}
+    for block in blocks:
+        found |= parse_columns(tomllib.loads(block)["columns"], "README.md", "[columns]")
+    assert found["temperature.FR_calf"].invalid == (850.0, -127.0)
+    assert found["current.FR_hip"].wrap == 65536.0
+    assert found["power.battery"].product
+
+
+def test_its_options_are_read() -> None:
+    options = re.findall(r'--map "([^"]+)"', PAGE)
+    assert len(options) >= 4
+    for option in options:
+        parse_map_option(option)
+
+
+def test_it_names_every_ending() -> None:
+    for ending in re.findall(r"\.(\w+)", _FORMATS):
+        assert ending in PAGE.lower()
