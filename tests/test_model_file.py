@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lptn.adding import added
-from lptn.effects import catalogue
+from lptn.effects import LossEffect, catalogue
 from lptn.errors import InputError
 from lptn.identify import Fit, fit
 from lptn.model import Model
@@ -206,6 +206,8 @@ def test_a_file_with_one_more_effect_says_the_same_as_the_network_with_it(key: s
     at = {"edge": "a~b", "pair": "b~a", "link": "b", "group": "*", "boundary": "ambient"}.get(kind.site, "a")
     if kind.site == "edge":
         file = _parse(SMALL.replace('between = ["a", "b"]', 'between = ["a", "ambient"]'))
+    if issubclass(kind, LossEffect) and not file.network.nodes_with(kind.acts_on):
+        file = file.with_effects([effect(kind.acts_on, at)])
     declared = effect(key, at)
     network = file.network.with_effects([declared])
     again = file.with_effects([declared]).network
