@@ -41,7 +41,7 @@ class Advice:
         """What a person wants to read, most urgent first."""
         told = [each.text() for each in self.differing]
         if self.heat is not None:
-            told.append(f"Heat that the last model does not explain: {self.heat.text()}.")
+            told.append(f"Where heat is most clearly unexplained: {self.heat.text()}.")
         if self.experiment is not None:
             told.append(f"Next experiment: {self.experiment.text()}")
         return told
@@ -68,9 +68,11 @@ def advise(found: Diagnosis, last: Fit, data: Evidence, report: Report = lambda 
     report("looking for what is left, and for the next experiment")
     named = found.findings[:1]
     rivals = [each.refit for each in found.findings if named and each.key in (named[0].key, *named[0].alike)]
+    # What is missing shows in held-out runs as well: as long as it is not added, nothing is said of the runs.
+    added = last is not found.fit or found.verdict != "missing"
     return Advice(
         propose(rivals[:_RIVALS]) if len(rivals) > 1 else None,
         largest(unexplained_heat(last)),
         smallest(found.scores),
-        runs_that_differ(last, data.holdout),
+        runs_that_differ(last, data.holdout) if added else [],
     )

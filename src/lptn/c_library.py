@@ -25,22 +25,23 @@ def compiler() -> str | None:
 def shared_library(sources: Mapping[str, str], main: str, options: Sequence[str]) -> Path:
     """A shared library, from the cache or built anew.
 
+    The cache is native code that is loaded without a question, so its folder is the user's alone.
+
     Args:
         sources: contents by file name.
         main: the one to compile; it takes in the others.
         options: of the compiler.
 
     Raises:
-        OSError: no C compiler, or the cache can't be written.
+        OSError: no C compiler, or the cache can't be written, or others can write to it.
         subprocess.CalledProcessError: the compiler failed.
     """
     command = compiler()
     if command is None:
         raise OSError("no C compiler")
     told = "\n".join([command, *options, main, *(f"{name}\n{text}" for name, text in sorted(sources.items()))])
-    path = platformdirs.user_cache_path("lptn") / f"{hashlib.sha256(told.encode()).hexdigest()[:32]}.so"
+    path = _own_folder() / f"{hashlib.sha256(told.encode()).hexdigest()[:32]}.so"
     if not path.exists():
-        path.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory() as name:
             folder = Path(name)
             for file, text in sources.items():
@@ -49,3 +50,20 @@ def shared_library(sources: Mapping[str, str], main: str, options: Sequence[str]
             subprocess.run(words, cwd=folder, check=True, capture_output=True)
             write_whole(path, (folder / "made.so").read_bytes())
     return path
+
+
+def _own_folder() -> Path:
+    """Where libraries are kept, made if need be.
+
+    Raises:
+        OSError: it can't be made, or somebody else could put a library into it.
+    """
+    cache = platformdirs.user_cache_path("lptn")
+    cache.mkdir(parents=True, exist_ok=True)
+    folder = cache / "native"
+    folder.mkdir(mode=0o700, exist_ok=True)
+    if hasattr(os, "getuid"):  # Windows keeps a user's folders to the user
+        found = folder.stat()
+        if found.st_uid != os.getuid() or found.st_mode & 0o022:
+            raise PermissionError(f"{folder}: others can write to it, so no native code is loaded from there")
+    return folder

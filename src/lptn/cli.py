@@ -153,7 +153,7 @@ def improve(
     from lptn.diagnose import for_search
     from lptn.files import write_whole
     from lptn.ladder import improve as climb
-    from lptn.terminal import progress, show_advice, show_ladder, write_json
+    from lptn.terminal import progress, show_advice, show_ladder, show_written, write_json
 
     check_outputs(output, json, report, inputs=(*logs, *(holdout or ()), *(proof or ())))
     opened, data = open_by_job(model, logs, holdout, holdout_after, proof, map)
@@ -170,6 +170,7 @@ def improve(
 
         page = story_html(ladder, data, opened.model.network.name, (typed(),), advice.experiment)
         write_whole(report, page)
+    show_written({"the best model": output, "the story; open it in a browser": report})
 
 
 @app.command

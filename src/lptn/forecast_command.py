@@ -109,19 +109,20 @@ def _knowledge(opened: Opened, run: Run) -> Knowledge:
 
 def _gait(opened: Opened, log: Path) -> Gait:
     """The gait at the log's end, from its joint speeds with their sign and at the log's own rate."""
-    from dataclasses import replace
-
     from lptn.forecast import find_gait
-    from lptn.logs import ColumnSource, read_log
+    from lptn.logs import read_log
     from lptn.simulate import needed_columns
 
-    nodes, columns = opened.model.nodes, opened.columns
-    sources = {node: columns.get(f"velocity.{node}", ColumnSource((f"velocity.{node}",))) for node in nodes}
-    # Under a name of its own a speed isn't made a magnitude.
-    signed = {f"signed_speed.{node}": replace(source) for node, source in sources.items()}
-    outputs = needed_columns(opened.model)[1]
+    inputs, outputs = needed_columns(opened.model)
+    signed = [f"signed_velocity.{node}" for node in opened.model.nodes]
     found = read_log(
-        log, columns | signed, step=_FINEST, outputs=outputs, optional=tuple(signed), guessing=opened.guessing
+        log,
+        opened.columns,
+        step=_FINEST,
+        inputs=inputs if opened.guessing else (),  # for its guesses are what the model needs
+        outputs=outputs,
+        optional=signed,
+        guessing=opened.guessing,
     )
     run = found[-1]
     return find_gait([run.columns[name] for name in signed if run.has(name)], run.step)
@@ -141,7 +142,7 @@ def _show(found: Forecast) -> None:
     out.print(table)
     window = found.window
     cycles = f" ({window.cycles} gait cycles of {window.period:.3g} s)" if window.cycles and window.period else ""
-    out.print(f"Taken to go on: {window.why}: {window.seconds:.4g} s{cycles}.", markup=False)
+    out.print(f"Taken to go on: {window.why}{cycles}.", markup=False)
     out.print(f"Uncertainty of the model: {found.trust}.", markup=False)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,6 +16,12 @@ from lptn.simulate import needed_columns
 
 GUESS = "guess"
 """What `--map` says to have columns guessed."""
+
+Tell = Callable[[Path, str], None]
+
+
+def _on_stderr(log: Path, note: str) -> None:
+    print(f"lptn: {log}: {note}", file=sys.stderr)
 
 
 @dataclass(frozen=True)
@@ -39,11 +45,12 @@ class Opened:
         """Where the quantities stand, by the file and by the command line."""
         return self.file.columns | dict(parse_map_option(f"{key}={text}") for key, text in self.mapped.items())
 
-    def runs(self, logs: Sequence[Path], *, strict: bool = True) -> list[Run]:
-        """Every run of the logs, in order; what was guessed or looks wrong is said on the error stream.
+    def runs(self, logs: Sequence[Path], *, strict: bool = True, tell: Tell = _on_stderr) -> list[Run]:
+        """Every run of the logs, in order; what was guessed or looks wrong is told.
 
         Args:
             logs: paths of logs; `a.csv+b.csv` for two of one run.
+            tell: given a log and a sentence about it; by default it goes to the error stream.
             strict: refuse values that can't be in the unit they are read in, and say what is doubtful; else both are
                 left to who looks at the runs' doubts.
 
@@ -65,7 +72,7 @@ class Opened:
             )
             doubts = [doubt.sentence for doubt in runs[0].doubts] if strict else []
             for note in [*(note for note in runs[0].notes if note.startswith(GUESSED)), *doubts]:
-                print(f"lptn: {log}: {note}", file=sys.stderr)
+                tell(log, note)
             found += runs
         return found
 

@@ -15,7 +15,7 @@ from rich.table import Table
 
 from lptn.advice import Advice
 from lptn.compare import Comparison, Errors
-from lptn.diagnose import Diagnosis
+from lptn.diagnose import Diagnosis, Finding
 from lptn.effects import catalogue
 from lptn.errors import InputError
 from lptn.files import write_whole
@@ -34,6 +34,7 @@ VERDICTS = {
     "unexplained": "unexplained: the model is wrong by more than noise, and the catalogue explains little of it",
 }
 
+_FEW = 3  # rivals named in a sentence
 _LONG = "what it is"  # the one column that may wrap
 
 _REMAINING = {
@@ -70,21 +71,26 @@ def show_ladder(ladder: Ladder) -> None:
     if proven:
         table.add_column("proof", justify="right")
     for number, rung in enumerate(ladder.rungs):
-        cells = [str(number), rung.effect or "(as given)", rung.at or "", str(rung.parameters), _kelvin(rung.fit.rmse)]
+        at = "* (everywhere)" if rung.at == "*" else rung.at or ""
+        cells = [str(number), rung.effect or "(as given)", at, str(rung.parameters), _kelvin(rung.fit.rmse)]
         holdout, proof = rung.holdout, rung.proof
         cells += [_kelvin(holdout.rmse if holdout else None), _kelvin(holdout.max if holdout else None)]
         table.add_row(*cells, *([_kelvin(proof.rmse if proof else None)] if proven else []))
     out.print(table)
+    out.print("fit, held out: RMSE on the data fitted and on those held out; max: the largest error.")
     out.print(f"The model as given is {VERDICTS[ladder.verdict]}.")
     if len(ladder.rungs) > 1:
-        out.print(f"The last rung is {_REMAINING[ladder.remaining]}.")
+        out.print(f"With all that was added it is {_REMAINING[ladder.remaining]}.")
     out.print(who_chose(ladder))
     for number, rung in enumerate(ladder.rungs):
-        if rung.alike:
-            out.print(
-                f"Rung {number}: the fitted data alone could not tell it from {_keys(rung.alike)}.",
-                markup=False,
-            )
+        if rung.effect and rung.at:
+            told = f"Rung {number}, {_in_words([(rung.effect, rung.at)])}: "
+            if not rung.alike:
+                told += "nothing else in the catalogue explains the fitted data as well"
+            else:
+                told += f"the fitted data alone can't tell it from {_in_words(rung.alike)}"
+                told += "; the held-out data chose" if rung.holdout else ""
+            out.print(f"{told}.", markup=False)
     _show_warnings(ladder.best.fit)
 
 
@@ -107,21 +113,56 @@ def show_diagnosis(found: Diagnosis) -> None:
     out.print(f"Misfit over one-minute means, 1 being the most that noise would leave: {lack}.")
     if not found.helpful:
         return
+    if found.verdict == "missing":
+        _show_first(found)
     table = _table("rank", "effect", "at", "fit", "held out", "p", "like")
     ranks = {finding.key: str(rank) for rank, finding in enumerate(found.helpful, start=1)}
     for rank, finding in enumerate(found.helpful, start=1):
         effect, at = finding.key
         held = finding.holdout.rmse if finding.holdout else None
-        cells = [str(rank), effect, at, _kelvin(finding.rmse_fit), _kelvin(held), f"{finding.p_value:.2g}"]
+        chance = f"{'≤ ' if _finest(found, finding) else ''}{finding.p_value:.2g}"
+        cells = [str(rank), effect, at, _kelvin(finding.rmse_fit), _kelvin(held), chance]
         table.add_row(*cells, " ".join(ranks[key] for key in finding.alike if key in ranks))
     out.print(table)
-    out.print("p: how often chance alone would score as much. like: ranks that these data can't tell from it.")
+    out.print("fit, held out: RMSE once the effect is added. p: how often chance alone would score as much.")
+    runs = any("@" in finding.key[1] for finding in found.helpful)
+    told = f"at: * is everywhere.{' NODE@RUN is in that run alone.' if runs else ''}"
+    out.print(f"{told} like: ranks that these data can't tell from it.", markup=False)
+    if found.verdict == "missing":
+        out.print("To add it, fit again, and look for more: `lptn improve` with the same model and logs.", markup=False)
+
+
+def _show_first(found: Diagnosis) -> None:
+    """The first answer in words: what, where, how much better, how sure."""
+    first = found.helpful[0]
+    told = f"Missing first of all: {_in_words([first.key])}. With it the RMSE goes from {_kelvin(found.rmse_fit)} to "
+    told += f"{_kelvin(first.rmse_fit)} on the fitted runs"
+    if found.holdout and first.holdout:
+        told += f", from {_kelvin(found.holdout.rmse)} to {_kelvin(first.holdout.rmse)} on the held-out ones"
+    chance = f"{'at most ' if _finest(found, first) else ''}{100 * first.p_value:.2g} %"
+    told += f". Chance alone would score as much in {chance} of logs; "
+    rivals = f"these data can't tell it from {_in_words(first.alike)}" if first.alike else ""
+    out.print(f"{told}{rivals or 'nothing else in the catalogue explains them as well'}.", markup=False)
+
+
+def _finest(found: Diagnosis, finding: Finding) -> bool:
+    """Whether none of the simulated logs scored as much, so that the share by chance is only an upper bound."""
+    return finding.p_value <= (1 + 1e-9) / (1 + len(found.scores.chance))
 
 
 def show_advice(advice: Advice) -> None:
     """What to do next, a sentence or two each."""
+    from lptn.report.text import for_people
+
     for told in advice.sentences:
-        out.print(told, markup=False)
+        out.print(for_people(told), markup=False)
+
+
+def show_written(files: Mapping[str, Path | None]) -> None:
+    """Which files were written, each with what it is."""
+    written = [f"{path} ({what})" for what, path in files.items() if path is not None]
+    if written:
+        out.print(f"Written: {', '.join(written)}.", markup=False)
 
 
 def show_fit(done: Fit) -> None:
@@ -158,19 +199,20 @@ def show_comparison(comparison: Comparison) -> None:
     if worst:
         out.print("It fails worst where:")
     for each in worst:
-        text = f"  {each.node}, {each.quantity} from {each.lower:.3g} to {each.upper:.3g}: "
-        out.print(text + f"RMSE {_kelvin(each.errors.rmse)}, mean error {each.errors.mean:+.2g} K", markup=False)
+        text = f"  {each.node}, {each.quantity} from {each.lower:.4g} to {each.upper:.4g}: "
+        out.print(text + f"RMSE {_kelvin(each.errors.rmse)}, mean error {each.errors.mean:+#.2g} K", markup=False)
 
 
 def show_versus(found: Versus) -> None:
     """Two models' errors by class of nodes and by run."""
     out.print(f"{found.names[0]} / {found.names[1]}", markup=False)
     for what, pairs in (("nodes", found.classes), ("run", found.runs)):
-        table = _table(what, "mean error", "max", "less", "mean square")
+        table = _table(what, "mean |error|", "max", "less", "mean square")
         for pair in pairs:
             cells = [f"{mine:.2f} / {others:.2f} {unit}" for mine, others, unit in pair.figures]
             table.add_row(pair.what, cells[0], cells[1], f"{pair.reduction:.0%}", cells[2])
         out.print(table)
+    out.print("less: by how much the first model's largest error is below the second's.")
 
 
 def show_mirror_trials(trials: Sequence[MirrorTrial]) -> None:
@@ -238,12 +280,16 @@ def _held_out(found: Diagnosis) -> str:
     return f", {_kelvin(found.holdout.rmse)} on the held-out ones" if found.holdout else ""
 
 
-def _keys(keys: Sequence[tuple[str, str]]) -> str:
-    return ", ".join(f"{effect} at {at}" for effect, at in keys)
+def _in_words(keys: Sequence[tuple[str, str]]) -> str:
+    """Effects and their places; of many the first few, for all of them stand in the JSON and on the page."""
+    from lptn.report.text import listed, named
+
+    names = [named(*key) for key in keys]
+    return listed(names if len(names) <= _FEW + 1 else [*names[:_FEW], f"{len(names) - _FEW} others"])
 
 
 def _kelvin(value: float | None) -> str:
-    return "–" if value is None or not math.isfinite(value) else f"{value:.3g} K"
+    return "–" if value is None or not math.isfinite(value) else f"{value:#.3g}".rstrip(".") + " K"
 
 
 def _table(*columns: str) -> Table:
@@ -258,6 +304,7 @@ def _table(*columns: str) -> Table:
             "max",
             "less",
             "mean error",
+            "mean |error|",
             "mean square",
             "value",
             "p",

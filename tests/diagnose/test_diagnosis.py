@@ -30,6 +30,14 @@ def test_a_hidden_effect_is_named_with_its_place_and_the_held_out_error_falls(le
     assert best.holdout.rmse < 0.08  # K; 0.15 K of noise leave 0.067 K on means over 5 s
 
 
+def test_what_differs_in_one_run_is_one_answer_with_what_differs_in_the_other_as_much(leg: Leg) -> None:
+    """A large effect: refits that only rank are cut off long before they reach it; the held-out run tells which."""
+    found = diagnose(*leg(Hidden("surface_scale", "FR_calf", size=3.0, run="fit1")))
+    first = found.findings[0]
+    assert first.key == ("surface_scale", "FR_calf@fit1")
+    assert ("surface_scale", "FR_calf@fit2") in first.alike
+
+
 def test_nothing_hidden_is_adequate(leg: Leg) -> None:
     found = diagnose(*leg())
     assert found.verdict == "adequate"

@@ -11,6 +11,7 @@ import struct
 import zipfile
 from collections import Counter
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pyarrow as pa
@@ -54,8 +55,13 @@ MADE = {
 }
 
 
+@cache
+def _nodes(path: Path) -> list[ast.AST]:
+    return list(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
+
+
 def _calls(path: Path) -> Iterator[ast.Call]:
-    yield from (node for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(node, ast.Call))
+    yield from (node for node in _nodes(path) if isinstance(node, ast.Call))
 
 
 def _name(call: ast.Call) -> str:
@@ -67,7 +73,7 @@ def _name(call: ast.Call) -> str:
 
 def _risks(path: Path) -> Iterator[str]:
     """What in a module could run what a file holds."""
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in _nodes(path):
         if isinstance(node, ast.Import | ast.ImportFrom):
             names = [each.name for each in node.names] if isinstance(node, ast.Import) else [node.module or ""]
             yield from {name.partition(".")[0] for name in names} & RUNS_DATA

@@ -243,6 +243,42 @@ def test_a_message_that_is_not_of_its_type_costs_its_topic_only(recorder: Record
     (run,) = read_log(tmp_path / "bag")
     assert run.has("torque.a")
     assert not run.has("temperature.u")
+    assert "/t, /u: its messages do not decode as sensor_msgs/msg/Temperature; left out." in run.notes
+
+
+def test_joints_in_messages_of_their_own_under_one_stamp(recorder: Recorder, tmp_path: Path) -> None:
+    for k in range(200):
+        for late, (joint, effort) in enumerate((("a", 2.0), ("b", 4.0))):
+            recorder.send(
+                "/joint_states", 0.1 * k + 0.001 * late, recorder.joints(0.1 * k, [joint], [-effort], [effort])
+            )
+    recorder.writer.close()
+    (run,) = read_log(tmp_path / "bag", inputs=["torque.a", "torque.b"], optional=["signed_velocity.b"])
+    np.testing.assert_allclose(run.columns["torque.a"], 2.0)
+    np.testing.assert_allclose(run.columns["torque.b"], 4.0)
+    np.testing.assert_allclose(run.columns["signed_velocity.b"], -4.0)  # as a search for a gait asks for it
+
+
+def test_stamps_of_two_clocks_are_told(recorder: Recorder, tmp_path: Path) -> None:
+    for k in range(200):
+        for ahead, topic, joint in ((0.0, "/one", "a"), (7.0, "/two", "b")):
+            recorder.send(topic, 0.1 * k, recorder.joints(0.1 * k + ahead, [joint], [0.0], [1.0]))
+    recorder.writer.close()
+    (run,) = read_log(tmp_path / "bag")
+    assert any("the header stamps of /two lie +7 s from those of /one" in note for note in run.notes)
+
+
+def test_a_topic_of_two_types_is_read_as_its_first_and_that_is_told(recorder: Recorder, tmp_path: Path) -> None:
+    for k in range(100):
+        recorder.send("/t", 1.0 * k, recorder.make("sensor_msgs/Temperature", recorder.header(k), 20.0, 0.0))
+    first = recorder.connections.pop("/t")
+    for k in range(100):
+        recorder.send("/t", 1.0 * k, recorder.make("sensor_msgs/Illuminance", recorder.header(k), 900.0, 0.0))
+    assert first.msgtype != recorder.connections["/t"].msgtype
+    recorder.writer.close()
+    (run,) = read_log(tmp_path / "bag", {"temperature.t": ColumnSource(("/t.temperature",))})
+    np.testing.assert_allclose(run.temperature("t"), 20.0)
+    assert "/t: of several types; only messages of sensor_msgs/msg/Temperature are read." in run.notes
 
 
 def test_a_bag_without_numbers(recorder: Recorder, tmp_path: Path, refuse: Refuse) -> None:

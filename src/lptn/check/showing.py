@@ -100,7 +100,7 @@ def show_steps(model: Model, driven: Drive) -> None:
     """How fast the network is, and the steps that forward Euler could take with it."""
     form = state_space(model, default_start(model, driven), driven.inputs.mean(axis=1))
     slowest = form.time_constants[np.isfinite(form.time_constants)].max()
-    spread = f"{form.time_constants[0]:.3g} to {slowest:.3g} s"
+    spread = f"{form.time_constants[0]:.4g} to {slowest:.4g} s"
     euler = f"stable to {form.euler_stable:.3g} s, within 0.1 K of the exact hold to {form.euler_step(0.1):.2g} s"
     out.print(
         f"\nTime constants {spread} at the declared values. Steps of forward Euler would stay {euler}; "

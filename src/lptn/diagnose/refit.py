@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import log, log2
 
 import numpy as np
@@ -13,7 +13,7 @@ from lptn.arrays import FloatArray
 from lptn.diagnose.candidates import Candidate
 from lptn.diagnose.score import Score, Scores
 from lptn.diagnose.stretches import clearly_differ
-from lptn.identify import Fit, fit
+from lptn.identify import Fit, finished, fit
 from lptn.model import Model
 from lptn.network import EffectDeclaration, Network
 from lptn.simulate import Drive, default_start, drive, start_from
@@ -26,6 +26,7 @@ SIGNIFICANT = 0.05
 _ITERATIONS, _PRECISION = 25, 3e-4
 _SAME_FAMILY_SHARE = 0.2  # the best place of an effect is refitted if it scores so much of the best gain
 _HOPELESS = 1.5  # times the misfit of the most promising candidate
+_NEAR = 1.3  # times the least misfit; a fit that was cut off so near to it may yet reach it
 _COMPARABLE = 0.5  # share of the best gain below which no scatter makes two candidates alike
 _TYPICAL_RANGE = (0.02, 20.0)  # first-order amplitudes outside this share of the typical size are not trusted
 
@@ -90,10 +91,17 @@ def refit_all(base: Fit, scores: Sequence[Score], executor: Executor | None = No
         scores: candidates with their first-order sizes.
         executor: where to run them; here, one after the other, by default.
     """
+    if not scores:
+        return []
+    run = executor.map if executor else map
     # What has no hope to come near the most promising one is not fitted to the end.
     done = [_refit((base, score, np.inf)) for score in scores[:1]]
-    tasks = [(base, score, _HOPELESS * done[0].fit.cost) for score in scores[1:]]
-    done += executor.map(_refit, tasks) if executor else map(_refit, tasks)
+    done += run(_refit, [(base, score, _HOPELESS * done[0].fit.cost) for score in scores[1:]])
+    # A large effect is a long way from the baseline; cut off, it would seem worse than another name for the same.
+    most = _NEAR * min(each.fit.cost for each in done)
+    cut_off = [each for each in done if each.fit.status == "not converged" and each.fit.cost <= most]
+    for each, longer in zip(cut_off, run(finished, [each.fit for each in cut_off]), strict=True):
+        done[done.index(each)] = replace(each, fit=unless_interrupted(longer), gain=worse_by(base, longer))
     return _plausible_first(sorted(done, key=lambda each: -each.gain))
 
 

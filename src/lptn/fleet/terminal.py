@@ -26,10 +26,17 @@ def show_fleet(fleet: Fleet, folder: Path) -> None:
         out.print(_spread_table(fleet))
     for line in _shortened([str(each) for each in fleet.outliers], "robots that stand apart"):
         out.print(line, markup=False)
-    warnings = Counter(warning for each in fleet.fitted for warning in _subjects(each))
-    for line in _shortened([f"Warning: {what}, {count} robots." for what, count in warnings.most_common()], "warnings"):
+    notes = Counter(note for each in fleet.fitted for note in each.result.get("notes", ()))
+    for line in _shortened([f"{_robots(count)}: {what}" for what, count in notes.most_common()], "notes on logs"):
+        out.print(line, markup=False)
+    warnings = Counter(warning for each in fleet.fitted for warning in _subjects(each)).most_common()
+    for line in _shortened([f"Warning: {what}, {_robots(count)}." for what, count in warnings], "warnings"):
         out.print(line, markup=False)
     out.print(_count(fleet, folder), markup=False)
+
+
+def _robots(count: int) -> str:
+    return f"{count} robot{'s' * (count != 1)}"
 
 
 def _spread_table(fleet: Fleet) -> Table:

@@ -11,6 +11,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, Literal
 
+from lptn import __version__
 from lptn.checkpoint import fingerprint_of
 from lptn.errors import InputError, one_line
 from lptn.evidence import evidence
@@ -45,7 +46,12 @@ class Order:
     @property
     def options(self) -> dict[str, object]:
         """What a result depends on besides the model and the logs."""
-        return {"map": list(self.mapped), "mirror_weight": self.mirror_weight, "holdout_after": self.holdout_after}
+        return {
+            "lptn": __version__,  # another one may read, or fit, in another way
+            "map": list(self.mapped),
+            "mirror_weight": self.mirror_weight,
+            "holdout_after": self.holdout_after,
+        }
 
 
 @dataclass(frozen=True)
@@ -57,7 +63,8 @@ class Outcome:
         status: `"fitted"`; `"unchanged"`: an earlier result still holds; `"failed"`; `"interrupted"`.
         fingerprint: of model, options and logs.
         message: why it failed, one line.
-        result: `Fit.as_json()`, with `rmse_holdout`, the logs' names and SHA-256, and the seconds it took.
+        result: `Fit.as_json()`, with `rmse_holdout`, the logs' names and SHA-256, notes on what was guessed in them or
+            looks wrong, and the seconds it took.
         text: the fitted model file, empty once it is kept in a folder.
     """
 
@@ -119,10 +126,16 @@ def in_one_line(error: BaseException) -> str:
 
 def _fitted(order: Order, logs: Sequence[str]) -> tuple[dict[str, Any], str]:
     opened = _opened(order.model)
-    data = evidence(opened.runs([Path(log) for log in logs]), holdout_after=order.holdout_after)
+    notes: dict[str, None] = {}
+    runs = opened.runs([Path(log) for log in logs], tell=lambda _, note: notes.setdefault(note))
+    data = evidence(runs, holdout_after=order.holdout_after)
     found = fit_evidence(opened.model, data, order.mirror_weight)
     table = found.fit.table()
-    more = {"rmse_holdout": found.holdout.rmse if found.holdout else None, "data": [x.model_dump() for x in table.data]}
+    more = {
+        "rmse_holdout": found.holdout.rmse if found.holdout else None,
+        "data": [x.model_dump() for x in table.data],
+        "notes": list(notes),
+    }
     result = found.fit.as_json() | more
     result.pop("correlations")  # grows with the square of the parameters
     return {key: _finite(value) for key, value in result.items()}, opened.file.with_fit(table).text

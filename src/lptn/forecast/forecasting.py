@@ -123,7 +123,7 @@ def _window(driven: Drive, model: Model, cycles: int, window: WindowChoice, gait
     if window == "cycles" and period is not None:
         count = min(cycles, int(length / period))
         return Window(count * period, count, period, steady, f"the last {count} gait cycles")
-    whole = "the whole log" if steady >= length - driven.run.step else f"the last {steady:.3g} s"
+    whole = f"the whole log, {steady:.3g} s" if steady >= length - driven.run.step else f"the last {steady:.3g} s"
     why = f"{whole}, over which the operating point is unchanged{unseen}"
     if period is None or steady < period:
         return Window(steady, None, period, steady, why)

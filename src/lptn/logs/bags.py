@@ -12,13 +12,14 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
 from lptn.errors import InputError
 from lptn.files import fingerprint
+from lptn.logs.bag_bounds import bounded
 from lptn.logs.bag_clock import one_clock
 from lptn.logs.bag_messages import COMMON, Decoder, Stream, numbers_in, quantities
+from lptn.logs.merging import on_one_time
 from lptn.logs.tables import Table, check_size
 
 _FIRST = 20  # messages of a topic that are looked at for names: joints may come in several messages
@@ -41,22 +42,24 @@ def open_bag(path: Path) -> Table:
         raise InputError(path, "log", "a ROS 2 bag, and no package to read it", "pip install 'lptn[ros]'")
     with _told(path), _reader(path) as reader:
         store = _store(reader.connections)
-        shown = {topic: _first_numbers(reader, store, topic) for topic in _topics(reader, store)}
-        kinds = {connection.topic: connection.msgtype for connection in reader.connections}
-    shown = {topic: names for topic, names in shown.items() if names}
+        kinds, opened = _kinds(reader, store)
+        found = {topic: _first_numbers(reader, store, topic, kind) for topic, kind in kinds.items()}
+    undecoded = [topic for topic, numbers in found.items() if numbers is None]
+    opened += [f"{topic}: its messages do not decode as {kinds[topic]}; left out." for topic in undecoded]
+    shown = {topic: numbers for topic, numbers in found.items() if numbers}
     if not shown:
         raise InputError(path, "log", "no topic whose messages hold numbers", "a bag with joint states or the like")
     names = ("time", *(f"{topic}.{name}" for topic, given in shown.items() for name in given))
-    notes: list[str] = []
+    notes = [*opened]
     times: list[float] = []
 
     def read(wanted: Sequence[str]) -> pd.DataFrame:
         topics = {topic: [name for name in given if f"{topic}.{name}" in wanted] for topic, given in shown.items()}
         topics = {topic: given for topic, given in topics.items() if given} or {next(iter(shown)): []}
         with _told(path), _reader(path) as again:
-            streams = [_stream(again, store, topic, given) for topic, given in topics.items()]
+            streams = [_stream(again, store, topic, kinds[topic], given) for topic, given in topics.items()]
         stamps, said = one_clock(streams)
-        notes[:] = said
+        notes[:] = [*opened, *said]
         check_size(path, sum(own.size for own in stamps), len(wanted))
         frame = _merged(streams, stamps)
         times[:] = frame["time"].tolist()
@@ -69,47 +72,49 @@ def open_bag(path: Path) -> Table:
     return Table(path, names, read, where, kind, quantities(shown, kinds), notes, partial(_digest, path))
 
 
-def _stream(reader: Any, store: Any, topic: str, wanted: list[str]) -> Stream:
-    """All of a topic's messages, the wanted numbers of each."""
-    connections = [connection for connection in reader.connections if connection.topic == topic]
-    decoder = Decoder(store, connections[0].msgtype, wanted)
-    messages = ((when, bytes(raw)) for _, when, raw in reader.messages(connections))
-    return Stream.of(topic, wanted, decoder, messages)
+def _stream(reader: Any, store: Any, topic: str, kind: str, wanted: list[str]) -> Stream:
+    """All of a topic's messages of one type, the wanted numbers of each."""
+    messages = ((when, bytes(raw)) for _, when, raw in reader.messages(_connections(reader, topic, kind)))
+    return Stream.of(topic, wanted, Decoder(store, kind, wanted), messages)
+
+
+def _connections(reader: Any, topic: str, kind: str) -> list[Any]:
+    return [each for each in reader.connections if each.topic == topic and each.msgtype == kind]
 
 
 def _merged(streams: Sequence[Stream], stamps: Sequence[Any]) -> pd.DataFrame:
     """The streams on the union of their times; empty where a topic has no message at a time."""
-    time = np.unique(np.concatenate(stamps))
-    columns: dict[str, Any] = {"time": time / 1e9}
-    for stream, own in zip(streams, stamps, strict=True):
-        rows = np.searchsorted(time, own)
-        for number, name in enumerate(stream.names):
-            column = np.full(time.size, np.nan)
-            # Where two messages have one stamp the first counts.
-            column[rows[::-1]] = stream.values[::-1, number]
-            columns[f"{stream.topic}.{name}"] = column
-    return pd.DataFrame(columns, copy=False)
+    parts = [
+        (own, {f"{stream.topic}.{name}": stream.values[:, number] for number, name in enumerate(stream.names)})
+        for stream, own in zip(streams, stamps, strict=True)
+    ]
+    time, columns = on_one_time(parts)
+    return pd.DataFrame({"time": time / 1e9} | columns, copy=False)
 
 
-def _topics(reader: Any, store: Any) -> list[str]:
-    """The topics of types that are known, those with joints first."""
-    known = [each for each in reader.connections if each.msgtype in store.fielddefs]
-    return list(dict.fromkeys(each.topic for each in sorted(known, key=lambda each: (each.topic, each.id))))
+def _kinds(reader: Any, store: Any) -> tuple[dict[str, str], list[str]]:
+    """The type of each topic's messages, and what is left out, a sentence each."""
+    kinds: dict[str, str] = {}
+    notes = []
+    for each in sorted(reader.connections, key=lambda each: (each.topic, each.id)):
+        if each.msgtype not in store.fielddefs:
+            notes.append(f"{each.topic}: the bag does not define the type of its messages; left out.")
+        elif kinds.setdefault(each.topic, each.msgtype) != each.msgtype:
+            notes.append(f"{each.topic}: of several types; only messages of {kinds[each.topic]} are read.")
+    return kinds, list(dict.fromkeys(notes))
 
 
-def _first_numbers(reader: Any, store: Any, topic: str) -> list[str]:
-    """What a topic's first messages hold: names of their numbers."""
+def _first_numbers(reader: Any, store: Any, topic: str, kind: str) -> list[str] | None:
+    """What a topic's first messages hold: names of their numbers; `None` where one does not decode."""
     from rosbags.serde import SerdeError
 
     found: dict[str, None] = {}
-    for connection in reader.connections:
-        if connection.topic != topic:
-            continue
+    for connection in _connections(reader, topic, kind):
         for _, _, raw in islice(reader.messages([connection]), _FIRST):
             try:
-                message = store.deserialize_cdr(raw, connection.msgtype)
+                message = store.deserialize_cdr(raw, kind)
             except SerdeError:  # of another version of its type
-                return []
+                return None
             found.update(dict.fromkeys(name for name, _ in islice(numbers_in(message), _WIDEST)))
     return list(found)[:_WIDEST]
 
@@ -165,7 +170,7 @@ def _texts(described: Any) -> Iterator[str]:
 def _reader(path: Path) -> Iterator[Any]:
     from rosbags.rosbag2 import Reader
 
-    with Reader(path) as reader:
+    with bounded(), Reader(path) as reader:
         yield reader
 
 

@@ -119,7 +119,7 @@ def parse_map_option(text: str, option: str = "--map") -> tuple[str, ColumnSourc
     for word in filter(None, more):
         name, _, value = (part.strip() for part in word.partition("="))
         numbers = [_as_number(part) for part in value.split(",")]
-        entry[name] = numbers if name in {"invalid", "valid"} else numbers[0]
+        entry[name] = numbers if name in {"invalid", "valid"} else numbers[0] if len(numbers) == 1 else value
     return key, _entry(key, entry, option, key)
 
 

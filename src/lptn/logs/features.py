@@ -56,10 +56,14 @@ FEATURES: Mapping[str, Feature] = {
 }
 
 
+# Of no use to a model, which has no sense of direction; who looks for a gait asks for it by name.
+_ON_REQUEST: Mapping[str, Feature] = {"signed_velocity": Feature(("velocity",), MEAN)}
+
+
 def feature(column: str) -> Feature:
     """The rule for a column `<feature>.<place>`."""
     quantity = column.partition(".")[0]
-    return FEATURES.get(quantity, Feature((quantity,), MEAN))
+    return FEATURES.get(quantity) or _ON_REQUEST.get(quantity) or Feature((quantity,), MEAN)
 
 
 def raw_keys(column: str, available: Iterable[str] = ()) -> tuple[str, ...]:

@@ -13,6 +13,7 @@ from lptn.arrays import FloatArray
 from lptn.errors import InputError
 from lptn.logs.checks import check_time
 from lptn.logs.columns import ColumnSource
+from lptn.logs.merging import on_one_time
 from lptn.logs.onset import NoOnsetError, Shift, shift_of
 from lptn.logs.select import known_columns
 from lptn.logs.suspicions import suspect_time
@@ -161,15 +162,15 @@ def _merged(
     one: _Timed, other: _Timed, shift: float, mine: Sequence[str], others: Mapping[str, str], wanted: Sequence[str]
 ) -> pd.DataFrame:
     """Both logs' columns on the union of their times; empty where the other log has a row."""
-    late = other.time + shift
-    time = np.union1d(one.time, late)
-    columns: dict[str, FloatArray] = {"time": time}
-    for each, own, names in ((one, one.time, {name: name for name in mine}), (other, late, others)):
-        at = np.searchsorted(time, own)
+    parts = []
+    for each, own, names in (
+        (one, one.time, {name: name for name in mine}),
+        (other, other.time + shift, others),
+    ):
         numbers = each.table.numbers(names.values())
-        for new, name in names.items():
-            columns[new] = np.full(time.size, np.nan)
-            columns[new][at] = numbers[name][each.rows]
+        parts.append((own, {new: numbers[name][each.rows] for new, name in names.items()}))
+    time, columns = on_one_time(parts)
+    columns["time"] = time
     return pd.DataFrame({name: columns[name] for name in wanted}, copy=False)
 
 

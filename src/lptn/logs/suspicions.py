@@ -120,10 +120,11 @@ def suspect_wrap(key: str, source: ColumnSource, raw: FloatArray) -> list[Suspic
     if source.wrap or len(source.columns) > 1 or known.size < 2 or not (np.round(known) == known).all():
         return []
     jumps = np.abs(np.diff(known))
+    jumped = -np.diff(known) if key == "time" else jumps  # time that leaps ahead is a gap
     for bits in (16, 32):
         turn = float(2**bits)
         inside = (known.min() >= 0 and known.max() < turn) or (known.min() >= -turn / 2 and known.max() < turn / 2)
-        wrapped = int((jumps > 0.75 * turn).sum())
+        wrapped = int((jumped > 0.75 * turn).sum())
         if inside and wrapped and np.median(jumps) < 0.1 * turn:
             found = f"{wrapped} jumps of some {turn:.0f}: a counter of {bits} bit that wraps"
             mended = replace(source, wrap=turn)

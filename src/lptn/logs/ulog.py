@@ -14,10 +14,10 @@ from typing import Any, BinaryIO
 import numpy as np
 import pandas as pd
 
-from lptn.arrays import FloatArray
 from lptn.errors import InputError
 from lptn.files import fingerprint
 from lptn.logs.columns import ColumnSource
+from lptn.logs.merging import on_one_time
 from lptn.logs.tables import Table, check_size
 
 _ESC = re.compile(r"(?P<topic>esc_status|esc_report)\.esc\[(?P<number>\d+)\]\.(?P<field>esc_\w+)")
@@ -152,21 +152,19 @@ def _asked(topic: str, fields: Mapping[str, Any], wanted: Sequence[str]) -> bool
     return any(f"{topic}.{field}" in wanted for field in fields)
 
 
-def _union(topics: Mapping[str, Mapping[str, Any]]) -> FloatArray:
-    """All times at which one of the topics has a message, s since 1970 or since the flight controller started."""
-    stamps = [np.asarray(fields["timestamp"], np.float64) for fields in topics.values()]
-    return np.asarray(np.unique(np.concatenate(stamps)) / 1e6)
-
-
 def _merged(topics: Mapping[str, Mapping[str, Any]], wanted: Sequence[str]) -> pd.DataFrame:
-    """The topics on the union of their times; empty where a topic has no message at a time."""
-    time = _union(topics)
-    columns: dict[str, FloatArray] = {"time": time}
-    for topic, fields in topics.items():
-        rows = np.searchsorted(time, np.asarray(fields["timestamp"], np.float64) / 1e6)
-        for field, values in fields.items():
-            name = f"{topic}.{field}"
-            if name in wanted:
-                columns[name] = np.full(time.size, np.nan)
-                columns[name][rows[::-1]] = np.asarray(values, np.float64)[::-1]
-    return pd.DataFrame(columns, copy=False)
+    """The topics on the union of their times, s; empty where a topic has no message at a time."""
+    time, columns = on_one_time(
+        [
+            (
+                np.asarray(fields["timestamp"], np.float64) / 1e6,
+                {
+                    f"{topic}.{field}": np.asarray(values, np.float64)
+                    for field, values in fields.items()
+                    if f"{topic}.{field}" in wanted
+                },
+            )
+            for topic, fields in topics.items()
+        ]
+    )
+    return pd.DataFrame({"time": time} | columns, copy=False)
