@@ -11,7 +11,7 @@ import numpy as np
 
 from lptn.arrays import FloatArray
 from lptn.evidence import Part
-from lptn.identify import fit_starts
+from lptn.identify import fit_nuisances, fit_starts
 from lptn.model import Model
 from lptn.noise import Noise, balanced_sigma, estimate_noise
 from lptn.simulate import Drive, drive, simulate
@@ -149,12 +149,16 @@ class Comparison:
 def predict(model: Model, part: Part, sigma: FloatArray) -> Prediction:
     """Predict a run from the initial states that its opening gives.
 
+    Where the model grants the run an error that is no part of the robot, such as the ambient sensor's, that is taken
+    from all of the run: one number with a prior.
+
     Args:
         model: at the values that it is to predict with.
         part: the run, which stretch of it finds the start, and which counts.
         sigma: standard deviation that weighs each node [K], shape (nodes,).
     """
     driven = drive(model, part.run)
+    model = fit_nuisances(model, driven.count((part.opening[0], part.counted[1])).until(part.counted[1]), sigma)
     opening = driven.count(part.opening).until(part.opening[1])
     (start,) = fit_starts(model, [opening], sigma)
     path = simulate(model, driven, model.values, start)

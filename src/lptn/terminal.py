@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import inspect
 import json
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 from rich.console import Console
 from rich.table import Table
@@ -16,9 +14,8 @@ from rich.table import Table
 from lptn.advice import Advice
 from lptn.compare import Comparison, Errors
 from lptn.diagnose import Diagnosis, Finding
-from lptn.effects import catalogue
-from lptn.errors import InputError
 from lptn.files import write_whole
+from lptn.for_json import finite
 from lptn.identify import Fit
 from lptn.ladder import Ladder
 from lptn.on_evidence import MirrorTrial
@@ -61,12 +58,12 @@ def progress(first: str) -> Iterator[Callable[[str], None]]:
 def write_json(path: Path | None, content: object) -> None:
     """Write a result for other programs; numbers that are not finite become null."""
     if path is not None:
-        write_whole(path, json.dumps(_finite(content), indent=2) + "\n")
+        write_whole(path, json.dumps(finite(content), indent=2) + "\n")
 
 
 def show_ladder(ladder: Ladder) -> None:
     """The ladder, rung by rung."""
-    table = _table("rung", "effect", "at", "parameters", "fit", "held out", "max held out")
+    table = new_table("rung", "effect", "at", "parameters", "fit", "held out", "max held out")
     proven = any(rung.proof for rung in ladder.rungs)
     if proven:
         table.add_column("proof", justify="right")
@@ -82,6 +79,7 @@ def show_ladder(ladder: Ladder) -> None:
     if len(ladder.rungs) > 1:
         out.print(f"With all that was added it is {_REMAINING[ladder.remaining]}.")
     out.print(who_chose(ladder))
+    _show_granted(ladder.best.fit)
     for number, rung in enumerate(ladder.rungs):
         if rung.effect and rung.at:
             told = f"Rung {number}, {_in_words([(rung.effect, rung.at)])}: "
@@ -92,6 +90,13 @@ def show_ladder(ladder: Ladder) -> None:
                 told += "; the held-out data chose" if rung.holdout else ""
             out.print(f"{told}.", markup=False)
     _show_warnings(ladder.best.fit)
+
+
+def _show_granted(fit: Fit) -> None:
+    """That each run was granted an error of its own, where it was."""
+    spreads = {unknown.declared.prior for unknown in fit.model.unknowns if unknown.declared.prior is not None}
+    for spread in spreads:
+        out.print(f"Each run, held-out ones too, was granted an ambient off by {spread:g} K (standard deviation).")
 
 
 def who_chose(ladder: Ladder) -> str:
@@ -111,11 +116,12 @@ def show_diagnosis(found: Diagnosis) -> None:
     step = found.fit.problem.drives[0].run.step
     out.print(f"RMSE {_kelvin(found.rmse_fit)} on the fitted runs{_held_out(found)}, in steps of {step:g} s.")
     out.print(f"Misfit over one-minute means, 1 being the most that noise would leave: {lack}.")
+    _show_granted(found.fit)
     if not found.helpful:
         return
     if found.verdict == "missing":
         _show_first(found)
-    table = _table("rank", "effect", "at", "fit", "held out", "p", "like")
+    table = new_table("rank", "effect", "at", "fit", "held out", "p", "like")
     ranks = {finding.key: str(rank) for rank, finding in enumerate(found.helpful, start=1)}
     for rank, finding in enumerate(found.helpful, start=1):
         effect, at = finding.key
@@ -167,7 +173,7 @@ def show_written(files: Mapping[str, Path | None]) -> None:
 
 def show_fit(done: Fit) -> None:
     """Values with standard errors, and what the data leave open."""
-    table = _table("parameter", "value", "± standard error", "unit")
+    table = new_table("parameter", "value", "± standard error", "unit")
     for index in done.problem.free:
         unknown = done.model.unknowns[index]
         error = done.errors[unknown.name]
@@ -186,7 +192,7 @@ def _show_warnings(done: Fit) -> None:
 
 def show_comparison(comparison: Comparison) -> None:
     """Errors by run and node, and the conditions in which the model fails worst."""
-    table = _table("run", "node", "RMSE", "max", "mean error", "noise floor")
+    table = new_table("run", "node", "RMSE", "max", "mean error", "noise floor")
     for prediction in comparison.predictions:
         for node in comparison.model.nodes:
             errors = comparison.node(node, prediction)
@@ -207,7 +213,7 @@ def show_versus(found: Versus) -> None:
     """Two models' errors by class of nodes and by run."""
     out.print(f"{found.names[0]} / {found.names[1]}", markup=False)
     for what, pairs in (("nodes", found.classes), ("run", found.runs)):
-        table = _table(what, "mean |error|", "max", "less", "mean square")
+        table = new_table(what, "mean |error|", "max", "less", "mean square")
         for pair in pairs:
             cells = [f"{mine:.2f} / {others:.2f} {unit}" for mine, others, unit in pair.figures]
             table.add_row(pair.what, cells[0], cells[1], f"{pair.reduction:.0%}", cells[2])
@@ -219,7 +225,7 @@ def show_mirror_trials(trials: Sequence[MirrorTrial]) -> None:
     """What each left-right weight gave on held-out runs."""
     if not trials:
         return
-    table = _table("left-right weight", "fit", "held out")
+    table = new_table("left-right weight", "fit", "held out")
     for each in trials:
         table.add_row(f"{each.weight:g}", _kelvin(each.fit.rmse), _kelvin(each.holdout.rmse))
     out.print(table)
@@ -229,51 +235,6 @@ def show_holdout(errors: Errors | None) -> None:
     """Errors on runs that the fit never saw."""
     if errors is not None:
         out.print(f"Held out: RMSE {_kelvin(errors.rmse)}, max {_kelvin(errors.max)}.")
-
-
-def show_effects(key: str | None) -> None:
-    """The catalogue, or one effect of it.
-
-    Raises:
-        InputError: no effect has this key.
-    """
-    known = catalogue()
-    if key is None:
-        table = _table("effect", "what it is", "at")
-        for name, effect in known.items():
-            table.add_row(name, effect.title, effect.site)
-        out.print(table)
-        return
-    if key not in known:
-        raise InputError("effects", "KEY", f"'{key}'", f"one of {', '.join(known)}")
-    effect = known[key]
-    out.print(inspect.cleandoc(effect.__doc__ or effect.title), markup=False)
-    table = _table("parameter", "what it is", "unit", "typical", "off")
-    for parameter in effect.parameters:
-        off = "" if parameter.off is None else f"{parameter.off:g}"
-        table.add_row(parameter.name, parameter.title, parameter.unit, f"{parameter.typical:g}", off)
-    out.print(table)
-    out.print(f"Looks like: {effect.signature.looks_like}.", markup=False)
-    out.print(f"Separate it by: {effect.signature.separate_by}.", markup=False)
-
-
-def catalogue_json(key: str | None) -> dict[str, object]:
-    """The catalogue, or one effect of it, as other tools read it."""
-    return {
-        name: {
-            "title": effect.title,
-            "at": effect.site,
-            "needs": list(effect.needs),
-            "looks_like": effect.signature.looks_like,
-            "separate_by": effect.signature.separate_by,
-            "parameters": {
-                each.name: {"title": each.title, "unit": each.unit, "typical": each.typical, "off": each.off}
-                for each in effect.parameters
-            },
-        }
-        for name, effect in catalogue().items()
-        if key in (None, name)
-    }
 
 
 def _held_out(found: Diagnosis) -> str:
@@ -292,7 +253,8 @@ def _kelvin(value: float | None) -> str:
     return "–" if value is None or not math.isfinite(value) else f"{value:#.3g}".rstrip(".") + " K"
 
 
-def _table(*columns: str) -> Table:
+def new_table(*columns: str) -> Table:
+    """A table without lines; numbers stand to the right."""
     table = Table(box=None, header_style="bold", pad_edge=False)
     for column in columns:
         numeric = column in {
@@ -311,13 +273,3 @@ def _table(*columns: str) -> Table:
         }
         table.add_column(column, justify="right" if numeric else "left", no_wrap=column != _LONG, overflow="fold")
     return table
-
-
-def _finite(content: Any) -> Any:
-    if isinstance(content, Mapping):
-        return {key: _finite(value) for key, value in content.items()}
-    if isinstance(content, list | tuple):
-        return [_finite(value) for value in content]
-    if isinstance(content, float) and not math.isfinite(content):
-        return None
-    return content

@@ -19,6 +19,7 @@ from lptn.identify.uncertainty import Uncertainty, uncertainty
 from lptn.model import Model
 from lptn.model_schema import DataTable, FitTable, FittedTable
 from lptn.noise import Noise, balanced_sigma, estimate_noise
+from lptn.places import run_label
 from lptn.simulate import Drive, drive
 from lptn.threads import one_blas_thread
 
@@ -195,6 +196,30 @@ def fit_starts(model: Model, drives: Sequence[Drive], sigma: FloatArray) -> list
             raise KeyboardInterrupt
         found += problem.point(solution.z).starts
     return found
+
+
+@one_blas_thread
+def fit_nuisances(model: Model, driven: Drive, sigma: FloatArray) -> Model:
+    """The model with what is no part of the robot and is granted to one run alone set as that run's readings ask for.
+
+    Only held parameters with a prior that belong to the run are searched; most models have none, and stay as they are.
+
+    Raises:
+        KeyboardInterrupt: Ctrl-C was pressed.
+    """
+    own = run_label(driven.run.name.partition("#")[0])
+    chosen = [
+        index
+        for index, unknown in enumerate(model.unknowns)
+        if unknown.declared.prior is not None and not unknown.free and unknown.name.endswith(f"@{own}")
+    ]
+    if not chosen:
+        return model
+    problem = Problem(model, [driven], sigma, free=chosen)
+    solution = minimise(problem, problem.guess(model.values))
+    if solution.status == "interrupted":
+        raise KeyboardInterrupt
+    return model.with_values(problem.point(solution.z).values)
 
 
 def _fit(problem: Problem, solution: Solution, noise: Noise, iterations: int) -> Fit:

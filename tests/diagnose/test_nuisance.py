@@ -1,0 +1,35 @@
+"""What differs from log to log and is no part of the robot."""
+
+from __future__ import annotations
+
+from lptn.diagnose import for_search, with_ambient_errors
+from lptn.on_evidence import fit_parts, holdout_errors
+from lptn.virtual import Hidden
+from tests.diagnose.conftest import Leg
+
+
+def test_a_held_out_run_with_a_wrong_ambient_does_not_judge_the_model_for_it(leg: Leg) -> None:
+    model, data = leg(Hidden("ambient_offset", "ambient", size=0.4, run="holdout"))
+    coarse, errors = for_search(data), []
+    for granted in (model, with_ambient_errors(model, data, 0.5)):
+        held = holdout_errors(fit_parts(granted, coarse.fit), coarse.holdout)
+        assert held is not None
+        errors.append(held.rmse)
+    assert errors[0] > 0.2  # K
+    assert errors[1] < 0.1
+
+
+def test_a_grant_does_not_hide_what_the_model_lacks(leg: Leg) -> None:
+    model, data = leg(Hidden("forced_convection", "FR_thigh"))
+    coarse, errors = for_search(data), []
+    for granted in (model, with_ambient_errors(model, data, 0.5)):
+        held = holdout_errors(fit_parts(granted, coarse.fit), coarse.holdout)
+        assert held is not None
+        errors.append(held.rmse)
+    assert errors[1] > 0.5 * errors[0]
+
+
+def test_one_log_alone_is_granted_nothing(leg: Leg) -> None:
+    model, data = leg()
+    alone = type(data)(data.fit[:1])
+    assert with_ambient_errors(model, alone, 0.5) is model
