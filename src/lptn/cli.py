@@ -156,6 +156,7 @@ def improve(
     from lptn.terminal import progress, show_advice, show_ladder, show_written, write_json
 
     check_outputs(output, json, report, inputs=(*logs, *(holdout or ()), *(proof or ())))
+    check_outputs(json, report, inputs=(model,))  # only the better model may take its place
     opened, data = open_by_job(model, logs, holdout, holdout_after, proof, map)
     with progress("reading") as say, executor_of(jobs) as executor:
         ladder = climb(opened.model, data, most=rungs, ambient_error=ambient_error, executor=executor, report=say)
@@ -185,7 +186,8 @@ def effects(
 
     Example: lptn effects forced_convection
     """
-    from lptn.terminal import catalogue_json, show_effects, write_json
+    from lptn.catalogue_shown import catalogue_json, show_effects
+    from lptn.terminal import write_json
 
     check_outputs(markdown, json)
     if markdown is None or key is not None:

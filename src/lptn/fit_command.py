@@ -86,6 +86,7 @@ def _fit_one(
     from lptn.terminal import out, progress, show_fit, show_holdout, show_mirror_trials, write_json
 
     check_outputs(output, json, inputs=(*logs, *(holdout or ())))
+    check_outputs(json, inputs=(model,))  # only the fitted model may take its place
     opened, data = open_by_job(model, logs, holdout, holdout_after, None, mapped)
     if not opened.model.free:
         raise InputError(model, "parameters", "none that is free", "one at least without fixed = true")

@@ -129,6 +129,29 @@ class _Counting(Executor):
         self._pool.shutdown(wait, cancel_futures=cancel_futures)
 
 
+def test_another_lptn_fits_again(
+    model: Path, logs: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fit_each(model, logs[:1], into=tmp_path / "out")
+    assert fit_each(model, logs[:1], into=tmp_path / "out").outcomes[0].status == "unchanged"
+    monkeypatch.setattr("lptn.fleet.work.__version__", "0.0.0")
+    assert fit_each(model, logs[:1], into=tmp_path / "out").outcomes[0].status == "fitted"
+
+
+def test_what_was_guessed_is_told_once_for_all_robots(
+    model: Path, logs: list[Path], tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    for log in logs[:3]:
+        log.write_text(log.read_text().replace("temperature.motor", "motor_temp", 1))
+    words = ["fit", model, "--each", *logs[:3], "-o", tmp_path / "out", "--map", "guess", "--jobs", "2"]
+    with pytest.raises(SystemExit, match=r"^0$"):
+        main(list(map(str, words)))
+    seen = capfd.readouterr()
+    assert seen.err == ""
+    assert seen.out.replace("\n", " ").count("guessed: ") == 1
+    assert '3 robots: guessed: "temperature.motor" = "motor_temp"' in seen.out.replace("\n", " ")
+
+
 def test_no_more_than_asked_for_are_handed_out_at_once(model: Path, logs: list[Path]) -> None:
     with _Counting() as executor:
         fleet = fit_each(model, logs, executor=executor, in_flight=3)

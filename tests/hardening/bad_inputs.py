@@ -280,6 +280,8 @@ OUTPUTS = [
     _bad("output", "fit {model} {log} -o {out} --json {out}", "one file for two results"),
     _bad("output", "improve {model} {log} -o {log}", "a file that is read"),
     _bad("output", "diagnose {model} {log} --json {model}", "a file that is read"),
+    _bad("output", "fit {model} {log} --json {model}", "a file that is read"),
+    _bad("output", "improve {model} {log} -o {out} --report {model}", "a file that is read"),
     _bad("output", "compare {model} {log} --plot {out}.jpg", ".png, .svg or .pdf"),
     _bad("output", "compare {model} {log} --report {log}", "a file that is read"),
     _bad("output", "simulate {model} {log} -o {out}.xlsx", ".csv or .parquet"),

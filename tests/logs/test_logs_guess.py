@@ -94,6 +94,17 @@ def test_what_is_no_reading_of_this_joint_is_not_proposed(write: Write, column: 
     assert "temperature.FR_calf" not in guessed(path, ("torque.FR_hip",), ("temperature.FR_calf", "temperature.FR_hip"))
 
 
+def test_a_leg_whose_columns_do_not_say_which_leg_it_is(write: Write) -> None:
+    table: dict[str, list[object]] = {"time": TIME, "hip_rpm": TIME}
+    for name in ("hip", "thigh", "knee"):
+        table |= {f"Temp {name} (F)": list(WARM), f"{name} torque": TIME}
+    found = guessed(write(table))
+    assert [found[key] for key in OUTPUTS] == [f"Temp {name} (F)|degF" for name in ("hip", "thigh", "knee")]
+    assert found["torque.FR_calf"] == "knee torque|"
+    two_legs = (*OUTPUTS, *(key.replace("FR", "FL") for key in OUTPUTS))
+    assert "temperature.FR_calf" not in guessed(write(table), INPUTS, two_legs)
+
+
 def test_two_names_as_good_as_each_other_are_left_to_the_user(write: Write) -> None:
     path = write({"time": TIME, "FR_calf_temp1": WARM, "FR_calf_temp2": WARM})
     assert "temperature.FR_calf" not in guessed(path, (), ("temperature.FR_calf", "temperature.FR_hip"))

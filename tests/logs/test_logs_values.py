@@ -127,6 +127,13 @@ def test_a_time_counter_of_16_bit(write: Write, refuse: Refuse) -> None:
     np.testing.assert_allclose(run.time, 5.0 + np.arange(100))
 
 
+def test_time_that_leaps_ahead_is_a_gap_and_no_counter_that_wraps(write: Write) -> None:
+    time: list[object] = [*range(0, 5000, 100), *range(60000, 65000, 100)]
+    path = write({"time": time, "temperature.a": WARMING[: len(time)], "torque.a": [1.0] * len(time)})
+    runs = read_log(path, {"time": ColumnSource(("time",), unit="ms")}, step=0.1)
+    assert [len(run) for run in runs] == [50, 50]
+
+
 def test_a_current_in_counts_of_16_bit(write: Write, refuse: Refuse) -> None:
     truth = np.round(3000 * np.sin(np.arange(100) / 9))  # mA, written without its sign
     path = write({"time": TIME, "c": (truth % 65536).tolist(), "temperature.a": WARMING})
@@ -135,6 +142,14 @@ def test_a_current_in_counts_of_16_bit(write: Write, refuse: Refuse) -> None:
     assert "a counter of 16 bit that wraps" in said
     run = only(path, mended(said))
     np.testing.assert_allclose(run.columns["current.a"], np.abs(truth) / 1000)
+
+
+def test_counts_that_change_their_sign_from_row_to_row(write: Write, refuse: Refuse) -> None:
+    truth = [100 * (-1) ** k + k for k in range(100)]
+    path = write({"time": TIME, "c": [value % 65536 for value in truth], "temperature.a": WARMING})
+    said = refuse(path, read_log, path, {"current.a": ColumnSource(("c",), "mA")})
+    assert "a counter of 16 bit that wraps" in said
+    np.testing.assert_allclose(only(path, mended(said)).columns["current.a"], np.abs(truth) / 1000)
 
 
 def test_a_fault_code_is_said_and_missing_only_when_told(write: Write) -> None:
@@ -153,7 +168,7 @@ def test_a_fault_code_is_said_and_missing_only_when_told(write: Write) -> None:
     assert not run.doubts
 
 
-@pytest.mark.parametrize("code", [-127.0, 85.0])
+@pytest.mark.parametrize("code", [-127.0, 0.0, 85.0])
 def test_what_a_thermometer_gives_when_it_fails(write: Write, code: float) -> None:
     readings = list(WARMING)
     readings[50] = code
@@ -244,7 +259,10 @@ def test_a_wrong_entry_is_named(refuse: Refuse, entry: dict[str, object], found:
     assert f"found {found};" in refuse("m.toml", parse_columns, {"temperature.a": entry}, "m.toml", "[columns]")
 
 
-@pytest.mark.parametrize("text", ["temperature.a=T[degC; invalid=x]", "temperature.a=T[wrap=]", "temperature.a=T[a=1]"])
+@pytest.mark.parametrize(
+    "text",
+    ["temperature.a=T[degC; invalid=x]", "temperature.a=T[wrap=]", "temperature.a=T[a=1]", "current.a=I[scale=1,5]"],
+)
 def test_a_wrong_word_in_an_option_is_named(refuse: Refuse, text: str) -> None:
     refuse("--map", parse_map_option, text)
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from lptn.errors import InputError
 from lptn.logs import Run
-from lptn.logs.guess import Guess, guess
+from lptn.logs.guess import Guess, guess, missing_keys
 from lptn.logs.opening import open_log
 from lptn.logs.select import select
 from lptn.opening import Opened, optional_columns
@@ -27,6 +27,8 @@ class Held:
         guesses: columns that may hold what is missing; taken only where the user asked for it.
         runs: what was read; empty if the log can't be used.
         refused: why it can't.
+        wanting: quantities that the model needs and that nothing in the log is known to hold.
+        currents: columns that may hold the currents of joints whose torques are wanting.
     """
 
     path: Path
@@ -36,6 +38,8 @@ class Held:
     guesses: tuple[Guess, ...]
     runs: tuple[Run, ...]
     refused: InputError | None = None
+    wanting: tuple[str, ...] = ()
+    currents: tuple[Guess, ...] = ()
 
     @property
     def wrong(self) -> list[str]:
@@ -70,6 +74,7 @@ class Held:
             "guesses": [
                 {"quantity": each.key, "line": each.line, "map": each.option, "why": each.why} for each in self.guesses
             ],
+            "wanting": list(self.wanting),
             "runs": [
                 {
                     "name": run.name,
@@ -99,6 +104,9 @@ def held(opened: Opened, log: Path) -> Held:
     guesses = tuple(guess(table, columns, inputs, outputs))
     if opened.guessing:
         columns |= {each.key: each.source for each in guesses}
+    wanting = tuple(missing_keys(table, columns, inputs, outputs))
+    drives = [key.replace("torque.", "current.") for key in wanting if key.startswith("torque.")]
+    currents = tuple(each for each in guess(table, columns, drives, outputs) if each.key in drives)
     used: dict[str, tuple[str, ...]] = {}
     runs: Sequence[Run] = ()
     refused = None
@@ -110,4 +118,4 @@ def held(opened: Opened, log: Path) -> Held:
         refused = error
     taken = {name for names in used.values() for name in names}
     unused = tuple(name for name in dict.fromkeys(table.names) if name not in taken)
-    return Held(log, table.kind, used, unused, guesses, tuple(runs), refused)
+    return Held(log, table.kind, used, unused, guesses, tuple(runs), refused, wanting, currents)

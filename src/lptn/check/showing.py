@@ -47,6 +47,31 @@ def show_log(held: Held, guessing: bool) -> None:
         options = " ".join(each.option for each in held.guesses)
         out.print(f"  or write behind the command: {options}", markup=False)
         out.print("  or --map guess, which takes them all and says so.", markup=False)
+    _show_wanting(held, guessing)
+
+
+def _show_wanting(held: Held, guessing: bool) -> None:
+    """What the model needs and no name points to, and how to say where it stands."""
+    proposed = () if guessing else tuple(each.key for each in held.guesses)
+    left = [key for key in held.wanting if key not in proposed]
+    if not left or held.refused is None:
+        return
+    out.print(f"  The model needs and no column's name tells: {_some(left)}.", markup=False)
+    out.print(f'    Say which column holds it, and its unit: --map "{left[0]}=COLUMN[UNIT]"', markup=False)
+    if "temperature.ambient" in left:
+        out.print(
+            '    Never logged? In the model file, under [model]: ambient = "start" (the log begins at rest) or '
+            "ambient = 22 (°C).",
+            markup=False,
+        )
+    if held.currents:
+        named = ", ".join(f"{each.key} = {each.source.columns[0]}" for each in held.currents)
+        out.print(f"    It seems to hold currents instead of torques ({named}).", markup=False)
+        out.print(
+            '    Then drive the model by them: input = "current" in place of torque_constant, in each [[effects]] of '
+            "kind copper_loss.",
+            markup=False,
+        )
 
 
 def show_nodes(model: Model, runs: Sequence[Run]) -> None:

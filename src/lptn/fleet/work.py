@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import pickle
 import time
 from collections.abc import Mapping, Sequence
@@ -16,6 +15,7 @@ from lptn.checkpoint import fingerprint_of
 from lptn.errors import InputError, one_line
 from lptn.evidence import evidence
 from lptn.files import fingerprint
+from lptn.for_json import finite
 from lptn.interrupts import heard_interrupts
 from lptn.on_evidence import fit_evidence
 from lptn.opening import Opened
@@ -138,7 +138,7 @@ def _fitted(order: Order, logs: Sequence[str]) -> tuple[dict[str, Any], str]:
     }
     result = found.fit.as_json() | more
     result.pop("correlations")  # grows with the square of the parameters
-    return {key: _finite(value) for key, value in result.items()}, opened.file.with_fit(table).text
+    return finite(result), opened.file.with_fit(table).text
 
 
 def _contents(logs: Sequence[str]) -> list[tuple[str, str]]:
@@ -160,12 +160,3 @@ def _opened(model: bytes) -> Opened:
     if not isinstance(opened, Opened):
         raise TypeError(f"expected an opened model, found {type(opened).__name__}")
     return opened
-
-
-def _finite(result: Any) -> Any:
-    """The same without infinite numbers, which JSON can't hold: `None` in their place."""
-    if isinstance(result, Mapping):
-        return {key: _finite(value) for key, value in result.items()}
-    if isinstance(result, list | tuple):
-        return [_finite(value) for value in result]
-    return None if isinstance(result, float) and not math.isfinite(result) else result

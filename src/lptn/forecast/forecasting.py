@@ -119,11 +119,11 @@ def _window(driven: Drive, model: Model, cycles: int, window: WindowChoice, gait
     unseen = "" if period else f" ({gait.why_not})"
     if not isinstance(window, str):
         seconds = min(float(window), length)
-        return Window(seconds, None, period, steady, f"the last {seconds:.3g} s, as asked for{unseen}")
+        return Window(seconds, None, period, steady, f"the last {seconds:.4g} s, as asked for{unseen}")
     if window == "cycles" and period is not None:
         count = min(cycles, int(length / period))
         return Window(count * period, count, period, steady, f"the last {count} gait cycles")
-    whole = f"the whole log, {steady:.3g} s" if steady >= length - driven.run.step else f"the last {steady:.3g} s"
+    whole = f"the whole log, {steady:.4g} s" if steady >= length - driven.run.step else f"the last {steady:.4g} s"
     why = f"{whole}, over which the operating point is unchanged{unseen}"
     if period is None or steady < period:
         return Window(steady, None, period, steady, why)

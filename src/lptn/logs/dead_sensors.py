@@ -10,7 +10,7 @@ from lptn.arrays import FloatArray
 from lptn.logs.columns import ColumnSource
 from lptn.logs.suspicions import AMBIENT, Suspicion, write_line
 
-_CODES = (-127.0, 85.0, -999.0, 999.0, 255.0, 65535.0, 32767.0, -32768.0)
+_CODES = (0.0, -127.0, 85.0, -999.0, 999.0, 255.0, 65535.0, 32767.0, -32768.0)
 _APART = 30.0  # K, from the readings on both sides: no sensor on a motor moves so far from row to row
 _LEAST = 10.0  # K, the same for a number that sensors are known to give when they fail
 _STUCK = 600.0  # s

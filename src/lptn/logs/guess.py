@@ -11,9 +11,8 @@ from lptn.errors import InputError
 from lptn.logs.columns import ColumnSource
 from lptn.logs.features import raw_keys
 from lptn.logs.names import NOT_MEASURED, PLACES, QUANTITIES, Parts, parts_of, words_of
-from lptn.logs.select import known_columns
 from lptn.logs.suspicions import suspect_time, suspect_units
-from lptn.logs.tables import Table
+from lptn.logs.tables import Table, known_columns
 from lptn.logs.writing import map_option, toml_line
 
 _OSL = ({"case", "temperature"}, {"motor", "current"})  # words of columns that opensourceleg's examples log
@@ -81,7 +80,7 @@ def guess(
     for key in missing:
         if key != "time" and (name := _by_place(key, parts, places)):
             found[key] = name, "its name"
-    for way in (_by_number, _by_being_alone):
+    for way in (_by_last_word, _by_number, _by_being_alone):
         rest = [key for key in missing if key not in found and key != "time"]
         free = {name: each for name, each in parts.items() if name not in {column for column, _ in found.values()}}
         found |= way(rest, free, places)
@@ -138,11 +137,12 @@ def _by_place(key: str, parts: Mapping[str, Parts], places: Sequence[str]) -> st
     """The column that names the place and the quantity with the fewest words besides; '' if two are as good."""
     quantity, _, place = key.partition(".")
     others = [_spellings(other) for other in places if other != place]
+    mine = _spellings(place)
     ranked: list[tuple[int, str]] = []
     for name, each in parts.items():
-        extra = _besides(each, quantity, _spellings(place))
+        extra = _besides(each, quantity, mine)
         # `FR_calf_upper` is another place where the model has one of that name.
-        longer = any(_besides(each, quantity, spelling) is not None and len(min(spelling)) > len(min(_spellings(place)))
+        longer = any(_besides(each, quantity, spelling) is not None and len(min(spelling)) > len(min(mine))
                      for spelling in others)  # fmt: skip
         if extra is not None and not longer:
             ranked.append((extra, name))
@@ -180,6 +180,25 @@ def _besides(parts: Parts, quantity: str, spellings: set[str]) -> int | None:
     if not QUANTITIES.get(quantity, frozenset()).intersection(rest) and others.intersection(rest):
         return None
     return sum(word not in _FREE and word not in QUANTITIES.get(quantity, ()) for word in rest)
+
+
+def _by_last_word(
+    missing: Sequence[str], parts: Mapping[str, Parts], places: Sequence[str]
+) -> dict[str, tuple[str, str]]:
+    """`hip temp` for FR_hip, in a model of one leg: names of a last word alone, if there is one for each node."""
+    last = {place: words_of(place)[-1] for place in places if len(words_of(place)) > 1}
+    if len(places) < 2 or len(set(last.values())) < len(places):
+        return {}
+    found: dict[str, tuple[str, str]] = {}
+    for quantity in dict.fromkeys(key.partition(".")[0] for key in missing):
+        fitting = {}
+        for place, word in last.items():
+            spelt = {word, *PLACES.get(word, ())}
+            fitting[place] = [name for name, each in parts.items() if _besides(each, quantity, spelt) == 0]
+        keys = {place: f"{quantity}.{place}" for place in places}
+        if all(len(names) == 1 for names in fitting.values()) and set(keys.values()) <= set(missing):
+            found |= {keys[place]: (names[0], "the end of its name: check that") for place, names in fitting.items()}
+    return found
 
 
 def _by_number(missing: Sequence[str], parts: Mapping[str, Parts], places: Sequence[str]) -> dict[str, tuple[str, str]]:

@@ -15,9 +15,8 @@ from lptn.logs.checks import check_time
 from lptn.logs.columns import ColumnSource
 from lptn.logs.merging import on_one_time
 from lptn.logs.onset import NoOnsetError, Shift, shift_of
-from lptn.logs.select import known_columns
 from lptn.logs.suspicions import suspect_time
-from lptn.logs.tables import Table, check_size
+from lptn.logs.tables import Table, check_size, known_columns
 
 SECOND_TIME = "time.2"
 """What the second log's time column is mapped as."""

@@ -108,6 +108,7 @@ PLACES: Mapping[str, frozenset[str]] = {
     "pc": _set("pc computer cpu onboard"),
     "winding": _set("winding windings coil copper"),
     "housing": _set("housing case casing body shell"),
+    "calf": _set("calf knee shank"),
 }
 """Words that say which place, where it is not called by its own name."""
 

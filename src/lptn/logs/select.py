@@ -6,9 +6,10 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 from lptn.errors import InputError
-from lptn.logs.columns import ColumnSource, is_key
+from lptn.logs.columns import ColumnSource
 from lptn.logs.features import features_of, raw_keys
-from lptn.logs.tables import Table
+from lptn.logs.guess import guess
+from lptn.logs.tables import Table, known_columns
 
 
 @dataclass(frozen=True)
@@ -63,12 +64,6 @@ def select(
     return _selection(table, known, (*inputs, *there), measured, notes, False)
 
 
-def known_columns(table: Table, columns: Mapping[str, ColumnSource]) -> dict[str, ColumnSource]:
-    """Where each quantity stands: by its own name, by the format's own rules, or, above both, by the mapping."""
-    own = {name: ColumnSource((name,)) for name in table.names if is_key(name)}
-    return own | dict(table.defaults) | dict(columns)
-
-
 def _selection(
     table: Table,
     known: Mapping[str, ColumnSource],
@@ -101,8 +96,6 @@ def _require(table: Table, known: Mapping[str, ColumnSource], keys: tuple[str, .
 
 def _instead(table: Table, known: Mapping[str, ColumnSource], key: str, purpose: str) -> str:
     """What would have been right in place of a missing column: the line to write, with a column that may be meant."""
-    from lptn.logs.guess import guess  # it needs this module's rules
-
     own = known_columns(table, {})
     mapped = {name: source for name, source in known.items() if own.get(name) != source}
     mapped = {name: source for name, source in mapped.items() if set(source.columns) <= set(table.names)}

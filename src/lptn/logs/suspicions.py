@@ -125,7 +125,8 @@ def suspect_wrap(key: str, source: ColumnSource, raw: FloatArray) -> list[Suspic
         turn = float(2**bits)
         inside = (known.min() >= 0 and known.max() < turn) or (known.min() >= -turn / 2 and known.max() < turn / 2)
         wrapped = int((jumped > 0.75 * turn).sum())
-        if inside and wrapped and np.median(jumps) < 0.1 * turn:
+        # A signal about 0 jumps at every change of sign: short are its steps the other way round.
+        if inside and wrapped and np.median(np.minimum(jumps, turn - jumps)) < 0.1 * turn:
             found = f"{wrapped} jumps of some {turn:.0f}: a counter of {bits} bit that wraps"
             mended = replace(source, wrap=turn)
             return [Suspicion(key, source.columns[0], found, write_line(key, mended), True, mended)]

@@ -19,7 +19,7 @@ import pyarrow.parquet as pq
 from lptn.arrays import FloatArray
 from lptn.errors import InputError
 from lptn.files import fingerprint
-from lptn.logs.columns import ColumnSource
+from lptn.logs.columns import ColumnSource, is_key
 
 _MOST_NUMBERS = 500_000_000  # 4 GB; a day of twelve joints at 100 Hz has 400 million
 _PIECES = "cut the log into pieces"
@@ -126,6 +126,12 @@ def open_table(path: Path) -> Table:
     if path.name.endswith((".csv", ".csv.gz")):
         return _open_csv(path)
     raise InputError(path, "log", f"the ending '{path.suffix}'", f"a {_FORMATS}")
+
+
+def known_columns(table: Table, columns: Mapping[str, ColumnSource]) -> dict[str, ColumnSource]:
+    """Where each quantity stands: by its own name, by the format's own rules, or, above both, by the mapping."""
+    own = {name: ColumnSource((name,)) for name in table.names if is_key(name)}
+    return own | dict(table.defaults) | dict(columns)
 
 
 def check_size(path: Path, rows: int, columns: int) -> None:
