@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 
-from lptn.diagnose import SIGNIFICANT, Diagnosis, examine, tied, unless_interrupted
+from lptn.diagnose import MUCH_WORSE, SIGNIFICANT, Diagnosis, examine, tied, unless_interrupted
 from lptn.evidence import Evidence
 from lptn.identify import finished
 from lptn.ladder_climb import WORTH, Climb
@@ -92,7 +92,10 @@ class Search:
         if not paths:
             return []
         level = [path for path in paths if tied(path.fit, paths[0].fit)]
-        by_holdout = sorted(level, key=lambda each: each.rank)[:_BY_HOLDOUT]
+        # A short log may favour an alias; what held-out data prefer by more than any scatter is followed as well.
+        least = min(path.rank for path in level)
+        preferred = [path for path in paths if path in level or MUCH_WORSE * path.rank < least]
+        by_holdout = sorted(preferred, key=lambda each: each.rank)[:_BY_HOLDOUT]
         # Fits that only ranked candidates ended early: where a valley is long, their held-out errors are accidents.
         followed = [*level[:width], *(path for path in by_holdout if path not in level[:width])]
         fits = (self.executor.map if self.executor else map)(finished, [path.fit for path in followed])
