@@ -241,7 +241,7 @@ def test_three_rivals_two_of_them_the_same_formula_leave_that_pair_undecided() -
     assert experiment.separates
     twice = rivals[0].candidate.key
     assert experiment.alike == ((twice, twice),)
-    assert "stay undecided" in experiment.text()
+    assert "does not tell apart" in experiment.text()
 
 
 def test_the_stated_deviations_are_what_an_exact_refit_shows() -> None:

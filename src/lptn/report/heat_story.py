@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -67,7 +67,7 @@ class HeatStory:
         if stretch is None:
             return ""
         missing = "heat is missing" if stretch.heat > 0 else "there is too much heat"
-        about = stretch.text().removeprefix(stretch.place)
+        about = replace(stretch, heat=abs(stretch.heat)).text().removeprefix(stretch.place)
         return for_people(f"{missing} most clearly {self._place(stretch)}{about}")
 
     def _place(self, stretch: Stretch) -> str:
