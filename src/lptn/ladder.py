@@ -22,7 +22,7 @@ from lptn.diagnose import (
     with_ambient_errors,
 )
 from lptn.evidence import Evidence
-from lptn.identify import Fit
+from lptn.identify import Fit, finished
 from lptn.ladder_choice import chosen, pruned
 from lptn.ladder_climb import Climb
 from lptn.ladder_search import Report, Search
@@ -176,7 +176,8 @@ def _rungs(root: Climb, kept: Climb, data: Evidence) -> tuple[Rung, ...]:
     rungs = [Rung(None, None, (), None, done, holdout_errors(done, data.holdout), holdout_errors(done, data.proof))]
     for step in kept.steps:
         network = network.with_effects([step.refit.declaration])
-        done = _refined(kept.fit, data) if step is kept.steps[-1] else continued(done, network)
+        last = step is kept.steps[-1]
+        done = _refined(kept.fit, data) if last else unless_interrupted(finished(continued(done, network)))
         effect, at = step.key
         holdout, proof = holdout_errors(done, data.holdout), holdout_errors(done, data.proof)
         rungs.append(Rung(effect, at, step.alike, step.refit.declaration, done, holdout, proof))
