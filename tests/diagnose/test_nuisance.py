@@ -2,14 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+
+import pytest
+
 from lptn.diagnose import for_search, with_ambient_errors
+from lptn.evidence import Part
 from lptn.on_evidence import fit_parts, holdout_errors
 from lptn.virtual import Hidden
 from tests.diagnose.conftest import Leg
 
 
-def test_a_held_out_run_with_a_wrong_ambient_does_not_judge_the_model_for_it(leg: Leg) -> None:
+def _named(parts: Sequence[Part], names: Sequence[str]) -> tuple[Part, ...]:
+    return tuple(replace(part, run=replace(part.run, name=name)) for part, name in zip(parts, names, strict=True))
+
+
+@pytest.mark.parametrize("names", [("fit1", "fit2", "holdout"), ("log#1", "log#2", "log#3")], ids=["logs", "pieces"])
+def test_a_held_out_run_with_a_wrong_ambient_does_not_judge_the_model_for_it(leg: Leg, names: tuple[str, ...]) -> None:
     model, data = leg(Hidden("ambient_offset", "ambient", size=0.4, run="holdout"))
+    data = replace(data, fit=_named(data.fit, names[:2]), holdout=_named(data.holdout, names[2:]))
     coarse, errors = for_search(data), []
     for granted in (model, with_ambient_errors(model, data, 0.5)):
         held = holdout_errors(fit_parts(granted, coarse.fit), coarse.holdout)

@@ -19,7 +19,7 @@ from lptn.identify.uncertainty import Uncertainty, uncertainty
 from lptn.model import Model
 from lptn.model_schema import DataTable, FitTable, FittedTable
 from lptn.noise import Noise, balanced_sigma, estimate_noise
-from lptn.places import run_label
+from lptn.places import in_run
 from lptn.simulate import Drive, drive
 from lptn.threads import one_blas_thread
 
@@ -207,11 +207,12 @@ def fit_nuisances(model: Model, driven: Drive, sigma: FloatArray) -> Model:
     Raises:
         KeyboardInterrupt: Ctrl-C was pressed.
     """
-    own = run_label(driven.run.name.partition("#")[0])
+    log = driven.run.name.partition("#")[0]
+    own = tuple(in_run("", run) for run in (driven.run.name, log))  # a piece of a split log, or all of it
     chosen = [
         index
         for index, unknown in enumerate(model.unknowns)
-        if unknown.declared.prior is not None and not unknown.free and unknown.name.endswith(f"@{own}")
+        if unknown.declared.prior is not None and not unknown.free and unknown.name.endswith(own)
     ]
     if not chosen:
         return model
