@@ -1,8 +1,11 @@
-"""The predictive limiter inside an FMU: admissible torques as outputs, with exact derivatives."""
+"""The predictive limiter inside an FMU: admissible torques as outputs, with exact derivatives.
+
+The one file of this room that needs the planners.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from importlib.resources import files
@@ -15,8 +18,7 @@ from lptn.errors import InputError
 from lptn.model import Model
 from lptn.planners import Limiter
 
-from .naming import joined
-from .units import ZERO_CELSIUS
+from .variables import ZERO_CELSIUS, structured_name
 
 
 @dataclass(frozen=True)
@@ -25,96 +27,94 @@ class Admissible:
 
     Args:
         limiter: the limiter of the model; its limits are replaced by the component's parameters.
-        shift: what lies between the component's inputs and the model's: 273.15 for temperatures, else 0.
-        raised: the same for the model's parameters.
-        nodes: number of limits, which stand behind the model's parameters.
+        input_offsets: what each of the component's inputs exceeds the model's by: 273.15 for temperatures, else 0.
+        parameter_offsets: the same for the model's parameters.
     """
 
     limiter: Limiter
-    shift: tuple[float, ...]
-    raised: tuple[float, ...]
-    nodes: int
+    input_offsets: tuple[float, ...]
+    parameter_offsets: tuple[float, ...]
 
     @cached_property
     def outputs(self) -> list[tuple[str, str, str]]:
         """Name, unit and description of each output, in order."""
         request, unit = self.limiter.heating.request, self.limiter.heating.unit
-        found = []
+        outputs = []
         for joint in self.limiter.joints:
             for seconds in self.limiter.horizons:
-                name = joined(joint, f"admissible_{request}_{'continuous' if isinf(seconds) else f'{seconds:g}s'}")
+                horizon = "continuous" if isinf(seconds) else f"{seconds:g}s"
+                name = structured_name(joint, f"admissible_{request}_{horizon}")
                 time = "for ever" if isinf(seconds) else f"for {seconds:g} s"
                 text = f"Largest RMS {request} of {joint} {time} within all limits, the other joints as they are"
-                found.append((name, unit, text))
-        return found
+                outputs.append((name, unit, text))
+        return outputs
 
     def functions(self, parameters: int) -> list[ca.Function]:
-        """The limiter, its forward and its reverse derivative, as the C core wants them.
+        """The limiter, its forward and its reverse derivative, as the C core calls them.
 
         Args:
             parameters: number of the component's parameters.
         """
         x = ca.MX.sym("x", len(self.limiter.model.states))
-        u, p = ca.MX.sym("u", len(self.shift)), ca.MX.sym("p", parameters)
+        u, p = ca.MX.sym("u", len(self.input_offsets)), ca.MX.sym("p", parameters)
         values = self._values(x, u, p)
-        known, sizes = ca.vertcat(x, u, p), (x.numel(), u.numel(), p.numel())
+        arguments, sizes = ca.vertcat(x, u, p), (x.numel(), u.numel(), p.numel())
         seeds = [ca.MX.sym("d", size) for size in sizes]
         weights = ca.MX.sym("a", values.numel())
-        back = ca.densify(ca.jtimes(values, known, weights, True))
+        gradient = ca.densify(ca.jtimes(values, arguments, weights, True))
         split = [0, sizes[0], sizes[0] + sizes[1], sum(sizes)]
-        forward = ca.densify(ca.jtimes(values, known, ca.vertcat(*seeds)))
+        forward = ca.densify(ca.jtimes(values, arguments, ca.vertcat(*seeds)))
         return [
             ca.Function("lptn_admissible", [x, u, p], [values]),
             ca.Function("lptn_admissible_forward", [x, u, p, *seeds], [forward]),
-            ca.Function("lptn_admissible_reverse", [x, u, p, weights], ca.vertsplit(back, split)),
+            ca.Function("lptn_admissible_reverse", [x, u, p, weights], ca.vertsplit(gradient, split)),
         ]
 
     def _values(self, x: Any, u: Any, p: Any) -> Any:
-        limiter, known = self.limiter, len(self.raised)
-        inputs = u - ca.DM(self.shift)
-        columns = limiter.model.inputs
+        limiter, own = self.limiter, len(self.parameter_offsets)
+        columns, inputs = limiter.model.inputs, u - ca.DM(self.input_offsets)
         load = [inputs[columns.index(f"{limiter.heating.request}.{joint}")] for joint in limiter.joints]
         conditions = [inputs[columns.index(column)] for column in limiter.conditions]
-        limits = p[known : known + self.nodes] - ZERO_CELSIUS
-        given = p[:known] - ca.DM(self.raised)
-        arguments = (x - ZERO_CELSIUS, ca.vertcat(*load), ca.vertcat(ca.MX(0, 1), *conditions), given, limits)
+        limits = p[own : own + len(limiter.model.nodes)] - ZERO_CELSIUS  # they stand behind the model's parameters
+        parameters = p[:own] - ca.DM(self.parameter_offsets)
+        arguments = (x - ZERO_CELSIUS, ca.vertcat(*load), ca.vertcat(ca.MX(0, 1), *conditions), parameters, limits)
         return ca.densify(limiter.function(*arguments, limiter.most))
 
-    def c_code(self, parameters: int, plain: int) -> str:
+    def c_code(self, parameters: int, other_outputs: int) -> str:
         """The limiter as C behind that of the component, whose functions of outputs it completes.
 
         Args:
             parameters: number of the component's parameters.
-            plain: number of its other calculated outputs.
+            other_outputs: number of its other calculated outputs.
         """
         generator = ca.CodeGenerator("lptn_limiter.c", {"with_header": False, "cpp": False, "casadi_int": "int"})
-        made = self.functions(parameters)
-        for function in made:
+        functions = self.functions(parameters)
+        for function in functions:
             generator.add(function)
-        sizes = {"PLAIN": plain, "ADMISSIBLE": len(self.outputs)}
+        sizes = {"PLAIN": other_outputs, "ADMISSIBLE": len(self.outputs)}
         for size in ("arg", "res", "iw", "w"):
-            sizes[f"LIMITER_{size.upper()}"] = max(1, *(getattr(function, f"sz_{size}")() for function in made))
+            sizes[f"LIMITER_{size.upper()}"] = max(1, *(getattr(function, f"sz_{size}")() for function in functions))
         head = "".join(f"#define {name} {value}\n" for name, value in sizes.items())
-        glue = (files("lptn.fmu") / "c" / "admissible.c").read_text(encoding="utf-8")
+        wrapper = (files("lptn.fmu") / "c" / "admissible.c").read_text(encoding="utf-8")
         # Both texts stand in one unit, and CasADi would give their helpers the same names.
-        apart = str(generator.dump()).replace("casadi_", "limiter_").replace("CASADI_PREFIX", "LIMITER_PREFIX")
-        return f"{apart}\n{head}{glue}"
+        code = str(generator.dump()).replace("casadi_", "limiter_").replace("CASADI_PREFIX", "LIMITER_PREFIX")
+        return f"{code}\n{head}{wrapper}"
 
 
-def admissible(
+def admissible_of(
     model: Model,
     limits: Mapping[str, float],
     current_limits: Mapping[str, float] | float | None,
-    shift: list[float],
-    raised: list[float],
+    input_offsets: Sequence[float],
+    parameter_offsets: Sequence[float],
 ) -> Admissible:
     """The limiter of a model for its FMU.
 
     Args:
         limits: degC by node.
         current_limits: of the joints [A], by name or pattern or one of all; none where nothing is said.
-        shift: see `Admissible`.
-        raised: see `Admissible`.
+        input_offsets: see `Admissible`.
+        parameter_offsets: see `Admissible`.
 
     Raises:
         InputError: an unknown joint, a model without torques or currents or with both, or heat that does not go
@@ -124,6 +124,6 @@ def admissible(
     for joint in limiter.joints:
         column = f"{limiter.heating.request}.{joint}"
         if column not in model.inputs:
-            found = f"joints driven by torque and by current, no {column}"
-            raise InputError(model.network.origin, "admissible", found, "all joints driven by the same")
-    return Admissible(limiter, tuple(shift), tuple(raised), len(model.nodes))
+            mixed = f"joints driven by torque and by current, no {column}"
+            raise InputError(model.network.origin, "admissible", mixed, "all joints driven by the same")
+    return Admissible(limiter, tuple(input_offsets), tuple(parameter_offsets))

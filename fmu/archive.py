@@ -1,4 +1,7 @@
-"""An FMU unpacked: nothing in the archive may lead outside its folder, fill the disk or trick the XML reader."""
+"""An FMU opened: unpacked into a folder of its own and described, everything short of running its native code.
+
+Nothing in the archive may lead outside its folder, fill the disk or trick the XML reader.
+"""
 
 from __future__ import annotations
 
@@ -7,12 +10,18 @@ import lzma
 import re
 import stat
 import struct
+import tempfile
 import zipfile
 import zlib
+from collections.abc import Iterable
 from pathlib import Path, PurePosixPath
+from typing import Any
 
 from lptn.errors import InputError
 
+from .trust import is_own
+
+REALS = {"Real", "Float64"}
 _MOST_FILES = 10_000
 _MOST_BYTES = 1 << 30
 _CHUNK = 1 << 20
@@ -26,12 +35,114 @@ _DAMAGED = (zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error, EOFErr
 _EXPECTED = "an FMU: a ZIP archive of plain files with modelDescription.xml"
 
 
-def read_fmu(path: Path) -> bytes:
-    """The bytes of an FMU: one reading, so that what is checked is what runs.
+class Unpacked:
+    """The files and variables of an FMU.
+
+    Args:
+        path: the FMU.
+        trust: `True` to accept one that was not exported on this machine.
 
     Raises:
-        InputError: the file can't be read or is too large.
+        InputError: no usable FMU for Co-Simulation, or one that is not trusted.
     """
+
+    def __init__(self, path: Path, trust: bool) -> None:
+        self.path = path
+        self._folder = tempfile.TemporaryDirectory(prefix="lptn-fmu-", ignore_cleanup_errors=True)
+        self.folder = Path(self._folder.name)
+        try:
+            content = _read(path)  # once, so that what is checked is what runs
+            unpack(content, path, self.folder)
+            self.description = self._described()
+            if not (trust or is_own(content)):
+                foreign = "an FMU that was not exported on this machine"
+                raise InputError(path, "native code", foreign, "--trust, if you trust where it comes from")
+        except BaseException:
+            self.close()
+            raise
+        self.variables = {variable.name: variable for variable in self.description.modelVariables}
+
+    @property
+    def fmi(self) -> int:
+        """Version of the standard, 2 or 3."""
+        return int(self.description.fmiVersion[0])
+
+    @property
+    def model_text(self) -> str | None:
+        """The model file inside, `None` where there is none.
+
+        Raises:
+            InputError: it is no text.
+        """
+        file = self.folder / "resources" / "model.toml"
+        try:
+            return file.read_text(encoding="utf-8") if file.is_file() else None
+        except (OSError, ValueError) as error:
+            raise InputError(self.path, "resources/model.toml", str(error), "a model file, in UTF-8") from error
+
+    def names(self, causality: str) -> list[str]:
+        """The real variables of a causality, in order."""
+        variables = self.description.modelVariables
+        return [variable.name for variable in variables if variable.causality == causality and variable.type in REALS]
+
+    def references(self, names: Iterable[str], place: str) -> list[int]:
+        """Value references of names.
+
+        Raises:
+            InputError: a name that is no real variable, said with `place`.
+        """
+        references = []
+        for name in names:
+            variable = self.variables.get(name)
+            if variable is None or variable.type not in REALS:
+                example = next(iter(self.variables))
+                raise InputError(self.path, place, f'"{name}"', f"a variable of the FMU, such as {example}")
+            references.append(variable.valueReference)
+        return references
+
+    def check_binary(self, fmpy: Any) -> None:
+        """Refuse an FMU without a library for this machine.
+
+        Raises:
+            InputError: there is none.
+        """
+        platform = fmpy.platform if self.fmi == 2 else fmpy.platform_tuple
+        if not (self.folder / "binaries" / platform).is_dir():
+            expected = "an FMU with this machine among its --platforms"
+            raise InputError(self.path, "binaries", f"none for {platform}", expected)
+
+    def close(self) -> None:
+        """Remove the files."""
+        self._folder.cleanup()
+
+    def _described(self) -> Any:
+        fmpy = import_fmpy()
+        try:
+            description = fmpy.read_model_description(str(self.folder), validate=False)
+        except Exception as error:  # fmpy and lxml raise many kinds
+            raise InputError(self.path, "modelDescription.xml", str(error)[:200], "FMI 2.0 or 3.0") from error
+        if description.coSimulation is None or description.fmiVersion.partition(".")[0] not in ("2", "3"):
+            version = f"FMI {description.fmiVersion}, Co-Simulation: {description.coSimulation is not None}"
+            raise InputError(self.path, "modelDescription.xml", version, "FMI 2.0 or 3.0 for Co-Simulation")
+        return description
+
+
+def import_fmpy() -> Any:
+    """The package `fmpy` with its two FMI modules.
+
+    Raises:
+        InputError: it is not there.
+    """
+    try:
+        import fmpy
+        import fmpy.fmi2
+        import fmpy.fmi3
+    except ModuleNotFoundError as error:
+        raise InputError("fmpy", "package", "not installed", "pip install 'lptn[fmu]'") from error
+    return fmpy
+
+
+def _read(path: Path) -> bytes:
     try:
         if path.stat().st_size > _MOST_BYTES:
             raise InputError(path, "file", "more than 1 GB", _EXPECTED)
@@ -84,7 +195,7 @@ def _check_names(entries: list[zipfile.ZipInfo], path: Path) -> None:
 
 
 def _write(archive: zipfile.ZipFile, entry: zipfile.ZipInfo, path: Path, folder: Path, left: int) -> int:
-    """Unpack one file; what its header claims is not believed. Returns how many bytes may still come."""
+    """Unpack one file; the size that its header claims is not believed. Returns how many bytes may still come."""
     target = folder / entry.filename
     target.parent.mkdir(parents=True, exist_ok=True)
     with archive.open(entry) as stream, target.open("xb") as output:
@@ -101,8 +212,8 @@ def _check_description(file: Path, path: Path) -> None:
         raise InputError(path, "archive", "no modelDescription.xml", _EXPECTED)
     text = file.read_bytes()
     # An encoding in which `<!DOCTYPE` looks otherwise would get past the next check.
-    begun = _BEGINNING.match(text.removeprefix(b"\xef\xbb\xbf"))
-    encodings = _ENCODING.findall(begun[1] or b"") if begun else [b"none"]
+    beginning = _BEGINNING.match(text.removeprefix(b"\xef\xbb\xbf"))
+    encodings = _ENCODING.findall(beginning[1] or b"") if beginning else [b"none"]
     if any(encoding.lower() not in _PLAIN for encoding in encodings) or b"\0" in text:
         raise InputError(path, "modelDescription.xml", "another encoding", "XML in UTF-8")
     if b"<!DOCTYPE" in text or b"<!ENTITY" in text:

@@ -1,13 +1,23 @@
-"""C code of a component by CasADi: rates, steps, outputs and their derivatives."""
+"""What CasADi derives from a component: C code, dependencies, and the inner step that its time constants allow."""
 
 from __future__ import annotations
 
+import math
 import re
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, get_args
 
 import casadi as ca
+import numpy as np
+
+from lptn.arrays import BoolArray, FloatArray
+from lptn.errors import InputError
 
 from .component import Component
+from .variables import Kind, Variable
+
+# --- C code: rates, steps, outputs and their derivatives -------------------------------------------
 
 _NULL_INPUT = re.compile(r"arg\[(\d+)\]\? (arg\[\1\]\[\d+\]) : 0")
 _NULL_OUTPUT = re.compile(r"if \(res\[(\d+)\]!=0\) (res\[\1\])")
@@ -17,33 +27,8 @@ _HOUSEKEEPING = re.compile(
 )
 
 
-def functions(component: Component) -> list[ca.Function]:
-    """The functions that the C core calls, each over (states, inputs, parameters, …), all results dense."""
-    x, u, p = component.x, component.u, component.p
-    rates, outputs = component.rates, component.outputs
-    jacobian = ca.jacobian(rates, x)
-    dx, du, dp = (ca.SX.sym(name, size.numel()) for name, size in (("dx", x), ("du", u), ("dp", p)))
-    ar, ay = ca.SX.sym("ar", rates.numel()), ca.SX.sym("ay", outputs.numel())
-    known, seeds = ca.vertcat(x, u, p), ca.vertcat(dx, du, dp)
-    back = ca.jtimes(rates, known, ar, True) + ca.jtimes(outputs, known, ay, True)
-    split = [0, x.numel(), x.numel() + u.numel(), known.numel()]
-    forward = [x, u, p, dx, du, dp]
-    # The limiter completes these three: see c/admissible.c.
-    part = "lptn_plain" if component.admissible else "lptn"
-    return [
-        _function("lptn_rates", [x, u, p], [rates]),
-        _function("lptn_rk4", *_rk4(component)),
-        _function("lptn_jacobian", [x, u, p], [jacobian]),
-        _function("lptn_bound", [x, u, p], [_largest_row(jacobian)]),
-        _function(f"{part}_outputs", [x, u, p], [outputs]),
-        _function("lptn_rates_forward", forward, [ca.jtimes(rates, known, seeds)]),
-        _function(f"{part}_outputs_forward", forward, [ca.jtimes(outputs, known, seeds)]),
-        _function(f"{part}_reverse", [x, u, p, ar, ay], ca.vertsplit(back, split)),
-    ]
-
-
 def c_code(component: Component, name: str) -> str:
-    """The functions as one C file without null checks and without CasADi's housekeeping.
+    """The functions that the C core calls, as one C file without null checks and without CasADi's housekeeping.
 
     Args:
         name: prefix of the few symbols that it defines, so that two FMUs can be linked into one program.
@@ -51,7 +36,7 @@ def c_code(component: Component, name: str) -> str:
     generator = ca.CodeGenerator(
         f"{name}.c", {"with_header": False, "cpp": False, "main": False, "casadi_int": "int", "verbose": False}
     )
-    for function in functions(component):
+    for function in _functions(component):
         generator.add(function)
     text = _without_housekeeping(generator.dump())
     # The core never passes a null pointer; without the checks the compiler keeps numbers in registers.
@@ -62,10 +47,35 @@ def c_code(component: Component, name: str) -> str:
     return re.sub(r"^(casadi|limiter)_real \1_", r"static \1_real \1_", text, flags=re.MULTILINE)
 
 
-def moving_jacobian(component: Component) -> bool:
+def jacobian_moves(component: Component) -> bool:
     """Whether the rates' Jacobian by the states depends on states or inputs."""
     jacobian = ca.jacobian(component.rates, component.x)
     return bool(ca.depends_on(jacobian, ca.vertcat(component.x, component.u)))
+
+
+def _functions(component: Component) -> list[ca.Function]:
+    """Functions over (states, inputs, parameters, …), all results dense."""
+    x, u, p = component.x, component.u, component.p
+    rates, outputs = component.rates, component.outputs
+    jacobian = ca.jacobian(rates, x)
+    dx, du, dp = (ca.SX.sym(name, size.numel()) for name, size in (("dx", x), ("du", u), ("dp", p)))
+    ar, ay = ca.SX.sym("ar", rates.numel()), ca.SX.sym("ay", outputs.numel())
+    arguments, seeds = ca.vertcat(x, u, p), ca.vertcat(dx, du, dp)
+    gradient = ca.jtimes(rates, arguments, ar, True) + ca.jtimes(outputs, arguments, ay, True)
+    split = [0, x.numel(), x.numel() + u.numel(), arguments.numel()]
+    forward = [x, u, p, dx, du, dp]
+    # The limiter completes three of these: see c/admissible.c.
+    prefix = "lptn_plain" if component.admissible else "lptn"
+    return [
+        _function("lptn_rates", [x, u, p], [rates]),
+        _function("lptn_rk4", *_rk4(component)),
+        _function("lptn_jacobian", [x, u, p], [jacobian]),
+        _function("lptn_bound", [x, u, p], [_largest_row(jacobian)]),
+        _function(f"{prefix}_outputs", [x, u, p], [outputs]),
+        _function("lptn_rates_forward", forward, [ca.jtimes(rates, arguments, seeds)]),
+        _function(f"{prefix}_outputs_forward", forward, [ca.jtimes(outputs, arguments, seeds)]),
+        _function(f"{prefix}_reverse", [x, u, p, ar, ay], ca.vertsplit(gradient, split)),
+    ]
 
 
 def _function(name: str, arguments: list[Any], results: list[Any]) -> ca.Function:
@@ -106,3 +116,167 @@ def _without_housekeeping(text: str) -> str:
             end += 1
         position = end
     return re.sub(r"\n{3,}", "\n\n", "".join([*kept, text[position:]]))
+
+
+# --- what depends on what: the lists of `ModelStructure` --------------------------------------------
+
+
+@dataclass(frozen=True)
+class Dependent:
+    """An entry of `ModelStructure`, what FMI calls an unknown.
+
+    Args:
+        variable: the output or rate.
+        dependencies: value references that it depends on, in order.
+        kinds: for each of them `constant` factor, factor of `tunable` parameters, or `dependent` on states and inputs.
+    """
+
+    variable: Variable
+    dependencies: tuple[int, ...]
+    kinds: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Structure:
+    """The lists of `ModelStructure`: outputs, rates, and what initialisation leaves to be calculated."""
+
+    outputs: tuple[Dependent, ...]
+    rates: tuple[Dependent, ...]
+    initial: tuple[Dependent, ...]
+
+
+def structure(component: Component) -> Structure:
+    """The dependencies of a component, parameters among them.
+
+    Without the parameters an importer that differentiates by colours gets wrong Jacobians.
+    """
+    states = [
+        Dependent(state, (state.reference,), ("constant",)) for state in component.of("state") if not state.hidden
+    ]
+    rates = _dependents(component, component.of("rate"), component.rates)
+    calculated = _dependents(component, component.of("output"), component.outputs)
+    model_runs = _dependents_on_the_whole_model(component)
+    initial = sorted((*rates, *calculated, *model_runs), key=lambda dependent: dependent.variable.reference)
+    return Structure((*states, *calculated, *model_runs), tuple(rates), tuple(initial))
+
+
+def _dependents(component: Component, variables: Sequence[Variable], expressions: Any) -> list[Dependent]:
+    moving, arguments = ca.vertcat(component.x, component.u), ca.vertcat(component.x, component.u, component.p)
+    references = [variable.reference for variable in component.of("state", "input", "parameter")]
+    jacobian = ca.jacobian(expressions, arguments)
+    rows, columns = jacobian.sparsity().get_triplet()
+    entries = ca.vertcat(*jacobian.nonzeros())
+    pairs: list[list[tuple[int, str]]] = [[] for _ in variables]
+    for row, column, by_motion, by_parameter in zip(
+        rows, columns, _depends(entries, moving), _depends(entries, component.p), strict=True
+    ):
+        pairs[row].append((references[column], "dependent" if by_motion else "tunable" if by_parameter else "constant"))
+    return [
+        Dependent(variable, tuple(reference for reference, _ in row), tuple(kind for _, kind in row))
+        for variable, row in zip(variables, map(sorted, pairs), strict=True)
+    ]
+
+
+def _depends(entries: Any, symbols: Any) -> BoolArray:
+    """For each entry whether it depends on any of some symbols."""
+    pattern = ca.jacobian_sparsity(entries, symbols) if symbols.numel() else ca.Sparsity(entries.numel(), 0)
+    rows, _ = pattern.get_triplet()
+    depends = np.zeros(entries.numel(), dtype=bool)
+    depends[list(rows)] = True
+    return depends
+
+
+def _dependents_on_the_whole_model(component: Component) -> list[Dependent]:
+    """Admissible torques run the model against all limits; a forecast against its own limit, up to the horizon."""
+    parameters = [variable.reference for variable in component.of("parameter")]
+    own = len(component.model.unknowns)
+    common = [variable.reference for variable in component.of("state", "input")] + parameters[:own]
+    limits = [parameters[index] for index in component.limited]
+    dependencies = [(variable, [*common, *limits]) for variable in component.of("admissible")]
+    for variable, limit in zip(component.of("forecast"), limits, strict=True):
+        dependencies.append((variable, [*common, limit, parameters[-1]]))
+    return [
+        Dependent(variable, tuple(references), ("dependent",) * len(references))
+        for variable, references in dependencies
+    ]
+
+
+# --- the inner step of Co-Simulation, checked against the fastest time constant ----------------------
+
+Solver = Literal["rk4", "ros2"]
+_EXACT = 0.05  # step over fastest time constant at which RK4 errs by 5e-8 of a mode
+_LONGEST = 1.0  # s; no robot's load keeps still for longer
+_ROS2_STEP = 0.1  # s; of second order, so no longer than this where no step is given
+_REACH = 0.5  # longest step over fastest time constant that is left to RK4
+_MOST_PARTS = 1000  # a finer division means a stiff network: that is what ROS2 is for
+
+
+@dataclass(frozen=True)
+class Integration:
+    """How Co-Simulation integrates.
+
+    Args:
+        solver: `rk4` or `ros2`.
+        step: longest inner step [s].
+        fastest: fastest time constant at the start values [s].
+        notes: what was changed or should be known, a sentence each.
+    """
+
+    solver: Solver
+    step: float
+    fastest: float
+    notes: tuple[str, ...] = ()
+
+
+def integration(component: Component, solver: str, step: float | None) -> Integration:
+    """The inner step: as asked, divided where the fastest time constant needs it, or a fitting one.
+
+    Args:
+        solver: `rk4`, order 4 and explicit, or `ros2`, order 2 and L-stable, for stiff networks.
+        step: longest inner step [s]; by default a fitting one.
+
+    Raises:
+        InputError: an unknown solver, a step that is no positive number, or one that RK4 would need 1000 parts of.
+    """
+    origin = component.model.network.origin
+    if solver not in get_args(Solver):
+        raise InputError(origin, "solver", f"'{solver}'", " or ".join(get_args(Solver)))
+    if step is not None and not (step > 0 and math.isfinite(step)):
+        raise InputError(origin, "step", f"{step!r}", "a positive number of seconds")
+    fastest = 1 / _fastest_rate(component)
+    if solver == "ros2":
+        return Integration("ros2", step or _ROS2_STEP, fastest)
+    if step is None:
+        return Integration("rk4", _rounded_down(min(_LONGEST, _EXACT * fastest)), fastest)
+    parts = math.ceil(step / (_REACH * fastest) - 1e-9)
+    if parts <= 1:
+        return Integration("rk4", step, fastest)
+    asked = f"a step of {step:g} s with a fastest time constant of {fastest:.3g} s"
+    if parts > _MOST_PARTS:
+        raise InputError(origin, "step", asked, "solver ros2, or a shorter step")
+    note = f"{asked}: divided into {parts} inner steps of {step / parts:.3g} s"
+    return Integration("rk4", step / parts, fastest, (note,))
+
+
+def _fastest_rate(component: Component) -> float:
+    """The largest eigenvalue at the start values, with each input at rest and at a usual size [1/s]."""
+    arguments = [component.x, component.u, component.p]
+    jacobian = ca.Function("jacobian", arguments, [ca.densify(ca.jacobian(component.rates, component.x))])
+    x, u, p = (_starts(component, kind) for kind in ("state", "input", "parameter"))
+    hot = np.array([variable.celsius for variable in component.of("input")], dtype=bool)
+    rates = []
+    for size in (0.0, 1.0, 3.0):
+        inputs = np.where(hot, u, size) if u.size else u
+        eigenvalues = np.linalg.eigvals(jacobian(x + 10 * size, inputs, p).full())
+        rates.append(float(np.abs(eigenvalues).max()))
+    return max(*rates, 1e-12)
+
+
+def _starts(component: Component, kind: Kind) -> FloatArray:
+    return np.array([variable.start for variable in component.of(kind)], dtype=float)
+
+
+def _rounded_down(value: float) -> float:
+    """The next smaller number of the row 1, 2, 5, 10."""
+    power = 10.0 ** math.floor(math.log10(value) + 1e-12)
+    return float(f"{max(factor for factor in (1, 2, 5) if factor * power <= value * (1 + 1e-9)) * power:.6g}")

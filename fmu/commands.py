@@ -136,28 +136,27 @@ def cosim(
 def _platforms(text: str | None) -> list[str] | None:
     if text is None:
         return None
-    names = [name.strip() for name in text.split(",")]
-    return [name for name in names if name != "source"]
+    return [name.strip() for name in text.split(",") if name.strip() != "source"]
 
 
 def _limits(
     texts: list[str] | None, option: str = "--limit", unit: str = "degC", place: str = "NODE"
 ) -> dict[str, float] | None:
-    found = {}
+    limits = {}
     for text in texts or ():
         node, equals, value = text.rpartition("=")
         try:
-            found[node if equals else "*"] = float(value)
+            limits[node if equals else "*"] = float(value)
         except ValueError as error:
             raise InputError("command line", option, f"'{text}'", f"a number in {unit}, or {place}=number") from error
-    return found or None
+    return limits or None
 
 
 def _show_export(done: Exported) -> None:
-    facts = done.as_json()
-    places = ", ".join(done.platforms) or "no binaries: sources alone"
-    print(f"{done.path}: FMI {done.fmi}, {done.size / 1024:.0f} kB, {places}")
-    print(", ".join(f"{facts[kind]} {kind}" for kind in ("states", "inputs", "parameters", "outputs")))
+    sizes = done.as_json()
+    platforms = ", ".join(done.platforms) or "no binaries: sources alone"
+    print(f"{done.path}: FMI {done.fmi}, {done.size / 1024:.0f} kB, {platforms}")
+    print(", ".join(f"{sizes[kind]} {kind}" for kind in ("states", "inputs", "parameters", "outputs")))
     steps = done.integration
     print(f"Co-Simulation: {steps.solver}, inner steps of at most {steps.step:g} s")
     print(f"Fastest time constant: {steps.fastest:.3g} s")
@@ -169,18 +168,26 @@ def _show_cosimulation(done: Cosimulation) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    table = Table(box=None, header_style="bold", pad_edge=False)
-    for column in ("run", "node", "RMSE", "max", "from the model"):
-        table.add_column(column, justify="left" if column in ("run", "node") else "right")
-    for each in done.runs:
-        for row, node in enumerate(each.nodes):
-            errors, apart = each.errors(row), each.from_model(row)
-            cells = [f"{errors.rmse:.3g} K", f"{errors.max:.3g} K"] if errors.count else ["not measured", ""]
-            table.add_row(each.run.name, node, *cells, "" if apart is None else f"{apart:.2g} K")
+    table = Table(
+        box=None,
+        header_style="bold",
+        pad_edge=False,
+        title="error = predicted by the FMU − measured",
+        title_justify="left",
+    )
+    for column in ("run", "node", "RMSE", "max |error|", "mean error", "max |FMU − model|"):
+        table.add_column(column, justify="left" if column in ("run", "node") else "right", overflow="fold")
+    for run in done.runs:
+        for row, node in enumerate(run.nodes):
+            errors, from_model = run.errors(row), run.from_model(row)
+            cells = ["not measured", "", ""]
+            if errors.count:
+                cells = [f"{errors.rmse:.3g} K", f"{errors.max:.3g} K", f"{errors.mean:+.3g} K"]
+            table.add_row(run.run.name, node, *cells, "" if from_model is None else f"{from_model:.2g} K")
     out = Console()
     out.print(table)
-    steps, seconds = sum(len(each.run) for each in done.runs), sum(each.seconds for each in done.runs)
-    simulated = sum(len(each.run) * each.run.step for each in done.runs)
+    steps, seconds = sum(len(run.run) for run in done.runs), sum(run.seconds for run in done.runs)
+    simulated = sum(len(run.run) * run.run.step for run in done.runs)
     speed = simulated / max(seconds, 1e-9)
     out.print(f"FMI {done.fmi}: {steps} steps in {seconds:.3g} s, {speed:.3g} times as fast as the robot.")
 
@@ -196,16 +203,13 @@ def _write_outputs(done: Cosimulation, path: Path) -> None:
 
     from lptn.files import write_whole
 
-    from .naming import to_column
-    from .units import ZERO_CELSIUS
+    from .variables import ZERO_CELSIUS, is_temperature, to_column
 
     tables = []
-    for each in done.runs:
-        columns = {"time": each.run.time + each.run.step}
-        for name, values in each.outputs.items():
-            column = to_column(name)
-            hot = column.partition(".")[0] in ("temperature", "reading")
-            columns[column] = values - ZERO_CELSIUS if hot else values
+    for run in done.runs:
+        columns = {"time": run.run.time + run.run.step}
+        for name, values in run.outputs.items():
+            columns[to_column(name)] = values - ZERO_CELSIUS if is_temperature(name) else values
         tables.append(pd.DataFrame(columns))
     table = pd.concat(tables, ignore_index=True)
     if path.suffix == ".csv":

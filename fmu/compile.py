@@ -50,8 +50,8 @@ class Platform:
 
 
 PLATFORMS = {
-    each.name: each
-    for each in (
+    target.name: target
+    for target in (
         Platform("linux64", "linux64", "x86_64-linux", "x86_64-linux-gnu.2.17", ".so"),
         Platform("linux-aarch64", "aarch64-linux", "aarch64-linux", "aarch64-linux-gnu.2.17", ".so"),
         Platform("win64", "win64", "x86_64-windows", "x86_64-windows-gnu", ".dll"),
@@ -60,7 +60,7 @@ PLATFORMS = {
     )
 }
 _ALIASES = {"darwin64": "darwin-x86_64", "win-x86_64": "win64", "linux-x86_64": "linux64"} | {
-    each.folder3: each.name for each in PLATFORMS.values()
+    target.folder3: target.name for target in PLATFORMS.values()
 }
 
 
@@ -72,27 +72,27 @@ def platforms_of(names: Sequence[str] | None) -> list[Platform]:
     """
     if names is None:
         return [host()]
-    found = []
+    targets = []
     for name in names:
-        known = _ALIASES.get(name, name)
-        if known not in PLATFORMS:
+        target = PLATFORMS.get(_ALIASES.get(name, name))
+        if target is None:
             raise InputError("command line", "--platforms", f"'{name}'", f"some of {', '.join(PLATFORMS)}, or source")
-        found.append(PLATFORMS[known])
-    return list(dict.fromkeys(found))
+        targets.append(target)
+    return list(dict.fromkeys(targets))
 
 
 def host() -> Platform:
     """This machine's platform.
 
     Raises:
-        InputError: it is none of those known.
+        InputError: it is none of `PLATFORMS`.
     """
     machine = {"amd64": "x86_64", "arm64": "aarch64"}.get(platform.machine().lower(), platform.machine().lower())
     system = {"win32": "windows"}.get(sys.platform, sys.platform)
-    tuple_ = f"{machine}-{system}"
-    if tuple_ not in _ALIASES:
-        raise InputError("this machine", "platform", tuple_, f"one of {', '.join(PLATFORMS)}, or --platforms source")
-    return PLATFORMS[_ALIASES[tuple_]]
+    name = f"{machine}-{system}"
+    if name not in _ALIASES:
+        raise InputError("this machine", "platform", name, f"one of {', '.join(PLATFORMS)}, or --platforms source")
+    return PLATFORMS[_ALIASES[name]]
 
 
 def compile_all(
@@ -109,12 +109,13 @@ def compile_all(
     Raises:
         InputError: no compiler for a platform, or it fails.
     """
-    commands = {each: _command(each, compiler) for each in platforms}  # first: nothing is built where one is missing
+    # First: nothing is built where one is missing.
+    commands = {target: _command(target, compiler) for target in platforms}
     with tempfile.TemporaryDirectory(prefix="lptn-fmu-") as name:
         folder = Path(name)
         for path, content in sources.items():
             (folder / path).write_bytes(content)
-        return {each: _compile(folder, main, identifier, each, command) for each, command in commands.items()}
+        return {target: _compile(folder, main, identifier, target, command) for target, command in commands.items()}
 
 
 def _command(target: Platform, compiler: Compiler) -> list[str]:
@@ -122,27 +123,26 @@ def _command(target: Platform, compiler: Compiler) -> list[str]:
         return [sys.executable, "-m", "ziglang", "cc", "-target", target.target]
     if compiler == "zig":
         raise InputError(target.name, "compiler", "no ziglang package", "pip install 'lptn[fmu]'")
-    local, mend = local_compiler(), "pip install 'lptn[fmu]', or --platforms source"
+    local, remedy = local_compiler(), "pip install 'lptn[fmu]', or --platforms source"
     if target != host():
-        raise InputError(target.name, "compiler", "no ziglang package, which builds for other platforms", mend)
+        raise InputError(target.name, "compiler", "no ziglang package, which builds for other platforms", remedy)
     if local is None:
-        raise InputError(target.name, "compiler", "neither the ziglang package nor a C compiler", mend)
+        raise InputError(target.name, "compiler", "neither the ziglang package nor a C compiler", remedy)
     return local
 
 
 def local_compiler() -> list[str] | None:
     """The words that call this machine's C compiler, `None` where there is none."""
-    given = os.environ.get("CC")
-    if given and shutil.which(shlex.split(given)[0]):
-        return shlex.split(given)
-    found = next((path for path in map(shutil.which, ("cc", "gcc", "clang")) if path), None)
-    return None if found is None else [found]
+    words = shlex.split(os.environ.get("CC", ""))
+    if words and shutil.which(words[0]):
+        return words
+    installed = next((path for path in map(shutil.which, ("cc", "gcc", "clang")) if path), None)
+    return None if installed is None else [installed]
 
 
 def _compile(folder: Path, main: str, identifier: str, target: Platform, command: list[str]) -> bytes:
-    place = folder / target.name
-    place.mkdir()
-    library = place / f"{identifier}{target.suffix}"
+    (folder / target.name).mkdir()
+    library = folder / target.name / f"{identifier}{target.suffix}"
     words = [*command, *_FLAGS, "-o", str(library), main]
     if target.suffix == ".so":
         words += ["-lm", "-Wl,-z,defs", "-s"]

@@ -2,34 +2,45 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_args
 
 import casadi as ca
 
-from lptn.effects import SensorEffect
+from lptn.effects import EdgeEffect, GroupEffect, LinkEffect, LossEffect, MassEffect, NodeEffect, SensorEffect
 from lptn.errors import InputError
 from lptn.model import Model
+from lptn.network import Link, Use
 from lptn.parameters import Unknown
 from lptn.places import matching
 
-from .flows import heat_flows
-from .naming import described, joined, of_column, of_owner
-from .units import ZERO_CELSIUS, feature_unit, plain
-from .variables import Kind, Variable, refuse_twice
+from .variables import (
+    ZERO_CELSIUS,
+    Kind,
+    Variable,
+    celsius_offset,
+    column_description,
+    column_unit,
+    fmi_unit,
+    from_column,
+    pattern_as_word,
+    places_of_owner,
+    structured_name,
+)
 
 if TYPE_CHECKING:
     from .admissible import Admissible
 
 DEFAULT_LIMIT = 80.0
-"""Temperature limit of a node whose limit nobody gave [degC]."""
+"""Temperature limit of a node where none is given [degC]."""
 ROOM = 25.0
-"""Start temperature where nobody gave one [degC]."""
-_BAND, _HORIZON = 10.0, 3600.0  # K below the limit where derating begins; s that the forecast looks ahead
-_USUAL = {"powered": 1.0}  # a robot that is simulated is switched on; all other inputs start at rest
-_POSITIVE = 1e-9  # the least value of a parameter that must be positive
+"""Start temperature where none is given [degC]."""
+_BAND = 10.0  # K below the limit where derating begins
+_HORIZON = 3600.0  # s that the forecast looks ahead
+_INPUT_STARTS = {"powered": 1.0}  # a robot that is simulated is switched on; all other inputs start at rest
+_LEAST_POSITIVE = 1e-9  # the least value of a parameter that must be positive
 
 
 @dataclass(frozen=True)
@@ -64,8 +75,8 @@ class Component:
 
     def first(self, kind: Kind) -> int:
         """The value reference of the first variable of a kind."""
-        kinds: list[Kind] = ["time", "state", "rate", "input", "parameter", "output", "admissible", "forecast"]
-        return sum(len(self.of(each)) for each in kinds[: kinds.index(kind)])
+        kinds = get_args(Kind)
+        return len(self.of(*kinds[: kinds.index(kind)]))
 
     @cached_property
     def names(self) -> dict[str, Variable]:
@@ -90,172 +101,271 @@ def component(
         current_limits: of the joints [A], for the admissible torques.
 
     Raises:
-        InputError: a limit or start names no node, or lies below absolute zero; or the model has no admissible torque.
+        InputError: a limit or start names no node, or lies below absolute zero; the model has no admissible torque; or
+            two places have names that FMI can't tell apart.
     """
-    limited, started = _by_node(model, limits, DEFAULT_LIMIT, "limits"), _by_node(model, start, ROOM, "start")
-    builder = _Builder(model, limited, started)
+    builder = _Builder(model, _by_node(model, limits, DEFAULT_LIMIT, "limits"), _by_node(model, start, ROOM, "start"))
     if admissible:
-        builder.limit(current_limits)
+        from .admissible import admissible_of  # the planners are loaded only where they are needed
+
+        builder.admissible = admissible_of(
+            model, builder.limits, current_limits, builder.input_offsets, builder.parameter_offsets
+        )
     return builder.build()
 
 
 def _by_node(model: Model, given: Mapping[str, float] | float | None, default: float, where: str) -> dict[str, float]:
     """A temperature [degC] for each node; the last pattern that matches wins."""
     table = {"*": default} | ({} if given is None else dict(given) if isinstance(given, Mapping) else {"*": given})
-    found: dict[str, float] = {}
+    temperatures: dict[str, float] = {}
     for pattern, value in table.items():
         nodes = matching(pattern, model.nodes)
         if not nodes:
-            known = f"one of {', '.join(model.nodes)}, or a pattern"
-            raise InputError(model.network.origin, where, f'"{pattern}"', known)
+            expected = f"one of {', '.join(model.nodes)}, or a pattern"
+            raise InputError(model.network.origin, where, f'"{pattern}"', expected)
         if not -ZERO_CELSIUS < value < 1e4:
             raise InputError(model.network.origin, where, f"{value!r} degC", "a temperature in degC")
-        found |= dict.fromkeys(nodes, value)
-    return found
+        temperatures |= dict.fromkeys(nodes, value)
+    return temperatures
 
 
 class _Builder:
-    """Collects variables block by block, for a value reference is a place in that order."""
+    """Collects variables block by block, for a value reference is a place in that order.
+
+    Args:
+        limits: temperature limit of each node [degC].
+        start: start temperature of each node [degC].
+    """
 
     def __init__(self, model: Model, limits: Mapping[str, float], start: Mapping[str, float]) -> None:
         self.model, self.limits, self.start = model, limits, start
-        self.variables: list[Variable] = [Variable("time", 0, "time", "s", None, "Simulation time")]
-        self.x, self.u = ca.SX.sym("x", len(model.states)), ca.SX.sym("u", len(model.inputs))
-        self.known = len(model.unknowns)
-        self.p = ca.SX.sym("p", self.known + len(model.nodes) + 2)
-        self.limited = tuple(self.known + row for row in range(len(model.nodes)))
-
-        self.shift = [ZERO_CELSIUS if feature_unit(column) == "degC" else 0.0 for column in model.inputs]
-        self.raised = [ZERO_CELSIUS if unknown.declared.unit == "degC" else 0.0 for unknown in model.unknowns]
         self.admissible: Admissible | None = None
-
-    def limit(self, current_limits: Mapping[str, float] | float | None) -> None:
-        """Add the predictive limiter."""
-        from .admissible import admissible
-
-        self.admissible = admissible(self.model, self.limits, current_limits, self.shift, self.raised)
+        self.variables = [Variable("time", 0, "time", "s", None, "Simulation time")]
+        self.model_parameters = len(model.unknowns)
+        self.limited = tuple(range(self.model_parameters, self.model_parameters + len(model.nodes)))
+        self.x, self.u = ca.SX.sym("x", len(model.states)), ca.SX.sym("u", len(model.inputs))
+        self.p = ca.SX.sym("p", self.model_parameters + len(model.nodes) + 2)
+        # What the component's values exceed the model's by: kelvin here, degC there.
+        self.input_offsets = [celsius_offset(column_unit(column)) for column in model.inputs]
+        self.parameter_offsets = [celsius_offset(parameter.declared.unit) for parameter in model.unknowns]
 
     def build(self) -> Component:
-        arguments = [self.x - ZERO_CELSIUS, self.u - ca.DM(self.shift), self.p[: self.known] - ca.DM(self.raised)]
-        self._states()
-        self._inputs()
-        self._parameters()
-        outputs = self._outputs(self._in_celsius(arguments))
-        for name, unit, text in self.admissible.outputs if self.admissible else ():
-            self._add(name, "admissible", unit, None, text)
+        self._add_states()
+        self._add_inputs()
+        self._add_parameters()
+        outputs = self._add_outputs()
+        for name, unit, description in self.admissible.outputs if self.admissible else ():
+            self._add(name, "admissible", unit, None, description)
         for node in self.model.nodes:
-            text = f"Time until {node} reaches its limit, inputs held"
-            self._add(joined(node, "time_to_limit"), "forecast", "s", None, text)
-        refuse_twice(self.variables, self.model.network.origin)
-        rates = self.model.rhs(*arguments)
+            description = f"Time until {node} reaches its limit, inputs held"
+            self._add(structured_name(node, "time_to_limit"), "forecast", "s", None, description)
+        rates = self.model.rhs(*self._model_arguments())
         values = ca.vertcat(*outputs)
-        known = (self.x, self.u, self.p)
-        return Component(self.model, tuple(self.variables), *known, rates, values, self.limited, self.admissible)
+        symbols = (self.x, self.u, self.p)
+        return Component(self.model, tuple(self.variables), *symbols, rates, values, self.limited, self.admissible)
 
-    def _in_celsius(self, arguments: list[Any]) -> Callable[[Any], Any]:
-        """An expression of the model's own symbols as one of the component's."""
-        own = self.model.symbols
-        return lambda expression: ca.substitute([expression], [own.x, own.u, own.p], arguments)[0]
+    def _model_arguments(self) -> list[Any]:
+        """The model's states, inputs and parameters as expressions of the component's."""
+        own = self.p[: self.model_parameters] - ca.DM(self.parameter_offsets)
+        return [self.x - ZERO_CELSIUS, self.u - ca.DM(self.input_offsets), own]
 
     def _add(self, name: str, kind: Kind, unit: str, start: float | None, description: str, **more: Any) -> int:
+        if any(name == variable.name for variable in self.variables):
+            # The names of two places differ only in characters that FMI names lack.
+            expected = "places that stay apart as words"
+            raise InputError(self.model.network.origin, "names", f'two FMU variables "{name}"', expected)
         reference = len(self.variables)
         self.variables.append(Variable(name, reference, kind, unit, start, description, **more))
         return reference
 
-    def _states(self) -> None:
+    def _add_states(self) -> None:
         references = []
         for node in self.model.nodes:
-            name, start = joined(node, "temperature"), self.start[node] + ZERO_CELSIUS
+            name, start = structured_name(node, "temperature"), self.start[node] + ZERO_CELSIUS
             references.append(self._add(name, "state", "K", start, f"Temperature of {node}", celsius=True, minimum=0.0))
-        for use in self.model.balance.hidden:
-            place, _ = of_owner(use.place, ())
-            text = f"Temperature behind {use.name} at {use.place}"
-            more: dict[str, Any] = {"celsius": True, "minimum": 0.0, "hidden": True}
-            name = joined(place, use.name, "temperature")
-            references.append(self._add(name, "state", "K", self._resting(use.ends), text, **more))
+        for effect in self.model.balance.hidden:
+            place, _ = places_of_owner(effect.place, ())
+            name, start = structured_name(place, effect.name, "temperature"), self._resting(effect.ends)
+            description = f"Temperature behind {effect.name} at {effect.place}"
+            hidden = self._add(name, "state", "K", start, description, celsius=True, minimum=0.0, hidden=True)
+            references.append(hidden)
         for reference in references:
             name = self.variables[reference].name
             self._add(f"der({name})", "rate", "K/s", None, f"Rate of {name}", hidden=True, of=reference)
 
     def _resting(self, places: tuple[str, ...]) -> float:
         """Where a hidden state starts [K]: at the mean of its nodes, or at the prescribed temperature that it is of."""
-        prescribed, found = self.model.network.prescribed, []
+        temperatures = []
         for place in places:
-            source = prescribed.get(place)
-            given = self.model.values[source] if isinstance(source, int) else ROOM
-            found.append(self.start.get(place, float(given)))
-        return sum(found) / len(found) + ZERO_CELSIUS
+            source = self.model.network.prescribed.get(place)
+            prescribed = self.model.values[source] if isinstance(source, int) else ROOM
+            temperatures.append(self.start.get(place, float(prescribed)))
+        return sum(temperatures) / len(temperatures) + ZERO_CELSIUS
 
-    def _inputs(self) -> None:
-        for column in self.model.inputs:
-            unit = feature_unit(column)
-            hot = unit == "degC"
-            text = described(column)
-            start = ROOM + ZERO_CELSIUS if hot else _USUAL.get(column.partition(".")[0], 0.0)
-            self._add(of_column(column), "input", plain(unit), start, text, celsius=hot, minimum=0.0 if hot else None)
+    def _add_inputs(self) -> None:
+        for column, offset in zip(self.model.inputs, self.input_offsets, strict=True):
+            hot = offset > 0
+            start = ROOM + offset if hot else _INPUT_STARTS.get(column.partition(".")[0], 0.0)
+            name, unit, description = from_column(column), fmi_unit(column_unit(column)), column_description(column)
+            self._add(name, "input", unit, start, description, celsius=hot, minimum=0.0 if hot else None)
 
-    def _parameters(self) -> None:
-        for unknown in self.model.unknowns:
-            self._parameter(unknown)
+    def _add_parameters(self) -> None:
+        for parameter in self.model.unknowns:
+            self._add_parameter(parameter)
         for node in self.model.nodes:
-            limit = self.limits[node] + ZERO_CELSIUS
-            text = f"Limit that {node} must not pass"
-            self._add(joined(node, "temperature_limit"), "parameter", "K", limit, text, celsius=True, minimum=0.0)
-        text = "Range below the limit in which the limiter takes torque away"
-        self._add("limiter.band", "parameter", "K", _BAND, text, minimum=1e-3)
-        text = "How far time_to_limit looks ahead; it shows this where no limit is reached before"
-        self._add("limiter.horizon", "parameter", "s", _HORIZON, text, minimum=1e-3, maximum=1e7)
+            name, limit = structured_name(node, "temperature_limit"), self.limits[node] + ZERO_CELSIUS
+            description = f"Limit that {node} must not pass"
+            self._add(name, "parameter", "K", limit, description, celsius=True, minimum=0.0)
+        description = "Range below the limit in which the limiter takes torque away"
+        self._add("limiter.band", "parameter", "K", _BAND, description, minimum=1e-3)
+        description = "How far time_to_limit looks ahead; it shows this where no limit is reached before"
+        self._add("limiter.horizon", "parameter", "s", _HORIZON, description, minimum=1e-3, maximum=1e7)
 
-    def _parameter(self, unknown: Unknown) -> None:
-        declared, unit = unknown.declared, unknown.declared.unit
+    def _add_parameter(self, parameter: Unknown) -> None:
+        declared, unit = parameter.declared, parameter.declared.unit
         hot = unit == "degC"
         lower, upper = declared.bounds
         shape = unit == "1" and upper < 1e3  # an exponent or a share keeps its bounds; a size may be tuned past a fit's
-        minimum = 0.0 if hot else lower if shape else _POSITIVE if lower > 0 else 0.0 if lower == 0 else None
-        prefix, _, owner = unknown.name.rpartition(".")
-        label, title = prefix.rpartition(".")[0], declared.title or declared.name
-        text = f"{label} at {owner}: {title}" if label else f"{title[0].upper()}{title[1:]} of {owner}"
+        minimum = 0.0 if hot else lower if shape else _LEAST_POSITIVE if lower > 0 else 0.0 if lower == 0 else None
+        prefix, _, owner = parameter.name.rpartition(".")
+        label, _, quantity = prefix.rpartition(".")
+        title = declared.title or declared.name
+        one, other = places_of_owner(owner, self.model.network.prescribed)
+        middle = f"{label}_to_{other}" if label and other else f"to_{other}" if other else label
         self._add(
-            self._parameter_name(unknown),
+            structured_name(one, middle, quantity) if middle else structured_name(one, quantity),
             "parameter",
-            plain(unit),
-            unknown.value + (ZERO_CELSIUS if hot else 0.0),
-            text,
+            fmi_unit(unit),
+            parameter.value + celsius_offset(unit),
+            f"{label} at {owner}: {title}" if label else f"{title[0].upper()}{title[1:]} of {owner}",
             celsius=hot,
             minimum=minimum,
             maximum=upper if shape else None,
         )
 
-    def _parameter_name(self, unknown: Unknown) -> str:
-        prefix, _, owner = unknown.name.rpartition(".")
-        label, _, name = prefix.rpartition(".")
-        one, other = of_owner(owner, self.model.network.prescribed)
-        if not other:
-            return joined(one, label, name) if label else joined(one, name)
-        return joined(one, f"{label}_to_{other}" if label else f"to_{other}", name)
+    def _add_outputs(self) -> list[Any]:
+        """Add the calculated outputs; returns their expressions."""
+        own, arguments, outputs = self.model.symbols, self._model_arguments(), []
 
-    def _outputs(self, celsius: Callable[[Any], Any]) -> list[Any]:
-        found = []
-        for node, reading in zip(self.model.nodes, ca.vertsplit(self.model.symbols.readings), strict=True):
-            if self._is_sensed(node):
-                text = f"What the sensor of {node} reads"
-                self._add(joined(node, "reading"), "output", "K", None, text, celsius=True)
-                found.append(celsius(reading) + ZERO_CELSIUS)
+        def of_component(expression: Any) -> Any:
+            return ca.substitute([expression], [own.x, own.u, own.p], arguments)[0]
+
+        effects = self.model.network.uses
+        sensed = {effect.ends[0] for effect in effects if isinstance(effect.effect, SensorEffect)}
+        driven = {effect.ends[0] for effect in effects if {"torque", "current"} & set(effect.effect.needed())}
+        for node, reading in zip(self.model.nodes, ca.vertsplit(own.readings), strict=True):
+            if node in sensed:
+                name, description = structured_name(node, "reading"), f"What the sensor of {node} reads"
+                self._add(name, "output", "K", None, description, celsius=True)
+                outputs.append(of_component(reading) + ZERO_CELSIUS)
         for flow in heat_flows(self.model):
-            self._add(flow.name, "output", "W", None, flow.text)
-            found.append(celsius(flow.expression))
-        band = self.p[self.known + len(self.model.nodes)]
+            self._add(flow.name, "output", "W", None, flow.description)
+            outputs.append(of_component(flow.expression))
+        band = self.p[self.model_parameters + len(self.model.nodes)]
         for row, node in enumerate(self.model.nodes):
-            if self._is_driven(node):
-                text = f"Factor that a thermal limiter puts on the torque of {node}"
-                self._add(joined(node, "torque_scale"), "output", "1", None, text)
-                found.append(ca.fmin(1, ca.fmax(0, (self.p[self.limited[row]] - self.x[row]) / band)))
-        return found
+            if node in driven:
+                description = f"Factor that a thermal limiter puts on the torque of {node}"
+                self._add(structured_name(node, "torque_scale"), "output", "1", None, description)
+                outputs.append(ca.fmin(1, ca.fmax(0, (self.p[self.limited[row]] - self.x[row]) / band)))
+        return outputs
 
-    def _is_sensed(self, node: str) -> bool:
-        return any(isinstance(use.effect, SensorEffect) and use.ends[0] == node for use in self.model.network.uses)
 
-    def _is_driven(self, node: str) -> bool:
-        return any(
-            {"torque", "current"} & set(use.effect.needed()) and use.ends[0] == node for use in self.model.network.uses
-        )
+# --- heat flows: what each link carries and what each effect brings --------------------------------
+
+
+@dataclass(frozen=True)
+class HeatFlow:
+    """One heat flow [W].
+
+    Args:
+        source: the node that it leaves, or for an effect at one node the node that it enters.
+        target: the node that it enters; empty for an effect at one node.
+        label: the effect's name; empty for a link.
+        share: `True` for a share of another flow, which must not be counted twice.
+        expression: its size.
+    """
+
+    source: str
+    target: str
+    label: str
+    share: bool
+    expression: Any
+
+    @property
+    def name(self) -> str:
+        """Name of the variable that shows it."""
+        if not self.target:
+            return structured_name(self.source, self.label, "heat_flow")
+        middle = f"{self.label}_to_{self.target}" if self.label else f"to_{self.target}"
+        return structured_name(self.source, middle, "heat_flow")
+
+    @property
+    def description(self) -> str:
+        """What a person reads of it."""
+        path = f"flows from {self.source} to {self.target}" if self.target else f"enters {self.source}"
+        if self.share:
+            return f"What {self.label} adds to the heat that {path}"
+        if self.target:
+            return f"Heat that {path} by {self.label}" if self.label else f"Heat that {path}"
+        return f"Heat that {self.label} brings into {self.source}"
+
+
+def heat_flows(model: Model) -> list[HeatFlow]:
+    """Every link's and every effect's heat flow, in the order of the network.
+
+    Links and effects between nodes count from the first node to the second, prescribed nodes last. A loss or link
+    effect counts what it adds to the flow that it acts on: the flow with it less the flow without it.
+
+    Source: [QuadrupedLPTN, eq. 1, 3, 5].
+    """
+    flows = _HeatFlows(model)
+    of_links = [flows.of_link(link) for link in model.network.resistors]
+    return of_links + [flow for effect in model.network.uses for flow in flows.of_effect(effect)]
+
+
+class _HeatFlows:
+    def __init__(self, model: Model) -> None:
+        self.network, self.balance = model.network, model.balance
+
+    def _ordered(self, ends: Iterable[str]) -> tuple[str, str]:
+        """The two ends by name, a prescribed one last."""
+        one, other = sorted(ends, key=lambda name: (name in self.network.prescribed, name))
+        return one, other
+
+    def _away(self, link: Link, source: str, left_out: Use | None = None) -> Any:
+        """Heat that a link carries away from one of its ends, perhaps with one effect left out."""
+        inward = self.balance.exchange(link, left_out)
+        return -inward if link.ends[0] == source else inward
+
+    def of_link(self, link: Link) -> HeatFlow:
+        source, target = self._ordered(link.ends)
+        return HeatFlow(source, target, "", False, self._away(link, source))
+
+    def of_effect(self, instance: Use) -> list[HeatFlow]:
+        effect, node, label = instance.effect, instance.ends[0], instance.name
+        if isinstance(effect, EdgeEffect):
+            one, other = self._ordered(instance.ends)
+            inward = self.balance.edge_flow(instance)
+            return [HeatFlow(one, other, label, False, -inward if node == one else inward)]
+        if isinstance(effect, MassEffect):
+            return [HeatFlow(node, "", label, False, self.balance.state_heat(instance, node))]
+        if isinstance(effect, GroupEffect):
+            label = f"{label}_{pattern_as_word(instance.place)}"
+            return [HeatFlow(end, "", label, False, self.balance.state_heat(instance, end)) for end in instance.ends]
+        if isinstance(effect, NodeEffect):
+            return [HeatFlow(node, "", label, False, self.balance.heat_of(instance))]
+        if isinstance(effect, LossEffect):
+            bases = [
+                base for base in self.network.uses if base.effect.key == effect.acts_on and base.ends == instance.ends
+            ]
+            added = (self.balance.heat_of(base) - self.balance.heat_of(base, instance) for base in bases)
+            return [HeatFlow(node, "", label, True, sum(added, start=ca.SX(0)))]
+        return [self._of_link_effect(instance)] if isinstance(effect, LinkEffect) else []
+
+    def _of_link_effect(self, instance: Use) -> HeatFlow:
+        (link,) = (link for link in self.network.resistors if set(link.ends) == set(instance.ends))
+        node, around = instance.ends
+        added = self._away(link, node, instance) - self._away(link, node)
+        # A node with several surroundings has one such effect for each: the place then is an edge.
+        target = around if "~" in instance.place else ""
+        return HeatFlow(node, target, instance.name, True, -added if target else added)

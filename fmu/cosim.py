@@ -12,30 +12,29 @@ import numpy as np
 from lptn.arrays import FloatArray
 from lptn.compare import Errors, predict
 from lptn.errors import InputError
-from lptn.evidence import Part, evidence
+from lptn.evidence import evidence
 from lptn.logs import Run, read_log
 from lptn.model import Model
-from lptn.model_file import ModelFile, load_model, parse_model
+from lptn.model_file import load_model, parse_model
 from lptn.noise import balanced_sigma, estimate_noise
 from lptn.opening import Opened
-from lptn.simulate import Drive, drive, over_steps
+from lptn.simulate import drive, over_steps
 
 from .component import component
-from .naming import of_column, to_column
 from .session import Session
-from .units import ZERO_CELSIUS
+from .variables import ZERO_CELSIUS, from_column, is_temperature, to_column
 
 
 @dataclass(frozen=True)
-class DrivenRun:
+class CosimulatedRun:
     """One run through an FMU.
 
     Args:
         run: the log.
         nodes: the FMU's nodes that the log measures, or that the model has.
-        readings: what the FMU gives for them [degC], shape (nodes, n).
+        readings: what the FMU predicts for them [degC], shape (nodes, n).
         measured: what the log holds [degC], shape (nodes, n), NaN where nothing counts.
-        predicted: what the model gives [degC], shape (nodes, n); `None` without a model.
+        predicted: what the model predicts [degC], shape (nodes, n); `None` without a model.
         outputs: all outputs by name at the n ends of steps, in the FMU's units.
         seconds: time that the steps took.
     """
@@ -48,9 +47,14 @@ class DrivenRun:
     outputs: Mapping[str, FloatArray]
     seconds: float
 
+    @property
+    def error(self) -> FloatArray:
+        """The FMU's predicted minus measured [K], shape (nodes, n), NaN where nothing counts."""
+        return self.readings - self.measured
+
     def errors(self, row: int) -> Errors:
-        """FMU minus measurement at a node."""
-        return Errors.of(self.readings[row] - self.measured[row])
+        """The FMU's error at a node: predicted minus measured."""
+        return Errors.of(self.error[row])
 
     def from_model(self, row: int) -> float | None:
         """The largest difference between FMU and model at a node [K]."""
@@ -69,31 +73,33 @@ class Cosimulation:
 
     fmu: Path
     fmi: str
-    runs: tuple[DrivenRun, ...]
+    runs: tuple[CosimulatedRun, ...]
 
     @property
     def all(self) -> Errors:
-        """FMU minus measurement over all runs and nodes."""
-        return Errors.of(np.concatenate([(each.readings - each.measured).ravel() for each in self.runs]))
+        """The FMU's error, predicted minus measured, over all runs and nodes."""
+        return Errors.of(np.concatenate([run.error.ravel() for run in self.runs]))
 
     @property
     def from_model(self) -> float | None:
         """The largest difference between FMU and model [K]; `None` without a model."""
-        found = [each.from_model(row) for each in self.runs for row in range(len(each.nodes))]
-        return None if None in found or not found else max(value for value in found if value is not None)
+        differences = [run.from_model(row) for run in self.runs for row in range(len(run.nodes))]
+        largest = [difference for difference in differences if difference is not None]
+        return max(largest) if largest and len(largest) == len(differences) else None
 
     def as_json(self) -> dict[str, object]:
         """The comparison as other programs read it: kelvin, seconds."""
         runs: dict[str, object] = {}
-        for each in self.runs:
-            name = each.run.name if each.run.name not in runs else f"{each.run.name} ({each.run.source})"
-            runs[name] = {
-                "nodes": {node: _as_json(each, row) for row, node in enumerate(each.nodes)},
-                "steps": len(each.run),
-                "seconds": each.seconds,
-            }
-        whole = {"rmse": self.all.rmse, "max": self.all.max, "from_model": self.from_model}
-        return {"fmu": str(self.fmu), "fmi": self.fmi, "runs": runs, "all": whole}
+        for done in self.runs:
+            # Logs of one name from two folders must not hide one another.
+            name = done.run.name if done.run.name not in runs else f"{done.run.name} ({done.run.source})"
+            nodes = {}
+            for row, node in enumerate(done.nodes):
+                errors, from_model = done.errors(row), done.from_model(row)
+                nodes[node] = {"rmse": errors.rmse, "max": errors.max, "mean": errors.mean, "from_model": from_model}
+            runs[name] = {"nodes": nodes, "steps": len(done.run), "seconds": done.seconds}
+        over_all = {"rmse": self.all.rmse, "max": self.all.max, "from_model": self.from_model}
+        return {"fmu": str(self.fmu), "fmi": self.fmi, "runs": runs, "all": over_all}
 
 
 def cosimulate(
@@ -111,7 +117,7 @@ def cosimulate(
         fmu: the FMU.
         logs: CSV or Parquet files.
         model: a model file to compare with; by default the one inside the FMU, if any.
-            It also tells where each run starts.
+            The starts of the runs are fitted with it too.
         mapped: other people's columns, as `--map` takes them.
         ramps: `True` to let the inputs go in straight lines from sample to sample; by default they hold.
         trust: `True` to run the native code of an FMU that was not exported on this machine.
@@ -121,96 +127,95 @@ def cosimulate(
         FmuError: the FMU refuses an input.
     """
     with Session(fmu, ramps=ramps, trust=trust) as session:
-        file = _model_file(session, model)
-        opened = None if file is None else Opened(file, Model(file.network), dict(mapped or {}))
-        runs = _plain_runs(session, logs) if opened is None else opened.runs([Path(log) for log in logs])
-        parts = evidence((), runs).holdout
-        plans = [_plan(session, part) if opened is None else _predicted(opened.model, part, parts) for part in parts]
-        done = tuple(_drive(session, plan, ramps) for plan in plans)
+        text = session.unpacked.model_text
+        if model is None and text is None:
+            plans = _plans_by_names(session, logs)
+        else:
+            inside = session.path / "resources" / "model.toml"
+            file = parse_model(text or "", inside) if model is None else load_model(Path(model))
+            loaded = Opened(file, Model(file.network), dict(mapped or {}))
+            plans = _plans_by_model(loaded.model, loaded.runs([Path(log) for log in logs]))
+        done = tuple(_cosimulated(session, plan, ramps) for plan in plans)
         return Cosimulation(Path(fmu), str(session.unpacked.description.fmiVersion), done)
 
 
 @dataclass(frozen=True)
 class _Plan:
-    """A run with what the FMU gets and what it is compared with."""
+    """A run with what the FMU gets and what it is compared with.
 
-    driven: Drive
+    Args:
+        run: the log.
+        nodes: the nodes to compare.
+        inputs: the FMU's names of the rows of `values`.
+        values: of the inputs, in the log's units, shape (number of inputs, n).
+        measured: readings that count [degC], shape (nodes, n), NaN elsewhere.
+        predicted: what the model predicts [degC], shape (nodes, n); `None` without a model.
+        start: temperatures [degC] and indicators of runs to start from, by variable.
+    """
+
+    run: Run
     nodes: tuple[str, ...]
-    inputs: tuple[str, ...]  # the FMU's names of the rows of `driven.inputs`
-    start: Mapping[str, float]  # degC, by variable; indicators of runs among them
+    inputs: tuple[str, ...]
+    values: FloatArray
+    measured: FloatArray
     predicted: FloatArray | None
+    start: Mapping[str, float]
 
 
-def _model_file(session: Session, given: str | Path | None) -> ModelFile | None:
-    if given is not None:
-        return load_model(Path(given))
-    text = session.unpacked.model_text
-    return None if text is None else parse_model(text, session.path / "resources" / "model.toml")
+def _plans_by_model(model: Model, runs: Sequence[Run]) -> list[_Plan]:
+    """Runs as a model sees them: it says which columns count, and the starts are fitted with it."""
+    driven = [drive(model, run) for run in runs]
+    sigma = balanced_sigma(driven, estimate_noise(driven, model.nodes))
+    exported, inputs = component(model), tuple(from_column(column) for column in model.inputs)
+    states, parameters = ([variable.name for variable in exported.of(kind)] for kind in ("state", "parameter"))
+    plans = []
+    for part in evidence((), runs).holdout:
+        prediction = predict(model, part, sigma)
+        start = dict(zip(states, prediction.states[:, 0].tolist(), strict=True))
+        values = model.in_run(part.run.name, model.values)
+        start |= {parameters[index]: float(values[index]) for index in model.network.runs.values()}
+        bound = prediction.drive
+        measured = np.where(bound.counted, bound.measured, np.nan)
+        plans.append(_Plan(part.run, tuple(model.nodes), inputs, bound.inputs, measured, prediction.readings, start))
+    return plans
 
 
-def _predicted(model: Model, part: Part, parts: Sequence[Part]) -> _Plan:
-    drives = [drive(model, each.run) for each in parts]
-    sigma = balanced_sigma(drives, estimate_noise(drives, model.nodes))
-    found = predict(model, part, sigma)
-    names = [variable.name for variable in component(model).of("state")]
-    start = dict(zip(names, found.states[:, 0].tolist(), strict=True)) | _of_run(model, part.run)
-    inputs = tuple(of_column(column) for column in model.inputs)
-    return _Plan(found.drive, tuple(model.nodes), inputs, start, found.readings)
-
-
-def _of_run(model: Model, run: Run) -> dict[str, float]:
-    """The indicators of effects that are confined to single runs, by variable."""
-    names, values = (
-        [variable.name for variable in component(model).of("parameter")],
-        model.in_run(run.name, model.values),
-    )
-    return {names[index]: float(values[index]) for index in model.network.runs.values()}
-
-
-def _plain_runs(session: Session, logs: Sequence[str | Path]) -> list[Run]:
-    """Runs for an FMU without a model: its names say which columns it needs."""
-    inputs = [to_column(name) for name in session.input_names]
-    outputs = [to_column(f"{node}.temperature") for node in _nodes(session)]
-    return [run for log in logs for run in read_log(log, inputs=inputs, outputs=outputs)]
-
-
-def _plan(session: Session, part: Part) -> _Plan:
-    nodes = tuple(node for node in _nodes(session) if part.run.has(f"temperature.{node}"))
-    if not nodes:
-        raise InputError(
-            part.run.source, "temperature columns", "no reading of any output of the FMU", "temperature.<node>"
-        )
-    measured = np.stack([part.run.temperature(node) for node in nodes])
-    names = tuple(session.input_names)
-    inputs = np.array([part.run.columns[to_column(name)] for name in names]).reshape(len(names), len(part.run))
-    first = np.array([row[np.isfinite(row)][0] if np.isfinite(row).any() else np.nan for row in measured])
-    start = {
-        f"{node}.temperature": value for node, value in zip(nodes, first.tolist(), strict=True) if np.isfinite(value)
-    }
-    return _Plan(Drive(part.run, inputs, measured, np.isfinite(measured), first), nodes, names, start, None)
-
-
-def _nodes(session: Session) -> list[str]:
+def _plans_by_names(session: Session, logs: Sequence[str | Path]) -> list[_Plan]:
+    """Runs for an FMU without a model: its names say which columns it needs, and each run starts as first measured."""
     names = [name.removesuffix(".temperature") for name in session.output_names if name.endswith(".temperature")]
-    return [name for name in names if "." not in name]
+    all_nodes = [name for name in names if "." not in name]
+    inputs = [to_column(name) for name in session.input_names]
+    outputs = [to_column(f"{node}.temperature") for node in all_nodes]
+    plans = []
+    for run in (run for log in logs for run in read_log(log, inputs=inputs, outputs=outputs)):
+        nodes = tuple(node for node in all_nodes if run.has(f"temperature.{node}"))
+        if not nodes:
+            nothing = "no reading of any output of the FMU"
+            raise InputError(run.source, "temperature columns", nothing, "temperature.<node>")
+        measured = np.stack([run.temperature(node) for node in nodes])
+        values = np.array([run.columns[column] for column in inputs]).reshape(len(inputs), len(run))
+        first = {f"{node}.temperature": row[np.isfinite(row)][:1] for node, row in zip(nodes, measured, strict=True)}
+        start = {name: float(value[0]) for name, value in first.items() if value.size}
+        counted = np.where(np.isfinite(measured), measured, np.nan)
+        plans.append(_Plan(run, nodes, tuple(session.input_names), values, counted, None, start))
+    return plans
 
 
-def _drive(session: Session, plan: _Plan, ramps: bool) -> DrivenRun:
-    run, inputs = plan.driven.run, _inputs(session, plan)
+def _cosimulated(session: Session, plan: _Plan, ramps: bool) -> CosimulatedRun:
+    run, inputs = plan.run, _inputs(session, plan)
     start = {name: value + _offset(session, name) for name, value in plan.start.items() if name in session.variables}
     session.reset(start | dict(zip(session.input_names, inputs[0].tolist(), strict=True)), start=float(run.time[0]))
-    found = np.empty((len(run) + 1, len(session.output_names)))
-    found[0] = session.outputs
+    table = np.empty((len(run) + 1, len(session.output_names)))
+    table[0] = session.outputs
     begun = time.perf_counter()
     for k in range(len(run)):
         session.inputs[:] = inputs[k]
-        found[k + 1] = session.step(run.step, inputs[min(k + 1, len(run) - 1)] if ramps else None)
+        table[k + 1] = session.step(run.step, inputs[min(k + 1, len(run) - 1)] if ramps else None)
     seconds = time.perf_counter() - begun
-    outputs = dict(zip(session.output_names, found.T, strict=True))
-    ends = np.stack([_reading(session, node, outputs) for node in plan.nodes])
-    measured = np.where(plan.driven.counted, plan.driven.measured, np.nan)
-    later = {name: values[1:] for name, values in outputs.items()}
-    return DrivenRun(run, plan.nodes, over_steps(ends, run.averaged), measured, plan.predicted, later, seconds)
+    outputs = dict(zip(session.output_names, table.T, strict=True))
+    readings = over_steps(np.stack([_reading(session, node, outputs) for node in plan.nodes]), run.averaged)
+    ends = {name: values[1:] for name, values in outputs.items()}
+    return CosimulatedRun(run, plan.nodes, readings, plan.measured, plan.predicted, ends, seconds)
 
 
 def _inputs(session: Session, plan: _Plan) -> FloatArray:
@@ -221,15 +226,15 @@ def _inputs(session: Session, plan: _Plan) -> FloatArray:
         expected = "an FMU of the same inputs as the model that it is compared with"
         raise InputError(session.path, "inputs", f"{lacking[0]}, which the model lacks", expected)
     order = np.array([plan.inputs.index(name) for name in names], dtype=int)
-    shift = np.array([_offset(session, name) for name in names])
-    return np.ascontiguousarray((plan.driven.inputs[order] + shift[:, None]).T)
+    offsets = np.array([_offset(session, name) for name in names])
+    return np.ascontiguousarray((plan.values[order] + offsets[:, None]).T)
 
 
 def _reading(session: Session, node: str, outputs: Mapping[str, FloatArray]) -> FloatArray:
     """What the sensor of a node reads [degC], or its temperature where the FMU has no sensor there."""
-    temperature = of_column(f"temperature.{node}")
-    sensed = temperature.removesuffix("temperature") + "reading"
-    name = sensed if sensed in outputs else temperature
+    temperature = from_column(f"temperature.{node}")
+    sensor = temperature.removesuffix("temperature") + "reading"
+    name = sensor if sensor in outputs else temperature
     if name not in outputs:
         raise InputError(session.path, "outputs", f"no {temperature}", "the temperature of each node of the model")
     return outputs[name] - _offset(session, name)
@@ -237,13 +242,4 @@ def _reading(session: Session, node: str, outputs: Mapping[str, FloatArray]) -> 
 
 def _offset(session: Session, name: str) -> float:
     """What turns degC into a variable's unit by adding."""
-    return ZERO_CELSIUS if session.variables[name].unit == "K" and _is_absolute(name) else 0.0
-
-
-def _is_absolute(name: str) -> bool:
-    return to_column(name).partition(".")[0] in ("temperature", "reading")
-
-
-def _as_json(each: DrivenRun, row: int) -> dict[str, object]:
-    errors = each.errors(row)
-    return {"rmse": errors.rmse, "max": errors.max, "mean": errors.mean, "from_model": each.from_model(row)}
+    return ZERO_CELSIUS if session.variables[name].unit == "K" and is_temperature(name) else 0.0

@@ -1,13 +1,21 @@
-"""`lptn.fmu.export`: a model as an FMU."""
+"""`lptn.fmu.export`: a model as an FMU, its XML, C sources, documentation, libraries and model file in one archive."""
 
 from __future__ import annotations
 
+import hashlib
 import io
+import math
+import re
+import uuid
 import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from datetime import datetime
+from datetime import UTC, datetime
+from functools import cache
+from importlib.metadata import metadata
+from importlib.resources import files
 from pathlib import Path
+from typing import Any
 
 from lptn.errors import InputError
 from lptn.files import write_whole
@@ -15,12 +23,20 @@ from lptn.model import Model
 from lptn.model_file import ModelFile, load_model
 from lptn.network import Network
 
+from .codegen import Integration, c_code, integration, jacobian_moves, structure
 from .compile import Compiler, Platform, compile_all, platforms_of, universal
 from .component import Component, component
-from .integration import Integration, integration
-from .source import Source, source
 from .trust import remember
+from .variables import unit_definitions
 
+_HEADERS = {
+    2: ("fmi2Functions.h", "fmi2FunctionTypes.h", "fmi2TypesPlatform.h"),
+    3: ("fmi3Functions.h", "fmi3FunctionTypes.h", "fmi3PlatformTypes.h"),
+}
+_CORE = ("core.c", "core.h", "derivatives.c", "snapshots.c", "solve.c")
+_STOP = 3600.0  # s; default experiment
+_NOT_XML = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ufffe\uffff]")
+_NAMESPACE = uuid.UUID("6e1c2f0a-6c7b-5d0e-9a64-8f2d3b1c7e55")  # of the tokens; any fixed one would do
 _EPOCH = (1980, 1, 1, 0, 0, 0)  # of the files in the archive, so that the same model gives the same bytes
 
 
@@ -104,26 +120,30 @@ def export(
         What was written.
 
     Raises:
-        InputError: a model that can't be read, an unknown option, another file ending, no compiler, or a step too
-            long for the solver, or a model without an admissible torque.
+        InputError: a model that can't be read, an unknown option, another file ending, no compiler, a step too long
+            for the solver, or a model without an admissible torque.
     """
     if fmi not in (2, 3):
         raise InputError("command line", "--fmi", f"{fmi!r}", "2 or 3")
     path = Path(output)
     if path.suffix.lower() != ".fmu":  # importers want it; nor can a slip then overwrite the model file
         raise InputError(path, "--output", f"a file name ending in '{path.suffix}'", "one ending in .fmu")
-    chosen = platforms_of(platforms)
-    assembled, text = _opened(model)
-    made = component(assembled, limits, start, admissible=admissible, current_limits=current_limits)
-    steps = integration(made, solver, step)
-    parts = source(made, fmi, steps, text, date)
-    content = _archive(parts, chosen, compiler)
+    targets = platforms_of(platforms)
+    loaded, text = _loaded(model)
+    exported = component(loaded, limits, start, admissible=admissible, current_limits=current_limits)
+    steps = integration(exported, solver, step)
+    identifier = _identifier(loaded.network.name)
+    entries = _texts(exported, identifier, fmi, steps, text, date)
+    code = {name.removeprefix("sources/"): text for name, text in entries.items() if name.startswith("sources/")}
+    libraries = compile_all(code, f"fmi{fmi}.c", identifier, targets, compiler)
+    content = _archive(entries | _binaries(libraries, identifier, fmi))
     write_whole(path, content)
     remember(content)
-    return Exported(path, fmi, tuple(each.name for each in chosen), steps, made, len(content))
+    return Exported(path, fmi, tuple(target.name for target in targets), steps, exported, len(content))
 
 
-def _opened(model: Model | Network | ModelFile | str | Path) -> tuple[Model, str | None]:
+def _loaded(model: Model | Network | ModelFile | str | Path) -> tuple[Model, str | None]:
+    """The model, and the text of its file if it has one."""
     if isinstance(model, Model):
         return model, None
     if isinstance(model, Network):
@@ -132,10 +152,13 @@ def _opened(model: Model | Network | ModelFile | str | Path) -> tuple[Model, str
     return Model(file.network), file.text
 
 
-def _archive(parts: Source, platforms: Sequence[Platform], compiler: Compiler) -> bytes:
-    code = {path.removeprefix("sources/"): text for path, text in parts.files.items() if path.startswith("sources/")}
-    built = compile_all(code, f"fmi{parts.fmi}.c", parts.identifier, platforms, compiler)
-    entries = parts.files | _binaries(parts, built)
+def _identifier(name: str) -> str:
+    """A C identifier for a model's name: `single motor` gives `single_motor`."""
+    word = re.sub(r"\W+", "_", name, flags=re.ASCII).strip("_") or "model"
+    return word if word[0].isalpha() else f"model_{word}"
+
+
+def _archive(entries: Mapping[str, bytes]) -> bytes:
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
         for path in sorted(entries, key=lambda path: (path != "modelDescription.xml", path)):
@@ -146,14 +169,134 @@ def _archive(parts: Source, platforms: Sequence[Platform], compiler: Compiler) -
     return stream.getvalue()
 
 
-def _binaries(parts: Source, built: Mapping[Platform, bytes]) -> dict[str, bytes]:
-    """The libraries by their place; two for one place (both kinds of Mac in FMI 2) become one file."""
-    by_place: dict[str, list[bytes]] = {}
-    for target, library in built.items():
-        folder = target.folder2 if parts.fmi == 2 else target.folder3
-        by_place.setdefault(f"binaries/{folder}/{parts.identifier}{target.suffix}", []).append(library)
+def _binaries(libraries: Mapping[Platform, bytes], identifier: str, fmi: int) -> dict[str, bytes]:
+    """The libraries by their path; two for one path (both kinds of Mac in FMI 2) become one file."""
+    by_path: dict[str, list[bytes]] = {}
+    for target, library in libraries.items():
+        folder = target.folder2 if fmi == 2 else target.folder3
+        by_path.setdefault(f"binaries/{folder}/{identifier}{target.suffix}", []).append(library)
     arm, intel = "binaries/aarch64-linux/", "binaries/linux64/"
-    if parts.fmi == 2 and not any(place.startswith(intel) for place in by_place):
+    if fmi == 2 and not any(path.startswith(intel) for path in by_path):
         # FMI 2 has no name for Linux on ARM; importers there (fmpy) look where 64-bit Linux is.
-        by_place |= {place.replace(arm, intel): each for place, each in by_place.items() if place.startswith(arm)}
-    return {place: each[0] if len(each) == 1 else universal(each) for place, each in by_place.items()}
+        by_path |= {path.replace(arm, intel): same for path, same in by_path.items() if path.startswith(arm)}
+    return {path: same[0] if len(same) == 1 else universal(same) for path, same in by_path.items()}
+
+
+# --- the texts inside -------------------------------------------------------------------------------
+
+
+def _texts(
+    component: Component,
+    identifier: str,
+    fmi: int,
+    integration: Integration,
+    model_text: str | None,
+    date: datetime | None,
+) -> dict[str, bytes]:
+    """All files of an FMU but its binaries, by their path inside.
+
+    Raises:
+        InputError: the package that brings the FMI headers is missing.
+    """
+    code, own = c_code(component, f"{identifier}_model"), _own_sources(fmi)
+    values = _values(component, integration, fmi)
+    values |= {"identifier": identifier, "date": (date or datetime.now(UTC)).strftime("%Y-%m-%dT%H:%M:%SZ")}
+    # The same model gives the same token, so a saved state goes from one export to the next.
+    without_token = _rendered("config.h.j2", values | {"token": ""})
+    digest = hashlib.sha256("\n".join([str(fmi), code, without_token, *own.values()]).encode()).hexdigest()
+    token = str(uuid.uuid5(_NAMESPACE, digest))
+    values |= {"token": "{" + token + "}" if fmi == 2 else token, "digest": digest[:12]}
+    texts = {
+        "modelDescription.xml": _rendered(f"modelDescription{fmi}.xml.j2", values),
+        "documentation/index.html": _rendered("index.html.j2", values),
+        "documentation/licenses/fmi-headers.txt": _header_licence(fmi),
+        "documentation/licenses/license.txt": _resource("c/LICENSE"),
+        "sources/config.h": _rendered("config.h.j2", values),
+        "sources/model.c": code,
+        **{f"sources/{name}": text for name, text in own.items()},
+        **{f"sources/{name}": _header(name) for name in _HEADERS[fmi]},
+    }
+    if fmi == 3:
+        texts["sources/buildDescription.xml"] = _rendered("buildDescription.xml.j2", values)
+    if model_text is not None:
+        texts["resources/model.toml"] = model_text
+    return {path: text.encode() for path, text in texts.items()}
+
+
+def _values(component: Component, integration: Integration, fmi: int) -> dict[str, Any]:
+    """What the templates show."""
+    name, variables = component.model.network.name, component.variables
+    return {
+        "name": name,
+        "version": metadata("lptn")["Version"],
+        "fmi": fmi,
+        "description": f"Thermal network of {name}",
+        "variables": variables,
+        "states": component.of("state"),
+        "inputs": component.of("input"),
+        "parameters": component.of("parameter"),
+        "outputs": component.of("output", "admissible"),
+        "forecasts": component.of("forecast"),
+        "limits": component.limited[0],
+        "bound_moves": jacobian_moves(component),
+        "structure": structure(component),
+        "definitions": unit_definitions(variable.unit for variable in variables),
+        "solver": integration.solver,
+        "step": integration.step,
+        "fastest": integration.fastest,
+        "stop": _STOP,
+    }
+
+
+def _resource(path: str) -> str:
+    return (files("lptn.fmu") / path).read_text(encoding="utf-8")
+
+
+@cache
+def _own_sources(fmi: int) -> dict[str, str]:
+    return {name: _resource(f"c/{name}") for name in (*_CORE, f"fmi{fmi}.c")}
+
+
+def _header(name: str) -> str:
+    """One of the FMI headers, which the package `fmpy` carries.
+
+    Raises:
+        InputError: the package is missing.
+    """
+    try:
+        return (files("fmpy") / "c-code" / name).read_text(encoding="utf-8")
+    except (ModuleNotFoundError, FileNotFoundError) as error:
+        raise InputError("fmpy", "package", "no FMI headers", "pip install 'lptn[fmu]'") from error
+
+
+def _header_licence(fmi: int) -> str:
+    """The licence comment of the FMI headers, as it stands in them."""
+    text = _header(_HEADERS[fmi][1])
+    comments = [comment for comment in re.findall(r"/\*(.*?)\*/", text, flags=re.DOTALL) if "Redistribution" in comment]
+    return "The FMI headers in sources/ come with this notice:\n" + "\n".join(comments)
+
+
+@cache
+def _environment() -> Any:
+    import jinja2
+
+    environment = jinja2.Environment(
+        loader=jinja2.FunctionLoader(lambda name: _resource(f"templates/{name}")),
+        autoescape=jinja2.select_autoescape(["xml.j2", "html.j2"]),
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=jinja2.StrictUndefined,
+        keep_trailing_newline=True,
+    )
+    environment.filters["number"] = _number
+    return environment
+
+
+def _rendered(template: str, values: Mapping[str, Any]) -> str:
+    """A template filled in; a character of a name that XML can't hold becomes `_`."""
+    return _NOT_XML.sub("_", _environment().get_template(template).render(values))
+
+
+def _number(value: float) -> str:
+    """A number that C and XML read back to the last bit."""
+    return repr(float(value)) if math.isfinite(value) else ("INF" if value > 0 else "-INF")

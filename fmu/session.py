@@ -13,7 +13,7 @@ import numpy as np
 from lptn.arrays import FloatArray
 from lptn.errors import InputError
 
-from .unpacked import Unpacked, import_fmpy
+from .archive import Unpacked, import_fmpy
 
 
 class FmuError(RuntimeError):
@@ -49,10 +49,8 @@ class Session:
         trust: bool = False,
     ) -> None:
         self.path, self.time, self.messages, self._ramps = Path(path), start, [""], ramps
-        self._kept: list[Any] = []  # what the FMU points to
-        self._target: FloatArray | None = None
-        self._set_words: tuple[Any, ...] = ()
-        self._get_words: tuple[Any, ...] = ()
+        self._kept_alive: list[Any] = []  # what the FMU holds pointers to
+        self._target: FloatArray | None = None  # of a straight line that is under way
         self._flags: tuple[Any, ...] = ()
         self._fmu: Any = None
         self.unpacked = Unpacked(self.path, trust)
@@ -78,12 +76,12 @@ class Session:
         Raises:
             FmuError: the FMU refuses an input or the step.
         """
-        self._call(self._set, *self._set_words)
+        self._call(self._set, *self._set_arguments)
         if ramp_to is not None:
             self._ramp(step, np.asarray(ramp_to, dtype=float))
-        self._call(self._do, self._instance, self.time, step, self._forget, *self._flags)
+        self._call(self._do, self._instance, self.time, step, True, *self._flags)
         self.time += step
-        self._call(self._get, *self._get_words)
+        self._call(self._get, *self._get_arguments)
         if ramp_to is not None:
             self._target = None
             self.inputs[:] = ramp_to
@@ -93,7 +91,7 @@ class Session:
         """Values of any variables, shape (number of names,), in the FMU's units."""
         references = self.unpacked.references(names, "names")
         values = np.zeros(len(references))
-        self._call(self._get, *self._words(references, values))
+        self._call(self._get, *self._arguments(references, values))
         return values
 
     def write(self, values: Mapping[str, float]) -> None:
@@ -104,7 +102,7 @@ class Session:
         """
         if values:
             references = self.unpacked.references(values, "values")
-            self._call(self._set, *self._words(references, np.array(list(values.values()), dtype=float)))
+            self._call(self._set, *self._arguments(references, np.array(list(values.values()), dtype=float)))
 
     def reset(self, values: Mapping[str, float] | None = None, start: float = 0.0) -> None:
         """Begin anew at the start values, changed by `values`."""
@@ -127,7 +125,7 @@ class Session:
     ) -> None:
         self.close()
 
-    # --- opening ------------------------------------------------------------------------------
+    # --- loading ------------------------------------------------------------------------------
 
     @property
     def variables(self) -> dict[str, Any]:
@@ -136,12 +134,12 @@ class Session:
 
     def _prepare(self, inputs: Sequence[str] | None, outputs: Sequence[str] | None) -> None:
         unpacked = self.unpacked
-        shown = [name for name in unpacked.names("output") if not name.endswith(".time_to_limit")]
+        outputs_but_forecasts = [name for name in unpacked.names("output") if not name.endswith(".time_to_limit")]
         self.input_names = unpacked.names("input") if inputs is None else list(inputs)
-        self.output_names = shown if outputs is None else list(outputs)
+        self.output_names = outputs_but_forecasts if outputs is None else list(outputs)
         self.inputs, self.outputs = np.zeros(len(self.input_names)), np.zeros(len(self.output_names))
-        self._input_references = self.unpacked.references(self.input_names, "inputs")
-        self._output_references = self.unpacked.references(self.output_names, "outputs")
+        self._input_references = unpacked.references(self.input_names, "inputs")
+        self._output_references = unpacked.references(self.output_names, "outputs")
 
     def _begin(self, values: Mapping[str, float], instantiate: bool = True) -> None:
         if instantiate:
@@ -153,22 +151,26 @@ class Session:
         else:
             self._call(self._fmu.enterInitializationMode, None, self.time)
         self._call(self._fmu.exitInitializationMode)
-        self._call(self._get, *self._words(self._input_references, self.inputs))
-        self._call(self._get, *self._get_words)
+        self._call(self._get, *self._arguments(self._input_references, self.inputs))
+        self._call(self._get, *self._get_arguments)
 
     def _instantiate(self) -> None:
         fmpy = import_fmpy()
-        described, self._fmi = self.unpacked.description, self.unpacked.fmi
+        description, self._fmi = self.unpacked.description, self.unpacked.fmi
         self.unpacked.check_binary(fmpy)
-        kind = fmpy.fmi2.FMU2Slave if self._fmi == 2 else fmpy.fmi3.FMU3Slave
-        common = {"guid": described.guid, "unzipDirectory": str(self.unpacked.folder)}
+        slave = fmpy.fmi2.FMU2Slave if self._fmi == 2 else fmpy.fmi3.FMU3Slave
         try:
-            self._fmu = kind(instanceName="lptn", modelIdentifier=described.coSimulation.modelIdentifier, **common)
+            self._fmu = slave(
+                guid=description.guid,
+                unzipDirectory=str(self.unpacked.folder),
+                instanceName="lptn",
+                modelIdentifier=description.coSimulation.modelIdentifier,
+            )
             self._instance_with_log(fmpy)
         except Exception as error:
             raise InputError(self.path, "binaries", str(error)[:200], "a library that loads") from error
         self._instance = self._fmu.component
-        self._bind(fmpy)
+        self._bind()
 
     def _instance_with_log(self, fmpy: Any) -> None:
         if self._fmi == 2:
@@ -176,7 +178,7 @@ class Session:
             callbacks.logger = fmpy.fmi2.fmi2CallbackLoggerTYPE(self._logged2)
             callbacks.allocateMemory = fmpy.fmi2.fmi2CallbackAllocateMemoryTYPE(fmpy.calloc)
             callbacks.freeMemory = fmpy.fmi2.fmi2CallbackFreeMemoryTYPE(fmpy.free)
-            self._kept.append(callbacks)
+            self._kept_alive.append(callbacks)
             self._fmu.instantiate(callbacks=callbacks, loggingOn=True)
         else:
             self._fmu.instantiate(loggingOn=True, logMessage=self._logged3, **self._intermediate())
@@ -186,34 +188,34 @@ class Session:
             return {}
         return {"intermediateUpdate": self._update, "requiredIntermediateVariables": self._input_references}
 
-    def _bind(self, fmpy: Any) -> None:
-        fmu, self._forget = self._fmu, True
+    def _bind(self) -> None:
+        fmu = self._fmu
         if self._fmi == 2:
             self._set, self._get, self._do = fmu.fmi2SetReal, fmu.fmi2GetReal, fmu.fmi2DoStep
         else:
             flags: list[Any] = [ctypes.c_bool(), ctypes.c_bool(), ctypes.c_bool(), ctypes.c_double()]
-            self._kept.append(flags)
+            self._kept_alive.append(flags)
             self._set, self._get, self._do = fmu.fmi3SetFloat64, fmu.fmi3GetFloat64, fmu.fmi3DoStep
             self._flags = tuple(ctypes.byref(flag) for flag in flags)
-        self._set_words = self._words(self._input_references, self.inputs)
-        self._get_words = self._words(self._output_references, self.outputs)
+        self._set_arguments = self._arguments(self._input_references, self.inputs)
+        self._get_arguments = self._arguments(self._output_references, self.outputs)
 
-    def _words(self, references: Sequence[int], values: FloatArray) -> tuple[Any, ...]:
-        """The arguments of a get or set call; the arrays stay where they are from call to call."""
+    def _arguments(self, references: Sequence[int], values: FloatArray) -> tuple[Any, ...]:
+        """The arguments of a get or set call; the arrays stay where they are from one call to the next."""
         array = (ctypes.c_uint32 * len(references))(*references)
         pointer = values.ctypes.data_as(ctypes.POINTER(ctypes.c_double))
-        words = (self._instance, array, len(references), pointer)
-        return words if self._fmi == 2 else (*words, len(references))
+        arguments = (self._instance, array, len(references), pointer)
+        return arguments if self._fmi == 2 else (*arguments, len(references))
 
     # --- calls --------------------------------------------------------------------------------
 
-    def _call(self, function: Any, *words: Any) -> None:
+    def _call(self, function: Any, *arguments: Any) -> None:
         before = self.messages
         try:
-            function(*words)
+            function(*arguments)
         except Exception as error:
-            said = "" if self.messages is before else self.messages[-1]  # not what was said of an earlier call
-            raise FmuError(said or str(error)) from error
+            reason = "" if self.messages is before else self.messages[-1]  # not what was logged of an earlier call
+            raise FmuError(reason or str(error)) from error
 
     def _logged2(self, environment: Any, instance: bytes, status: int, category: bytes, message: bytes) -> None:
         self._note(message)
@@ -240,4 +242,4 @@ class Session:
         """FMI 3: the inputs at an intermediate time, where a ramp is under way."""
         if asked and self._target is not None:
             self.inputs[:] = self._from + self._slopes * (time - self.time)
-            self._set(*self._set_words)
+            self._set(*self._set_arguments)

@@ -32,9 +32,9 @@ def is_own(content: bytes) -> bool:
 
 
 def _forget_oldest(store: Path) -> None:
-    known = list(store.iterdir())
-    if len(known) > _MOST:
-        for path in sorted(known, key=lambda each: each.stat().st_mtime)[:-_MOST]:
+    noted = list(store.iterdir())
+    if len(noted) > _MOST:
+        for path in sorted(noted, key=lambda path: path.stat().st_mtime)[:-_MOST]:
             path.unlink(missing_ok=True)
 
 

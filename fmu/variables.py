@@ -1,19 +1,21 @@
-"""The variables that an FMU shows: their names, value references, units and start values."""
+"""The variables that an FMU shows: their structured names, units and start values, in SI with kelvin."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass, field
 from typing import Literal
 
-from lptn.errors import InputError
+from lptn.units import registry
 
 Kind = Literal["time", "state", "rate", "input", "parameter", "output", "admissible", "forecast"]
+ZERO_CELSIUS = 273.15  # K
 
 
 @dataclass(frozen=True)
 class Variable:
-    """One variable, in SI with kelvin.
+    """One variable.
 
     Args:
         name: structured name.
@@ -23,9 +25,9 @@ class Variable:
         start: start value; `None` where it is calculated.
         description: what a person reads.
         celsius: whether it is a temperature (not a difference) that people see in degC.
-        minimum: the least value that is taken.
-        maximum: the largest value that is taken.
-        hidden: whether it is inner to the component: neither input, output nor parameter.
+        minimum: the least value that is accepted.
+        maximum: the largest value that is accepted.
+        hidden: whether it is internal to the component: neither input, output nor parameter.
         of: for a rate, the reference of its state.
     """
 
@@ -66,14 +68,165 @@ class Variable:
         return 300.0 if self.celsius else None
 
 
-def refuse_twice(variables: Sequence[Variable], origin: str) -> None:
-    """Refuse two variables of one name.
+# --- names: `FR_calf.torque` for the log column `torque.FR_calf` -----------------------------------
 
-    Raises:
-        InputError: the names of two places differ only in characters that FMI names lack.
+_IDENTIFIER = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
+_QUOTABLE = re.compile(r"[A-Za-z0-9_!#$%&()*+,\-./:;<>=?@\[\]^{}|~ ]+")
+_NAME_PARTS = re.compile(r"'(?:[^'\\]|\\.)+'|[^.']+")
+_QUANTITIES = {
+    "velocity": "Joint speed",
+    "velocity_rms": "RMS of the joint speed over the communication step (the speed itself at short steps)",
+    "torque": "Joint torque",
+    "current": "Winding current",
+    "speed": "Speed",
+    "power": "Power",
+    "temperature": "Temperature",
+}
+
+
+def structured_name(*parts: str) -> str:
+    """A structured name of several parts, quoted, as FMI allows, where they are no identifiers.
+
+    A character outside ASCII, which FMI's structured names lack, becomes `_uXXXX`.
     """
-    seen: set[str] = set()
-    for variable in variables:
-        if variable.name in seen:
-            raise InputError(origin, "names", f'two FMU variables "{variable.name}"', "places that stay apart as words")
-        seen.add(variable.name)
+    return ".".join(_name_part(part) for part in parts)
+
+
+def _name_part(text: str) -> str:
+    ascii_text = "".join(letter if letter.isascii() else f"_u{ord(letter):04X}" for letter in text)
+    if _IDENTIFIER.fullmatch(ascii_text):
+        return ascii_text
+    quotable = "".join(letter if _QUOTABLE.fullmatch(letter) else f"_u{ord(letter):04X}" for letter in ascii_text)
+    return f"'{quotable}'"
+
+
+def from_column(column: str) -> str:
+    """The variable of a log column: `torque.FR_calf` gives `FR_calf.torque`."""
+    quantity, dot, place = column.partition(".")
+    return structured_name(place, quantity) if dot else structured_name(quantity)
+
+
+def to_column(name: str) -> str:
+    """The log column of a variable: `FR_calf.torque` gives `torque.FR_calf`; a name of one part stays."""
+    parts = [text.strip("'") for text in _NAME_PARTS.findall(name)]
+    return f"{parts[-1]}.{'.'.join(parts[:-1])}" if len(parts) > 1 else name
+
+
+def is_temperature(name: str) -> bool:
+    """Whether a variable's name is that of a temperature or a sensor's reading, which logs hold in degC."""
+    return to_column(name).partition(".")[0] in ("temperature", "reading")
+
+
+def column_description(column: str) -> str:
+    """What a person reads of the variable of a log column."""
+    quantity, _, place = column.partition(".")
+    return f"{_QUANTITIES.get(quantity, quantity)} of {place}" if place else quantity
+
+
+def places_of_owner(owner: str, prescribed: Iterable[str]) -> tuple[str, str]:
+    """The places that a parameter belongs to: one, and the other end of an edge or an empty text.
+
+    Args:
+        owner: a node, a class (`*_calf`), a pattern, or an edge `a~b` of such.
+        prescribed: nodes of given temperature, which stand last in an edge's name.
+    """
+    one, tilde, other = owner.partition("~")
+    if tilde and one in set(prescribed):
+        one, other = other, one
+    return pattern_as_word(one), pattern_as_word(other) if tilde else ""
+
+
+def pattern_as_word(pattern: str) -> str:
+    """A glob as a word: `*_calf` is `all_calf`, `heater*` is `heater_all`."""
+    word = re.sub(r"(?<=[A-Za-z0-9])\*", "_all", pattern)
+    word = re.sub(r"\*(?=[A-Za-z0-9])", "all_", word)
+    return word.replace("*", "all")
+
+
+# --- units ------------------------------------------------------------------------------------------
+
+_BASES = {
+    "kilogram": "kg",
+    "meter": "m",
+    "second": "s",
+    "ampere": "A",
+    "kelvin": "K",
+    "mole": "mol",
+    "candela": "cd",
+    "radian": "rad",
+}
+_COLUMN_UNITS = {
+    "temperature": "degC",
+    "torque": "N*m",
+    "current": "A",
+    "current_abs": "A",
+    "velocity": "rad/s",
+    "velocity_rms": "rad/s",
+    "speed": "m/s",
+    "power": "W",
+    "mechanical_power": "W",
+    "powered": "1",
+    "torque_abs": "N*m",
+    "fan": "1",
+    "irradiance": "W/m^2",
+}
+
+
+@dataclass(frozen=True)
+class UnitDefinition:
+    """One entry of `UnitDefinitions`.
+
+    Args:
+        name: as the variables give it.
+        exponents: of FMI's base units; `None` where the unit has no fixed ones (`W*(s/rad)^n`).
+        factor: from this unit to the base units.
+        celsius: whether people see it as degC.
+    """
+
+    name: str
+    exponents: dict[str, int] | None = field(default_factory=dict)
+    factor: float = 1.0
+    celsius: bool = False
+
+
+def column_unit(column: str) -> str:
+    """The unit of a log column's quantity, empty where there is none for it."""
+    return _COLUMN_UNITS.get(column.partition(".")[0], "")
+
+
+def fmi_unit(unit: str) -> str:
+    """A unit of the model as FMI gets it: kelvin for degC, `1` for a ratio of equals."""
+    return {"degC": "K", "W/W": "1"}.get(unit, unit)
+
+
+def celsius_offset(unit: str) -> float:
+    """What an FMU's value exceeds the model's by, in a unit of the model: 273.15 for degC, else 0."""
+    return ZERO_CELSIUS if unit == "degC" else 0.0
+
+
+def unit_definitions(units: Iterable[str]) -> list[UnitDefinition]:
+    """The definitions of the units that variables use, each once, in order of first use."""
+    return [_unit_definition(unit) for unit in dict.fromkeys(units) if unit]
+
+
+def _unit_definition(unit: str) -> UnitDefinition:
+    if unit == "K":
+        return UnitDefinition("K", {"K": 1}, celsius=True)
+    if unit == "1":
+        return UnitDefinition("1")
+    try:
+        parsed = registry().parse_units(unit)
+    except Exception:  # pint raises a dozen kinds; a unit that depends on an exponent has no definition
+        return UnitDefinition(unit, None)
+    exponents: dict[str, int] = {}
+    factor = 1.0
+    for name, power in parsed._units.items():
+        if name == "radian":  # to pint a pure number, to FMI a base unit
+            bases, size = {"radian": 1}, 1.0
+        else:
+            quantity = registry().Quantity(1.0, name).to_base_units()
+            bases, size = dict(quantity.units._units), float(quantity.magnitude)
+        factor *= size**power
+        for base, exponent in bases.items():
+            exponents[_BASES[base]] = exponents.get(_BASES[base], 0) + round(exponent * power)
+    return UnitDefinition(unit, {base: power for base, power in exponents.items() if power}, factor)

@@ -9,7 +9,7 @@ import numpy as np
 
 from a1_task import JOINTS, FloatArray
 from lptn.fmu import Session
-from lptn.fmu.naming import to_column
+from lptn.fmu.variables import to_column
 
 ZERO_CELSIUS = 273.15  # K
 

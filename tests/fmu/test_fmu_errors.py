@@ -78,7 +78,7 @@ def test_an_unknown_value_reference_is_refused(fmi: int, built: Build) -> None:
     with Session(built("leg", fmi).path) as session:
         values = np.zeros(1)
         with pytest.raises(FmuError, match="no variable with value reference 4000"):
-            session._call(session._get, *session._words([4000], values))
+            session._call(session._get, *session._arguments([4000], values))
 
 
 def _instance(built: Build, folder: Path, said: list[str]) -> Any:

@@ -29,7 +29,7 @@ def fmus() -> Mapping[str, bytes]:
 
 def read_fmu(path: Path, _: Random) -> None:
     """An FMU up to the point at which its native code would run."""
-    from lptn.fmu.unpacked import Unpacked, import_fmpy
+    from lptn.fmu.archive import Unpacked, import_fmpy
     from lptn.model_file import parse_model
 
     unpacked = Unpacked(path, trust=True)
