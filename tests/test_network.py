@@ -216,7 +216,7 @@ def test_conductance_matrix_is_symmetric_with_row_sums_of_the_loss_to_ambient() 
 
 
 def test_with_ambient_every_mode_dies_out_without_one_stays() -> None:
-    """Source S0, row E5, with the corrected sign: printed as it is, all eigenvalues are positive."""
+    """[QuadrupedLPTN, eq. 5] with the corrected sign: printed as it is, all eigenvalues are positive."""
     cooled = np.sort(np.linalg.eigvals(-_conductance(Model(leg())) / 300.0).real)
     closed = np.sort(np.linalg.eigvals(-_conductance(Model(leg(ambient=None))) / 300.0).real)
     assert (cooled < -1e-4).all()

@@ -1,4 +1,4 @@
-"""Heat that is spread out: five networks of a heated block against the exact answer (source S2).
+"""Heat that is spread out: five networks of a heated block against the exact answer [BlockLPTN].
 
 Run `python examples/heated_block/heated_block.py` for the tables; `--figures FOLDER` draws them, `--fast` takes fewer
 times and pieces.
@@ -85,7 +85,7 @@ def order_rows() -> Iterator[Row]:
 
 # %% [markdown]
 # ## Where the block is hottest
-# The printed formula (row E5) is zero for equal ends and right for one difference only, (√2 - 1) q L²/(2k).
+# Printed [BlockLPTN, eq. 5], it is zero for equal ends and right for one difference only, (√2 - 1) q L²/(2k).
 
 
 # %%

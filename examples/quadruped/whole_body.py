@@ -31,9 +31,9 @@ from lptn.virtual import quadruped_logs, write_logs
 Level = Literal["none", "default", "strong"]
 _FAST_STEP = 10.0  # s
 
-# Source S0, table T2: mean error of the single node and of the whole body [°C].
+# [QuadrupedLPTN, table 2]: mean error of the single node and of the whole body [°C].
 SOURCE_CLASSES = {"*_hip": (1.57, 0.67), "*_thigh": (2.07, 0.66), "*_calf": (2.44, 0.88), "all": (2.02, 0.74)}
-# Source S0, table T3: largest error [°C], mean square error [°C²], error reduction [%].
+# [QuadrupedLPTN, table 3]: largest error [°C], mean square error [°C²], error reduction [%].
 SOURCE_RUNS = {
     "identification": (4.77, 0.91, 66.67),
     "stand": (2.56, 0.50, 51.41),
@@ -105,7 +105,7 @@ def _errors(fitted: Sequence[Fit], data: Sequence[Evidence], held: bool) -> Vers
 
 # %%
 def tables(trials: Sequence[Trial]) -> str:
-    """Tables T2 and T3 of the source, ours for each robot behind them."""
+    """[QuadrupedLPTN, table 2, 3], ours for each robot behind them."""
     robots = "".join(f"{f'robot {each.seed}':>22s}" for each in trials)
     lines = [f"Mean error [K], single node -> whole body\n{'joints':16s}{'source':>16s}{robots}"]
     for what, printed in SOURCE_CLASSES.items():

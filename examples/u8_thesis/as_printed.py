@@ -1,6 +1,6 @@
 """The thesis's own formulas, exactly as printed, beside what its own circuit gives.
 
-An exhibit, not a model: source S1, rows E3.2, E3.3, E3.4, E4.1 and tables 3.1, 4.1, 4.2.
+An exhibit, not a model: [Chen2017, eq. 3.2, 3.3, 3.4, 4.1; table 3.1, 4.1, 4.2].
 Temperatures are in degC, times in s.
 """
 
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 AMBIENT = 21.5  # degC, section 3.1.2
 RESISTANCE = 0.186  # ohm, table A.1
-ALPHA = 0.0878 / 22.506  # 1/K, a/b of table 3.1; the text says 0.004 (row X9)
+ALPHA = 0.0878 / 22.506  # 1/K, a/b of table 3.1; the text says 0.004
 R_0 = 1447.0  # K A²/W, equation 4.1
 
 
@@ -48,7 +48,7 @@ def time_constant(circuit: Circuit, current: float, r_h: float | None = None) ->
 
 
 def printed_amplitude(circuit: Circuit, current: float, r_h: float | None = None) -> float:
-    """The factor b/(C (1 - a R_h)²) of equation 3.3: its unit is K/s, the thesis reads it as K (row X4)."""
+    """The factor b/(C (1 - a R_h)²) of equation 3.3: its unit is K/s, the thesis reads it as K."""
     a, b = slope_and_offset(current)
     r_h = circuit.r_h if r_h is None else r_h
     return b / (circuit.c * (1 - a * r_h) ** 2)
@@ -74,19 +74,19 @@ def initial_jump(circuit: Circuit, current: float, r_h: float | None = None) -> 
 
 
 def heating_from_circuit(circuit: Circuit, current: float, time: float, r_h: float | None = None) -> float:
-    """What the circuit of figure 3-3 gives: Q = a x + b, x = V + R_h Q, C V' = Q - V/R_w (row X4)."""
+    """What the circuit of figure 3-3 gives: Q = a x + b, x = V + R_h Q, C V' = Q - V/R_w."""
     tau = time_constant(circuit, current, r_h)
     rate = printed_amplitude(circuit, current, r_h)
     return AMBIENT + initial_jump(circuit, current, r_h) - rate * tau * math.expm1(-time / tau)
 
 
 def loop_gain(current: float, r_h: float) -> float:
-    """a R_h: above 1 the circuit's resistance is negative (rows X5, X7)."""
+    """a R_h: above 1 the circuit's resistance is negative."""
     return slope_and_offset(current)[0] * r_h
 
 
 def cooling_as_printed(start: float, time: float, since: float, tau: float) -> float:
-    """Equation 3.4 as printed: a temperature that starts at neither T_init nor ends at the ambient (row X6)."""
+    """Equation 3.4 as printed: a temperature that starts at neither T_init nor ends at the ambient."""
     return (start - AMBIENT) * math.exp((-time - since) / tau)
 
 

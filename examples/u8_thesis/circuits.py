@@ -2,7 +2,7 @@
 
 Node 0 is the winding. At a constant current the network is linear, since the copper loss grows linearly with the
 winding's temperature, so its answer is a sum of exponentials: no time steps, nothing shared with `lptn.model`.
-Source: section 4 of the project's source table: C_w T_w' = I²R (1 + α (T_w - T_a)) - …
+Ours, not the thesis's: C_w T_w' = I²R (1 + α (T_w - T_a)) - …
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
 """What the thesis states of its measurements, and networks fitted to it; facts that contradict each other show as χ².
 
-Source S1, rows N1, N2, N4, N5. Standard deviations are ours: the thesis gives none (its thermocouples are good to 5 K).
+Source: [Chen2017, sec. 3.1.2; sec. 4.3]. Standard deviations are ours: the thesis gives none (its thermocouples are
+good to 5 K).
 """
 
 from __future__ import annotations

@@ -19,7 +19,7 @@ from lptn.evidence import evidence
 from lptn.ladder import Ladder, improve
 from lptn.opening import open_model
 
-C_W, R_WH, C_H, R_HA = 56.8, 2.107, 246.0, 0.869  # J/K, K/W; section 4.1 of the source table
+C_W, R_WH, C_H, R_HA = 56.8, 2.107, 246.0, 0.869  # J/K, K/W; `facts.fit_two_nodes` on the unaltered motor
 NOISE = 0.15  # K
 Steps = Sequence[tuple[float, float]]  # duration [s], current [A]
 FITTED: Steps = ((120, 11.0), (900, 0.0), (50, 15.0), (600, 0.0), (300, 6.0), (400, 8.0), (600, 0.0))

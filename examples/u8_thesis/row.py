@@ -13,7 +13,7 @@ class Row:
     """One number.
 
     Args:
-        id: row of the source table, such as `S1-N1`.
+        id: where the thesis prints it, such as `eq. 2.3`; letters count several from one place.
         what: the quantity in words.
         unit: its unit.
         printed: the thesis's number; `None` where it prints none.

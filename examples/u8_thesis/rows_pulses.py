@@ -1,4 +1,4 @@
-"""Rows on the 35 A pulse and on pulses in a row (source S1, section 4.3), and how they hang on R_0."""
+"""Rows on the 35 A pulse and on pulses in a row ([Chen2017, sec. 4.3]), and how they hang on R_0."""
 
 from __future__ import annotations
 
@@ -35,12 +35,12 @@ def _temperature_at(circuit: printed.Circuit, current: float, time: float) -> Ca
 def at_35_a(motor: Circuit, networks: dict[str, Circuit]) -> list[Row]:
     found = []
     pulse = np.array([1.0])
-    for letter, name, stated in (("", "passive", 47.0), ("b", "fan", 45.5)):
+    for letter, name, stated in (("i", "passive", 47.0), ("j", "fan", 45.5)):
         value = _temperature_at(CIRCUITS[name], 35.0, 1.0)
         rise = networks[name].rise(35.0, pulse)[0, 0]
         found.append(
             Row(
-                f"S1-N7{letter}",
+                f"sec. 4.3 {letter}",
                 f"35 A for 1 s, {name}",
                 "degC",
                 stated,
@@ -51,11 +51,11 @@ def at_35_a(motor: Circuit, networks: dict[str, Circuit]) -> list[Row]:
                 needed_r_0(stated, value),
             )
         )
-    for letter, name in (("c", "passive"), ("d", "fan")):
+    for letter, name in (("k", "passive"), ("l", "fan")):
         time = time_at(CIRCUITS[name], 35.0, 105.0)
         found.append(
             Row(
-                f"S1-N7{letter}",
+                f"sec. 4.3 {letter}",
                 f"35 A to 105 degC, {name}",
                 "s",
                 4.0,
@@ -71,7 +71,7 @@ def at_35_a(motor: Circuit, networks: dict[str, Circuit]) -> list[Row]:
         hot = _temperature_at(circuit, 35.0, 1.0)(printed.R_0)
         found.append(
             Row(
-                f"S1-A1-{capacity:.0f}",
+                f"fig. 4-10, C = {capacity:.0f} J/K",
                 f"35 A for 1 s, C = {capacity:.0f} J/K",
                 "degC",
                 None,
@@ -91,7 +91,7 @@ def intermittent(motor: Circuit) -> list[Row]:
     back_printed = PASSIVE.r_w * PASSIVE.c * math.log((47.0 - AMBIENT) / 0.15)
     found = [
         Row(
-            "S1-N8",
+            "sec. 4.3 m",
             "back to +0.5 K after 35 A for 1 s",
             "s",
             1500.0,
@@ -105,7 +105,7 @@ def intermittent(motor: Circuit) -> list[Row]:
         effective = 35.0 / np.sqrt(every)
         found.append(
             Row(
-                f"S1-A4-{every:.0f}",
+                f"sec. 4.3, every {every:.0f} s",
                 f"35 A for 1 s every {every:.0f} s: steady state",
                 "degC",
                 None,

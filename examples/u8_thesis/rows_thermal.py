@@ -1,4 +1,4 @@
-"""Rows on heating and cooling (source S1, chapters 3 and 4): times, temperatures, time constants."""
+"""Rows on heating and cooling ([Chen2017, chapter 3, 4]): times, temperatures, time constants."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ def _circuit() -> list[Row]:
     end = printed.heating_from_circuit(UNALTERED, 11.0, 1e6)
     gain = "the stated circuit has negative resistance: 1 - a R_h < 0"
     return [
-        Row("S1-E3.1", "heat over a difference of 10 K at 1.2 K/W", "W", None, 10 / UNALTERED.r_w),
-        Row("S1-E3.2", "a at 11 A", "W/K", 0.0878, a, tolerance=5e-5, note="printed in W"),
-        Row("S1-E3.2b", "b at 11 A", "W", 22.506, b, tolerance=5e-4),
-        Row("S1-T3.1", "R_w C, unaltered", "s", 160.0, UNALTERED.r_w * UNALTERED.c, tolerance=0.5),
-        Row("S1-T4.1", "R_w C, passive", "s", 288.0, PASSIVE.r_w * PASSIVE.c, tolerance=0.5),
+        Row("eq. 3.1", "heat over a difference of 10 K at 1.2 K/W", "W", None, 10 / UNALTERED.r_w),
+        Row("eq. 3.2", "a at 11 A", "W/K", 0.0878, a, tolerance=5e-5, note="printed in W"),
+        Row("eq. 3.2 b", "b at 11 A", "W", 22.506, b, tolerance=5e-4),
+        Row("table 3.1", "R_w C, unaltered", "s", 160.0, UNALTERED.r_w * UNALTERED.c, tolerance=0.5),
+        Row("table 4.1", "R_w C, passive", "s", 288.0, PASSIVE.r_w * PASSIVE.c, tolerance=0.5),
         Row(
-            "S1-T4.2",
+            "table 4.2",
             "R_w C, fan",
             "s",
             300.0,
@@ -43,10 +43,10 @@ def _circuit() -> list[Row]:
             tolerance=0.5,
             note="a fan lowers a resistance, it adds no capacity",
         ),
-        Row("S1-T3.1b", "1 - a R_h, unaltered", "1", None, 1 - printed.loop_gain(11.0, UNALTERED.r_h), note=gain),
-        Row("S1-T4.1b", "1 - a R_h, passive", "1", None, 1 - printed.loop_gain(11.0, PASSIVE.r_h), note=gain),
+        Row("table 3.1 b", "1 - a R_h, unaltered", "1", None, 1 - printed.loop_gain(11.0, UNALTERED.r_h), note=gain),
+        Row("table 4.1 b", "1 - a R_h, passive", "1", None, 1 - printed.loop_gain(11.0, PASSIVE.r_h), note=gain),
         Row(
-            "S1-E3.3c",
+            "eq. 3.3 c",
             "the circuit's own jump at t = 0, unaltered",
             "K",
             0.0,
@@ -55,16 +55,16 @@ def _circuit() -> list[Row]:
             note="left out of equation 3.3",
         ),
         Row(
-            "S1-E3.3d",
+            "eq. 3.3 d",
             "the circuit's own steady state, unaltered",
             "degC",
             None,
             end,
             note="the fit lives only in the misprinted formula",
         ),
-        Row("S1-E4.1", "R_0/I² at 11 A", "K/W", 11.96, printed.housing_resistance(11.0), tolerance=5e-3),
+        Row("eq. 4.1", "R_0/I² at 11 A", "K/W", 11.96, printed.housing_resistance(11.0), tolerance=5e-3),
         Row(
-            "S1-E4.1b",
+            "eq. 4.1 b",
             "a R_h at 35 A",
             "1",
             None,
@@ -72,7 +72,7 @@ def _circuit() -> list[Row]:
             note="α R R_0: the same at every current",
         ),
         Row(
-            "S1-E3.4",
+            "eq. 3.4",
             "cooling at t = 0 from 55 degC",
             "degC",
             55.0,
@@ -82,7 +82,7 @@ def _circuit() -> list[Row]:
             "the ambient is missing",
         ),
         Row(
-            "S1-E3.4b",
+            "eq. 3.4 b",
             "cooling in the end",
             "degC",
             AMBIENT,
@@ -99,7 +99,7 @@ def _unaltered(motor: Circuit) -> list[Row]:
     one_node = "one node has no housing"
     return [
         Row(
-            "S1-N1",
+            "sec. 3.1.2",
             "11 A to 55 degC, unaltered",
             "s",
             120.0,
@@ -107,10 +107,10 @@ def _unaltered(motor: Circuit) -> list[Row]:
             motor.time_to(55.0, 11.0),
             3.0,
         ),
-        Row("S1-N2", "housing's maximum", "degC", 26.5, None, housing, note=one_node),
-        Row("S1-N2b", "housing's maximum after the winding's", "s", 100.0, None, delay, note=one_node),
+        Row("sec. 3.1.2 b", "housing's maximum", "degC", 26.5, None, housing, note=one_node),
+        Row("sec. 3.1.2 c", "housing's maximum after the winding's", "s", 100.0, None, delay, note=one_node),
         Row(
-            "S1-N2c",
+            "sec. 3.1.2 d",
             "cooling time constant",
             "s",
             160.0,
@@ -120,7 +120,7 @@ def _unaltered(motor: Circuit) -> list[Row]:
             "a fact that R_w was taken from",
         ),
         Row(
-            "S1-N2d",
+            "sec. 3.1.2 e",
             "heating time constant, unaltered",
             "s",
             160.0,
@@ -139,7 +139,7 @@ def _steady(motor: Circuit, networks: dict[str, Circuit]) -> list[Row]:
     longer = {name: 100 * (slow[name] / slow["unaltered"] - 1) for name in CIRCUITS}
     return [
         Row(
-            "S1-N5",
+            "sec. 4.3 f",
             "steady state at 11 A lower by, passive",
             "K",
             25.0,
@@ -148,7 +148,7 @@ def _steady(motor: Circuit, networks: dict[str, Circuit]) -> list[Row]:
             3.0,
         ),
         Row(
-            "S1-N5b",
+            "sec. 4.3 g",
             "steady state at 11 A, fan",
             "degC",
             60.0,
@@ -157,12 +157,21 @@ def _steady(motor: Circuit, networks: dict[str, Circuit]) -> list[Row]:
             3.0,
             '"below 60"; the formula\'s unaltered motor would hold 60.4',
         ),
-        Row("S1-N5c", "time constant longer by, passive", "s", 20.0, slow["passive"] - slow["unaltered"], None, 3.0),
         Row(
-            "S1-N6", "time constant longer by, passive", "%", 100.0, longer["passive"], None, 5.0, 'contradicts "+20 s"'
+            "sec. 4.3 h", "time constant longer by, passive", "s", 20.0, slow["passive"] - slow["unaltered"], None, 3.0
         ),
         Row(
-            "S1-N6b",
+            "chapter 5",
+            "time constant longer by, passive",
+            "%",
+            100.0,
+            longer["passive"],
+            None,
+            5.0,
+            'contradicts "+20 s"',
+        ),
+        Row(
+            "chapter 5 b",
             "time constant longer by, fan",
             "%",
             360.0,
@@ -176,12 +185,12 @@ def _steady(motor: Circuit, networks: dict[str, Circuit]) -> list[Row]:
 
 def _at_15_a(motor: Circuit, networks: dict[str, Circuit]) -> list[Row]:
     found = []
-    for letter, name, stated in (("", "passive", 50.0), ("b", "fan", 56.0)):
+    for letter, name, stated in (("d", "passive", 50.0), ("e", "fan", 56.0)):
         time = time_at(CIRCUITS[name], 15.0, 55.0)
         note = f"the unaltered motor's network: {motor.time_to(55.0, 15.0):.1f} s, so a benefit is not shown"
         found.append(
             Row(
-                f"S1-N4{letter}",
+                f"sec. 4.3 {letter}",
                 f"15 A to 55 degC, {name}",
                 "s",
                 stated,

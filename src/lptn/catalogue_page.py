@@ -37,8 +37,8 @@ lptn effects --markdown src/lptn/effects/README.md
 *Amplitude* is the parameter that switches an effect off: at its off-value the model is the same to the last bit. A
 *shape* (a time constant, an exponent) is tried on a small grid before it is fitted. `lptn improve` looks for each
 effect at each place where the log has what it needs; "also in one run" says that it is looked for in single runs,
-too. Sources: S0 is the paper on a whole-body thermal model of a quadruped, S1 the thesis on cooling a U8 motor; what
-is wrong in their print stands in [the errata](../../../examples/README.md#errata-of-the-sources).
+too. Sources are named in brackets and listed [at the end](#references); what is wrong in their print stands in
+[the errata](../../../examples/README.md#errata-of-the-sources).
 
 An effect of your own: [in a package of your own](PLUGIN.md).
 """

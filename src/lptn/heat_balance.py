@@ -50,7 +50,7 @@ class HeatBalance:
     Args:
         network: what to write the balance of.
 
-    Source: source S0, rows E4 and E5, with the sign that lets heat flow from hot to cold.
+    Source: [QuadrupedLPTN, eq. 4, 5], with the sign that lets heat flow from hot to cold.
     """
 
     def __init__(self, network: Network) -> None:

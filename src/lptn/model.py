@@ -44,7 +44,7 @@ class Model:
     Args:
         network: what to assemble.
 
-    Source: source S0, rows E4 and E5, with the sign that lets heat flow from hot to cold.
+    Source: [QuadrupedLPTN, eq. 4, 5], with the sign that lets heat flow from hot to cold.
     """
 
     def __init__(self, network: Network) -> None:
@@ -189,7 +189,7 @@ class Model:
         Raises:
             ValueError: `"zoh"` for a model that is not linear.
 
-        Source: source S0, rows E11 and E12.
+        Source: [QuadrupedLPTN, eq. 11, 12].
         """
         return self.made_once(("step", method), lambda: self._make_step(method))
 

@@ -159,7 +159,7 @@ def mirror_trials(
     Raises:
         InputError: nothing is held out, or no free parameter has a mirror image.
 
-    Source: source S0, row E14 (there λ is not chosen by anything that is said).
+    Source: [QuadrupedLPTN, eq. 14] (there λ is not chosen by anything that is said).
     """
     names = {model.unknowns[index].name for index in model.free}
     if not any(model.unknowns[index].mirror in names for index in model.free):

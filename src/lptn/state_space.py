@@ -33,8 +33,8 @@ class StateSpace:
         states: names of the states.
         inputs: names of the inputs.
 
-    Source: source S0, rows E9 to E12; E9 leaves out that A and B depend on temperature and speed, and that the ambient
-    temperature is an input.
+    Source: [QuadrupedLPTN, eq. 9 to 12]; equation 9 leaves out that A and B depend on temperature and speed, and
+    that the ambient temperature is an input.
     """
 
     A: FloatArray
@@ -68,7 +68,7 @@ class StateSpace:
     def exact(self, step: float) -> tuple[FloatArray, FloatArray]:
         """G and H of x(k+1) = G x(k) + H u(k), inputs held over the step [s]: the exact zero-order hold.
 
-        Source: source S0, row E11.
+        Source: [QuadrupedLPTN, eq. 11].
         """
         n, m = self.B.shape
         whole = np.zeros((n + m, n + m))
@@ -82,7 +82,7 @@ class StateSpace:
         Raises:
             InputError: the step is so long that the temperatures would blow up.
 
-        Source: source S0, row E12.
+        Source: [QuadrupedLPTN, eq. 12].
         """
         if step > self.euler_stable:
             raise InputError("Euler", f"step {step:g} s", "a step that blows up", f"at most {self.euler_stable:.3g} s")

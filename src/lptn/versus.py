@@ -62,7 +62,8 @@ class Pair:
 class Versus:
     """A model against another on the nodes and runs that both predict.
 
-    Source: source S0, tables T2 (classes) and T3 (conditions); T3's "error reduction" is that of the largest error.
+    Source: [QuadrupedLPTN, table 2, 3] (classes, conditions); "error reduction" in table 3 is that of the
+    largest error.
     """
 
     model: Comparison

@@ -1,8 +1,8 @@
 """Monitor trial: a fitted quadruped watches 50 healthy logs and 50 with one sensor's fault. What is called, and when?
 
 Run it with ``python tests/benchmarks/monitor.py --seeds 101``; some minutes a seed. The truth comes from
-`lptn.virtual`, which shares no code with the model. The model is fitted on other logs of the same robot: source
-S0's protocol and tests, and ten healthy outings of an earlier day. The same logs calibrate the statistical detector.
+`lptn.virtual`, which shares no code with the model. The model is fitted on other logs of the same robot: the
+protocol and tests of [QuadrupedLPTN], and ten healthy outings of an earlier day. The same logs calibrate the statistical detector.
 """
 
 from __future__ import annotations

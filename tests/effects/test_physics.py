@@ -165,7 +165,7 @@ def test_heats_that_are_plain_numbers() -> None:
 
 
 def test_single_node_settles_at_heat_times_resistance_with_time_constant_rc() -> None:
-    """Source S0, row E2: T = T_E + Q R (1 - exp(-t / RC))."""
+    """[QuadrupedLPTN, eq. 2]: T = T_E + Q R (1 - exp(-t / RC))."""
     network = Network(
         "one", (node("a", 100.0), AMBIENT), (link("a", "ambient", 3.0),), (effect("constant_heat", "a", power=5.0),)
     )

@@ -1,4 +1,7 @@
-"""The heated block: exact answer, five networks, order, transients (source S2, rows E1 to E9, M1 to M3, N1 to N4)."""
+"""The heated block: exact answer, five networks, order, transients.
+
+Source: [BlockLPTN, eq. 1 to 9; sec. 1.3, 2.1, 2.2, 2.3]; the expected numbers are ours.
+"""
 
 from __future__ import annotations
 
@@ -37,7 +40,7 @@ blocks = st.builds(
 
 @given(blocks)
 def test_the_profile_solves_poissons_equation_between_its_ends(block: HeatedBlock) -> None:
-    """Rows E2 to E4: k T'' = -q by second differences, which are exact for a parabola; row E1: heat out is heat in."""
+    """[BlockLPTN, eq. 1 to 4]: k T'' = -q by second differences, exact for a parabola; heat out is heat in."""
     h = block.length / 8.0
     T = block.temperature(np.linspace(0.0, block.length, 9))
     size = float(np.abs(T).max())
@@ -50,14 +53,14 @@ def test_the_profile_solves_poissons_equation_between_its_ends(block: HeatedBloc
 
 @given(blocks)
 def test_the_mean_is_the_integral_of_the_profile(block: HeatedBlock) -> None:
-    """Row E8, by Simpson's rule, which is exact for a parabola."""
+    """[BlockLPTN, eq. 8] by Simpson's rule, which is exact for a parabola."""
     T = block.temperature(np.array([0.0, block.length / 2.0, block.length]))
     assert block.mean == pytest.approx(float(T @ [1.0, 4.0, 1.0]) / 6.0, rel=1e-12, abs=1e-10)
 
 
 @given(blocks)
 def test_the_maximum_lies_where_the_gradient_vanishes_or_at_the_hotter_end(block: HeatedBlock) -> None:
-    """Row E5, corrected: the parabola through three of its points, in scaled coordinates, to 1e-9 of the length."""
+    """[BlockLPTN, eq. 5] corrected: the parabola through three of its points, scaled, to 1e-9 of the length."""
     a, b, _ = np.polyfit([0.0, 0.5, 1.0], block.temperature(block.length * np.array([0.0, 0.5, 1.0])), 2)
     steep = abs(block.left - block.right) + 1.0
     if -a < 1e-4 * steep:
@@ -77,7 +80,7 @@ def test_hottest_places_of_the_source_table(block: HeatedBlock, place: float, ma
 
 
 def test_the_printed_place_is_wrong_but_for_one_difference() -> None:
-    """Row X10: zero for equal ends, outside for T1 < T2, right at (√2 - 1) q L²/(2k) alone."""
+    """[BlockLPTN, eq. 5] as printed: zero for equal ends, outside for T1 < T2, right at (√2 - 1) q L²/(2k) alone."""
     assert EQUAL.printed_hottest_place == 0.0
     assert HeatedBlock(left=10.0).printed_hottest_place < 0.0
     lucky = HeatedBlock(left=20.0 + (2**0.5 - 1.0) * 4.0 * EQUAL.rise)
@@ -94,7 +97,7 @@ def test_without_heat_the_hotter_end_is_hottest() -> None:
 
 # --- the five networks -------------------------------------------------------------------------------------
 
-# method, n -> T_max and mean error at equal ends, T_max error at T1 = T2 + 20, heat that arrives (source S2, section 5)
+# method, n -> T_max and mean error at equal ends, T_max error at T1 = T2 + 20, heat that arrives
 ROWS = [
     (PLAIN, 1, 12.5, 16.667, 10.5, 1.0),
     (PLAIN, 2, 0.0, 4.167, 3.0, 1.0),
@@ -127,7 +130,7 @@ def test_steady_errors_of_the_source_table(
 
 @given(blocks, st.integers(1, 9))
 def test_the_negative_resistance_makes_the_mean_exact(block: HeatedBlock, n: int) -> None:
-    """Row E9, for every n and any ends; all heat arrives."""
+    """[BlockLPTN, eq. 9] for every n and any ends; all heat arrives."""
     found = steady_errors(block_network(block, n, NEGATIVE))
     assert found.mean == pytest.approx(0.0, abs=1e-10 * (block.rise + abs(block.left) + abs(block.right)))
     assert found.heat == pytest.approx(1.0, abs=1e-7 * (1.0 + abs(block.left - block.right) / block.rise))
@@ -135,7 +138,7 @@ def test_the_negative_resistance_makes_the_mean_exact(block: HeatedBlock, n: int
 
 @given(blocks)
 def test_half_the_heat_at_the_right_place_makes_the_maximum_exact(block: HeatedBlock) -> None:
-    """Row M1b, where the maximum lies inside; row M1: exact at the node's own place wherever that is."""
+    """[BlockLPTN, sec. 2.1], node shifted to a maximum inside; not shifted: exact at the node's own place."""
     if not 0.0 < block.hottest_place < block.length:
         with pytest.raises(ValueError, match="inside"):
             block_network(block, 1, SHIFTED)
@@ -147,7 +150,7 @@ def test_half_the_heat_at_the_right_place_makes_the_maximum_exact(block: HeatedB
 
 @pytest.mark.parametrize("block", [EQUAL, UNEQUAL, STEEP])
 def test_node_and_mean_converge_with_order_two(block: HeatedBlock) -> None:
-    """Row M3: error × n² is constant to 1e-4: q L²/(8k) at every node, q L²/(6k) in the mean."""
+    """[BlockLPTN, sec. 2.3]: error × n² is constant to 1e-4: q L²/(8k) at every node, q L²/(6k) in the mean."""
     n = np.array([1, 3, 5, 9, 17, 33])
     found = [steady_errors(block_network(block, int(each))) for each in n]
     node, mean = np.array([one.node for one in found]), np.array([one.mean for one in found])
@@ -157,7 +160,7 @@ def test_node_and_mean_converge_with_order_two(block: HeatedBlock) -> None:
 
 
 def test_a_maximum_on_the_end_converges_with_order_one() -> None:
-    """Row N1: the network is not always too hot; at T1 = 80 degC one node is 5 K too cold."""
+    """[BlockLPTN, sec. 1.3]: the network is not always too hot; at T1 = 80 degC one node is 5 K too cold."""
     n = np.array([1, 3, 5, 9, 17, 33])
     top = np.array([steady_errors(block_network(STEEP, int(each))).maximum for each in n])
     assert top[0] == pytest.approx(-5.0)

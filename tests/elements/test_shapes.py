@@ -127,7 +127,7 @@ def test_no_element_takes_in_work(shape: Shape) -> None:
 
 
 def test_a_slab_has_the_eigenvalues_of_the_source_table() -> None:
-    """0, 2, 18 in kA/L (source S2, row E9)."""
+    """0, 2, 18 in kA/L ([BlockLPTN, eq. 9])."""
     matrix = np.array([[12.0, -6.0, -6.0], [-6.0, 4.0, 2.0], [-6.0, 2.0, 4.0]])
     axis = Cuboid(1.0, 1.0, 1.0).axes["x"]
     assert (axis.mean, axis.across) == ((6.0, 6.0), -2.0)
@@ -171,7 +171,7 @@ def test_count_and_angle_scale_volume_and_conductances() -> None:
 
 @pytest.mark.parametrize("cooled", [1, 2])
 def test_the_hottest_place_above_the_mean(cooled: int) -> None:
-    """19.7 K in the slab of the source table: 4 mm, 0.7 W/(m K), 110 cm², one side cooled, 35 A through 186 mΩ."""
+    """19.7 K in a slab: 4 mm, 0.7 W/(m K), 110 cm², one side cooled, 35 A through 186 mΩ."""
     power, n = 0.186 * 35.0**2, 4001
     x = np.linspace(0.0, 0.004, n)
     flow = power * (x / 0.004 - (0.5 if cooled == 2 else 0.0))  # towards the cooled end, zero at the hottest place

@@ -159,7 +159,7 @@ def test_means_are_those_of_the_samples() -> None:
 
 
 def test_loaded_trot_reaches_60_degrees_at_553_s(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Source S0, row A3: from 27 degC; nominal robot, steady gait, equal legs."""
+    """[QuadrupedLPTN, application 3]: from 27 degC; nominal robot, steady gait, equal legs."""
     monkeypatch.setattr(motion, "SHARE", 0.0)
     monkeypatch.setattr(motion, "MODULATION", 0.0)
     run = Run((Segment("trot", 700, 0.2, 4.0),), 27.0, cutout=None)

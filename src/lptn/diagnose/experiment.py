@@ -144,7 +144,7 @@ def propose(
         The experiment; `None` with fewer than two rivals, or if no run stays below the limit. See
         `Experiment.separates` for whether it decides anything.
 
-    Source: Atkinson and Fedorov (1975), Biometrika 62, 57.
+    Source: [AtkinsonFedorov1975].
     """
     if len(rivals) < 2:
         return None

@@ -4,7 +4,7 @@ A rival may change its parameters as far as the old data leave them free: Gauss-
 is the prior, and what the new run adds is solved for together. What is left is how much worse the wrong rival
 explains the new run, in units of the sensors' noise: the noncentrality of the likelihood ratio.
 
-Source: Atkinson and Fedorov (1975), Biometrika 62, 57 (T-optimal design for discrimination), with a prior.
+Source: [AtkinsonFedorov1975] (T-optimal design for discrimination), with a prior.
 """
 
 from __future__ import annotations

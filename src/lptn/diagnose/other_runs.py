@@ -41,8 +41,8 @@ def runs_that_differ(fit: Fit, parts: Sequence[Part]) -> list[Differing]:
 
     Every effect that may differ from run to run is tried at each of its places, confined to that run, all other
     parameters held. The initial states come from the run's opening as in any prediction; the amplitude is fitted on
-    the whole run. Causes are compared by Schwarz's criterion, counted in independent residuals; between rivals that
-    explain the run alike, a fit of all runs together decides, every parameter let go.
+    the whole run. Causes are compared by Schwarz's criterion [Schwarz1978], counted in independent residuals; between
+    rivals that explain the run alike, a fit of all runs together decides, every parameter let go.
 
     Args:
         fit: the fitted model.

@@ -19,7 +19,7 @@ from lptn.network import EffectDeclaration, Network
 from lptn.simulate import Drive, default_start, drive, start_from
 
 TIE = 10.0
-"""Information criteria closer than this decide nothing (Burnham and Anderson: beyond 10, no support)."""
+"""Information criteria closer than this decide nothing ([BurnhamAnderson2002]: beyond 10, no support)."""
 SIGNIFICANT = 0.05
 """A score that chance alone reaches less often than this is beyond chance."""
 # Enough to rank candidates; the rung that is kept is fitted to the end.
@@ -158,7 +158,7 @@ def worse_by(one: Fit, other: Fit) -> float:
 
     Residuals that repeat each other are not independent evidence. The logarithm of the ratio of misfits
     therefore counts as often as there are independent residuals in the better of the two fits, and each
-    free parameter costs the logarithm of that number (Schwarz's criterion).
+    free parameter costs the logarithm of that number (Schwarz's criterion [Schwarz1978]).
     """
     better = one if one.cost < other.cost else other
     independent = independent_readings(better)
@@ -189,7 +189,7 @@ def independent_readings(done: Fit) -> float:
 
 
 def _correlation_time(residual: FloatArray) -> float:
-    """Samples that repeat each other: the autocorrelation summed while pairs of lags stay positive (Geyer 1992)."""
+    """Samples that repeat each other: the autocorrelation summed while pairs of lags stay positive [Geyer1992]."""
     spectrum = np.abs(np.fft.rfft(residual, 2 * residual.size)) ** 2
     correlation = np.fft.irfft(spectrum)[: residual.size]
     if correlation[0] <= 0:

@@ -223,7 +223,7 @@ def _flipped(fit: Fit, residual: FloatArray, rng: np.random.Generator) -> FloatA
     It keeps what residuals have beside the sensors' noise: loads that the log does not tell to the last per cent
     leave errors that last, and that all nodes of a stretch share.
 
-    Source: Wu (1986), Annals of Statistics 14, 1261; stretches after Shao (2010), JASA 105, 218.
+    Source: [Wu1986]; stretches after [Shao2010].
     """
     signs = np.zeros((len(residual), _TRIALS))
     start = 0

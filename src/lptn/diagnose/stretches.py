@@ -33,7 +33,7 @@ def clearly_differ(one: Fit, other: Fit) -> bool:
     Fits that are equally good win as many stretches as they lose. A difference that one stretch makes alone is no
     evidence, however large; one that nearly all stretches share is, however uneven.
 
-    Source: Fisher's randomisation test, on stretches in place of independent observations.
+    Source: Fisher's randomisation test [Fisher1935], on stretches in place of independent observations.
     """
     differences = misfits(one) - misfits(other)
     signs = np.random.default_rng(0).choice((-1.0, 1.0), (_DRAWS, len(differences)))

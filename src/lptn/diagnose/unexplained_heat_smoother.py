@@ -43,8 +43,8 @@ def likelihood(run: Blocks, prior: Prior) -> float:
 def smoothed(run: Blocks, prior: Prior) -> tuple[FloatArray, FloatArray]:
     """Each heat given all readings, and its standard deviation [W], shape (M, n) each.
 
-    Source: Rauch, Tung, Striebel (1965), AIAA Journal 3, 1445, in the form of Bierman (1973), Automatica 9, 503,
-    which inverts no covariance of the states: parameters that stay the same make that singular.
+    Source: [Rauch1965], in the form of [Bierman1973], which inverts no covariance of the states: parameters that
+    stay the same make that singular.
     """
     steps: list[_Step] = []
     _forward(run, prior, steps)

@@ -15,7 +15,7 @@ class BatteryHeat(NodeEffect):
 
     The battery's own loss goes with its power, charging or discharging, and warms what it sits on.
 
-    Source: source S0, virtual robot (a battery beside the trunk gives off 12 W).
+    Source: definition; the virtual quadruped's battery (`lptn.virtual`) gives off 12 W beside the trunk.
     """
 
     key = "battery_heat"
@@ -29,7 +29,7 @@ class BatteryHeat(NodeEffect):
         separate_by="load the joints far from the battery for 20 min while those beside it rest",
         confused_with=("constant_heat", "conduction", "computer_heat"),
     )
-    source = "source S0, virtual robot"
+    source = "definition"
 
     def heat(self, temperature: Symbol, inputs: SimpleNamespace, p: SimpleNamespace) -> Symbol:
         return p.fraction * abs(inputs.battery_power)

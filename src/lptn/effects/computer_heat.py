@@ -13,7 +13,7 @@ class ComputerHeat(NodeEffect):
 
     .. math:: Q = f \, P_{pc}
 
-    Source: source S0, row E1 (Q_other) and its virtual robot, whose computer sits between the hips.
+    Source: [QuadrupedLPTN, eq. 1] (Q_other); the virtual quadruped's computer (`lptn.virtual`) sits between the hips.
     """
 
     key = "computer_heat"
@@ -27,7 +27,7 @@ class ComputerHeat(NodeEffect):
         separate_by="leave the robot resting for an hour with the computer under full load, then idle",
         confused_with=("constant_heat", "conduction", "battery_heat"),
     )
-    source = "source S0, row E1"
+    source = "[QuadrupedLPTN, eq. 1]"
 
     def heat(self, temperature: Symbol, inputs: SimpleNamespace, p: SimpleNamespace) -> Symbol:
         power = inputs.pc_power if self.chosen["input"] == "pc_power" else inputs.computer_power

@@ -13,7 +13,7 @@ class Conduction(EdgeEffect):
 
     .. math:: Q_{i} = G \, (T_j - T_i) = -Q_{j}
 
-    Source: source S0, row E5 (sign corrected).
+    Source: [QuadrupedLPTN, eq. 5] (sign corrected).
     """
 
     key = "conduction"
@@ -26,7 +26,7 @@ class Conduction(EdgeEffect):
         separate_by="power one of the two for 20 min, then only the other",
         confused_with=("constant_heat",),
     )
-    source = "source S0, row E5"
+    source = "[QuadrupedLPTN, eq. 5]"
 
     def conductance(self, p: SimpleNamespace) -> Symbol:
         return p.conductance

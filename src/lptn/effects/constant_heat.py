@@ -13,7 +13,7 @@ class ConstantHeat(NodeEffect):
 
     .. math:: Q = Q_0
 
-    Source: source S0, row E1 (Q_other).
+    Source: [QuadrupedLPTN, eq. 1] (Q_other).
     """
 
     key = "constant_heat"
@@ -29,7 +29,7 @@ class ConstantHeat(NodeEffect):
         separate_by="leave the robot powered and resting for an hour; then switch it off for an hour",
         confused_with=("sensor_offset",),
     )
-    source = "source S0, row E1"
+    source = "[QuadrupedLPTN, eq. 1]"
 
     def heat(self, temperature: Symbol, inputs: SimpleNamespace, p: SimpleNamespace) -> Symbol:
         return p.power

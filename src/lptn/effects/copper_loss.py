@@ -16,7 +16,7 @@ class CopperLoss(NodeEffect):
     Over an interval the RMS of current or torque gives the exact mean heat. The resistance is taken from
     the data sheet and held, since it sets the scale of all capacitances and resistances.
 
-    Source: source S0, rows E1 and E15; source S1, row E2.4.
+    Source: [QuadrupedLPTN, eq. 1, 15]; [Chen2017, eq. 2.4].
     """
 
     key = "copper_loss"
@@ -39,7 +39,7 @@ class CopperLoss(NodeEffect):
         separate_by="hold one joint at two torques, 15 min each",
         confused_with=("constant_heat",),
     )
-    source = "I²R: source S0, row E1"
+    source = "I²R: [QuadrupedLPTN, eq. 1]"
 
     def heat(self, temperature: Symbol, inputs: SimpleNamespace, p: SimpleNamespace) -> Symbol:
         current = inputs.current if self.chosen["input"] == "current" else inputs.torque / p.torque_constant

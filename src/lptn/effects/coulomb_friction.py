@@ -16,7 +16,7 @@ class CoulombFriction(NodeEffect):
     The mean of the absolute speed gives the exact mean heat. The sign follows the physics, not the
     printed formula, which gives negative heat for backward motion.
 
-    Source: source S0, rows E7 and E8 (corrected).
+    Source: [QuadrupedLPTN, eq. 7, 8] (corrected).
     """
 
     key = "coulomb_friction"
@@ -30,7 +30,7 @@ class CoulombFriction(NodeEffect):
         separate_by="swing the unloaded leg at two speeds, 15 min each",
         confused_with=("viscous_friction", "iron_loss"),
     )
-    source = "source S0, rows E7, E8"
+    source = "[QuadrupedLPTN, eq. 7, 8]"
 
     def heat(self, temperature: Symbol, inputs: SimpleNamespace, p: SimpleNamespace) -> Symbol:
         return p.torque * abs(inputs.velocity)

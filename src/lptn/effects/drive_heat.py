@@ -15,7 +15,7 @@ class DriveHeat(NodeEffect):
 
     Over an interval the logged state is the share of it that the drive was on.
 
-    Source: source S0, row E1 (the drives' part of Q_other) and its table T1, which has unpowered runs.
+    Source: [QuadrupedLPTN, eq. 1; table 1] (the drives' part of Q_other; the table has unpowered runs).
     """
 
     key = "drive_heat"
@@ -27,7 +27,7 @@ class DriveHeat(NodeEffect):
         separate_by="leave the robot resting for an hour with the drives on, then for an hour with them off",
         confused_with=("constant_heat",),
     )
-    source = "source S0, row E1"
+    source = "[QuadrupedLPTN, eq. 1]"
 
     def heat(self, temperature: Symbol, inputs: SimpleNamespace, p: SimpleNamespace) -> Symbol:
         return p.power * inputs.powered

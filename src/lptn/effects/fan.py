@@ -16,7 +16,7 @@ class Fan(LinkEffect):
     The speed *s* is what the log holds: a duty from 0 to 1 at a place (`fan.<place>`), or of one fan for all
     (`speed.fan`). A fan that is not logged shows as `surface_scale` of a run.
 
-    Source: source S1, table T4.2 (U8 with and without a fan); linear in the speed as source S0, row E3.
+    Source: [Chen2017, table 4.2] (U8 with and without a fan); linear in the speed as [QuadrupedLPTN, eq. 3].
     """
 
     key = "fan"
@@ -28,7 +28,7 @@ class Fan(LinkEffect):
         separate_by="hold one load for 30 min without the fan, then for 30 min with it",
         confused_with=("forced_convection", "surface_scale"),
     )
-    source = "source S1, table T4.2"
+    source = "[Chen2017, table 4.2]"
 
     def conductance_factor(
         self, temperature: Symbol, surroundings: Symbol, inputs: SimpleNamespace, p: SimpleNamespace

@@ -13,7 +13,7 @@ class ForcedConvection(LinkEffect):
 
     .. math:: R(v) = R_0 / (1 + \gamma |v|)
 
-    Source: source S0, row E3.
+    Source: [QuadrupedLPTN, eq. 3].
     """
 
     key = "forced_convection"
@@ -25,7 +25,7 @@ class ForcedConvection(LinkEffect):
         separate_by="same joint torque, standing and at two speeds, 15 min each",
         confused_with=("natural_convection",),
     )
-    source = "source S0, row E3"
+    source = "[QuadrupedLPTN, eq. 3]"
 
     def conductance_factor(
         self, temperature: Symbol, surroundings: Symbol, inputs: SimpleNamespace, p: SimpleNamespace

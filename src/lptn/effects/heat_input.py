@@ -15,7 +15,7 @@ class HeatInput(NodeEffect):
 
     The gain carries the unit where the log holds a duty instead of watts.
 
-    Source: definition; the onboard computer of source S0 and laboratory heaters are driven so.
+    Source: definition; the onboard computer of [QuadrupedLPTN] and laboratory heaters are driven so.
     """
 
     key = "heat_input"

@@ -18,7 +18,7 @@ class HotSpot(ExcessEffect):
     The small mass at the sensor follows the loss within seconds, or half a minute; the state is
     :math:`T + q \cdot 1\,\mathrm{K/W}`.
 
-    Source: definition; hot spot of a winding (IEC 60034-11 allows for it), here at the sensor.
+    Source: definition; hot spot of a winding ([IEC60034-11] allows for it), here at the sensor.
     """
 
     key = "hot_spot"

@@ -15,7 +15,7 @@ class LossScale(LossEffect):
 
     A torque constant that is really 10 % lower than the model's gives *g* = 0.23.
 
-    Source: definition; source S0, row E15 (torque constant and resistance come from data sheets).
+    Source: definition; [QuadrupedLPTN, eq. 15] (torque constant and resistance come from data sheets).
     """
 
     key = "loss_scale"

@@ -15,7 +15,7 @@ class NaturalConvection(LinkEffect):
 
     .. math:: R(\Delta T) = R_0 \, e^{-\beta \Delta T}
 
-    Source: source S0, row E3 (empirical; the heat loss is monotone for a difference above -1/β).
+    Source: [QuadrupedLPTN, eq. 3] (empirical; the heat loss is monotone for a difference above -1/β).
     """
 
     key = "natural_convection"
@@ -28,7 +28,7 @@ class NaturalConvection(LinkEffect):
         separate_by="heat to 60 degC or more, then cool down unpowered for 30 min, at two ambients",
         confused_with=("radiation",),
     )
-    source = "source S0, row E3"
+    source = "[QuadrupedLPTN, eq. 3]"
 
     def conductance_factor(
         self, temperature: Symbol, surroundings: Symbol, inputs: SimpleNamespace, p: SimpleNamespace

@@ -13,7 +13,7 @@ class ResistanceRise(LossEffect):
 
     .. math:: R_d(T) = R_d \, [1 + \alpha (T - T_\mathrm{ref})]
 
-    Source: source S0, row E6; source S1, row E2.5 (one documented coefficient, 0.0039 1/K for copper).
+    Source: [QuadrupedLPTN, eq. 6]; [Chen2017, eq. 2.5] (one documented coefficient, 0.0039 1/K for copper).
     """
 
     key = "resistance_rise"
@@ -28,7 +28,7 @@ class ResistanceRise(LossEffect):
         separate_by="the same torque from a cold and from a hot start; log the current besides the torque",
         confused_with=("torque_constant_drop",),
     )
-    source = "source S0, row E6"
+    source = "[QuadrupedLPTN, eq. 6]"
 
     def factor(self, temperature: Symbol, p: SimpleNamespace) -> Symbol:
         return 1 + p.alpha * (temperature - p.reference)

@@ -15,7 +15,7 @@ class SecondMass(MassEffect):
 
     With the time constant :math:`t_2 = R_2 C_2` as the shape, the capacitance enters as an amplitude.
 
-    Source: source S1, two-node network (§4 of the project's source table); winding and housing.
+    Source: two-node network of winding and housing, fitted to the facts of [Chen2017, sec. 3.1.2].
     """
 
     key = "second_mass"
@@ -37,7 +37,7 @@ class SecondMass(MassEffect):
         separate_by="a step of load for 20 min from rest, then 40 min of rest",
         confused_with=("sensor_lag",),
     )
-    source = "source S1, two-node network"
+    source = "two-node network, fitted to [Chen2017, sec. 3.1.2]"
 
     def heat(self, temperature: Symbol, state: Symbol, p: SimpleNamespace) -> Symbol:
         return p.capacity / p.time_constant * (state - temperature)

@@ -18,7 +18,7 @@ class SensorDrift(ExcessEffect):
 
     The time is kept as a state, :math:`T_t = T + t \cdot 1000\,\mathrm{K/h}`.
 
-    Source: definition; source S0, table A2 (a sensor that drifts is the fault that its monitor looks for).
+    Source: definition; [QuadrupedLPTN, application 2] (a sensor that drifts is the fault that its monitor looks for).
     """
 
     key = "sensor_drift"

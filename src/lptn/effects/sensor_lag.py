@@ -15,7 +15,7 @@ class SensorLag(SensorEffect):
 
     The fraction *f* is 0 when off and 1 for a sensor that is wholly behind the lag.
 
-    Source: first-order sensor; source S1, row N13 (thermocouples on the housing).
+    Source: first-order sensor; [Chen2017, sec. 3.1.1] (thermocouples on the housing).
     """
 
     key = "sensor_lag"

@@ -13,7 +13,7 @@ class SensorOffset(SensorEffect):
 
     .. math:: y = T + b
 
-    Source: definition; source S1, row N13 (thermocouples of ±5 °C).
+    Source: definition; [Chen2017, sec. 3.1.1] (thermocouples of ±5 °C).
     """
 
     key = "sensor_offset"

@@ -15,7 +15,7 @@ class SensorPosition(PairSensorEffect):
 
     The place `"a~b"` is the sensor of *a*; `"b~a"` is that of *b*.
 
-    Source: definition; source S1, row N13 (thermocouples on a housing, meant for the winding).
+    Source: definition; [Chen2017, sec. 3.1.1] (thermocouples on a housing, meant for the winding).
     """
 
     key = "sensor_position"

@@ -17,7 +17,7 @@ class SharedMass(GroupEffect):
     With the time constant :math:`t_s = C_s / (n g)` as the shape, the conductance enters as an amplitude. The
     mass's own conductance to the surroundings is :math:`\lambda n g`.
 
-    Source: source S0, virtual robot (trunk of 2600 J/K, 1.6 K/W to each hip, 1.4 K/W to the air).
+    Source: definition; the virtual quadruped's trunk has 2600 J/K, 1.6 K/W to each hip, 1.4 K/W to the air.
     """
 
     key = "shared_mass"
@@ -40,7 +40,7 @@ class SharedMass(GroupEffect):
         separate_by="load one joint of the group for 40 min; do the resting ones warm, all alike and late?",
         confused_with=("second_mass", "conduction"),
     )
-    source = "source S0, virtual robot"
+    source = "definition"
 
     def heat(self, temperature: Symbol, state: Symbol, p: SimpleNamespace) -> Symbol:
         return p.conductance * (state - temperature)

@@ -13,7 +13,7 @@ class StrayLoadLoss(NodeEffect):
 
     .. math:: Q = k \, I^2
 
-    Source: stray-load loss of electrical machines (IEEE Std 112: proportional to the current squared).
+    Source: stray-load loss of electrical machines ([IEEE112]: proportional to the current squared).
     """
 
     key = "stray_load_loss"
@@ -27,7 +27,7 @@ class StrayLoadLoss(NodeEffect):
         separate_by="the same speed at two currents, 20 min each",
         confused_with=("conduction", "constant_heat"),
     )
-    source = "stray-load loss, IEEE Std 112"
+    source = "stray-load loss [IEEE112]"
 
     def heat(self, temperature: Symbol, inputs: SimpleNamespace, p: SimpleNamespace) -> Symbol:
         return p.resistance * inputs.current**2

@@ -15,7 +15,7 @@ class SurfaceScale(LinkEffect):
 
     Said of one run it tells a condition that the log doesn't hold, such as a fan that was on.
 
-    Source: definition; source S1, table T4.2, where a fan changes the loss to the air.
+    Source: definition; [Chen2017, table 4.2], where a fan changes the loss to the air.
     """
 
     key = "surface_scale"

@@ -15,7 +15,7 @@ class TorqueConstantDrop(LossEffect):
 
     It matters only where the heat is computed from torque; a logged current already holds it.
 
-    Source: source S1, row E2.6 (0.0012 1/K).
+    Source: [Chen2017, eq. 2.6] (0.0012 1/K).
     """
 
     key = "torque_constant_drop"
@@ -31,7 +31,7 @@ class TorqueConstantDrop(LossEffect):
         separate_by="log the current besides the torque: at equal torque it rises with temperature",
         confused_with=("resistance_rise",),
     )
-    source = "source S1, row E2.6"
+    source = "[Chen2017, eq. 2.6]"
 
     def factor(self, temperature: Symbol, p: SimpleNamespace) -> Symbol:
         return (1 - p.kappa * (temperature - p.reference)) ** -2

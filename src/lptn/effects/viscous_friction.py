@@ -15,7 +15,7 @@ class ViscousFriction(NodeEffect):
 
     The mean of the squared speed gives the exact mean heat. Eddy-current loss has the same form.
 
-    Source: source S0, rows E7 and E8 (corrected).
+    Source: [QuadrupedLPTN, eq. 7, 8] (corrected).
     """
 
     key = "viscous_friction"
@@ -27,7 +27,7 @@ class ViscousFriction(NodeEffect):
         separate_by="swing the unloaded leg at two speeds, 15 min each",
         confused_with=("iron_loss", "coulomb_friction"),
     )
-    source = "source S0, rows E7, E8"
+    source = "[QuadrupedLPTN, eq. 7, 8]"
 
     def heat(self, temperature: Symbol, inputs: SimpleNamespace, p: SimpleNamespace) -> Symbol:
         return p.damping * inputs.velocity_rms**2

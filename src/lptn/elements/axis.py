@@ -12,8 +12,8 @@ This is the T-network with a negative resistance in its foot, its massless star 
 face to face is negative, and yet the whole takes in no work: its power is
 :math:`(\bar T - \sum w T)^2 / \rho + G (T_{low} - T_{high})^2`.
 
-Derived here; source S2, row E9, gives the slab (R = -L/(6kA)). Gerling and Dajaku (2005), named there for the
-ring, was not available.
+Derived here; [BlockLPTN, eq. 9] gives the slab (R = -L/(6kA)). [GerlingDajaku2005], named there for the ring,
+was not available.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class Axis:
 
 
 def slab_axis(faces: tuple[str, str], length: float, area: float) -> Axis:
-    """Along `length` [m] through a constant `area` [m²] (source S2, rows E8 and E9)."""
+    """Along `length` [m] through a constant `area` [m²] ([BlockLPTN, eq. 8, 9])."""
     one = area / length
     return Axis(faces, (6.0 * one, 6.0 * one), -2.0 * one)
 
@@ -83,7 +83,7 @@ def slab_peak(power: float, length: float, conductivity: float, area: float, coo
     Raises:
         ValueError: neither one face nor two are cooled.
 
-    Source: source S2, section 5: Q L/(24kA) and Q L/(6kA).
+    Derived from the profile [BlockLPTN, eq. 4]: Q L/(24kA) and Q L/(6kA).
     """
     if cooled not in (1, 2):
         raise ValueError(f"{cooled} cooled faces; a slab has one or two")

@@ -1,8 +1,8 @@
 """The heated block as a chain of n T-networks: plain, with a halved source, with a resistance in the foot.
 
 A cell is two resistances L/(2kA) in a row. Their star point carries source and capacity, or it is massless and a
-foot resistance leads from it to the node that carries them. Source S2, rows M1 (halving), M1b (with the node
-shifted), E9 (foot -L/(6kA)), M3 (n nodes).
+foot resistance leads from it to the node that carries them. Source:
+[BlockLPTN, sec. 2.1; eq. 9; sec. 2.3]: half the source, with the node shifted; foot -L/(6kA); n nodes.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
 """A solid block heated evenly throughout, its ends held at two temperatures: the exact answer, steady and in time.
 
-Source S2, rows E2 to E8. Row E5 is printed wrong: the maximum lies at L/2 + k (T2 - T1)/(q L), or at the hotter end.
+Source: [BlockLPTN, eq. 2 to 8]. Equation 5 is printed wrong: the maximum lies at L/2 + k (T2 - T1)/(q L), or at the
+hotter end.
 """
 
 from __future__ import annotations
@@ -57,19 +58,19 @@ class HeatedBlock:
         return (self.length / np.pi) ** 2 * self.density * self.specific_heat / self.conductivity
 
     def temperature(self, x: FloatArray | float) -> FloatArray:
-        """Steady temperature at x [degC] (row E4)."""
+        """Steady temperature at x [degC] [BlockLPTN, eq. 4]."""
         place = np.asarray(x, dtype=float)
         linear = self.left + (self.right - self.left) * place / self.length
         return np.asarray(linear + self.heat / (2.0 * self.conductivity) * place * (self.length - place))
 
     @property
     def mean(self) -> float:
-        """Steady mean temperature [degC] (row E8, for any ends)."""
+        """Steady mean temperature [degC] ([BlockLPTN, eq. 8], for any ends)."""
         return (self.left + self.right) / 2.0 + self.heat * self.length**2 / (12.0 * self.conductivity)
 
     @property
     def hottest_place(self) -> float:
-        """Where the maximum lies [m] (row E5, corrected)."""
+        """Where the maximum lies [m] ([BlockLPTN, eq. 5], corrected)."""
         if self.heat == 0.0:
             return 0.0 if self.left >= self.right else self.length
         shift = self.conductivity * (self.right - self.left) / (self.heat * self.length)
@@ -77,7 +78,7 @@ class HeatedBlock:
 
     @property
     def printed_hottest_place(self) -> float:
-        """Row E5 as it is printed; kept to show that it is wrong."""
+        """[BlockLPTN, eq. 5] as it is printed; kept to show that it is wrong."""
         difference = self.left - self.right
         return self.length * difference / (self.heat * self.length**2 / (2.0 * self.conductivity) + difference)
 

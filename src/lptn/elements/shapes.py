@@ -6,7 +6,7 @@ of two or three axes are held at uniform temperatures side by side, the heat cro
 the mean rise by a source comes out too high: a long square bar 18.6 %, a cube 37.7 %. Films and contacts
 outside bring this down, and so do finer pieces.
 
-Derived here: Wrobel and Mellor (2010), named by source S2 for the cuboid, was not available.
+Derived here: [WrobelMellor2010], named by [BlockLPTN] for the cuboid, was not available.
 """
 
 from __future__ import annotations

@@ -56,7 +56,7 @@ def forecast(
         fit: what is known of the model's errors; without it a model error of 1 K is assumed and parameters are taken
             for exact.
         window: `"steady"`, as long as the operating point has been unchanged; `"cycles"`, the last few gait cycles, as
-            source S0 does; or seconds.
+            [QuadrupedLPTN, application 3] does; or seconds.
         gait: of the log, where the run is too coarse to show it.
 
     Returns:
@@ -66,7 +66,7 @@ def forecast(
         InputError: the log is too short, lacks an input or measures no node; a limit for a node that the model lacks.
         ValueError: a coverage, number of cycles or window out of range.
 
-    Source: source S0, row A3.
+    Source: [QuadrupedLPTN, application 3].
     """
     _check(cycles, coverage, window)
     driven = drive(model, run)

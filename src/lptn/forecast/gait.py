@@ -44,7 +44,7 @@ def find_gait(speeds: Sequence[FloatArray], step: float) -> Gait:
             half mirrors the other shows half its period.
         step: time between samples [s].
 
-    Source: source S0, row A3.
+    Source: [QuadrupedLPTN, application 3].
     """
     if not speeds:
         return Gait(None, "the log has no joint speeds")

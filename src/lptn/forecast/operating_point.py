@@ -106,7 +106,7 @@ def _clearest_change(means: FloatArray, floor: FloatArray) -> int | None:
 def _long_run(series: FloatArray, step: float) -> tuple[FloatArray, float]:
     """Covariance of a mean over one second, for means over much longer times, and how long values stay alike [s].
 
-    The covariances at all lags are summed with falling weights (Newey and West 1987).
+    The covariances at all lags are summed with falling weights [NeweyWest1987].
     """
     count = series.shape[1]
     centred = series - series.mean(axis=1, keepdims=True)

@@ -41,7 +41,7 @@ class Problem:
         drives: the runs.
         sigma: standard deviation that weighs each node's residuals [K], shape (nodes,).
         mirror_weight: λ of the regulariser that pulls the logarithms of left and right parameters
-            together (source S0, row E14, on logarithms so that λ has no unit).
+            together ([QuadrupedLPTN, eq. 14], on logarithms so that λ has no unit).
         free: indices of the parameters to fit; the model's own free ones by default.
     """
 

@@ -1,4 +1,7 @@
-"""The plain detector: measured against expected of the free-running model, and a threshold (source S0, row A2)."""
+"""The plain detector: measured against expected of the free-running model, and a threshold.
+
+Source: [QuadrupedLPTN, application 2].
+"""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ from lptn.monitor.scene import Scene
 from lptn.monitor.statistical import statistical_alarms
 
 THRESHOLD = 10.0
-"""K; source S0's threshold (row A2)."""
+"""K; the threshold of [QuadrupedLPTN, application 2]."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ def monitor(
     rmse: float | None = None,
     report: Callable[[str], None] = lambda _: None,
 ) -> Monitoring:
-    """Look for faults of temperature sensors: drift, offset, stuck, dropout (source S0, row A2).
+    """Look for faults of temperature sensors: drift, offset, stuck, dropout ([QuadrupedLPTN, application 2]).
 
     The plain detector sets the readings against the model, which runs freely from the log's first readings. The
     statistical one weighs the innovations of a Kalman filter on the same model against what each fault

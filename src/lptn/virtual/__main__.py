@@ -34,7 +34,7 @@ def _parser() -> argparse.ArgumentParser:
     leg.add_argument("--rate", type=float, default=10.0, help=f"Hz: {', '.join(f'{r:g}' for r in LEG_RATES)}")
     whole = robots.add_parser("quadruped", help="twelve joints and the onboard computer, as a Unitree A1 has them")
     _add_shared(whole, quantisation=1.0)
-    whole.add_argument("--runs", choices=tuple(PLANS), default="protocol", help="protocol, tests: source S0's")
+    whole.add_argument("--runs", choices=tuple(PLANS), default="protocol", help="protocol and tests as in the article")
     whole.add_argument("--physics", choices=get_args(Physics), default="full", help="plain: one mass a joint")
     whole.add_argument("--level", choices=get_args(Level), help="of the hidden errors of each run")
     whole.add_argument("--scatter", type=float, default=1.0, help="factor on the parameters' scatter over the legs")

@@ -10,7 +10,7 @@ HEAT: Catalogue = {}
 
 @entry(HEAT, JOINT)
 def resistance_rise(robot: Robot, node: int, size: float) -> None:
-    """Copper: the winding's resistance × (1 + 0.00393 (T - 25)) (source S0, row E6)."""
+    """Copper: the winding's resistance × (1 + 0.00393 (T - 25)) ([QuadrupedLPTN, eq. 6])."""
     robot.resistance_rise[node] += 0.00393 * size
 
 
@@ -32,13 +32,13 @@ def loss_scale(robot: Robot, node: int, size: float) -> None:
 
 @entry(HEAT, JOINT)
 def coulomb_friction(robot: Robot, node: int, size: float) -> None:
-    """Heat 0.5 |ω|: 0.5 N·m at the joint (source S0, row E8, as power)."""
+    """Heat 0.5 |ω|: 0.5 N·m at the joint ([QuadrupedLPTN, eq. 8], as power)."""
     robot.coulomb[node] += 0.5 * size
 
 
 @entry(HEAT, JOINT)
 def viscous_friction(robot: Robot, node: int, size: float) -> None:
-    """Heat 0.07 ω²: 0.07 N·m·s at the joint (source S0, row E8, as power)."""
+    """Heat 0.07 ω²: 0.07 N·m·s at the joint ([QuadrupedLPTN, eq. 8], as power)."""
     robot.viscous[node] += 0.07 * size
 
 

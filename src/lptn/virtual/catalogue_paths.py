@@ -10,13 +10,13 @@ PATHS: Catalogue = {}
 
 @entry(PATHS, NODE)
 def natural_convection(robot: Robot, node: int, size: float) -> None:
-    """Conductance to air × exp(0.006 (T - ambient)) (source S0, row E3)."""
+    """Conductance to air × exp(0.006 (T - ambient)) ([QuadrupedLPTN, eq. 3])."""
     robot.natural_convection[node] += 0.006 * size
 
 
 @entry(PATHS, NODE)
 def forced_convection(robot: Robot, node: int, size: float) -> None:
-    """Conductance to air × (1 + 0.55 |v|), v the base's speed in m/s (source S0, row E3)."""
+    """Conductance to air × (1 + 0.55 |v|), v the base's speed in m/s ([QuadrupedLPTN, eq. 3])."""
     robot.forced_convection[node] += 0.55 * size
 
 

@@ -25,8 +25,8 @@ def plan(name: Plan, seed: int = 0) -> dict[str, Run]:
     """Return the runs of this name.
 
     Args:
-        name: "protocol" (source S0, table T1), "tests" (table T3, row N5), "trial", "hour", "swing",
-            "forecast" (row A3) or "monitor" (row A2).
+        name: "protocol" ([QuadrupedLPTN, table 1]), "tests" (table 3 and the multi-gait test), "trial", "hour",
+            "swing", "forecast" (application 3) or "monitor" (application 2).
         seed: 0 or above; draws ambients, the order of things, faults.
 
     Raises:

@@ -70,7 +70,7 @@ def quadruped_logs(
     rate: float = 1.0,
     columns: Columns = "asked",
 ) -> Logs:
-    """Simulate runs of the quadruped (source S0).
+    """Simulate runs of the quadruped [QuadrupedLPTN].
 
     Equal arguments give equal logs. Calls that differ only in ``hidden`` share parameters and noise, and movements too
     where no cut-out comes between (there is none in "trial").
@@ -79,8 +79,9 @@ def quadruped_logs(
         hidden: effects beyond the physics: ``Hidden`` or tuples (effect, place), (effect, place, size) or (effect,
             place, size, run).
         seed: 0 or above; draws parameters, movements, events and noise.
-        runs: a plan's name: "protocol" (table T1: 25 runs), "tests" (table T3 and row N5: 7 runs), "trial" (60 min
-            twice to fit, 40 min to hold out), "hour" (30 min twice to fit), "swing" (as "trial", with an ambient that
+        runs: a plan's name: "protocol" (table 1: 25 runs), "tests" (table 3 and the multi-gait test: 7 runs), "trial"
+            (60 min twice to fit, 40 min to hold out), "hour" (30 min twice to fit), "swing" (as "trial", with an
+            ambient that
             steps by 8 K), "forecast" (20 trots past 60 degC), "monitor" (50 healthy logs, 50 with a sensor's fault);
             or runs of your own by name.
         level: "none", "default" or "strong": hidden errors of each run, of the ambient's sensor, of the joints'

@@ -1,4 +1,4 @@
-"""Draw the true parameters of the virtual quadruped: source S0's robot, at the scale of a Unitree A1.
+"""Draw the true parameters of the virtual quadruped: the robot of [QuadrupedLPTN] at the scale of a Unitree A1.
 
 All values are plausible choices, none are the maker's data.
 """

@@ -1,4 +1,4 @@
-"""Plan the quadruped's runs of source S0: its identification protocol and its tests."""
+"""Plan the quadruped's runs of [QuadrupedLPTN, table 1, 3]: its identification protocol and its tests."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class Run:
         return sum(segment.seconds for segment in self.segments)
 
 
-# Source S0's words: abduction, hip and knee are the URDF's hip, thigh and calf; L and R before F and R.
+# The words of [QuadrupedLPTN]: abduction, hip and knee are the URDF's hip, thigh and calf; L and R before F and R.
 _WORDS = {"abd": "hip", "hip": "thigh", "knee": "calf"}
 _TORQUES = {"abd": (2, 4, 6), "hip": (2, 4, 6), "knee": (2, 4, 6, 10)}
 _DIAGONALS = {"RF_LR": ("FR", "RL"), "LF_RR": ("FL", "RR")}
@@ -66,7 +66,7 @@ _TROTS = {"trot_low": 0.2, "trot_medium": 0.5, "trot_high": 1.0}
 
 
 def protocol(seed: int = 0) -> dict[str, Run]:
-    """Return the 25 runs of source S0, table T1, 1800 s each, one after the other.
+    """Return the 25 runs of [QuadrupedLPTN, table 1], 1800 s each, one after the other.
 
     "unpowered"; "<joint>_<diagonal>_<torque>Nm" for abd, hip and knee (the URDF's hip, thigh and calf) of the
     diagonals RF_LR and LF_RR; "trot_low", "trot_medium" and "trot_high" without load, spread over them; "cooling"
@@ -89,7 +89,7 @@ def protocol(seed: int = 0) -> dict[str, Run]:
 
 
 def conditions(seed: int = 0) -> dict[str, Run]:
-    """Return the conditions of source S0, table T3, and its multi-gait sequence (row N5).
+    """Return the conditions of [QuadrupedLPTN, table 3; multi-gait test].
 
     Another day, with an hour of rest before each, and a loaded trot without a log before "cooling".
     """

@@ -1,7 +1,7 @@
 """Draw the true parameters of the virtual leg.
 
-The nominal values follow the virtual robot of source S0: gear 9.1, torque constant 0.0927 N·m/A and
-0.15 ohm give 0.211 W/(N·m)² at the joint.
+The nominal values are plausible for a quadruped of the size of a Unitree A1: gear 9.1, torque constant 0.0927 N·m/A
+and 0.15 ohm give 0.211 W/(N·m)² at the joint.
 """
 
 from __future__ import annotations

@@ -1,0 +1,179 @@
+"""The works that the package builds on, and the citations that name them.
+
+A citation stands in square brackets: `[Geyer1992]`, `[Chen2017, eq. 2.6]`, `[QuadrupedLPTN, eq. 7, 8; table 1]`. The
+works are in `references.toml` beside this file; adding one there is all it takes to cite it.
+"""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+
+from lptn.errors import InputError
+
+FILE = Path(__file__).with_name("references.toml")
+
+_KEY = r"[A-Z][A-Za-z]+(?:\d+(?:-\d+)?)?"
+_KIND = r"(?:eq\.|table|fig\.|sec\.|chapter|appendix|application|multi-gait test)"
+_CITATION = re.compile(rf"\[(?P<key>{_KEY})(?:,\s+(?P<places>{_KIND}[^\[\]]*))?\]")
+_RANGE = re.compile(r"(\d+) to (\d+)")
+
+
+@dataclass(frozen=True)
+class Reference:
+    """One work of the bibliography.
+
+    Args:
+        key: what citations name it by.
+        title: as printed.
+        authors: initials and surname each; empty where the work names none.
+        year: of publication; `None` where the work names none.
+        published: journal, university or publisher.
+        named: what stands for the authors where there are none.
+        doi: without `https://doi.org/`; empty where none is printed in the source.
+        url: empty where none is printed in the source.
+        note: what a reader must know to find the cited place.
+        places: the equations, tables and sections that may be cited, with what stands there.
+        errata: what is printed wrong at a place, and what is right.
+    """
+
+    key: str
+    title: str
+    authors: tuple[str, ...] = ()
+    year: int | None = None
+    published: str = ""
+    named: str = ""
+    doi: str = ""
+    url: str = ""
+    note: str = ""
+    places: Mapping[str, str] = field(default_factory=dict)
+    errata: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def short(self) -> str:
+        """Authors and year, as a text names the work: `Rao et al. (1998)`."""
+        surnames = [author.rsplit(". ", 1)[-1] for author in self.authors]
+        many = len(surnames) > 2
+        who = f"{surnames[0]} et al." if many else " and ".join(surnames) or self.named
+        return who if self.year is None else f"{who} ({self.year})"
+
+    @property
+    def full(self) -> str:
+        """Authors, year, title and where it was published, as a list of references has it."""
+        who = ", ".join(self.authors)
+        head = " ".join(part for part in (who, "" if self.year is None else f"({self.year})") if part)
+        where = ", ".join(part for part in (self.published, self.doi and f"doi:{self.doi}", self.url) if part)
+        return ". ".join(part for part in (head, self.title, where) if part) + "." + (self.note and f" {self.note}")
+
+
+@dataclass(frozen=True)
+class Citation:
+    """A work and the places in it that a text cites, such as `("eq. 7", "eq. 8")`; no place stands for all of it."""
+
+    reference: Reference
+    places: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        """In words: the work, and each place with what stands there."""
+        said = "; ".join(f"{place} ({self.reference.places[place]})" for place in self.places)
+        return f"{self.reference.short}, {said}" if said else self.reference.short
+
+    @property
+    def errata(self) -> tuple[str, ...]:
+        """What is printed wrong at the cited places."""
+        return tuple(
+            f"{place}: {self.reference.errata[place]}" for place in self.places if place in self.reference.errata
+        )
+
+
+@cache
+def bibliography() -> Mapping[str, Reference]:
+    """All works by key, in the order of the file.
+
+    Raises:
+        InputError: `references.toml` has an entry that is none.
+    """
+    entries = tomllib.loads(FILE.read_text(encoding="utf-8"))
+    return {key: _reference(key, entry) for key, entry in entries.items()}
+
+
+def reference(key: str) -> Reference:
+    """The work of this key.
+
+    Raises:
+        InputError: the bibliography has no such work.
+    """
+    works = bibliography()
+    if key not in works:
+        raise InputError(FILE.name, key, "no such work", f"one of {', '.join(works)}")
+    return works[key]
+
+
+def citations(text: str) -> tuple[Citation, ...]:
+    """The citations in a text, in its order.
+
+    A bracket is a citation when it names a place, or when its key ends with a year or is in the bibliography:
+    `[Wh]` is none, `[Wu1986]` is.
+
+    Raises:
+        InputError: a citation names a work or a place that the bibliography hasn't.
+    """
+    brackets = (match for match in _CITATION.finditer(text) if match["places"] or _is_work(match["key"]))
+    return tuple(Citation(reference(match["key"]), _places(match["key"], match["places"] or "")) for match in brackets)
+
+
+def cite(text: str) -> str:
+    """A text's citations in words: `Chen (2017), eq. 2.4 (winding loss I²R_m)`.
+
+    Raises:
+        InputError: a citation names a work or a place that the bibliography hasn't.
+    """
+    return "; ".join(map(str, citations(text)))
+
+
+def works_cited(texts: Iterable[str]) -> tuple[Reference, ...]:
+    """The works that texts cite, each once, in the order of the bibliography.
+
+    Raises:
+        InputError: a citation names a work or a place that the bibliography hasn't.
+    """
+    keys = {citation.reference.key for text in texts for citation in citations(text)}
+    return tuple(work for key, work in bibliography().items() if key in keys)
+
+
+def _is_work(key: str) -> bool:
+    return key in bibliography() or bool(re.search(r"[a-z](1[89]|20)\d\d$", key))
+
+
+def _places(key: str, text: str) -> tuple[str, ...]:
+    """`eq. 7, 8; table 1` as eq. 7, eq. 8, table 1; `eq. 2 to 4` as all three."""
+    places = reference(key).places
+    named: list[str] = []
+    for part in " ".join(text.split()).split("; ") if text else ():
+        kind, _, numbers = part.partition(" ")
+        spread = _RANGE.sub(lambda ends: ", ".join(map(str, range(int(ends[1]), int(ends[2]) + 1))), numbers)
+        named += [part] if part in places else [f"{kind} {number}" for number in re.split(r", (?:and )?| and ", spread)]
+    for place in named:
+        if place not in places:
+            raise InputError(FILE.name, key, f"the cited place '{place}'", f"one of {', '.join(places) or 'none'}")
+    return tuple(named)
+
+
+def _reference(key: str, entry: Mapping[str, object]) -> Reference:
+    named = {"named" if name == "short" else name: value for name, value in entry.items()}
+    try:
+        work = Reference(
+            key, **{name: tuple(value) if isinstance(value, list) else value for name, value in named.items()}
+        )
+    except TypeError as error:
+        raise InputError(FILE.name, key, str(error), "title, authors, year, published, short, doi, url, note") from None
+    unknown = [place for place in work.errata if place not in work.places]
+    if unknown or not (work.authors or work.named):
+        raise InputError(
+            FILE.name, key, f"errata of {unknown}" if unknown else "no authors", "places, and authors or short"
+        )
+    return work
