@@ -81,9 +81,8 @@ def quadruped_logs(
         seed: 0 or above; draws parameters, movements, events and noise.
         runs: a plan's name: "protocol" (table 1: 25 runs), "tests" (table 3 and the multi-gait test: 7 runs), "trial"
             (60 min twice to fit, 40 min to hold out), "hour" (30 min twice to fit), "swing" (as "trial", with an
-            ambient that
-            steps by 8 K), "forecast" (20 trots past 60 degC), "monitor" (50 healthy logs, 50 with a sensor's fault);
-            or runs of your own by name.
+            ambient that steps by 8 K), "forecast" (20 trots past 60 degC), "monitor" (50 healthy logs, 50 with a
+            sensor's fault); or runs of your own by name.
         level: "none", "default" or "strong": hidden errors of each run, of the ambient's sensor, of the joints'
             conductances to air and of the battery's heat. ``None``: "default" for full physics, "none" for plain.
         physics: "full" has more than any model under test; "plain" is a baseline of one mass a joint, the computer,
