@@ -50,3 +50,10 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Build]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_STATE_HOME", str(folder))
         yield build
+
+
+def unknowns_and_knowns(exported: Exported) -> tuple[list[int], list[int]]:
+    """Value references of all that FMI differentiates, and of all that it differentiates by."""
+    component = exported.component
+    unknowns = [variable.reference for variable in component.of("state", "rate", "output", "admissible", "forecast")]
+    return unknowns, [variable.reference for variable in component.of("state", "input", "parameter")]

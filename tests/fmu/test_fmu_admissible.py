@@ -16,13 +16,13 @@ from lptn.arrays import FloatArray
 from lptn.cli import main
 from lptn.effects.copper_loss import CopperLoss
 from lptn.errors import InputError
-from lptn.fmu import Exported, Session, export
+from lptn.fmu import Session, export
 from lptn.fmu.component import DEFAULT_LIMIT
 from lptn.model import Model
 from lptn.planners import Limiter
 from tests.builders import AMBIENT, effect, leg, link, node
-from tests.fmu.conftest import Build, network
-from tests.fmu.drives import ZERO
+from tests.fmu.conftest import Build, network, unknowns_and_knowns
+from tests.fmu.truth import ZERO
 
 from lptn.network import Network  # isort: skip
 
@@ -124,12 +124,6 @@ def test_fmpy_finds_no_fault(fmi: int, solver: str, tmp_path: Path) -> None:
 # --- derivatives ----------------------------------------------------------------------------------------
 
 
-def _lists(exported: Exported) -> tuple[list[int], list[int]]:
-    component = exported.component
-    unknowns = [variable.reference for variable in component.of("state", "rate", "output", "admissible", "forecast")]
-    return unknowns, [variable.reference for variable in component.of("state", "input", "parameter")]
-
-
 @pytest.mark.parametrize("fmi", [2, 3])
 @pytest.mark.parametrize("case", ["loaded", "too hot"])
 def test_forward_derivatives_are_those_of_differences(case: str, fmi: int, built: Build) -> None:
@@ -154,7 +148,7 @@ def test_forward_derivatives_are_those_of_differences(case: str, fmi: int, built
 @pytest.mark.parametrize("case", ["loaded", "too hot"])
 def test_adjoint_and_forward_derivatives_are_one(case: str, built: Build) -> None:
     exported = built("leg", 3, admissible=True)
-    unknowns, knowns = _lists(exported)
+    unknowns, knowns = unknowns_and_knowns(exported)
     rng = np.random.default_rng(6)
     down, up = rng.normal(size=len(knowns)), rng.normal(size=len(unknowns))
     with Session(exported.path, values=_values(*CASES[case])) as session:
@@ -196,18 +190,18 @@ def test_a_model_without_torques_is_refused(tmp_path: Path) -> None:
 def test_the_command_adds_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
-    assert _told("new", "leg", "-o", "leg.toml") == 0
+    assert _exit_code("new", "leg", "-o", "leg.toml") == 0
     words = ["fmu", "leg.toml", "-o", "x.fmu", "--platforms", "source", "--limit", "60", "--limit", "FR_calf=70"]
-    assert _told(*words, "--current-limit", "20") == 2
-    assert _told(*words, "--admissible", "--current-limit", "much") == 2
+    assert _exit_code(*words, "--current-limit", "20") == 2
+    assert _exit_code(*words, "--admissible", "--current-limit", "much") == 2
     assert not Path("x.fmu").exists()
-    assert _told(*words, "--admissible", "--current-limit", "20") == 0
+    assert _exit_code(*words, "--admissible", "--current-limit", "20") == 0
     variables = {variable.name: variable for variable in fmpy.read_model_description("x.fmu").modelVariables}
     assert set(NAMES) <= set(variables)
     assert float(variables["FR_calf.temperature_limit"].start) == 70.0 + ZERO
 
 
-def _told(*words: str) -> int | str | None:
+def _exit_code(*words: str) -> int | str | None:
     """How `lptn` ends."""
     with pytest.raises(SystemExit) as ended:
         main(list(words))

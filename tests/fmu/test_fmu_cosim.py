@@ -7,6 +7,7 @@ import json
 import stat
 import zipfile
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import fmpy.validation
@@ -15,9 +16,12 @@ import pandas as pd
 import pytest
 
 from lptn.cli import main
+from lptn.fmu import cosimulate, export
+from lptn.model_file import parse_model
 from lptn.robots import presets
+from tests.builders import effect
 from tests.fmu.conftest import Build
-from tests.fmu.drives import leg_by_hand
+from tests.fmu.truth import leg_by_hand
 
 STEP = 2.0
 
@@ -89,6 +93,26 @@ def test_inputs_in_straight_lines_differ_from_held_ones(fmi: int, built: Build, 
     found = tmp_path / "found.json"
     _run("cosim", built("leg", fmi).path, log, "--ramps", "--json", found)
     assert 1e-3 < json.loads(found.read_text())["all"]["rmse"] < 0.5  # the log was made with held inputs
+
+
+@pytest.mark.usefixtures("built")  # the trust store in a folder of its own
+def test_cosimulation_says_to_the_fmu_which_run_it_is(tmp_path: Path) -> None:
+    model = parse_model(presets()["leg"], tmp_path / "leg.toml")
+    confined = model.with_effects([replace(effect("constant_heat", "FR_calf", power=8.0), run="hot")])
+    path = export(confined, tmp_path / "leg.fmu").path
+    ends = {}
+    for name in ("hot", "cool"):
+        rng, n = np.random.default_rng(1), 300
+        table = pd.DataFrame({"time": 2.0 * np.arange(n), "temperature.ambient": 22.0})
+        for joint in ("FR_hip", "FR_thigh", "FR_calf"):
+            table[f"temperature.{joint}"] = 22.0
+            table[f"torque.{joint}"] = rng.uniform(0.0, 4.0, n // 20).repeat(20)
+        table.to_csv(tmp_path / f"{name}.csv", index=False)
+        done = cosimulate(path, [tmp_path / f"{name}.csv"])
+        assert done.from_model is not None
+        assert done.from_model < 1e-3
+        ends[name] = done.runs[0].readings[:, -1]
+    assert ends["hot"][2] - ends["cool"][2] > 3.0
 
 
 def test_a_refused_table_or_model_writes_nothing(

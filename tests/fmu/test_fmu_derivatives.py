@@ -1,17 +1,20 @@
-"""Directional and adjoint derivatives of all outputs against differences; output slopes; updates; Model Exchange."""
+"""Directional and adjoint derivatives of all outputs; output slopes; updates; Model Exchange; CasADi as importer."""
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
+from zipfile import ZipFile
 
+import casadi as ca
 import fmpy
 import numpy as np
 import pytest
 
 from lptn.arrays import FloatArray
 from lptn.fmu import Exported, Session
-from tests.fmu.conftest import Build
-from tests.fmu.drives import ZERO, leg_by_hand
+from tests.fmu.conftest import Build, unknowns_and_knowns
+from tests.fmu.truth import ZERO, leg_by_hand
 
 WARM = {"FR_calf.torque": 12.0, "FR_hip.torque": 6.0, "FR_thigh.torque": 9.0, "FR_calf.temperature": 345.0}
 
@@ -25,17 +28,10 @@ def _reverse(session: Session, unknowns: list[int], knowns: list[int], seed: Flo
     return np.array(session._fmu.getAdjointDerivative(unknowns, knowns, seed.tolist(), len(knowns)))
 
 
-def _lists(exported: Exported) -> tuple[list[int], list[int]]:
-    component = exported.component
-    unknowns = [variable.reference for variable in component.of("state", "rate", "output", "forecast")]
-    knowns = [variable.reference for variable in component.of("state", "input", "parameter")]
-    return unknowns, knowns
-
-
 @pytest.mark.parametrize(("fmi", "solver"), [(2, "rk4"), (3, "rk4"), (3, "ros2")])
 def test_forward_derivatives_are_those_of_differences(fmi: int, solver: str, built: Build) -> None:
     exported = built("leg", fmi, solver)
-    unknowns, knowns = _lists(exported)
+    unknowns, knowns = unknowns_and_knowns(exported)
     starts = {v.name: v.start for v in exported.component.of("state", "input", "parameter")} | WARM
     names, every = list(starts), [exported.component.variables[reference].name for reference in unknowns]
     rng = np.random.default_rng(4)
@@ -57,7 +53,7 @@ def test_forward_derivatives_are_those_of_differences(fmi: int, solver: str, bui
 @pytest.mark.parametrize("name", ["leg", "everything"])
 def test_adjoint_and_forward_derivatives_are_one(name: str, built: Build) -> None:
     exported = built(name)
-    unknowns, knowns = _lists(exported)
+    unknowns, knowns = unknowns_and_knowns(exported)
     rng = np.random.default_rng(6)
     values = (
         WARM if name == "leg" else {"a.temperature": 340.0, "a.torque": 9.0, "base.speed": 1.0, "b.velocity_rms": 2.0}
@@ -129,3 +125,75 @@ def test_model_exchange_by_fmpy_with_constant_inputs(fmi: int, built: Build) -> 
     expected = leg_by_hand(np.tile([290.0 - ZERO, 0.0, 0.0, 5.0], (10, 1)), 10.0)
     temperatures = np.array([[row[name] for name in names] for row in found[1:]]) - ZERO
     assert np.abs(temperatures - expected).max() < 1e-4
+
+
+# --- CasADi takes an FMU back in: its Jacobians are those of the symbolic model -----------------------
+
+
+def _imported(exported: Exported, folder: Path) -> ca.DaeBuilder:
+    with ZipFile(exported.path) as archive:
+        archive.extractall(folder)
+    return ca.DaeBuilder("again", str(folder))
+
+
+class _Point:
+    """A point in kelvin, and the symbolic model's derivatives there."""
+
+    def __init__(self, exported: Exported, imported: ca.DaeBuilder) -> None:
+        component, model = exported.component, exported.component.model
+        rng = np.random.default_rng(5)
+        self.x = rng.uniform(290.0, 350.0, len(model.states))
+        hot = np.array([variable.celsius for variable in component.of("input")])
+        self.u = np.where(hot, 295.0, rng.uniform(0.5, 5.0, len(model.inputs)))
+        self.p = np.array([variable.start for variable in component.of("parameter")])
+        assert [component.names[name].kind for name in imported.p()] == ["parameter"] * len(self.p)
+        known = len(model.unknowns)
+        raised = np.array([ZERO if unknown.declared.unit == "degC" else 0.0 for unknown in model.unknowns])
+        point = (self.x - ZERO, self.u - np.where(hot, ZERO, 0.0), self.p[:known] - raised)
+        symbols = model.symbols
+        by_input = ca.Function(
+            "B", [symbols.x, symbols.u, symbols.p], [ca.densify(ca.jacobian(symbols.rates, symbols.u))]
+        )
+        self.by_state = model.state_jacobian(*point).full()
+        self.by_input = by_input(*point).full()
+        self.by_parameter = np.zeros((len(self.x), len(self.p)))
+        self.by_parameter[:, :known] = model.parameter_jacobian(*point).full()
+
+    def agrees(self, jacobians: Any) -> bool:
+        for found, expected in zip(jacobians, (self.by_state, self.by_input, self.by_parameter), strict=True):
+            if np.abs(np.array(ca.DM(found)) - expected).max() > 1e-10:
+                return False
+        return True
+
+
+@pytest.mark.parametrize(("name", "fmi"), [("leg", 2), ("leg", 3), ("everything", 3), ("quadruped", 3)])
+def test_jacobians_before_and_after_an_adjoint_call(name: str, fmi: int, built: Build, tmp_path: Path) -> None:
+    exported = built(name, fmi)
+    imported = _imported(exported, tmp_path)
+    point = _Point(exported, imported)
+    jacobians = imported.create("J", ["x", "u", "p"], ["jac_ode_x", "jac_ode_u", "jac_ode_p"])
+    assert point.agrees(jacobians(point.x, point.u, point.p))
+    if fmi == 3:
+        rates = imported.create("rates", ["x", "u", "p"], ["ode"])
+        seed = np.linspace(-1.0, 2.0, len(point.x))
+        back = rates.reverse(1)(point.x, point.u, point.p, rates(point.x, point.u, point.p), seed)
+        expected = (seed @ point.by_state, seed @ point.by_input, seed @ point.by_parameter)
+        for found, row in zip(back, expected, strict=True):
+            assert np.abs(np.array(ca.DM(found)).ravel() - row).max() < 1e-10
+        assert point.agrees(jacobians(point.x, point.u, point.p))
+
+
+def test_a_simulation_of_the_import_is_the_models(built: Build, tmp_path: Path) -> None:
+    """Model Exchange by CasADi's CVODES: the same end as the model's own."""
+    exported = built("leg")
+    imported, model = _imported(exported, tmp_path), exported.component.model
+    rates = imported.create("rates", ["x", "u", "p"], ["ode"])
+    x, u, p = ca.MX.sym("x", 3), ca.MX.sym("u", 4), ca.MX.sym("p", len(imported.p()))
+    again = ca.integrator(
+        "again", "cvodes", {"x": x, "u": u, "p": p, "ode": rates(x, u, p)}, 0.0, 300.0, {"reltol": 1e-10}
+    )
+    inputs = np.array([20.0, 3.0, -4.0, 5.0])
+    start = np.array([variable.start for variable in exported.component.of("parameter")])
+    end = again(x0=np.full(3, 298.15), u=inputs + np.array([ZERO, 0, 0, 0]), p=start)["xf"].full().ravel() - ZERO
+    own = model.run(3000)(np.full(3, 25.0), np.repeat(inputs[:, None], 3000, axis=1), model.values, 0.1).full()[:, -1]
+    assert np.abs(end - own).max() < 1e-6

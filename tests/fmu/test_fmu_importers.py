@@ -15,7 +15,7 @@ import pytest
 from lptn.arrays import FloatArray
 from lptn.fmu import Exported
 from tests.fmu.conftest import Build
-from tests.fmu.drives import ZERO, in_kelvin, leg_by_hand, solved, steps
+from tests.fmu.truth import ZERO, in_kelvin, leg_by_hand, solved, steps
 
 DRIVER = Path(__file__).with_name("drive_importer.py")
 STEP = 0.5

@@ -1,14 +1,26 @@
-"""Co-Simulation by itself: steps of any size, straight-line inputs, stiff networks, tuning, heat flows, forecasts."""
+"""Co-Simulation by itself against independent solutions: steps, inputs, tuning, heat flows, forecasts, golden FMUs."""
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from zipfile import ZipFile
+
 import numpy as np
+import pandas as pd
 import pytest
+from fmpy.validation import validate_fmu
 
 from lptn.effects import LinkEffect, LossEffect, catalogue
-from lptn.fmu import FmuError, Session
+from lptn.fmu import FmuError, Session, export
+from lptn.model import Model
+from lptn.model_file import parse_model
+from lptn.robots import presets
+from tests.builders import effect, with_every_effect
 from tests.fmu.conftest import Build
-from tests.fmu.drives import ROOM, ZERO, bead_and_motor_by_hand, in_kelvin, leg_by_hand, solved, steps
+from tests.fmu.truth import ROOM, ZERO, bead_and_motor_by_hand, in_kelvin, leg_by_hand, solved, steps
 
 
 def _temperatures(session: Session, rows: np.ndarray, step: float, ramps: bool = False) -> np.ndarray:
@@ -190,3 +202,83 @@ def test_a_step_that_runs_away_is_taken_back(built: Build) -> None:
         session.inputs[session.input_names.index("a.torque")] = 1.0
         session.time = session.read(["time"])[0]
         session.step(1.0)
+
+
+# --- effects of one run -------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def trusted(tmp_path: Path) -> Iterator[Path]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_STATE_HOME", str(tmp_path))
+        yield tmp_path
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_every_effect_of_a_run_of_any_name(fmi: int, trusted: Path) -> None:
+    every = with_every_effect()
+    confined = [replace(effect(key), run="2026.11.21 ~hot~ {1}") for key in catalogue()]
+    model = Model(every.with_effects(confined))
+    path = export(model, trusted / "x.fmu", fmi=fmi).path
+    assert validate_fmu(str(path)) == []
+    states = [variable.name for variable in export(model, trusted / "y.fmu", platforms=()).component.of("state")]
+    inputs = np.abs(steps(model, 20))
+    on = model.in_run("2026.11.21 ~hot~ {1}", model.values)
+    with Session(path, outputs=states) as session:
+        (indicator,) = (name for name in session.variables if name.endswith(".run"))
+        for flag, values in ((0.0, model.values), (1.0, on)):
+            session.reset({indicator: flag})
+            found = []
+            for row in in_kelvin(model, inputs):
+                session.inputs[:] = row
+                found.append(session.step(2.0).copy())
+            assert (
+                np.abs(np.array(found) - ZERO - solved(model, inputs, 2.0, values=values)).max() < 1e-5
+            )  # RK4 of its own step
+    assert not np.array_equal(on, model.values)
+
+
+# --- golden FMUs --------------------------------------------------------------------------------------
+
+
+REFERENCE = Path(__file__).parents[2] / "fmu" / "reference"
+
+
+def _apart(fmu: Path, name: str) -> float:
+    """The largest difference between an FMU and the reference [K]."""
+    inputs = pd.read_csv(REFERENCE / name / f"{name}_in.csv")
+    expected = pd.read_csv(REFERENCE / name / f"{name}_ref.csv")
+    outputs, driven = [*expected.columns[1:]], [*inputs.columns[1:]]
+    with Session(fmu, inputs=driven, outputs=outputs, trust=True) as session:
+        found = [session.outputs.copy()]
+        for row, step in zip(inputs.iloc[::2].to_numpy(), np.diff(expected["time"]), strict=True):
+            session.inputs[:] = row[1:]
+            found.append(session.step(float(step)).copy())
+    return float(np.abs(np.array(found) - expected[outputs].to_numpy()).max())
+
+
+def test_each_preset_has_its_folder() -> None:
+    folders = {path.name for path in REFERENCE.iterdir() if path.is_dir() and not path.name.startswith("__")}
+    assert folders == set(presets())
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the stored libraries are for Linux")
+@pytest.mark.parametrize("name", presets())
+def test_the_stored_fmu_gives_the_reference(name: str) -> None:
+    assert _apart(REFERENCE / name / f"{name}.fmu", name) < 1e-6
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+@pytest.mark.parametrize("name", presets())
+def test_the_stored_description_is_what_export_writes(name: str, fmi: int, tmp_path: Path) -> None:
+    exported = export(parse_model(presets()[name], Path(f"{name}.toml")), tmp_path / "x.fmu", fmi=fmi, platforms=())
+    with ZipFile(exported.path) as archive:
+        new = archive.read("modelDescription.xml").decode()
+    stored = (REFERENCE / name / f"FMI{fmi}.xml").read_text()
+    # All but the head, which holds date, version and token; `fmu/reference/make.py` brings the stored one up to date.
+    assert new.partition("<ModelExchange")[2] == stored.partition("<ModelExchange")[2]
+
+
+@pytest.mark.parametrize(("name", "fmi"), [("leg", 2), ("leg", 3), ("quadruped", 3)])
+def test_a_new_fmu_gives_the_reference(name: str, fmi: int, built: Build) -> None:
+    assert _apart(built(name, fmi).path, name) < 1e-6
