@@ -14,8 +14,8 @@ from typing import Any
 
 import casadi as ca
 
-from lptn.errors import InputError
-from lptn.model import Model
+from lptn.basics.errors import InputError
+from lptn.model.model import Model
 from lptn.planners import Limiter
 
 from .variables import ZERO_CELSIUS, structured_name

@@ -17,7 +17,7 @@ from collections.abc import Iterable
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from lptn.errors import InputError
+from lptn.basics.errors import InputError
 
 from .trust import is_own
 

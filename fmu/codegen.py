@@ -11,8 +11,8 @@ from typing import Any, Literal, get_args
 import casadi as ca
 import numpy as np
 
-from lptn.arrays import BoolArray, FloatArray
-from lptn.errors import InputError
+from lptn.basics.arrays import BoolArray, FloatArray
+from lptn.basics.errors import InputError
 
 from .component import Component
 from .variables import Kind, Variable
@@ -189,7 +189,7 @@ def _depends(entries: Any, symbols: Any) -> BoolArray:
 def _dependents_on_the_whole_model(component: Component) -> list[Dependent]:
     """Admissible torques run the model against all limits; a forecast against its own limit, up to the horizon."""
     parameters = [variable.reference for variable in component.of("parameter")]
-    own = len(component.model.unknowns)
+    own = len(component.model.parameters)
     common = [variable.reference for variable in component.of("state", "input")] + parameters[:own]
     limits = [parameters[index] for index in component.limited]
     dependencies = [(variable, [*common, *limits]) for variable in component.of("admissible")]

@@ -16,7 +16,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Literal
 
-from lptn.errors import InputError
+from lptn.basics.errors import InputError
 
 Compiler = Literal["auto", "zig", "cc"]
 _FLAGS = (

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any, get_args
 
 import casadi as ca
 
+from lptn.basics.errors import InputError
+from lptn.basics.parameters import ParameterInstance
+from lptn.basics.places import matching
 from lptn.effects import EdgeEffect, GroupEffect, LinkEffect, LossEffect, MassEffect, NodeEffect, SensorEffect
-from lptn.errors import InputError
-from lptn.model import Model
-from lptn.network import Link, Use
-from lptn.parameters import Unknown
-from lptn.places import matching
+from lptn.model.model import Model
+from lptn.model.network import EffectInstance, Link
 
 from .variables import (
     ZERO_CELSIUS,
@@ -114,9 +114,9 @@ def component(
     return builder.build()
 
 
-def _by_node(model: Model, given: Mapping[str, float] | float | None, default: float, where: str) -> dict[str, float]:
+def _by_node(model: Model, values: Mapping[str, float] | float | None, default: float, where: str) -> dict[str, float]:
     """A temperature [degC] for each node; the last pattern that matches wins."""
-    table = {"*": default} | ({} if given is None else dict(given) if isinstance(given, Mapping) else {"*": given})
+    table = {"*": default} | ({} if values is None else dict(values) if isinstance(values, Mapping) else {"*": values})
     temperatures: dict[str, float] = {}
     for pattern, value in table.items():
         nodes = matching(pattern, model.nodes)
@@ -141,13 +141,13 @@ class _Builder:
         self.model, self.limits, self.start = model, limits, start
         self.admissible: Admissible | None = None
         self.variables = [Variable("time", 0, "time", "s", None, "Simulation time")]
-        self.model_parameters = len(model.unknowns)
+        self.model_parameters = len(model.parameters)
         self.limited = tuple(range(self.model_parameters, self.model_parameters + len(model.nodes)))
         self.x, self.u = ca.SX.sym("x", len(model.states)), ca.SX.sym("u", len(model.inputs))
         self.p = ca.SX.sym("p", self.model_parameters + len(model.nodes) + 2)
         # What the component's values exceed the model's by: kelvin here, degC there.
         self.input_offsets = [celsius_offset(column_unit(column)) for column in model.inputs]
-        self.parameter_offsets = [celsius_offset(parameter.declared.unit) for parameter in model.unknowns]
+        self.parameter_offsets = [celsius_offset(parameter.declared.unit) for parameter in model.parameters]
 
     def build(self) -> Component:
         self._add_states()
@@ -210,7 +210,7 @@ class _Builder:
             self._add(name, "input", unit, start, description, celsius=hot, minimum=0.0 if hot else None)
 
     def _add_parameters(self) -> None:
-        for parameter in self.model.unknowns:
+        for parameter in self.model.parameters:
             self._add_parameter(parameter)
         for node in self.model.nodes:
             name, limit = structured_name(node, "temperature_limit"), self.limits[node] + ZERO_CELSIUS
@@ -221,7 +221,7 @@ class _Builder:
         description = "How far time_to_limit looks ahead; it shows this where no limit is reached before"
         self._add("limiter.horizon", "parameter", "s", _HORIZON, description, minimum=1e-3, maximum=1e7)
 
-    def _add_parameter(self, parameter: Unknown) -> None:
+    def _add_parameter(self, parameter: ParameterInstance) -> None:
         declared, unit = parameter.declared, parameter.declared.unit
         hot = unit == "degC"
         lower, upper = declared.bounds
@@ -250,9 +250,11 @@ class _Builder:
         def of_component(expression: Any) -> Any:
             return ca.substitute([expression], [own.x, own.u, own.p], arguments)[0]
 
-        effects = self.model.network.uses
-        sensed = {effect.ends[0] for effect in effects if isinstance(effect.effect, SensorEffect)}
-        driven = {effect.ends[0] for effect in effects if {"torque", "current"} & set(effect.effect.needed())}
+        instances = self.model.network.effect_instances
+        sensed = {instance.ends[0] for instance in instances if isinstance(instance.effect, SensorEffect)}
+        with_torque = {
+            instance.ends[0] for instance in instances if {"torque", "current"} & set(instance.effect.needed())
+        }
         for node, reading in zip(self.model.nodes, ca.vertsplit(own.readings), strict=True):
             if node in sensed:
                 name, description = structured_name(node, "reading"), f"What the sensor of {node} reads"
@@ -263,7 +265,7 @@ class _Builder:
             outputs.append(of_component(flow.expression))
         band = self.p[self.model_parameters + len(self.model.nodes)]
         for row, node in enumerate(self.model.nodes):
-            if node in driven:
+            if node in with_torque:
                 description = f"Factor that a thermal limiter puts on the torque of {node}"
                 self._add(structured_name(node, "torque_scale"), "output", "1", None, description)
                 outputs.append(ca.fmin(1, ca.fmax(0, (self.p[self.limited[row]] - self.x[row]) / band)))
@@ -320,7 +322,7 @@ def heat_flows(model: Model) -> list[HeatFlow]:
     """
     flows = _HeatFlows(model)
     of_links = [flows.of_link(link) for link in model.network.resistors]
-    return of_links + [flow for effect in model.network.uses for flow in flows.of_effect(effect)]
+    return of_links + [flow for effect in model.network.effect_instances for flow in flows.of_effect(effect)]
 
 
 class _HeatFlows:
@@ -332,7 +334,7 @@ class _HeatFlows:
         one, other = sorted(ends, key=lambda name: (name in self.network.prescribed, name))
         return one, other
 
-    def _away(self, link: Link, source: str, left_out: Use | None = None) -> Any:
+    def _away(self, link: Link, source: str, left_out: EffectInstance | None = None) -> Any:
         """Heat that a link carries away from one of its ends, perhaps with one effect left out."""
         inward = self.balance.exchange(link, left_out)
         return -inward if link.ends[0] == source else inward
@@ -341,7 +343,7 @@ class _HeatFlows:
         source, target = self._ordered(link.ends)
         return HeatFlow(source, target, "", False, self._away(link, source))
 
-    def of_effect(self, instance: Use) -> list[HeatFlow]:
+    def of_effect(self, instance: EffectInstance) -> list[HeatFlow]:
         effect, node, label = instance.effect, instance.ends[0], instance.name
         if isinstance(effect, EdgeEffect):
             one, other = self._ordered(instance.ends)
@@ -356,13 +358,15 @@ class _HeatFlows:
             return [HeatFlow(node, "", label, False, self.balance.heat_of(instance))]
         if isinstance(effect, LossEffect):
             bases = [
-                base for base in self.network.uses if base.effect.key == effect.acts_on and base.ends == instance.ends
+                base
+                for base in self.network.effect_instances
+                if base.effect.key == effect.acts_on and base.ends == instance.ends
             ]
             added = (self.balance.heat_of(base) - self.balance.heat_of(base, instance) for base in bases)
             return [HeatFlow(node, "", label, True, sum(added, start=ca.SX(0)))]
         return [self._of_link_effect(instance)] if isinstance(effect, LinkEffect) else []
 
-    def _of_link_effect(self, instance: Use) -> HeatFlow:
+    def _of_link_effect(self, instance: EffectInstance) -> HeatFlow:
         (link,) = (link for link in self.network.resistors if set(link.ends) == set(instance.ends))
         node, around = instance.ends
         added = self._away(link, node, instance) - self._away(link, node)

@@ -9,16 +9,16 @@ from pathlib import Path
 
 import numpy as np
 
-from lptn.arrays import FloatArray
-from lptn.compare import Errors, predict
-from lptn.errors import InputError
-from lptn.evidence import evidence
-from lptn.logs import Run, read_log
-from lptn.model import Model
-from lptn.model_file import load_model, parse_model
-from lptn.noise import balanced_sigma, estimate_noise
-from lptn.opening import Opened
-from lptn.simulate import drive, over_steps
+from lptn.basics.arrays import FloatArray
+from lptn.basics.errors import InputError
+from lptn.identify.comparison import Errors, predict
+from lptn.identify.data import LoadedModel, split_data
+from lptn.identify.noise import balanced_sigma, estimate_noise
+from lptn.logs.reading import read_log
+from lptn.logs.run import Run
+from lptn.model.file import parse_model, read_model_file
+from lptn.model.model import Model
+from lptn.simulate.simulation import bind, over_steps
 
 from .component import component
 from .session import Session
@@ -132,8 +132,8 @@ def cosimulate(
             plans = _plans_by_names(session, logs)
         else:
             inside = session.path / "resources" / "model.toml"
-            file = parse_model(text or "", inside) if model is None else load_model(Path(model))
-            loaded = Opened(file, Model(file.network), dict(mapped or {}))
+            file = parse_model(text or "", inside) if model is None else read_model_file(Path(model))
+            loaded = LoadedModel(file, Model(file.network), dict(mapped or {}))
             plans = _plans_by_model(loaded.model, loaded.runs([Path(log) for log in logs]))
         done = tuple(_cosimulated(session, plan, ramps) for plan in plans)
         return Cosimulation(Path(fmu), str(session.unpacked.description.fmiVersion), done)
@@ -164,17 +164,17 @@ class _Plan:
 
 def _plans_by_model(model: Model, runs: Sequence[Run]) -> list[_Plan]:
     """Runs as a model sees them: it says which columns count, and the starts are fitted with it."""
-    driven = [drive(model, run) for run in runs]
-    sigma = balanced_sigma(driven, estimate_noise(driven, model.nodes))
+    bound_runs = [bind(model, run) for run in runs]
+    sigma = balanced_sigma(bound_runs, estimate_noise(bound_runs, model.nodes))
     exported, inputs = component(model), tuple(from_column(column) for column in model.inputs)
     states, parameters = ([variable.name for variable in exported.of(kind)] for kind in ("state", "parameter"))
     plans = []
-    for part in evidence((), runs).holdout:
+    for part in split_data((), runs).holdout:
         prediction = predict(model, part, sigma)
         start = dict(zip(states, prediction.states[:, 0].tolist(), strict=True))
         values = model.in_run(part.run.name, model.values)
         start |= {parameters[index]: float(values[index]) for index in model.network.runs.values()}
-        bound = prediction.drive
+        bound = prediction.bound
         measured = np.where(bound.counted, bound.measured, np.nan)
         plans.append(_Plan(part.run, tuple(model.nodes), inputs, bound.inputs, measured, prediction.readings, start))
     return plans

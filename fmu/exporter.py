@@ -17,11 +17,11 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from lptn.errors import InputError
-from lptn.files import write_whole
-from lptn.model import Model
-from lptn.model_file import ModelFile, load_model
-from lptn.network import Network
+from lptn.basics.errors import InputError
+from lptn.basics.files import write_whole
+from lptn.model.file import ModelFile, read_model_file
+from lptn.model.model import Model
+from lptn.model.network import Network
 
 from .codegen import Integration, c_code, integration, jacobian_moves, structure
 from .compile import Compiler, Platform, compile_all, platforms_of, universal
@@ -148,7 +148,7 @@ def _loaded(model: Model | Network | ModelFile | str | Path) -> tuple[Model, str
         return model, None
     if isinstance(model, Network):
         return Model(model), None
-    file = model if isinstance(model, ModelFile) else load_model(Path(model))
+    file = model if isinstance(model, ModelFile) else read_model_file(Path(model))
     return Model(file.network), file.text
 
 

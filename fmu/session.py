@@ -10,8 +10,8 @@ from typing import Any, Self
 
 import numpy as np
 
-from lptn.arrays import FloatArray
-from lptn.errors import InputError
+from lptn.basics.arrays import FloatArray
+from lptn.basics.errors import InputError
 
 from .archive import Unpacked, import_fmpy
 
@@ -61,7 +61,7 @@ class Session:
             self.close()
             raise
 
-    # --- use ----------------------------------------------------------------------------------
+    # --- stepping ----------------------------------------------------------------------------------
 
     def step(self, step: float, ramp_to: FloatArray | None = None) -> FloatArray:
         """Set `inputs`, make a step, get `outputs`.

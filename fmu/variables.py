@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Literal
 
-from lptn.units import registry
+from lptn.basics.units import registry
 
 Kind = Literal["time", "state", "rate", "input", "parameter", "output", "admissible", "forecast"]
 ZERO_CELSIUS = 273.15  # K

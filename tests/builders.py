@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from lptn.arrays import FloatArray
+from lptn.basics.arrays import FloatArray
+from lptn.basics.parameters import Parameter, ParameterInstance
 from lptn.effects import Effect, ExcessEffect, LossEffect, catalogue
-from lptn.logs import Run
-from lptn.model import Model
-from lptn.network import EffectDeclaration, LinkDeclaration, Network, NodeDeclaration
-from lptn.parameters import Parameter, Unknown
+from lptn.logs.run import Run
+from lptn.model.model import Model
+from lptn.model.network import EffectDeclaration, LinkDeclaration, Network, NodeDeclaration
 
 LEG = ("FR_hip", "FR_thigh", "FR_calf")
 AMBIENT = NodeDeclaration("ambient", temperature="temperature.ambient")
@@ -114,9 +114,9 @@ def random_inputs(model: Model, rng: np.random.Generator) -> dict[str, float]:
     }
 
 
-def random_value(unknown: Unknown, rng: np.random.Generator) -> float:
+def random_value(parameter: ParameterInstance, rng: np.random.Generator) -> float:
     """An admissible value of the usual size."""
-    declared = unknown.declared
+    declared = parameter.declared
     lower, upper = declared.bounds
     size = abs(declared.typical)
     if lower > 0:

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from lptn.arrays import FloatArray
-from lptn.logs import Run
-from lptn.network import LinkDeclaration, Network, NodeDeclaration
+from lptn.basics.arrays import FloatArray
+from lptn.logs.run import Run
+from lptn.model.network import LinkDeclaration, Network, NodeDeclaration
 from tests.builders import AMBIENT, capacity, effect, make_run, resistance
 
 TRUTH = {

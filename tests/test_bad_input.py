@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from lptn.cli import main
-from lptn.robots import presets
+from lptn.cli.main import main
+from lptn.robots.presets import presets
 
 TIME = np.arange(0.0, 120.0)
 GOOD = pd.DataFrame(
@@ -178,7 +178,7 @@ def test_an_ending_that_cannot_be_written_is_said_before_the_work(
 ) -> None:
     (tmp_path / "model.toml").write_text(MODEL)
     GOOD.to_csv(tmp_path / "log.csv", index=False)
-    monkeypatch.setattr("lptn.opening.open_model", None)
+    monkeypatch.setattr("lptn.identify.data.open_model", None)
     words: list[object] = ["simulate", tmp_path / "model.toml", tmp_path / "log.csv", "-o", tmp_path / "x.xlsx"]
     assert ".csv or .parquet" in _refused(words, capsys)
 

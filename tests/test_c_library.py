@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from lptn.c_library import compiler, shared_library
-from lptn.stepping import stepper
+from lptn.basics.c_library import compiler, shared_library
+from lptn.simulate.steps import stepper
 from tests.builders import two_nodes
 
 SOURCES = {"one.c": "int one(void) { return 1; }\n"}
@@ -53,7 +53,7 @@ def test_no_library_is_taken_from_another_user_s_folder(cache: Path, monkeypatch
 def test_a_model_runs_interpreted_where_the_cache_is_not_trusted(cache: Path) -> None:
     cache.mkdir(parents=True)
     cache.chmod(0o777)
-    from lptn.model import Model
+    from lptn.model.model import Model
 
     model = Model(two_nodes())
-    assert not stepper(model, len(model.states), range(len(model.unknowns))).compile()
+    assert not stepper(model, len(model.states), range(len(model.parameters))).compile()

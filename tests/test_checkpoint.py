@@ -13,13 +13,14 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from lptn.checkpoint import Checkpoint, Kept, fingerprint_of
-from lptn.cli import main
-from lptn.evidence import evidence
-from lptn.identify import Point, Progress
-from lptn.model import Model
-from lptn.model_file import load_model
-from lptn.on_evidence import fit_parts, fit_parts_again
+from lptn.cli.main import main
+from lptn.identify.data import split_data
+from lptn.identify.fitting import Checkpoint, Kept, fingerprint_of
+from lptn.identify.problem import Point
+from lptn.identify.solvers import Progress
+from lptn.identify.validation import fit_parts, fit_parts_again
+from lptn.model.file import read_model_file
+from lptn.model.model import Model
 from tests.identify_truth import network, truth_run
 
 MODEL = """
@@ -81,7 +82,7 @@ def _lptn(*words: object) -> None:
 
 
 def test_the_same_as_without_a_checkpoint_and_nothing_left_behind(tmp_path: Path) -> None:
-    model, data = Model(network()), evidence([truth_run(seed=1), truth_run(900.0, seed=2)])
+    model, data = Model(network()), split_data([truth_run(seed=1), truth_run(900.0, seed=2)])
     checkpoint = Checkpoint("f" * 64, tmp_path, every=0.0)
     plain, again = fit_parts(model, data.fit), fit_parts_again(model, data.fit, checkpoint)
     np.testing.assert_allclose(again.model.values, plain.model.values, rtol=1e-9)  # step by step the same search
@@ -93,7 +94,7 @@ def test_the_same_as_without_a_checkpoint_and_nothing_left_behind(tmp_path: Path
 
 @pytest.mark.parametrize(("share", "coarse"), [(0.2, True), (1.0, False)])
 def test_a_fit_cut_off_anywhere_ends_at_the_same_optimum(tmp_path: Path, share: float, coarse: bool) -> None:
-    model, data = Model(network()), evidence([truth_run(4000.0, seed=1)])
+    model, data = Model(network()), split_data([truth_run(4000.0, seed=1)])
     checkpoint = Checkpoint("f" * 64, tmp_path, every=0.0)
     calls: list[int] = []
     whole = fit_parts_again(model, data.fit, checkpoint, progress=lambda number, _: calls.append(number))
@@ -111,7 +112,7 @@ def test_a_fit_cut_off_anywhere_ends_at_the_same_optimum(tmp_path: Path, share: 
 
 @pytest.mark.parametrize("late", [False, True])
 def test_ctrl_c_keeps_the_best_point_for_the_next_time(tmp_path: Path, late: bool) -> None:
-    model, data = Model(network()), evidence([truth_run(4000.0, seed=1)])
+    model, data = Model(network()), split_data([truth_run(4000.0, seed=1)])
     checkpoint = Checkpoint("f" * 64, tmp_path, every=1e9)
     calls: list[int] = []
     whole = fit_parts(model, data.fit, progress=lambda number, _: calls.append(number))
@@ -158,7 +159,7 @@ def test_kill_9_loses_no_more_than_the_last_seconds(
     _lptn(*words)
     assert "goes on" not in capsys.readouterr().out
     assert not list(cache.glob("lptn/fits/*"))
-    found = {unknown.name: unknown.value for unknown in load_model(fitted).network.unknowns}
+    found = {parameter.name: parameter.value for parameter in read_model_file(fitted).network.parameters}
     assert found["capacity.a"] == pytest.approx(120.0, rel=0.02)
 
 
@@ -187,7 +188,7 @@ def test_a_damaged_checkpoint_or_one_of_another_model_is_none(tmp_path: Path) ->
 def test_a_cache_that_can_not_be_written_costs_no_fit(tmp_path: Path) -> None:
     (tmp_path / "fits").write_text("a file")
     checkpoint = Checkpoint("f" * 64, tmp_path / "fits", every=0.0)
-    done = fit_parts_again(Model(network()), evidence([truth_run(900.0)]).fit, checkpoint)
+    done = fit_parts_again(Model(network()), split_data([truth_run(900.0)]).fit, checkpoint)
     assert done.status == "converged"
 
 

@@ -13,8 +13,8 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from lptn.cli import main
-from lptn.model_file import load_model
+from lptn.cli.main import main
+from lptn.model.file import read_model_file
 
 EXAMPLE = Path(__file__).parents[1] / "examples" / "tclab"
 MODEL, LOG = EXAMPLE / "two_heaters.toml", EXAMPLE / "log.csv"
@@ -54,7 +54,7 @@ def test_presets_are_listed_and_written_and_read(lptn: Run, tmp_path: Path) -> N
     for number, words in enumerate(listed.splitlines()):
         target = tmp_path / f"{number}.toml"
         assert lptn("new", *words.split(), "-o", target)[0] == 0
-        assert load_model(target).network.dynamic
+        assert read_model_file(target).network.dynamic
 
 
 def test_an_unknown_model_of_a_preset_is_refused(lptn: Run) -> None:
@@ -80,7 +80,7 @@ def test_fit_writes_values_errors_and_the_fingerprint(lptn: Run, short_log: Path
     assert "# Two heaters on one board" in text
     written = json.loads(found.read_text())
     assert written["parameters"]["capacity.heater*"]["value"] == pytest.approx(
-        next(u.value for u in load_model(fitted).network.unknowns if u.name == "capacity.heater*"), rel=1e-5
+        next(u.value for u in read_model_file(fitted).network.parameters if u.name == "capacity.heater*"), rel=1e-5
     )
 
 
@@ -99,7 +99,7 @@ def test_add_appends_an_effect_and_keeps_the_comments(lptn: Run, tmp_path: Path)
     target = tmp_path / "next.toml"
     assert lptn("add", MODEL, "conduction", "--at", "heater1~heater2", "-o", target)[0] == 0
     assert target.read_text().startswith(MODEL.read_text().rstrip()[:400])
-    assert any(use.effect.key == "conduction" for use in load_model(target).network.uses)
+    assert any(instance.effect.key == "conduction" for instance in read_model_file(target).network.effect_instances)
 
 
 def test_diagnose_writes_the_agreed_json(lptn: Run, short_log: Path, tmp_path: Path) -> None:
@@ -125,12 +125,12 @@ def test_diagnose_writes_the_agreed_json(lptn: Run, short_log: Path, tmp_path: P
 
 
 def test_improve_writes_model_ladder_and_report(lptn: Run, short_log: Path, tmp_path: Path) -> None:
-    better, ladder, story = tmp_path / "better.toml", tmp_path / "ladder.json", tmp_path / "story.html"
+    better, history, story = tmp_path / "better.toml", tmp_path / "ladder.json", tmp_path / "story.html"
     words = ("improve", MODEL, short_log, "--holdout-after", 110, "--rungs", 1)
-    status, out, _ = lptn(*words, "-o", better, "--json", ladder, "--report", story)
+    status, out, _ = lptn(*words, "-o", better, "--json", history, "--report", story)
     assert status == 0
     assert "(as given)" in out
-    written = json.loads(ladder.read_text())
+    written = json.loads(history.read_text())
     assert written["ladder"][0]["effect"] is None
     assert set(written["ladder"][0]) >= {
         "rung",
@@ -141,7 +141,11 @@ def test_improve_writes_model_ladder_and_report(lptn: Run, short_log: Path, tmp_
         "rmse_holdout",
         "max_holdout",
     }
-    added = [use.effect.key for use in load_model(better).network.uses if use.effect.key != "heat_input"]
+    added = [
+        instance.effect.key
+        for instance in read_model_file(better).network.effect_instances
+        if instance.effect.key != "heat_input"
+    ]
     assert len(set(added)) == len(written["ladder"]) - 1
     assert story.read_text().startswith("<!DOCTYPE html>")
 
@@ -164,7 +168,7 @@ def test_nothing_is_said_on_the_error_stream_when_nobody_watches(lptn: Run, shor
 
 
 def test_ctrl_c_ends_a_search_in_one_line_and_writes_nothing(tmp_path: Path) -> None:
-    code = "import sys; from lptn.cli import main; print('ready', flush=True); main(sys.argv[1:])"
+    code = "import sys; from lptn.cli.main import main; print('ready', flush=True); main(sys.argv[1:])"
     words = ["improve", str(MODEL), str(LOG), "--holdout-after", "300", "-o", str(tmp_path / "better.toml")]
     started = subprocess.Popen(
         [sys.executable, "-c", code, *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True

@@ -7,12 +7,11 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from lptn import sensitivity
-from lptn.arrays import FloatArray
-from lptn.clocks import Piece, pieces_read_late, read_late
-from lptn.model import Model
-from lptn.sensitivity import sensitivities
-from lptn.simulate import drive
+from lptn.basics.arrays import FloatArray
+from lptn.model.model import Model
+from lptn.simulate import sensitivities as sensitivity
+from lptn.simulate.sensitivities import sensitivities
+from lptn.simulate.simulation import Piece, bind, pieces_read_late, read_late
 from tests.builders import effect, random_run, two_nodes
 
 N = 200
@@ -56,11 +55,11 @@ def test_late_readings_are_those_of_earlier_instants() -> None:
 @pytest.mark.parametrize("delay", [0.0, 7.5, -12.0])
 def test_a_long_run_is_told_in_windows_as_in_one(delay: float, monkeypatch: pytest.MonkeyPatch) -> None:
     model = Model(two_nodes([effect("copper_loss"), effect("clock_offset", delay=delay)]))
-    driven = drive(model, random_run(model, 300, seed=2, averaged=True))
-    chosen = list(range(len(model.unknowns)))
-    whole = sensitivities(model, driven, model.values, chosen)
+    bound = bind(model, random_run(model, 300, seed=2, averaged=True))
+    chosen = list(range(len(model.parameters)))
+    whole = sensitivities(model, bound, model.values, chosen)
     monkeypatch.setattr(sensitivity, "_WINDOW", 50)
-    pieces = sensitivities(model, driven, model.values, chosen)
+    pieces = sensitivities(model, bound, model.values, chosen)
     np.testing.assert_allclose(pieces.readings, whole.readings, rtol=1e-12)
     # Where nothing is late yet, a window's ends have the slope of one side only.
     atol = 0.05 if delay == 0 else 1e-9

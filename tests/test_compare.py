@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lptn.compare import Comparison, Errors, compare
-from lptn.evidence import Evidence, evidence, predicted
-from lptn.model import Model
+from lptn.identify.comparison import Comparison, Errors, compare
+from lptn.identify.data import DataSplit, predicted, split_data
+from lptn.model.model import Model
 from tests.identify_truth import TRUTH, network, truth_run, with_garbage
 
 NOISE = 0.1
@@ -22,12 +22,14 @@ def true_model() -> Model:
 
 
 @pytest.fixture(scope="module")
-def held_out() -> Evidence:
-    return evidence([truth_run(300.0)], [truth_run(1500.0, seed=1, noise=NOISE), truth_run(900.0, seed=2, noise=NOISE)])
+def held_out() -> DataSplit:
+    return split_data(
+        [truth_run(300.0)], [truth_run(1500.0, seed=1, noise=NOISE), truth_run(900.0, seed=2, noise=NOISE)]
+    )
 
 
 @pytest.fixture(scope="module")
-def perfect(true_model: Model, held_out: Evidence) -> Comparison:
+def perfect(true_model: Model, held_out: DataSplit) -> Comparison:
     return compare(true_model, held_out.holdout)
 
 
@@ -47,7 +49,7 @@ def test_nothing_counts_within_the_opening(perfect: Comparison) -> None:
     assert perfect.all.count == 2 * (1350 + 810)
 
 
-def test_the_start_is_found_from_the_opening_alone(true_model: Model, held_out: Evidence) -> None:
+def test_the_start_is_found_from_the_opening_alone(true_model: Model, held_out: DataSplit) -> None:
     part = held_out.holdout[0]
     spoilt = replace(part.run, columns={name: values.copy() for name, values in part.run.columns.items()})
     spoilt.columns["temperature.a"][part.run.time >= part.opening[1]] += 50.0
@@ -56,7 +58,7 @@ def test_the_start_is_found_from_the_opening_alone(true_model: Model, held_out: 
     np.testing.assert_allclose(prediction.readings, before.readings, atol=0.05)
 
 
-def test_error_is_predicted_minus_measured(true_model: Model, held_out: Evidence) -> None:
+def test_error_is_predicted_minus_measured(true_model: Model, held_out: DataSplit) -> None:
     """A winding that the model believes to have more resistance is predicted too hot."""
     hot = Model(true_model.network.with_values({"copper_loss.resistance.a": 0.25}))
     found = compare(hot, held_out.holdout)
@@ -90,7 +92,7 @@ def test_json_has_the_agreed_keys(perfect: Comparison) -> None:
     assert found["all"]["rmse"] == pytest.approx(perfect.all.rmse)
 
 
-def test_json_leaves_out_a_node_that_is_not_measured(true_model: Model, held_out: Evidence) -> None:
+def test_json_leaves_out_a_node_that_is_not_measured(true_model: Model, held_out: DataSplit) -> None:
     part = held_out.holdout[0]
     columns = {name: values for name, values in part.run.columns.items() if name != "temperature.b"}
     found = compare(true_model, [replace(part, run=replace(part.run, columns=columns))]).as_json()
@@ -98,7 +100,7 @@ def test_json_leaves_out_a_node_that_is_not_measured(true_model: Model, held_out
     assert set(json.loads(text)["runs"]["run1"]["nodes"]) == {"a"}
 
 
-def test_json_keeps_two_runs_of_the_same_name(true_model: Model, held_out: Evidence) -> None:
+def test_json_keeps_two_runs_of_the_same_name(true_model: Model, held_out: DataSplit) -> None:
     part = held_out.holdout[0]
     runs = compare(true_model, [part, replace(part, run=replace(part.run, source="elsewhere/run1.csv"))]).as_json()[
         "runs"

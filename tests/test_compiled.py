@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lptn.c_library import compiler
-from lptn.model import Model
-from lptn.sensitivity import sensitivities
-from lptn.simulate import Drive, default_start, drive, simulate
-from lptn.stepping import Stepper, stepper
+from lptn.basics.c_library import compiler
+from lptn.model.model import Model
+from lptn.simulate.sensitivities import sensitivities
+from lptn.simulate.simulation import BoundRun, bind, default_start, simulate
+from lptn.simulate.steps import Stepper, stepper
 from tests.builders import effect as declared
 from tests.builders import random_run, two_nodes, with_every_effect
 
@@ -23,36 +23,36 @@ def _empty_cache(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr("platformdirs.user_cache_path", lambda name: tmp_path / name)
 
 
-def _case(averaged: bool) -> tuple[Model, Drive, Stepper]:
+def _case(averaged: bool) -> tuple[Model, BoundRun, Stepper]:
     model = Model(with_every_effect().with_values({"capacity.a": 20.0}))  # stiff enough for internal steps
-    driven = drive(model, random_run(model, 90, seed=1, step=4.0, averaged=averaged))
-    return model, driven, stepper(model, len(model.states), range(len(model.unknowns)))
+    bound = bind(model, random_run(model, 90, seed=1, step=4.0, averaged=averaged))
+    return model, bound, stepper(model, len(model.states), range(len(model.parameters)))
 
 
 @needs_compiler
 @pytest.mark.parametrize("averaged", [False, True])
 def test_compiled_steps_and_derivatives_are_the_interpreters(averaged: bool) -> None:
-    model, driven, steps = _case(averaged)
-    start = default_start(model, driven) + np.arange(len(model.states))
-    everything = range(len(model.unknowns))
-    slow = sensitivities(model, driven, model.values, everything, start)
-    plain = simulate(model, driven, start=start)
+    model, bound, steps = _case(averaged)
+    start = default_start(model, bound) + np.arange(len(model.states))
+    everything = range(len(model.parameters))
+    slow = sensitivities(model, bound, model.values, everything, start)
+    plain = simulate(model, bound, start=start)
     assert steps.compile()
-    fast = sensitivities(model, driven, model.values, everything, start)
+    fast = sensitivities(model, bound, model.values, everything, start)
     for name in ("readings", "by_parameter", "by_start"):
         expected = getattr(slow, name)
         np.testing.assert_allclose(getattr(fast, name), expected, rtol=1e-9, atol=1e-11 * np.abs(expected).max())
-    np.testing.assert_allclose(simulate(model, driven, start=start).states, plain.states, rtol=1e-12)
+    np.testing.assert_allclose(simulate(model, bound, start=start).states, plain.states, rtol=1e-12)
 
 
 @needs_compiler
 def test_a_model_stepped_often_is_compiled_on_the_way(monkeypatch: pytest.MonkeyPatch) -> None:
     model = Model(two_nodes([declared("constant_heat")]))
-    driven = drive(model, random_run(model, 300))
-    monkeypatch.setattr("lptn.stepping._WORTH", 500)
-    sensitivities(model, driven, model.values, [0])
+    bound = bind(model, random_run(model, 300))
+    monkeypatch.setattr("lptn.simulate.steps._WORTH", 500)
+    sensitivities(model, bound, model.values, [0])
     assert "any kernel" not in model.made
-    sensitivities(model, driven, model.values, [0])
+    sensitivities(model, bound, model.values, [0])
     assert "any kernel" in model.made
     assert model.with_values(model.values * 1.1).made is model.made
 
@@ -73,10 +73,10 @@ def test_without_a_working_compiler_the_interpreter_goes_on(monkeypatch: pytest.
     monkeypatch.setenv("CC", program)
     compiler.cache_clear()
     try:
-        model, driven, steps = _case(averaged=True)
-        before = sensitivities(model, driven, model.values, range(len(model.unknowns)))
+        model, bound, steps = _case(averaged=True)
+        before = sensitivities(model, bound, model.values, range(len(model.parameters)))
         assert not steps.compile()
-        after = sensitivities(model, driven, model.values, range(len(model.unknowns)))
+        after = sensitivities(model, bound, model.values, range(len(model.parameters)))
         np.testing.assert_array_equal(after.by_parameter, before.by_parameter)
     finally:
         compiler.cache_clear()

@@ -12,18 +12,15 @@ from scipy.integrate import quad
 from scipy.stats import norm
 
 import lptn
-from lptn.arrays import FloatArray
-from lptn.errors import InputError
-from lptn.identify import fit
-from lptn.model import Model
-from lptn.model_file import parse_model
-from lptn.online import Estimate, Estimator, ModelError
-from lptn.online.along import along
-from lptn.online.cells import as_gaussian
-from lptn.online.dynamics import Dynamics
-from lptn.online.flicker import coarse_noise
-from lptn.robots import presets
-from lptn.simulate import drive
+from lptn.basics.arrays import FloatArray
+from lptn.basics.errors import InputError
+from lptn.identify.fitting import fit
+from lptn.model.file import parse_model
+from lptn.model.model import Model
+from lptn.online.dynamics import Dynamics, ModelError
+from lptn.online.estimator import Estimate, Estimator, as_gaussian, coarse_noise, run_filter
+from lptn.robots.presets import presets
+from lptn.simulate.simulation import bind
 from tests.builders import leg, make_run, random_run
 from tests.identify_truth import TRUTH, network, truth_run
 
@@ -83,7 +80,7 @@ def inputs_of(model: Model) -> dict[str, float]:
 def test_the_transition_is_the_derivative_of_the_step(length: float) -> None:
     model = Model(leg())
     error = ModelError(heat=1.0, bias=1.0, air=0.1, inputs={"temperature.ambient": 1.0})
-    chosen = [0, len(model.unknowns) - 1]
+    chosen = [0, len(model.parameters) - 1]
     dynamics = Dynamics(model, error, chosen, np.zeros(2))
     z = np.concatenate([[30.0, 45.0, 60.0], np.arange(6.0), [0.05, 0.3], np.log([280.0, 0.8])])
     u = np.array(list(inputs_of(model).values()))
@@ -176,10 +173,10 @@ def test_it_learns_the_resistance_to_the_air(truth: FloatArray) -> None:
 def test_doubt_about_fitted_parameters_widens_and_stays() -> None:
     run = truth_run(1800.0, noise=NOISE, seed=3)
     start = Model(network())
-    done = fit(start, [drive(start, run)])
+    done = fit(start, [bind(start, run)])
     doubting = Estimator.from_fit(done, error=ModelError(heat=0.01))
     sure = Estimator(done.model, noise=NOISE, error=ModelError(heat=0.01))
-    last = [list(along(each, drive(start, run)))[-1] for each in (doubting, sure)]
+    last = [list(run_filter(each, bind(start, run)))[-1] for each in (doubting, sure)]
     assert (last[0].deviations >= last[1].deviations).all()
     for each in (doubting, sure):
         for _ in range(20):
@@ -194,9 +191,9 @@ def test_noise_hidden_in_steps_is_found(truth: FloatArray) -> None:
     still = np.zeros(readings.shape[1])
     columns = {"temperature.a": readings[0], "temperature.b": readings[1], "temperature.ambient": still + 20.0}
     run = make_run(columns | {"torque.a": still})
-    driven = drive(Model(network()), run)
-    assert coarse_noise([driven], 0, 1.0) == pytest.approx(0.2, rel=0.25)
-    means = drive(Model(network()), run.coarsen(10))
+    bound = bind(Model(network()), run)
+    assert coarse_noise([bound], 0, 1.0) == pytest.approx(0.2, rel=0.25)
+    means = bind(Model(network()), run.coarsen(10))
     assert coarse_noise([means], 0, 1.0) == pytest.approx(0.3)
 
 
@@ -298,7 +295,7 @@ def test_the_whole_quadruped_fits_through_the_front_door() -> None:
     model = Model(parse_model(presets()["quadruped"], Path("quadruped.toml")).network)
     estimator = lptn.Estimator(model, step=1.0)
     run = random_run(model, 30)
-    found = list(along(estimator, drive(model, run)))
+    found = list(run_filter(estimator, bind(model, run)))
     assert len(found) == 30
     assert found[-1].nodes == tuple(model.nodes)
     assert len(found[-1].nodes) == 13

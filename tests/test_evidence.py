@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lptn.errors import InputError
-from lptn.evidence import Part, evidence, predicted
-from lptn.logs import Run
+from lptn.basics.errors import InputError
+from lptn.identify.data import Segment, predicted, split_data
+from lptn.logs.run import Run
 from tests.builders import make_run
 
 ALWAYS = (float("-inf"), float("inf"))
@@ -18,14 +18,14 @@ def _run(n: int, step: float = 1.0, name: str = "run") -> Run:
 
 
 def test_fitted_runs_count_as_a_whole() -> None:
-    found = evidence([_run(100), _run(200)])
+    found = split_data([_run(100), _run(200)])
     assert [(part.opening, part.counted) for part in found.fit] == [(ALWAYS, ALWAYS)] * 2
-    assert found.holdout == found.proof == ()
+    assert found.holdout == found.test == ()
 
 
 def test_held_out_runs_are_predicted_behind_their_opening() -> None:
-    found = evidence([_run(100)], [_run(2000)], [_run(3000)])
-    for part, border in ((found.holdout[0], 200.0), (found.proof[0], 300.0)):
+    found = split_data([_run(100)], [_run(2000)], [_run(3000)])
+    for part, border in ((found.holdout[0], 200.0), (found.test[0], 300.0)):
         assert part.opening == (float("-inf"), border)
         assert part.counted == (border, float("inf"))
 
@@ -46,7 +46,7 @@ def test_an_opening_counts_from_the_start_of_the_log() -> None:
 
 
 def test_holding_out_the_end_of_each_log_starts_from_where_the_fit_ended() -> None:
-    found = evidence([_run(1000), _run(400)], holdout_after=600.0)
+    found = split_data([_run(1000), _run(400)], holdout_after=600.0)
     assert [part.counted for part in found.fit] == [(float("-inf"), 600.0)] * 2
     (later,) = found.holdout  # the short log has nothing after it
     assert later.run is found.fit[0].run
@@ -57,29 +57,29 @@ def test_holding_out_the_end_of_each_log_starts_from_where_the_fit_ended() -> No
 def test_logs_that_begin_later_are_not_fitted() -> None:
     late = make_run({"temperature.a": np.full(500, 20.0)})
     late = Run(late.name, 1.0, late.time + 700.0, late.columns, False, "late.csv", "00")
-    found = evidence([_run(1000), late], holdout_after=600.0)
+    found = split_data([_run(1000), late], holdout_after=600.0)
     assert len(found.fit) == len(found.holdout) == 1
 
 
 def test_whole_held_out_runs_join_those_behind_the_border() -> None:
-    found = evidence([_run(1000)], [_run(2000, name="other")], holdout_after=600.0)
+    found = split_data([_run(1000)], [_run(2000, name="other")], holdout_after=600.0)
     assert [part.run.name for part in found.holdout] == ["run", "other"]
 
 
 @pytest.mark.parametrize("border", [0.0, 5.0, 995.0, 5000.0])
 def test_a_border_that_leaves_nothing_on_one_side_is_refused(border: float) -> None:
     with pytest.raises(InputError, match=r"--holdout-after: .*0 to 999 s.*a time inside a log") as caught:
-        evidence([_run(1000)], holdout_after=border)
+        split_data([_run(1000)], holdout_after=border)
     assert "\n" not in str(caught.value)
 
 
 def test_coarsening_spares_short_runs() -> None:
-    coarse = evidence([_run(6000), _run(700), _run(400)], [_run(4000)]).coarsened(10.0)
+    coarse = split_data([_run(6000), _run(700), _run(400)], [_run(4000)]).coarsened(10.0)
     assert [part.run.step for part in coarse.fit] == [10.0, 2.0, 1.0]
     assert coarse.holdout[0].run.step == 10.0
     assert coarse.holdout[0].counted == (400.0, float("inf"))
 
 
 def test_coarsening_to_a_finer_step_changes_nothing() -> None:
-    part = Part(_run(1000, 5.0), ALWAYS, ALWAYS)
+    part = Segment(_run(1000, 5.0), ALWAYS, ALWAYS)
     assert part.coarsened(1.0) is part

@@ -8,26 +8,25 @@ from pathlib import Path
 
 import pytest
 
-from lptn.diagnose import candidates
-from lptn.diagnose.other_runs import runs_that_differ
-from lptn.evidence import evidence
-from lptn.ladder import improve
-from lptn.model import Model
-from lptn.on_evidence import fit_parts, holdout_errors
-from lptn.opening import open_model
-from lptn.versus import versus
+from lptn.diagnose.candidates import candidates
+from lptn.diagnose.improvement import improve
+from lptn.diagnose.runs_that_differ import runs_that_differ
+from lptn.identify.comparison import versus
+from lptn.identify.data import load_model, split_data
+from lptn.identify.validation import fit_parts, holdout_errors
+from lptn.model.model import Model
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 DATA = ("csv", "parquet")
 
 
 def test_two_heaters_lack_conduction_and_a_sensor_lag() -> None:
-    opened = open_model(EXAMPLES / "tclab" / "two_heaters.toml")
-    runs = opened.runs([EXAMPLES / "tclab" / "log.csv"])
-    ladder = improve(opened.model, evidence(runs, holdout_after=300.0))
-    assert {rung.effect for rung in ladder.rungs[1:3]} == {"conduction", "sensor_lag"}
-    assert ladder.verdict == "missing"
-    before, after = ladder.rungs[0].holdout, ladder.rungs[2].holdout
+    loaded = load_model(EXAMPLES / "tclab" / "two_heaters.toml")
+    runs = loaded.runs([EXAMPLES / "tclab" / "log.csv"])
+    history = improve(loaded.model, split_data(runs, holdout_after=300.0))
+    assert {step.effect for step in history.steps[1:3]} == {"conduction", "sensor_lag"}
+    assert history.verdict == "missing"
+    before, after = history.steps[0].holdout, history.steps[2].holdout
     assert before is not None
     assert after is not None
     assert before.rmse > 4.0
@@ -36,10 +35,10 @@ def test_two_heaters_lack_conduction_and_a_sensor_lag() -> None:
 
 @pytest.mark.parametrize("name", ["winding", "four_nodes"])
 def test_pmsm_models_fit_their_log(name: str) -> None:
-    opened = open_model(EXAMPLES / "pmsm" / f"{name}.toml")
-    runs = opened.runs([EXAMPLES / "pmsm" / "log.csv"])
-    data = evidence(runs, holdout_after=4400.0).coarsened(5.0)
-    done = fit_parts(opened.model, data.fit)
+    loaded = load_model(EXAMPLES / "pmsm" / f"{name}.toml")
+    runs = loaded.runs([EXAMPLES / "pmsm" / "log.csv"])
+    data = split_data(runs, holdout_after=4400.0).coarsened(5.0)
+    done = fit_parts(loaded.model, data.fit)
     assert done.rmse < 1.0
     held = holdout_errors(done, data.holdout)
     # One operating point was fitted: the fit looks good and predicts another one badly. That is the lesson.
@@ -49,9 +48,9 @@ def test_pmsm_models_fit_their_log(name: str) -> None:
 
 def test_held_out_data_lead_the_winding_to_a_model_that_predicts_other_operating_points() -> None:
     """The names are stand-ins, since the fitted part holds one operating point; what they predict is not."""
-    opened = open_model(EXAMPLES / "pmsm" / "winding.toml")
-    ladder = improve(opened.model, evidence(opened.runs([EXAMPLES / "pmsm" / "log.csv"]), holdout_after=4400.0))
-    before, after = ladder.rungs[0].holdout, ladder.best.holdout
+    loaded = load_model(EXAMPLES / "pmsm" / "winding.toml")
+    history = improve(loaded.model, split_data(loaded.runs([EXAMPLES / "pmsm" / "log.csv"]), holdout_after=4400.0))
+    before, after = history.steps[0].holdout, history.best.holdout
     assert before is not None
     assert after is not None
     assert before.rmse > 7
@@ -61,11 +60,11 @@ def test_held_out_data_lead_the_winding_to_a_model_that_predicts_other_operating
 def test_the_later_run_of_the_ur3_arm_is_told_from_a_warmer_room() -> None:
     """The log has no ambient column, so a guess is held; a room that warmed up must be among the causes."""
     folder = EXAMPLES / "ur3"
-    opened = open_model(folder / "coupled.toml")
-    data = evidence(opened.runs([folder / "warm_up.parquet"]), opened.runs([folder / "later.parquet"])).coarsened(5.0)
-    known = candidates(opened.model.network, data.fit[0].run.columns)
+    loaded = load_model(folder / "coupled.toml")
+    data = split_data(loaded.runs([folder / "warm_up.parquet"]), loaded.runs([folder / "later.parquet"])).coarsened(5.0)
+    known = candidates(loaded.model.network, data.fit[0].run.columns)
     named = next(each for each in known if each.key == ("loss_scale", "wrist1"))  # what `lptn improve` adds
-    model = Model(opened.model.network.with_effects([named.declaration(None, None)]))
+    model = Model(loaded.model.network.with_effects([named.declaration(None, None)]))
     (found,) = runs_that_differ(fit_parts(model, data.fit), data.holdout)
     assert "ambient_offset" in {cause.effect for cause in found.causes}
 
@@ -73,11 +72,11 @@ def test_the_later_run_of_the_ur3_arm_is_told_from_a_warmer_room() -> None:
 def test_neighbouring_joints_of_the_ur3_arm_heat_each_other() -> None:
     folder, found = EXAMPLES / "ur3", []
     for name in ("coupled", "single_nodes"):
-        opened = open_model(folder / f"{name}.toml")
-        data = evidence(opened.runs([folder / "warm_up.parquet"]), opened.runs([folder / "later.parquet"])).coarsened(
+        loaded = load_model(folder / f"{name}.toml")
+        data = split_data(loaded.runs([folder / "warm_up.parquet"]), loaded.runs([folder / "later.parquet"])).coarsened(
             5.0
         )
-        found.append((fit_parts(opened.model, data.fit), data.holdout))
+        found.append((fit_parts(loaded.model, data.fit), data.holdout))
     (coupled, parts), (single, single_parts) = found
     both = versus(coupled.model, single.model, parts, single_parts)
     assert both.runs[0].mean[0] < both.runs[0].mean[1] < 0.5

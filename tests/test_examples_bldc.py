@@ -6,22 +6,20 @@ from pathlib import Path
 
 import pytest
 
-from lptn.diagnose.differing import Differing
-from lptn.diagnose.other_runs import runs_that_differ
-from lptn.evidence import evidence
-from lptn.identify import Fit
-from lptn.on_evidence import fit_parts
-from lptn.opening import open_model
+from lptn.diagnose.runs_that_differ import Differing, runs_that_differ
+from lptn.identify.data import load_model, split_data
+from lptn.identify.fitting import Fit
+from lptn.identify.validation import fit_parts
 
 FOLDER = Path(__file__).parents[1] / "examples" / "bldc_stators"
 
 
 def _said(model: str, fitted: str, held_out: str) -> tuple[Fit, list[Differing]]:
     """The model fitted to some runs by their numbers, and what is said of another."""
-    opened = open_model(FOLDER / f"{model}.toml")
-    runs, others = (opened.runs([FOLDER / f"Run{number}.csv" for number in text]) for text in (fitted, held_out))
-    data = evidence(runs, others)
-    done = fit_parts(opened.model, data.fit)
+    loaded = load_model(FOLDER / f"{model}.toml")
+    runs, others = (loaded.runs([FOLDER / f"Run{number}.csv" for number in text]) for text in (fitted, held_out))
+    data = split_data(runs, others)
+    done = fit_parts(loaded.model, data.fit)
     return done, runs_that_differ(done, data.holdout)
 
 
@@ -47,9 +45,9 @@ def test_of_a_run_in_still_air_nothing_is_said() -> None:
 
 def test_run_4_is_slower_from_the_first_seconds() -> None:
     """Why a fan is not all: at 10 K above the air no loss to the air takes a fifth of 560 W."""
-    opened = open_model(FOLDER / "two_nodes.toml")
+    loaded = load_model(FOLDER / "two_nodes.toml")
     rises = {}
-    for run in opened.runs([FOLDER / f"Run{number}.csv" for number in "1345"]):
+    for run in loaded.runs([FOLDER / f"Run{number}.csv" for number in "1345"]):
         power, winding = run.columns["power.winding"], run.temperature("winding")
         begun = int((power > 200.0).argmax())
         rises[run.name] = 1e3 * (winding[begun + 20] - winding[begun]) / (power[begun : begun + 20].sum() * run.step)

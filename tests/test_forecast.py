@@ -11,19 +11,18 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from lptn.arrays import FloatArray
-from lptn.cli import main
-from lptn.errors import InputError
-from lptn.forecast import Knowledge, find_gait, forecast
-from lptn.forecast.dynamics import Dynamics
-from lptn.forecast.operating_point import operating_point, steady_seconds
-from lptn.forecast.present import present
-from lptn.logs import Run
-from lptn.model import Model
-from lptn.model_schema import FitTable, FittedTable
-from lptn.network import Network
-from lptn.noise import Noise
-from lptn.simulate import drive
+from lptn.basics.arrays import FloatArray
+from lptn.basics.errors import InputError
+from lptn.cli.main import main
+from lptn.identify.noise import Noise
+from lptn.logs.run import Run
+from lptn.model.file import FitTable, FittedTable
+from lptn.model.model import Model
+from lptn.model.network import Network
+from lptn.online.forecasting import forecast
+from lptn.online.operating_point import find_gait, operating_point, steady_seconds
+from lptn.online.present import Dynamics, Knowledge, present
+from lptn.simulate.simulation import bind
 from tests.builders import AMBIENT, effect, link, make_run, node
 
 AIR, CAPACITY, RESISTANCE, OHM, CONSTANT = 20.0, 300.0, 5.0, 0.15, 0.84
@@ -102,7 +101,7 @@ def test_heat_that_the_model_lacks_is_found_in_the_log(motor: Model) -> None:
 def test_parameters_that_the_fit_left_open_are_learnt_from_the_log(motor: Model) -> None:
     """A mass that is a third too large: the log's slope puts it right."""
     values = motor.values.copy()
-    (index,) = (k for k in motor.free if motor.unknowns[k].name.startswith("capacity"))
+    (index,) = (k for k in motor.free if motor.parameters[k].name.startswith("capacity"))
     values[index] *= 1.33
     doubted, variance = motor.with_values(values), np.zeros(len(motor.free))
     variance[motor.free.index(index)] = 0.3**2
@@ -131,7 +130,7 @@ def test_a_model_that_lacks_something_is_not_bent_to_the_log(motor: Model) -> No
 def test_a_parameter_is_not_learnt_beyond_its_bounds(motor: Model) -> None:
     dynamics = Dynamics(motor)
     errors = dynamics.bounded(np.full(1 + len(motor.free), 100.0))
-    upper = np.array([motor.unknowns[index].declared.bounds[1] for index in motor.free])
+    upper = np.array([motor.parameters[index].declared.bounds[1] for index in motor.free])
     assert errors[0] == 100.0
     assert dynamics.values(np.concatenate([[0.0], errors[1:]]))[motor.free] == pytest.approx(upper)
 
@@ -139,9 +138,9 @@ def test_a_parameter_is_not_learnt_beyond_its_bounds(motor: Model) -> None:
 def test_standard_errors_of_parameters_at_a_bound_are_not_believed(motor: Model) -> None:
     values = motor.values.copy()
     stopped, inside = motor.free[0], motor.free[1]
-    values[stopped] = motor.unknowns[stopped].declared.bounds[1]
+    values[stopped] = motor.parameters[stopped].declared.bounds[1]
     model = motor.with_values(values)
-    sure = {model.unknowns[k].name: FittedTable(value=values[k], error=0.01 * values[k]) for k in (stopped, inside)}
+    sure = {model.parameters[k].name: FittedTable(value=values[k], error=0.01 * values[k]) for k in (stopped, inside)}
     known = Knowledge.of_table(model, FitTable(rmse=0.3, parameters=sure), np.array([0.1]))
     assert known.covariance[0, 0] > 100 * known.covariance[1, 1]
 
@@ -197,7 +196,7 @@ def test_only_the_present_activity_is_averaged(motor: Model) -> None:
 
 def test_an_activity_that_never_changes_is_averaged_whole(motor: Model) -> None:
     steady = [
-        steady_seconds(drive(motor, warming(torque)), motor.inputs)
+        steady_seconds(bind(motor, warming(torque)), motor.inputs)
         for torque in (np.random.default_rng(seed).normal(8, 0.5, 900) for seed in range(20))
     ]
     assert steady == [900.0] * 20
@@ -218,7 +217,7 @@ def test_a_longer_window_scatters_less(motor: Model) -> None:
 
 
 def test_part_of_a_step_counts_in_part(motor: Model) -> None:
-    point = operating_point(drive(motor, warming(np.array([*[0.0] * 97, 4.0, 4.0, 2.0]))), motor.inputs, 2.5, 100.0)
+    point = operating_point(bind(motor, warming(np.array([*[0.0] * 97, 4.0, 4.0, 2.0]))), motor.inputs, 2.5, 100.0)
     torque = point.inputs[motor.inputs.index("torque.m")]
     assert torque == pytest.approx(np.sqrt((0.5 * 16 + 16 + 4) / 2.5))
 

@@ -7,9 +7,9 @@ from concurrent.futures import ProcessPoolExecutor
 
 import pytest
 
-from lptn.evidence import Evidence, evidence
-from lptn.ladder import Ladder, improve
-from lptn.model import Model
+from lptn.diagnose.improvement import History, improve
+from lptn.identify.data import DataSplit, split_data
+from lptn.model.model import Model
 from lptn.virtual import Hidden
 from tests.diagnose.conftest import Leg, leg  # noqa: F401 - a fixture
 
@@ -17,77 +17,77 @@ TWO = (Hidden("forced_convection", "FR_thigh"), Hidden("sensor_offset", "FR_hip"
 
 
 @pytest.fixture(scope="module")
-def climbed(leg: Leg) -> tuple[Model, Evidence, Ladder]:  # noqa: F811
+def climbed(leg: Leg) -> tuple[Model, DataSplit, History]:  # noqa: F811
     """A leg with two effects hidden, and its ladder; the held-out run serves as proof too."""
     model, data = leg(*TWO)
-    data = Evidence(data.fit, data.holdout, data.holdout)
+    data = DataSplit(data.fit, data.holdout, data.holdout)
     return model, data, improve(model, data)
 
 
-def test_two_hidden_effects_are_both_found_and_nothing_else(climbed: tuple[Model, Evidence, Ladder]) -> None:
-    ladder = climbed[2]
-    found = {(rung.effect, rung.at) for rung in ladder.rungs[1:]}
+def test_two_hidden_effects_are_both_found_and_nothing_else(climbed: tuple[Model, DataSplit, History]) -> None:
+    history = climbed[2]
+    found = {(step.effect, step.at) for step in history.steps[1:]}
     assert found == {(hidden.effect, hidden.at) for hidden in TWO}
-    assert ladder.verdict == "missing"
-    assert ladder.remaining == "adequate"
+    assert history.verdict == "missing"
+    assert history.remaining == "adequate"
 
 
-def test_the_held_out_error_falls_to_the_noise(climbed: tuple[Model, Evidence, Ladder]) -> None:
-    ladder = climbed[2]
-    errors = [rung.holdout.rmse for rung in ladder.rungs if rung.holdout]
+def test_the_held_out_error_falls_to_the_noise(climbed: tuple[Model, DataSplit, History]) -> None:
+    history = climbed[2]
+    errors = [step.holdout.rmse for step in history.steps if step.holdout]
     assert errors[-1] < 0.2  # K; the sensors' noise is 0.15 K
     assert errors[-1] < 0.6 * errors[0]
-    assert ladder.best.proof
-    assert ladder.best.holdout
-    assert ladder.best.proof.rmse == pytest.approx(ladder.best.holdout.rmse, rel=1e-9)
+    assert history.best.test
+    assert history.best.holdout
+    assert history.best.test.rmse == pytest.approx(history.best.holdout.rmse, rel=1e-9)
 
 
-def test_json_has_the_agreed_fields(climbed: tuple[Model, Evidence, Ladder]) -> None:
+def test_json_has_the_agreed_fields(climbed: tuple[Model, DataSplit, History]) -> None:
     written = climbed[2].as_json()
     assert written["verdict"] == "missing"
-    rungs = written["ladder"]
-    assert isinstance(rungs, list)
-    assert [rung["rung"] for rung in rungs] == list(range(len(rungs)))
-    assert {"rung", "effect", "at", "parameters", "rmse_fit", "rmse_holdout", "max_holdout"} <= set(rungs[0])
-    assert (rungs[0]["effect"], rungs[0]["at"]) == (None, None)
-    assert rungs[-1]["parameters"] > rungs[0]["parameters"]
+    steps = written["ladder"]
+    assert isinstance(steps, list)
+    assert [step["rung"] for step in steps] == list(range(len(steps)))
+    assert {"rung", "effect", "at", "parameters", "rmse_fit", "rmse_holdout", "max_holdout"} <= set(steps[0])
+    assert (steps[0]["effect"], steps[0]["at"]) == (None, None)
+    assert steps[-1]["parameters"] > steps[0]["parameters"]
 
 
-def test_declarations_rebuild_the_last_rung(climbed: tuple[Model, Evidence, Ladder]) -> None:
-    model, _, ladder = climbed
-    again = Model(model.network.with_effects(ladder.declarations()))
-    added = {unknown.name: unknown.value for unknown in again.unknowns if unknown.name.startswith("forced")}
-    fitted = {unknown.name: unknown.value for unknown in ladder.best.fit.model.unknowns}
+def test_declarations_rebuild_the_last_rung(climbed: tuple[Model, DataSplit, History]) -> None:
+    model, _, history = climbed
+    again = Model(model.network.with_effects(history.declarations()))
+    added = {parameter.name: parameter.value for parameter in again.parameters if parameter.name.startswith("forced")}
+    fitted = {parameter.name: parameter.value for parameter in history.best.fit.model.parameters}
     assert added
     for name, value in added.items():
         assert value == fitted[name]
 
 
 def test_an_adequate_model_keeps_one_rung(leg: Leg) -> None:  # noqa: F811
-    ladder = improve(*leg())
-    assert len(ladder.rungs) == 1
-    assert ladder.verdict == ladder.remaining == "adequate"
+    history = improve(*leg())
+    assert len(history.steps) == 1
+    assert history.verdict == history.remaining == "adequate"
 
 
 def test_without_held_out_data_the_criterion_ends_the_ladder(leg: Leg) -> None:  # noqa: F811
     model, data = leg(Hidden("forced_convection", "FR_thigh"))
-    ladder = improve(model, evidence([part.run for part in data.fit]))
-    assert [(rung.effect, rung.at) for rung in ladder.rungs[1:]] == [("forced_convection", "FR_thigh")]
-    assert ladder.best.holdout is None
+    history = improve(model, split_data([part.run for part in data.fit]))
+    assert [(step.effect, step.at) for step in history.steps[1:]] == [("forced_convection", "FR_thigh")]
+    assert history.best.holdout is None
 
 
-def test_models_travel_between_processes(climbed: tuple[Model, Evidence, Ladder]) -> None:
-    ladder = climbed[2]
-    again = pickle.loads(pickle.dumps(ladder.best.fit))
-    assert again.cost == ladder.best.fit.cost
-    assert again.problem.cost(again.z) == pytest.approx(ladder.best.fit.cost, rel=1e-12)
+def test_models_travel_between_processes(climbed: tuple[Model, DataSplit, History]) -> None:
+    history = climbed[2]
+    again = pickle.loads(pickle.dumps(history.best.fit))
+    assert again.cost == history.best.fit.cost
+    assert again.problem.cost(again.z) == pytest.approx(history.best.fit.cost, rel=1e-12)
 
 
 @pytest.mark.slow
-def test_two_processes_climb_the_same_ladder(leg: Leg, climbed: tuple[Model, Evidence, Ladder]) -> None:  # noqa: F811
+def test_two_processes_climb_the_same_ladder(leg: Leg, climbed: tuple[Model, DataSplit, History]) -> None:  # noqa: F811
     model, data = leg(*TWO)
     with ProcessPoolExecutor(2) as pool:
-        ladder = improve(model, data, executor=pool)
+        history = improve(model, data, executor=pool)
     alone = climbed[2]
-    assert [(rung.effect, rung.at) for rung in ladder.rungs] == [(rung.effect, rung.at) for rung in alone.rungs]
-    assert ladder.best.fit.cost == pytest.approx(alone.best.fit.cost, rel=1e-9)
+    assert [(step.effect, step.at) for step in history.steps] == [(step.effect, step.at) for step in alone.steps]
+    assert history.best.fit.cost == pytest.approx(alone.best.fit.cost, rel=1e-9)

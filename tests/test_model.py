@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from lptn.arrays import FloatArray
-from lptn.model import Method, Model
-from lptn.network import Network, NodeDeclaration
-from lptn.parameters import Parameter
+from lptn.basics.arrays import FloatArray
+from lptn.basics.parameters import Parameter
+from lptn.model.model import Method, Model
+from lptn.model.network import Network, NodeDeclaration
 from tests.builders import AMBIENT, effect, leg, link, node, random_inputs, with_every_effect
 
 TEN_WATTS = [effect("constant_heat", "FR_calf", power=10.0), effect("second_mass", "FR_hip")]
@@ -110,7 +110,7 @@ def test_other_values_leave_the_model_alone(model: Model) -> None:
     other = model.with_values(before * 1.01)
     np.testing.assert_allclose(other.values, before * 1.01, rtol=1e-15)
     np.testing.assert_array_equal(model.values, before)
-    assert [unknown.value for unknown in other.network.unknowns] == other.values.tolist()
+    assert [parameter.value for parameter in other.network.parameters] == other.values.tolist()
 
 
 def test_a_model_travels_to_another_process_as_it_is(model: Model) -> None:
@@ -143,7 +143,7 @@ def test_a_free_ambient_temperature_is_a_parameter() -> None:
     air = NodeDeclaration("air", temperature=Parameter("temperature", 18.0, "degC", (-40.0, 60.0)))
     model = Model(Network("n", (node("a", 100.0), air), (link("a", "air", 2.0),)))
     assert model.inputs == []
-    assert model.unknowns[-2].name == "temperature.air"
+    assert model.parameters[-2].name == "temperature.air"
     assert float(model.rhs([28.0], [], model.values)) == pytest.approx(-10.0 / 2.0 / 100.0)
 
 

@@ -11,14 +11,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lptn.adding import added
+from lptn.basics.errors import InputError
 from lptn.effects import LossEffect, catalogue
-from lptn.errors import InputError
-from lptn.identify import Fit, fit
-from lptn.model import Model
-from lptn.model_file import ModelFile, load_model, parse_model
-from lptn.robots import preset_text, presets, variants
-from lptn.simulate import drives
+from lptn.identify.fitting import Fit, fit
+from lptn.model.file import ModelFile, added, parse_model, read_model_file
+from lptn.model.model import Model
+from lptn.robots.presets import preset_text, presets, variants
+from lptn.simulate.simulation import bound_runs
 from tests.builders import effect
 from tests.identify_truth import TRUTH, truth_run
 
@@ -87,7 +86,7 @@ def _parse(text: str) -> ModelFile:
 
 
 def _values(text: str) -> dict[str, float]:
-    return {unknown.name: unknown.value for unknown in _parse(text).network.unknowns}
+    return {parameter.name: parameter.value for parameter in _parse(text).network.parameters}
 
 
 def _refused(text: str) -> str:
@@ -106,18 +105,18 @@ def _refused(text: str) -> str:
 
 def test_names_units_bounds_and_sharing_are_read() -> None:
     file = _parse(LEG)
-    unknowns = {unknown.name: unknown for unknown in file.network.unknowns}
-    capacity = unknowns["capacity.FL_calf"]
+    parameters = {parameter.name: parameter for parameter in file.network.parameters}
+    capacity = parameters["capacity.FL_calf"]
     assert (file.network.name, file.step) == ("leg", 1.0)
     assert capacity.value == pytest.approx(300.0)
     assert capacity.declared.bounds == pytest.approx((20.0, 3000.0))
     assert capacity.declared.unit == "J/K"
     assert capacity.mirror == "capacity.FR_calf"
-    assert unknowns["resistance.*_calf~*_thigh"].value == 3.0
-    assert unknowns["copper_loss.resistance.FR_thigh"].value == pytest.approx(0.15)
-    assert not unknowns["copper_loss.resistance.FR_thigh"].free
-    assert unknowns["coulomb_friction.torque.*_calf"].value == 0.3
-    assert unknowns["resistance.FL_calf~ambient"].free
+    assert parameters["resistance.*_calf~*_thigh"].value == 3.0
+    assert parameters["copper_loss.resistance.FR_thigh"].value == pytest.approx(0.15)
+    assert not parameters["copper_loss.resistance.FR_thigh"].free
+    assert parameters["coulomb_friction.torque.*_calf"].value == 0.3
+    assert parameters["resistance.FL_calf~ambient"].free
 
 
 @pytest.mark.parametrize(
@@ -137,7 +136,7 @@ def test_bounds_alone_bring_the_start_inside() -> None:
 def test_a_parameter_can_be_fixed_and_freed() -> None:
     text = SMALL.replace("capacity = 300\n", "capacity = { value = 300, fixed = true }\n")
     text = text.replace("resistance = 0.2", "resistance = { value = 0.2, fixed = false }")
-    free = {unknown.name for unknown in _parse(text).network.unknowns if unknown.free}
+    free = {parameter.name for parameter in _parse(text).network.parameters if parameter.free}
     assert "capacity.a" not in free
     assert "copper_loss.resistance.a" in free
 
@@ -155,9 +154,9 @@ def test_ambient_is_a_column_the_start_a_number_or_a_free_parameter() -> None:
     assert with_ambient('"temperature.room"').inputs[0] == "temperature.room"
     assert with_ambient('"start"').started == ["temperature.ambient"]
     assert "temperature.ambient" not in with_ambient("21.5").inputs
-    number = {u.name: u for u in with_ambient("21.5").unknowns}["temperature.ambient"]
+    number = {u.name: u for u in with_ambient("21.5").parameters}["temperature.ambient"]
     assert number.value == 21.5
-    free = {u.name: u for u in with_ambient('{ value = 68, unit = "degF", bounds = [50, 86] }').unknowns}
+    free = {u.name: u for u in with_ambient('{ value = 68, unit = "degF", bounds = [50, 86] }').parameters}
     assert free["temperature.ambient"].value == pytest.approx(20.0)
     assert free["temperature.ambient"].declared.bounds == pytest.approx((10.0, 30.0))
 
@@ -180,7 +179,7 @@ def test_dotted_columns_need_no_quotes() -> None:
 def test_every_preset_is_a_model(name: str, other: str | None) -> None:
     model = Model(parse_model(preset_text(name, other), Path(f"{name}.toml")).network)
     assert model.free
-    assert any(not unknown.free for unknown in model.unknowns)
+    assert any(not parameter.free for parameter in model.parameters)
 
 
 # --- there and back -----------------------------------------------------------------------------------------
@@ -190,7 +189,7 @@ def test_a_written_file_is_the_same_text(tmp_path: Path) -> None:
     path = tmp_path / "leg.toml"
     _parse(LEG).write(path)
     assert path.read_text() == LEG
-    assert load_model(path).network.unknowns == _parse(LEG).network.unknowns
+    assert read_model_file(path).network.parameters == _parse(LEG).network.parameters
 
 
 def test_more_effects_keep_the_text_before_them() -> None:
@@ -211,15 +210,15 @@ def test_a_file_with_one_more_effect_says_the_same_as_the_network_with_it(key: s
     declared = effect(key, at)
     network = file.network.with_effects([declared])
     again = file.with_effects([declared]).network
-    assert [(u.name, u.value, u.declared) for u in again.unknowns] == [
-        (u.name, u.value, u.declared) for u in network.unknowns
+    assert [(u.name, u.value, u.declared) for u in again.parameters] == [
+        (u.name, u.value, u.declared) for u in network.parameters
     ]
     assert Model(again).inputs == Model(network).inputs
 
 
 def test_an_effect_added_at_a_pattern_has_one_parameter_for_all_of_it() -> None:
     network = added(_parse(LEG), "constant_heat", "*_calf").network
-    assert [u.name for u in network.unknowns if u.name.startswith("constant_heat")] == ["constant_heat.power.*_calf"]
+    assert [u.name for u in network.parameters if u.name.startswith("constant_heat")] == ["constant_heat.power.*_calf"]
 
 
 def test_an_effect_that_does_not_exist_is_not_added() -> None:
@@ -230,15 +229,15 @@ def test_an_effect_that_does_not_exist_is_not_added() -> None:
 @pytest.fixture(scope="module")
 def fitted() -> Fit:
     model = Model(_parse(SMALL).network)
-    return fit(model, drives(model, [truth_run(900.0, step=5.0)]))
+    return fit(model, bound_runs(model, [truth_run(900.0, step=5.0)]))
 
 
 def test_a_fit_is_kept_in_the_file_and_read_again(fitted: Fit) -> None:
     file = _parse(SMALL).with_fit(fitted.table())
     assert file.text.startswith(SMALL.rstrip("\n"))
-    again = {unknown.name: unknown.value for unknown in _parse(file.text).network.unknowns}
-    for unknown in fitted.model.unknowns:
-        assert again[unknown.name] == pytest.approx(unknown.value, rel=1e-5)
+    again = {parameter.name: parameter.value for parameter in _parse(file.text).network.parameters}
+    for parameter in fitted.model.parameters:
+        assert again[parameter.name] == pytest.approx(parameter.value, rel=1e-5)
     assert {name: again[name] for name in TRUTH} == pytest.approx(TRUTH, rel=0.05)
     assert 'file = "run0.csv"' in file.text
     assert "status" in file.text
@@ -252,7 +251,7 @@ def test_a_second_fit_replaces_the_first(fitted: Fit) -> None:
 
 def test_an_effect_can_be_added_to_a_fitted_file(fitted: Fit) -> None:
     file = added(_parse(SMALL).with_fit(fitted.table()), "constant_heat", "b")
-    values = {unknown.name: unknown.value for unknown in file.network.unknowns}
+    values = {parameter.name: parameter.value for parameter in file.network.parameters}
     assert values["capacity.a"] == pytest.approx(TRUTH["capacity.a"], rel=0.05)
     assert values["constant_heat.power.b"] == 3.0
 
@@ -266,14 +265,16 @@ def test_an_effect_is_added_to_effects_written_in_one_line() -> None:
 def test_a_fit_that_ends_at_a_long_bound_can_be_read_again() -> None:
     text = SMALL.replace("capacity = 300\n", "capacity = { value = 150, bounds = [140.123456, 160] }\n")
     model = Model(_parse(text).network)
-    found = fit(model, drives(model, [truth_run(300.0, step=5.0)]))
+    found = fit(model, bound_runs(model, [truth_run(300.0, step=5.0)]))
     _parse(text).with_fit(found.table())
 
 
 def test_bounds_of_an_added_effect_are_kept() -> None:
     declared = effect("constant_heat", "b")
     declared = replace(declared, parameters=tuple(replace(p, bounds=(0.0, 7.0)) for p in declared.parameters))
-    (again,) = (u for u in _parse(SMALL).with_effects([declared]).network.unknowns if u.name == "constant_heat.power.b")
+    (again,) = (
+        u for u in _parse(SMALL).with_effects([declared]).network.parameters if u.name == "constant_heat.power.b"
+    )
     assert again.declared.bounds == (0.0, 7.0)
 
 
@@ -376,10 +377,10 @@ def test_a_file_without_nodes_is_refused() -> None:
 
 def test_a_missing_file_and_one_that_is_no_text_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="No such file"):
-        load_model(tmp_path / "none.toml")
+        read_model_file(tmp_path / "none.toml")
     (tmp_path / "binary.toml").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(InputError, match="not UTF-8"):
-        load_model(tmp_path / "binary.toml")
+        read_model_file(tmp_path / "binary.toml")
 
 
 @pytest.mark.parametrize("zero", ["{ value = 0.0, bounds = [0, 10] }", "{ value = -1.0, bounds = [-5, 10] }"])
@@ -397,7 +398,7 @@ def test_a_tilde_in_a_name_is_refused() -> None:
 
 def test_a_byte_order_mark_does_no_harm(tmp_path: Path) -> None:
     (tmp_path / "leg.toml").write_text(LEG, encoding="utf-8-sig")
-    load_model(tmp_path / "leg.toml")
+    read_model_file(tmp_path / "leg.toml")
 
 
 # --- any text at all -------------------------------------------------------------------------------------------
@@ -432,4 +433,4 @@ def _edited(text: str, edits: list[tuple[str, int, int]]) -> str:
 def test_edits_never_raise_anything_but_an_input_error(edits: list[tuple[str, int, int]]) -> None:
     with suppress(InputError):
         file = _parse(_edited(LEG, edits))
-        assert np.isfinite([unknown.value for unknown in file.network.unknowns]).all()
+        assert np.isfinite([parameter.value for parameter in file.network.parameters]).all()

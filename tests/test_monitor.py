@@ -11,18 +11,15 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from lptn.arrays import FloatArray
-from lptn.cli import main
-from lptn.errors import InputError
-from lptn.logs import Run
-from lptn.model import Model
-from lptn.monitor import Alarm, Calibration, Monitoring, Watched, calibrate, monitor
-from lptn.monitor.calibration import rare
-from lptn.monitor.figure import monitoring_figure
-from lptn.monitor.keeping import keep, kept
-from lptn.monitor.scene import Scene
-from lptn.monitor.suspicion import DRIFT, OFFSET
-from lptn.monitor.watch import STEP, coarse_drive, estimator_of, watch
+from lptn.basics.arrays import FloatArray
+from lptn.basics.errors import InputError
+from lptn.cli.main import main
+from lptn.logs.run import Run
+from lptn.model.model import Model
+from lptn.online.calibration import Calibration, calibrate, keep, kept, rare
+from lptn.online.monitoring import Monitoring, Watched, monitor
+from lptn.online.sensor_faults import DRIFT, OFFSET, STEP, Alarm, Scene, coarse_drive, estimator_of, watch
+from lptn.report.online_figures import monitoring_figure
 from tests.identify_truth import TRUTH, network, truth_run
 
 WRONG = {"capacity.a": 117.0, "resistance.a~b": 2.55, "resistance.ambient~b": 4.05}  # truth: 120, 2.5, 4
@@ -146,9 +143,9 @@ def test_error_codes_count_as_missing_and_scattered_gaps_do_not(model: Model, ca
 
 
 def test_the_size_of_a_drift_is_estimated_right(model: Model, calibration: Calibration) -> None:
-    driven = coarse_drive(model, log(4, drift(FASTEST)), STEP)
+    bound = coarse_drive(model, log(4, drift(FASTEST)), STEP)
     estimator = estimator_of(model, calibration.noise, calibration.error)
-    last = [best for time, best in watch(estimator, driven, driven.measured) if time < BEGIN + 600][-1]
+    last = [best for time, best in watch(estimator, bound, bound.measured) if time < BEGIN + 600][-1]
     assert last.size[DRIFT, 0] == pytest.approx(FASTEST, rel=0.2)
     assert last.weight[DRIFT, 0] > last.weight[OFFSET, 0] > 0
     assert last.weight[DRIFT, 0] > last.weight[DRIFT, 1]
@@ -160,10 +157,10 @@ def test_a_very_long_log_keeps_its_suspicions(model: Model, calibration: Calibra
     n = len(columns["torque.a"])
     # Ambients and temperatures jump where the runs meet; only that nothing breaks is asked here.
     run = replace(parts[0], columns=columns, time=np.arange(float(n)))
-    driven = coarse_drive(model, run, STEP)
+    bound = coarse_drive(model, run, STEP)
     estimator = estimator_of(model, calibration.noise, calibration.error)
-    weights = [best.weight for _, best in watch(estimator, driven, driven.measured)]
-    assert len(weights) == len(driven) == n // 10 - 1
+    weights = [best.weight for _, best in watch(estimator, bound, bound.measured)]
+    assert len(weights) == len(bound) == n // 10 - 1
     assert np.isfinite(weights).all()
 
 

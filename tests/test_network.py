@@ -10,11 +10,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from lptn.basics.errors import InputError
+from lptn.basics.parameters import Parameter, Share
 from lptn.effects import catalogue
-from lptn.errors import InputError
-from lptn.model import Model
-from lptn.network import EffectDeclaration, LinkDeclaration, Network, NodeDeclaration
-from lptn.parameters import Parameter, Share
+from lptn.model.model import Model
+from lptn.model.network import EffectDeclaration, LinkDeclaration, Network, NodeDeclaration
 from tests.builders import AMBIENT, LEG, capacity, effect, leg, link, node, random_inputs, random_value, resistance
 
 JOINTS = ("FL_thigh", "FL_calf", "FR_thigh", "FR_calf")
@@ -33,7 +33,7 @@ def _shared(share: Share) -> Network:
 
 
 def _names(network: Network, prefix: str) -> list[str]:
-    return [unknown.name for unknown in network.unknowns if unknown.name.startswith(prefix)]
+    return [parameter.name for parameter in network.parameters if parameter.name.startswith(prefix)]
 
 
 def _conductance(model: Model) -> np.ndarray:
@@ -76,7 +76,7 @@ def test_share_all_gives_the_whole_pattern_one() -> None:
 
 
 def test_share_sides_keeps_both_and_says_which_belong_together() -> None:
-    mirrors = {unknown.name: unknown.mirror for unknown in _shared("sides").unknowns}
+    mirrors = {parameter.name: parameter.mirror for parameter in _shared("sides").parameters}
     assert mirrors["capacity.FL_calf"] == "capacity.FR_calf"
     assert mirrors["capacity.FR_calf"] == "capacity.FL_calf"
     assert mirrors["resistance.FL_calf~FL_thigh"] == "resistance.FR_calf~FR_thigh"
@@ -85,19 +85,19 @@ def test_share_sides_keeps_both_and_says_which_belong_together() -> None:
 
 def test_effects_name_their_parameters_after_effect_parameter_and_place() -> None:
     network = leg([effect("coulomb_friction", "*_calf")])
-    assert network.unknowns[-1].name == "coulomb_friction.torque.FR_calf"
+    assert network.parameters[-1].name == "coulomb_friction.torque.FR_calf"
 
 
 def test_a_label_names_an_effect_that_stands_twice_at_one_place() -> None:
     twice = [effect("constant_heat", "FR_calf"), replace(effect("constant_heat", "FR_calf"), label="brake")]
-    names = [unknown.name for unknown in leg(twice).unknowns]
+    names = [parameter.name for parameter in leg(twice).parameters]
     assert names[-2:] == ["constant_heat.power.FR_calf", "brake.power.FR_calf"]
 
 
 def test_values_replace_declared_ones_by_name() -> None:
     network = leg().with_values({"capacity.FR_calf": 111.0})
-    assert [u.value for u in network.unknowns if u.name == "capacity.FR_calf"] == [111.0]
-    assert [u.value for u in network.with_values({}).unknowns] == [u.value for u in network.unknowns]
+    assert [u.value for u in network.parameters if u.name == "capacity.FR_calf"] == [111.0]
+    assert [u.value for u in network.with_values({}).parameters] == [u.value for u in network.parameters]
 
 
 def test_surroundings_take_the_node_name_where_there_is_one_way_out() -> None:
@@ -129,7 +129,7 @@ def test_effects_can_be_taken_out_again() -> None:
 
 
 def test_the_effect_of_an_edge_pattern_acts_once_on_each_edge() -> None:
-    assert [use.place for use in leg([effect("conduction", "*")]).uses] == [
+    assert [instance.place for instance in leg([effect("conduction", "*")]).effect_instances] == [
         "FR_hip~FR_thigh",
         "FR_calf~FR_hip",
         "FR_calf~FR_thigh",
@@ -141,7 +141,7 @@ def test_the_effect_of_an_edge_pattern_acts_once_on_each_edge() -> None:
         (effect("conduction", "{leg}_thigh~{leg}_calf"),),
         JOINTS,
     )
-    assert [use.place for use in legs.uses] == ["FL_calf~FL_thigh", "FR_calf~FR_thigh"]
+    assert [instance.place for instance in legs.effect_instances] == ["FL_calf~FL_thigh", "FR_calf~FR_thigh"]
 
 
 # --- mistakes ----------------------------------------------------------------------------------------
@@ -253,7 +253,7 @@ def test_stored_heat_is_heat_in_less_loss_to_ambient(network: Network, seed: int
     inputs = random_inputs(model, rng)
     x = rng.uniform(0.0, 90.0, len(model.nodes))
     rates = model.rhs(x, [inputs[c] for c in model.inputs], model.values).full().ravel()
-    values = {unknown.name: unknown.value for unknown in network.unknowns}
+    values = {parameter.name: parameter.value for parameter in network.parameters}
     stored = sum(values[f"capacity.{name}"] * rate for name, rate in zip(model.nodes, rates, strict=True))
     heat = [0.15 * (inputs[f"torque.{name}"] / 0.84) ** 2 + inputs[f"power.{name}"] + 3.0 for name in model.nodes]
     losses = [
@@ -278,7 +278,7 @@ def test_a_warmer_neighbour_never_cools(network: Network, seed: int) -> None:
         if key not in present and kind.site != "sensor" and places:
             more.append(EffectDeclaration(kind(), "*"))
     model = Model(network.with_effects(more))
-    p = np.array([random_value(unknown, rng) for unknown in model.unknowns])
+    p = np.array([random_value(parameter, rng) for parameter in model.parameters])
     u = list(random_inputs(model, rng).values())
     jacobian = model.state_jacobian(rng.uniform(0.0, 90.0, len(model.states)), u, p).full()
     assert (jacobian - np.diag(np.diag(jacobian)) >= 0).all()

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lptn.logs import Run
-from lptn.model import Model
-from lptn.noise import Noise, balanced_sigma, estimate_noise
-from lptn.simulate import drives
+from lptn.identify.noise import Noise, balanced_sigma, estimate_noise
+from lptn.logs.run import Run
+from lptn.model.model import Model
+from lptn.simulate.simulation import bound_runs
 from tests.builders import make_run, two_nodes
 
 N = 4000
@@ -23,7 +23,7 @@ def _run(a: np.ndarray, b: np.ndarray, resolution: dict[str, float] | None = Non
 
 def _noise(*runs: Run) -> Noise:
     model = Model(two_nodes())
-    return estimate_noise(drives(model, list(runs)), model.nodes)
+    return estimate_noise(bound_runs(model, list(runs)), model.nodes)
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
@@ -74,7 +74,7 @@ def test_a_node_with_a_small_swing_weighs_more_but_not_without_limit() -> None:
     swing = np.sin(time / 300.0)
     run = _run(40.0 * swing + 0.01 * rng.standard_normal(N), 5.0 * swing + 0.01 * rng.standard_normal(N))
     model = Model(two_nodes())
-    driven = drives(model, [run])
-    large, small = balanced_sigma(driven, estimate_noise(driven, model.nodes))
+    bound = bound_runs(model, [run])
+    large, small = balanced_sigma(bound, estimate_noise(bound, model.nodes))
     assert 0.01 < small < large
     assert large / small == pytest.approx(np.sqrt(8.0), rel=0.05)

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from lptn.errors import InputError
-from lptn.evidence import Evidence, evidence
-from lptn.logs import Run
-from lptn.model import Model
-from lptn.network import LinkDeclaration, Network, NodeDeclaration
-from lptn.on_evidence import mirror_trials
+from lptn.basics.errors import InputError
+from lptn.identify.data import DataSplit, split_data
+from lptn.identify.validation import symmetry_trials
+from lptn.logs.run import Run
+from lptn.model.model import Model
+from lptn.model.network import LinkDeclaration, Network, NodeDeclaration
 from tests.builders import AMBIENT, capacity, effect, make_run, resistance
 
 _SIDES = ("left_knee", "right_knee")
@@ -37,12 +37,12 @@ def _run(name: str, load: tuple[float, float], seconds: int, noise: float, seed:
     )
 
 
-def _data() -> Evidence:
-    return evidence([_run("fit", (9.0, 0.5), 900, 0.5, seed=1)], [_run("held", (1.0, 9.0), 900, 0.05, seed=2)])
+def _data() -> DataSplit:
+    return split_data([_run("fit", (9.0, 0.5), 900, 0.5, seed=1)], [_run("held", (1.0, 9.0), 900, 0.05, seed=2)])
 
 
 def test_a_side_that_was_never_loaded_is_learnt_from_the_other() -> None:
-    trials = mirror_trials(_model(), _data(), weights=(0.0, 1e2, 1e4))
+    trials = symmetry_trials(_model(), _data(), weights=(0.0, 1e2, 1e4))
     assert [each.weight for each in trials] == [0.0, 1e2, 1e4]
     best = min(trials, key=lambda each: each.holdout.rmse)
     assert best.weight > 0
@@ -51,6 +51,6 @@ def test_a_side_that_was_never_loaded_is_learnt_from_the_other() -> None:
 
 def test_without_pairs_or_without_held_out_runs_there_is_nothing_to_choose() -> None:
     with pytest.raises(InputError, match="no left-right pair"):
-        mirror_trials(_model("each"), _data())
+        symmetry_trials(_model("each"), _data())
     with pytest.raises(InputError, match="nothing held out"):
-        mirror_trials(_model(), Evidence(_data().fit))
+        symmetry_trials(_model(), DataSplit(_data().fit))

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lptn.places import class_of, edge, expand_pair, is_glob, matching, mirrored
+from lptn.basics.places import class_of, edge, expand_pair, is_glob, matching, mirrored
 
 JOINTS = ["FL_hip", "FL_thigh", "FL_calf", "FR_hip", "FR_thigh", "FR_calf"]
 

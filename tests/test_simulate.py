@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from lptn.arrays import FloatArray
-from lptn.errors import InputError
-from lptn.logs import Run
-from lptn.model import Model
-from lptn.network import Network, NodeDeclaration
-from lptn.simulate import (
+from lptn.basics.arrays import FloatArray
+from lptn.basics.errors import InputError
+from lptn.logs.run import Run
+from lptn.model.model import Model
+from lptn.model.network import Network, NodeDeclaration
+from lptn.simulate.simulation import (
     SimulationError,
+    bind,
+    bound_runs,
     default_start,
-    drive,
-    drives,
     needed_columns,
     over_steps,
     simulate,
@@ -64,7 +64,7 @@ def test_simulation_equals_solve_ivp() -> None:
     for k in range(200):
         x = solve_ivp(lambda _, y, k=k: rates(y, k), (0.0, 1.0), x, rtol=1e-10, atol=1e-10).y[:, -1]  # type: ignore[misc]
         truth.append(x)
-    path = simulate(model, drive(model, run))
+    path = simulate(model, bind(model, run))
     expected = np.array(truth).T
     assert np.ptp(expected) > 5.0
     np.testing.assert_allclose(path.states, expected, rtol=0, atol=1e-5)
@@ -73,37 +73,37 @@ def test_simulation_equals_solve_ivp() -> None:
 
 def test_a_stiff_node_is_simulated_in_smaller_steps() -> None:
     model = _single(1.0, 0.1, power=100.0)  # time constant 0.1 s
-    driven = drive(model, _still(5))
-    parts = substeps(model, driven, model.values, np.array([50.0]))
+    bound = bind(model, _still(5))
+    parts = substeps(model, bound, model.values, np.array([50.0]))
     assert parts in (4, 8, 16, 32)  # RK4 is stable from 10 / 2.78 on
     time = np.arange(6.0)
     expected = 20.0 + 10.0 + 20.0 * np.exp(-time / 0.1)
-    np.testing.assert_allclose(simulate(model, driven).states[0], expected, atol=1e-2)
+    np.testing.assert_allclose(simulate(model, bound).states[0], expected, atol=1e-2)
 
 
 @pytest.mark.parametrize("rate", [0.5, 0.99, 1.99, 3.9])
 def test_the_fastest_transient_is_within_one_percent_of_its_jump(rate: float) -> None:
     """The internal step must be small enough for accuracy, not for stability alone."""
     model = _single(10.0 / rate, 0.1)  # `rate` is the step of 1 s over the time constant
-    states = simulate(model, drive(model, _still(5))).states[0]
+    states = simulate(model, bind(model, _still(5))).states[0]
     np.testing.assert_allclose(states, 20.0 + 30.0 * np.exp(-rate * np.arange(6.0)), atol=0.3)
 
 
 def test_a_slow_model_is_not_cut_finer() -> None:
     model = _single(300.0, 5.0)
-    assert substeps(model, drive(model, _still(5)), model.values, np.array([50.0])) == 1
+    assert substeps(model, bind(model, _still(5)), model.values, np.array([50.0])) == 1
 
 
 def test_a_hopelessly_stiff_model_is_refused() -> None:
     model = _single(1e-3, 1e-3)
     with pytest.raises(SimulationError, match="too fast"):
-        simulate(model, drive(model, _still(5)))
+        simulate(model, bind(model, _still(5)))
 
 
 def test_parameters_that_are_no_numbers_are_refused() -> None:
     model = _single(300.0, 5.0)
     with pytest.raises(SimulationError):
-        simulate(model, drive(model, _still(5)), np.full(len(model.values), np.nan))
+        simulate(model, bind(model, _still(5)), np.full(len(model.values), np.nan))
 
 
 def test_temperatures_that_run_away_are_refused() -> None:
@@ -114,13 +114,13 @@ def test_temperatures_that_run_away_are_refused() -> None:
     run = _still(1000)
     run = replace(run, columns={**run.columns, "torque.a": np.full(1000, np.sqrt(0.8 / 0.0039))})
     with pytest.raises(SimulationError, match="run away"):
-        simulate(model, drive(model, run))
+        simulate(model, bind(model, run))
 
 
 def test_averaged_readings_are_means_over_the_steps() -> None:
     model = _single(10.0, 1.0)  # time constant 10 s
-    sampled = simulate(model, drive(model, _still(30)))
-    averaged = simulate(model, drive(model, _still(30, averaged=True)))
+    sampled = simulate(model, bind(model, _still(30)))
+    averaged = simulate(model, bind(model, _still(30, averaged=True)))
     np.testing.assert_array_equal(sampled.states, averaged.states)
     np.testing.assert_array_equal(sampled.readings, sampled.states[:, :-1])
     time = np.arange(30.0)
@@ -133,15 +133,15 @@ def test_start_is_the_mean_of_the_first_readings_and_hidden_states_sit_at_their_
     model = Model(leg([effect("second_mass", "FR_calf")]))
     readings = np.array([np.nan, 30.0, 31.0, 32.0, 33.0, 34.0, 90.0])
     columns = {"temperature.FR_calf": readings, "temperature.ambient": np.full(7, 20.0)}
-    driven = drive(model, make_run(columns))
-    np.testing.assert_array_equal(driven.start, [np.nan, np.nan, 32.0])
-    np.testing.assert_array_equal(default_start(model, driven), [32.0, 32.0, 32.0, 32.0])
+    bound = bind(model, make_run(columns))
+    np.testing.assert_array_equal(bound.start, [np.nan, np.nan, 32.0])
+    np.testing.assert_array_equal(default_start(model, bound), [32.0, 32.0, 32.0, 32.0])
 
 
 def test_a_given_start_is_where_the_states_begin() -> None:
     model = Model(leg())
     run = random_run(model, 10)
-    path = simulate(model, drive(model, run), start=np.array([1.0, 2.0, 3.0]))
+    path = simulate(model, bind(model, run), start=np.array([1.0, 2.0, 3.0]))
     np.testing.assert_array_equal(path.states[:, 0], [1.0, 2.0, 3.0])
     assert path.states.shape == (3, 11)
     assert path.readings.shape == (3, 10)
@@ -151,21 +151,21 @@ def test_a_missing_input_is_named() -> None:
     model = Model(leg([effect("coulomb_friction", "FR_calf")]))
     run = make_run({"temperature.FR_calf": np.full(9, 20.0), "temperature.ambient": np.full(9, 20.0)})
     with pytest.raises(InputError, match=r"run\.csv: column velocity\.FR_calf"):
-        drive(model, run)
+        bind(model, run)
 
 
 def test_a_run_without_a_reading_of_any_node_is_refused() -> None:
     model = Model(leg())
     run = make_run({"temperature.FR_calf": np.full(9, np.nan), "temperature.ambient": np.full(9, 20.0)})
     with pytest.raises(InputError, match="no reading of any node"):
-        drive(model, run)
+        bind(model, run)
 
 
 def test_an_ambient_from_the_start_needs_no_column() -> None:
     network = Network("n", (node("a"), NodeDeclaration("air", temperature="start")), (link("a", "air"),))
     model = Model(network)
-    driven = drive(model, make_run({"temperature.a": np.linspace(21.0, 25.0, 5)}))
-    np.testing.assert_array_equal(driven.inputs, np.full((1, 5), 23.0))
+    bound = bind(model, make_run({"temperature.a": np.linspace(21.0, 25.0, 5)}))
+    np.testing.assert_array_equal(bound.inputs, np.full((1, 5), 23.0))
     assert needed_columns(model) == ([], ["temperature.a"])
 
 
@@ -180,22 +180,22 @@ def test_a_window_counts_only_readings_inside_it() -> None:
     model = Model(leg())
     run = random_run(model, 10)
     run.columns["temperature.FR_hip"][4] = np.nan
-    (driven,) = drives(model, [run])
-    counted = driven.count((3.0, 6.0)).counted
+    (bound,) = bound_runs(model, [run])
+    counted = bound.count((3.0, 6.0)).counted
     np.testing.assert_array_equal(counted.sum(axis=0), [0, 0, 0, 3, 2, 3, 0, 0, 0, 0])
 
 
 def test_until_keeps_the_beginning() -> None:
     model = Model(leg())
-    driven = drive(model, random_run(model, 10))
-    short = driven.until(4.0)
+    bound = bind(model, random_run(model, 10))
+    short = bound.until(4.0)
     assert len(short) == len(short.run) == short.measured.shape[1] == short.counted.shape[1] == 4
-    assert driven.until(99.0) is driven
-    np.testing.assert_array_equal(simulate(model, short).states, simulate(model, driven).states[:, :5])
+    assert bound.until(99.0) is bound
+    np.testing.assert_array_equal(simulate(model, short).states, simulate(model, bound).states[:, :5])
 
 
 def test_until_cuts_run_and_readings_alike_despite_rounding() -> None:
     model = Model(leg())
     run = random_run(model, 10, step=0.1)
-    short = drive(model, run).until(float(run.time[3]) + 1e-12)
+    short = bind(model, run).until(float(run.time[3]) + 1e-12)
     assert len(short) == len(short.run)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from lptn.errors import InputError
-from lptn.model import Model
-from lptn.state_space import StateSpace, state_space
+from lptn.basics.errors import InputError
+from lptn.model.model import Model
+from lptn.simulate.linear import StateSpace, state_space
 from tests.builders import effect, leg, random_inputs, two_nodes, with_every_effect
 
 

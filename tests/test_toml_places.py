@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from lptn.toml_places import locate
+from lptn.basics.toml import locate
 
 TEXT = """\
 # resistance = 1

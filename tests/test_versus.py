@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lptn.errors import InputError
-from lptn.evidence import evidence
-from lptn.model import Model
-from lptn.network import LinkDeclaration, Network, NodeDeclaration
-from lptn.report import versus_html
-from lptn.simulate import drive, simulate
-from lptn.versus import Pair, Versus, versus
+from lptn.basics.errors import InputError
+from lptn.identify.comparison import Pair, Versus, versus
+from lptn.identify.data import split_data
+from lptn.model.model import Model
+from lptn.model.network import LinkDeclaration, Network, NodeDeclaration
+from lptn.report.pages import versus_html
+from lptn.simulate.simulation import bind, simulate
 from tests.builders import AMBIENT, capacity, effect, leg, make_run, random_run, resistance
 
 
@@ -34,10 +34,10 @@ def result() -> Versus:
     runs = []
     for seed, name in enumerate(("monday", "tuesday")):
         run = random_run(model, 900, seed, hold=300)
-        readings = simulate(model, drive(model, run)).readings + rng.normal(0, 0.05, (3, 900))
+        readings = simulate(model, bind(model, run)).readings + rng.normal(0, 0.05, (3, 900))
         measured = {f"temperature.{node}": row for node, row in zip(model.nodes, readings, strict=True)}
         runs.append(make_run({**run.columns, **measured}, name=name))
-    return versus(model, _alone(), evidence((), runs).holdout)
+    return versus(model, _alone(), split_data((), runs).holdout)
 
 
 def test_a_pair_has_the_errors_and_the_reduction_of_the_largest() -> None:
@@ -73,4 +73,4 @@ def test_models_without_a_node_in_common_are_not_compared(tmp_path: Path) -> Non
     run = random_run(_coupled(), 300)
     both = make_run({**run.columns, "temperature.x": run.columns["temperature.FR_hip"]})
     with pytest.raises(InputError, match="none that both models have"):
-        versus(_coupled(), other, evidence((), [both]).holdout)
+        versus(_coupled(), other, split_data((), [both]).holdout)

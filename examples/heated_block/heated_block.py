@@ -18,20 +18,20 @@ from pathlib import Path
 import numpy as np
 from figures import steady_figure, transient_figure
 
-from lptn.elements.block_networks import (
+from lptn.model.file import parse_model
+from lptn.model.heated_block import (
     HALVED,
     NEGATIVE,
     PEAK,
     PLAIN,
     SHIFTED,
+    HeatedBlock,
     Method,
     block_network,
     order,
     steady_errors,
 )
-from lptn.elements.heated_block import HeatedBlock
-from lptn.model import Model
-from lptn.model_file import parse_model
+from lptn.model.model import Model
 
 Row = tuple[str, ...]
 EQUAL, UNEQUAL, STEEP = HeatedBlock(left=20.0), HeatedBlock(left=40.0), HeatedBlock(left=80.0)

@@ -9,18 +9,19 @@ import sys
 import tempfile
 from pathlib import Path
 
-from lptn.advice import advise
-from lptn.compare import compare
-from lptn.diagnose import diagnose, for_search
-from lptn.evidence import evidence
-from lptn.forecast import forecast
-from lptn.forecast.figure import forecast_figure
-from lptn.ladder import improve
-from lptn.on_evidence import fit_parts, holdout_errors
-from lptn.opening import open_model
-from lptn.report import comparison_figure, ladder_curve, predictions_figure, show
+from lptn.diagnose.advice import advise
+from lptn.diagnose.diagnosis import diagnose, for_search
+from lptn.diagnose.improvement import improve
+from lptn.identify.comparison import compare
+from lptn.identify.data import load_model, split_data
+from lptn.identify.validation import fit_parts, holdout_errors
+from lptn.online.forecasting import forecast
+from lptn.report.diagnosis_figures import ladder_curve
+from lptn.report.figures import comparison_figure, predictions_figure
+from lptn.report.online_figures import forecast_figure
+from lptn.report.style import show
 from lptn.report.words import noise_alone
-from lptn.robots import preset_text
+from lptn.robots.presets import preset_text
 from lptn.virtual import Hidden, leg_logs, write_logs
 
 FAST = "--fast" in sys.argv
@@ -30,9 +31,9 @@ folder = Path(tempfile.mkdtemp(prefix="whole-leg-"))
 # %% A virtual robot's logs: two to fit, one to hold out. Its truth shares no code with the model
 write_logs(folder, leg_logs([Hidden("forced_convection", "FR_thigh")], seed=3, rate=1.0))
 (folder / "leg.toml").write_text(preset_text("leg"))
-opened = open_model(folder / "leg.toml")
+loaded = load_model(folder / "leg.toml")
 fitted, held = ([*sorted(folder.glob(f"{kind}*.parquet"))] for kind in ("fit", "holdout"))
-data = evidence(opened.runs(fitted), opened.runs(held))
+data = split_data(loaded.runs(fitted), loaded.runs(held))
 if FAST:
     data = data.coarsened(5.0)
 for part in (*data.fit, *data.holdout):
@@ -41,33 +42,33 @@ for part in (*data.fit, *data.holdout):
     )
 
 # %% The model as it is given, fitted: right where it was fitted, wrong where it wasn't?
-given = fit_parts(opened.model, data.fit)
+given = fit_parts(loaded.model, data.fit)
 print(f"as given: {given.rmse:.2f} K fitted, {holdout_errors(given, data.holdout).rmse:.2f} K held out")
 show(comparison_figure(compare(given.model, data.holdout)))
 
 # %% What is missing, and where? Each name with the error that it leaves on the held-out run
-found = diagnose(opened.model, data)
+found = diagnose(loaded.model, data)
 print(f"verdict: {found.verdict}")
 for each in found.helpful[:3]:
     print(f"  {each.key[0]} at {each.key[1]}: {each.holdout.rmse:.2f} K held out, p = {each.p_value:.2g}")
 
 # %% The ladder: add it, refit, ask again, until nothing is missing
-ladder = improve(opened.model, data)
-for rung in ladder.rungs:
-    print(f"{rung.effect or 'as given'} {rung.at or ''}: {rung.holdout.rmse:.2f} K held out")
-show(ladder_curve(ladder, noise_alone(ladder.best.fit)))
+history = improve(loaded.model, data)
+for step in history.steps:
+    print(f"{step.effect or 'as given'} {step.at or ''}: {step.holdout.rmse:.2f} K held out")
+show(ladder_curve(history, noise_alone(history.best.fit)))
 
 # %% Proof: the held-out run, predicted by both
-both = (compare(rung.fit.model, data.holdout) for rung in (ladder.rungs[0], ladder.best))
+both = (compare(step.fit.model, data.holdout) for step in (history.steps[0], history.best))
 show(predictions_figure(*both))
 
 # %% What to do next
-print("nothing is missing any more" if ladder.remaining == "adequate" else "something is left")
-for sentence in advise(ladder.first, ladder.last.fit, for_search(data)).sentences:
+print("nothing is missing any more" if history.remaining == "adequate" else "something is left")
+for sentence in advise(history.first, history.last.fit, for_search(data)).sentences:
     print(sentence)
 
 # %% Ten minutes into the held-out run: if the robot went on as it does, when would a joint reach 60 degC?
-ahead = forecast(ladder.best.fit.model, data.holdout[0].run.slice(0.0, 600.0), 60.0, fit=ladder.best.fit)
+ahead = forecast(history.best.fit.model, data.holdout[0].run.slice(0.0, 600.0), 60.0, fit=history.best.fit)
 for node in ahead.nodes.values():
     when = f"in {node.time_to_limit / 60:.0f} min" if node.reaches else f"never; it settles at {node.steady:.0f} degC"
     print(f"{node.node}: {when}")

@@ -8,10 +8,10 @@ from typing import Protocol
 import numpy as np
 
 from a1_task import JOINTS, FloatArray
-from lptn.logs.features import FEATURES
-from lptn.model import Model
-from lptn.model_file import parse_model
-from lptn.robots import preset_text
+from lptn.logs.resampling import FEATURES
+from lptn.model.file import parse_model
+from lptn.model.model import Model
+from lptn.robots.presets import preset_text
 
 
 class Thermal(Protocol):
@@ -67,7 +67,7 @@ class CasadiThermal:
 class Windows:
     """Samples of the simulator reduced to the inputs of one thermal step, so that no heat is lost.
 
-    Torque keeps its RMS, velocity its mean magnitude and its RMS, as for a log (`lptn.logs.features`).
+    Torque keeps its RMS, velocity its mean magnitude and its RMS, as for a log (`lptn.logs.resampling`).
 
     Args:
         columns: the thermal model's inputs.

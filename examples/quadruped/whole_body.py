@@ -18,14 +18,14 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Literal
 
-from lptn import evidence, open_model
-from lptn.evidence import Evidence
-from lptn.files import write_whole
-from lptn.identify import Fit
-from lptn.on_evidence import fit_parts
-from lptn.report import versus_html
-from lptn.robots import preset_text
-from lptn.versus import Pair, Versus, versus
+from lptn import load_model, split_data
+from lptn.basics.files import write_whole
+from lptn.identify.comparison import Pair, Versus, versus
+from lptn.identify.data import DataSplit
+from lptn.identify.fitting import Fit
+from lptn.identify.validation import fit_parts
+from lptn.report.pages import versus_html
+from lptn.robots.presets import preset_text
 from lptn.virtual import quadruped_logs, write_logs
 
 Level = Literal["none", "default", "strong"]
@@ -74,12 +74,12 @@ def trial(seed: int, level: Level, folder: Path, only: Sequence[str] | None = No
     for name, model in (("whole-body", None), ("single-node", "single-node")):
         path = folder / f"{name}.toml"
         write_whole(path, preset_text("quadruped", model))
-        opened = open_model(path)
-        runs, held = (opened.runs(_logs(kind, seed, level, folder, only)) for kind in ("protocol", "tests"))
-        whole = evidence(runs, held)
+        loaded = load_model(path)
+        runs, held = (loaded.runs(_logs(kind, seed, level, folder, only)) for kind in ("protocol", "tests"))
+        whole = split_data(runs, held)
         data.append(whole if only is None else whole.coarsened(_FAST_STEP))
         began = time.perf_counter()
-        fitted.append(fit_parts(opened.model, data[-1].fit))
+        fitted.append(fit_parts(loaded.model, data[-1].fit))
         seconds = seconds or time.perf_counter() - began
     return Trial(seed, (fitted[0], fitted[1]), *(_errors(fitted, data, held) for held in (False, True)), seconds)
 
@@ -94,7 +94,7 @@ def _logs(
     return [place / f"{name}.parquet" for name in chosen]
 
 
-def _errors(fitted: Sequence[Fit], data: Sequence[Evidence], held: bool) -> Versus:
+def _errors(fitted: Sequence[Fit], data: Sequence[DataSplit], held: bool) -> Versus:
     parts = [each.holdout if held else each.fit for each in data]
     return versus(fitted[0].model, fitted[1].model, *parts)
 

@@ -7,30 +7,32 @@
 # %%
 from pathlib import Path
 
-from lptn.advice import advise
-from lptn.compare import compare
-from lptn.diagnose import candidates, continued, for_search, score
-from lptn.diagnose.refit import refit
+from lptn.diagnose.advice import advise
+from lptn.diagnose.candidates import candidates
+from lptn.diagnose.diagnosis import continued, for_search, refit
+from lptn.diagnose.improvement import improve
+from lptn.diagnose.scores import score
 from lptn.diagnose.unexplained_heat import largest, unexplained_heat
-from lptn.evidence import evidence
-from lptn.ladder import improve
-from lptn.on_evidence import fit_parts, holdout_errors
-from lptn.opening import open_model
-from lptn.report import comparison_figure, ladder_curve, predictions_figure, show
+from lptn.identify.comparison import compare
+from lptn.identify.data import load_model, split_data
+from lptn.identify.validation import fit_parts, holdout_errors
+from lptn.report.diagnosis_figures import ladder_curve
+from lptn.report.figures import comparison_figure, predictions_figure
+from lptn.report.style import show
 from lptn.report.words import noise_alone
 
 here = Path(__file__).parent if "__file__" in globals() else Path.cwd()  # a notebook runs in its folder
-opened = open_model(here / "two_heaters.toml")
-data = evidence(opened.runs([here / "log.csv"]), holdout_after=300.0)  # fit the first 300 s, predict the rest
+loaded = load_model(here / "two_heaters.toml")
+data = split_data(loaded.runs([here / "log.csv"]), holdout_after=300.0)  # fit the first 300 s, predict the rest
 
 # %% The model as it was given, fitted: how wrong is it where the fit never looked?
-given = fit_parts(opened.model, data.fit)
+given = fit_parts(loaded.model, data.fit)
 print(f"given model: {given.rmse:.2f} K fitted, {holdout_errors(given, data.holdout).rmse:.2f} K held out")
 show(comparison_figure(compare(given.model, data.holdout)))
 
 # %% Every effect of the catalogue at every place, scored by what it would take off the misfit
 coarse = for_search(data)
-base = fit_parts(opened.model, coarse.fit)
+base = fit_parts(loaded.model, coarse.fit)
 found = candidates(base.model.network, data.fit[0].run.columns)
 scores = score(base, found)
 print(f"{len(found)} candidates; chance alone reaches {scores.threshold:.0f} once in twenty logs")
@@ -47,15 +49,15 @@ stretch = largest(unexplained_heat(base))
 print(stretch.text() if stretch else "nowhere surely")
 
 # %% The whole search, and what to do next
-ladder = improve(opened.model, data)
-for rung in ladder.rungs:
-    print(rung.effect or "as given", rung.at or "", f"{rung.holdout.rmse:.2f} K held out")
-for sentence in advise(ladder.first, ladder.last.fit, coarse).sentences:
+history = improve(loaded.model, data)
+for step in history.steps:
+    print(step.effect or "as given", step.at or "", f"{step.holdout.rmse:.2f} K held out")
+for sentence in advise(history.first, history.last.fit, coarse).sentences:
     print(sentence)
-show(ladder_curve(ladder, noise_alone(ladder.best.fit)))
-show(predictions_figure(*(compare(rung.fit.model, data.holdout) for rung in (ladder.rungs[0], ladder.best))))
+show(ladder_curve(history, noise_alone(history.best.fit)))
+show(predictions_figure(*(compare(step.fit.model, data.holdout) for step in (history.steps[0], history.best))))
 
 # %% Second thoughts: the last model without its first rung
-first = ladder.rungs[1]
-without = continued(ladder.last.fit, ladder.last.fit.model.network.without_effect(first.effect, first.at))
+first = history.steps[1]
+without = continued(history.last.fit, history.last.fit.model.network.without_effect(first.effect, first.at))
 print(f"without {first.effect}: {holdout_errors(without, coarse.holdout).rmse:.2f} K held out")

@@ -1,7 +1,7 @@
 """Networks of the stalled U8 that conserve energy, in plain NumPy: the consistent truth beside the thesis's circuit.
 
 Node 0 is the winding. At a constant current the network is linear, since the copper loss grows linearly with the
-winding's temperature, so its answer is a sum of exponentials: no time steps, nothing shared with `lptn.model`.
+winding's temperature, so its answer is a sum of exponentials: no time steps, nothing shared with `lptn.model.model`.
 Ours, not the thesis's: C_w T_w' = I²R (1 + α (T_w - T_a)) - …
 """
 

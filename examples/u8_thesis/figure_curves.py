@@ -17,7 +17,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from table import networks
 
-from lptn.files import write_whole
+from lptn.basics.files import write_whole
 from lptn.report.style import BEST, GIVEN, INK, SMALL, dress, new_figure
 
 STATED = {"color": INK, "marker": "o", "markersize": 4, "linestyle": "none"}

@@ -14,9 +14,9 @@ from circuits import RESISTANCE
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from table import networks
+from textbook import wire_capacity, wire_length
 
-from lptn.files import write_whole
-from lptn.planners.motors import wire_capacity, wire_length
+from lptn.basics.files import write_whole
 from lptn.report.style import BEST, GIVEN, INK, SMALL, dress, new_figure
 
 LIMIT: dict[str, Any] = {"color": "#D55E00", "linewidth": 1.2}

@@ -15,9 +15,8 @@ import pandas as pd
 from circuits import ALPHA, AMBIENT, RESISTANCE
 from scipy.integrate import solve_ivp
 
-from lptn.evidence import evidence
-from lptn.ladder import Ladder, improve
-from lptn.opening import open_model
+from lptn.diagnose.improvement import History, improve
+from lptn.identify.data import load_model, split_data
 
 C_W, R_WH, C_H, R_HA = 56.8, 2.107, 246.0, 0.869  # J/K, K/W; `facts.fit_two_nodes` on the unaltered motor
 NOISE = 0.15  # K
@@ -55,18 +54,18 @@ def write_logs(folder: Path) -> None:
         truth(steps, seed).to_csv(folder / f"{name}.csv", index=False)
 
 
-def ask(folder: Path) -> Ladder:
+def ask(folder: Path) -> History:
     """The ladder from the thesis's structure on the logs in a folder; as `lptn improve` climbs it."""
-    opened = open_model(Path(__file__).parent / "one_node.toml")
-    runs, held = (opened.runs([folder / f"{name}.csv"]) for name in ("fit", "holdout"))
-    ladder = improve(opened.model, evidence(runs, held))
-    opened.file.with_effects(ladder.declarations()).with_fit(ladder.best.fit.table()).write(folder / "better.toml")
-    return ladder
+    loaded = load_model(Path(__file__).parent / "one_node.toml")
+    runs, held = (loaded.runs([folder / f"{name}.csv"]) for name in ("fit", "holdout"))
+    history = improve(loaded.model, split_data(runs, held))
+    loaded.file.with_effects(history.declarations()).with_fit(history.best.fit.table()).write(folder / "better.toml")
+    return history
 
 
 def main(folder: Path) -> None:
     """Write, ask, print."""
-    from lptn.terminal import show_ladder
+    from lptn.cli.terminal import show_ladder
 
     write_logs(folder)
     show_ladder(ask(folder))

@@ -1,4 +1,4 @@
-"""Rows on motor data, textbook formulas and package sizes (source S1, chapters 2, 3.2.1, 5, appendix A)."""
+"""Rows on motors, textbook formulas and package sizes ([Chen2017, chapter 2; sec. 3.2.1; chapter 5; appendix A])."""
 
 from __future__ import annotations
 
@@ -7,11 +7,8 @@ from pathlib import Path
 
 from circuits import Circuit
 from row import Row
-
-from lptn.planners.motors import (
-    U8,
+from textbook import (
     U8_RATED_TORQUE,
-    U10,
     biot_number,
     box_volume,
     conduction_resistance,
@@ -26,6 +23,8 @@ from lptn.planners.motors import (
     wire_length,
     wire_surface,
 )
+
+from lptn.planners.trade.motors import U8, U10
 
 INCH = 0.0254
 K_T, K_T_ROUNDED = U8.torque_constant.value, 0.1
@@ -60,13 +59,13 @@ def _torque(unaltered: Circuit) -> list[Row]:
     sat = "with 35 A; i_sat is not given, and 35 A is the U10's continuous rating"
     return [
         Row(
-            "S1-E2.1", "torque constant from 100 rpm/V", "N·m/A", 0.1, K_T, tolerance=0.005, note="rounded in the text"
+            "eq. 2.1", "torque constant from 100 rpm/V", "N·m/A", 0.1, K_T, tolerance=0.005, note="rounded in the text"
         ),
         Row(
-            "S1-E2.2", "peak torque per mass, U8", "N·m/kg", None, None, peak_specific_torque(K_T, STALL, m8), note=sat
+            "eq. 2.2", "peak torque per mass, U8", "N·m/kg", None, None, peak_specific_torque(K_T, STALL, m8), note=sat
         ),
         Row(
-            "S1-E2.2b",
+            "eq. 2.2 b",
             "peak torque per mass, U10",
             "N·m/kg",
             None,
@@ -75,7 +74,7 @@ def _torque(unaltered: Circuit) -> list[Row]:
             note=sat,
         ),
         Row(
-            "S1-E2.3",
+            "eq. 2.3",
             "continuous torque per mass and √K, U8",
             "N·m/(kg √K)",
             None,
@@ -83,9 +82,9 @@ def _torque(unaltered: Circuit) -> list[Row]:
             thermal_specific_torque(K_T, m8, r_th, R_U8),
             note=f"R_th is not given; the network's is {r_th:.3f} K/W",
         ),
-        Row("S1-E2.4", "copper loss at 11 A", "W", 22.506, copper_loss(11.0, R_U8), tolerance=5e-4),
+        Row("eq. 2.4", "copper loss at 11 A", "W", 22.506, copper_loss(11.0, R_U8), tolerance=5e-4),
         Row(
-            "S1-E2.5",
+            "eq. 2.5",
             "temperature coefficient: text against a/b of table 3.1",
             "1/K",
             0.004,
@@ -94,12 +93,12 @@ def _torque(unaltered: Circuit) -> list[Row]:
             5e-5,
             "the text's 0.004 gives a = 0.0900 W/K, not 0.0878",
         ),
-        Row("S1-E2.5b", "resistance at 105 degC over that at 25", "1", None, winding_resistance(1.0, 105.0)),
-        Row("S1-E2.6", "torque constant at 105 degC over that at 25", "1", None, torque_constant(1.0, 105.0)),
-        Row("S1-N3", "11 A over the rated current", "%", 104.0, 100 * 11 / rated, tolerance=0.5),
-        Row("S1-N3b", "15 A over the rated current", "%", 142.0, 100 * 15 / rated, tolerance=0.5),
+        Row("eq. 2.5 b", "resistance at 105 degC over that at 25", "1", None, winding_resistance(1.0, 105.0)),
+        Row("eq. 2.6", "torque constant at 105 degC over that at 25", "1", None, torque_constant(1.0, 105.0)),
+        Row("sec. 4.3", "11 A over the rated current", "%", 104.0, 100 * 11 / rated, tolerance=0.5),
+        Row("sec. 4.3 b", "15 A over the rated current", "%", 142.0, 100 * 15 / rated, tolerance=0.5),
         Row(
-            "S1-N3c",
+            "sec. 4.3 c",
             "35 A over the rated current",
             "%",
             330.0,
@@ -107,8 +106,8 @@ def _torque(unaltered: Circuit) -> list[Row]:
             tolerance=1.0,
             note="stall torque over rated torque is 317 %",
         ),
-        Row("S1-N13", "housing's signal over the thermocouple's tolerance", "1", None, (26.5 - 21.5) / 5.0),
-        Row("S1-N14", "jump: torque over that of earlier prostheses", "1", 3.0, None, note="stated, not derived"),
+        Row("sec. 3.1.1", "housing's signal over the thermocouple's tolerance", "1", None, (26.5 - 21.5) / 5.0),
+        Row("sec. 2.1.3", "jump: torque over that of earlier prostheses", "1", 3.0, None, note="stated, not derived"),
     ]
 
 
@@ -117,14 +116,14 @@ def _materials() -> list[Row]:
     area = wire_surface(length, 1e-3)
     return [
         Row(
-            "S1-E2.7",
+            "eq. 2.7",
             "film resistance, 76 W/(m² K) on the wire's surface",
             "K/W",
             None,
             convection_resistance(76.0, area),
         ),
         Row(
-            "S1-E2.8",
+            "eq. 2.8",
             "Biot number of the stator",
             "1",
             0.003,
@@ -132,11 +131,11 @@ def _materials() -> list[Row]:
             biot_number(76.0, 30e-6, area, 28.0),
             note="h, V, k not given; 76 W/(m² K), 30 cm³, 28 W/(m K) taken; order right for 20–40 cm³",
         ),
-        Row("S1-E2.9", "wall resistance, 1 mm of laminations", "K/W", None, conduction_resistance(1e-3, 28.0, area)),
-        Row("S1-N9", "length of the wire", "m", 8.7, length, tolerance=0.05),
-        Row("S1-N9b", "surface of the wire", "cm²", 273.18, 1e4 * area, tolerance=0.01),
+        Row("eq. 2.9", "wall resistance, 1 mm of laminations", "K/W", None, conduction_resistance(1e-3, 28.0, area)),
+        Row("sec. 3.2.1", "length of the wire", "m", 8.7, length, tolerance=0.05),
+        Row("sec. 3.2.1 b", "surface of the wire", "cm²", 273.18, 1e4 * area, tolerance=0.01),
         Row(
-            "S1-T3.1c",
+            "table 3.1 c",
             'capacity of the winding, "from copper volume"',
             "J/K",
             133.3,
@@ -145,7 +144,7 @@ def _materials() -> list[Row]:
             0.5,
             "the wire is 61 g; 133.3 J/K is 346 g of copper in a 240 g motor; network column: three phases",
         ),
-        Row("S1-N12", "Browne: 5 A in 0.21 ohm", "W", 5.25, copper_loss(5.0, 0.21), tolerance=5e-3),
+        Row("sec. 2.5", "Browne: 5 A in 0.21 ohm", "W", 5.25, copper_loss(5.0, 0.21), tolerance=5e-3),
     ]
 
 
@@ -155,7 +154,7 @@ def _appendix() -> list[Row]:
     hot = copper_loss(STALL, winding_resistance(R_U8, 105.0))
     return [
         Row(
-            "S1-TA.1",
+            "table A.1",
             "stall torque from 35 A",
             "N·m",
             3.2,
@@ -163,15 +162,22 @@ def _appendix() -> list[Row]:
             tolerance=0.2,
             note="data sheet: 0.0914 N·m/A; 35 A is not V/R (119 A)",
         ),
-        Row("S1-TA.1b", "no-load speed on 22.2 V", "rpm", 2200.0, 22.2 * 100, tolerance=25.0),
-        Row("S1-TA.1p", "propeller table: rows", "1", 33.0, float(len(table)), tolerance=0.0),
-        Row("S1-TA.1q", "propeller table: largest |V A - W|", "W", 0.0, watts, tolerance=0.01),
-        Row("S1-TA.1r", "propeller table: largest |thrust/W - efficiency|", "g/W", 0.0, efficiency, tolerance=0.01),
-        Row("S1-TA.2", "U10: loss at 35 A over the U8's", "1", None, R_U10 / R_U8),
-        Row("S1-TA.3", "torque sensor: 2000 in-lb", "N·m", 225.0, 2000 * 0.112984829, tolerance=1.0),
-        Row("S1-TA.3b", "torque sensor: compensated up to 160 degF", "degC", 72.0, (160.0 - 32) / 1.8, tolerance=1.0),
+        Row("table A.1 b", "no-load speed on 22.2 V", "rpm", 2200.0, 22.2 * 100, tolerance=25.0),
+        Row("table A.1 p", "propeller table: rows", "1", 33.0, float(len(table)), tolerance=0.0),
+        Row("table A.1 q", "propeller table: largest |V A - W|", "W", 0.0, watts, tolerance=0.01),
+        Row("table A.1 r", "propeller table: largest |thrust/W - efficiency|", "g/W", 0.0, efficiency, tolerance=0.01),
+        Row("appendix A.2", "U10: loss at 35 A over the U8's", "1", None, R_U10 / R_U8),
+        Row("appendix A.3", "torque sensor: 2000 in-lb", "N·m", 225.0, 2000 * 0.112984829, tolerance=1.0),
         Row(
-            "S1-TA.4",
+            "appendix A.3 b",
+            "torque sensor: compensated up to 160 degF",
+            "degC",
+            72.0,
+            (160.0 - 32) / 1.8,
+            tolerance=1.0,
+        ),
+        Row(
+            "appendix A.4",
             "four heat pipes of 65 W",
             "W",
             None,
@@ -187,7 +193,7 @@ def _packages() -> list[Row]:
     box10 = box_volume(U10.diameter.value, U10.length.value)
     return [
         Row(
-            "S1-N10",
+            "chapter 5 c",
             "mass of motor and exchanger: increase",
             "%",
             360.0,
@@ -195,9 +201,9 @@ def _packages() -> list[Row]:
             tolerance=2.0,
             note="867/240 = 3.61 is the ratio; the increase is 261 %",
         ),
-        Row("S1-N10b", "package of motor and exchanger", "cm³", None, 1e6 * PACKAGE),
+        Row("chapter 5 d", "package of motor and exchanger", "cm³", None, 1e6 * PACKAGE),
         Row(
-            "S1-N10c",
+            "chapter 5 e",
             "package: increase over the motor",
             "%",
             475.0,
@@ -206,7 +212,7 @@ def _packages() -> list[Row]:
             note="the motor's size is not in the thesis; box around 87.1 × 26.65 mm; the ratio is 4.96",
         ),
         Row(
-            "S1-N11",
+            "chapter 5 f",
             "U10 over U8: mass",
             "%",
             167.0,
@@ -215,7 +221,7 @@ def _packages() -> list[Row]:
             note="a ratio, not an increase",
         ),
         Row(
-            "S1-N11b",
+            "chapter 5 g",
             "U10 over U8: volume",
             "%",
             130.0,
@@ -223,6 +229,6 @@ def _packages() -> list[Row]:
             tolerance=4.0,
             note="a ratio, not an increase",
         ),
-        Row("S1-A2", "U10 over U8: torque per root of loss", "1", None, (R_U8 / R_U10) ** 0.5),
-        Row("S1-A2b", "the same per mass", "1", None, (R_U8 / R_U10) ** 0.5 * U8.mass.value / U10.mass.value),
+        Row("chapter 5 h", "U10 over U8: torque per root of loss", "1", None, (R_U8 / R_U10) ** 0.5),
+        Row("chapter 5 i", "the same per mass", "1", None, (R_U8 / R_U10) ** 0.5 * U8.mass.value / U10.mass.value),
     ]

@@ -14,7 +14,7 @@ from circuits import Circuit, two_nodes
 from facts import RECOMMENDED, STATOR, fit_two_nodes
 from row import HEADER, Row, cells
 
-from lptn.files import write_whole
+from lptn.basics.files import write_whole
 
 
 @cache

@@ -1,7 +1,7 @@
 """The thesis's last chapter in numbers: heat exchanger, bigger motor, or the prosthesis's own structure as the sink.
 
 `python examples/u8_trade/compare_designs.py compare.png` prints the table and draws the figure.
-Source S1, chapter 5 and rows N10, N11, A2, A3. The U10's network is the U8's scaled, not measured.
+Source: [Chen2017, chapter 5]. The U10's network is the U8's scaled, not measured.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from lptn.files import write_whole
-from lptn.planners.motors import U8, U10
+from lptn.basics.files import write_whole
 from lptn.planners.trade import Option, Problem, parse_study
+from lptn.planners.trade.motors import U8, U10
 from lptn.report.style import INK, SMALL, dress, new_figure
 
 DURATIONS = (1.0, 3.0, 10.0, 20.0, 30.0, 60.0, 120.0, 180.0, 300.0, 600.0, 1800.0, 3600.0)  # s
@@ -47,12 +47,12 @@ class Candidate:
 
 THESIS = 0.867  # kg, motor and exchanger
 PIPES = 0.18  # kg, four heat pipes and their mount; assumed
-SINK, FAN = (351.0, 1.358), (351.0, 0.263)  # J/K, K/W: section 4.3 of the source table
+SINK, FAN = (351.0, 1.358), (351.0, 0.263)  # J/K, K/W: three nodes fitted to the facts, examples/u8_thesis/facts.py
 CANDIDATES = (
     Candidate("U8 alone", "U8", None, U8.mass.value, "#0072B2"),
     Candidate("U8, thesis's exchanger, still air", "U8", SINK, THESIS, "#56B4E9", (0, (5, 1.5))),
     Candidate("U8, thesis's exchanger, fan", "U8", FAN, THESIS, "#56B4E9", (0, (1, 1))),
-    # Source S1: "a hypothetical prosthesis housing with similar capacitance and resistance": only pipes are added.
+    # [Chen2017, chapter 5]: "similar thermal capacitance and resistance" as the sink: only pipes are added.
     Candidate(
         "U8, prosthesis's structure as the sink", "U8", SINK, U8.mass.value + PIPES, "#CC79A7", (0, (4, 1, 1, 1))
     ),

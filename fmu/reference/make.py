@@ -13,11 +13,11 @@ import numpy as np
 import pandas as pd
 from scipy.integrate import solve_ivp
 
-from lptn.arrays import FloatArray
+from lptn.basics.arrays import FloatArray
 from lptn.fmu import Exported, export
-from lptn.model import Model
-from lptn.model_file import ModelFile, parse_model
-from lptn.robots import presets
+from lptn.model.file import ModelFile, parse_model
+from lptn.model.model import Model
+from lptn.robots.presets import presets
 
 HERE = Path(__file__).parent
 DATE = datetime(2026, 1, 1, tzinfo=UTC)

@@ -12,9 +12,9 @@ import numpy as np
 import pandas as pd
 from pydantic import Field
 
-from lptn.arrays import FloatArray
-from lptn.model import Model
-from lptn.model_schema import Strict
+from lptn.basics.arrays import FloatArray
+from lptn.model.file import Strict
+from lptn.model.model import Model
 
 from ..mpc.controller import requested_by
 from ..mpc.heat import Request

@@ -11,9 +11,9 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from lptn.arrays import FloatArray
-from lptn.errors import InputError
-from lptn.model import Model
+from lptn.basics.arrays import FloatArray
+from lptn.basics.errors import InputError
+from lptn.model.model import Model
 
 from ..mpc.controller import Values, in_order, requested_by
 from ..mpc.heat import Heating, Request, heating

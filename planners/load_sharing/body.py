@@ -12,10 +12,10 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field, ValidationError
 
-from lptn.arrays import FloatArray
-from lptn.errors import InputError
-from lptn.model_mistakes import from_validation, text_of
-from lptn.model_schema import Number, Strict
+from lptn.basics.arrays import FloatArray
+from lptn.basics.errors import InputError
+from lptn.basics.toml import from_validation, text_of
+from lptn.model.file import Number, Strict
 
 PARTS = ("hip", "thigh", "calf")
 Vector = Annotated[list[Number], Field(min_length=3, max_length=3)]

@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from lptn.arrays import FloatArray
-from lptn.errors import InputError
-from lptn.model import Model
+from lptn.basics.arrays import FloatArray
+from lptn.basics.errors import InputError
+from lptn.model.model import Model
 
 _STEPS = 256  # that one call takes
 _FINE = 1.0  # s

@@ -8,10 +8,10 @@ from typing import Literal
 
 import numpy as np
 
-from lptn.arrays import FloatArray
-from lptn.errors import InputError
-from lptn.model import Model
-from lptn.places import matching
+from lptn.basics.arrays import FloatArray
+from lptn.basics.errors import InputError
+from lptn.basics.places import matching
+from lptn.model.model import Model
 
 from .body import Body
 from .convex import Share, StanceError

@@ -142,7 +142,7 @@ def _prices(plan: Plan) -> list[str]:
 
 
 def _same(node: str, name: str) -> bool:
-    from lptn.places import class_of
+    from lptn.basics.places import class_of
 
     return class_of(node) == name
 

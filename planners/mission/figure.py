@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from lptn.places import class_of
+from lptn.basics.places import class_of
 from lptn.report.style import FAINT, INK, LIMIT, SMALL, TEXT, dress, new_figure, plain, time_axis
 
 from .plan import Plan

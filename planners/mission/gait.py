@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from lptn.arrays import FloatArray
+from lptn.basics.arrays import FloatArray
 
 _LOOKED_AT = 25  # points a direction at which a table is looked at between its cells
 
@@ -20,7 +20,7 @@ class Gait:
     """The inputs of a model over base speed and load.
 
     Between the cells a natural cubic spline in each direction: smooth, as a solver needs it, and straight where there
-    are two cells. Source S0 logs torques as RMS over a second; heat goes with their square.
+    are two cells. [QuadrupedLPTN, eq. 15] logs torques as RMS over a second; heat goes with their square.
 
     Args:
         name: what the task file calls it.

@@ -8,12 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
-from lptn.arrays import BoolArray, FloatArray
-from lptn.errors import InputError
-from lptn.logs import Run, read_log
+from lptn.basics.arrays import BoolArray, FloatArray
+from lptn.basics.errors import InputError
 from lptn.logs.columns import ColumnSource
-from lptn.logs.features import reduce_blocks
-from lptn.model import Model
+from lptn.logs.reading import read_log
+from lptn.logs.resampling import reduce_blocks
+from lptn.logs.run import Run
+from lptn.model.model import Model
 
 from .gait import Gait, weights_at
 from .gait_tables import made

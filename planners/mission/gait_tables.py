@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from lptn.arrays import FloatArray
-from lptn.errors import InputError, shown
-from lptn.model import Model
-from lptn.places import matching
+from lptn.basics.arrays import FloatArray
+from lptn.basics.errors import InputError, shown
+from lptn.basics.places import matching
+from lptn.model.model import Model
 
 from .activities import REST
 from .gait import Gait, gait

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from lptn.model import Model
+from lptn.model.model import Model
 
 from .activities import Mission
 from .answer import MissionAnswer

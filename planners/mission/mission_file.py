@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
-from lptn.arrays import FloatArray
-from lptn.errors import InputError, shown
-from lptn.logs import parse_columns
-from lptn.model import Model
-from lptn.model_mistakes import text_of, told_by_line
-from lptn.places import matching
+from lptn.basics.arrays import FloatArray
+from lptn.basics.errors import InputError, shown
+from lptn.basics.places import matching
+from lptn.basics.toml import text_of, told_by_line
+from lptn.logs.columns import parse_columns
+from lptn.model.model import Model
 
-from ..trade.schema import Celsius
+from ..values import Celsius
 from .activities import REST, Activity, Mission, Range
 from .gait import Gait
 from .gait_logs import LogPart, gait_from_logs

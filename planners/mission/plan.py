@@ -7,8 +7,8 @@ from typing import Literal
 
 import numpy as np
 
-from lptn.arrays import FloatArray
-from lptn.places import class_of
+from lptn.basics.arrays import FloatArray
+from lptn.basics.places import class_of
 
 from .activities import Mission, Segment, with_known_start
 from .program import Goal, Program, Solution

@@ -9,7 +9,7 @@ from typing import Any, Literal
 import casadi as ca
 import numpy as np
 
-from lptn.arrays import FloatArray
+from lptn.basics.arrays import FloatArray
 
 from .activities import Mission
 from .replay import replay

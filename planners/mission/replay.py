@@ -7,8 +7,8 @@ from math import ceil
 
 import numpy as np
 
-from lptn.arrays import FloatArray
-from lptn.model import Model
+from lptn.basics.arrays import FloatArray
+from lptn.model.model import Model
 
 from .activities import Mission, Segment
 

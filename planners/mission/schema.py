@@ -6,9 +6,9 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from lptn.model_schema import Number, Strict
+from lptn.model.file import Number, Strict
 
-from ..trade.schema import Celsius, ExtraMass, Length, Seconds, Speed
+from ..values import Celsius, ExtraMass, Length, Seconds, Speed
 from .activities import GivesUp
 
 NotNegative = Annotated[Number, Field(ge=0)]

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from lptn.arrays import FloatArray
-from lptn.errors import InputError
-from lptn.model import Model
+from lptn.basics.arrays import FloatArray
+from lptn.basics.errors import InputError
+from lptn.model.model import Model
 
 from .build import python_library, sources
 from .heat import Request, heating
@@ -60,8 +60,7 @@ class TorqueMPC:
         InputError: an unknown place, a number that can't be used, or a model without currents or torques.
         OSError: no C compiler.
 
-    Source: interior point with Riccati elimination after Rao, Wright and Rawlings (1998), predictor and corrector after
-    Mehrotra (1992).
+    Source: interior point with Riccati elimination [Rao1998], predictor and corrector [Mehrotra1992].
     """
 
     def __init__(
@@ -202,9 +201,9 @@ def in_order(values: Values, names: Sequence[str], what: str, missing: float) ->
         InputError: an unknown name, or a wrong number of values.
     """
     if isinstance(values, Mapping):
-        unknown = set(values) - set(names)
-        if unknown:
-            raise InputError(what, sorted(unknown)[0], "an unknown name", f"one of {', '.join(names)}")
+        parameter = set(values) - set(names)
+        if parameter:
+            raise InputError(what, sorted(parameter)[0], "an unknown name", f"one of {', '.join(names)}")
         return np.array([values.get(name, missing) for name in names], dtype=float)
     found = np.asarray(values, dtype=float)
     if found.shape != (len(names),):

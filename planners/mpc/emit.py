@@ -7,8 +7,8 @@ from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lptn.arrays import FloatArray
-from lptn.files import write_folder
+from lptn.basics.arrays import FloatArray
+from lptn.basics.files import write_folder
 
 if TYPE_CHECKING:
     from .controller import TorqueMPC

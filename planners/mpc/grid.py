@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import brentq
 
-from lptn.arrays import FloatArray
+from lptn.basics.arrays import FloatArray
 
 
 def growing_stages(period: float, horizon: float, count: int) -> FloatArray:

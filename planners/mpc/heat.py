@@ -8,9 +8,9 @@ from typing import Any, Literal
 import casadi as ca
 import numpy as np
 
-from lptn.errors import InputError
-from lptn.model import Model
-from lptn.network import Use
+from lptn.basics.errors import InputError
+from lptn.model.model import Model
+from lptn.model.network import EffectInstance
 
 Request = Literal["current", "torque"]
 _RANDOM_POINTS = 5
@@ -71,7 +71,7 @@ def heating(model: Model, request: Request) -> Heating:
     """A model seen from its requested torques or currents.
 
     Where the model's input is the other of the two, the torque constant of the joint's copper loss converts, falling
-    with temperature where the model says so (source S1, row E2.6).
+    with temperature where the model says so ([Chen2017, eq. 2.6]).
 
     Raises:
         InputError: the model has no such input, or its heat does not go with the square of it.
@@ -82,7 +82,11 @@ def heating(model: Model, request: Request) -> Heating:
 
 def _make(model: Model, request: Request) -> Heating:
     x, u, p, rates, _ = model.symbols
-    uses = {_column(use): use for use in model.network.uses if use.effect.key == "copper_loss"}
+    effect_instances = {
+        _column(instance): instance
+        for instance in model.network.effect_instances
+        if instance.effect.key == "copper_loss"
+    }
     controlled = [column for column in model.inputs if column.partition(".")[0] in ("torque", "current")]
     if not controlled:
         raise InputError(model.network.origin, "effects", "no torque or current that heats a joint", "a copper_loss")
@@ -97,7 +101,7 @@ def _make(model: Model, request: Request) -> Heating:
     for column in model.inputs:
         if column in controlled:
             number = controlled.index(column)
-            per_ampere = _torque_constant(model, uses.get(column), x, p)
+            per_ampere = _torque_constant(model, effect_instances.get(column), x, p)
             given = column.partition(".")[0]
             if per_ampere is None and given != request:
                 found = f"no copper_loss, so no torque constant to plan a {request}"
@@ -115,19 +119,19 @@ def _make(model: Model, request: Request) -> Heating:
     return Heating(model, request, tuple(joints), conditions, x, square, d, p, squared, ca.vertcat(*gain))
 
 
-def _column(use: Use) -> str:
-    place = use.declaration.driven_by or use.ends[0]
-    return f"{use.effect.needed()[0]}.{place}"
+def _column(instance: EffectInstance) -> str:
+    place = instance.declaration.driven_by or instance.ends[0]
+    return f"{instance.effect.needed()[0]}.{place}"
 
 
-def _torque_constant(model: Model, use: Use | None, x: Any, p: Any) -> Any:
+def _torque_constant(model: Model, instance: EffectInstance | None, x: Any, p: Any) -> Any:
     """N*m per ampere at the node's temperature, `None` where the model does not know it."""
-    if use is None:
+    if instance is None:
         return None
-    constant = p[use.parameters["torque_constant"]]
-    for other in model.network.uses:
-        if other.effect.key == "torque_constant_drop" and other.ends == use.ends:
-            warm = x[model.nodes.index(use.ends[0])] - p[other.parameters["reference"]]
+    constant = p[instance.parameters["torque_constant"]]
+    for other in model.network.effect_instances:
+        if other.effect.key == "torque_constant_drop" and other.ends == instance.ends:
+            warm = x[model.nodes.index(instance.ends[0])] - p[other.parameters["reference"]]
             constant = constant * (1 - p[other.parameters["kappa"]] * warm)
     return constant
 

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from lptn.arrays import FloatArray
-from lptn.model import Model
+from lptn.basics.arrays import FloatArray
+from lptn.model.model import Model
 
 from .controller import TorqueMPC
 from .heat import heating

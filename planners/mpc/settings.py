@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lptn.arrays import FloatArray
-from lptn.errors import InputError
-from lptn.places import matching
+from lptn.basics.arrays import FloatArray
+from lptn.basics.errors import InputError
+from lptn.basics.places import matching
 
 from .grid import growing_stages
 from .heat import Heating

@@ -9,10 +9,10 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
-from lptn.arrays import FloatArray
-from lptn.errors import InputError
-from lptn.model import Model
-from lptn.model_schema import Strict
+from lptn.basics.arrays import FloatArray
+from lptn.basics.errors import InputError
+from lptn.model.file import Strict
+from lptn.model.model import Model
 
 from ..plan.task_file import ByPlace, Celsius, NotNegative, Positive, by_name, conditions_of, start_of, told_in
 from .controller import requested_by

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from pandas import DataFrame
 
-    from lptn.model import Model
+    from lptn.model.model import Model
 
 Task = TypeVar("Task")
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from importlib import import_module
 from typing import Any
 
-from lptn.errors import InputError, shown
+from lptn.basics.errors import InputError, shown
 
 from .kind import Kind
 

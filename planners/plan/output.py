@@ -6,8 +6,8 @@ import io
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lptn.errors import InputError
-from lptn.files import write_whole
+from lptn.basics.errors import InputError
+from lptn.basics.files import write_whole
 
 from .kind import EmitsC, Kind
 

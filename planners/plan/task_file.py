@@ -10,12 +10,12 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field
 
-from lptn.arrays import FloatArray
-from lptn.errors import InputError
-from lptn.model import Model
-from lptn.model_mistakes import text_of, told_by_line, toml_of
-from lptn.model_schema import Number
-from lptn.places import matching
+from lptn.basics.arrays import FloatArray
+from lptn.basics.errors import InputError
+from lptn.basics.places import matching
+from lptn.basics.toml import text_of, told_by_line, toml_of
+from lptn.model.file import Number
+from lptn.model.model import Model
 
 Positive = Annotated[Number, Field(gt=0)]
 NotNegative = Annotated[Number, Field(ge=0)]

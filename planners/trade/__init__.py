@@ -1,9 +1,7 @@
 """Cooling trade studies: small optimisation problems on the symbolic model (`lptn trade STUDY.toml`)."""
 
-from .answer import StudyResult, solve_study
-from .designs import Design, Obstacle, Refusal
-from .front import FrontPoint
-from .maps import IsoMap, LimitCurve, iso_map, limit_curves
+from .answer import FrontPoint, StudyResult, solve_study
+from .designs import Design, IsoMap, LimitCurve, Obstacle, Refusal, iso_map, limit_curves
 from .problem import Problem
 from .study import Option, Study
 from .study_file import load_study, parse_study

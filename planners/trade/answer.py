@@ -1,4 +1,4 @@
-"""A study answered: each discrete choice solved to optimality or refused with its obstacle; the best, the front."""
+"""A study answered: each choice solved to optimality or refused with its obstacle; best design and Pareto front."""
 
 from __future__ import annotations
 
@@ -8,17 +8,30 @@ from functools import cached_property
 
 import numpy as np
 
-from lptn.errors import InputError
+from lptn.basics.errors import InputError
 
-from .designs import Design, Refusal, design_of, refusal_of
-from .front import FrontPoint, front_of, sweep_points
-from .maps import IsoMap, LimitCurve, iso_map, limit_curves
-from .problem import Problem
-from .program import Solution
-from .study import GOALS, Study
+from .designs import Design, IsoMap, LimitCurve, Refusal, design_of, iso_map, limit_curves, refusal_of
+from .problem import Problem, Solution
+from .study import GOALS, Option, Study, Sweep
 
 _CURRENT = 40.0  # A; how far curves go where nothing limits the current
+_POINTS = 45  # of a curve
+_BUDGETS = ("mass", "volume")
+_BETTER = 1e-4  # relative; a point that is better by less adds nothing to a front
 Report = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class FrontPoint:
+    """The best value at one amount of what was swept, and by which choice."""
+
+    amount: float
+    value: float
+    option: str
+    capacity: float | None
+    resistance: float | None
+    mass: float
+    volume: float
 
 
 @dataclass(frozen=True)
@@ -31,14 +44,14 @@ class StudyResult:
         refusals: the others.
         front: the best value over what was swept; empty without a sweep. Points that are no better than a cheaper
             one are left out.
-        each: for every option by name its points of the sweep.
+        by_option: for every option by name its points of the sweep.
     """
 
     study: Study
     designs: tuple[Design, ...]
     refusals: tuple[Refusal, ...]
     front: tuple[FrontPoint, ...] = ()
-    each: dict[str, tuple[FrontPoint, ...]] = field(default_factory=dict)
+    by_option: dict[str, tuple[FrontPoint, ...]] = field(default_factory=dict)
 
     @property
     def best(self) -> Design:
@@ -55,7 +68,7 @@ class StudyResult:
     def curves(self) -> tuple[LimitCurve, ...]:
         """Time to the limit over constant current for each design, best first, up to a third above the most current."""
         most = max(design.option.limits.get("current", _CURRENT) for design in self.designs)
-        currents = np.linspace(most / 12, 1.3 * most, 45)
+        currents = np.linspace(most / 12, 1.3 * most, _POINTS)
         return tuple(limit_curves(design, currents) for design in self.designs)
 
     @cached_property
@@ -71,7 +84,7 @@ class StudyResult:
 
     def infeasible(self) -> InputError:
         """One line for a study without any feasible design."""
-        refusal = min(self.refusals, key=lambda each: each.distance)
+        refusal = min(self.refusals, key=lambda refusal: refusal.distance)
         expected = f"another limit, the nearest for {refusal.option.name}: {refusal}"
         return InputError(self.study.origin, "limits", "no feasible design", expected)
 
@@ -81,7 +94,7 @@ def solve_study(study: Study, report: Report = lambda _: None) -> StudyResult:
 
     Args:
         study: what is asked.
-        report: told what is being done.
+        report: called with what is being done.
 
     Raises:
         InputError: a motor's network can't be driven, or lacks what a sink needs.
@@ -92,15 +105,15 @@ def solve_study(study: Study, report: Report = lambda _: None) -> StudyResult:
     for option in study.options():
         report(f"solving {option.name}")
         problem = Problem(option)
-        found = problem.solve()
-        if found.success:
-            designs.append(design_of(problem, found))
-            problems.append((problem, found))
+        solution = problem.solve()
+        if solution.success:
+            designs.append(design_of(problem, solution))
+            problems.append((problem, solution))
         else:
             refusals.append(refusal_of(problem))
             problems.append((problem, None))
     better = GOALS[study.goal][2]
-    designs.sort(key=lambda each: (-each.value if better else each.value, each.mass))
+    designs.sort(key=lambda design: (-design.value if better else design.value, design.mass))
     result = StudyResult(study, tuple(designs), tuple(refusals))
     return result if study.sweep is None else _swept(result, problems, report)
 
@@ -108,8 +121,52 @@ def solve_study(study: Study, report: Report = lambda _: None) -> StudyResult:
 def _swept(result: StudyResult, problems: list[tuple[Problem, Solution | None]], report: Report) -> StudyResult:
     sweep = result.study.sweep
     assert sweep is not None
-    each: dict[str, tuple[FrontPoint, ...]] = {}
+    by_option: dict[str, tuple[FrontPoint, ...]] = {}
     for problem, solved in problems:
         report(f"sweeping {sweep.against} for {problem.option.name}")
-        each[problem.option.name] = sweep_points(problem, solved, sweep)
-    return replace(result, front=front_of(each, result.study, sweep), each=each)
+        by_option[problem.option.name] = _sweep_points(problem, solved, sweep)
+    return replace(result, front=_front_of(by_option, result.study, sweep), by_option=by_option)
+
+
+def _front_of(by_option: dict[str, tuple[FrontPoint, ...]], study: Study, sweep: Sweep) -> tuple[FrontPoint, ...]:
+    """The points that no other beats in both the amount and the goal."""
+    sign = 1.0 if GOALS[study.goal][2] else -1.0
+    cheap_first = 1.0 if sweep.against in _BUDGETS else -1.0
+    points = [point for points in by_option.values() for point in points]
+    front: list[FrontPoint] = []
+    for point in sorted(points, key=lambda point: (cheap_first * point.amount, -sign * point.value)):
+        if not front or sign * (point.value - front[-1].value) > _BETTER * abs(front[-1].value):
+            front.append(point)
+    return tuple(sorted(front, key=lambda point: point.amount))
+
+
+def _sweep_points(problem: Problem, near: Solution | None, sweep: Sweep) -> tuple[FrontPoint, ...]:
+    """One option's answers, up to the first amount that is too hard: all that follow are harder."""
+    points = []
+    # More mass or volume allows more; more torque or time asks for more.
+    for amount in sweep.values[::-1] if sweep.against in _BUDGETS else sweep.values:
+        if sweep.against in _BUDGETS and amount < problem.option.least(sweep.against):
+            break
+        solution = problem.solve({_swept_parameter(problem, sweep.against): amount}, near=near)
+        if not solution.success:
+            break
+        near = solution
+        points.append(_point(problem.option, sweep.against, amount, solution))
+    by_amount = {round(point.amount, 6 if sweep.against == "mass" else 9): point for point in points}
+    return tuple(sorted(by_amount.values(), key=lambda point: point.amount))
+
+
+def _swept_parameter(problem: Problem, against: str) -> str:
+    """The parameter that a sweep moves; a limit that the study left open is a mistake of the study."""
+    name = f"limit.{against}" if against in _BUDGETS else against
+    if name not in problem.parameters.symbols:
+        origin = problem.option.study.origin
+        raise InputError(origin, "pareto.against", f'"{against}" without a limit', f"limits.{against} = …, to be swept")
+    return name
+
+
+def _point(option: Option, against: str, amount: float, solution: Solution) -> FrontPoint:
+    values = solution.variables
+    amount = values[against] if against in _BUDGETS else amount  # a design need not use up its budget
+    capacity, resistance = (values[name] if option.has_sink else None for name in ("capacity", "resistance"))
+    return FrontPoint(amount, solution.objective, option.name, capacity, resistance, values["mass"], values["volume"])

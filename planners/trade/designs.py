@@ -1,4 +1,4 @@
-"""A feasible choice at its best with what it would cost to change it, or a refused one with what is in its way."""
+"""A feasible choice at its best, its sensitivities, map and curve; or a refused choice and the limits in its way."""
 
 from __future__ import annotations
 
@@ -6,15 +6,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lptn.arrays import FloatArray
+from lptn.basics.arrays import FloatArray
+from lptn.basics.errors import InputError
 
+from .motors import ENAMEL_LIMIT
 from .plant import CAPACITY, RESISTANCE
-from .problem import Problem, Relaxed
-from .program import Solution
-from .replay import replayed
+from .problem import Problem, Relaxed, Solution
+from .simulation import Simulator, check_design, peak_temperatures
 from .sink import SPECIFIC_HEAT
 from .study import Option
 
+_FIRST_STEP, _STEP_GROWTH = 0.02, 1.02  # s: short steps where a winding at many times its rating warms within a second
 _MOVED = 1e-4  # relative; a limit that moved less did not move
 
 
@@ -31,12 +33,12 @@ class Design:
         duration: of the hold or the cycle [s].
         winding: the highest winding temperature [degC].
         current: the highest current [A].
-        binding: names of the constraints that it touches.
+        binding: names of the active constraints.
         parameters: value and unit of every number of the program, by name.
-        prices: derivative of the goal to every parameter, by name, in the goal's unit per the parameter's, the design
-            following; Lagrange multipliers of the converged program.
-        of_sink: derivative of the goal to the sink's capacity [per J/K], mass [per kg of aluminium] and resistance
-            [per K/W] with all else of the design held; empty without a sink, or where that program did not converge.
+        sensitivities: derivative of the goal to every parameter, by name, in the goal's unit per the parameter's, the
+            design re-optimised; Lagrange multipliers of the converged program.
+        sink_sensitivities: derivative of the goal to the sink's capacity [per J/K], mass [per kg of aluminium] and
+            resistance [per K/W] with all else of the design held; empty without a sink, or where that program did not converge.
         checked: the highest winding temperature in a fine simulation of the same design [degC].
         times, states: the course [s], [degC].
     """
@@ -53,19 +55,19 @@ class Design:
     current: float
     binding: tuple[str, ...]
     parameters: dict[str, tuple[float, str]]
-    prices: dict[str, float]
-    of_sink: dict[str, float]
+    sensitivities: dict[str, float]
+    sink_sensitivities: dict[str, float]
     checked: float
     times: FloatArray
     states: FloatArray
 
     @property
     def degenerate(self) -> bool:
-        """Whether more constraints are touched than can move: then a price holds to one side only, or to neither."""
+        """Whether more constraints are active than the design has freedom: then its sensitivities are not unique."""
         study = self.option.study
         sought = study.goal in ("held_torque", "time_to_limit", "worst_temperature")
-        touched = len(self.binding) + (study.goal == "worst_temperature")
-        return touched > 2 * self.option.has_sink + sought
+        active = len(self.binding) + (study.goal == "worst_temperature")
+        return active > 2 * self.option.has_sink + sought
 
 
 @dataclass(frozen=True)
@@ -76,6 +78,11 @@ class Obstacle:
     given: float
     needed: float
     unit: str
+
+    @property
+    def move(self) -> float:
+        """By how much it would have to change, relative."""
+        return abs(self.needed / self.given - 1)
 
     def __str__(self) -> str:
         return f"{self.name} {self.given:.4g} -> {self.needed:.4g} {self.unit}"
@@ -104,46 +111,45 @@ class Refusal:
     def distance(self) -> float:
         """Relative move of the nearest obstacle, or of those that must move together."""
         chosen = self.obstacles[:1] or self.together
-        return sum(abs(each.needed / each.given - 1) for each in chosen) if chosen else float("inf")
+        return sum(obstacle.move for obstacle in chosen) if chosen else float("inf")
 
 
-def design_of(problem: Problem, found: Solution) -> Design:
-    """A converged solution as a design, with what it would cost to change it."""
-    option, values = problem.option, found.variables
+def design_of(problem: Problem, solution: Solution) -> Design:
+    """A converged solution as a design, with its sensitivities."""
+    option, values = problem.option, solution.variables
     sink = (values["capacity"], values["resistance"]) if option.has_sink else None
-    winding = problem.plant.states.index(option.motor.winding)
-    replay = replayed(option, sink, values["torque"], values["duration"], found.states[:, 0])
+    winding = [problem.plant.states.index(node) for node in option.motor.winding]
+    hottest, current = check_design(option, sink, values["torque"], values["duration"], solution.states[:, 0])
     return Design(
         option,
-        found.objective,
+        solution.objective,
         sink[0] if sink else None,
         sink[1] if sink else None,
         values["mass"],
         values["volume"],
         values["torque"],
         values["duration"],
-        float(found.states[winding].max()),
-        replay.current,
-        found.binding,
+        float(solution.states[winding].max()),
+        current,
+        solution.binding,
         {name: (value, problem.parameters.units[name]) for name, value in problem.parameters.defaults.items()},
-        found.gradient,
-        sink_prices(option, sink, found) if sink else {},
-        replay.winding,
-        found.times,
-        found.states,
+        solution.gradient,
+        _sink_sensitivities(option, sink) if sink else {},
+        hottest,
+        solution.times,
+        solution.states,
     )
 
 
-def sink_prices(option: Option, sink: tuple[float, float], near: Solution) -> dict[str, float]:
+def _sink_sensitivities(option: Option, sink: tuple[float, float]) -> dict[str, float]:
     """Derivatives of the goal to the sink's two numbers, the rest of the design held."""
     if option.study.goal in ("mass", "volume"):
         return {}  # at a given sink its mass is given
-    held = Problem(option, sink)
-    found = held.solve()
-    if not found.success:
+    solution = Problem(option, sink).solve()
+    if not solution.success:
         return {}
-    per_capacity = found.gradient[CAPACITY]
-    return {"capacity": per_capacity, "mass": per_capacity * SPECIFIC_HEAT, "resistance": found.gradient[RESISTANCE]}
+    gradient, per_capacity = solution.gradient, solution.gradient[CAPACITY]
+    return {"capacity": per_capacity, "mass": per_capacity * SPECIFIC_HEAT, "resistance": gradient[RESISTANCE]}
 
 
 def refusal_of(problem: Problem) -> Refusal:
@@ -153,13 +159,13 @@ def refusal_of(problem: Problem) -> Refusal:
         moved = problem.solve(relax=[name])
         if moved.success:
             single.append(_obstacle(problem, name, moved))
-    single.sort(key=lambda each: abs(each.needed / each.given - 1))
+    single.sort(key=lambda obstacle: obstacle.move)
     together: list[Obstacle] = []
     if not single:
         moved = problem.solve(relax=problem.relaxable())
         if moved.success:
             together = [_obstacle(problem, name, moved) for name in problem.relaxable()]
-            together = [each for each in together if abs(each.needed / each.given - 1) > _MOVED]
+            together = [obstacle for obstacle in together if obstacle.move > _MOVED]
     return Refusal(problem.option, tuple(single), tuple(together))
 
 
@@ -177,3 +183,76 @@ def _obstacle(problem: Problem, name: Relaxed, moved: Solution) -> Obstacle:
     p = problem.parameters
     key = name if name == "torque" else f"limit.{name}"
     return Obstacle(name, p.defaults[key], problem.limit(name, moved), p.units[key])
+
+
+# --- maps and curves ----------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class IsoMap:
+    """Highest winding temperature [degC] over capacity [J/K] (n,) and resistance [K/W] (m,), shape (m, n)."""
+
+    option: Option
+    capacity: FloatArray
+    resistance: FloatArray
+    winding: FloatArray
+    torque: float
+    duration: float
+
+
+@dataclass(frozen=True)
+class LimitCurve:
+    """Time [s] until the winding reaches its limit [degC] at each constant current [A]; infinite for never."""
+
+    name: str
+    limit: float
+    current: FloatArray
+    time: FloatArray
+
+
+def iso_map(design: Design, points: int = 30) -> IsoMap:
+    """The design's task on sinks of all sizes within the study's bounds.
+
+    Args:
+        design: whose torque and duration are taken; it must have a sink.
+        points: along each axis.
+
+    Raises:
+        InputError: the design has no sink.
+    """
+    option, study = design.option, design.option.study
+    if not option.has_sink:
+        raise InputError(study.origin, "map", f"{option.name}", "a design with a sink")
+    capacity = np.geomspace(*study.sink.capacity, points)
+    resistance = np.geomspace(*study.sink.resistance, points)
+    every_c, every_r = (grid.ravel() for grid in np.meshgrid(capacity, resistance))
+    peaks = peak_temperatures(option, every_c, every_r, np.full(every_c.size, design.torque), design.duration)
+    return IsoMap(option, capacity, resistance, peaks.reshape(points, points), design.torque, design.duration)
+
+
+def limit_curves(design: Design, currents: FloatArray) -> LimitCurve:
+    """Time from the start until the winding reaches its limit, for constant currents.
+
+    Args:
+        design: the motor and its cooling.
+        currents: A, shape (n,).
+    """
+    option = design.option
+    limit = option.limits.get("winding", option.motor.limits.get("winding", ENAMEL_LIMIT))
+    simulator, task = Simulator(option, "current"), option.study.task
+    n = currents.size
+    one = np.ones(n)
+    capacity, resistance = (design.capacity or 1.0) * one, (design.resistance or 1.0) * one
+    step = task.longest / simulator.substeps(task.longest, capacity[0], resistance[0], float(currents.max()))
+    x = np.full((len(simulator.plant.states), n), task.start)
+    time, reached = 0.0, np.full(n, np.inf)
+    h = min(step, _FIRST_STEP)
+    while time < task.longest and np.isinf(reached).any():
+        before = simulator.winding(x)
+        x = simulator.advance(x, currents, capacity, resistance, h * one)
+        after = simulator.winding(x)
+        crossed = np.isinf(reached) & (after >= limit)
+        reached[crossed] = time + h * ((limit - before[crossed]) / (after[crossed] - before[crossed]))
+        time += h
+        h = min(step, h * _STEP_GROWTH)
+    return LimitCurve(option.name, limit, currents, reached)

@@ -6,14 +6,13 @@ from collections.abc import Iterable
 from dataclasses import asdict
 
 from .answer import StudyResult
-from .designs import Design
-from .maps import IsoMap, LimitCurve
+from .designs import Design, IsoMap, LimitCurve
 from .study import GOALS
 
 _AGREES = 0.5  # K between the program's few elements and a fine simulation
 _COUNTS = 1e-4  # relative sensitivities below this are solver dust
-_SHOWN = 6  # sensitivities that a person is shown
-_NOT_A_NUMBER_OF_THE_DESIGN = ("least.", "most.", "weight", "longest", "copper_loss.torque_constant")
+_SHOWN = 6  # sensitivities that are printed
+_NOT_OF_THE_DESIGN = ("least.", "most.", "weight", "longest", "copper_loss.torque_constant")
 
 
 def as_json(result: StudyResult) -> dict[str, object]:
@@ -27,15 +26,15 @@ def as_json(result: StudyResult) -> dict[str, object]:
         "refused": [
             {
                 "option": refusal.option.name,
-                "obstacles": [asdict(each) for each in refusal.obstacles],
-                "together": [asdict(each) for each in refusal.together],
+                "obstacles": [asdict(obstacle) for obstacle in refusal.obstacles],
+                "together": [asdict(obstacle) for obstacle in refusal.together],
             }
             for refusal in result.refusals
         ],
         "pareto": {
             "against": result.study.sweep.against if result.study.sweep else None,
             "front": [asdict(point) for point in result.front],
-            "options": {name: [asdict(point) for point in points] for name, points in result.each.items()},
+            "options": {name: [asdict(point) for point in points] for name, points in result.by_option.items()},
         },
         "time_to_limit": [_curve(curve) for curve in result.curves],
         "map": _map(result.iso_map),
@@ -48,12 +47,12 @@ def _curve(curve: LimitCurve) -> dict[str, object]:
     return {"option": curve.name, "limit": curve.limit, "current": current, "time": time}
 
 
-def _map(found: IsoMap | None) -> dict[str, object] | None:
+def _map(grid: IsoMap | None) -> dict[str, object] | None:
     """Winding temperature over (C, R) for the best choice with a sink; `winding[i][j]` at resistance i, capacity j."""
-    if found is None:
+    if grid is None:
         return None
-    axes = {"capacity": found.capacity.tolist(), "resistance": found.resistance.tolist()}
-    return {"option": found.option.name, "torque": found.torque, **axes, "winding": found.winding.tolist()}
+    axes = {"capacity": grid.capacity.tolist(), "resistance": grid.resistance.tolist()}
+    return {"option": grid.option.name, "torque": grid.torque, **axes, "winding": grid.winding.tolist()}
 
 
 def _design(design: Design) -> dict[str, object]:
@@ -67,8 +66,8 @@ def _design(design: Design) -> dict[str, object]:
         "fan_power": design.option.study.fan.power if design.option.cooling == "fan" else 0.0,
         "binding": list(design.binding),
         "degenerate": design.degenerate,
-        "sensitivities": design.prices,
-        "of_sink": design.of_sink,
+        "sensitivities": design.sensitivities,
+        "of_sink": design.sink_sensitivities,
     }
 
 
@@ -84,7 +83,7 @@ def lines(result: StudyResult) -> Iterable[str]:
         "mass [g]",
         "volume [cm3]",
         "winding [degC]",
-        "touches",
+        "active constraints",
     )
     rows = [header, *(_row(design) for design in result.designs)]
     widths = [max(len(row[column]) for row in rows) for column in range(len(header))]
@@ -92,14 +91,15 @@ def lines(result: StudyResult) -> Iterable[str]:
         yield "  ".join(text.ljust(width) for text, width in zip(row, widths, strict=True)).rstrip()
     for design in result.designs:
         if abs(design.checked - design.winding) > _AGREES:
-            yield f"{design.option.name}: mind that a fine simulation of it reaches {design.checked:.1f} degC"
+            yield f"{design.option.name}: caution, a simulation in fine steps reaches {design.checked:.1f} degC"
         if design.degenerate:
-            yield f"{design.option.name}: mind that it touches more than can move; its multipliers are not unique"
+            why = "more constraints are active than it has freedom"
+            yield f"{design.option.name}: caution, {why}; its sensitivities are not unique"
     for refusal in result.refusals:
         yield f"{refusal.option.name}: no feasible design; it would need {refusal}"
     if result.designs:
-        yield from _sensitivities(result.designs[0], words, unit)
-        yield from _of_sink(result, unit)
+        yield from _sensitivity_lines(result.designs[0], words, unit)
+        yield from _sink_lines(result, unit)
     if result.front:
         first, last = result.front[0], result.front[-1]
         against = result.study.sweep.against if result.study.sweep else ""
@@ -125,32 +125,32 @@ def _text(value: float | None) -> str:
 
 
 def strongest(design: Design, most: int = _SHOWN) -> list[tuple[str, float, float]]:
-    """Parameters to which the goal answers most: name, derivative, share of the goal per share of the parameter.
+    """Parameters to which the goal is most sensitive: name, derivative, share of the goal per share of the parameter.
 
     A temperature has no natural zero: 1 K stands for 1 % of it.
     """
-    found = []
-    for name, slope in design.prices.items():
-        if name.startswith(_NOT_A_NUMBER_OF_THE_DESIGN):
+    sensitivities = []
+    for name, slope in design.sensitivities.items():
+        if name.startswith(_NOT_OF_THE_DESIGN):
             continue
         value, unit = design.parameters[name]
         relative = slope * (100.0 if unit == "degC" else value) / design.value if design.value else 0.0
         if abs(relative) > _COUNTS:
-            found.append((name, slope, relative))
-    return sorted(found, key=lambda each: -abs(each[2]))[:most]
+            sensitivities.append((name, slope, relative))
+    return sorted(sensitivities, key=lambda sensitivity: -abs(sensitivity[2]))[:most]
 
 
-def _sensitivities(design: Design, words: str, unit: str) -> Iterable[str]:
-    yield f"What {words} answers to, {design.option.name}, the design following:"
+def _sensitivity_lines(design: Design, words: str, unit: str) -> Iterable[str]:
+    yield f"Sensitivities of {words}, {design.option.name}, the design re-optimised:"
     for name, slope, relative in strongest(design):
         value, its_unit = design.parameters[name]
         step = "K" if its_unit == "degC" else "%"
         yield f"  {name} {value:.4g} {its_unit}: {slope:+.4g} {unit} per {its_unit} ({relative:+.2f} % per {step})"
 
 
-def _of_sink(result: StudyResult, unit: str) -> Iterable[str]:
+def _sink_lines(result: StudyResult, unit: str) -> Iterable[str]:
     for design in result.designs:
-        if design.of_sink:
-            gram, resistance = design.of_sink["mass"] / 1e3, design.of_sink["resistance"]
-            kept = "the sink as it is"
-            yield f"  {design.option.name}, {kept}: {gram:+.3g} {unit} per g of slab, {resistance:+.3g} {unit} per K/W"
+        if design.sink_sensitivities:
+            gram, resistance = design.sink_sensitivities["mass"] / 1e3, design.sink_sensitivities["resistance"]
+            numbers = f"{gram:+.3g} {unit} per g of slab, {resistance:+.3g} {unit} per K/W"
+            yield f"  {design.option.name}, the sink as it is: {numbers}"

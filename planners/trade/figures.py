@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from lptn.arrays import FloatArray
+from lptn.basics.arrays import FloatArray
 from lptn.report.style import INK, SMALL, TEXT, dress, new_figure, plain
 
 from .answer import StudyResult
@@ -64,7 +64,7 @@ def _front(ax: Axes, result: StudyResult) -> None:
     assert result.study.sweep is not None
     factor, label = _SHOWN[result.study.sweep.against]
     scale, goal = _GOALS[result.study.goal]
-    for name, points in result.each.items():
+    for name, points in result.by_option.items():
         if points:
             amounts, values = ([getattr(point, key) for point in points] for key in ("amount", "value"))
             ax.plot(
@@ -83,16 +83,16 @@ def _front(ax: Axes, result: StudyResult) -> None:
 
 
 def _map(ax: Axes, result: StudyResult) -> None:
-    design, found = result.with_sink, result.iso_map
+    design, grid = result.with_sink, result.iso_map
     assert design is not None
-    assert found is not None
+    assert grid is not None
     option = design.option
     here = (design.capacity or np.nan, design.resistance or np.nan)
     # Before the contours: their labels cut gaps that hold on the axes' scale of that moment only.
     ax.set(xscale="log", yscale="log", xlabel="sink capacity C [J/K]", ylabel="sink resistance R_h [K/W]")
     ax.set(xlim=option.study.sink.capacity, ylim=option.study.sink.resistance)
-    lines = ax.contour(found.capacity, found.resistance, found.winding, levels=8, cmap="cividis_r", linewidths=1.2)
-    ax.clabel(lines, fontsize=SMALL, fmt=_decimals(found.winding))
+    lines = ax.contour(grid.capacity, grid.resistance, grid.winding, levels=8, cmap="cividis_r", linewidths=1.2)
+    ax.clabel(lines, fontsize=SMALL, fmt=_decimals(grid.winding))
     _bounds(ax, design)
     ax.plot(*here, "o", ms=7, color=_COLOURS[1], zorder=6, clip_on=False)
     ax.annotate("design", here, (7, 7), textcoords="offset points", fontsize=SMALL)
@@ -147,8 +147,8 @@ def _sensitivities(ax: Axes, result: StudyResult) -> None:
     by_design = [{name: relative for name, _, relative in strongest(design, 99)} for design in shown]
     names = [name for name, _, _ in strongest(shown[-1], 8)][::-1]
     rows, thickness = np.arange(len(names)), 0.7 / len(shown)
-    for number, (design, found) in enumerate(zip(shown, by_design, strict=True)):
-        values = [found.get(name, 0.0) for name in names]
+    for number, (design, relative) in enumerate(zip(shown, by_design, strict=True)):
+        values = [relative.get(name, 0.0) for name in names]
         place = rows + (0.5 * (len(shown) - 1) - number) * thickness
         colour = _look(result, design.option.name)["color"]
         hatch = "////" if design.option.has_sink else None
@@ -158,5 +158,5 @@ def _sensitivities(ax: Axes, result: StudyResult) -> None:
     ax.set_ylim(-0.5, max(len(names), 3) + 0.4)  # room for the legend above the bars
     ax.axvline(0.0, color=INK, lw=0.8)
     ax.set_xlabel(f"% of the {GOALS[result.study.goal][0]} per %")
-    ax.set_title("Lagrange multipliers", loc="right", fontsize=TEXT)
+    ax.set_title("Sensitivities", loc="right", fontsize=TEXT)
     ax.legend(framealpha=1.0, edgecolor="white", fontsize=SMALL, loc="upper center", ncols=2)

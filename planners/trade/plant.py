@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from lptn.arrays import FloatArray
-from lptn.errors import InputError
-from lptn.model import Model
-from lptn.places import edge
+from lptn.basics.arrays import FloatArray
+from lptn.basics.errors import InputError
+from lptn.basics.places import edge
+from lptn.model.model import Model
 
-from ..motors import REFERENCE
+from .motors import REFERENCE
 from .sink import DENSITY, SPECIFIC_HEAT, fin_mass, sink_volume
-from .study import Option
+from .study import Option, pipe_places
 
 CAPACITY, RESISTANCE = "design.capacity", "design.resistance"
 """The two design variables [J/K, K/W], as they are called among the parameters of a given design."""
@@ -74,15 +74,21 @@ class Plant:
             self._spacing = add("fin_spacing", option.study.air[option.cooling].spacing, "m")
             self._density = add("density", DENSITY, "kg/m^3")
             self._heat = add("specific_heat", SPECIFIC_HEAT, "J/(kg*K)")
+        self._refuse_other_inputs()
+
+    def _refuse_other_inputs(self) -> None:
+        """A study knows the motor's current and the air, nothing else."""
+        origin = self.option.motor.network.origin
+        currents = [column for column in self.model.inputs if column.startswith("current.")]
         for column in self.model.inputs:
+            if column.startswith("torque."):
+                expected = 'input = "current" in its copper_loss: the study knows the torque constant'
+                raise InputError(origin, f"input {column}", "a model driven by torque", expected)
             if not column.startswith(("temperature.", "current.")):
-                where = f"{option.motor.network.origin}"
-                raise InputError(where, f"input {column}", "a model that needs it", "current and ambient alone")
-        if sum(column.startswith("current.") for column in self.model.inputs) != 1:
-            where = f"{option.motor.network.origin}"
-            raise InputError(
-                where, "effects", "no copper loss from one current", 'kind = "copper_loss", input = "current"'
-            )
+                raise InputError(origin, f"input {column}", "a model that needs it", "current and ambient alone")
+        if len(currents) != 1:
+            found = f"{len(currents)} currents that heat it" if currents else "no copper loss from a current"
+            raise InputError(origin, "effects", found, 'one current: kind = "copper_loss", input = "current"')
 
     def _model_parameters(self) -> Any:
         """The model's parameter vector, the sink's two replaced by the design variables."""
@@ -90,35 +96,36 @@ class Plant:
         own: dict[str, Any] = {}
         if self.option.has_sink:
             air = next(iter(network.prescribed))
-            by_place = {link.place: self.model.unknowns[link.resistance].name for link in network.resistors}
+            by_place = {link.place: self.model.parameters[link.resistance].name for link in network.resistors}
             outer = edge(sink.node, air)
             if outer not in by_place:
-                raise InputError(
-                    self.option.study.origin, "sink.node", f"{sink.node} without a link to {air}", f"a link {outer}"
-                )
+                where = f"{sink.node} without a link to {air}"
+                raise InputError(self.option.study.origin, "sink.node", where, f"a link {outer}")
             own = {
-                self.model.unknowns[network.capacities[sink.node]].name: self.capacity,
+                self.model.parameters[network.capacities[sink.node]].name: self.capacity,
                 by_place[outer]: self.resistance,
             }
-            self._pipes = by_place[edge(sink.at, sink.node)]
+            places = pipe_places(network, self.option.motor.sink_at)
+            self._pipes = {place: by_place[edge(place, sink.node)] for place in places}
         return ca.vertcat(
             *(
-                own[unknown.name]
-                if unknown.name in own
-                else self.parameters.add(unknown.name, unknown.value, unknown.declared.unit)
-                for unknown in self.model.unknowns
+                own[parameter.name]
+                if parameter.name in own
+                else self.parameters.add(parameter.name, parameter.value, parameter.declared.unit)
+                for parameter in self.model.parameters
             )
         )
 
     # --- at one moment ------------------------------------------------------------------------
 
-    def temperature(self, x: Any, node: str) -> Any:
-        """Temperature of a node [degC]."""
-        return x[self.states.index(node)]
+    def temperatures(self, x: Any, nodes: Sequence[str]) -> Any:
+        """Temperatures of some nodes [degC]."""
+        return ca.vertcat(*[x[self.states.index(node)] for node in nodes])
 
     def current(self, x: Any, torque: Any) -> Any:
-        """Current [A] that gives a torque [N·m] with the magnets as warm as they are; source S1, row E2.6."""
-        warm = self.temperature(x, self.option.motor.magnet) - REFERENCE
+        """Current [A] that gives a torque [N·m] with the magnets as warm as they are; [Chen2017, eq. 2.6]."""
+        nodes = self.option.motor.magnet
+        warm = ca.sum1(self.temperatures(x, nodes)) / len(nodes) - REFERENCE
         return torque / (self._constant * (1 + self._coefficient * warm))
 
     def rates(self, x: Any, torque: Any) -> Any:
@@ -130,11 +137,15 @@ class Plant:
         inputs = (self.ambient if name.startswith("temperature.") else current for name in self.model.inputs)
         return self.model.rhs(x, ca.vertcat(*inputs), self._p)
 
-    def pipe_power(self, x: Any) -> Any:
-        """Heat through the heat pipes [W]."""
-        sink = self.option.study.sink
-        drop = self.temperature(x, sink.at) - self.temperature(x, sink.node)
-        return drop / self.parameters.symbols[self._pipes]
+    def pipe_power(self, x: Any, torque: Any) -> Any:
+        """Heat through the heat pipes [W]; a body's face has no state, so there it is what the sink takes in."""
+        sink = self.states.index(self.option.study.sink.node)
+        if all(place in self.states for place in self._pipes):
+            return sum(
+                (x[self.states.index(place)] - x[sink]) / self.parameters.symbols[name]
+                for place, name in self._pipes.items()
+            )
+        return self.capacity * self.rates(x, torque)[sink] + (x[sink] - self.ambient) / self.resistance
 
     # --- of the design ------------------------------------------------------------------------
 

@@ -1,26 +1,29 @@
-"""One discrete choice of a study as a nonlinear program for IPOPT.
+"""One discrete choice of a study as a nonlinear program for IPOPT: variables, heat balance, limits, goal, solution.
 
 Every limit and every number of the model is a parameter of the program: one solve gives the sensitivities to all of
 them, and a limit can be moved without building anything again.
+
+The temperatures along the task are unknowns of the program, held together by the model's heat balance: direct
+collocation with Radau IIA of order 5. It is L-stable, so that a long hold needs no small steps, and a winding near
+thermal runaway does no harm, since the states are found together with the design.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any, Literal, cast
 
 import casadi as ca
 import numpy as np
 
-from lptn.arrays import FloatArray
+from lptn.basics.arrays import BoolArray, FloatArray
 
-from .course import transcribe
 from .plant import CAPACITY, RESISTANCE, Parameters, Plant
-from .program import Program, Solution
 from .study import LIMITS, Option
 
 _TIDY = 1e-6  # of two designs equally good the lighter one is meant; small enough not to show in a sensitivity
-_TOUCHES = 1e-5  # relative; nearer to its limit than this a constraint is called binding
+_ACTIVE = 1e-5  # relative; nearer to its limit than this a constraint is called active
 _WORST_SCALE = 100.0  # K
 _OPTIONS: dict[str, Any] = {
     "print_time": False,
@@ -28,6 +31,148 @@ _OPTIONS: dict[str, Any] = {
 }
 _INFEASIBLE = "Infeasible_Problem_Detected"
 Relaxed = Literal["winding", "magnet", "current", "pipe_power", "mass", "volume", "torque"]
+_DEGREE = 3
+_HOLD_ELEMENTS, _GRADING = 16, 1.6  # shorter ones at the beginning, where a hold changes fastest
+_COLD, _HOT = 5.0, 1000.0  # K below and above the air: beyond runaway the steady state's formula turns negative
+_WARM = 20.0  # K above the air, to start from
+
+
+@dataclass
+class Program:
+    """A nonlinear program as it is gathered by name: variables, and expressions that must be zero or at most zero."""
+
+    names: list[str] = field(default_factory=list)
+    symbols: list[Any] = field(default_factory=list)
+    starts: list[float] = field(default_factory=list)
+    lowers: list[float] = field(default_factory=list)
+    uppers: list[float] = field(default_factory=list)
+    expressions: list[Any] = field(default_factory=list)
+    labels: list[str] = field(default_factory=list)
+    equalities: list[bool] = field(default_factory=list)
+
+    def variable(self, name: str, start: float, lower: float, upper: float) -> Any:
+        """A new variable's symbol."""
+        symbol = ca.SX.sym(name)
+        self.names.append(name)
+        self.symbols.append(symbol)
+        self.starts.append(start)
+        self.lowers.append(lower)
+        self.uppers.append(upper)
+        return symbol
+
+    def constrain(self, expression: Any, label: str, *, equal: bool = False) -> None:
+        """Demand an expression to be at most zero, or zero."""
+        rows = int(expression.shape[0])
+        self.expressions.append(expression)
+        self.equalities += [equal] * rows
+        self.labels += [label] * rows
+
+    def index(self, name: str) -> int:
+        """Where a variable stands."""
+        return self.names.index(name)
+
+    @property
+    def w(self) -> Any:
+        return ca.vertcat(*self.symbols)
+
+    @property
+    def g(self) -> Any:
+        return ca.vertcat(*self.expressions)
+
+    @property
+    def equal(self) -> BoolArray:
+        return np.array(self.equalities)
+
+    @property
+    def start(self) -> FloatArray:
+        return np.array(self.starts)
+
+    @property
+    def bounds(self) -> tuple[FloatArray, FloatArray]:
+        """Least and greatest of each variable, fresh copies."""
+        return np.array(self.lowers), np.array(self.uppers)
+
+    def active(self, values: FloatArray, tolerance: float) -> list[str]:
+        """Labels of the inequalities that reach zero, without repetition."""
+        rows = zip(self.labels, self.equalities, values, strict=True)
+        return list(dict.fromkeys(label for label, equal, value in rows if not equal and value > -tolerance))
+
+
+@dataclass(frozen=True)
+class Solution:
+    """What IPOPT found.
+
+    Args:
+        success: whether it converged; if not, nothing else means anything.
+        status: IPOPT's return status.
+        objective: the goal's value in its unit.
+        variables: mass, volume, torque, duration, capacity, resistance.
+        slack: by how much each limit was moved, in its unit.
+        gradient: derivative of the goal to each parameter by name; empty unless it converged.
+        binding: names of the active constraints.
+        states: at the ends of the elements [degC], shape (number of states, elements + 1).
+        times: of those [s].
+        raw: IPOPT's primal point, to start from.
+    """
+
+    success: bool
+    status: str
+    objective: float
+    variables: dict[str, float]
+    slack: dict[str, float]
+    gradient: dict[str, float]
+    binding: tuple[str, ...]
+    states: FloatArray
+    times: FloatArray
+    raw: FloatArray
+
+
+@dataclass(frozen=True)
+class Course:
+    """States at the ends of the elements, torque in each, and the ends' times as shares of the duration."""
+
+    states: list[Any]
+    torques: list[Any]
+    share: FloatArray
+
+    @property
+    def ends(self) -> list[tuple[Any, Any]]:
+        """State and torque at the end of each element."""
+        return list(zip(self.states[1:], self.torques, strict=True))
+
+
+def transcribe(program: Program, plant: Plant, torque: Any, duration: Any) -> Course:
+    """Add a task's states and heat balance to a program.
+
+    Args:
+        program: gains variables and equalities.
+        plant: rates and states.
+        torque: peak torque [N·m], an expression.
+        duration: of the hold or the cycle [s], an expression.
+    """
+    task = plant.option.study.task
+    shape = np.ones(_HOLD_ELEMENTS) if task.hold else np.tile(task.shape, task.cycles or 1)
+    elements, n = len(shape), len(plant.states)
+    share = (np.arange(elements + 1) / elements) ** (_GRADING if task.hold else 1.0) * (task.cycles or 1)
+    low, high = min(task.ambient, task.start) - _COLD, max(task.ambient, task.start) + _HOT
+
+    def state(name: str) -> Any:
+        return ca.vertcat(*[program.variable(f"{name}.{i}", task.ambient + _WARM, low, high) for i in range(n)])
+
+    derivative, _, _ = ca.collocation_coeff(ca.collocation_points(_DEGREE, "radau"))
+    start = plant.parameters.add("start", task.start, "degC")
+    path = [state("x0") if task.cycles is None else ca.repmat(start, n, 1)]
+    torques = [torque * float(part) for part in shape]
+    for k, drive in enumerate(torques):
+        stages = [state(f"x{k + 1}s{j}") for j in range(_DEGREE)]
+        h = duration * float(share[k + 1] - share[k])
+        for j in range(_DEGREE):
+            slope = ca.mtimes(ca.horzcat(path[-1], *stages), derivative[:, j])
+            program.constrain(slope - h * plant.rates(stages[j], drive), "heat balance", equal=True)
+        path.append(stages[-1])
+    if task.cycles is None:
+        program.constrain(path[-1] - path[0], "heat balance", equal=True)
+    return Course(path, torques, share)
 
 
 class Problem:
@@ -64,7 +209,7 @@ class Problem:
             return ca.SX(1.0), ca.SX(1.0)
         if given is not None:
             return self.parameters.add(CAPACITY, given[0], "J/K"), self.parameters.add(RESISTANCE, given[1], "K/W")
-        sink, found = self.option.study.sink, []
+        sink, design = self.option.study.sink, []
         for name, unit, (least, most) in (("capacity", "J/K", sink.capacity), ("resistance", "K/W", sink.resistance)):
             low = self.parameters.add(f"least.{name}", least, unit)
             high = self.parameters.add(f"most.{name}", most, unit)
@@ -72,8 +217,8 @@ class Problem:
             logarithm = self._program.variable(name, float(ends.mean()), float(ends[0]) - 3, float(ends[1]) + 3)
             self._program.constrain(ca.log(low) - logarithm, f"least.{name}")
             self._program.constrain(logarithm - ca.log(high), f"most.{name}")
-            found.append(ca.exp(logarithm))
-        return found[0], found[1]
+            design.append(ca.exp(logarithm))
+        return design[0], design[1]
 
     def _task(self) -> None:
         """Torque and duration, each given or sought."""
@@ -107,12 +252,12 @@ class Problem:
 
     def _limit_all(self) -> None:
         plant, motor, goal, ends = self.plant, self.option.motor, self.option.study.goal, self._course.ends
-        windings = ca.vertcat(*[plant.temperature(x, motor.winding) for x, _ in ends])
+        windings = ca.vertcat(*[plant.temperatures(x, motor.winding) for x, _ in ends])
         self._limit("winding", windings)
-        self._limit("magnet", ca.vertcat(*[plant.temperature(x, motor.magnet) for x, _ in ends]))
+        self._limit("magnet", ca.vertcat(*[plant.temperatures(x, motor.magnet) for x, _ in ends]))
         self._limit("current", ca.vertcat(*[plant.current(x, torque) for x, torque in ends]))
         if self.option.has_sink:
-            self._limit("pipe_power", ca.vertcat(*[plant.pipe_power(x) for x, _ in ends]))
+            self._limit("pipe_power", ca.vertcat(*[plant.pipe_power(x, torque) for x, torque in ends]))
         if goal == "worst_temperature":
             self._worst = self._program.variable("worst", 0.6, -1.0, 20.0)
             self._program.constrain(windings / _WORST_SCALE - self._worst, "worst")
@@ -175,11 +320,11 @@ class Problem:
             done = self._solver(
                 x0=start, p=p, lbx=lower, ubx=upper, lbg=np.where(equal, 0.0, -np.inf), ubg=np.zeros(equal.size)
             )
-            found = self._read(done, p)
+            solution = self._read(done, p)
             # A relaxation that IPOPT calls infeasible is not tried again: what matters then is what does help.
-            if found.success or (relax and found.status == _INFEASIBLE):
+            if solution.success or (relax and solution.status == _INFEASIBLE):
                 break
-        return found
+        return solution
 
     def _most_slack(self, name: Relaxed) -> float:
         """How far a limit is looked for, in multiples of its size."""
@@ -208,7 +353,7 @@ class Problem:
         # CasADi's multipliers of parameters carry the opposite sign of the derivative; those of a failed solve lie.
         slope = -done["lam_p"].full().ravel() * self._unit
         gradient = dict(zip(self.parameters.symbols, slope.tolist(), strict=True)) if success else {}
-        touched = self._program.touched(g.full().ravel(), _TOUCHES)
+        active = self._program.active(g.full().ravel(), _ACTIVE)
         return Solution(
             success,
             str(stats["return_status"]),
@@ -216,7 +361,7 @@ class Problem:
             values,
             {name: float(point[self._program.index(f"slack.{name}")]) * self._size(name) for name in self._slack},
             gradient,
-            tuple(name for name in touched if name != "worst"),
+            tuple(name for name in active if name != "worst"),
             path.full(),
             self._course.share * values["duration"],
             point,

@@ -1,8 +1,8 @@
 """Torque of an ankle prosthesis over one cycle: level walking and repeated jumps.
 
-Source S1 describes both in words and by a peak ratio; its figures are not available. What it does not say is assumed
-here and named: moments of level walking after the textbook curve (Winter, Biomechanics and Motor Control of Human
-Movement), rounded; the shape of a jump as two half sines.
+[Chen2017, sec. 2.1.1, 2.1.2] describes both in words and by a peak ratio; its figures are not available. What it does
+not say is assumed here and named: moments of level walking after the textbook curve [WinterBiomechanics], rounded; the
+shape of a jump as two half sines.
 """
 
 from __future__ import annotations
@@ -12,13 +12,13 @@ from collections.abc import Callable
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from lptn.arrays import FloatArray
+from lptn.basics.arrays import FloatArray
 
 WALKING_PERIOD = 1.1  # s; assumed
 JUMP_PERIOD = 2.2  # s; assumed
-STANCE = 0.62  # of the gait cycle; source S1, section 2.1.1, says 60 % for stance and 40 % for swing
-FLIGHT = 0.2  # of the jump cycle; source S1, section 2.1.2
-JUMP_RATIO = 3.0  # peak of a jump over that of walking; source S1, row N14: "more than 3x the torque"
+STANCE = 0.62  # of the gait cycle; [Chen2017, sec. 2.1.1] says 60 % for stance and 40 % for swing
+FLIGHT = 0.2  # of the jump cycle; [Chen2017, sec. 2.1.2]
+JUMP_RATIO = 3.0  # peak of a jump over that of walking; [Chen2017, sec. 2.1.3]: "more than 3x the torque"
 _WALKING = (  # share of the gait cycle, ankle moment [N·m/kg]; plantar flexion positive; assumed after Winter
     (0.0, 0.0), (0.04, -0.08), (0.10, 0.10), (0.20, 0.45), (0.30, 0.80), (0.40, 1.25), (0.48, 1.60), (0.55, 1.00),
     (0.60, 0.20), (STANCE, 0.0), (1.0, 0.0),

@@ -14,7 +14,7 @@ from lptn.effects.base import Symbol
 DENSITY, SPECIFIC_HEAT, CONDUCTIVITY = 2700.0, 897.0, 200.0
 """Of aluminium (kg/m³, J/(kg K), W/(m K)): CRC Handbook of Chemistry and Physics; conductivity of common alloys."""
 AIR_CONDUCTIVITY, AIR_VISCOSITY, AIR_DIFFUSIVITY = 0.0267, 1.67e-5, 2.36e-5
-"""Of air at 37 degC (W/(m K), m²/s, m²/s): Incropera and DeWitt, Fundamentals of Heat and Mass Transfer, table A.4."""
+"""Of air at 37 degC (W/(m K), m²/s, m²/s): [IncroperaDeWitt, table A.4]."""
 _GRAVITY, _AIR_TEMPERATURE = 9.81, 310.0
 
 
@@ -35,7 +35,7 @@ def still_air(excess: float, height: float) -> Air:
         excess: fins above the air [K].
         height: of the fins along the rising air [m].
 
-    Source: Bar-Cohen and Rohsenow, J. Heat Transfer 106 (1984) 116: isothermal plates.
+    Source: [BarCohenRohsenow1984], isothermal plates.
     """
     driving = _GRAVITY * excess / _AIR_TEMPERATURE / (AIR_VISCOSITY * AIR_DIFFUSIVITY)
     spacing = 2.714 * (height / driving) ** 0.25
@@ -51,7 +51,7 @@ def blown_air(speed: float, height: float) -> Air:
         speed: of the air between the fins [m/s].
         height: of the fins along the flow [m].
 
-    Source: Pohlhausen's solution for a flat plate; Incropera and DeWitt, chapter 7.
+    Source: Pohlhausen's solution for a flat plate; [IncroperaDeWitt, chapter 7].
     """
     reynolds = speed * height / AIR_VISCOSITY
     prandtl = AIR_VISCOSITY / AIR_DIFFUSIVITY

@@ -5,16 +5,18 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
-from lptn.errors import InputError
-from lptn.network import LinkDeclaration, Network, NodeDeclaration
-from lptn.parameters import Parameter
-from lptn.places import edge
+from lptn.basics.arrays import FloatArray
+from lptn.basics.errors import InputError
+from lptn.basics.parameters import Parameter
+from lptn.basics.places import edge, matching
+from lptn.model.network import LinkDeclaration, Network, NodeDeclaration
 
-from .parts import Fan, MotorChoice, Pipes, Sink, Sweep, Task
-from .schema import Cooling, Goal
 from .sink import SPECIFIC_HEAT, Air, fin_efficiency, fin_mass, sink_volume
 
+Goal = Literal["held_torque", "time_to_limit", "worst_temperature", "mass", "volume"]
+Cooling = Literal["none", "passive", "fan"]
 GOALS: dict[Goal, tuple[str, str, bool]] = {
     "held_torque": ("held torque", "N*m", True),
     "time_to_limit": ("time to the limit", "s", True),
@@ -27,6 +29,107 @@ LIMITS = {
     "winding": "degC", "magnet": "degC", "current": "A", "pipe_power": "W", "mass": "kg", "volume": "m^3",
 }  # fmt: skip
 """What may be limited, and its unit."""
+
+
+@dataclass(frozen=True)
+class MotorChoice:
+    """A motor that may be chosen: its network and what the network does not say.
+
+    Args:
+        name: what people call it.
+        network: its thermal network without a heat sink, or with one.
+        winding: nodes whose temperature the enamel limits.
+        magnet: nodes whose mean is taken as the magnets' temperature, which sets the torque constant.
+        sink_at: pattern of the nodes, or faces of bodies, that the heat pipes touch; empty without a sink.
+        mass: kg.
+        volume: m³.
+        torque_constant: N·m/A at 25 degC.
+        magnet_coefficient: of the torque constant [1/K].
+        limits: winding, magnet [degC] and current [A] of its data sheet, where known.
+    """
+
+    name: str
+    network: Network
+    winding: tuple[str, ...]
+    magnet: tuple[str, ...]
+    sink_at: str
+    mass: float
+    volume: float
+    torque_constant: float
+    magnet_coefficient: float
+    limits: dict[str, float]
+
+
+@dataclass(frozen=True)
+class Sink:
+    """Within which bounds a heat sink may be built, and what its fins are like.
+
+    Args:
+        node: name of the sink's own node.
+        capacity: least and greatest heat capacity [J/K].
+        resistance: least and greatest resistance to the air [K/W].
+        thickness: of a fin [m].
+        depth: of a fin, root to tip [m].
+    """
+
+    node: str
+    capacity: tuple[float, float]
+    resistance: tuple[float, float]
+    thickness: float
+    depth: float
+
+
+@dataclass(frozen=True)
+class Pipes:
+    """Heat pipes: how many may be chosen; resistance [K/W], power [W], mass [kg] of each; mass of their mount [kg]."""
+
+    counts: tuple[int, ...]
+    resistance: float
+    power: float
+    mass: float
+    mount: float
+
+
+@dataclass(frozen=True)
+class Fan:
+    """A fan: its mass with the battery for its runtime [kg], volume [m³], electrical power [W]."""
+
+    mass: float
+    volume: float
+    power: float
+
+
+@dataclass(frozen=True)
+class Task:
+    """What torque the motor must give, and for how long.
+
+    Args:
+        shape: torque in each equal part of a cycle, over its peak, shape (n,); one entry for a hold.
+        torque: its peak [N·m], `None` where it is sought.
+        duration: of a hold, or of one cycle [s]; `None` where it is sought.
+        cycles: how many cycles from the start, `None` for ever (periodic); 1 for a hold.
+        hold: whether torque is held constant.
+        longest: a sought duration is not looked for beyond [s].
+        ambient: degC.
+        start: all nodes at the beginning [degC].
+    """
+
+    shape: FloatArray
+    torque: float | None
+    duration: float | None
+    cycles: int | None
+    hold: bool
+    longest: float
+    ambient: float
+    start: float
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """Values of one given quantity (mass, volume, torque, duration) over which the study is solved again."""
+
+    against: str
+    values: tuple[float, ...]
 
 
 @dataclass(frozen=True)
@@ -63,12 +166,12 @@ class Study:
 
     def options(self) -> list[Option]:
         """Every discrete choice: motor, cooling, number of heat pipes."""
-        found = []
+        options = []
         for motor in self.motors:
             for cooling in self.cooling:
                 counts: Sequence[int] = (0,) if cooling == "none" else self.pipes.counts
-                found += [Option(self, motor, cooling, count) for count in counts]
-        return found
+                options += [Option(self, motor, cooling, count) for count in counts]
+        return options
 
 
 @dataclass(frozen=True)
@@ -130,35 +233,54 @@ class Option:
             own.pop("winding", None)  # what is sought is not limited unless the study says so
         if self.has_sink:
             own["pipe_power"] = self.pipes * self.study.pipes.power
-        found = own | self.study.limits
+        limits = own | self.study.limits
         if not self.has_sink:
-            found.pop("pipe_power", None)
-        return found
+            limits.pop("pipe_power", None)
+        return limits
 
     def network(self) -> Network:
         """The motor's network with the sink on it, or as it is.
+
+        Several places that the heat pipes touch share them evenly.
 
         Raises:
             InputError: the network has a sink's node that is not linked as a sink's is.
         """
         if not self.has_sink:
             return self.motor.network
-        network, sink = self.motor.network, self.study.sink
-        resistance = self.study.pipes.resistance / self.pipes
-        inner = edge(sink.at, sink.node)
+        network, sink, at = self.motor.network, self.study.sink, self.motor.sink_at
+        touched = pipe_places(network, at)
+        resistance = self.study.pipes.resistance / self.pipes * len(touched)
         if sink.node in network.dynamic:
-            if inner not in {link.place for link in network.resistors}:
-                raise InputError(
-                    self.study.origin, "sink.node", f"{sink.node} without a link to {sink.at}", f"a link {inner}"
-                )
-            return network.with_values({f"resistance.{inner}": resistance})
+            links = [edge(place, sink.node) for place in touched]
+            absent = [link for link in links if link not in {link.place for link in network.resistors}]
+            if absent:
+                where = f"{sink.node} without a link to {at}"
+                raise InputError(self.study.origin, "sink.node", where, f"a link {absent[0]}")
+            return network.with_values({f"resistance.{link}": resistance for link in links})
         air = next(iter(network.prescribed))
         added = NodeDeclaration(sink.node, _parameter("capacity", 300.0, "J/K"))
         links = (
-            LinkDeclaration((sink.at, sink.node), _parameter("resistance", resistance, "K/W")),
+            LinkDeclaration((at, sink.node), replace(_parameter("resistance", resistance, "K/W"), share="all")),
             LinkDeclaration((sink.node, air), _parameter("resistance", 1.0, "K/W")),
         )
         return replace(network, nodes=(*network.nodes, added), links=(*network.links, *links))
+
+
+def attachable(network: Network) -> list[str]:
+    """Places that a heat pipe may touch: dynamic nodes; of a node with a body its faces (`"housing.outer"`)."""
+    faces = {
+        name: [f"{name}.{face}" for face in node.element.shape.faces]
+        for node in network.nodes
+        if node.element is not None
+        for name in matching(node.pattern, network.dynamic)
+    }
+    return [place for name in network.dynamic for place in faces.get(name, [name])]
+
+
+def pipe_places(network: Network, at: str) -> list[str]:
+    """The nodes or faces that heat pipes at `at` touch; only a pattern with a dot means faces, as in a link."""
+    return [place for place in matching(at, attachable(network)) if ("." in place) == ("." in at)]
 
 
 def _parameter(name: str, value: float, unit: str) -> Parameter:

@@ -23,14 +23,15 @@ from pathlib import Path
 import numpy as np
 
 from lptn import virtual
-from lptn.diagnose import Refit, candidates, for_search, score, tied
-from lptn.diagnose.experiment import Experiment, Move, possible_moves, propose
-from lptn.diagnose.refit import TIE, refit_all, worse_by
-from lptn.evidence import evidence
-from lptn.on_evidence import fit_parts
-from lptn.opening import Opened, open_model
-from lptn.places import EVERYWHERE, matching
-from lptn.robots import preset_text
+from lptn.basics.places import EVERYWHERE, matching
+from lptn.diagnose.candidates import candidates
+from lptn.diagnose.diagnosis import TIE, Refit, criterion_difference, for_search, refit_all, tied
+from lptn.diagnose.experiment import Experiment, possible_moves, propose
+from lptn.diagnose.experiment_runs import Move
+from lptn.diagnose.scores import score
+from lptn.identify.data import LoadedModel, load_model, split_data
+from lptn.identify.validation import fit_parts
+from lptn.robots.presets import preset_text
 from lptn.virtual import Hidden, Segment
 
 NOISE, STEPS, AMBIENT = 0.15, 1.0, 22.0
@@ -161,7 +162,7 @@ def _load(ratio: float) -> float:
 def lead(hidden: str, found: Sequence[Refit]) -> float:
     """By how much the information criterion prefers the hidden effect to its rival; below 0 it prefers the rival."""
     first, second = sorted(found, key=lambda each: each.candidate.effect.key != hidden)
-    return worse_by(second.fit, first.fit)
+    return criterion_difference(second.fit, first.fit)
 
 
 def judged(hidden: str, found: Sequence[Refit]) -> str:
@@ -174,14 +175,14 @@ def judged(hidden: str, found: Sequence[Refit]) -> str:
     return "right" if first.candidate.effect.key == hidden else "wrong"
 
 
-def refits(opened: Opened, logs: Sequence[Path], rivals: Sequence[str], at: str) -> list[Refit]:
+def refits(loaded: LoadedModel, logs: Sequence[Path], rivals: Sequence[str], at: str) -> list[Refit]:
     """The rivals fitted to these logs, the one that explains more first."""
-    data = for_search(evidence(opened.runs(logs)))
-    base = fit_parts(opened.model, data.fit)
+    data = for_search(split_data(loaded.runs(logs)))
+    base = fit_parts(loaded.model, data.fit)
     columns = set.intersection(*(set(part.run.columns) for part in data.fit))
     # All that can have the effect: every node, or every joint.
     names = ("*", "*_*") if at == EVERYWHERE else (at,)
-    known = candidates(opened.model.network, columns)
+    known = candidates(loaded.model.network, columns)
     found = [each for each in known if each.effect.key in rivals and each.at in names and not each.run]
     if len(found) != len(rivals):
         raise ValueError(f"rivals {rivals} at {at}: the model has room for {[each.key for each in found]}")
@@ -198,7 +199,7 @@ def trial(number: int, seed: int) -> Outcome:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / "quadruped.toml").write_text(preset_text("quadruped", "coupled"))
-        opened = open_model(folder / "quadruped.toml")
+        loaded = load_model(folder / "quadruped.toml")
 
         def log(what: str, parts: tuple[Segment, ...], ambient: float) -> Path:
             effect = Hidden(hidden, at, pair[3], "quadruped")
@@ -207,7 +208,7 @@ def trial(number: int, seed: int) -> Outcome:
             return virtual.write_quadruped(folder, [effect], runs=runs, **options)[0]  # type: ignore[arg-type]
 
         base = log("base", walking(3600, f"{seed}"), AMBIENT)
-        first = refits(opened, [base], rivals, at)
+        first = refits(loaded, [base], rivals, at)
         moves = [move for move in possible_moves(first) if feasible(move)]
         asked = time.process_time()
         experiment = propose(first, allowed=moves)
@@ -217,7 +218,7 @@ def trial(number: int, seed: int) -> Outcome:
         designed = log("designed", segments(experiment, at), experiment.program.ambient)
         more = log("more", walking(1200, f"more {seed}"), AMBIENT)
         weakest = experiment.weakest
-        found = (first, refits(opened, [base, designed], rivals, at), refits(opened, [base, more], rivals, at))
+        found = (first, refits(loaded, [base, designed], rivals, at), refits(loaded, [base, more], rivals, at))
         before, after, control = (judged(hidden, each) for each in found)
         leads = (lead(hidden, found[0]), lead(hidden, found[1]), lead(hidden, found[2]))
         return Outcome(

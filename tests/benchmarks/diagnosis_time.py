@@ -12,29 +12,28 @@ import tempfile
 import time
 from pathlib import Path
 
-from lptn.diagnose import candidates, examine, for_search, worse_by
-from lptn.diagnose.refit import refit
-from lptn.evidence import Evidence, evidence
-from lptn.identify import Fit
-from lptn.model import Model
-from lptn.on_evidence import fit_parts
-from lptn.opening import open_model
+from lptn.diagnose.candidates import candidates
+from lptn.diagnose.diagnosis import criterion_difference, examine, for_search, refit
+from lptn.identify.data import DataSplit, load_model, split_data
+from lptn.identify.fitting import Fit
+from lptn.identify.validation import fit_parts
+from lptn.model.model import Model
 from lptn.virtual import quadruped_logs, write_logs
 
 MODEL = Path(__file__).with_name("quadruped_plain.toml")
 
 
-def hour(effect: str, at: str, seed: int) -> tuple[Model, Evidence]:
+def hour(effect: str, at: str, seed: int) -> tuple[Model, DataSplit]:
     """An hour of logs with one hidden effect, to fit."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         logs = quadruped_logs([(effect, at)], seed=seed, runs="hour", physics="plain", noise=0.1, quantisation=0.0)
         write_logs(folder, logs)
-        opened = open_model(MODEL)
-        return opened.model, evidence(opened.runs([folder / "fit1.parquet", folder / "fit2.parquet"]))
+        loaded = load_model(MODEL)
+        return loaded.model, split_data(loaded.runs([folder / "fit1.parquet", folder / "fit2.parquet"]))
 
 
-def brute_force(base: Fit, data: Evidence, most: int | None) -> tuple[list[tuple[float, tuple[str, str]]], int, float]:
+def brute_force(base: Fit, data: DataSplit, most: int | None) -> tuple[list[tuple[float, tuple[str, str]]], int, float]:
     """Each candidate's gain, best first; how many there are; and the CPU time for all, from those that were run."""
     columns = set.intersection(*(set(part.run.columns) for part in data.fit))
     found = candidates(base.model.network, columns, [part.run.name for part in data.fit])
@@ -44,7 +43,7 @@ def brute_force(base: Fit, data: Evidence, most: int | None) -> tuple[list[tuple
     for candidate in picked:
         shape = candidate.effect.shape()
         declaration = candidate.declaration(None, shape.grid[0] if shape else None)
-        gains.append((worse_by(base, refit(base, declaration)), candidate.key))
+        gains.append((criterion_difference(base, refit(base, declaration)), candidate.key))
     spent = (time.process_time() - start) * len(found) / len(picked)
     return sorted(gains, reverse=True), len(found), spent
 

@@ -21,9 +21,8 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any, cast
 
-from lptn.evidence import evidence
-from lptn.ladder import Ladder, improve
-from lptn.opening import open_model
+from lptn.diagnose.improvement import History, improve
+from lptn.identify.data import load_model, split_data
 from lptn.virtual import BEYOND, EFFECTS, places, quadruped_logs, write_logs
 from lptn.virtual.layouts import LAYOUTS
 from lptn.virtual.plans import Plan
@@ -103,7 +102,7 @@ class Result:
     case: Case
     verdict: str
     remaining: str
-    rungs: list[Key]
+    steps: list[Key]
     group: list[Key]
     holdout: list[float]
     p_value: float
@@ -154,35 +153,37 @@ def run(case: Case) -> Result:
             columns="all",
         )
         write_logs(folder, logs)
-        opened = open_model(MODEL)
-        fitted = opened.runs([folder / "fit1.parquet", folder / "fit2.parquet"])
-        data = evidence(fitted, opened.runs([folder / "holdout.parquet"]))
+        loaded = load_model(MODEL)
+        fitted = loaded.runs([folder / "fit1.parquet", folder / "fit2.parquet"])
+        data = split_data(fitted, loaded.runs([folder / "holdout.parquet"]))
     start = time.process_time()
     if case.tier == "rough":
-        ladder = improve(opened.model, data, most=RUNGS, ambient_error=AMBIENT_ERROR)
+        history = improve(loaded.model, data, most=RUNGS, ambient_error=AMBIENT_ERROR)
     else:
-        ladder = improve(opened.model, data)
-    return _result(case, ladder, time.process_time() - start)
+        history = improve(loaded.model, data)
+    return _result(case, history, time.process_time() - start)
 
 
-def _result(case: Case, ladder: Ladder, seconds: float) -> Result:
-    rungs = [(rung.effect, rung.at) for rung in ladder.rungs[1:] if rung.effect and rung.at]
-    group = [*rungs[:1], *(ladder.rungs[1].alike if rungs else ())]
-    holdout = [rung.holdout.rmse for rung in ladder.rungs if rung.holdout]
-    best = max((score.gain for score in ladder.first.scores.ranked), default=0.0)
-    p_value = ladder.first.scores.p_value(best)
-    return Result(case, ladder.verdict, ladder.remaining, rungs, group, holdout, p_value, _off(case, ladder), seconds)
+def _result(case: Case, history: History, seconds: float) -> Result:
+    steps = [(step.effect, step.at) for step in history.steps[1:] if step.effect and step.at]
+    group = [*steps[:1], *(history.steps[1].indistinguishable if steps else ())]
+    holdout = [step.holdout.rmse for step in history.steps if step.holdout]
+    best = max((score.gain for score in history.first.scores.ranked), default=0.0)
+    p_value = history.first.scores.p_value(best)
+    return Result(
+        case, history.verdict, history.remaining, steps, group, holdout, p_value, _off(case, history), seconds
+    )
 
 
-def _off(case: Case, ladder: Ladder) -> float | None:
-    if len(case.hidden) != 1 or len(ladder.rungs) != 2:
+def _off(case: Case, history: History) -> float | None:
+    if len(case.hidden) != 1 or len(history.steps) != 2:
         return None
-    declaration = ladder.rungs[1].declaration
+    declaration = history.steps[1].declaration
     if declaration is None or declaration.effect.key not in SIZES or not case.hidden[0].startswith(declaration.name):
         return None
     amplitude = declaration.effect.amplitude()
-    known = {unknown.name: unknown.value for unknown in ladder.best.fit.model.unknowns}
-    for name, error in ladder.best.fit.errors.items():
+    known = {parameter.name: parameter.value for parameter in history.best.fit.model.parameters}
+    for name, error in history.best.fit.errors.items():
         if amplitude is not None and name.startswith(f"{declaration.name}.{amplitude.name}.") and error > 0:
             return (known[name] - SIZES[declaration.effect.key]) / error
     return None
@@ -231,20 +232,20 @@ def judged(done: Result) -> tuple[bool, bool, bool]:
     if not wanted or wanted[0][0] in BEYOND:
         right = done.verdict == ("unexplained" if wanted else "adequate")
         return right, right, right
-    rungs, group = [covered(key) for key in done.rungs], [covered(key) for key in done.group]
-    first = bool(rungs) and rungs[0] in wanted
-    return first, any(key in wanted for key in group), sorted(map(str, rungs)) == sorted(map(str, wanted))
+    steps, group = [covered(key) for key in done.steps], [covered(key) for key in done.group]
+    first = bool(steps) and steps[0] in wanted
+    return first, any(key in wanted for key in group), sorted(map(str, steps)) == sorted(map(str, wanted))
 
 
 def row(done: Result) -> str:
     """A line of the table."""
     first, group, exact = judged(done)
     answer = "exact" if exact else "first" if first else "in group" if group else "NO"
-    ladder = ", ".join(f"{effect} at {at}" for effect, at in done.rungs) or "–"
+    history = ", ".join(f"{effect} at {at}" for effect, at in done.steps) or "–"
     errors = f"{done.holdout[0]:.3f} | {done.holdout[-1]:.3f}"
     hidden = ", ".join(done.case.hidden) or "nothing"
     case, said = done.case, f"{done.verdict}/{done.remaining}"
-    return f"| {hidden} | {case.seed} | {case.noise} | {said} | {ladder} | {answer} | {errors} | {done.seconds:.0f} |"
+    return f"| {hidden} | {case.seed} | {case.noise} | {said} | {history} | {answer} | {errors} | {done.seconds:.0f} |"
 
 
 def summary(results: Sequence[Result]) -> str:
@@ -260,8 +261,8 @@ def summary(results: Sequence[Result]) -> str:
         answers = [judged(done) for done in all_of_it]
         shares = [sum(each[k] for each in answers) / len(answers) for k in range(3)]
         unexplained = sum(done.verdict == "unexplained" for done in all_of_it) / len(all_of_it)
-        both = sum({covered(k) for k in truths(d.case)} <= {covered(k) for k in d.rungs} for d in all_of_it)
-        third = sum(any(covered(k) in map(covered, truths(d.case)) for k in d.rungs[:3]) for d in all_of_it)
+        both = sum({covered(k) for k in truths(d.case)} <= {covered(k) for k in d.steps} for d in all_of_it)
+        third = sum(any(covered(k) in map(covered, truths(d.case)) for k in d.steps[:3]) for d in all_of_it)
         n = len(all_of_it)
         lines.append(
             f"{kind}: {n} cases; first {shares[0]:.2f}, in the first group {shares[1]:.2f}, "

@@ -25,9 +25,9 @@ import numpy as np
 
 from lptn.fmu import Session, export
 from lptn.fmu.compile import local_compiler
-from lptn.model import Model
-from lptn.model_file import parse_model
-from lptn.robots import presets
+from lptn.model.file import parse_model
+from lptn.model.model import Model
+from lptn.robots.presets import presets
 
 HOST = Path(__file__).parents[1] / "fmu" / "host.c"
 STEP, ROUNDS = 0.1, 5

@@ -21,12 +21,13 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from lptn.arrays import FloatArray
-from lptn.evidence import evidence
-from lptn.forecast import Forecast, Gait, Knowledge, NodeForecast, find_gait, forecast
-from lptn.on_evidence import fit_parts
-from lptn.opening import Opened, open_model
-from lptn.robots import presets
+from lptn.basics.arrays import FloatArray
+from lptn.identify.data import LoadedModel, load_model, split_data
+from lptn.identify.validation import fit_parts
+from lptn.online.forecasting import Forecast, NodeForecast, forecast
+from lptn.online.operating_point import Gait, find_gait
+from lptn.online.present import Knowledge
+from lptn.robots.presets import presets
 from lptn.virtual import Run, Segment, quadruped, quadruped_logs, write_logs
 from lptn.virtual.plans import plan
 from lptn.virtual.record import Record, live
@@ -44,7 +45,7 @@ class Robot:
     """A robot's fitted model, and what its fit knows of its errors."""
 
     seed: int
-    opened: Opened
+    loaded: LoadedModel
     knowledge: Knowledge
 
 
@@ -79,11 +80,11 @@ def fitted(seed: int, model: str, folder: Path) -> Robot:
     """Fit the model to the robot's protocol logs."""
     write_logs(folder, quadruped_logs(seed=seed))
     (folder / "model.toml").write_text(WINDINGS.read_text() if model == "windings" else presets()["quadruped"])
-    opened = open_model(folder / "model.toml")
-    data = evidence(opened.runs(sorted(folder.glob("*.parquet")))).coarsened(FIT_STEP)
-    done = fit_parts(opened.model, data.fit, mirror_weight=1.0)
+    loaded = load_model(folder / "model.toml")
+    data = split_data(loaded.runs(sorted(folder.glob("*.parquet")))).coarsened(FIT_STEP)
+    done = fit_parts(loaded.model, data.fit, symmetry_penalty=1.0)
     print(f"robot {seed}: fitted to {len(data.fit)} runs, RMSE {done.rmse:.3f} K, {done.status}", flush=True)
-    return Robot(seed, Opened(opened.file, done.model, opened.mapped), Knowledge.of_fit(done))
+    return Robot(seed, LoadedModel(loaded.file, done.model, loaded.mapped), Knowledge.of_fit(done))
 
 
 def planned(seed: int, number: int) -> dict[str, Run]:
@@ -124,10 +125,10 @@ def _forecast(robot: Robot, record: Record, trot: Trot, moment: str, now: int, f
     joints = record.robot.nodes[: record.robot.joints]
     log = _log(record, robot.seed, now, folder)
     start = time.perf_counter()
-    (read,) = robot.opened.runs([log])
+    (read,) = robot.loaded.runs([log])
     gait = _gait(log, joints)
     steady, cycles = (
-        forecast(robot.opened.model, read, LIMIT, fit=robot.knowledge, window=window, gait=gait)
+        forecast(robot.loaded.model, read, LIMIT, fit=robot.knowledge, window=window, gait=gait)
         for window in ("steady", "cycles")
     )
     passed = [np.flatnonzero(column[now:] >= LIMIT) for column in record.sensed[:, : len(joints)].T]

@@ -14,10 +14,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from lptn.evidence import evidence
-from lptn.ladder import Ladder, improve
-from lptn.opening import open_model
-from lptn.robots import presets
+from lptn.diagnose.improvement import History, improve
+from lptn.identify.data import load_model, split_data
+from lptn.robots.presets import presets
 from lptn.virtual import BEYOND, EFFECTS, Hidden, leg_logs, places, write_logs
 
 CATALOGUE = tuple(effect for effect in EFFECTS if effect not in BEYOND)
@@ -29,13 +28,13 @@ class Trial:
 
     hidden: Hidden | None
     seed: int
-    ladder: Ladder
+    history: History
     seconds: float
 
     @property
     def named(self) -> tuple[str, str] | None:
         """Effect and place of the first rung."""
-        first = self.ladder.rungs[1] if len(self.ladder.rungs) > 1 else None
+        first = self.history.steps[1] if len(self.history.steps) > 1 else None
         return None if first is None or first.effect is None or first.at is None else (first.effect, first.at)
 
     @property
@@ -43,12 +42,12 @@ class Trial:
         """Whether the first rung is the hidden effect at its place."""
         if self.hidden is None or self.hidden.effect in BEYOND:
             wanted = "adequate" if self.hidden is None else "unexplained"
-            return "yes" if self.ladder.verdict == wanted else "no"
+            return "yes" if self.history.verdict == wanted else "no"
         truth = (self.hidden.effect, self.hidden.at)
         if self.named == truth:
             return "yes"
-        alike = self.ladder.rungs[1].alike if self.named else ()
-        return "in group" if truth in alike else "no"
+        indistinguishable = self.history.steps[1].indistinguishable if self.named else ()
+        return "in group" if truth in indistinguishable else "no"
 
 
 def trial(hidden: Hidden | None, seed: int, noise: float, quantisation: float, rough: bool) -> Trial:
@@ -58,11 +57,11 @@ def trial(hidden: Hidden | None, seed: int, noise: float, quantisation: float, r
         wanted = [] if hidden is None else [hidden]
         write_logs(folder, leg_logs(wanted, seed=seed, noise=noise, quantisation=quantisation, rough=rough))
         (folder / "leg.toml").write_text(presets()["leg"])
-        opened = open_model(folder / "leg.toml")
-        fitted = opened.runs([folder / "fit1.parquet", folder / "fit2.parquet"])
-        data = evidence(fitted, opened.runs([folder / "holdout.parquet"]))
+        loaded = load_model(folder / "leg.toml")
+        fitted = loaded.runs([folder / "fit1.parquet", folder / "fit2.parquet"])
+        data = split_data(fitted, loaded.runs([folder / "holdout.parquet"]))
         start = time.perf_counter()
-        return Trial(hidden, seed, improve(opened.model, data), time.perf_counter() - start)
+        return Trial(hidden, seed, improve(loaded.model, data), time.perf_counter() - start)
 
 
 def cases(effects: list[str], seeds: list[int]) -> Iterator[tuple[Hidden | None, int]]:
@@ -75,13 +74,11 @@ def cases(effects: list[str], seeds: list[int]) -> Iterator[tuple[Hidden | None,
 
 def row(done: Trial) -> str:
     """A line of the table."""
-    before, after = done.ladder.rungs[0].holdout, done.ladder.best.holdout
+    before, after = done.history.steps[0].holdout, done.history.best.holdout
     hidden = "nothing" if done.hidden is None else f"{done.hidden.effect} at {done.hidden.at}"
-    ladder = ", ".join(f"{rung.effect} at {rung.at}" for rung in done.ladder.rungs[1:]) or "–"
+    history = ", ".join(f"{step.effect} at {step.at}" for step in done.history.steps[1:]) or "–"
     errors = f"{before.rmse:.3f} | {after.rmse:.3f}" if before and after else "– | –"
-    return (
-        f"| {hidden} | {done.seed} | {done.ladder.verdict} | {ladder} | {done.right} | {errors} | {done.seconds:.0f} |"
-    )
+    return f"| {hidden} | {done.seed} | {done.history.verdict} | {history} | {done.right} | {errors} | {done.seconds:.0f} |"
 
 
 def main() -> None:

@@ -21,15 +21,15 @@ import casadi as ca
 import numpy as np
 from scipy.optimize import least_squares
 
-from lptn import Model, fit, open_model
-from lptn.arrays import FloatArray
-from lptn.identify.gauss_newton import minimise
+from lptn import Model, fit, load_model
+from lptn.basics.arrays import FloatArray
+from lptn.basics.places import edge
 from lptn.identify.integral_start import integral_start
+from lptn.identify.noise import balanced_sigma, estimate_noise
 from lptn.identify.problem import Problem
-from lptn.noise import balanced_sigma, estimate_noise
-from lptn.places import edge
-from lptn.robots import preset_text
-from lptn.simulate import Drive, drive
+from lptn.identify.solvers import minimise
+from lptn.robots.presets import preset_text
+from lptn.simulate.simulation import BoundRun, bind
 from lptn.virtual import quadruped, quadruped_logs, write_logs
 
 Result = TypeVar("Result")
@@ -38,22 +38,22 @@ SPREAD = 5.0
 TWO_HOURS = ("trot_medium", "hip_RF_LR_6Nm", "knee_LF_RR_10Nm", "abd_LF_RR_6Nm")
 
 
-def load(seed: int, only: Sequence[str] | None = None, step: int = 1) -> tuple[Model, list[Drive]]:
+def load(seed: int, only: Sequence[str] | None = None, step: int = 1) -> tuple[Model, list[BoundRun]]:
     """The coupled model, its winding resistances as measured with an ohmmeter, and the protocol's runs."""
     logs = quadruped_logs(seed=seed, runs="protocol", physics="plain", quantisation=1.0)
     with TemporaryDirectory() as folder:
         path = Path(folder) / "quadruped.toml"
         path.write_text(preset_text("quadruped", "coupled"))
-        opened = open_model(path)
+        loaded = load_model(path)
         files = write_logs(folder, {name: logs[name] for name in only or logs})
-        runs = [run if step == 1 else run.coarsen(step) for run in opened.runs(files)]
+        runs = [run if step == 1 else run.coarsen(step) for run in loaded.runs(files)]
     truth = quadruped(seed=seed, physics="plain")
     ohms = {
         f"copper_loss.resistance.{joint}": float(truth.resistance[row])
         for row, joint in enumerate(truth.nodes[: truth.joints])
     }
-    model = Model(opened.model.network.with_values(ohms))
-    return model, [drive(model, run) for run in runs]
+    model = Model(loaded.model.network.with_values(ohms))
+    return model, [bind(model, run) for run in runs]
 
 
 def true_values(seed: int) -> dict[str, float]:
@@ -68,16 +68,16 @@ def true_values(seed: int) -> dict[str, float]:
 
 def recovered(seed: int) -> None:
     """True parameters against estimates with their standard errors."""
-    model, drives = load(seed)
-    done, seconds = _timed(lambda: fit(model, drives))
-    truth, found = true_values(seed), {unknown.name: unknown.value for unknown in done.model.unknowns}
+    model, bound_runs = load(seed)
+    done, seconds = _timed(lambda: fit(model, bound_runs))
+    truth, found = true_values(seed), {parameter.name: parameter.value for parameter in done.model.parameters}
     off = {name: (found[name] - truth[name]) / error for name, error in done.errors.items() if name in truth}
     missing = sorted(set(done.errors) - set(truth))
     inside = np.mean([abs(value) <= 1.96 for value in off.values()])
     relative = np.median([abs(found[name] / truth[name] - 1) for name in off])
-    hours = sum(len(each) * each.run.step for each in drives) / 3600
+    hours = sum(len(each) * each.run.step for each in bound_runs) / 3600
     print(
-        f"robot {seed}: {len(done.errors)} parameters, {hours:.1f} h at {drives[0].run.step:g} s, {seconds:.1f} s; "
+        f"robot {seed}: {len(done.errors)} parameters, {hours:.1f} h at {bound_runs[0].run.step:g} s, {seconds:.1f} s; "
         f"{inside:.0%} of {len(off)} true values inside 95 % intervals; median error {relative:.2%}"
     )
     for kind in ("capacity", "resistance", "drive_heat"):
@@ -95,14 +95,14 @@ def recovered(seed: int) -> None:
 
 def random_starts(seed: int) -> None:
     """Random starts, and the peers' times, on two hours in steps of 10 s."""
-    model, drives = load(seed, TWO_HOURS, step=10)
-    sigma = balanced_sigma(drives, estimate_noise(drives, model.nodes))
-    problem, rng = Problem(model, drives, sigma), np.random.default_rng(seed)
+    model, bound_runs = load(seed, TWO_HOURS, step=10)
+    sigma = balanced_sigma(bound_runs, estimate_noise(bound_runs, model.nodes))
+    problem, rng = Problem(model, bound_runs, sigma), np.random.default_rng(seed)
     lower, upper = problem.bounds()
     typical = model.values
     print(f"{len(problem.free)} parameters, {problem.size} unknowns, {problem.readings} readings")
-    reference, first = _timed(lambda: fit(model, drives))
-    warm, again = _timed(lambda: fit(model, drives))
+    reference, first = _timed(lambda: fit(model, bound_runs))
+    warm, again = _timed(lambda: fit(model, bound_runs))
     print(f"ours, from the logs alone: {first:.2f} s with compiling, {again:.2f} s without; cost {warm.cost:.4f}")
     costs, times = [], []
     for _ in range(STARTS):
@@ -117,7 +117,7 @@ def random_starts(seed: int) -> None:
         f"ours, {STARTS} random starts ×/÷ {SPREAD:g}: {same} reach the same optimum; "
         f"{np.median(times):.2f} s median, {max(times):.2f} s worst; costs {min(costs):.4f} to {max(costs):.4f}"
     )
-    start = problem.guess(integral_start(model, drives, sigma))
+    start = problem.guess(integral_start(model, bound_runs, sigma))
     ours, ours_time = _timed(lambda: minimise(problem, start, near=True))
     _peer("scipy trf, finite differences", ours_time, ours.cost, lambda: _scipy(problem, start, "2-point"))
     _peer("scipy trf, our derivatives", ours_time, ours.cost, lambda: _scipy(problem, start, _analytic(problem)))
@@ -160,23 +160,23 @@ def _timed_build(problem: Problem, start: FloatArray) -> tuple[ca.Function, dict
     z = ca.MX.sym("z", count)
     p = ca.MX(model.values)
     slope = problem.slope(point.values)
-    logarithmic = np.array([model.unknowns[index].logarithmic for index in problem.free])
+    logarithmic = np.array([model.parameters[index].logarithmic for index in problem.free])
     values = [ca.exp(z[k]) if logarithmic[k] else z[k] * slope[k] for k in range(count)]
     for index, value in zip(problem.free, values, strict=True):
         p[index] = value
-    cost, unknowns, equal, guess = ca.MX(0), [z], [], [start[:count]]
-    for driven, first in zip(problem.drives, point.starts, strict=True):
-        n = len(driven)
+    cost, parameters, equal, guess = ca.MX(0), [z], [], [start[:count]]
+    for bound, first in zip(problem.bound_runs, point.starts, strict=True):
+        n = len(bound)
         path = ca.MX.sym("x", states, n + 1)
         step = model.step("rk4").map(n)
-        h = driven.run.step
-        equal.append(ca.vec(path[:, 1:] - step(path[:, :-1], driven.inputs, ca.repmat(p, 1, n), ca.repmat(h, 1, n))))
-        error = (driven.measured - 0.5 * (path[:, :-1] + path[:, 1:])[: len(model.nodes), :]) / problem.sigma[:, None]
+        h = bound.run.step
+        equal.append(ca.vec(path[:, 1:] - step(path[:, :-1], bound.inputs, ca.repmat(p, 1, n), ca.repmat(h, 1, n))))
+        error = (bound.measured - 0.5 * (path[:, :-1] + path[:, 1:])[: len(model.nodes), :]) / problem.sigma[:, None]
         cost += 0.5 * ca.sumsqr(error) + 0.5 * ca.sumsqr((path[:, 0] - first) / 10.0)
-        unknowns.append(ca.vec(path))
-        ends = np.hstack([driven.measured[:, :1], driven.measured])
+        parameters.append(ca.vec(path))
+        ends = np.hstack([bound.measured[:, :1], bound.measured])
         guess.append(ends.T.ravel())
-    nlp = {"x": ca.vertcat(*unknowns), "f": cost, "g": ca.vertcat(*equal)}
+    nlp = {"x": ca.vertcat(*parameters), "f": cost, "g": ca.vertcat(*equal)}
     options = {"ipopt.print_level": 0, "print_time": False, "ipopt.sb": "yes"}
     solver = ca.nlpsol("simultaneous", "ipopt", nlp, options)  # type: ignore[arg-type]
     lower, upper = problem.bounds()

@@ -14,11 +14,11 @@ from time import perf_counter
 
 import numpy as np
 
-from lptn.arrays import FloatArray
-from lptn.model import Model
-from lptn.model_file import parse_model
+from lptn.basics.arrays import FloatArray
+from lptn.model.file import parse_model
+from lptn.model.model import Model
 from lptn.planners.load_sharing import LoadSharing, Sharing, Stance, load_body, statics
-from lptn.robots import preset_text
+from lptn.robots.presets import preset_text
 from lptn.virtual.forcing import Drive
 from lptn.virtual.quadruped_truth import draw_quadruped
 from lptn.virtual.robot import Robot

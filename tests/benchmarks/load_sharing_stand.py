@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from lptn.arrays import FloatArray
+from lptn.basics.arrays import FloatArray
 from lptn.planners.load_sharing import Stance, load_body
 
 LEGS = ("FR", "FL", "RR", "RL")

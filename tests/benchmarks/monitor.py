@@ -16,17 +16,16 @@ from pathlib import Path
 
 import numpy as np
 
-from lptn.arrays import FloatArray
-from lptn.identify import fit
-from lptn.logs import Run
-from lptn.model import Model
-from lptn.monitor import Alarm, Calibration, calibrate, monitor
-from lptn.monitor.calibration import FALSE_ALARMS, rare
-from lptn.monitor.direct import direct_alarms
-from lptn.monitor.scene import Scene
-from lptn.opening import Opened, open_model
-from lptn.robots import presets
-from lptn.simulate import drive
+from lptn.basics.arrays import FloatArray
+from lptn.identify.data import LoadedModel, load_model
+from lptn.identify.fitting import fit
+from lptn.logs.run import Run
+from lptn.model.model import Model
+from lptn.online.calibration import FALSE_ALARMS, Calibration, calibrate, rare
+from lptn.online.monitoring import direct_alarms, monitor
+from lptn.online.sensor_faults import Alarm, Scene
+from lptn.robots.presets import presets
+from lptn.simulate.simulation import bind
 from lptn.virtual import Fault, plan, quadruped_logs, write_logs
 
 OUTINGS = 10
@@ -65,7 +64,7 @@ class Watch:
 class Robot:
     """A fitted robot, what its healthy logs taught, and a threshold that gives the plain detector as few alarms."""
 
-    opened: Opened
+    loaded: LoadedModel
     model: Model
     calibration: Calibration
     fair: float
@@ -80,16 +79,16 @@ def prepare(seed: int, folder: Path, ordinary: bool) -> Robot:
     files = write_logs(folder, quadruped_logs(seed=seed, runs=runs))
     model_file = folder / "quadruped.toml"
     model_file.write_text(presets()["quadruped"])
-    opened = open_model(model_file)
-    healthy = opened.runs(files)
+    loaded = load_model(model_file)
+    healthy = loaded.runs(files)
     start = time.perf_counter()
-    done = fit(opened.model, [drive(opened.model, run.coarsen(10)) for run in healthy], mirror_weight=1.0)
+    done = fit(loaded.model, [bind(loaded.model, run.coarsen(10)) for run in healthy], symmetry_penalty=1.0)
     print(f"seed {seed}: fit {time.perf_counter() - start:.0f} s, RMSE {done.rmse:.2f} K, {done.status}", flush=True)
     start = time.perf_counter()
     calibration = calibrate(done.model, healthy)
     limits = ", ".join(f"{limits.min():.1f} to {limits.max():.1f}" for limits in calibration.limits)
     print(f"calibration {time.perf_counter() - start:.0f} s, limits {limits}", flush=True)
-    return Robot(opened, done.model, calibration, _fair(done.model, healthy))
+    return Robot(loaded, done.model, calibration, _fair(done.model, healthy))
 
 
 def _fair(model: Model, healthy: Sequence[Run]) -> float:
@@ -109,7 +108,7 @@ def watch(seed: int, robot: Robot, folder: Path, count: int) -> list[Watch]:
     logs = quadruped_logs(seed=seed, runs=runs)
     watched = []
     for name, path in zip(logs, write_logs(folder, logs), strict=True):
-        found = monitor(robot.model, robot.opened.runs([path]), threshold=THRESHOLD, calibration=robot.calibration)
+        found = monitor(robot.model, robot.loaded.runs([path]), threshold=THRESHOLD, calibration=robot.calibration)
         (each,) = found.runs
         fair = tuple(direct_alarms(each.scene, robot.fair))
         alarms: dict[str, Sequence[Alarm]] = {

@@ -22,7 +22,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from statistics import fmean
 
-from lptn.files import write_whole
+from lptn.basics.files import write_whole
 
 ROOT = Path(__file__).parents[2]
 PAGE = Path(__file__).with_name("README.md")

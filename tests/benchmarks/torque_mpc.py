@@ -23,8 +23,8 @@ from pathlib import Path
 
 import numpy as np
 
-from lptn.arrays import FloatArray
-from lptn.model import Model
+from lptn.basics.arrays import FloatArray
+from lptn.model.model import Model
 from lptn.planners.limiter import Limiter
 from lptn.planners.limiter.emit import emit as emit_limiter
 from lptn.planners.mpc import TorqueMPC

@@ -13,9 +13,9 @@ from typing import TypeVar
 
 import numpy as np
 
-from lptn.arrays import FloatArray
+from lptn.basics.arrays import FloatArray
 from lptn.planners.trade import Option, Problem, load_study, solve_study
-from lptn.planners.trade.maps import peak_temperatures
+from lptn.planners.trade.simulation import peak_temperatures
 from tests.cooling import plain_sink as plain
 
 CELLS, DURATION, LIMIT = 200, 120.0, 105.0

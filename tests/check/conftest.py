@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from lptn.cli import main
+from lptn.cli.main import main
 
 Lptn = Callable[..., tuple[int, str, str]]
 MODEL = """

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from lptn.logs import Run
+from lptn.logs.run import Run
 
 
 def table(minutes: int = 40, *, cool: bool = True, speed: float = 0.8, apart: float = 10.0) -> pd.DataFrame:

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from lptn.check import excitation
+from lptn.diagnose.excitation import excitation
 from tests.check.pair_runs import run, table
 
 NODES = ("a", "b")

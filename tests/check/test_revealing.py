@@ -7,17 +7,17 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from lptn.check import excitation, revealed
+from lptn.diagnose.excitation import excitation, revealed
 from lptn.effects import catalogue
-from lptn.opening import open_model
+from lptn.identify.data import load_model
 from tests.check.pair_runs import run, table
 
 
 def reasons(model: Path, *tables: pd.DataFrame) -> dict[str, str]:
     """Effect -> why not; '' for those that could show."""
-    opened = open_model(model).model
+    loaded = load_model(model).model
     runs = [run(each, f"log{number}") for number, each in enumerate(tables)]
-    told = revealed(opened, runs, excitation(runs, opened.nodes))
+    told = revealed(loaded, runs, excitation(runs, loaded.nodes))
     assert all(each.could == (not each.why) for each in told)
     return {each.effect: each.why for each in told}
 

@@ -1,10 +1,10 @@
-"""The U8 with a heat sink in plain NumPy, many designs side by side: truth that shares nothing with `lptn.model`."""
+"""The U8 with a heat sink in plain NumPy, many designs side by side: truth that shares nothing with `lptn.model.model`."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from lptn.arrays import FloatArray
+from lptn.basics.arrays import FloatArray
 
 AMBIENT = 21.5  # degC
 K_T, MAGNET = 60 / (2 * np.pi * 100), -0.0012  # N·m/A at 25 degC, 1/K

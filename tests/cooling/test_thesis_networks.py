@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from lptn.model import Model
-from lptn.model_file import parse_model
-from lptn.robots import presets
+from lptn.model.file import parse_model
+from lptn.model.model import Model
+from lptn.robots.presets import presets
 
 Thesis = Callable[[str], ModuleType]
 
@@ -72,12 +72,12 @@ def test_ready_models_hold_the_recommended_network(preset: str, thesis: Thesis) 
 def test_lptn_finds_that_a_thermal_mass_is_missing(thesis: Thesis, tmp_path: Path) -> None:
     example = thesis("missing_mass")
     example.write_logs(tmp_path)
-    ladder = example.ask(tmp_path)
-    assert ladder.verdict == "missing"
-    assert ladder.remaining == "adequate"
-    assert [(rung.effect, rung.at) for rung in ladder.rungs[1:]] == [("second_mass", "winding")]
-    assert ladder.rungs[0].holdout.rmse > 4 * ladder.best.holdout.rmse
-    found = {unknown.name: unknown.value for unknown in ladder.best.fit.model.unknowns}
+    history = example.ask(tmp_path)
+    assert history.verdict == "missing"
+    assert history.remaining == "adequate"
+    assert [(step.effect, step.at) for step in history.steps[1:]] == [("second_mass", "winding")]
+    assert history.steps[0].holdout.rmse > 4 * history.best.holdout.rmse
+    found = {parameter.name: parameter.value for parameter in history.best.fit.model.parameters}
     assert found["capacity.winding"] == pytest.approx(example.C_W, rel=0.02)
     assert found["resistance.ambient~winding"] == pytest.approx(example.R_WH + example.R_HA, rel=0.01)
 

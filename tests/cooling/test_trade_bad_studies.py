@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from lptn.cli import main
+from lptn.cli.main import main
 
 GOOD = """\
 [study]

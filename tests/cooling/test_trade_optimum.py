@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from lptn.arrays import FloatArray
+from lptn.basics.arrays import FloatArray
 from lptn.planners.trade import Design, Problem, iso_map, limit_curves, solve_study
 from tests.cooling import plain_sink as plain
 from tests.cooling.studies import HELD, study
@@ -42,8 +42,8 @@ def test_held_torque_agrees_with_brute_force(design: Design) -> None:
     best = int(torque.argmax())
     # One cell of the grid is 2.2 % of C and 2.7 % of R; the optimum is in a corner of what can be built.
     cell = np.log(1500 / 20) / (CELLS - 1), np.log(10 / 0.05) / (CELLS - 1)
-    reach = abs(design.of_sink["capacity"]) * design.capacity * cell[0] * 2
-    reach += abs(design.of_sink["resistance"]) * design.resistance * cell[1] * 2
+    reach = abs(design.sink_sensitivities["capacity"]) * design.capacity * cell[0] * 2
+    reach += abs(design.sink_sensitivities["resistance"]) * design.resistance * cell[1] * 2
     assert torque[best] <= design.value + 1e-5
     assert design.value - torque[best] <= reach + 1e-5
     assert abs(np.log(c[best] / design.capacity)) <= 2 * cell[0]
@@ -101,9 +101,9 @@ def test_sensitivities_to_the_sink_as_it_is(design: Design) -> None:
     held = plain.held_torque(c, r, 120.0, 105.0)
     differences = (held[::2] - held[1::2]) / (0.1 * at)
     # The bisection is good to 5e-7 N·m, which is 0.4 % of the smaller difference.
-    assert design.of_sink["capacity"] == pytest.approx(differences[0], rel=0.01)
-    assert design.of_sink["resistance"] == pytest.approx(differences[1], rel=0.01)
-    assert design.of_sink["mass"] == pytest.approx(design.of_sink["capacity"] * 897.0)
+    assert design.sink_sensitivities["capacity"] == pytest.approx(differences[0], rel=0.01)
+    assert design.sink_sensitivities["resistance"] == pytest.approx(differences[1], rel=0.01)
+    assert design.sink_sensitivities["mass"] == pytest.approx(design.sink_sensitivities["capacity"] * 897.0)
 
 
 def test_a_failed_solve_has_no_multipliers() -> None:
@@ -203,7 +203,7 @@ def test_discrete_choices_are_each_solved_and_the_best_comes_first() -> None:
     assert "4 pipes" in result.best.option.name
     assert [point.value for point in result.front] == sorted(point.value for point in result.front)
     assert [point.amount for point in result.front] == sorted(point.amount for point in result.front)
-    for points in result.each.values():
+    for points in result.by_option.values():
         for point in points:  # nothing is beaten by the front in both ways
             assert any(
                 front.amount <= point.amount + 1e-9 and front.value >= point.value * 0.999 for front in result.front

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import importlib
 import json
+from collections.abc import Callable
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
 
-from lptn.cli import main
-from lptn.planners import motors
-from lptn.planners.motors import U8, U10
-from lptn.planners.trade import load_study, solve_study
+from lptn.cli.main import main
+from lptn.planners.trade import load_study, motors, solve_study
+from lptn.planners.trade.motors import U8, U10
 from lptn.planners.trade.profiles import JUMP_RATIO, PEAK, STANCE, jump, level_walking
 from lptn.planners.trade.sink import blown_air, fin_efficiency, fin_mass, sink_volume, still_air
 from tests.cooling.studies import study
@@ -30,15 +31,16 @@ def test_motor_data_have_units_and_sources() -> None:
             assert "[Chen2017" in datum.source
 
 
-def test_torque_metrics() -> None:
+def test_torque_metrics(thesis: Callable[[str], ModuleType]) -> None:
+    textbook = thesis("textbook")
     k8, k10 = U8.torque_constant.value, U10.torque_constant.value
     assert k8 * 11 == pytest.approx(1.050, abs=5e-4)
-    assert motors.peak_specific_torque(0.1, 35, U8.mass.value) == pytest.approx(14.6, abs=0.05)
-    assert motors.peak_specific_torque(k10, 35, U10.mass.value) == pytest.approx(8.36, abs=0.01)
-    assert motors.thermal_specific_torque(0.1, 0.24, 2.976, 0.186) == pytest.approx(0.560, abs=5e-4)
-    assert motors.torque_constant(1.0, 105.0) == pytest.approx(0.904)
-    assert motors.winding_resistance(1.0, 105.0) == pytest.approx(1.312)
-    assert motors.rated_current(1.01, k8) == pytest.approx(10.58, abs=0.005)
+    assert textbook.peak_specific_torque(0.1, 35, U8.mass.value) == pytest.approx(14.6, abs=0.05)
+    assert textbook.peak_specific_torque(k10, 35, U10.mass.value) == pytest.approx(8.36, abs=0.01)
+    assert textbook.thermal_specific_torque(0.1, 0.24, 2.976, 0.186) == pytest.approx(0.560, abs=5e-4)
+    assert textbook.torque_constant(1.0, 105.0) == pytest.approx(0.904)
+    assert textbook.winding_resistance(1.0, 105.0) == pytest.approx(1.312)
+    assert textbook.rated_current(1.01, k8) == pytest.approx(10.58, abs=0.005)
     assert U8.volume == pytest.approx(158.8e-6, rel=1e-3)
 
 

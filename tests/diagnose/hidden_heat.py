@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from lptn.arrays import FloatArray
-from lptn.identify import Fit, fit
-from lptn.logs import Run
-from lptn.model import Model
-from lptn.simulate import drive
+from lptn.basics.arrays import FloatArray
+from lptn.identify.fitting import Fit, fit
+from lptn.logs.run import Run
+from lptn.model.model import Model
+from lptn.simulate.simulation import bind
 from tests.builders import LEG, effect, leg, make_run
 
 WINDING, AIR, HOLD = 0.2, 20.0, 60.0  # ohm, degC, s
@@ -64,4 +64,4 @@ def truth_run(seed: int, hidden: Heat, *, length: float = 3600.0, noise: float =
 def fitted(*runs: Run) -> Fit:
     """Three joints with copper loss, which know of no hidden heat, fitted to runs."""
     model = Model(leg([effect("copper_loss", "*", resistance=WINDING, torque_constant=1.0)]))
-    return fit(model, [drive(model, run) for run in runs])
+    return fit(model, [bind(model, run) for run in runs])

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from lptn.diagnose import candidates
-from lptn.diagnose.candidates import separate_runs, sites
+from lptn.basics.parameters import Parameter
+from lptn.diagnose.candidates import candidates, separate_runs, sites
 from lptn.effects import catalogue
-from lptn.model import Model
-from lptn.network import START, EffectDeclaration, LinkDeclaration, Network, NodeDeclaration
-from lptn.parameters import Parameter
+from lptn.model.model import Model
+from lptn.model.network import START, EffectDeclaration, LinkDeclaration, Network, NodeDeclaration
 from tests.builders import AMBIENT, capacity, effect, resistance
 from tests.diagnose.conftest import Leg
 
@@ -53,7 +52,7 @@ def test_every_candidate_can_be_added_to_the_network(leg: Leg) -> None:
     model, data = leg()
     for candidate in candidates(model.network, data.fit[0].run.columns, ["fit1", "fit2"]):
         larger = model.network.with_effects([candidate.declaration(None, None)])
-        assert len(larger.uses) == len(model.network.uses) + len(candidate.places)
+        assert len(larger.effect_instances) == len(model.network.effect_instances) + len(candidate.places)
         assert larger.without_effect(*candidate.key) == model.network
 
 
@@ -83,7 +82,9 @@ def test_pieces_of_one_log_are_runs_of_their_own_only_where_there_is_no_other_lo
 def test_every_site_says_the_name_of_its_amplitude(leg: Leg) -> None:
     model, data = leg()
     found = sites(candidates(model.network, data.fit[0].run.columns, ["fit1", "fit2"]))
-    names = {unknown.name for unknown in Model(model.network.with_effects(s.declaration() for s in found)).unknowns}
+    names = {
+        parameter.name for parameter in Model(model.network.with_effects(s.declaration() for s in found)).parameters
+    }
     assert {site.amplitude_name for site in found} <= names
     assert len({site.amplitude_name for site in found}) == len(found)
 

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from lptn.diagnose.candidates import Candidate
-from lptn.diagnose.confusable import confusability
-from lptn.diagnose.lack import ByChance
-from lptn.diagnose.score import Score, Scores
+from lptn.diagnose.lack_of_fit import ByChance
+from lptn.diagnose.scores import Score, Scores, confusability
 from lptn.effects import catalogue
 
 
@@ -27,10 +26,10 @@ def test_the_matrix_holds_the_sizes_of_correlations() -> None:
     )
     assert found.keys == (("constant_heat", "a"), ("constant_heat", "b"), ("constant_heat", "c"))
     np.testing.assert_allclose(found.matrix, [[1.0, 0.6, 1.0], [0.6, 1.0, 0.6], [1.0, 0.6, 1.0]])
-    ((one, other, share),) = found.alike()
+    ((one, other, share),) = found.indistinguishable()
     assert (one[1], other[1]) == ("a", "c")
     assert share == pytest.approx(1.0)
-    assert len(found.alike(0.5)) == 3
+    assert len(found.indistinguishable(0.5)) == 3
     assert found.groups() == [(("constant_heat", "a"), ("constant_heat", "c"))]
     assert [len(group) for group in found.groups(0.5)] == [3]
 
@@ -41,5 +40,5 @@ def test_what_scores_nothing_is_left_out_and_the_best_come_first() -> None:
     empty = confusability(_scores(_score("a", 0.0, [0.0, 0.0])))
     assert empty.keys == ()
     assert empty.matrix.shape == (0, 0)
-    assert not empty.alike()
+    assert not empty.indistinguishable()
     assert not empty.groups()

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lptn.diagnose import candidates, diagnose, for_search, score
-from lptn.diagnose.refit import independent_readings, refit_all
-from lptn.diagnose.score import Scores
-from lptn.on_evidence import fit_parts
+from lptn.diagnose.candidates import candidates
+from lptn.diagnose.diagnosis import diagnose, for_search, independent_readings, refit_all
+from lptn.diagnose.scores import Scores, score
+from lptn.identify.validation import fit_parts
 from lptn.virtual import Hidden
 from tests.diagnose.conftest import Leg
 
@@ -35,7 +35,7 @@ def test_what_differs_in_one_run_is_one_answer_with_what_differs_in_the_other_as
     found = diagnose(*leg(Hidden("surface_scale", "FR_calf", size=3.0, run="fit1")))
     first = found.findings[0]
     assert first.key == ("surface_scale", "FR_calf@fit1")
-    assert ("surface_scale", "FR_calf@fit2") in first.alike
+    assert ("surface_scale", "FR_calf@fit2") in first.indistinguishable
 
 
 def test_nothing_hidden_is_adequate(leg: Leg) -> None:

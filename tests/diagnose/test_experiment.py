@@ -15,19 +15,18 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from lptn.arrays import FloatArray
-from lptn.diagnose import Refit, candidates, score, tied
-from lptn.diagnose.experiment import Experiment, possible_moves, propose
-from lptn.diagnose.experiment_power import noise_density
-from lptn.diagnose.experiment_search import CLEAR
-from lptn.diagnose.refit import refit_all
-from lptn.evidence import evidence
-from lptn.identify import fit
-from lptn.logs import Run
-from lptn.model import Model
-from lptn.model_file import parse_model
-from lptn.on_evidence import fit_parts
-from lptn.simulate import drive
+from lptn.basics.arrays import FloatArray
+from lptn.diagnose.candidates import candidates
+from lptn.diagnose.diagnosis import Refit, refit_all, tied
+from lptn.diagnose.experiment import CLEAR, Experiment, noise_density, possible_moves, propose
+from lptn.diagnose.scores import score
+from lptn.identify.data import split_data
+from lptn.identify.fitting import fit
+from lptn.identify.validation import fit_parts
+from lptn.logs.run import Run
+from lptn.model.file import parse_model
+from lptn.model.model import Model
+from lptn.simulate.simulation import bind
 
 JOINTS = ("L_knee", "R_knee")
 CAPACITY, TO_AIR, LINK, COPPER = 300.0, 6.0, 3.0, 0.15 / 0.84**2
@@ -118,7 +117,7 @@ def _model() -> Model:
 
 def _refits(runs: tuple[Run, ...], keys: tuple[tuple[str, str], ...]) -> list[Refit]:
     """Both rivals refitted, the one that explains more first."""
-    base = fit_parts(_model(), evidence(runs).fit)
+    base = fit_parts(_model(), split_data(runs).fit)
     found = [each for each in candidates(_model().network, runs[0].columns) if each.key in keys]
     return refit_all(base, score(base, found).ranked)
 
@@ -240,7 +239,7 @@ def test_three_rivals_two_of_them_the_same_formula_leave_that_pair_undecided() -
     assert experiment is not None
     assert experiment.separates
     twice = rivals[0].candidate.key
-    assert experiment.alike == ((twice, twice),)
+    assert experiment.indistinguishable == ((twice, twice),)
     assert "does not tell apart" in experiment.text()
 
 
@@ -249,13 +248,13 @@ def test_the_stated_deviations_are_what_an_exact_refit_shows() -> None:
     _, (first, second) = FRICTION.before()
     experiment = propose([first, second])
     assert experiment is not None
-    (old,) = first.fit.problem.drives
+    (old,) = first.fit.problem.bound_runs
     sigma = np.sqrt(noise_density(min(first.fit, second.fit, key=lambda each: each.cost)) / STEP)
     rises = []
     for true, wrong in ((first, second), (second, first)):
         readings = experiment.predictions[true.candidate.key]
         inputs = {name: np.asarray(values) for name, values in experiment.run.columns.items()}
-        new = drive(wrong.fit.model, _run("proposed", inputs, readings))
+        new = bind(wrong.fit.model, _run("proposed", inputs, readings))
         alone, both = (
             fit(wrong.fit.model, runs, sigma=sigma, guess=wrong.fit.model.values) for runs in ([old], [old, new])
         )

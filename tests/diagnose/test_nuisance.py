@@ -7,14 +7,15 @@ from dataclasses import replace
 
 import pytest
 
-from lptn.diagnose import for_search, with_ambient_errors
-from lptn.evidence import Part
-from lptn.on_evidence import fit_parts, holdout_errors
+from lptn.diagnose.candidates import with_ambient_bias
+from lptn.diagnose.diagnosis import for_search
+from lptn.identify.data import Segment
+from lptn.identify.validation import fit_parts, holdout_errors
 from lptn.virtual import Hidden
 from tests.diagnose.conftest import Leg
 
 
-def _named(parts: Sequence[Part], names: Sequence[str]) -> tuple[Part, ...]:
+def _named(parts: Sequence[Segment], names: Sequence[str]) -> tuple[Segment, ...]:
     return tuple(replace(part, run=replace(part.run, name=name)) for part, name in zip(parts, names, strict=True))
 
 
@@ -23,7 +24,7 @@ def test_a_held_out_run_with_a_wrong_ambient_does_not_judge_the_model_for_it(leg
     model, data = leg(Hidden("ambient_offset", "ambient", size=0.4, run="holdout"))
     data = replace(data, fit=_named(data.fit, names[:2]), holdout=_named(data.holdout, names[2:]))
     coarse, errors = for_search(data), []
-    for granted in (model, with_ambient_errors(model, data, 0.5)):
+    for granted in (model, with_ambient_bias(model, data, 0.5)):
         held = holdout_errors(fit_parts(granted, coarse.fit), coarse.holdout)
         assert held is not None
         errors.append(held.rmse)
@@ -34,7 +35,7 @@ def test_a_held_out_run_with_a_wrong_ambient_does_not_judge_the_model_for_it(leg
 def test_a_grant_does_not_hide_what_the_model_lacks(leg: Leg) -> None:
     model, data = leg(Hidden("forced_convection", "FR_thigh"))
     coarse, errors = for_search(data), []
-    for granted in (model, with_ambient_errors(model, data, 0.5)):
+    for granted in (model, with_ambient_bias(model, data, 0.5)):
         held = holdout_errors(fit_parts(granted, coarse.fit), coarse.holdout)
         assert held is not None
         errors.append(held.rmse)
@@ -44,4 +45,4 @@ def test_a_grant_does_not_hide_what_the_model_lacks(leg: Leg) -> None:
 def test_one_log_alone_is_granted_nothing(leg: Leg) -> None:
     model, data = leg()
     alone = type(data)(data.fit[:1])
-    assert with_ambient_errors(model, alone, 0.5) is model
+    assert with_ambient_bias(model, alone, 0.5) is model

@@ -9,16 +9,15 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from lptn.arrays import FloatArray
-from lptn.diagnose.differing import Differing
-from lptn.diagnose.other_runs import runs_that_differ
+from lptn.basics.arrays import FloatArray
+from lptn.diagnose.runs_that_differ import Differing, runs_that_differ
 from lptn.effects import catalogue
-from lptn.evidence import evidence
-from lptn.identify import Fit
-from lptn.logs import Run
-from lptn.model import Model
-from lptn.network import Network
-from lptn.on_evidence import fit_parts
+from lptn.identify.data import split_data
+from lptn.identify.fitting import Fit
+from lptn.identify.validation import fit_parts
+from lptn.logs.run import Run
+from lptn.model.model import Model
+from lptn.model.network import Network
 from tests.builders import AMBIENT, effect, link, make_run, node
 
 NODES = ("winding", "body", "foot")
@@ -84,13 +83,13 @@ def truth(
 @pytest.fixture(scope="module")
 def fitted() -> Fit:
     """The model, fitted to two runs that do not differ."""
-    return fit_parts(Model(held_gain()), evidence([truth("monday", 1), truth("tuesday", 2)]).fit)
+    return fit_parts(Model(held_gain()), split_data([truth("monday", 1), truth("tuesday", 2)]).fit)
 
 
 def said_of(fitted: Fit, **differs: object) -> list[Differing]:
     """What is said of one held-out run."""
     run = truth("run4", 3, **differs)  # type: ignore[arg-type]
-    return runs_that_differ(fitted, evidence([], [run]).holdout)
+    return runs_that_differ(fitted, split_data([], [run]).holdout)
 
 
 def test_of_a_run_like_the_fitted_ones_nothing_is_said(fitted: Fit) -> None:
@@ -125,7 +124,7 @@ def test_a_warmer_room_is_found(fitted: Fit) -> None:
     assert found.amplitude == pytest.approx(2.3, abs=0.3)
     assert "In run4 the ambient was 2.3 K warmer than given." in found.text()
     # The same data to the last bit, up to the start: every sensor off by as much.
-    assert [(each.effect, each.at) for each in found.alike] == [("sensor_offset", "*")]
+    assert [(each.effect, each.at) for each in found.indistinguishable] == [("sensor_offset", "*")]
 
 
 def test_a_sensor_that_reads_high_is_found(fitted: Fit) -> None:
@@ -141,10 +140,10 @@ def test_an_offset_below_the_steps_of_its_sensor_is_found() -> None:
         return replace(run, columns={**run.columns, **read}, resolution=dict.fromkeys(read, 1.0))
 
     runs = [in_steps(truth("monday", 1)), in_steps(truth("tuesday", 2))]
-    done = fit_parts(Model(held_gain()), evidence(runs).fit)
+    done = fit_parts(Model(held_gain()), split_data(runs).fit)
     like, high = (in_steps(truth("run4", 200, reads_high=size)) for size in (0.0, 0.7))
-    assert runs_that_differ(done, evidence([], [like]).holdout) == []
-    (found,) = runs_that_differ(done, evidence([], [high]).holdout)
+    assert runs_that_differ(done, split_data([], [like]).holdout) == []
+    (found,) = runs_that_differ(done, split_data([], [high]).holdout)
     assert (found.effect, found.at) == ("sensor_offset", "winding")
     assert found.amplitude == pytest.approx(0.7, abs=0.15)
 
@@ -164,7 +163,7 @@ def test_clocks_apart_are_found(fitted: Fit) -> None:
 
 def test_what_no_one_parameter_explains_is_said_plainly(fitted: Fit) -> None:
     (found,) = said_of(fitted, bursts=20.0, reads_high=-3.0, fan=2.0)
-    assert (found.effect, found.amplitude, found.alike) == (None, None, ())
+    assert (found.effect, found.amplitude, found.indistinguishable) == (None, None, ())
     assert "no one parameter that may differ from run to run explains half of it" in found.text()
     assert found.as_json()["rmse_before"] == found.rmse_before > 1.0
 
@@ -177,7 +176,7 @@ def test_a_cause_that_leaves_much_says_so(fitted: Fit) -> None:
 
 def test_the_rest_of_a_fitted_run_is_left_out(fitted: Fit) -> None:
     fan = truth("monday", 1, fan=3.0)
-    assert runs_that_differ(fitted, evidence([], [fan]).holdout) == []
+    assert runs_that_differ(fitted, split_data([], [fan]).holdout) == []
 
 
 def test_every_effect_that_may_differ_from_run_to_run_has_its_sentences() -> None:

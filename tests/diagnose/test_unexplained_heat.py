@@ -8,12 +8,20 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from lptn.arrays import BoolArray
-from lptn.diagnose.unexplained_heat import UnexplainedHeat, largest, unexplained_heat
-from lptn.diagnose.unexplained_heat_blocks import Blocks, blocks
-from lptn.diagnose.unexplained_heat_inputs import block_means, input_links
-from lptn.diagnose.unexplained_heat_smoother import Prior, likelihood, smoothed
-from lptn.identify import Fit
+from lptn.basics.arrays import BoolArray
+from lptn.diagnose.unexplained_heat import (
+    Blocks,
+    Prior,
+    UnexplainedHeat,
+    block_means,
+    blocks,
+    input_links,
+    largest,
+    likelihood,
+    smoothed,
+    unexplained_heat,
+)
+from lptn.identify.fitting import Fit
 from tests.builders import LEG
 from tests.diagnose.hidden_heat import bursts, fitted, nothing, truth_run
 
@@ -150,7 +158,7 @@ def test_blocks_carry_heat_as_the_model_does(burst_fit: Fit) -> None:
     d[4] = 2.0  # W at the thigh
     for k in range(len(run.time)):
         d[:3] = run.top[k] @ d
-    values = {each.name: value for each, value in zip(burst_fit.model.unknowns, burst_fit.point.values, strict=True)}
+    values = {each.name: value for each, value in zip(burst_fit.model.parameters, burst_fit.point.values, strict=True)}
     g = {name.removeprefix("resistance."): 1.0 / value for name, value in values.items() if name.startswith("resis")}
     flow = np.diag([g[f"{name}~ambient"] for name in LEG])
     for a, b, key in ((0, 1, "FR_hip~FR_thigh"), (1, 2, "FR_calf~FR_thigh")):
@@ -188,12 +196,12 @@ def test_the_input_that_heat_follows_comes_first() -> None:
 
 def test_a_long_run_gets_longer_blocks() -> None:
     done = fitted(truth_run(41, nothing, length=600.0))
-    driven = done.problem.drives[0]
+    bound = done.problem.bound_runs[0]
     assert blocks(done, 0).seconds == 10.0
-    many = np.tile(driven.inputs, (1, 40))
-    run = replace(driven.run, time=np.arange(24_000.0), columns={})
-    measured, counted = np.tile(driven.measured, (1, 40)), np.tile(driven.counted, (1, 40))
-    long = replace(driven, run=run, inputs=many, measured=measured, counted=counted)
+    many = np.tile(bound.inputs, (1, 40))
+    run = replace(bound.run, time=np.arange(24_000.0), columns={})
+    measured, counted = np.tile(bound.measured, (1, 40)), np.tile(bound.counted, (1, 40))
+    long = replace(bound, run=run, inputs=many, measured=measured, counted=counted)
     problem = type(done.problem)(done.model, [long], done.problem.sigma)
     found = blocks(replace(done, problem=problem), 0)
     assert found.seconds == 20.0

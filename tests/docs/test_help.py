@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from lptn.cli import app, main
+from lptn.cli.main import app, main
 
 COMMANDS = [name for name in app if name not in ("--help", "-h", "--version")]
 _EXAMPLE = re.compile(r"Example: lptn (.*?)(?:\n\s*\n|╭|$)", re.DOTALL)
@@ -64,5 +64,5 @@ def test_a_shell_that_is_not_known_is_said_in_one_line(tmp_path: Path) -> None:
 
 def _run(words: list[str], home: Path, **variables: str) -> subprocess.CompletedProcess[str]:
     surroundings = os.environ | {"HOME": str(home)} | variables
-    typed = [sys.executable, "-m", "lptn.cli", *words]
+    typed = [sys.executable, "-m", "lptn", *words]
     return subprocess.run(typed, env=surroundings, capture_output=True, text=True, check=False)

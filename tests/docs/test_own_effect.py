@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from lptn.robots import preset_text
+from lptn.robots.presets import preset_text
 from tests.docs.pages import ROOT
 
 PACKAGE = ROOT / "examples" / "own_effect"
@@ -40,10 +40,10 @@ def _run(words: list[str], surroundings: dict[str, str], folder: Path) -> str:
 
 
 def test_it_is_in_the_catalogue_and_in_a_model_file(surroundings: dict[str, str], tmp_path: Path) -> None:
-    assert "thermostat's setting" in _run(["-m", "lptn.cli", "effects", "thermostat_fan"], surroundings, tmp_path)
+    assert "thermostat's setting" in _run(["-m", "lptn", "effects", "thermostat_fan"], surroundings, tmp_path)
     (tmp_path / "leg.toml").write_text(preset_text("leg"))
     words = ["add", "leg.toml", "thermostat_fan", "--at", "FR_calf", "-o", "next.toml"]
-    _run(["-m", "lptn.cli", *words], surroundings, tmp_path)
+    _run(["-m", "lptn", *words], surroundings, tmp_path)
     assert 'kind = "thermostat_fan"' in (tmp_path / "next.toml").read_text()
 
 

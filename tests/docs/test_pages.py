@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from lptn.catalogue_page import built_in, catalogue_markdown
-from lptn.cli import app
+from lptn.cli.main import app
+from lptn.effects.page import built_in, catalogue_markdown
 from tests.docs.pages import ROOT, Page, pages
 
 PAGES = pages()
@@ -76,7 +76,13 @@ def test_the_catalogue_page_says_all_of_an_effect() -> None:
         "amplitude, off at 0",
         "| J/K | 0 to 100000 |",
     )
-    for each in (*said, "shape, tried at 15, 60, 240, 900", "Looks like: fast at first", "Source: two-node network", ".py)"):
+    for each in (
+        *said,
+        "shape, tried at 15, 60, 240, 900",
+        "Looks like: fast at first",
+        "Source: two-node network",
+        ".py)",
+    ):
         assert each in section
     assert text.count("\n## ") == len(built_in())
 

@@ -7,8 +7,8 @@ import io
 import pytest
 from rich.console import Console
 
-from lptn import terminal
-from lptn.progress_line import ProgressLine, duration
+from lptn.cli import terminal
+from lptn.cli.terminal import ProgressLine, duration
 
 
 class Clock:

@@ -9,12 +9,12 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from lptn.arrays import FloatArray
+from lptn.basics.arrays import FloatArray
 from lptn.effects import Effect, Signature, catalogue
 from lptn.effects.base import Site
-from lptn.model import Model
-from lptn.network import EffectDeclaration
-from lptn.simulate import drive, simulate
+from lptn.model.model import Model
+from lptn.model.network import EffectDeclaration
+from lptn.simulate.simulation import bind, simulate
 from tests.builders import (
     base_for,
     off,
@@ -53,13 +53,13 @@ class _Pair:
         amplitude = kind.amplitude()
         held = f"{declaration.name}.{amplitude.name}." if amplitude else " "
         values = {
-            unknown.name: unknown.value if unknown.name.startswith(held) else random_value(unknown, rng)
-            for unknown in self.extended.unknowns
+            parameter.name: parameter.value if parameter.name.startswith(held) else random_value(parameter, rng)
+            for parameter in self.extended.parameters
         }
         inputs = random_inputs(self.extended, rng)
         x = rng.uniform(0.0, 90.0, len(self.extended.states))
         self.points = [
-            (x[: len(model.states)], [inputs[c] for c in model.inputs], [values[u.name] for u in model.unknowns])
+            (x[: len(model.states)], [inputs[c] for c in model.inputs], [values[u.name] for u in model.parameters])
             for model in (self.without, self.extended)
         ]
 
@@ -147,7 +147,7 @@ def test_off_run_is_the_run_without_it_to_the_last_bit(kind: type[Effect]) -> No
     base = two_nodes(base_for(kind))
     without, extended = Model(base), Model(base.with_effects([off(kind)]))
     run = random_run(extended, 120, seed=4, rise=5.0)
-    path, other = simulate(without, drive(without, run)), simulate(extended, drive(extended, run))
+    path, other = simulate(without, bind(without, run)), simulate(extended, bind(extended, run))
     np.testing.assert_array_equal(path.readings, other.readings)
     np.testing.assert_array_equal(path.states, other.states[: len(without.states)])
 
@@ -157,7 +157,7 @@ def test_switched_on_it_moves_the_readings(kind: type[Effect]) -> None:
     base = two_nodes(base_for(kind))
     without, extended = Model(base), Model(base.with_effects([_on(kind)]))
     run = random_run(extended, 120, seed=5, rise=5.0)
-    path, other = simulate(without, drive(without, run)), simulate(extended, drive(extended, run))
+    path, other = simulate(without, bind(without, run)), simulate(extended, bind(extended, run))
     assert np.abs(path.readings - other.readings).max() > 1e-4
 
 
@@ -165,7 +165,7 @@ def test_switched_on_it_moves_the_readings(kind: type[Effect]) -> None:
 def test_an_edge_takes_from_one_node_what_it_gives_to_the_other(kind: type[Effect]) -> None:
     pair = _Pair(kind, _on(kind), seed=6)
     without, extended = pair.rates()
-    values = dict(zip((u.name for u in pair.extended.unknowns), pair.points[1][2], strict=True))
+    values = dict(zip((u.name for u in pair.extended.parameters), pair.points[1][2], strict=True))
     into = [(extended[row] - without[row]) * values[f"capacity.{name}"] for row, name in enumerate(pair.without.nodes)]
     assert abs(into[0]) > 1e-3
     assert into[0] == pytest.approx(-into[1], rel=1e-9)
@@ -175,7 +175,7 @@ def test_an_edge_takes_from_one_node_what_it_gives_to_the_other(kind: type[Effec
 def test_state_jacobian_with_all_effects_equals_finite_differences(seed: int) -> None:
     model = Model(with_every_effect())
     rng = np.random.default_rng(seed)
-    p = [random_value(unknown, rng) for unknown in model.unknowns]
+    p = [random_value(parameter, rng) for parameter in model.parameters]
     u = list(random_inputs(model, rng).values())
     x = rng.uniform(0.0, 90.0, len(model.states))
     columns = []

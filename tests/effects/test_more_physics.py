@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from lptn.arrays import FloatArray
+from lptn.basics.arrays import FloatArray
 from lptn.effects import catalogue
-from lptn.logs import Run
-from lptn.model import Model
-from lptn.network import EffectDeclaration, Network, NodeDeclaration
-from lptn.simulate import drive, simulate
+from lptn.logs.run import Run
+from lptn.model.model import Model
+from lptn.model.network import EffectDeclaration, Network, NodeDeclaration
+from lptn.simulate.simulation import bind, simulate
 from tests.builders import AMBIENT, effect, link, make_run, node, two_nodes
 
 CA, CB, RA, RB = 120.0, 250.0, 4.0, 7.0  # of `two_nodes`
@@ -50,7 +50,7 @@ RUN = make_run(COLUMNS | {"temperature.a": np.full(N, 30.0), "temperature.b": np
 
 def _readings(effects: Sequence[EffectDeclaration], run: Run = RUN) -> FloatArray:
     model = Model(two_nodes(effects))
-    return simulate(model, drive(model, run)).readings
+    return simulate(model, bind(model, run)).readings
 
 
 Rates = Callable[[FloatArray, dict[str, float]], Sequence[float]]
@@ -157,7 +157,7 @@ def test_shared_mass_starts_at_the_mean_of_its_nodes() -> None:
 
     model = Model(two_nodes([effect("shared_mass", "*", conductance=g, time_constant=t, leak=leak)]))
     assert model.states == ["a", "b", "shared_mass.*"]
-    found = simulate(model, drive(model, RUN)).readings
+    found = simulate(model, bind(model, RUN)).readings
     np.testing.assert_allclose(found, _solved(rates, [30.0, 24.0, 27.0])[:2], atol=2e-4)
 
 
@@ -196,8 +196,8 @@ def test_position_reads_a_share_of_the_other_node() -> None:
         assert reading[own] == pytest.approx(0.75 * x[own] + 0.25 * x[other], rel=1e-12)
         assert reading[other] == x[other]
     both = Network("n", nodes, links, (effect("sensor_position", "*"),))
-    assert [use.place for use in both.uses] == ["a~b", "b~a"]
-    assert len({u.name for u in both.unknowns}) == len(both.unknowns)
+    assert [instance.place for instance in both.effect_instances] == ["a~b", "b~a"]
+    assert len({u.name for u in both.parameters}) == len(both.parameters)
 
 
 def test_position_stands_only_where_nodes_touch() -> None:

@@ -21,8 +21,8 @@ from lptn.effects.second_mass import SecondMass
 from lptn.effects.sensor_offset import SensorOffset
 from lptn.effects.torque_constant_drop import TorqueConstantDrop
 from lptn.effects.viscous_friction import ViscousFriction
-from lptn.model import Model
-from lptn.network import Network
+from lptn.model.model import Model
+from lptn.model.network import Network
 from tests.builders import AMBIENT, effect, link, node, two_nodes
 
 

@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from lptn.identify import fit
-from lptn.logs import Run
-from lptn.model import Model
-from lptn.network import EffectDeclaration, Network
-from lptn.simulate import drives
+from lptn.identify.fitting import fit
+from lptn.logs.run import Run
+from lptn.model.model import Model
+from lptn.model.network import EffectDeclaration, Network
+from lptn.simulate.simulation import bound_runs
 from tests.builders import AMBIENT, effect, link, make_run, node
 
 N, PARTS, NOISE = 2400, 5, 0.03  # s, Euler steps a second, K
@@ -95,8 +95,8 @@ def test_its_size_is_found_and_the_rest_with_it(
     added: EffectDeclaration, cool: World, hot: World, name: str, size: float
 ) -> None:
     model = Model(_network(added))
-    found = fit(model, drives(model, [_run("cool", cool, 1), _run("hot", hot, 2, start=26.0)]))
-    values = {unknown.name: unknown.value for unknown in found.model.unknowns}
+    found = fit(model, bound_runs(model, [_run("cool", cool, 1), _run("hot", hot, 2, start=26.0)]))
+    values = {parameter.name: parameter.value for parameter in found.model.parameters}
     assert found.rmse == pytest.approx(NOISE, rel=0.15)
     assert values[name] == pytest.approx(size, rel=0.1)
     assert abs(values[name] - size) < 5 * found.errors[name] + 0.02 * abs(size)

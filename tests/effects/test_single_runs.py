@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from lptn.basics.places import is_of_run
 from lptn.effects import Effect, catalogue
-from lptn.logs import Run
-from lptn.model import Model
-from lptn.model_file import parse_model
-from lptn.network import EffectDeclaration, Network
-from lptn.places import is_of_run
-from lptn.sensitivity import sensitivities
-from lptn.simulate import drive, simulate
+from lptn.logs.run import Run
+from lptn.model.file import parse_model
+from lptn.model.model import Model
+from lptn.model.network import EffectDeclaration, Network
+from lptn.simulate.sensitivities import sensitivities
+from lptn.simulate.simulation import bind, simulate
 from tests.builders import base_for, effect, random_run, two_nodes
 
 KINDS = [kind for kind in catalogue().values() if kind.amplitude() is not None]
@@ -36,7 +36,7 @@ def test_acts_in_its_run_as_it_always_would_and_in_no_other_at_all(kind: type[Ef
     without, always, confined = (Model(base.with_effects(each)) for each in ([], [_on(kind)], [_on(kind, "monday")]))
     run = random_run(always, 60, seed=3, rise=5.0)
     paths = {
-        name: [simulate(model, drive(model, _named(run, name))).readings for model in (without, always, confined)]
+        name: [simulate(model, bind(model, _named(run, name))).readings for model in (without, always, confined)]
         for name in ("monday", "friday")
     }
     off, on, found = paths["monday"]
@@ -51,10 +51,10 @@ def test_no_other_run_tells_anything_of_it(kind: type[Effect]) -> None:
     model = Model(two_nodes([*base_for(kind), _on(kind, "monday")]))
     amplitude = kind.amplitude()
     assert amplitude is not None
-    own = [i for i, u in enumerate(model.unknowns) if u.name.startswith(f"{kind.key}.{amplitude.name}.")]
+    own = [i for i, u in enumerate(model.parameters) if u.name.startswith(f"{kind.key}.{amplitude.name}.")]
     run = random_run(model, 60, seed=4, rise=5.0)
     for name, moves in (("monday", True), ("friday", False)):
-        moved = sensitivities(model, drive(model, _named(run, name)), model.values, own).by_parameter
+        moved = sensitivities(model, bind(model, _named(run, name)), model.values, own).by_parameter
         assert bool(np.abs(moved).max() > 0) is moves
 
 
@@ -76,11 +76,11 @@ def test_two_runs_have_each_their_own_value() -> None:
         effect_in("sensor_offset", "friday", "a", offset=-2.0),
     ]
     model = Model(two_nodes(confined))
-    names = [u.name for u in model.unknowns if u.name.startswith("sensor_offset")]
+    names = [u.name for u in model.parameters if u.name.startswith("sensor_offset")]
     assert names == ["sensor_offset.offset.a@monday", "sensor_offset.offset.a@friday"]
     run = random_run(model, 20, seed=1, rise=5.0)
     other, monday, friday = (
-        simulate(model, drive(model, _named(run, name))).readings[0] for name in ("sunday", "monday", "friday")
+        simulate(model, bind(model, _named(run, name))).readings[0] for name in ("sunday", "monday", "friday")
     )
     np.testing.assert_allclose(monday - other, 1.0, rtol=1e-12)
     np.testing.assert_allclose(friday - other, -2.0, rtol=1e-12)
@@ -111,7 +111,7 @@ def test_the_file_keeps_the_run(run: str, tmp_path: Path) -> None:
     file = parse_model(text, tmp_path / "a.toml").with_effects([effect_in("surface_scale", run, "a", change=0.4)])
     again = parse_model(file.text, tmp_path / "a.toml").network
     assert [each.run for each in again.effects] == [run]
-    assert [(u.name, u.value) for u in again.unknowns] == [(u.name, u.value) for u in file.network.unknowns]
+    assert [(u.name, u.value) for u in again.parameters] == [(u.name, u.value) for u in file.network.parameters]
 
 
 def test_the_effect_of_one_run_is_taken_away_alone() -> None:

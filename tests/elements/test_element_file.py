@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lptn.errors import InputError
-from lptn.identify import fit
-from lptn.model import Model
-from lptn.model_file import ModelFile, load_model, parse_model
-from lptn.simulate import drives, simulate
+from lptn.basics.errors import InputError
+from lptn.identify.fitting import fit
+from lptn.model.file import ModelFile, parse_model, read_model_file
+from lptn.model.model import Model
+from lptn.simulate.simulation import bound_runs, simulate
 from tests.builders import effect, make_run
 
 FILE = Path("motor.toml")
@@ -54,17 +54,17 @@ def _parse(text: str) -> ModelFile:
 
 
 def _values(text: str) -> dict[str, float]:
-    return {unknown.name: unknown.value for unknown in _parse(text).network.unknowns}
+    return {parameter.name: parameter.value for parameter in _parse(text).network.parameters}
 
 
 def test_dimensions_and_material_are_read_in_any_unit() -> None:
     values = _values(MOTOR)
     assert values["capacity.stator"] == pytest.approx(7650 * 490 * np.pi * (0.04**2 - 0.025**2) * 0.02)
-    unknowns = {unknown.name: unknown for unknown in _parse(MOTOR).network.unknowns}
-    assert not unknowns["capacity.stator"].free
-    assert unknowns["conductivity_radial.stator"].free
-    assert unknowns["conductivity_radial.stator"].declared.bounds == (5.0, 50.0)
-    assert not unknowns["conductivity_axial.stator"].free
+    parameters = {parameter.name: parameter for parameter in _parse(MOTOR).network.parameters}
+    assert not parameters["capacity.stator"].free
+    assert parameters["conductivity_radial.stator"].free
+    assert parameters["conductivity_radial.stator"].declared.bounds == (5.0, 50.0)
+    assert not parameters["conductivity_axial.stator"].free
 
 
 def test_an_inline_table_says_the_same() -> None:
@@ -104,9 +104,9 @@ def test_a_written_file_is_the_same_text_and_takes_an_effect(tmp_path: Path) -> 
     path = tmp_path / "motor.toml"
     _parse(MOTOR).write(path)
     assert path.read_text() == MOTOR
-    more = load_model(path).with_effects([effect("radiation", "housing")])
+    more = read_model_file(path).with_effects([effect("radiation", "housing")])
     assert more.text.startswith(MOTOR.rstrip("\n"))
-    assert len(Model(more.network).unknowns) == len(_values(MOTOR)) + 1
+    assert len(Model(more.network).parameters) == len(_values(MOTOR)) + 1
 
 
 def test_a_conductivity_is_found_from_a_log_and_kept_in_the_file() -> None:
@@ -120,13 +120,13 @@ def test_a_conductivity_is_found_from_a_log_and_kept_in_the_file() -> None:
         'between = ["stator.front", "housing"]\nperfect = true', 'between = ["stator.inner", "ambient"]'
     )
     truth = Model(_parse(text.replace("value = 28", "value = 12")).network)
-    readings = simulate(truth, drives(truth, [make_run(columns)])[0]).readings
+    readings = simulate(truth, bound_runs(truth, [make_run(columns)])[0]).readings
     for row, name in enumerate(truth.nodes):
         columns[f"temperature.{name}"] = readings[row]
     model = Model(_parse(text).network)
-    found = fit(model, drives(model, [make_run(columns)]))
+    found = fit(model, bound_runs(model, [make_run(columns)]))
     kept = _parse(_parse(text).with_fit(found.table()).text).network
-    values = {unknown.name: unknown.value for unknown in kept.unknowns}
+    values = {parameter.name: parameter.value for parameter in kept.parameters}
     assert values["conductivity_radial.stator"] == pytest.approx(12.0, rel=1e-3)
 
 

@@ -11,18 +11,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import minimize_scalar
 
-from lptn.elements.block_networks import (
+from lptn.model.heated_block import (
     HALVED,
     NEGATIVE,
     PEAK,
     PLAIN,
     SHIFTED,
+    HeatedBlock,
     Method,
     block_network,
     order,
     steady_errors,
 )
-from lptn.elements.heated_block import HeatedBlock
 
 EQUAL, UNEQUAL, STEEP = HeatedBlock(left=20.0), HeatedBlock(left=40.0), HeatedBlock(left=80.0)
 blocks = st.builds(

@@ -14,13 +14,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 
-from lptn.arrays import FloatArray
+from lptn.basics.arrays import FloatArray
+from lptn.basics.errors import InputError
+from lptn.basics.parameters import Parameter
 from lptn.effects.radiation import STEFAN_BOLTZMANN, ZERO_CELSIUS
-from lptn.elements import Annulus, Cuboid, Cylinder, Element, Shape
-from lptn.errors import InputError
-from lptn.model import Model
-from lptn.network import EffectDeclaration, LinkDeclaration, Network, NodeDeclaration
-from lptn.parameters import Parameter
+from lptn.model.bodies import Annulus, Cuboid, Cylinder, Element, Shape
+from lptn.model.model import Model
+from lptn.model.network import EffectDeclaration, LinkDeclaration, Network, NodeDeclaration
 from tests.builders import AMBIENT, capacity, effect, link, node
 from tests.elements.volumes import Answer, Face, Grid, refined
 
@@ -158,7 +158,7 @@ def test_no_heat_is_lost_and_no_work_taken_in(network: Network) -> None:
     assert values[0] > 0
     heat = np.array([model.values[network.capacities[name]] for name in model.nodes])
     x, u, p = np.full(len(model.nodes), 35.0), [35.0], model.values
-    power = model.values[[name.startswith("constant_heat") for name in (v.name for v in model.unknowns)]]
+    power = model.values[[name.startswith("constant_heat") for name in (v.name for v in model.parameters)]]
     np.testing.assert_allclose(heat * model.rhs(x, u, p).full().ravel(), power, rtol=1e-6, atol=1e-6)
     assert np.linalg.eigvals(model.state_jacobian(x, u, p).full()).real.max() < 0
 
@@ -166,7 +166,7 @@ def test_no_heat_is_lost_and_no_work_taken_in(network: Network) -> None:
 def test_a_free_conductivity_fits_like_any_parameter_and_an_unused_one_is_left_out() -> None:
     ring = replace(_body("ring", Annulus(0.02, 0.04, 0.03), 4.0, 1.0))
     model = Model(_network([ring, AMBIENT], [link("ring.outer", "ambient", 2.0)]))
-    names = [unknown.name for unknown in model.unknowns]
+    names = [parameter.name for parameter in model.parameters]
     assert "conductivity_radial.ring" in names
     assert "conductivity_axial.ring" not in names
     x, h = [80.0], 1e-6

@@ -9,8 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lptn.elements import Annulus, Axis, Cuboid, Cylinder, Shape, slab_peak
-from lptn.elements.axis import langevin
+from lptn.model.bodies import Annulus, Axis, Cuboid, Cylinder, Shape, langevin, slab_peak
 from tests.elements.volumes import Answer, Face, Grid, refined
 
 SIZE = st.floats(0.004, 0.1)

@@ -63,7 +63,7 @@ def test_robot_is_the_one_of_the_urdf() -> None:
 
 def test_mujocos_motors_have_the_networks_values() -> None:
     model, motor = quadruped(), OneNode()
-    values = dict(zip((unknown.name for unknown in model.unknowns), model.values, strict=True))
+    values = dict(zip((parameter.name for parameter in model.parameters), model.values, strict=True))
     for joint in JOINTS:
         assert values[f"capacity.{joint}"] == motor.capacity
         assert values[f"resistance.{joint}~ambient"] == motor.resistance

@@ -17,14 +17,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from lptn.cli import main
-from lptn.errors import InputError
-from lptn.fleet import Outcome, Robot, fit_each, robots_of
-from lptn.fleet.keeping import Shelf
-from lptn.fleet.spread import outliers, spread_of
-from lptn.fleet.work import Order, fit_robot
-from lptn.model import Model
-from lptn.model_file import load_model
+from lptn.basics.errors import InputError
+from lptn.cli.main import main
+from lptn.fleet.fleet import fit_each, outliers, spread_of
+from lptn.fleet.robots import Robot, robots_of
+from lptn.fleet.work import Order, Outcome, Shelf, fit_robot
+from lptn.model.file import read_model_file
+from lptn.model.model import Model
 from tests.fleet.truth import MODEL, RESISTANCE, write_fleet, write_log
 
 LINK = "resistance.ambient~motor"
@@ -76,7 +75,8 @@ def test_the_command_fits_all_but_the_bad_log_and_names_the_odd_robot(
     assert off.drop(3).max() < 4.5
     for name in table["robot"].drop(3):
         fitted = {
-            unknown.name: unknown.value for unknown in load_model(out / "models" / f"{name}.toml").network.unknowns
+            parameter.name: parameter.value
+            for parameter in read_model_file(out / "models" / f"{name}.toml").network.parameters
         }
         assert fitted[LINK] == pytest.approx(table.set_index("robot")[LINK][name], rel=1e-5)
 
@@ -170,7 +170,7 @@ def _fit_or_die(order: Order, name: str, logs: Sequence[str], known: str = "") -
 def test_a_worker_that_dies_costs_its_robot_and_no_other(
     model: Path, logs: list[Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("lptn.fleet.handing_out.fit_robot", _fit_or_die)
+    monkeypatch.setattr("lptn.fleet.work.fit_robot", _fit_or_die)
     fleet = fit_each(model, logs, jobs=2)
     assert {each.robot for each in fleet.failed} == {"robot_002", "robot_003"}
     assert "worker died" in next(each.message for each in fleet.failed if each.robot == "robot_002")
@@ -182,7 +182,7 @@ def test_a_worker_that_dies_costs_its_robot_and_no_other(
 def test_two_processes_do_not_fit_into_one_folder(
     model: Path, logs: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("lptn.fleet.keeping._PATIENCE", 0.1)
+    monkeypatch.setattr("lptn.fleet.work._PATIENCE", 0.1)
     shelf = Shelf(tmp_path / "out")
     with shelf.alone(), pytest.raises(InputError, match="another process"):
         fit_each(model, logs, into=tmp_path / "out")
@@ -224,7 +224,7 @@ def _outcomes(values: Sequence[float], errors: Sequence[float | None], name: str
 
 
 def test_a_robot_stands_apart_only_if_its_logs_say_so(model: Path) -> None:
-    network = Model(load_model(model).network)
+    network = Model(read_model_file(model).network)
     values = [5.0, 5.1, 4.9, 5.05, 4.95, 5.02, 15.0, 1.6, 40.0]
     errors = [0.05, 0.05, 0.05, 0.05, 0.05, 0.05, 0.2, 1.5, None]
     fleet = list(_outcomes(values, errors))
@@ -240,7 +240,7 @@ def test_a_robot_stands_apart_only_if_its_logs_say_so(model: Path) -> None:
 def test_ctrl_c_ends_workers_and_keeps_what_is_done(model: Path, tmp_path: Path) -> None:
     write_fleet(tmp_path / "logs", 150)
     words = ["fit", model, "--each", *sorted((tmp_path / "logs").iterdir()), "-o", tmp_path / "out", "--jobs", 2]
-    code = "import sys; from lptn.cli import main; main(sys.argv[1:])"
+    code = "import sys; from lptn.cli.main import main; main(sys.argv[1:])"
     started = subprocess.Popen(
         [sys.executable, "-c", code, *map(str, words)],
         stdout=subprocess.PIPE,

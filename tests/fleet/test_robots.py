@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from lptn.errors import InputError
-from lptn.fleet import robots_of
+from lptn.basics.errors import InputError
+from lptn.fleet.robots import robots_of
 
 
 def _touch(*paths: Path) -> None:

@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 
 from lptn.fmu import Exported, export
-from lptn.model import Model
-from lptn.model_file import parse_model
-from lptn.network import Network
-from lptn.robots import presets
+from lptn.model.file import parse_model
+from lptn.model.model import Model
+from lptn.model.network import Network
+from lptn.robots.presets import presets
 from tests.builders import AMBIENT, effect, leg, link, node, with_every_effect
 
 Build = Callable[..., Exported]
@@ -55,5 +55,5 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Build]:
 def unknowns_and_knowns(exported: Exported) -> tuple[list[int], list[int]]:
     """Value references of all that FMI differentiates, and of all that it differentiates by."""
     component = exported.component
-    unknowns = [variable.reference for variable in component.of("state", "rate", "output", "admissible", "forecast")]
-    return unknowns, [variable.reference for variable in component.of("state", "input", "parameter")]
+    parameters = [variable.reference for variable in component.of("state", "rate", "output", "admissible", "forecast")]
+    return parameters, [variable.reference for variable in component.of("state", "input", "parameter")]

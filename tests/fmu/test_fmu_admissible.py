@@ -12,19 +12,19 @@ import numpy as np
 import pytest
 from fmpy.validation import validate_fmu
 
-from lptn.arrays import FloatArray
-from lptn.cli import main
+from lptn.basics.arrays import FloatArray
+from lptn.basics.errors import InputError
+from lptn.cli.main import main
 from lptn.effects.copper_loss import CopperLoss
-from lptn.errors import InputError
 from lptn.fmu import Session, export
 from lptn.fmu.component import DEFAULT_LIMIT
-from lptn.model import Model
+from lptn.model.model import Model
 from lptn.planners import Limiter
 from tests.builders import AMBIENT, effect, leg, link, node
 from tests.fmu.conftest import Build, network, unknowns_and_knowns
 from tests.fmu.truth import ZERO
 
-from lptn.network import Network  # isort: skip
+from lptn.model.network import Network  # isort: skip
 
 JOINTS = ("FR_hip", "FR_thigh", "FR_calf")
 HORIZONS = ("10s", "60s", "300s", "continuous")
@@ -148,12 +148,12 @@ def test_forward_derivatives_are_those_of_differences(case: str, fmi: int, built
 @pytest.mark.parametrize("case", ["loaded", "too hot"])
 def test_adjoint_and_forward_derivatives_are_one(case: str, built: Build) -> None:
     exported = built("leg", 3, admissible=True)
-    unknowns, knowns = unknowns_and_knowns(exported)
+    parameters, knowns = unknowns_and_knowns(exported)
     rng = np.random.default_rng(6)
-    down, up = rng.normal(size=len(knowns)), rng.normal(size=len(unknowns))
+    down, up = rng.normal(size=len(knowns)), rng.normal(size=len(parameters))
     with Session(exported.path, values=_values(*CASES[case])) as session:
-        across = up @ np.array(session._fmu.getDirectionalDerivative(unknowns, knowns, down.tolist()))
-        back = np.array(session._fmu.getAdjointDerivative(unknowns, knowns, up.tolist(), len(knowns)))
+        across = up @ np.array(session._fmu.getDirectionalDerivative(parameters, knowns, down.tolist()))
+        back = np.array(session._fmu.getAdjointDerivative(parameters, knowns, up.tolist(), len(knowns)))
     assert back @ down == pytest.approx(across, rel=1e-10)
 
 

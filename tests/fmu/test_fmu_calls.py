@@ -16,10 +16,10 @@ import pytest
 from fmpy.fmi1 import FMICallException
 from fmpy.fmi3 import FMU3Model
 
-from lptn.arrays import FloatArray
+from lptn.basics.arrays import FloatArray
 from lptn.fmu import FmuError, Session, export
 from lptn.fmu.compile import local_compiler
-from lptn.model import Model
+from lptn.model.model import Model
 from tests.fmu.conftest import Build, network
 from tests.fmu.truth import in_kelvin, steps
 

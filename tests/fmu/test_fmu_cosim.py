@@ -15,10 +15,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from lptn.cli import main
+from lptn.cli.main import main
 from lptn.fmu import cosimulate, export
-from lptn.model_file import parse_model
-from lptn.robots import presets
+from lptn.model.file import parse_model
+from lptn.robots.presets import presets
 from tests.builders import effect
 from tests.fmu.conftest import Build
 from tests.fmu.truth import leg_by_hand

@@ -11,7 +11,7 @@ import fmpy
 import numpy as np
 import pytest
 
-from lptn.arrays import FloatArray
+from lptn.basics.arrays import FloatArray
 from lptn.fmu import Exported, Session
 from tests.fmu.conftest import Build, unknowns_and_knowns
 from tests.fmu.truth import ZERO, leg_by_hand
@@ -19,25 +19,25 @@ from tests.fmu.truth import ZERO, leg_by_hand
 WARM = {"FR_calf.torque": 12.0, "FR_hip.torque": 6.0, "FR_thigh.torque": 9.0, "FR_calf.temperature": 345.0}
 
 
-def _forward(session: Session, unknowns: list[int], knowns: list[int], seed: FloatArray) -> FloatArray:
+def _forward(session: Session, parameters: list[int], knowns: list[int], seed: FloatArray) -> FloatArray:
     fmu = session._fmu
-    return np.array(fmu.getDirectionalDerivative(unknowns, knowns, seed.tolist()))
+    return np.array(fmu.getDirectionalDerivative(parameters, knowns, seed.tolist()))
 
 
-def _reverse(session: Session, unknowns: list[int], knowns: list[int], seed: FloatArray) -> FloatArray:
-    return np.array(session._fmu.getAdjointDerivative(unknowns, knowns, seed.tolist(), len(knowns)))
+def _reverse(session: Session, parameters: list[int], knowns: list[int], seed: FloatArray) -> FloatArray:
+    return np.array(session._fmu.getAdjointDerivative(parameters, knowns, seed.tolist(), len(knowns)))
 
 
 @pytest.mark.parametrize(("fmi", "solver"), [(2, "rk4"), (3, "rk4"), (3, "ros2")])
 def test_forward_derivatives_are_those_of_differences(fmi: int, solver: str, built: Build) -> None:
     exported = built("leg", fmi, solver)
-    unknowns, knowns = unknowns_and_knowns(exported)
+    parameters, knowns = unknowns_and_knowns(exported)
     starts = {v.name: v.start for v in exported.component.of("state", "input", "parameter")} | WARM
-    names, every = list(starts), [exported.component.variables[reference].name for reference in unknowns]
+    names, every = list(starts), [exported.component.variables[reference].name for reference in parameters]
     rng = np.random.default_rng(4)
     direction = rng.normal(size=len(knowns)) * np.array([abs(starts[name] or 1.0) for name in names])
     with Session(exported.path, values=starts) as session:
-        found = _forward(session, unknowns, knowns, direction)
+        found = _forward(session, parameters, knowns, direction)
         sides = []
         for sign in (1.0, -1.0):
             moved = {name: starts[name] + sign * 1e-6 * step for name, step in zip(names, direction, strict=True)}
@@ -53,16 +53,16 @@ def test_forward_derivatives_are_those_of_differences(fmi: int, solver: str, bui
 @pytest.mark.parametrize("name", ["leg", "everything"])
 def test_adjoint_and_forward_derivatives_are_one(name: str, built: Build) -> None:
     exported = built(name)
-    unknowns, knowns = unknowns_and_knowns(exported)
+    parameters, knowns = unknowns_and_knowns(exported)
     rng = np.random.default_rng(6)
     values = (
         WARM if name == "leg" else {"a.temperature": 340.0, "a.torque": 9.0, "base.speed": 1.0, "b.velocity_rms": 2.0}
     )
     with Session(exported.path, values=values) as session:
-        down, up = rng.normal(size=len(knowns)), rng.normal(size=len(unknowns))
-        across = up @ _forward(session, unknowns, knowns, down)
-        assert _reverse(session, unknowns, knowns, up) @ down == pytest.approx(across, rel=1e-11)
-        assert up @ _forward(session, unknowns, knowns, down) == across
+        down, up = rng.normal(size=len(knowns)), rng.normal(size=len(parameters))
+        across = up @ _forward(session, parameters, knowns, down)
+        assert _reverse(session, parameters, knowns, up) @ down == pytest.approx(across, rel=1e-11)
+        assert up @ _forward(session, parameters, knowns, down) == across
 
 
 @pytest.mark.parametrize("fmi", [2, 3])
@@ -147,8 +147,8 @@ class _Point:
         self.u = np.where(hot, 295.0, rng.uniform(0.5, 5.0, len(model.inputs)))
         self.p = np.array([variable.start for variable in component.of("parameter")])
         assert [component.names[name].kind for name in imported.p()] == ["parameter"] * len(self.p)
-        known = len(model.unknowns)
-        raised = np.array([ZERO if unknown.declared.unit == "degC" else 0.0 for unknown in model.unknowns])
+        known = len(model.parameters)
+        raised = np.array([ZERO if parameter.declared.unit == "degC" else 0.0 for parameter in model.parameters])
         point = (self.x - ZERO, self.u - np.where(hot, ZERO, 0.0), self.p[:known] - raised)
         symbols = model.symbols
         by_input = ca.Function(

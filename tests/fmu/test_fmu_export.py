@@ -15,15 +15,15 @@ import pytest
 from fmpy import read_model_description
 from fmpy.validation import validate_fmu
 
-from lptn.errors import InputError
+from lptn.basics.errors import InputError
 from lptn.fmu import Exported, export
 from lptn.fmu.compile import PLATFORMS, universal
-from lptn.model import Model
-from lptn.robots import presets
+from lptn.model.model import Model
+from lptn.robots.presets import presets
 from tests.builders import capacity, link
 from tests.fmu.conftest import Build, network
 
-from lptn.network import Network, NodeDeclaration  # isort: skip
+from lptn.model.network import Network, NodeDeclaration  # isort: skip
 
 
 @pytest.mark.parametrize("fmi", [2, 3])
@@ -98,8 +98,8 @@ def test_dependencies_are_those_of_the_numbers(fmi: int, tmp_path: Path) -> None
             for index in changed:
                 moved[component.of("rate")[index].name].add(variable.name)
     description = read_model_description(str(exported.path))
-    for unknown in description.derivatives:
-        assert {each.name for each in unknown.dependencies} == moved[unknown.variable.name]
+    for parameter in description.derivatives:
+        assert {each.name for each in parameter.dependencies} == moved[parameter.variable.name]
 
 
 def test_the_archive_holds_sources_documentation_and_the_model(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from zipfile import ZipFile
 import numpy as np
 import pytest
 
-from lptn.arrays import FloatArray
+from lptn.basics.arrays import FloatArray
 from lptn.fmu import Exported
 from tests.fmu.conftest import Build
 from tests.fmu.truth import ZERO, in_kelvin, leg_by_hand, solved, steps

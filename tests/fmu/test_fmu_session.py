@@ -15,9 +15,9 @@ from fmpy.validation import validate_fmu
 
 from lptn.effects import LinkEffect, LossEffect, catalogue
 from lptn.fmu import FmuError, Session, export
-from lptn.model import Model
-from lptn.model_file import parse_model
-from lptn.robots import presets
+from lptn.model.file import parse_model
+from lptn.model.model import Model
+from lptn.robots.presets import presets
 from tests.builders import effect, with_every_effect
 from tests.fmu.conftest import Build
 from tests.fmu.truth import ROOM, ZERO, bead_and_motor_by_hand, in_kelvin, leg_by_hand, solved, steps
@@ -101,7 +101,7 @@ def test_tuning_a_resistance_between_steps(built: Build) -> None:
     model = component.model
     inputs = steps(model, 40)
     rows = in_kelvin(model, inputs)
-    index = [unknown.name for unknown in model.unknowns].index("resistance.FR_calf~ambient")
+    index = [parameter.name for parameter in model.parameters].index("resistance.FR_calf~ambient")
     values = model.values.copy()
     values[index] = 2.0
     with _session(built, "leg") as session:
@@ -126,7 +126,7 @@ def test_a_parameter_tuned_past_the_step_divides_it_and_says_so(built: Build) ->
 def _with_small_hip(built: Build) -> np.ndarray:
     model = built("leg").component.model
     values = model.values.copy()
-    values[[unknown.name for unknown in model.unknowns].index("capacity.FR_hip")] = 0.01
+    values[[parameter.name for parameter in model.parameters].index("capacity.FR_hip")] = 0.01
     return np.asarray(values)
 
 
@@ -142,7 +142,7 @@ def test_heat_flows_add_up_to_what_warms_each_node(name: str, built: Build) -> N
         flows = dict(zip(outputs, session.outputs, strict=True))
         for node in model.nodes:
             warming = session.read([f"der({node}.temperature)"])[0]
-            capacity = model.unknowns[model.network.capacities[node]].value
+            capacity = model.parameters[model.network.capacities[node]].value
             total = 0.0
             for flow, value in flows.items():
                 place, middle, _ = flow.split(".")

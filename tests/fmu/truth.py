@@ -6,8 +6,8 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
-from lptn.arrays import FloatArray
-from lptn.model import Model
+from lptn.basics.arrays import FloatArray
+from lptn.model.model import Model
 
 ZERO = 273.15
 ROOM = 25.0
@@ -59,8 +59,8 @@ def leg_by_hand(inputs: FloatArray, step: float) -> FloatArray:
         heat = 0.15 * (np.array(torques) / 0.84357) ** 2
 
         def rates(_: float, x: FloatArray, ambient: float = ambient, heat: FloatArray = heat) -> FloatArray:
-            along = np.array([x[1] - x[0], x[0] - 2 * x[1] + x[2], x[1] - x[2]]) / between
-            return np.asarray((heat + (ambient - x) / to_air + along) / capacity)
+            run_filter = np.array([x[1] - x[0], x[0] - 2 * x[1] + x[2], x[1] - x[2]]) / between
+            return np.asarray((heat + (ambient - x) / to_air + run_filter) / capacity)
 
         state = solve_ivp(rates, (0.0, step), state, method="DOP853", rtol=1e-12, atol=1e-12).y[:, -1]
         found.append(state)

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from lptn.motor_geometry.geometry import sample
-from lptn.robots import presets
+from lptn.robots.motor_drawing import sample
+from lptn.robots.presets import presets
 from tests.hardening.mutations import zipped
 
 Content = bytes | str | Callable[[bytes], bytes | str] | tuple[str, str] | None

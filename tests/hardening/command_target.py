@@ -7,7 +7,7 @@ from functools import cache
 from pathlib import Path
 from random import Random
 
-from lptn.errors import InputError
+from lptn.basics.errors import InputError
 from tests.hardening.bad_inputs import desk
 from tests.hardening.mutations import spoil_csv, spoil_toml
 from tests.hardening.target import command

@@ -9,20 +9,20 @@ from functools import cache
 from pathlib import Path
 from random import Random
 
-from lptn.errors import InputError
-from lptn.robots import presets
+from lptn.basics.errors import InputError
+from lptn.robots.presets import presets
 
 
 @cache
 def fmus() -> Mapping[str, bytes]:
     """The leg as an FMU of either version, sources alone: what the fuzzer spoils is never run."""
     from lptn.fmu import export
-    from lptn.model_file import load_model
+    from lptn.model.file import read_model_file
 
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / "leg.toml").write_text(presets()["leg"])
-        model = load_model(folder / "leg.toml")
+        model = read_model_file(folder / "leg.toml")
         made = [export(model, folder / f"leg{fmi}.fmu", fmi=fmi, platforms=()) for fmi in (2, 3)]
         return {each.path.name: each.path.read_bytes() for each in made}
 
@@ -30,7 +30,7 @@ def fmus() -> Mapping[str, bytes]:
 def read_fmu(path: Path, _: Random) -> None:
     """An FMU up to the point at which its native code would run."""
     from lptn.fmu.archive import Unpacked, import_fmpy
-    from lptn.model_file import parse_model
+    from lptn.model.file import parse_model
 
     unpacked = Unpacked(path, trust=True)
     try:

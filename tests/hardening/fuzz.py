@@ -22,7 +22,7 @@ from pathlib import Path
 from random import Random
 from types import FrameType
 
-from lptn.errors import InputError
+from lptn.basics.errors import InputError
 from tests.hardening.target import Target
 from tests.hardening.targets import TARGETS
 

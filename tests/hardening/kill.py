@@ -26,15 +26,15 @@ from random import Random
 
 import pandas as pd
 
-from lptn.model_file import load_model
-from lptn.robots import presets
+from lptn.model.file import read_model_file
+from lptn.robots.presets import presets
 from lptn.virtual import leg_logs
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 LEFT = re.compile(r"\..+\.[0-9a-f]{12}\.part")
 Check = Callable[[Path], object]
 _AFTER = 0.2  # s after the first change of a file
-LPTN = ("-m", "lptn.cli")
+LPTN = ("-m", "lptn")
 
 
 @dataclass(frozen=True)
@@ -99,7 +99,7 @@ def _code(path: Path) -> None:
 COMMANDS = {
     "fit": Command(
         (*LPTN, "fit", "heaters.toml", "log.csv", "--holdout-after", "300", "-o", "out.toml", "--json", "out.json"),
-        {"out.toml": load_model, "out.json": _json},
+        {"out.toml": read_model_file, "out.json": _json},
         figure=lambda folder: float(json.loads((folder / "out.json").read_text())["rmse_holdout"]),
     ),
     "fmu": Command((*LPTN, "fmu", "leg.toml", "-o", "leg.fmu", "--json", "fmu.json"),
@@ -107,7 +107,7 @@ COMMANDS = {
     "improve": Command(
         (*LPTN, "improve", "heaters.toml", "short.csv", "--holdout-after", "110", "--rungs", "1", "-o", "better.toml",
          "--json", "ladder.json", "--report", "story.html"),
-        {"better.toml": load_model, "ladder.json": _json, "story.html": _page},
+        {"better.toml": read_model_file, "ladder.json": _json, "story.html": _page},
     ),
     "plan": Command(
         (*LPTN, "plan", "leg.toml", "task.toml", "-o", "plan.csv", "--json", "plan.json", "--plot", "plan.png",
@@ -117,7 +117,7 @@ COMMANDS = {
     "virtual": Command(("-m", "lptn.virtual", "leg", "--seed", "3", "-o", "logs"), {"logs/*.parquet": pd.read_parquet}),
     "fleet": Command(
         (*LPTN, "fit", "leg.toml", "--each", "robots", "-o", "fleet"),
-        {"fleet/models/*.toml": load_model, "fleet/records/*.json": _json, "fleet/*.csv": _csv,
+        {"fleet/models/*.toml": read_model_file, "fleet/records/*.json": _json, "fleet/*.csv": _csv,
          "fleet/*.parquet": pd.read_parquet},
         ("fleet",),
         lambda folder: float(pd.read_csv(folder / "fleet" / "fleet.csv").select_dtypes("number").mean().sum()),

@@ -115,7 +115,8 @@ def _odd_parquet(random: Random) -> bytes:
 
 def read_some_log(path: Path, random: Random) -> None:
     """A log, read for all that it holds, or for what a model needs."""
-    from lptn.logs import parse_columns, read_log
+    from lptn.logs.columns import parse_columns
+    from lptn.logs.reading import read_log
 
     wanted = random.choice(((), ("torque_square.a",), ("torque_rms.a",), ("velocity.a", "power.pc")))
     columns = parse_columns({"temperature.c": {"column": "temperature.b", "unit": "degF"}}, "map", "columns")

@@ -10,8 +10,8 @@ from random import Random
 import numpy as np
 import pandas as pd
 
-from lptn.model import Model
-from lptn.robots import presets
+from lptn.model.model import Model
+from lptn.robots.presets import presets
 from tests.hardening.target import EXAMPLES, command
 
 ALL = """\
@@ -94,9 +94,9 @@ def models() -> Mapping[str, bytes]:
 
 def read_model(path: Path, random: Random) -> None:
     """The file, the network, the model, additions to it; now and then a command with a log."""
-    from lptn.model_file import load_model
+    from lptn.model.file import read_model_file
 
-    file = load_model(path)
+    file = read_model_file(path)
     model = Model(file.network)
     again = file.with_effects(file.network.effects[:0])
     if again.network.dynamic != file.network.dynamic:
@@ -104,7 +104,7 @@ def read_model(path: Path, random: Random) -> None:
     if random.random() < 0.3:
         _simulated(path, model, random)
     if random.random() < 0.1:
-        from lptn.adding import added
+        from lptn.model.file import added
 
         added(file, random.choice(("conduction", "forced_convection", "sensor_lag")), random.choice(("*", "FR_calf")))
 

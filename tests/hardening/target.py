@@ -34,7 +34,7 @@ def command(words: Sequence[str]) -> int:
     Raises:
         AssertionError: it ended otherwise.
     """
-    from lptn.cli import main
+    from lptn.cli.main import main
 
     said, status = io.StringIO(), 0
     with contextlib.redirect_stderr(said), contextlib.redirect_stdout(io.StringIO()):

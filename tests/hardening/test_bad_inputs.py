@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from lptn.cli import app, main
+from lptn.cli.main import app, main
 from tests.hardening.bad_inputs import BAD, Bad, by_kind, desk
 
 

@@ -13,9 +13,9 @@ from pathlib import Path
 
 import pytest
 
-from lptn.cli import main
-from lptn.errors import InputError, one_line
-from lptn.files import write_folder, write_whole
+from lptn.basics.errors import InputError, one_line
+from lptn.basics.files import write_folder, write_whole
+from lptn.cli.main import main
 
 SIZE = 300_000
 
@@ -154,9 +154,7 @@ def test_of_processes_that_fill_one_folder_the_last_wins_as_a_whole(
 
 @pytest.mark.parametrize("words", [["effects"]])
 def test_a_reader_that_goes_away_is_no_error(words: list[str]) -> None:
-    started = subprocess.Popen(
-        [sys.executable, "-m", "lptn.cli", *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE
-    )
+    started = subprocess.Popen([sys.executable, "-m", "lptn", *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
     assert started.stdout is not None
     assert started.stderr is not None
     started.stdout.close()

@@ -9,10 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lptn.adding import added
-from lptn.errors import InputError
-from lptn.model_file import ModelFile, parse_model
-from lptn.model_schema import FitTable, FittedTable
+from lptn.basics.errors import InputError
+from lptn.model.file import FitTable, FittedTable, ModelFile, added, parse_model
 from tests.hardening.fuzz import run
 from tests.hardening.model_target import ALL, models
 from tests.hardening.targets import TARGETS
@@ -35,7 +33,9 @@ def laid_out(draw: st.DrawFn) -> str:
 
 
 def _fitted(file: ModelFile) -> ModelFile:
-    chosen = {unknown.name: FittedTable(value=unknown.value, error=0.1) for unknown in file.network.unknowns[:3]}
+    chosen = {
+        parameter.name: FittedTable(value=parameter.value, error=0.1) for parameter in file.network.parameters[:3]
+    }
     return file.with_fit(FitTable(rmse=0.5, status="converged", warnings=["one", "two"], parameters=chosen))
 
 
@@ -69,7 +69,9 @@ def test_every_table_that_a_file_may_have_survives() -> None:
     again = parse_model(added(_fitted(file), "radiation", "*_calf").text, PATH)
     assert again.columns == file.columns
     assert again.step == file.step
-    assert [use.name for use in again.network.uses][: len(file.network.uses)] == [use.name for use in file.network.uses]
+    assert [instance.name for instance in again.network.effect_instances][: len(file.network.effect_instances)] == [
+        instance.name for instance in file.network.effect_instances
+    ]
 
 
 def _parse(text: str) -> None:

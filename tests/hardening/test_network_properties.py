@@ -11,10 +11,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lptn.arrays import FloatArray
-from lptn.model import Model
-from lptn.model_file import parse_model
-from lptn.network import EffectDeclaration, Network
+from lptn.basics.arrays import FloatArray
+from lptn.model.file import parse_model
+from lptn.model.model import Model
+from lptn.model.network import EffectDeclaration, Network
 from tests.builders import AMBIENT, effect, link, node
 
 SIZES = st.floats(-2, 3).map(lambda exponent: float(10.0**exponent))

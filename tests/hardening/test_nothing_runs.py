@@ -18,11 +18,11 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from lptn.cli import main
-from lptn.errors import InputError
+from lptn.basics.errors import InputError
+from lptn.cli.main import main
 from lptn.fmu import trust
 from lptn.fmu.archive import unpack
-from lptn.robots import presets
+from lptn.robots.presets import presets
 from tests.hardening.bad_inputs import table
 
 ROOT = Path(__file__).parents[2]

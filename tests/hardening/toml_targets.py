@@ -7,8 +7,8 @@ from functools import cache
 from pathlib import Path
 from random import Random
 
-from lptn.model import Model
-from lptn.robots import presets
+from lptn.model.model import Model
+from lptn.robots.presets import presets
 from tests.hardening.target import EXAMPLES
 
 
@@ -33,7 +33,7 @@ def tasks() -> Mapping[str, bytes]:
 
 @cache
 def _quadruped() -> Model:
-    from lptn.model_file import parse_model
+    from lptn.model.file import parse_model
 
     return Model(parse_model(presets()["quadruped"], Path("quadruped.toml")).network)
 
@@ -54,16 +54,16 @@ def read_task(path: Path, random: Random) -> None:
 @cache
 def drawings() -> Mapping[str, bytes]:
     """The sample drawings of motors."""
-    from lptn.motor_geometry.geometry import sample
+    from lptn.robots.motor_drawing import sample
 
     return {f"{name}.toml": sample(name).encode() for name in ("inrunner", "outrunner")}
 
 
 def read_drawing(path: Path, random: Random) -> None:
     """A motor's drawing; now and then the model that is made of it."""
-    from lptn.model_file import parse_model
-    from lptn.motor_geometry.geometry import load_geometry
-    from lptn.motor_geometry.template import model_text
+    from lptn.model.file import parse_model
+    from lptn.robots.motor_drawing import load_geometry
+    from lptn.robots.motor_model import model_text
 
     text = model_text(load_geometry(path))
     if random.random() < 0.2:
@@ -87,7 +87,7 @@ CALIBRATION = """\
 
 def read_calibration(path: Path, _: Random) -> None:
     """A calibration kept in a file."""
-    from lptn.model_file import parse_model
-    from lptn.monitor.keeping import kept
+    from lptn.model.file import parse_model
+    from lptn.online.calibration import kept
 
     kept(path, Model(parse_model(presets()["leg"], Path("leg.toml")).network))

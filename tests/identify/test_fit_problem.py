@@ -10,11 +10,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lptn.identify import Problem, fit
-from lptn.model import Model
-from lptn.network import EffectDeclaration, LinkDeclaration, Network, NodeDeclaration
-from lptn.parameters import Share
-from lptn.simulate import drives
+from lptn.basics.parameters import Share
+from lptn.identify.fitting import fit
+from lptn.identify.problem import Problem
+from lptn.model.model import Model
+from lptn.model.network import EffectDeclaration, LinkDeclaration, Network, NodeDeclaration
+from lptn.simulate.simulation import bound_runs
 from tests.builders import AMBIENT, capacity, effect, make_run, random_run, resistance, with_every_effect
 from tests.identify_truth import TRUTH, network, truth_run
 
@@ -39,7 +40,7 @@ def _sides(share: Share = "sides") -> Network:
 
 
 def _sides_run(model: Model, left: float = 200.0, right: float = 300.0) -> list[float]:
-    return [{"capacity.left_knee": left, "capacity.right_knee": right}.get(u.name, u.value) for u in model.unknowns]
+    return [{"capacity.left_knee": left, "capacity.right_knee": right}.get(u.name, u.value) for u in model.parameters]
 
 
 def _simulated(model: Model, values: list[float]) -> dict[str, np.ndarray]:
@@ -57,8 +58,8 @@ def _inputs(model: Model, columns: object) -> np.ndarray:
 
 def test_jacobian_with_priors_and_mirrors_equals_finite_differences() -> None:
     model = Model(with_every_effect())
-    driven = drives(model, [random_run(model, 60, seed=1), random_run(model, 40, seed=2)])
-    problem = Problem(model, driven, np.array([0.3, 0.5]), mirror_weight=2.0)
+    bound = bound_runs(model, [random_run(model, 60, seed=1), random_run(model, 40, seed=2)])
+    problem = Problem(model, bound, np.array([0.3, 0.5]), symmetry_penalty=2.0)
     z = problem.guess(model.values)
     z[-3:] += 1.0
     residuals, jacobian = problem.jacobian(z)
@@ -73,7 +74,7 @@ def test_jacobian_with_priors_and_mirrors_equals_finite_differences() -> None:
 
 def test_point_and_guess_are_inverses() -> None:
     model = Model(with_every_effect())
-    problem = Problem(model, drives(model, [random_run(model, 30)]), np.ones(2))
+    problem = Problem(model, bound_runs(model, [random_run(model, 30)]), np.ones(2))
     start = np.arange(20.0, 20.0 + len(model.states))
     point = problem.point(problem.guess(model.values, [start]))
     np.testing.assert_allclose(point.values, model.values, rtol=1e-14)
@@ -82,7 +83,7 @@ def test_point_and_guess_are_inverses() -> None:
 
 def test_a_point_that_cannot_be_simulated_costs_infinitely_much() -> None:
     model = Model(network())
-    problem = Problem(model, drives(model, [truth_run(100.0)]), np.ones(2))
+    problem = Problem(model, bound_runs(model, [truth_run(100.0)]), np.ones(2))
     z = problem.guess(model.values)
     z[:4] = np.log(1e-3)
     assert problem.cost(z) == float("inf")
@@ -91,7 +92,7 @@ def test_a_point_that_cannot_be_simulated_costs_infinitely_much() -> None:
 def test_no_mirror_weight_leaves_left_and_right_free() -> None:
     model = Model(_sides())
     run = make_run(_simulated(model, _sides_run(model)), step=COARSE)
-    found = {u.name: u.value for u in fit(model, drives(model, [run])).model.unknowns}
+    found = {u.name: u.value for u in fit(model, bound_runs(model, [run])).model.parameters}
     assert found["capacity.left_knee"] == pytest.approx(200.0, rel=0.05)
     assert found["capacity.right_knee"] == pytest.approx(300.0, rel=0.05)
 
@@ -99,7 +100,7 @@ def test_no_mirror_weight_leaves_left_and_right_free() -> None:
 def test_a_large_mirror_weight_makes_left_and_right_equal() -> None:
     model = Model(_sides())
     run = make_run(_simulated(model, _sides_run(model)), step=COARSE)
-    found = {u.name: u.value for u in fit(model, drives(model, [run]), mirror_weight=1e9).model.unknowns}
+    found = {u.name: u.value for u in fit(model, bound_runs(model, [run]), symmetry_penalty=1e9).model.parameters}
     assert found["capacity.left_knee"] == pytest.approx(found["capacity.right_knee"], rel=1e-3)
     assert 200.0 < found["capacity.left_knee"] < 300.0
     assert found["resistance.ambient~left_knee"] == pytest.approx(found["resistance.ambient~right_knee"], rel=1e-3)
@@ -110,7 +111,9 @@ def test_a_larger_mirror_weight_brings_them_closer() -> None:
     run = make_run(_simulated(model, _sides_run(model)), step=COARSE)
 
     def gap(weight: float) -> float:
-        found = {u.name: u.value for u in fit(model, drives(model, [run]), mirror_weight=weight).model.unknowns}
+        found = {
+            u.name: u.value for u in fit(model, bound_runs(model, [run]), symmetry_penalty=weight).model.parameters
+        }
         return abs(float(np.log(found["capacity.left_knee"] / found["capacity.right_knee"])))
 
     assert gap(0.0) > gap(1e4) > gap(1e7)
@@ -119,7 +122,7 @@ def test_a_larger_mirror_weight_brings_them_closer() -> None:
 def test_places_that_are_not_shared_by_sides_are_never_pulled_together() -> None:
     model = Model(_sides("each"))
     run = make_run(_simulated(model, _sides_run(model)), step=COARSE)
-    found = {u.name: u.value for u in fit(model, drives(model, [run]), mirror_weight=1e9).model.unknowns}
+    found = {u.name: u.value for u in fit(model, bound_runs(model, [run]), symmetry_penalty=1e9).model.parameters}
     assert found["capacity.right_knee"] / found["capacity.left_knee"] == pytest.approx(1.5, rel=0.05)
 
 
@@ -129,7 +132,7 @@ def test_a_scale_that_nothing_fixes_is_said() -> None:
     copper = declared.effects[0]
     free = replace(copper, parameters=tuple(replace(p, fixed=p.name != "resistance") for p in copper.parameters))
     model = Model(replace(declared, effects=(free,)))
-    found = fit(model, drives(model, [truth_run(900.0, step=COARSE)]))
+    found = fit(model, bound_runs(model, [truth_run(900.0, step=COARSE)]))
     (warning,) = [text for text in found.uncertainty.warnings if "fix one of them" in text]
     assert "multiplying them all by one factor" in warning
     for name in [*TRUTH, "copper_loss.resistance.a"]:
@@ -141,7 +144,7 @@ def test_a_parameter_that_the_data_cannot_see_is_named() -> None:
     model = Model(_with([effect("forced_convection", "b")]))
     run = truth_run(900.0, step=COARSE)
     run = replace(run, columns={**run.columns, "speed.base": np.zeros(len(run))})
-    found = fit(model, drives(model, [run]))
+    found = fit(model, bound_runs(model, [run]))
     assert any("forced_convection.gamma.b" in text for text in found.uncertainty.warnings)
     assert found.errors["forced_convection.gamma.b"] == float("inf")
     assert np.isfinite(found.errors["capacity.a"])
@@ -150,7 +153,7 @@ def test_a_parameter_that_the_data_cannot_see_is_named() -> None:
 def test_a_parameter_that_the_data_hardly_see_is_named() -> None:
     """A run of a minute says nothing of the way out of a node that a resistance of 4 K/W cools."""
     model = Model(network())
-    found = fit(model, drives(model, [truth_run(60.0)]))
+    found = fit(model, bound_runs(model, [truth_run(60.0)]))
     assert any(text.startswith("resistance.ambient~b:") for text in found.uncertainty.warnings)
 
 
@@ -158,8 +161,8 @@ def test_bounds_are_kept_and_the_end_at_one_is_said() -> None:
     declared = network()
     narrow = NodeDeclaration("a", capacity(150.0, bounds=(140.0, 160.0)))
     model = Model(replace(declared, nodes=(narrow, *declared.nodes[1:])))
-    found = fit(model, drives(model, [truth_run(900.0, step=COARSE)]))
-    values = {u.name: u.value for u in found.model.unknowns}
+    found = fit(model, bound_runs(model, [truth_run(900.0, step=COARSE)]))
+    values = {u.name: u.value for u in found.model.parameters}
     assert 140.0 <= values["capacity.a"] < 140.1
     assert any(text.startswith("capacity.a: ends at its bound (140 to 160 J/K)") for text in found.uncertainty.warnings)
 
@@ -170,7 +173,7 @@ def test_a_guess_outside_the_bounds_is_brought_inside() -> None:
     model = Model(replace(declared, nodes=(narrow, *declared.nodes[1:])))
     guess = model.values
     guess[0] = 900.0
-    found = fit(model, drives(model, [truth_run(900.0, step=COARSE)]), guess=guess)
+    found = fit(model, bound_runs(model, [truth_run(900.0, step=COARSE)]), guess=guess)
     assert found.model.values[0] == pytest.approx(TRUTH["capacity.a"], rel=0.05)
 
 
@@ -185,9 +188,9 @@ def _interrupting(at: int) -> Callable[[int, float], None]:
 @pytest.mark.parametrize("guessed", [True, False])
 def test_ctrl_c_keeps_the_best_point_so_far(guessed: bool) -> None:
     model = Model(network())
-    driven = drives(model, [truth_run(900.0, step=COARSE)])
+    bound = bound_runs(model, [truth_run(900.0, step=COARSE)])
     before = signal.getsignal(signal.SIGINT)
-    found = fit(model, driven, guess=model.values if guessed else None, progress=_interrupting(1))
+    found = fit(model, bound, guess=model.values if guessed else None, progress=_interrupting(1))
     assert found.status == "interrupted"
     assert signal.getsignal(signal.SIGINT) is before
     assert found.cost <= found.problem.cost(found.problem.guess(model.values))
@@ -200,7 +203,7 @@ def test_progress_hears_every_iteration_and_the_error_falls() -> None:
     heard: list[tuple[int, float]] = []
     found = fit(
         model,
-        drives(model, [truth_run(900.0, step=COARSE)]),
+        bound_runs(model, [truth_run(900.0, step=COARSE)]),
         guess=model.values,
         progress=lambda iteration, rms: heard.append((iteration, rms)),
     )
@@ -216,11 +219,11 @@ def test_a_mistake_in_the_progress_callback_is_not_swallowed() -> None:
         raise RuntimeError("broken bar")
 
     with pytest.raises(RuntimeError, match="broken bar"):
-        fit(model, drives(model, [truth_run(200.0, step=COARSE)]), guess=model.values, progress=fail)
+        fit(model, bound_runs(model, [truth_run(200.0, step=COARSE)]), guess=model.values, progress=fail)
 
 
 def test_few_iterations_end_as_not_converged() -> None:
     model = Model(network())
-    found = fit(model, drives(model, [truth_run(900.0, step=COARSE)]), guess=model.values, iterations=1)
+    found = fit(model, bound_runs(model, [truth_run(900.0, step=COARSE)]), guess=model.values, iterations=1)
     assert found.status == "not converged"
     assert found.cost <= found.problem.cost(found.problem.guess(model.values))

@@ -7,19 +7,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lptn.identify import Fit, fit, fit_starts
-from lptn.identify.gauss_newton import minimise
+from lptn.basics.parameters import Transform
+from lptn.identify.fitting import Fit, fit, fit_starts
 from lptn.identify.integral_start import integral_start
-from lptn.model import Model
-from lptn.network import Network
-from lptn.noise import balanced_sigma, estimate_noise
-from lptn.parameters import Transform
-from lptn.simulate import drive, drives
+from lptn.identify.noise import balanced_sigma, estimate_noise
+from lptn.identify.solvers import minimise
+from lptn.model.model import Model
+from lptn.model.network import Network
+from lptn.simulate.simulation import bind, bound_runs
 from tests.identify_truth import TRUTH, network, truth_run, with_garbage
 
 
 def _values(found: Fit) -> dict[str, float]:
-    return {u.name: u.value for u in found.model.unknowns if u.free}
+    return {u.name: u.value for u in found.model.parameters if u.free}
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +29,7 @@ def model() -> Model:
 
 @pytest.fixture(scope="module")
 def fitted(model: Model) -> Fit:
-    return fit(model, drives(model, [truth_run(1800.0)]))
+    return fit(model, bound_runs(model, [truth_run(1800.0)]))
 
 
 def test_parameters_are_within_five_percent_and_four_standard_errors(fitted: Fit) -> None:
@@ -70,7 +70,7 @@ def test_json_holds_every_free_parameter_with_error_and_unit(fitted: Fit) -> Non
 
 def test_ten_random_starts_reach_the_same_optimum(model: Model) -> None:
     """The search alone, without the help of the integrated heat balance."""
-    coarse = drives(model, [truth_run(1800.0, step=5.0)])
+    coarse = bound_runs(model, [truth_run(1800.0, step=5.0)])
     reference = fit(model, coarse)
     rng = np.random.default_rng(1)
     for _ in range(10):
@@ -84,7 +84,7 @@ def test_ten_random_starts_reach_the_same_optimum(model: Model) -> None:
 
 
 def test_a_poor_guess_leads_to_the_same_optimum(model: Model) -> None:
-    coarse = drives(model, [truth_run(1800.0, step=5.0)])
+    coarse = bound_runs(model, [truth_run(1800.0, step=5.0)])
     assert fit(model, coarse, guess=model.values * 3.0).cost == pytest.approx(fit(model, coarse).cost, rel=1e-3)
 
 
@@ -92,7 +92,7 @@ def test_missing_readings_do_not_count(model: Model) -> None:
     run = with_garbage(truth_run(1800.0))
     missing = sum(int(np.isnan(run.temperature(name)).sum()) for name in model.nodes)
     assert missing > 500
-    found = fit(model, drives(model, [run]))
+    found = fit(model, bound_runs(model, [run]))
     assert found.problem.readings == 2 * len(run) - missing
     assert _values(found) == pytest.approx(TRUTH, rel=0.05)
     assert found.rmse == pytest.approx(0.1, rel=0.05)
@@ -101,14 +101,14 @@ def test_missing_readings_do_not_count(model: Model) -> None:
 def test_a_node_without_a_sensor_is_found_through_the_others(model: Model) -> None:
     run = truth_run(1800.0)
     run = replace(run, columns={name: values for name, values in run.columns.items() if name != "temperature.b"})
-    found = fit(model, drives(model, [run]))
+    found = fit(model, bound_runs(model, [run]))
     assert found.rmse == pytest.approx(0.1, rel=0.05)
     assert _values(found)["capacity.a"] == pytest.approx(TRUTH["capacity.a"], rel=0.1)
 
 
 def test_runs_of_different_length_are_fitted_together(model: Model) -> None:
     runs = [truth_run(400.0, seed=1), truth_run(900.0, seed=2), truth_run(1300.0, seed=3)]
-    found = fit(model, drives(model, runs))
+    found = fit(model, bound_runs(model, runs))
     assert [residuals.shape for residuals in found.residuals] == [(2, 400), (2, 900), (2, 1300)]
     assert len(found.point.starts) == 3
     for start, run in zip(found.point.starts, runs, strict=True):
@@ -120,15 +120,15 @@ def test_runs_of_different_length_are_fitted_together(model: Model) -> None:
 def test_readings_outside_the_counted_window_do_not_pull(model: Model) -> None:
     run = truth_run(1800.0)
     run.columns["temperature.a"][1200:] += 40.0
-    found = fit(model, [drive(model, run).count((0.0, 1200.0))])
+    found = fit(model, [bind(model, run).count((0.0, 1200.0))])
     assert _values(found) == pytest.approx(TRUTH, rel=0.05)
 
 
 def test_integral_start_lands_near_without_a_guess(model: Model) -> None:
-    driven = drives(model, [truth_run(1800.0)])
-    sigma = balanced_sigma(driven, estimate_noise(driven, model.nodes))
-    start = integral_start(model, driven, sigma)
-    found = {model.unknowns[i].name: start[i] for i in model.free}
+    bound = bound_runs(model, [truth_run(1800.0)])
+    sigma = balanced_sigma(bound, estimate_noise(bound, model.nodes))
+    start = integral_start(model, bound, sigma)
+    found = {model.parameters[i].name: start[i] for i in model.free}
     assert found == pytest.approx(TRUTH, rel=0.3)
 
 
@@ -143,19 +143,19 @@ def test_integral_start_of_a_model_with_nothing_free_is_the_model() -> None:
         declared.effects,
     )
     model = Model(held)
-    driven = drives(model, [truth_run(300.0)])
-    np.testing.assert_array_equal(integral_start(model, driven, np.ones(2)), model.values)
-    assert fit(model, driven).problem.free == []
+    bound = bound_runs(model, [truth_run(300.0)])
+    np.testing.assert_array_equal(integral_start(model, bound, np.ones(2)), model.values)
+    assert fit(model, bound).problem.free == []
 
 
 def test_starts_alone_are_found_with_the_parameters_held(model: Model) -> None:
-    true = model.with_values(np.array([TRUTH.get(u.name, u.value) for u in model.unknowns]))
-    (start,) = fit_starts(true, drives(true, [truth_run(300.0, noise=0.5)]), np.array([0.5, 0.5]))
+    true = model.with_values(np.array([TRUTH.get(u.name, u.value) for u in model.parameters]))
+    (start,) = fit_starts(true, bound_runs(true, [truth_run(300.0, noise=0.5)]), np.array([0.5, 0.5]))
     assert start == pytest.approx([18.0, 18.0], abs=0.3)
 
 
 def test_transform_goes_there_and_back(model: Model) -> None:
-    transform = Transform(model.unknowns)
+    transform = Transform(model.parameters)
     coordinates = transform.forward(model.values)
     np.testing.assert_allclose(transform.backward(coordinates), model.values, rtol=1e-14)
     e = 1e-6

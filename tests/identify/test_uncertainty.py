@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lptn.identify import fit
+from lptn.identify.fitting import fit
 from lptn.identify.problem import Problem
-from lptn.logs import Run
-from lptn.model import Model
-from lptn.simulate import drive, drives
+from lptn.logs.run import Run
+from lptn.model.model import Model
+from lptn.simulate.simulation import bind, bound_runs
 from tests.identify_truth import TRUTH, network, truth_run
 
 
@@ -29,8 +29,8 @@ def _rounded(run: Run, step: float) -> Run:
 def test_nineteen_of_twenty_true_values_lie_within_two_standard_errors(step: float) -> None:
     model, inside = Model(network()), []
     for seed in range(8):
-        found = fit(model, drives(model, [_rounded(truth_run(3000.0, step=4.0, noise=0.05, seed=seed), step)]))
-        values = {unknown.name: unknown.value for unknown in found.model.unknowns}
+        found = fit(model, bound_runs(model, [_rounded(truth_run(3000.0, step=4.0, noise=0.05, seed=seed), step)]))
+        values = {parameter.name: parameter.value for parameter in found.model.parameters}
         inside += [abs(values[name] - true) < 2 * found.errors[name] for name, true in TRUTH.items()]
     assert len(inside) == 32
     # Of 32, 30.4 are expected; fewer than 27 come once in a hundred times.
@@ -39,7 +39,7 @@ def test_nineteen_of_twenty_true_values_lie_within_two_standard_errors(step: flo
 
 def test_a_coarse_sensor_widens_the_intervals() -> None:
     model, fine = Model(network()), truth_run(3000.0, step=4.0, noise=0.05)
-    errors = [fit(model, drives(model, [_rounded(fine, step)])).errors for step in (0.0, 1.0)]
+    errors = [fit(model, bound_runs(model, [_rounded(fine, step)])).errors for step in (0.0, 1.0)]
     wider = [errors[1][name] / errors[0][name] for name in TRUTH]
     assert min(wider) > 1
     assert np.mean(wider) > 1.3
@@ -47,7 +47,7 @@ def test_a_coarse_sensor_widens_the_intervals() -> None:
 
 def test_gradients_of_all_stretches_add_up_to_the_gradient() -> None:
     model = Model(network())
-    runs = [drive(model, truth_run(900.0, seed=seed)) for seed in (0, 1)]
+    runs = [bind(model, truth_run(900.0, seed=seed)) for seed in (0, 1)]
     problem = Problem(model, runs, np.array([0.1, 0.2]))
     z = problem.guess(model.values)
     gradient, _ = problem.normal(z)

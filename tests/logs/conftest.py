@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from lptn.errors import InputError
+from lptn.basics.errors import InputError
 
 Write = Callable[..., Path]
 Refuse = Callable[..., str]

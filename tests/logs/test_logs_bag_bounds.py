@@ -11,7 +11,7 @@ from pathlib import Path
 import lz4.frame  # type: ignore[import-untyped]
 import pytest
 
-from lptn.logs import read_log
+from lptn.logs.reading import read_log
 
 storage = pytest.importorskip("rosbags.rosbag2.storage_mcap")
 reader = pytest.importorskip("rosbags.rosbag2.reader")
@@ -68,5 +68,5 @@ def test_a_bag_compressed_as_a_whole_may_not_fill_the_disk(
     writer.set_compression(rosbag2.CompressionMode.FILE, rosbag2.CompressionFormat.ZSTD)
     with writer:
         pass
-    monkeypatch.setattr("lptn.logs.bag_bounds._SHARE", 0.0)
+    monkeypatch.setattr("lptn.logs.bags._SHARE", 0.0)
     assert "half of the disk" in refuse(tmp_path / "bag", read_log, tmp_path / "bag")

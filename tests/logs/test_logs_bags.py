@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lptn.logs import ColumnSource, read_log
+from lptn.logs.columns import ColumnSource
+from lptn.logs.reading import read_log
 
 rosbag2 = pytest.importorskip("rosbags.rosbag2")
 typesys = pytest.importorskip("rosbags.typesys")

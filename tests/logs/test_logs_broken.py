@@ -19,8 +19,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lptn.errors import InputError
-from lptn.logs import read_log, tables
+from lptn.basics.errors import InputError
+from lptn.logs import tables
+from lptn.logs.reading import read_log
 from tests.logs.ulog_bytes import FORMATS, battery, definitions, esc_status, header
 
 Refuse = Callable[..., str]
@@ -132,7 +133,7 @@ def test_three_hundred_million_rows_in_a_few_bytes(tmp_path: Path) -> None:
             writer.write_table(chunk, row_group_size=20_000_000)
     assert path.stat().st_size < 1_000_000
     code = (
-        "import resource, sys; from lptn.logs import read_log; from lptn.errors import InputError\n"
+        "import resource, sys; from lptn.logs import read_log; from lptn.basics.errors import InputError\n"
         "before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss\n"
         "try: read_log(sys.argv[1])\n"
         "except InputError as error: print(error)\n"

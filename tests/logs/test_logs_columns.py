@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lptn.logs import ColumnSource, parse_columns, parse_map_option
+from lptn.logs.columns import ColumnSource, parse_columns, parse_map_option
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,8 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from lptn.logs import ColumnSource, read_log
+from lptn.logs.columns import ColumnSource
+from lptn.logs.reading import read_log
 
 Write = Callable[..., Path]
 Refuse = Callable[..., str]

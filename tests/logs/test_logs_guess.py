@@ -9,11 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lptn.cli import main
-from lptn.logs import ColumnSource, parse_columns, parse_map_option, read_log
+from lptn.cli.main import main
+from lptn.logs.columns import ColumnSource, parse_columns, parse_map_option
 from lptn.logs.guess import guess, recognised
+from lptn.logs.reading import read_log
 from lptn.logs.tables import open_table
-from lptn.robots import presets
+from lptn.robots.presets import presets
 
 Write = Callable[..., Path]
 Refuse = Callable[..., str]

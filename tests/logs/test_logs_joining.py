@@ -10,7 +10,8 @@ import pandas as pd
 import pytest
 from scipy.integrate import solve_ivp
 
-from lptn.logs import ColumnSource, parse_columns, read_log
+from lptn.logs.columns import ColumnSource, parse_columns
+from lptn.logs.reading import read_log
 
 Refuse = Callable[..., str]
 EXAMPLES = Path(__file__).parents[2] / "examples" / "bldc_stators"

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lptn.logs import read_log
+from lptn.logs.reading import read_log
 
 Write = Callable[..., Path]
 

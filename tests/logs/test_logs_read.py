@@ -10,8 +10,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from lptn.files import fingerprint
-from lptn.logs import ColumnSource, read_log
+from lptn.basics.files import fingerprint
+from lptn.logs.columns import ColumnSource
+from lptn.logs.reading import read_log
 
 Write = Callable[..., Path]
 

@@ -8,9 +8,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from lptn.arrays import FloatArray
-from lptn.logs.features import feature, features_of, raw_keys, reduce_blocks, sample_values
-from lptn.logs.resample import Bins, hold, interpolate, mean_in_bins
+from lptn.basics.arrays import FloatArray
+from lptn.logs.resampling import (
+    Bins,
+    feature,
+    features_of,
+    hold,
+    interpolate,
+    mean_in_bins,
+    raw_keys,
+    reduce_blocks,
+    sample_values,
+)
 
 COLUMNS = ["torque.a", "current.a", "current_abs.a", "velocity.a", "velocity_rms.a", "speed.base", "power.pc"]
 numbers = st.floats(-1e3, 1e3).map(lambda x: round(x, 6))

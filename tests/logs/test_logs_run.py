@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lptn.errors import InputError
-from lptn.logs import Run
+from lptn.basics.errors import InputError
+from lptn.logs.run import Run
 
 
 @pytest.fixture

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lptn.logs import ColumnSource, read_log
+from lptn.logs.columns import ColumnSource
+from lptn.logs.reading import read_log
 from tests.logs.ulog_bytes import FORMATS, battery, data, definitions, esc_status, header, message, velocity
 
 pytest.importorskip("pyulog")

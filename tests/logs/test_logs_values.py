@@ -10,8 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lptn.logs import ColumnSource, Run, parse_columns, parse_map_option, read_log
-from lptn.logs.writing import map_option, toml_line
+from lptn.logs.columns import ColumnSource, map_option, parse_columns, parse_map_option, toml_line
+from lptn.logs.reading import read_log
+from lptn.logs.run import Run
 
 Write = Callable[..., Path]
 Refuse = Callable[..., str]
@@ -278,15 +279,15 @@ def test_a_sensor_that_never_moves_while_others_do(write: Write) -> None:
 def test_what_is_doubtful_is_said_by_every_command(
     write: Write, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from lptn.opening import open_model
-    from lptn.robots import presets
+    from lptn.identify.data import load_model
+    from lptn.robots.presets import presets
 
     readings = [*WARMING[:50], 850.0, *WARMING[51:]]
     path = write(
         {"time": TIME, "temperature.motor": readings, "torque.motor": TIME, "temperature.ambient": [20.0] * 100}
     )
     (tmp_path / "model.toml").write_text(presets()["single-motor"])
-    open_model(tmp_path / "model.toml").runs([path])
+    load_model(tmp_path / "model.toml").runs([path])
     said = capsys.readouterr().err
     assert said.count("\n") == 1
     assert said.startswith(f"lptn: {path}: temperature.motor: 1 reading of exactly 850 degC")

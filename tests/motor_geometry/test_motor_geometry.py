@@ -11,13 +11,14 @@ from types import MappingProxyType
 import numpy as np
 import pytest
 
-from lptn.arrays import FloatArray
-from lptn.cli import main
-from lptn.errors import InputError
-from lptn.model import Model
-from lptn.model_file import load_model, parse_model
-from lptn.motor_geometry import model_text, parse_geometry, sample
-from lptn.simulate import drives, simulate
+from lptn.basics.arrays import FloatArray
+from lptn.basics.errors import InputError
+from lptn.cli.main import main
+from lptn.model.file import parse_model, read_model_file
+from lptn.model.model import Model
+from lptn.robots.motor_drawing import parse_geometry, sample
+from lptn.robots.motor_model import model_text
+from lptn.simulate.simulation import bound_runs, simulate
 from tests.builders import make_run
 from tests.motor_geometry.truth import FLAT, LONG, Drawing, temperatures
 
@@ -176,7 +177,7 @@ def test_the_model_runs_on_a_log() -> None:
     n = 600
     columns = {"temperature.ambient": np.full(n, 22.0), "current.motor": np.full(n, CURRENT)}
     columns["temperature.housing_z1"] = np.full(n, 22.0)
-    readings = simulate(model, drives(model, [make_run(columns)])[0]).readings
+    readings = simulate(model, bound_runs(model, [make_run(columns)])[0]).readings
     rise = dict(zip(model.nodes, readings[:, -1] - 22.0, strict=True))
     assert rise["end_winding_front"] > rise["winding_r2_z1"] > rise["tooth_r2_z1"] > rise["housing_z1"] > 1.0
 
@@ -249,7 +250,7 @@ def test_other_materials_and_torque_as_input() -> None:
     text = text.replace('input = "current" ', 'input = "torque"\ntorque_constant = 0.09 ')
     made = model_text(parse_geometry(text.replace("mount = 2", "# mount = 2"), FILE))
     model = Model(parse_model(made, FILE).network)
-    values = {unknown.name: unknown.value for unknown in model.unknowns}
+    values = {parameter.name: parameter.value for parameter in model.parameters}
     assert "torque.motor" in model.inputs
     assert values["conductivity_axial.housing_z*"] == 5.0
     assert values["copper_loss.torque_constant.end_winding_*"] == 0.09
@@ -271,10 +272,10 @@ def test_the_command_prints_a_drawing_and_makes_a_model_of_it(
         with pytest.raises(SystemExit) as ended:
             main(["motor", str(drawing), "-o", str(tmp_path / "m.toml"), "--json", str(tmp_path / "m.json")])
         assert ended.value.code == 0
-        made = Model(load_model(tmp_path / "m.toml").network)
+        made = Model(read_model_file(tmp_path / "m.toml").network)
         told = json.loads((tmp_path / "m.json").read_text())
         assert list(told["nodes"]) == made.nodes
-        assert told["parameters"] == len(made.unknowns)
+        assert told["parameters"] == len(made.parameters)
 
 
 def test_a_bad_drawing_is_one_line_and_nothing_is_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

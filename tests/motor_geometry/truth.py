@@ -109,8 +109,8 @@ def temperatures(d: Drawing, fine: int = 1) -> dict[str, float]:
     s = Sector(radial, angles, axis)
     stack, slot = slice(ne, ne + nz), slice(*spans["slots"])
     teeth, wires = slice(0, nt), slice(nt + 1, nt + 1 + nw)
-    for part, across, along in d.conductivity:
-        for direction, k in enumerate((across, across, along)):
+    for part, across, run_filter in d.conductivity:
+        for direction, k in enumerate((across, across, run_filter)):
             s.k[direction, slice(*spans[part]), :, stack] = k
     for direction, number in enumerate((0, 0, 1)):
         s.k[direction, slot, teeth, stack] = d.tooth[number]

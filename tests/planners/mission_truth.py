@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from lptn.arrays import FloatArray
-from lptn.model import Model
+from lptn.basics.arrays import FloatArray
+from lptn.model.model import Model
 from tests.builders import effect, leg
 
 SPEEDS, LOADS = (0.2, 1.0), (0.0, 4.0)

@@ -7,9 +7,9 @@ from functools import cache
 import numpy as np
 import pytest
 
-from lptn.arrays import FloatArray
-from lptn.errors import InputError
-from lptn.model import Model
+from lptn.basics.arrays import FloatArray
+from lptn.basics.errors import InputError
+from lptn.model.model import Model
 from lptn.planners import Limiter
 from tests.builders import effect, leg
 from tests.planners.truth import World, conditions, model_of, true_robot

@@ -12,11 +12,11 @@ from scipy.linalg import null_space
 from scipy.optimize import NonlinearConstraint, minimize
 from scipy.spatial.transform import Rotation
 
-from lptn.arrays import FloatArray
+from lptn.basics.arrays import FloatArray
+from lptn.basics.errors import InputError
 from lptn.effects.copper_loss import CopperLoss
-from lptn.errors import InputError
-from lptn.model import Model
-from lptn.network import LinkDeclaration, Network, NodeDeclaration
+from lptn.model.model import Model
+from lptn.model.network import LinkDeclaration, Network, NodeDeclaration
 from lptn.planners.load_sharing import LoadSharing, Sharing, Stance, StanceError, load_body, statics
 from tests.builders import AMBIENT, capacity, effect, resistance
 
@@ -278,10 +278,10 @@ def test_what_does_not_fit_the_model_is_named() -> None:
 def test_a_model_that_is_driven_by_currents_needs_a_torque_constant() -> None:
     torque = next(each for each in model().network.effects if each.effect.key == "copper_loss")
     current = replace(torque, effect=CopperLoss(input="current"))
-    driven = Model(replace(model().network, effects=(current,)))
+    bound = Model(replace(model().network, effects=(current,)))
     with pytest.raises(InputError, match="torque_constant in N·m/A"):
-        LoadSharing(driven, load_body(), {"*": LIMIT})
-    found = LoadSharing(driven, load_body(), {"*": LIMIT}, torque_constant=0.84).share(POSTURES["bent"], 25.0)
+        LoadSharing(bound, load_body(), {"*": LIMIT})
+    found = LoadSharing(bound, load_body(), {"*": LIMIT}, torque_constant=0.84).share(POSTURES["bent"], 25.0)
     assert found.time == pytest.approx(sharing().share(POSTURES["bent"], 25.0).time, rel=1e-3)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from lptn.model import Model
+from lptn.model.model import Model
 from lptn.planners.mission import Mission, Plan, Program, plan_kind, plan_mission
 from tests.planners import mission_truth as truth
 

@@ -11,12 +11,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from lptn.cli import main
-from lptn.errors import InputError
-from lptn.model import Model
-from lptn.model_file import parse_model
+from lptn.basics.errors import InputError
+from lptn.cli.main import main
+from lptn.model.file import parse_model
+from lptn.model.model import Model
 from lptn.planners.mission import Mission, plan_kind
-from lptn.robots import preset_text
+from lptn.robots.presets import preset_text
 from tests.planners import mission_truth as truth
 from tests.planners.test_mission_gaits import rms, write_log
 

@@ -11,8 +11,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from lptn.errors import InputError
-from lptn.model import Model
+from lptn.basics.errors import InputError
+from lptn.model.model import Model
 from lptn.planners.mission import Gait, LogPart, gait_from_logs, gait_from_tables
 from tests.planners import mission_truth as truth
 

@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lptn import fit, load_model, open_model
-from lptn.model import Model
+from lptn import fit, load_model, read_model_file
+from lptn.model.model import Model
 from lptn.planners.mission import Plan, plan_kind
-from lptn.robots import preset_text
-from lptn.simulate import drives
+from lptn.robots.presets import preset_text
+from lptn.simulate.simulation import bound_runs
 from lptn.virtual import write_quadruped
 from lptn.virtual.activities import Segment
 from lptn.virtual.quadruped import Options, quadruped_logs
@@ -57,10 +57,10 @@ def planned(folder: Path, seed: int) -> Plan:
         write_quadruped(folder, **options(seed, {f"trot_{load}": Run(happens, cutout=None)}))
     model = folder / "quadruped.toml"
     model.write_text(preset_text("quadruped"), encoding="utf-8")
-    opened = open_model(model)
-    runs = opened.runs([folder / f"trot_{load}.parquet" for load in LOADS])
-    found = fit(opened.model, drives(opened.model, runs))
-    load_model(model).with_fit(found.table()).write(model)
+    loaded = load_model(model)
+    runs = loaded.runs([folder / f"trot_{load}.parquet" for load in LOADS])
+    found = fit(loaded.model, bound_runs(loaded.model, runs))
+    read_model_file(model).with_fit(found.table()).write(model)
     logs = [
         f'[[gaits.walk.logs]]\nfile = "trot_{load}.parquet"\nload = {load}\nstart = {start}\nend = {end}\n'
         for load in LOADS
@@ -68,7 +68,9 @@ def planned(folder: Path, seed: int) -> Plan:
     ]
     task = folder / "task.toml"
     task.write_text(TASK + "".join(logs), encoding="utf-8")
-    asked = plan_kind.read(tomllib.loads(task.read_text(encoding="utf-8")), str(task), Model(load_model(model).network))
+    asked = plan_kind.read(
+        tomllib.loads(task.read_text(encoding="utf-8")), str(task), Model(read_model_file(model).network)
+    )
     return plan_kind.run(asked).plan
 
 

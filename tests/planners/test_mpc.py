@@ -11,9 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from lptn.arrays import FloatArray
-from lptn.errors import InputError
-from lptn.model import Model
+from lptn.basics.arrays import FloatArray
+from lptn.basics.errors import InputError
+from lptn.model.model import Model
 from lptn.planners import TorqueMPC
 from lptn.planners.mpc.reference import Reference
 from tests.builders import LEG, effect, leg
@@ -151,7 +151,7 @@ def test_what_the_model_lacks_is_learnt() -> None:
 def test_a_copy_at_other_values_plans_with_its_own() -> None:
     model = leg_model()
     weak = {f"resistance.{node}~ambient": 30.0 for node in LEG}
-    values = np.array([weak.get(unknown.name, unknown.value) for unknown in model.unknowns])
+    values = np.array([weak.get(parameter.name, parameter.value) for parameter in model.parameters])
     mpc = TorqueMPC(model.with_values(values), LIMIT, period=5, horizon=150, stages=30)
     plan = mpc.step(np.full(3, 55.0), REQUEST, AROUND)
     found = Reference(mpc.heating, mpc.settings).solve(

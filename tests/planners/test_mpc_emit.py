@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lptn.arrays import FloatArray
-from lptn.c_library import compiler
-from lptn.model import Model
+from lptn.basics.arrays import FloatArray
+from lptn.basics.c_library import compiler
+from lptn.model.model import Model
 from lptn.planners import Limiter, TorqueMPC
 from lptn.planners.limiter.emit import emit as emit_limiter
 from lptn.planners.mpc.emit import emit

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
-from lptn.arrays import FloatArray
-from lptn.model import Model
-from lptn.model_file import parse_model
-from lptn.network import Network
-from lptn.places import class_of, edge
-from lptn.robots import preset_text
+from lptn.basics.arrays import FloatArray
+from lptn.basics.places import class_of, edge
+from lptn.model.file import parse_model
+from lptn.model.model import Model
+from lptn.model.network import Network
+from lptn.robots.presets import preset_text
 from lptn.virtual.forcing import Drive
 from lptn.virtual.quadruped_truth import draw_quadruped
 from lptn.virtual.robot import Robot
@@ -68,10 +68,10 @@ def model_of(robot: Robot, error: float, seed: int = 0) -> Model:
     network = parse_model(preset_text("quadruped"), Path("quadruped.toml")).network
     random = np.random.default_rng(seed)
     values = {}
-    for unknown in network.unknowns:
-        true = _true(robot, network, unknown.name)
+    for parameter in network.parameters:
+        true = _true(robot, network, parameter.name)
         if true is not None:
-            values[unknown.name] = true * (1 + error * random.choice([-1.0, 1.0]))
+            values[parameter.name] = true * (1 + error * random.choice([-1.0, 1.0]))
     return Model(network.with_values(values))
 
 

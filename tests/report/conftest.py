@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import pytest
 
+from lptn.basics.parameters import Parameter
+from lptn.diagnose.improvement import improve
 from lptn.effects.constant_heat import ConstantHeat
-from lptn.evidence import evidence
-from lptn.ladder import improve
-from lptn.model import Model
-from lptn.network import EffectDeclaration
-from lptn.parameters import Parameter
+from lptn.identify.data import split_data
+from lptn.model.model import Model
+from lptn.model.network import EffectDeclaration
 from tests.report.two_joints import NODES, Told, make_run, robot
 
 
 def _told(truth: Model) -> Told:
     first, second, third = (make_run(truth, seed, name) for seed, name in ((1, "one"), (2, "two"), (3, "three")))
-    data = evidence([first], [second], [third])
+    data = split_data([first], [second], [third])
     return improve(robot(), data), data
 
 

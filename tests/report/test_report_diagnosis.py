@@ -8,22 +8,28 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from lptn.compare import compare
-from lptn.diagnose.confusable import Confusability, confusability
-from lptn.diagnose.detectable import Detectable, smallest
-from lptn.diagnose.unexplained_heat import UnexplainedHeat
-from lptn.diagnose.unexplained_heat_inputs import InputLink
+from lptn.diagnose.improvement import History
+from lptn.diagnose.scores import Confusability, Detectable, confusability, smallest
+from lptn.diagnose.unexplained_heat import InputLink, UnexplainedHeat
 from lptn.effects import catalogue
-from lptn.ladder import Ladder
-from lptn.report import captions, story_html
-from lptn.report.confusion import confusion
-from lptn.report.detectability import detectability, reaches
-from lptn.report.heat_line import chosen_links, worst_of
-from lptn.report.heat_story import HeatStory, heat_line_picture, heat_map_picture, heat_story
-from lptn.report.in_short import in_short
-from lptn.report.node_time import error_fields, heat_fields, node_time_map, worst_runs
-from lptn.report.tables import node_table, refit_table
+from lptn.identify.comparison import compare
+from lptn.report import words
+from lptn.report.diagnosis_figures import confusion, detectability, reaches
+from lptn.report.heat_figures import (
+    HeatStory,
+    chosen_links,
+    error_fields,
+    heat_fields,
+    heat_line_picture,
+    heat_map_picture,
+    heat_story,
+    node_time_map,
+    worst_of,
+    worst_runs,
+)
+from lptn.report.pages import node_table, refit_table, story_html
 from lptn.report.text import for_people, named
+from lptn.report.words import in_short
 from tests.report.two_joints import NODES, STEP, Told
 
 HIDDEN = 3.0  # W, what the truth of `missing` has at the first joint
@@ -45,8 +51,8 @@ def _labels(figure: Figure) -> set[str]:
     return {label for ax in figure.axes if ax.axison for label in (ax.get_xlabel(), ax.get_ylabel()) if label}
 
 
-def _short(ladder: Ladder, heat: HeatStory, proposal: Advice | None = None) -> dict[str, str]:
-    return dict(in_short(ladder, heat, proposal))
+def _short(history: History, heat: HeatStory, proposal: Advice | None = None) -> dict[str, str]:
+    return dict(in_short(history, heat, proposal))
 
 
 def _bursting(found: UnexplainedHeat, watts: float) -> UnexplainedHeat:
@@ -58,7 +64,7 @@ def _bursting(found: UnexplainedHeat, watts: float) -> UnexplainedHeat:
 
 
 def test_errors_by_node_and_time_are_the_means_of_the_errors(missing: Told) -> None:
-    comparison = compare(missing[0].rungs[0].fit.model, missing[1].holdout)
+    comparison = compare(missing[0].steps[0].fit.model, missing[1].holdout)
     (field,) = error_fields(comparison)
     error = comparison.predictions[0].error
     counted = np.flatnonzero(np.isfinite(error).any(axis=0))
@@ -140,7 +146,7 @@ def test_heat_that_stays_is_said_and_asked_about(missing: Told, heat: HeatStory)
     assert told["What to do"].startswith(f"Ask what happened at {NODES[1]} from 150 to 300 s")
     gone = replace(stretch, best=[_bursting(each, 0.0) for each in heat.given])
     assert "Ask what happened" not in _short(missing[0], gone)["What to do"]
-    unexplained = replace(missing[0], verdict="unexplained", rungs=missing[0].rungs[:1])
+    unexplained = replace(missing[0], verdict="unexplained", steps=missing[0].steps[:1])
     told = _short(unexplained, replace(stretch, best=[]))
     assert "the catalogue does not hold" in told["What is missing"]
     assert f"heat is missing most clearly at {NODES[1]} from 150 to 300 s, about 4 W (3.5 to 4.5 W)" in told["Where"]
@@ -154,9 +160,9 @@ def test_confusion_shows_every_pair(missing: Told) -> None:
     keys = tuple(("constant_heat", name) for name in "abcd")
     matrix = np.eye(4)
     matrix[0, 2] = matrix[2, 0] = 0.99
-    told = captions.of_confusion(Confusability(keys, matrix))
+    told = words.caption_of_confusion(Confusability(keys, matrix))
     assert told.endswith("one answer with several names: 1 and 3.")
-    assert "tell them apart" in captions.of_confusion(Confusability(keys, np.eye(4)))
+    assert "tell them apart" in words.caption_of_confusion(Confusability(keys, np.eye(4)))
 
 
 def test_detectability_has_a_row_for_each_effect(missing: Told) -> None:
@@ -169,18 +175,18 @@ def test_detectability_has_a_row_for_each_effect(missing: Told) -> None:
     pair = [Detectable("radiation", at, size, "m^2", size / 0.02) for at, size in (("a", 0.01), ("b", 0.5))]
     (one,) = reaches(pair)
     assert (one.easiest.at, one.hardest.at) == ("a", "b")
-    assert "(0 of 1 effects" in captions.of_detectability(pair)
+    assert "(0 of 1 effects" in words.caption_of_detectability(pair)
 
 
 def test_tables_hold_size_and_nodes(missing: Told) -> None:
-    ladder, data = missing
-    table = refit_table(ladder)
+    history, data = missing
+    table = refit_table(history)
     place = table.heads.index("size / typical")
-    sizes = {finding.key: row[place] for finding, row in zip(ladder.first.findings, table.rows, strict=True)}
+    sizes = {finding.key: row[place] for finding, row in zip(history.first.findings, table.rows, strict=True)}
     typical = catalogue()["constant_heat"].amplitude()
     assert typical is not None
     assert float(sizes["constant_heat", NODES[0]]) == pytest.approx(HIDDEN / typical.typical, rel=0.1)
-    given, best = (compare(rung.fit.model, data.holdout) for rung in (ladder.rungs[0], ladder.best))
+    given, best = (compare(step.fit.model, data.holdout) for step in (history.steps[0], history.best))
     both = node_table(given, best)
     assert [row[0] for row in both.rows] == list(NODES)
     assert float(both.rows[0][2].split()[0]) < float(both.rows[0][1].split()[0])
@@ -200,7 +206,7 @@ def test_the_terminals_sentence_as_it_is_printed() -> None:
 
 
 def test_too_cold_is_hatched_so_that_grey_shows_it(missing: Told) -> None:
-    comparison = compare(missing[0].rungs[0].fit.model, missing[1].holdout)
+    comparison = compare(missing[0].steps[0].fit.model, missing[1].holdout)
     (field,) = error_fields(comparison)
     cold = replace(field, values=np.where(np.arange(field.values.shape[1]) % 4 == 1, -1.0, 1.0) * [[1.0], [0.1]])
     drawn = node_time_map([cold], [], "error [K]", 0.1).axes[0]

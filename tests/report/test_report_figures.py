@@ -10,12 +10,11 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from lptn.compare import Comparison, compare
-from lptn.evidence import predicted
-from lptn.report import comparison_figure, error_maps, ladder_curve, predictions_figure, ranking, show
-from lptn.report.conditions import conditions_of
-from lptn.report.decimate import decimated
-from lptn.report.timeseries import views, worst_views
+from lptn.identify.comparison import Comparison, compare
+from lptn.identify.data import predicted
+from lptn.report.diagnosis_figures import ladder_curve, ranking
+from lptn.report.figures import comparison_figure, conditions_of, error_maps, predictions_figure, views, worst_views
+from lptn.report.style import decimated, show
 from tests.report.two_joints import NODES, Told, make_run, robot
 
 
@@ -25,7 +24,7 @@ def _labels(figure: Figure) -> set[str]:
 
 
 def _comparison(told: Told) -> Comparison:
-    return compare(told[0].rungs[0].fit.model, told[1].holdout)
+    return compare(told[0].steps[0].fit.model, told[1].holdout)
 
 
 def test_decimation_keeps_extremes() -> None:
@@ -51,11 +50,11 @@ def test_decimation_keeps_gaps_and_short_lines() -> None:
 
 
 def test_every_axis_has_its_unit(missing: Told) -> None:
-    ladder, _ = missing
+    history, _ = missing
     given = _comparison(missing)
     assert _labels(predictions_figure(given, given)) == {"temperature [°C]", "error [K]", "time [s]"}
-    assert _labels(ladder_curve(ladder, 0.05)) == {"RMSE [K]"}
-    assert _labels(ranking(ladder.first)) == {"score as a multiple of the chance threshold [1]"}
+    assert _labels(ladder_curve(history, 0.05)) == {"RMSE [K]"}
+    assert _labels(ranking(history.first)) == {"score as a multiple of the chance threshold [1]"}
     (maps,) = error_maps(given, given)
     assert "RMSE [K]" in _labels(maps)
     titles = [ax.get_title(loc="left") for ax in maps.axes if ax.get_title(loc="left")]
@@ -84,9 +83,9 @@ def test_long_times_are_in_minutes() -> None:
 
 
 def test_the_worst_views_are_chosen_in_order(missing: Told) -> None:
-    ladder, data = missing
-    runs = [part.run for part in (*data.fit, *data.holdout, *data.proof)]
-    comparison = compare(ladder.rungs[0].fit.model, [predicted(run) for run in (*runs, *runs)])
+    history, data = missing
+    runs = [part.run for part in (*data.fit, *data.holdout, *data.test)]
+    comparison = compare(history.steps[0].fit.model, [predicted(run) for run in (*runs, *runs)])
     chosen = worst_views(comparison, 3)
     assert len(views(comparison)) == 12
     assert chosen == sorted(chosen, key=lambda view: (view.run, view.row))

@@ -8,10 +8,10 @@ from html.parser import HTMLParser
 
 import pytest
 
-from lptn.compare import compare
-from lptn.evidence import Evidence, predicted
-from lptn.ladder import Ladder
-from lptn.report import comparison_html, story_html
+from lptn.diagnose.improvement import History
+from lptn.identify.comparison import compare
+from lptn.identify.data import DataSplit, predicted
+from lptn.report.pages import comparison_html, story_html
 from lptn.report.words import next_step, story_in_words
 from tests.report.two_joints import NODES, Told, make_run, robot
 
@@ -111,75 +111,75 @@ def test_long_logs_stay_small() -> None:
 
 
 def test_words_missing(missing: Told) -> None:
-    ladder, _ = missing
-    assert ladder.verdict == "missing"
-    assert (ladder.best.effect, ladder.best.at) == ("constant_heat", NODES[0])
+    history, _ = missing
+    assert history.verdict == "missing"
+    assert (history.best.effect, history.best.at) == ("constant_heat", NODES[0])
     told = " ".join(story_in_words(*missing))
     assert f"Missing: constant heat at {NODES[0]}." in told
     assert "Chance alone would score as much in at most 0.5 % of logs" in told
     assert "Held out: two (60 to 600 s)" in told
     assert "Proof: three (60 to 600 s). It chose nothing" in told
-    assert next_step(ladder) == "use the best model."
+    assert next_step(history) == "use the best model."
 
 
 def test_words_adequate(adequate: Told) -> None:
-    ladder, _ = adequate
-    assert ladder.verdict == "adequate"
+    history, _ = adequate
+    assert history.verdict == "adequate"
     told = " ".join(story_in_words(*adequate))
     assert told.startswith("Nothing is missing that these data can show")
     assert "This holds for what the fitted runs cover: 10 min at" in told
-    assert "use the model" in next_step(ladder)
+    assert "use the model" in next_step(history)
     assert "nothing to plot" in story_html(*adequate, "adequate")
 
 
 def test_words_unexplained(missing: Told) -> None:
-    ladder, data = missing
-    told = " ".join(story_in_words(replace(ladder, verdict="unexplained"), data))
+    history, data = missing
+    told = " ".join(story_in_words(replace(history, verdict="unexplained"), data))
     assert "the catalogue does not explain it" in told
     assert "Do not read what was added as physics." in told
     assert "How sure" not in told
-    alone = " ".join(story_in_words(_without_rungs(ladder, "unexplained"), data))
+    alone = " ".join(story_in_words(_without_rungs(history, "unexplained"), data))
     assert "No effect of the catalogue was worth adding." in alone
 
 
 def test_words_missing_but_nothing_helped(missing: Told) -> None:
-    ladder, data = missing
-    told = " ".join(story_in_words(_without_rungs(ladder, "missing"), data))
+    history, data = missing
+    told = " ".join(story_in_words(_without_rungs(history, "missing"), data))
     assert "none was added" in told
 
 
 def test_words_of_rivals(missing: Told) -> None:
-    ladder, data = missing
-    best = replace(ladder.best, alike=(("radiation", NODES[0]), ("sensor_offset", "*")))
-    rivals = replace(ladder, rungs=(ladder.rungs[0], best))
+    history, data = missing
+    best = replace(history.best, indistinguishable=(("radiation", NODES[0]), ("sensor_offset", "*")))
+    rivals = replace(history, steps=(history.steps[0], best))
     told = " ".join(story_in_words(rivals, data))
     assert (
         f"radiation to the surroundings at {NODES[0]} and sensor offset everywhere explain them about as well" in told
     )
     assert "leave the robot powered and resting for an hour" in next_step(rivals)
-    elsewhere = replace(ladder.best, alike=(("constant_heat", "*"),))
-    told = " ".join(story_in_words(replace(ladder, rungs=(ladder.rungs[0], elsewhere)), data))
+    elsewhere = replace(history.best, indistinguishable=(("constant_heat", "*"),))
+    told = " ".join(story_in_words(replace(history, steps=(history.steps[0], elsewhere)), data))
     assert "its place is not: constant heat everywhere explains the fitted runs about as well" in told
 
 
 def test_without_held_out_data_the_page_says_so(missing: Told) -> None:
-    ladder, data = missing
-    rungs = tuple(replace(rung, holdout=None, proof=None) for rung in ladder.rungs)
-    html = story_html(replace(ladder, rungs=rungs), Evidence(data.fit), "fit only")
+    history, data = missing
+    steps = tuple(replace(step, holdout=None, test=None) for step in history.steps)
+    html = story_html(replace(history, steps=steps), DataSplit(data.fit), "fit only")
     page = Page(html)
     assert "nothing proves the result" in page.text
     assert "so this is no proof" in page.text
     assert not page.wrong
 
 
-def _without_rungs(ladder: Ladder, verdict: str) -> Ladder:
-    return replace(ladder, verdict=verdict, rungs=ladder.rungs[:1])  # type: ignore[arg-type]
+def _without_rungs(history: History, verdict: str) -> History:
+    return replace(history, verdict=verdict, steps=history.steps[:1])  # type: ignore[arg-type]
 
 
 def test_many_parameters_wait_until_the_story_is_told(missing: Told, monkeypatch: pytest.MonkeyPatch) -> None:
     few = story_html(*missing, "few")
     assert few.index("capacity.") < few.index("4. Where it fails")
-    monkeypatch.setattr("lptn.report.story._FEW", 0)
+    monkeypatch.setattr("lptn.report.pages._FEW", 0)
     many = story_html(*missing, "many")
     assert "Their values stand in section 8." in many
     assert many.index("<td>capacity.") > many.index("8. Parameters")

@@ -4,21 +4,21 @@ from __future__ import annotations
 
 import numpy as np
 
+from lptn.basics.parameters import Parameter
+from lptn.diagnose.improvement import History
 from lptn.effects.copper_loss import CopperLoss
-from lptn.evidence import Evidence
-from lptn.ladder import Ladder
-from lptn.logs import Run
-from lptn.model import Model
-from lptn.network import EffectDeclaration, LinkDeclaration, Network, NodeDeclaration
-from lptn.parameters import Parameter
-from lptn.simulate import drive, simulate
+from lptn.identify.data import DataSplit
+from lptn.logs.run import Run
+from lptn.model.model import Model
+from lptn.model.network import EffectDeclaration, LinkDeclaration, Network, NodeDeclaration
+from lptn.simulate.simulation import bind, simulate
 
 NODES = ("thigh<b>&", "calf$a$髋")
 AMBIENT = 20.0  # degC
 NOISE = 0.05  # K
 STEP = 2.0  # s
 
-Told = tuple[Ladder, Evidence]
+Told = tuple[History, DataSplit]
 
 
 def robot(*extra: EffectDeclaration) -> Model:
@@ -40,7 +40,7 @@ def make_run(truth: Model, seed: int, name: str, count: int = 300) -> Run:
         columns[f"temperature.{node}"] = np.full(count, AMBIENT)
     time = np.arange(count, dtype=float) * STEP
     blank = Run(name, STEP, time, columns, True, f"folder/{name}.csv", f"{seed:064x}", ("One <gap> was filled.",))
-    readings = simulate(truth, drive(truth, blank), truth.values, np.full(len(NODES), AMBIENT)).readings
+    readings = simulate(truth, bind(truth, blank), truth.values, np.full(len(NODES), AMBIENT)).readings
     for node, row in zip(NODES, readings, strict=True):
         columns[f"temperature.{node}"] = row + rng.normal(0.0, NOISE, count)
     return blank

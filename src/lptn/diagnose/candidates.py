@@ -1,4 +1,4 @@
-"""Every catalogue effect at every place where it can stand, in every run or in one."""
+"""Every catalogue effect at every place where it can stand, in all runs or in one; nuisances of single logs."""
 
 from __future__ import annotations
 
@@ -6,11 +6,17 @@ from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
 
+from lptn.basics.parameters import Parameter
+from lptn.basics.places import EVERYWHERE, class_of, expand_pair, in_run, is_of_run, matching, run_label
 from lptn.effects import Effect, LossEffect, catalogue
-from lptn.model import input_column
-from lptn.network import EffectDeclaration, Network
-from lptn.parameters import Parameter
-from lptn.places import EVERYWHERE, class_of, expand_pair, in_run, matching, run_label
+from lptn.effects.ambient_offset import AmbientOffset
+from lptn.identify.data import DataSplit
+from lptn.model.heat_balance import input_column
+from lptn.model.model import Model
+from lptn.model.network import EffectDeclaration, Network
+
+# --- Every catalogue effect at every place where it can stand, in every run or in one -------------
+
 
 _FEWEST = 3  # nodes that share an unseen mass
 Words = tuple[tuple[str, str], ...]
@@ -159,7 +165,11 @@ def _wordings(effect: type[Effect]) -> list[Words]:
 
 def _free_places(network: Network, effect: type[Effect], words: Words, columns: Collection[str], run: str) -> list[str]:
     declaration = EffectDeclaration(effect(**dict(words)), EVERYWHERE)
-    taken = {use.place for use in network.uses if use.effect.key == effect.key and use.declaration.run == run}
+    taken = {
+        instance.place
+        for instance in network.effect_instances
+        if instance.effect.key == effect.key and instance.declaration.run == run
+    }
     if effect.site == "edge":
         taken |= {link.place for link in network.resistors}
     needed = declaration.effect.needed()
@@ -176,8 +186,12 @@ def _driven_alike(network: Network, effect: type[Effect], node: str) -> bool:
     """A factor on a loss matters only where that loss is computed from what the factor is about."""
     if not issubclass(effect, LossEffect) or not effect.needs:
         return True
-    losses = [use for use in network.uses if use.effect.key == effect.acts_on and use.ends[0] == node]
-    return any(set(effect.needs) <= set(use.effect.needed()) for use in losses)
+    losses = [
+        instance
+        for instance in network.effect_instances
+        if instance.effect.key == effect.acts_on and instance.ends[0] == node
+    ]
+    return any(set(effect.needs) <= set(instance.effect.needed()) for instance in losses)
 
 
 def _node_groups(network: Network, free: list[str]) -> list[tuple[str, list[str]]]:
@@ -189,7 +203,7 @@ def _node_groups(network: Network, free: list[str]) -> list[tuple[str, list[str]
     sizes = {at: len(matching(at, network.dynamic)) for at in classes}
     proper = [at for at, size in sizes.items() if _FEWEST <= size < len(network.dynamic)]
     whole = [EVERYWHERE] if len(network.dynamic) >= _FEWEST and free == [EVERYWHERE] else []
-    taken = {use.place for use in network.uses if use.effect.site == "group"}
+    taken = {instance.place for instance in network.effect_instances if instance.effect.site == "group"}
     return [(at, [at]) for at in [*proper, *whole] if at not in taken]
 
 
@@ -231,3 +245,38 @@ def _class_pattern(effect: type[Effect], place: str, network: Network) -> str:
 
 def _shaped(parameter: Parameter, shape: float | None) -> Parameter:
     return replace(parameter, value=shape) if parameter.grid and shape is not None else parameter
+
+
+# --- What differs from log to log and is no part of the robot: granted to a fit, so that no effect stands in for it ---
+
+
+def with_ambient_bias(model: Model, data: DataSplit, spread: float) -> Model:
+    """The model, granted an error of the ambient sensor in each run.
+
+    An error of half a kelvin in each run moves all nodes for hours; without this, constant heat or a sensor's offset
+    in one run is named for it, and a held-out run judges its own sensor in place of the model. Errors of fitted runs
+    are fitted with the rest; those of other runs whenever one is predicted. One run alone has no error that differs.
+
+    Args:
+        model: the model.
+        data: whose runs are granted errors.
+        spread: their standard deviation [K]; 0 grants none.
+    """
+    fitted = [part.run.name for part in data.fit]
+    runs = separate_runs([*fitted, *(part.run.name for part in (*data.holdout, *data.test))])
+    if spread <= 0 or not runs:
+        return model
+    places = [name for name, source in model.network.prescribed.items() if not isinstance(source, int)]
+    (offset,) = AmbientOffset.parameters
+    free = replace(offset, value=0.0, prior=spread)
+    held = replace(free, fixed=True)
+    granted = [
+        EffectDeclaration(AmbientOffset(), place, (free if _is_one_of(run, fitted) else held,), run=run)
+        for place in places
+        for run in runs
+    ]
+    return Model(model.network.with_effects(granted))
+
+
+def _is_one_of(run: str, names: Sequence[str]) -> bool:
+    return any(is_of_run(name, run) for name in names)

@@ -1,24 +1,239 @@
-"""Which catalogue effect is missing, where, how sure, and what else would look the same."""
+"""Which catalogue effect is missing, where, how sure, what else would look the same: refits and the verdict."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
+from math import log, log2
 from typing import Literal
 
 import numpy as np
 
-from lptn.compare import Errors
-from lptn.diagnose.candidates import candidates
-from lptn.diagnose.lack import TOO_MUCH, explained, lack_of_fit
-from lptn.diagnose.nuisance import with_ambient_errors
-from lptn.diagnose.refit import TIE, Refit, alike, refit_all, shortlist, unless_interrupted
-from lptn.diagnose.score import Scores, score
-from lptn.evidence import Evidence
-from lptn.identify import Fit
-from lptn.model import Model
-from lptn.on_evidence import fit_parts, holdout_errors
+from lptn.basics.arrays import FloatArray
+from lptn.diagnose.candidates import Candidate, candidates, with_ambient_bias
+from lptn.diagnose.lack_of_fit import TOO_MUCH, clearly_differ, explained, lack_of_fit
+from lptn.diagnose.scores import Score, Scores, score
+from lptn.identify.comparison import Errors
+from lptn.identify.data import DataSplit
+from lptn.identify.fitting import Fit, finished, fit
+from lptn.identify.validation import fit_parts, holdout_errors
+from lptn.model.model import Model
+from lptn.model.network import EffectDeclaration, Network
+from lptn.simulate.simulation import BoundRun, bind, default_start, start_from
+
+# --- Candidates refitted exactly: the score is a first-order guess, the refit is what counts ------
+
+
+TIE = 10.0
+"""Information criteria closer than this decide nothing ([BurnhamAnderson2002]: beyond 10, no support)."""
+SIGNIFICANT = 0.05
+"""A score that chance alone reaches less often than this is beyond chance."""
+# Enough to rank candidates; the rung that is kept is fitted to the end.
+_ITERATIONS, _PRECISION = 25, 3e-4
+_SAME_FAMILY_SHARE = 0.2  # the best place of an effect is refitted if it scores so much of the best gain
+_HOPELESS = 1.5  # times the misfit of the most promising candidate
+_NEAR = 1.3  # times the least misfit; a fit that was cut off so near to it may yet reach it
+_COMPARABLE = 0.5  # share of the best gain below which no scatter makes two candidates alike
+_TYPICAL_RANGE = (0.02, 20.0)  # first-order amplitudes outside this share of the typical size are not trusted
+
+
+@dataclass(frozen=True)
+class Refit:
+    """One candidate, fitted with everything else free.
+
+    Args:
+        candidate: effect and place.
+        declaration: the effect as it was added.
+        fit: the fit of the larger model.
+        parameters: how many free parameters were added.
+        gain: how much better it explains the data than the baseline, parameters paid for.
+    """
+
+    candidate: Candidate
+    declaration: EffectDeclaration
+    fit: Fit
+    parameters: int
+    gain: float
+
+    @property
+    def size(self) -> float:
+        """The fitted amplitude in units of its typical size."""
+        amplitude = self.candidate.effect.amplitude()
+        if amplitude is None:
+            return 1.0
+        name = f"{self.declaration.name}.{amplitude.name}."
+        fitted = next(each.value for each in self.fit.model.parameters if each.name.startswith(name))
+        return fitted / amplitude.typical
+
+    @property
+    def unusual(self) -> int:
+        """By how many factors of two the size differs from the typical one; constants of materials hardly vary."""
+        return round(abs(log2(max(abs(self.size), 1e-6))))
+
+
+def shortlist(scores: Scores, most: int) -> list[Score]:
+    """The candidates worth an exact refit: the best few, and the best place of every effect that scores well.
+
+    None that chance alone would score. Effects with an inner state look alike to first order, so each effect
+    gets its chance.
+    """
+    noticed = [score for score in scores.ranked if scores.p_value(score.gain) < SIGNIFICANT]
+    chosen = noticed[:most]
+    families = {score.candidate.effect for score in chosen}
+    for score in noticed[most:]:
+        if chosen and score.gain < _SAME_FAMILY_SHARE * chosen[0].gain:
+            break
+        if score.candidate.effect not in families:
+            families.add(score.candidate.effect)
+            chosen.append(score)
+    return chosen
+
+
+def refit_all(base: Fit, scores: Sequence[Score], executor: Executor | None = None) -> list[Refit]:
+    """Refit each candidate, the one that explains most first.
+
+    Args:
+        base: the fitted baseline.
+        scores: candidates with their first-order sizes.
+        executor: where to run them; here, one after the other, by default.
+    """
+    if not scores:
+        return []
+    run = executor.map if executor else map
+    # What has no hope to come near the most promising one is not fitted to the end.
+    done = [_refit((base, score, np.inf)) for score in scores[:1]]
+    done += run(_refit, [(base, score, _HOPELESS * done[0].fit.cost) for score in scores[1:]])
+    # A large effect is a long way from the baseline; cut off, it would seem worse than another name for the same.
+    most = _NEAR * min(each.fit.cost for each in done)
+    cut_off = [each for each in done if each.fit.status == "not converged" and each.fit.cost <= most]
+    for each, longer in zip(cut_off, run(finished, [each.fit for each in cut_off]), strict=True):
+        done[done.index(each)] = replace(each, fit=unless_interrupted(longer), gain=criterion_difference(base, longer))
+    return _plausible_first(sorted(done, key=lambda each: -each.gain))
+
+
+def _plausible_first(done: list[Refit]) -> list[Refit]:
+    """Of those that explain the data as well as the best does, typical sizes come first, then few parameters."""
+    level = [each for each in done if indistinguishable(each, done[0])]
+    rest = [each for each in done if each not in level]
+    return [*sorted(level, key=lambda each: (each.unusual, each.parameters, -each.gain)), *rest]
+
+
+def refit(base: Fit, declaration: EffectDeclaration, rival: float = np.inf) -> Fit:
+    """The baseline and one more effect, started from the baseline's solution; `rival` as for `identify.fit`."""
+    network = base.model.network.with_effects([declaration])
+    return continued(base, network, rival)
+
+
+def continued(base: Fit, network: Network, rival: float = np.inf) -> Fit:
+    """Fit a network that differs from a fitted one by some effects, started from its solution."""
+    model = Model(network)
+    problem = base.problem
+    bound_runs = [_redriven(model, bound) for bound in problem.bound_runs]
+    known = {parameter.name: parameter.value for parameter in base.model.parameters}
+    guess = np.array([known.get(parameter.name, parameter.value) for parameter in model.parameters])
+    starts = [
+        _carried(base.model, model, start, bound) for start, bound in zip(base.point.starts, bound_runs, strict=True)
+    ]
+    done = fit(
+        model,
+        bound_runs,
+        symmetry_penalty=problem.symmetry_penalty,
+        sigma=problem.sigma,
+        guess=guess,
+        starts=starts,
+        iterations=_ITERATIONS,
+        rival=rival,
+        precision=_PRECISION,
+    )
+    return unless_interrupted(done)
+
+
+def unless_interrupted(done: Fit) -> Fit:
+    """A fit as it is; a search of many fits stops where one was stopped, since a half-done one decides nothing.
+
+    Raises:
+        KeyboardInterrupt: Ctrl-C ended the fit.
+    """
+    if done.status == "interrupted":
+        raise KeyboardInterrupt
+    return done
+
+
+def criterion_difference(one: Fit, other: Fit) -> float:
+    """How much worse `one` explains the data than `other`: a difference of information criteria.
+
+    Residuals that repeat each other are not independent evidence. The logarithm of the ratio of misfits
+    therefore counts as often as there are independent residuals in the better of the two fits, and each
+    free parameter costs the logarithm of that number (Schwarz's criterion [Schwarz1978]).
+    """
+    better = one if one.cost < other.cost else other
+    independent = independent_readings(better)
+    misfit = independent * log(max(one.cost, 1e-300) / max(other.cost, 1e-300))
+    return misfit + (len(one.problem.free) - len(other.problem.free)) * log(independent)
+
+
+def indistinguishable(one: Refit, other: Refit) -> bool:
+    """Whether two refits of one baseline are one answer with two names."""
+    less, more = sorted((one.gain, other.gain))
+    return more - less <= TIE or (less >= _COMPARABLE * more and tied(one.fit, other.fit))
+
+
+def tied(one: Fit, other: Fit) -> bool:
+    """Whether two fits explain the data equally well: by the criterion, or within its scatter over the runs."""
+    return abs(criterion_difference(one, other)) <= TIE or not clearly_differ(one, other)
+
+
+def independent_readings(done: Fit) -> float:
+    """Number of readings that are as good as independent, from the residuals' correlation in time."""
+    found = 0.0
+    for bound, error in zip(done.problem.bound_runs, done.residuals, strict=True):
+        for row in range(len(error)):
+            residual = error[row][bound.counted[row]]
+            if residual.size > 2:
+                found += residual.size / _correlation_time(residual)
+    return max(found, 3.0)
+
+
+def _correlation_time(residual: FloatArray) -> float:
+    """Samples that repeat each other: the autocorrelation summed while pairs of lags stay positive [Geyer1992]."""
+    spectrum = np.abs(np.fft.rfft(residual, 2 * residual.size)) ** 2
+    correlation = np.fft.irfft(spectrum)[: residual.size]
+    if correlation[0] <= 0:
+        return 1.0
+    correlation = correlation / correlation[0]
+    pairs = correlation[: residual.size // 2 * 2].reshape(-1, 2).sum(axis=1)
+    positive = pairs[: int(np.argmax(pairs <= 0)) if (pairs <= 0).any() else len(pairs)]
+    return max(1.0, 2.0 * float(positive.sum()) - 1.0)
+
+
+def _refit(task: tuple[Fit, Score, float]) -> Refit:
+    base, score, rival = task
+    amplitude = score.candidate.effect.amplitude()
+    size = None
+    if amplitude is not None:
+        least, most = (share * abs(amplitude.typical) for share in _TYPICAL_RANGE)
+        size = float(np.sign(score.amplitude) * np.clip(abs(score.amplitude), least, most))
+    declaration = score.candidate.declaration(size, score.shape)
+    done = refit(base, declaration, rival)
+    added = len(done.problem.free) - len(base.problem.free)
+    return Refit(score.candidate, declaration, done, added, criterion_difference(base, done))
+
+
+def _redriven(model: Model, bound: BoundRun) -> BoundRun:
+    """The same run and the same counted readings for another model."""
+    again = bind(model, bound.run)
+    return BoundRun(again.run, again.inputs, again.measured, bound.counted, again.start)
+
+
+def _carried(old: Model, new: Model, states: FloatArray, bound: BoundRun) -> FloatArray:
+    """Initial states of the new model: those of the old one by name, new hidden states in equilibrium."""
+    nodes = dict(zip(new.nodes, default_start(new, bound).tolist(), strict=False))
+    return start_from(new, bound, nodes | dict(zip(old.states, states.tolist(), strict=True)))
+
+
+# --- Which catalogue effect is missing, where, how sure, and what else would look the same --------
+
 
 Verdict = Literal["adequate", "missing", "unexplained"]
 Report = Callable[[str], None]
@@ -51,7 +266,7 @@ class Finding:
     rmse_fit: float
     holdout: Errors | None
     p_value: float
-    alike: tuple[tuple[str, str], ...]
+    indistinguishable: tuple[tuple[str, str], ...]
 
     @property
     def key(self) -> tuple[str, str]:
@@ -97,7 +312,7 @@ class Diagnosis:
                 "rmse_holdout_before": before,
                 "rmse_holdout_after": None if finding.holdout is None else finding.holdout.rmse,
                 "p_value": finding.p_value,
-                "indistinguishable_from": [list(other) for other in finding.alike],
+                "indistinguishable_from": [list(other) for other in finding.indistinguishable],
                 "separate_by": finding.refit.candidate.effect.signature.separate_by,
             }
             for rank, finding in enumerate(self.helpful, start=1)
@@ -113,7 +328,7 @@ class Diagnosis:
 
 def diagnose(
     model: Model,
-    data: Evidence,
+    data: DataSplit,
     *,
     refits: int = _MOST_REFITS,
     ambient_error: float = 0.0,
@@ -134,7 +349,7 @@ def diagnose(
         InputError: a run lacks an input of the model.
     """
     coarse = for_search(data)
-    model = with_ambient_errors(model, data, ambient_error)
+    model = with_ambient_bias(model, data, ambient_error)
     report("fitting the model as it stands")
     base = unless_interrupted(fit_parts(model, coarse.fit))
     found = examine(base, coarse, refits=refits, executor=executor, report=report)
@@ -145,7 +360,7 @@ def diagnose(
     return found
 
 
-def for_search(data: Evidence) -> Evidence:
+def for_search(data: DataSplit) -> DataSplit:
     """The same evidence in steps that a search takes: 5 s, longer for more than five hours to fit."""
     seconds = sum(len(part.run) * part.run.step for part in data.fit)
     return data.coarsened(max(_STEP, seconds / _MOST_STEPS))
@@ -153,7 +368,7 @@ def for_search(data: Evidence) -> Evidence:
 
 def examine(
     base: Fit,
-    data: Evidence,
+    data: DataSplit,
     *,
     refits: int = _MOST_REFITS,
     executor: Executor | None = None,
@@ -173,7 +388,7 @@ def examine(
     return Diagnosis(verdict, base, base.rmse, holdout, scores, findings)
 
 
-def _findings(base: Fit, done: Sequence[Refit], scores: Scores, data: Evidence) -> tuple[Finding, ...]:
+def _findings(base: Fit, done: Sequence[Refit], scores: Scores, data: DataSplit) -> tuple[Finding, ...]:
     gains = {each.candidate.key: each.gain for each in scores.ranked}
     found = [
         Finding(
@@ -192,7 +407,7 @@ def _held_out_decides(found: list[Finding]) -> list[Finding]:
     """Of names for one answer those come last that held-out runs speak against."""
     if not found or found[0].holdout is None:
         return found
-    names = {found[0].key, *found[0].alike}
+    names = {found[0].key, *found[0].indistinguishable}
     errors = [each.holdout.rmse for each in found if each.holdout and each.key in names]
     refuted = [
         each.key in names and each.holdout is not None and each.holdout.rmse > MUCH_WORSE * min(errors)
@@ -204,7 +419,7 @@ def _held_out_decides(found: list[Finding]) -> list[Finding]:
 
 def _alike(one: Refit, done: Sequence[Refit]) -> tuple[tuple[str, str], ...]:
     """Candidates that explain the data as well as one does."""
-    return tuple(other.candidate.key for other in done if other is not one and alike(one, other))
+    return tuple(other.candidate.key for other in done if other is not one and indistinguishable(one, other))
 
 
 def _verdict(base: Fit, findings: Sequence[Finding], scores: Scores, holdout: Errors | None) -> Verdict:
@@ -232,9 +447,9 @@ def explained_elsewhere(base: Fit, before: Errors | None, after: Errors | None) 
     return before.rmse**2 - after.rmse**2 > _ELSEWHERE * max(before.rmse**2 - floor, 0.0)
 
 
-def _together(found: Diagnosis, data: Evidence, refits: int, executor: Executor | None) -> bool:
+def _together(found: Diagnosis, data: DataSplit, refits: int, executor: Executor | None) -> bool:
     """Whether three effects, each the best after the one before, remove what one alone can't."""
-    fitted = Evidence(data.fit)
+    fitted = DataSplit(data.fit)
     path = found
     for _ in range(2):
         if not path.findings:

@@ -1,18 +1,310 @@
-"""Heat that a fitted model lacks, at each node over time, with a band: where and when the misfit arises."""
+"""Heat that a fitted model lacks, at each node over time, with a band, and the inputs it goes with."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from math import ceil
 
 import numpy as np
+from scipy.linalg import expm
 from scipy.stats import norm
 
-from lptn.arrays import FloatArray
-from lptn.diagnose.unexplained_heat_blocks import Blocks, blocks
-from lptn.diagnose.unexplained_heat_smoother import Prior, likelihood, smoothed
-from lptn.identify import Fit
-from lptn.threads import one_blas_thread
+from lptn.basics.arrays import FloatArray, IntArray
+from lptn.basics.processes import one_blas_thread
+from lptn.identify.fitting import Fit
+from lptn.logs.run import Run
+from lptn.simulate.simulation import simulate
+from lptn.simulate.steps import stepper
+
+# --- A fitted run in blocks of time, linear about its own trajectory, with heat at each measured node as an input ---
+
+
+_BLOCK = 10.0  # s; heat that comes and goes faster is not told apart from noise
+_MOST_BLOCKS = 1200  # a longer run gets longer blocks, so that 10 h need no more memory than 3 h
+_WINDOW = 2048  # steps whose derivatives are held at once
+_FAR = 4.0  # times its usual value; a parameter that ends further off was led there
+_PHASES, _LASTING = 16, 300.0  # s; what of a rounding error lasts so long can't be told from heat
+_LEAST = 1e-3  # K; a noise-free log must not weigh infinitely
+
+
+@dataclass(frozen=True)
+class Blocks:
+    """Deviations d from a fitted run: of the S states [K], the heat that M nodes lack [W], and F free parameters.
+
+    Over a block the states' part becomes `top @ d`; the heat wanders, the parameters stay. D = S + M + F.
+
+    Args:
+        time: the middle of each block in the log's clock [s], shape (n,).
+        seconds: length of a block.
+        rows: the model's nodes that are measured, shape (M,).
+        top: shape (n, S, D).
+        by: derivative of each measured node's mean reading in a block by d at its start, shape (n, M, D).
+        residual: measured minus fitted, mean of each block [K], NaN where nothing counts, shape (n, M).
+        variance: of these means by the sensors' noise [K²], shape (n, M).
+        storage: heat that each measured node takes up in the fitted run [W], shape (n, M).
+        conductance: of each measured node to all around it, mean over the run [W/K], shape (M,).
+    """
+
+    time: FloatArray
+    seconds: float
+    rows: IntArray
+    top: FloatArray
+    by: FloatArray
+    residual: FloatArray
+    variance: FloatArray
+    storage: FloatArray
+    conductance: FloatArray
+
+
+def blocks(fit: Fit, number: int) -> Blocks:
+    """One of a fit's runs, from its first reading that counts to its last.
+
+    Args:
+        fit: the fitted model.
+        number: of the run, in the order of the fit.
+    """
+    bound, step = fit.problem.bound_runs[number], fit.problem.bound_runs[number].run.step
+    counted = np.flatnonzero(bound.counted.any(axis=0))
+    first, stop = int(counted[0]), int(counted[-1]) + 1
+    size = max(1, round(_BLOCK / step), ceil((stop - first) / _MOST_BLOCKS))
+    size = min(size, stop - first)
+    count = (stop - first) // size
+    rows = np.flatnonzero(bound.counted.any(axis=1))
+    window = slice(first, first + count * size)
+    values = fit.model.in_run(bound.run.name, fit.point.values)
+    path = simulate(fit.model, bound, fit.point.values, fit.point.starts[number]).states
+    capacities = values[[fit.model.network.capacities[fit.model.nodes[row]] for row in rows]]
+    pieces = [_mean_derivatives(fit, path[:, w], bound.inputs[:, w], values, size) for w in _parts(window, size)]
+    a, b, c, e = (np.concatenate(each) for each in zip(*pieces, strict=True))
+    top = _exact(a, b, rows, capacities, step * size)
+    error = np.where(bound.counted, fit.residuals[number], np.nan)[rows, window]
+    counts = np.isfinite(error).reshape(len(rows), count, size).sum(axis=2)
+    predicted = fit.model.readings_of(path[:, window], values)[rows]
+    ends = path[:, window.start : window.stop + 1 : size][rows]
+    return Blocks(
+        bound.run.time[first] + step * size * (np.arange(count) + 0.5),
+        step * size,
+        rows,
+        top,
+        _by_start(top, c[:, rows], e[:, rows], 0.5 if bound.run.averaged else 0.5 * (size - 1) / size),
+        _means(error, size).T,
+        _variance(predicted, counts, fit, rows, size).T,
+        (capacities[:, None] * np.diff(ends) / (step * size)).T,
+        capacities * np.abs(np.einsum("kii->ki", a)[:, rows]).mean(axis=0),
+    )
+
+
+def _parts(window: slice, size: int) -> Iterator[slice]:
+    """A window cut where blocks end, in pieces whose derivatives memory can hold."""
+    long = max(1, _WINDOW // size) * size
+    for start in range(window.start, window.stop, long):
+        yield slice(start, min(start + long, window.stop))
+
+
+def _mean_derivatives(
+    fit: Fit, x: FloatArray, u: FloatArray, values: FloatArray, size: int
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Derivatives of rates and of readings, by states and by the search's coordinates, means over each block."""
+    jacobians = stepper(fit.model, len(fit.model.states), fit.problem.free).jacobians
+    slope = _slopes(fit)
+    rates_by, rates_moved = jacobians.rates(x, u, values)
+    read_by, read_moved = jacobians.readings(x, values)
+    found = (rates_by, rates_moved * slope, read_by, read_moved * slope)
+    a, b, c, e = (each.reshape(-1, size, *each.shape[1:]).mean(axis=1) for each in found)
+    return a, b, c, e
+
+
+def _slopes(fit: Fit) -> FloatArray:
+    """What a factor of e changes of each free parameter, of one far from its usual value a share of that, (F,).
+
+    Hidden heat may drive a fitted resistance to infinity, where no factor on it moves any temperature. Heat flows
+    by its inverse, so there that is what changes.
+    """
+    values, found = fit.point.values, fit.problem.slope(fit.point.values)
+    for place, index in enumerate(fit.problem.free):
+        declared = fit.model.parameters[index].declared
+        usual = abs(declared.typical)
+        if declared.unit.endswith("K/W") and declared.off is None and usual > 0:
+            found[place] = max(found[place], values[index] ** 2 / (_FAR * usual))
+        else:
+            found[place] = max(found[place], usual / _FAR)
+    return found
+
+
+def _exact(a: FloatArray, b: FloatArray, rows: IntArray, capacities: FloatArray, seconds: float) -> FloatArray:
+    """States after a block by states, heats and parameters before it: the exact hold, shape (n, S, S + M + F)."""
+    n, states = a.shape[0], a.shape[1]
+    heated = np.zeros((states, len(rows)))
+    heated[rows, np.arange(len(rows))] = 1.0 / capacities
+    whole = np.zeros((n, 2 * states, 2 * states))
+    whole[:, :states, :states] = a * seconds
+    whole[:, :states, states:] = np.eye(states) * seconds
+    moved = expm(whole)[:, :states]
+    held = moved[:, :, states:]
+    return np.concatenate([moved[:, :, :states], held @ heated, held @ b], axis=2)
+
+
+def _by_start(top: FloatArray, c: FloatArray, e: FloatArray, late: float) -> FloatArray:
+    """Derivative of a block's mean readings by the deviations at its start.
+
+    Args:
+        late: how far into the block its mean reading lies, as a share of the block.
+    """
+    within = late * top
+    states = top.shape[1]
+    within[:, :, :states] += (1.0 - late) * np.eye(states)
+    by = c @ within
+    if e.shape[2]:
+        by[:, :, -e.shape[2] :] += e
+    return np.asarray(by)
+
+
+def _means(error: FloatArray, size: int) -> FloatArray:
+    """Mean of each block, NaN without any reading, along the last axis."""
+    split = error.reshape(*error.shape[:-1], -1, size)
+    known = np.isfinite(split).sum(axis=-1)
+    total = np.where(np.isfinite(split), split, 0.0).sum(axis=-1)
+    return np.asarray(np.where(known > 0, total / np.maximum(known, 1), np.nan))
+
+
+def _variance(predicted: FloatArray, counts: FloatArray, fit: Fit, rows: IntArray, size: int) -> FloatArray:
+    """Variance of each block's mean reading by the sensors' noise [K²], shape (M, n).
+
+    Args:
+        predicted: readings of the fitted model, shape (M, steps).
+        counts: readings that each block has, shape (M, n).
+    """
+    white, step = fit.noise.white[rows], fit.noise.step[rows]
+    found = np.where(step > 0, white, fit.noise.floor[rows])[:, None] ** 2 / np.maximum(counts, 1)
+    for row in np.flatnonzero(step > 0):
+        found[row] += _rounding(predicted[row], float(white[row]), float(step[row]), size)
+    return np.asarray(np.maximum(found, _LEAST**2))
+
+
+def _rounding(predicted: FloatArray, white: float, step: float, size: int) -> float:
+    """Variance of independent errors of blocks that hide a slow heat as well as rounding does [K²].
+
+    A coarse sensor errs the same way until the temperature has crossed a step, so errors of neighbouring blocks
+    are one error. How much of it lasts for minutes is found by rounding the model's own readings, at many
+    phases of the sensor's steps.
+    """
+    rng = np.random.default_rng(0)
+    phases = step * (np.arange(_PHASES)[:, None] + 0.5) / _PHASES
+    true = predicted + phases
+    errors = _means(np.round((true + rng.normal(0.0, white, true.shape)) / step) * step - true, size)
+    group = max(1, min(round(_LASTING / _BLOCK), errors.shape[1] // 4))
+    lasting = _means(errors[:, : errors.shape[1] // group * group], group)
+    return float(max(np.var(errors), group * np.var(lasting)))
+
+
+# --- Fixed-interval smoothing of the heat that a model lacks: forward filter, backward adjoint, and the likelihood ---
+
+
+@dataclass(frozen=True)
+class Prior:
+    """What is known before the first reading.
+
+    Args:
+        deviations: standard deviations of states [K], heats [W] and parameters' coordinates, shape (D,).
+        walk: by how much each heat wanders, standard deviation after one second [W], grows with √time.
+    """
+
+    deviations: FloatArray
+    walk: float
+
+
+@dataclass(frozen=True)
+class _Step:
+    """What the backward pass needs of one block, before its readings are taken in."""
+
+    heat: FloatArray  # (M,)
+    covariance: FloatArray  # rows of the heats, (M, D)
+    by: FloatArray  # (seen, D)
+    gain: FloatArray  # (D, seen)
+    precision: FloatArray  # of the innovation, (seen, seen)
+    innovation: FloatArray  # (seen,)
+
+
+def likelihood(run: Blocks, prior: Prior) -> float:
+    """Logarithm of the readings' probability density at these assumptions, by prediction errors."""
+    return _forward(run, prior, None)
+
+
+def smoothed(run: Blocks, prior: Prior) -> tuple[FloatArray, FloatArray]:
+    """Each heat given all readings, and its standard deviation [W], shape (M, n) each.
+
+    Source: [Rauch1965], in the form of [Bierman1973], which inverts no covariance of the states: parameters that
+    stay the same make that singular.
+    """
+    steps: list[_Step] = []
+    _forward(run, prior, steps)
+    states, nodes = run.top.shape[1], len(run.rows)
+    size = run.top.shape[2]
+    heat, spread = np.empty((nodes, len(steps))), np.empty((nodes, len(steps)))
+    back, curve = np.zeros(size), np.zeros((size, size))
+    heats = slice(states, states + nodes)
+    for k in range(len(steps) - 1, -1, -1):
+        back, curve = _before_step(back, curve, run.top[k])
+        step = steps[k]
+        rest = np.eye(size) - step.gain @ step.by
+        weighed = step.by.T @ step.precision
+        back = rest.T @ back - weighed @ step.innovation
+        curve = rest.T @ curve @ rest + weighed @ step.by
+        heat[:, k] = step.heat - step.covariance @ back
+        less = np.einsum("ij,jk,ik->i", step.covariance, curve, step.covariance)
+        spread[:, k] = np.sqrt(np.maximum(np.diag(step.covariance[:, heats]) - less, 0.0))
+    return heat, spread
+
+
+def _forward(run: Blocks, prior: Prior, steps: list[_Step] | None) -> float:
+    """The filter; keeps what smoothing needs where a list is given."""
+    states, nodes = run.top.shape[1], len(run.rows)
+    heats = slice(states, states + nodes)
+    d, p, found = np.zeros(run.top.shape[2]), np.diag(prior.deviations**2), 0.0
+    gained = prior.walk**2 * run.seconds
+    for k in range(len(run.time)):
+        seen = np.isfinite(run.residual[k])
+        by = run.by[k][seen]
+        crossed = p @ by.T
+        root = np.linalg.cholesky(by @ crossed + np.diag(run.variance[k][seen]))
+        inverse = np.linalg.inv(root)
+        precision = inverse.T @ inverse
+        innovation = run.residual[k][seen] - by @ d
+        gain = crossed @ precision
+        if steps is not None:
+            steps.append(_Step(d[heats].copy(), p[heats].copy(), by, gain, precision, innovation))
+        found -= 0.5 * float(np.sum((inverse @ innovation) ** 2)) + float(np.log(np.diag(root)).sum())
+        d = d + gain @ innovation
+        p = p - gain @ crossed.T
+        d, p = _after_step(d, p, run.top[k])
+        np.einsum("ii->i", p)[heats] += gained
+    return found
+
+
+def _after_step(d: FloatArray, p: FloatArray, top: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Mean and covariance after a block; heats and parameters stay."""
+    states = len(top)
+    mixed = top @ p
+    p = 0.5 * (p + p.T)
+    p[:states] = mixed
+    p[:, :states] = mixed.T
+    p[:states, :states] = mixed @ top.T
+    d = d.copy()
+    d[:states] = top @ d
+    return d, p
+
+
+def _before_step(back: FloatArray, curve: FloatArray, top: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The adjoint carried back over a block."""
+    states = len(top)
+    transition = np.eye(top.shape[1])
+    transition[:states] = top
+    return transition.T @ back, transition.T @ curve @ transition
+
+
+# --- Heat that a fitted model lacks, at each node over time, with a band: where and when the misfit arises ---
+
 
 _GRID = (0.001, 0.003, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0)  # of the heat scale, wandered in a minute
 _START, _HIDDEN_START = 1.5, 5.0  # K; how far a measured node, or any other state, may start from the fit
@@ -94,17 +386,17 @@ def unexplained_heat(fit: Fit) -> list[UnexplainedHeat]:
     Args:
         fit: the fitted model, with the readings that count.
     """
-    runs = [blocks(fit, number) for number in range(len(fit.problem.drives))]
+    runs = [blocks(fit, number) for number in range(len(fit.problem.bound_runs))]
     scale = _heat_scale(runs)
     walk = max(
         (share * scale / np.sqrt(60.0) for share in _GRID),
         key=lambda walk: sum(likelihood(run, _prior(fit, run, scale, walk)) for run in runs),
     )
     found = []
-    for run, driven in zip(runs, fit.problem.drives, strict=True):
+    for run, bound in zip(runs, fit.problem.bound_runs, strict=True):
         heat, spread = smoothed(run, _prior(fit, run, scale, walk))
         nodes = tuple(fit.model.nodes[row] for row in run.rows)
-        found.append(UnexplainedHeat(driven.run.name, run.time, nodes, heat, _WIDE * spread, run.seconds))
+        found.append(UnexplainedHeat(bound.run.name, run.time, nodes, heat, _WIDE * spread, run.seconds))
     return found
 
 
@@ -147,3 +439,93 @@ def _prior(fit: Fit, run: Blocks, scale: float, walk: float) -> Prior:
 
 def _rounded(value: float) -> str:
     return f"{value:.2g}" if abs(value) < 10 else f"{value:.0f}"
+
+
+# --- Which of the log's inputs the unexplained heat goes with -------------------------------------
+
+
+_STILL = 1e-6  # of its size; an input that varies by less does not vary
+_SHORT = 3  # blocks; fewer correlate by themselves
+
+
+@dataclass(frozen=True)
+class InputLink:
+    """How closely one node's unexplained heat follows one input.
+
+    Args:
+        node: the node.
+        column: the log's column.
+        squared: whether the column's square is meant.
+        correlation: from -1 to 1, over all blocks of all runs.
+    """
+
+    node: str
+    column: str
+    squared: bool
+    correlation: float
+
+    @property
+    def what(self) -> str:
+        """The column, with a square where that is meant."""
+        return f"{self.column}²" if self.squared else self.column
+
+
+def input_links(fit: Fit, found: Sequence[UnexplainedHeat]) -> list[InputLink]:
+    """Correlation of each node's unexplained heat with each input column, or its square where that is closer.
+
+    What the heat goes with suggests a cause and proves none: inputs go with each other, and slow series go with
+    each other by chance.
+
+    Args:
+        fit: the fitted model that `found` was made from.
+        found: the heat of its runs.
+
+    Returns:
+        The closest first, for columns that all runs have and that vary.
+    """
+    runs = [bound.run for bound in fit.problem.bound_runs]
+    columns = sorted(set.intersection(*(set(run.columns) for run in runs)))
+    outputs = {f"temperature.{node}" for node in fit.model.nodes}
+    links = []
+    for column in columns:
+        if column not in outputs:
+            plain, squared = (
+                np.concatenate([block_means(run, each, column, square) for run, each in zip(runs, found, strict=True)])
+                for square in (False, True)
+            )
+            links += _links(found, column, plain, squared)
+    return sorted(links, key=lambda link: -abs(link.correlation))
+
+
+def block_means(run: Run, found: UnexplainedHeat, column: str, squared: bool = False) -> FloatArray:
+    """Means of a column, or of its square, over the blocks of the unexplained heat, shape (n,)."""
+    size = round(found.seconds / run.step)
+    first = int(np.argmin(np.abs(run.time - (found.time[0] - found.seconds / 2))))
+    values = run.columns[column][first : first + size * found.time.size].reshape(-1, size)
+    return np.asarray((values**2 if squared else values).mean(axis=1))
+
+
+def _links(found: Sequence[UnexplainedHeat], column: str, plain: FloatArray, squared: FloatArray) -> list[InputLink]:
+    links = []
+    for node in dict.fromkeys(node for each in found for node in each.nodes):
+        heat = np.concatenate([_of_node(each, node) for each in found])
+        known = np.isfinite(heat)
+        both = [_correlation(heat[known], values[known]) for values in (plain, squared)]
+        square, closest = max(enumerate(both), key=lambda pair: abs(pair[1]))
+        if closest:
+            links.append(InputLink(node, column, bool(square), closest))
+    return links
+
+
+def _of_node(found: UnexplainedHeat, node: str) -> FloatArray:
+    """A node's heat, NaN in a run that does not measure it."""
+    return found.heat[found.nodes.index(node)] if node in found.nodes else np.full(found.time.size, np.nan)
+
+
+def _correlation(one: FloatArray, other: FloatArray) -> float:
+    """Pearson's, 0 where either stands still or is not known throughout."""
+    if one.size < _SHORT or not np.isfinite(other).all():
+        return 0.0
+    if np.ptp(one) == 0 or np.ptp(other) <= _STILL * np.abs(other).max():
+        return 0.0
+    return float(np.corrcoef(one, other)[0, 1])

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any, ClassVar, Literal
 
-from lptn.parameters import Parameter
+from lptn.basics.parameters import Parameter
 
 Site = Literal["node", "link", "edge", "loss", "sensor", "pair", "group", "boundary"]
 Symbol = Any

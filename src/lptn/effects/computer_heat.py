@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
+from lptn.basics.parameters import Parameter
 from lptn.effects.base import NodeEffect, Signature, Symbol
-from lptn.parameters import Parameter
 
 
 class ComputerHeat(NodeEffect):

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
+from lptn.basics.parameters import Parameter
 from lptn.effects.base import ExcessEffect, Signature, Symbol
-from lptn.parameters import Parameter
 
 _RESISTANCE = 1.0  # K/W; scale of the state's excess
 

@@ -6,8 +6,8 @@ from types import SimpleNamespace
 
 import casadi as ca
 
+from lptn.basics.parameters import Parameter
 from lptn.effects.base import LinkEffect, Signature, Symbol
-from lptn.parameters import Parameter
 
 
 class NaturalConvection(LinkEffect):

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
+from lptn.basics.parameters import Parameter
 from lptn.effects.base import LinkEffect, Signature, Symbol
-from lptn.parameters import Parameter
 
 STEFAN_BOLTZMANN = 5.670374419e-8  # W/(m² K⁴)
 ZERO_CELSIUS = 273.15  # K

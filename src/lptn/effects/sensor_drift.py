@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
+from lptn.basics.parameters import Parameter
 from lptn.effects.base import ExcessEffect, Signature, Symbol
-from lptn.parameters import Parameter
 
 _SCALE = 1000.0  # K/h; so steep that what is unsure about the state at the start is seconds, not degrees
 _HOUR = 3600.0  # s

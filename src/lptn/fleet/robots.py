@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from lptn.errors import InputError
+from lptn.basics.errors import InputError
 
 _ENDINGS = (".csv", ".csv.gz", ".parquet", ".mcap", ".db3", ".ulg", ".ulog")
 _BAG = "metadata.yaml"  # what makes a folder a log: a ROS 2 bag

@@ -1,24 +1,29 @@
-"""What a worker does: read one robot's logs, fit, and send back a few kilobytes."""
+"""What a worker does for one robot, the folder that keeps its result, and how work is handed to any executor."""
 
 from __future__ import annotations
 
+import json
 import pickle
 import time
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future, wait
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, Literal
 
 from lptn import __version__
-from lptn.checkpoint import fingerprint_of
-from lptn.errors import InputError, one_line
-from lptn.evidence import evidence
-from lptn.files import fingerprint
-from lptn.for_json import finite
-from lptn.interrupts import heard_interrupts
-from lptn.on_evidence import fit_evidence
-from lptn.opening import Opened
+from lptn.basics.errors import InputError, one_line
+from lptn.basics.files import fingerprint, finite, write_whole
+from lptn.basics.processes import heard_interrupts, pool_of
+from lptn.fleet.robots import Robot
+from lptn.identify.data import LoadedModel, split_data
+from lptn.identify.fitting import fingerprint_of
+from lptn.identify.validation import fit_split
+
+# --- What a worker does: read one robot's logs, fit, and send back a few kilobytes ----------------
+
 
 Status = Literal["fitted", "unchanged", "failed", "interrupted"]
 
@@ -39,7 +44,7 @@ class Order:
     model: bytes
     text: str
     mapped: tuple[str, ...] = ()
-    mirror_weight: float | Literal["auto"] = 0.0
+    symmetry_penalty: float | Literal["auto"] = 0.0
     holdout_after: float | None = None
     number: str = ""
 
@@ -49,7 +54,7 @@ class Order:
         return {
             "lptn": __version__,  # another one may read, or fit, in another way
             "map": list(self.mapped),
-            "mirror_weight": self.mirror_weight,
+            "mirror_weight": self.symmetry_penalty,
             "holdout_after": self.holdout_after,
         }
 
@@ -125,11 +130,11 @@ def in_one_line(error: BaseException) -> str:
 
 
 def _fitted(order: Order, logs: Sequence[str]) -> tuple[dict[str, Any], str]:
-    opened = _opened(order.model)
+    loaded = _opened(order.model)
     notes: dict[str, None] = {}
-    runs = opened.runs([Path(log) for log in logs], tell=lambda _, note: notes.setdefault(note))
-    data = evidence(runs, holdout_after=order.holdout_after)
-    found = fit_evidence(opened.model, data, order.mirror_weight)
+    runs = loaded.runs([Path(log) for log in logs], tell=lambda _, note: notes.setdefault(note))
+    data = split_data(runs, holdout_after=order.holdout_after)
+    found = fit_split(loaded.model, data, order.symmetry_penalty)
     table = found.fit.table()
     more = {
         "rmse_holdout": found.holdout.rmse if found.holdout else None,
@@ -138,7 +143,7 @@ def _fitted(order: Order, logs: Sequence[str]) -> tuple[dict[str, Any], str]:
     }
     result = found.fit.as_json() | more
     result.pop("correlations")  # grows with the square of the parameters
-    return finite(result), opened.file.with_fit(table).text
+    return finite(result), loaded.file.with_fit(table).text
 
 
 def _contents(logs: Sequence[str]) -> list[tuple[str, str]]:
@@ -155,8 +160,190 @@ def _contents(logs: Sequence[str]) -> list[tuple[str, str]]:
 
 
 @lru_cache(maxsize=2)
-def _opened(model: bytes) -> Opened:
-    opened = pickle.loads(model)
-    if not isinstance(opened, Opened):
-        raise TypeError(f"expected an opened model, found {type(opened).__name__}")
-    return opened
+def _opened(model: bytes) -> LoadedModel:
+    loaded = pickle.loads(model)
+    if not isinstance(loaded, LoadedModel):
+        raise TypeError(f"expected an opened model, found {type(loaded).__name__}")
+    return loaded
+
+
+# --- Results of a fleet in a folder: one model and one record a robot, each written whole as it comes ---
+
+
+try:
+    import fcntl
+except ImportError:  # not on Windows, where two processes on one folder do the work twice
+    fcntl = None  # type: ignore[assignment]
+
+_PATIENCE = 5.0  # s; workers of a process that was killed hold its lock for a moment more
+
+
+class Shelf:
+    """`models/<robot>.toml` and `records/<robot>.json` in a folder.
+
+    The record is written last: where it stands, the model stands.
+
+    Args:
+        folder: it, and the two in it, are made if need be.
+
+    Raises:
+        InputError: the folder can't be made.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        try:
+            for each in (folder, folder / "models", folder / "records"):
+                each.mkdir(exist_ok=True)
+        except OSError as error:
+            raise InputError(folder, "output", error.strerror or str(error), "a folder, or room for one") from error
+
+    def model(self, robot: str) -> Path:
+        """Where a robot's fitted model stands."""
+        return self.folder / "models" / f"{robot}.toml"
+
+    def kept(self, robot: str) -> Outcome | None:
+        """A robot's earlier result; `None` where there is none that is whole."""
+        try:
+            read = json.loads(self._record(robot).read_text(encoding="utf-8"))
+            whole = self.model(robot).is_file() and isinstance(read["result"]["parameters"], dict)
+            return Outcome(robot, "unchanged", str(read["fingerprint"]), result=read["result"]) if whole else None
+        except (OSError, ValueError, KeyError, TypeError):
+            return None
+
+    def keep(self, outcome: Outcome) -> Outcome:
+        """Write a fitted robot; the outcome without the model's text."""
+        self._record(outcome.robot).unlink(missing_ok=True)  # an old record must not vouch for a new model
+        write_whole(self.model(outcome.robot), outcome.text)
+        record = {"robot": outcome.robot, "fingerprint": outcome.fingerprint, "result": outcome.result}
+        write_whole(self._record(outcome.robot), json.dumps(record, indent=2) + "\n")
+        return replace(outcome, text="")
+
+    @contextmanager
+    def alone(self) -> Iterator[None]:
+        """Within it no other process fits into the folder.
+
+        Raises:
+            InputError: another one does.
+        """
+        if fcntl is None:
+            yield
+            return
+        with (self.folder / ".lock").open("w") as stream:
+            self._lock(stream.fileno())
+            self._tidy()
+            yield
+
+    def _lock(self, handle: int) -> None:
+        stop = time.monotonic() + _PATIENCE
+        while True:
+            try:
+                return fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError as error:
+                if time.monotonic() > stop:
+                    found = "another process that fits into this folder"
+                    raise InputError(self.folder, "output", found, "a folder of its own for each") from error
+                time.sleep(0.1)
+            except OSError:
+                return None  # a file system without locks
+
+    def _tidy(self) -> None:
+        """Throw away what a killed process was writing."""
+        for folder in ("models", "records"):
+            for half in (self.folder / folder).glob(".*.part"):
+                half.unlink(missing_ok=True)
+
+    def _record(self, robot: str) -> Path:
+        return self.folder / "records" / f"{robot}.json"
+
+
+# --- Robots handed to workers, a few at a time, and their results taken as they come --------------
+
+
+_DIED = "its worker died (out of memory?)"
+_Lost = Literal["out", "unsent"]
+
+
+class Work:
+    """What is handed out for each robot, and what is kept of it."""
+
+    def __init__(self, order: Order, shelf: Shelf | None) -> None:
+        self.order, self.shelf = order, shelf
+
+    def task(self, robot: Robot) -> tuple[Order, str, list[str], str]:
+        """Arguments of `fit_robot`."""
+        earlier = self.shelf.kept(robot.name) if self.shelf else None
+        logs = [str(log.absolute()) for log in robot.logs]
+        return self.order, robot.name, logs, earlier.fingerprint if earlier else ""
+
+    def kept(self, outcome: Outcome, robot: Robot) -> Outcome:
+        """The outcome, once its files are written; a message names logs as they were given."""
+        for log in robot.logs if outcome.message else ():
+            outcome = replace(outcome, message=outcome.message.replace(str(log.absolute()), str(log)))
+        if self.shelf is None or outcome.status not in ("fitted", "unchanged"):
+            return outcome
+        return self.shelf.kept(outcome.robot) or outcome if outcome.status == "unchanged" else self.shelf.keep(outcome)
+
+
+def here(work: Work, fleet: Iterable[Robot]) -> Generator[Outcome]:
+    """In this process, one after the other."""
+    for robot in fleet:
+        outcome = fit_robot(*work.task(robot))
+        if outcome.status == "interrupted":
+            raise KeyboardInterrupt
+        yield outcome
+
+
+def elsewhere(work: Work, fleet: Iterable[Robot], executor: Executor, in_flight: int) -> Generator[Outcome]:
+    """In an executor of the caller's."""
+    for robot, outcome in _handed_out(work, fleet, executor, in_flight):
+        yield outcome if isinstance(outcome, Outcome) else Outcome(robot.name, "failed", message=_DIED)
+
+
+def in_processes(work: Work, fleet: Sequence[Robot], jobs: int, in_flight: int) -> Generator[Outcome]:
+    """In processes of one's own; where one dies, those who were out are tried alone, and the rest in new ones."""
+    rest = list(fleet)
+    while rest:
+        lost: dict[_Lost, list[Robot]] = {"out": [], "unsent": []}
+        with pool_of(min(jobs, len(rest))) as pool:
+            for robot, outcome in _handed_out(work, rest, pool, in_flight):
+                if isinstance(outcome, Outcome):
+                    yield outcome
+                else:
+                    lost[outcome].append(robot)
+        for robot in lost["out"]:
+            with pool_of(1) as pool:
+                yield from elsewhere(work, [robot], pool, 1)
+        rest = lost["unsent"]
+
+
+def _handed_out(
+    work: Work, fleet: Iterable[Robot], executor: Executor, in_flight: int
+) -> Iterator[tuple[Robot, Outcome | _Lost]]:
+    """Outcomes as they come; which robots were out, or were not sent, when the executor broke."""
+    out: dict[Future[Outcome], Robot] = {}
+    try:
+        for robot in fleet:
+            while len(out) >= in_flight:
+                yield from _done(out)
+            try:
+                out[executor.submit(fit_robot, *work.task(robot))] = robot
+            except BrokenExecutor:
+                yield robot, "unsent"
+        while out:
+            yield from _done(out)
+    finally:
+        for future in out:
+            future.cancel()
+
+
+def _done(out: dict[Future[Outcome], Robot]) -> Iterator[tuple[Robot, Outcome | _Lost]]:
+    """Those that are done, once one is; they are no longer out."""
+    for future in wait(out, return_when=FIRST_COMPLETED).done:
+        robot = out.pop(future)
+        try:
+            yield robot, future.result()
+        except BrokenExecutor:
+            yield robot, "out"
+        except (Exception, CancelledError) as error:
+            yield robot, Outcome(robot.name, "failed", message=in_one_line(error))

@@ -1,8 +1,5 @@
-"""Identification: parameters from runs, by least squares over free-running simulation."""
+"""Identification: what is fitted and what held out, parameters from runs, their uncertainty, errors of a model."""
 
-from lptn.identify.fitting import Fit, finished, fit, fit_nuisances, fit_starts
-from lptn.identify.gauss_newton import Progress
-from lptn.identify.problem import Point, Problem
-from lptn.identify.uncertainty import Uncertainty
+import lazy_loader
 
-__all__ = ["Fit", "Point", "Problem", "Progress", "Uncertainty", "finished", "fit", "fit_nuisances", "fit_starts"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

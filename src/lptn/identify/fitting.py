@@ -1,27 +1,36 @@
-"""Parameters from runs: start values, coarse search, fine search, and what the result is worth."""
+"""Parameters from runs: start values, coarse search, fine search, checkpoints, and what the result is worth."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import contextlib
+import hashlib
+import json
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import isfinite
 from pathlib import Path
 
 import numpy as np
+import platformdirs
 
-from lptn.arrays import FloatArray
-from lptn.identify.gauss_newton import Progress, Solution, minimise
+from lptn.basics.arrays import FloatArray
+from lptn.basics.errors import InputError
+from lptn.basics.files import write_whole
+from lptn.basics.places import in_run
+from lptn.basics.processes import one_blas_thread
 from lptn.identify.integral_start import integral_start
-from lptn.identify.polish import PRECISION
+from lptn.identify.noise import Noise, balanced_sigma, estimate_noise
 from lptn.identify.problem import Point, Problem
+from lptn.identify.solvers import PRECISION, Progress, Solution, minimise
 from lptn.identify.uncertainty import Uncertainty, uncertainty
-from lptn.model import Model
-from lptn.model_schema import DataTable, FitTable, FittedTable
-from lptn.noise import Noise, balanced_sigma, estimate_noise
-from lptn.places import in_run
-from lptn.simulate import Drive, drive
-from lptn.threads import one_blas_thread
+from lptn.model.file import DataTable, FitTable, FittedTable
+from lptn.model.model import Model
+from lptn.simulate.simulation import BoundRun, bind
+
+# --- Parameters from runs: start values, coarse search, fine search, and what the result is worth ---
+
 
 Keep = Callable[[Point, bool], None]
 """Called with the best point so far, and whether it is that of a coarse search."""
@@ -70,43 +79,43 @@ class Fit:
     @property
     def rmse(self) -> float:
         """Root mean square of the residuals over all readings that count [K]."""
-        drives = self.problem.drives
-        counted = [error[driven.counted] for error, driven in zip(self.residuals, drives, strict=True)]
+        bound_runs = self.problem.bound_runs
+        counted = [error[bound.counted] for error, bound in zip(self.residuals, bound_runs, strict=True)]
         return float(np.sqrt(np.mean(np.concatenate(counted) ** 2)))
 
     def table(self) -> FitTable:
         """The result as a model file keeps it; infinite standard errors, and nuisances of the logs, are left out."""
-        unknowns = [self.model.unknowns[index] for index in self.problem.free]
-        free = [unknown for unknown in unknowns if unknown.declared.prior is None]
-        sources = {driven.run.source: driven.run.fingerprint for driven in self.problem.drives}
+        parameters = [self.model.parameters[index] for index in self.problem.free]
+        free = [parameter for parameter in parameters if parameter.declared.prior is None]
+        sources = {bound.run.source: bound.run.fingerprint for bound in self.problem.bound_runs}
         return FitTable(
             rmse=self.rmse,
             status=self.status,
             warnings=list(self.uncertainty.warnings),
             data=[DataTable(file=Path(source).name, sha256=digest) for source, digest in sources.items()],
             parameters={
-                unknown.name: FittedTable(
-                    value=unknown.value,
-                    error=self.errors[unknown.name] if isfinite(self.errors[unknown.name]) else None,
-                    unit=unknown.declared.unit,
+                parameter.name: FittedTable(
+                    value=parameter.value,
+                    error=self.errors[parameter.name] if isfinite(self.errors[parameter.name]) else None,
+                    unit=parameter.declared.unit,
                 )
-                for unknown in free
+                for parameter in free
             },
         )
 
     def as_json(self) -> dict[str, object]:
         """The result as other tools read it."""
-        free = [self.model.unknowns[index] for index in self.problem.free]
+        free = [self.model.parameters[index] for index in self.problem.free]
         return {
             "rmse_fit": self.rmse,
             "status": self.status,
             "parameters": {
-                unknown.name: {
-                    "value": unknown.value,
-                    "error": self.errors[unknown.name],
-                    "unit": unknown.declared.unit,
+                parameter.name: {
+                    "value": parameter.value,
+                    "error": self.errors[parameter.name],
+                    "unit": parameter.declared.unit,
                 }
-                for unknown in free
+                for parameter in free
             },
             "correlations": self.uncertainty.correlations.tolist(),
             "warnings": list(self.uncertainty.warnings),
@@ -115,16 +124,16 @@ class Fit:
     @property
     def errors(self) -> dict[str, float]:
         """Standard error of each free parameter by name, in its unit."""
-        names = [self.model.unknowns[index].name for index in self.problem.free]
+        names = [self.model.parameters[index].name for index in self.problem.free]
         return dict(zip(names, self.uncertainty.errors.tolist(), strict=True))
 
 
 @one_blas_thread
 def fit(
     model: Model,
-    drives: Sequence[Drive],
+    bound_runs: Sequence[BoundRun],
     *,
-    mirror_weight: float = 0.0,
+    symmetry_penalty: float = 0.0,
     sigma: FloatArray | None = None,
     guess: FloatArray | None = None,
     starts: Sequence[FloatArray] | None = None,
@@ -153,12 +162,12 @@ def fit(
         rival: a cost to beat; a fit from a `guess` that has no hope of it ends, with status `"given up"`.
         precision: share of the cost that is not worth another step of the last search.
     """
-    noise = estimate_noise(drives, model.nodes)
-    sigma = balanced_sigma(drives, noise) if sigma is None else sigma
-    problem = Problem(model, drives, sigma, mirror_weight)
+    noise = estimate_noise(bound_runs, model.nodes)
+    sigma = balanced_sigma(bound_runs, noise) if sigma is None else sigma
+    problem = Problem(model, bound_runs, sigma, symmetry_penalty)
     before = 0
     if guess is None or averaged:
-        coarse = Problem(model, [_coarse(model, driven) for driven in drives], sigma, mirror_weight)
+        coarse = Problem(model, [_coarse(model, bound) for bound in bound_runs], sigma, symmetry_penalty)
         best = _first_guess(coarse) if guess is None else coarse.guess(guess, starts)
         rough = minimise(coarse, best, progress, keep=_kept(keep, coarse, averaged=True), near=True)
         before = rough.iterations
@@ -167,7 +176,7 @@ def fit(
         if rough.status == "interrupted":
             return _fit(problem, replace(rough, z=z, cost=problem.cost(z)), noise, before)
     else:
-        balanced = integral_start(model, drives, sigma)
+        balanced = integral_start(model, bound_runs, sigma)
         z = min((problem.guess(guess, starts), problem.guess(balanced, starts)), key=problem.cost)
     kept = _kept(keep, problem, averaged=False)
     solution = minimise(problem, z, progress, iterations, keep=kept, near=True, rival=rival, precision=precision)
@@ -182,15 +191,15 @@ def finished(done: Fit) -> Fit:
 
 
 @one_blas_thread
-def fit_starts(model: Model, drives: Sequence[Drive], sigma: FloatArray) -> list[FloatArray]:
+def fit_starts(model: Model, bound_runs: Sequence[BoundRun], sigma: FloatArray) -> list[FloatArray]:
     """Initial states of runs from their counted readings, the parameters being held.
 
     Raises:
         KeyboardInterrupt: Ctrl-C was pressed; half-found initial states are worth nothing.
     """
     found = []
-    for driven in drives:
-        problem = Problem(model, [driven], sigma, free=())
+    for bound in bound_runs:
+        problem = Problem(model, [bound], sigma, free=())
         solution = minimise(problem, problem.guess(model.values))
         if solution.status == "interrupted":
             raise KeyboardInterrupt
@@ -199,7 +208,7 @@ def fit_starts(model: Model, drives: Sequence[Drive], sigma: FloatArray) -> list
 
 
 @one_blas_thread
-def fit_nuisances(model: Model, driven: Drive, sigma: FloatArray) -> Model:
+def fit_nuisances(model: Model, bound: BoundRun, sigma: FloatArray) -> Model:
     """The model with what is no part of the robot and is granted to one run alone set as that run's readings ask for.
 
     Only held parameters with a prior that belong to the run are searched; most models have none, and stay as they are.
@@ -207,16 +216,16 @@ def fit_nuisances(model: Model, driven: Drive, sigma: FloatArray) -> Model:
     Raises:
         KeyboardInterrupt: Ctrl-C was pressed.
     """
-    log = driven.run.name.partition("#")[0]
-    own = tuple(in_run("", run) for run in (driven.run.name, log))  # a piece of a split log, or all of it
+    log = bound.run.name.partition("#")[0]
+    own = tuple(in_run("", run) for run in (bound.run.name, log))  # a piece of a split log, or all of it
     chosen = [
         index
-        for index, unknown in enumerate(model.unknowns)
-        if unknown.declared.prior is not None and not unknown.free and unknown.name.endswith(own)
+        for index, parameter in enumerate(model.parameters)
+        if parameter.declared.prior is not None and not parameter.free and parameter.name.endswith(own)
     ]
     if not chosen:
         return model
-    problem = Problem(model, [driven], sigma, free=chosen)
+    problem = Problem(model, [bound], sigma, free=chosen)
     solution = minimise(problem, problem.guess(model.values))
     if solution.status == "interrupted":
         raise KeyboardInterrupt
@@ -230,7 +239,7 @@ def _fit(problem: Problem, solution: Solution, noise: Noise, iterations: int) ->
 
 def _first_guess(problem: Problem) -> FloatArray:
     """The declared values, or those that balance the integrated heat."""
-    balanced = integral_start(problem.model, problem.drives, problem.sigma)
+    balanced = integral_start(problem.model, problem.bound_runs, problem.sigma)
     return min((problem.guess(values) for values in (problem.model.values, balanced)), key=problem.cost)
 
 
@@ -239,11 +248,92 @@ def _kept(keep: Keep | None, problem: Problem, *, averaged: bool) -> Callable[[F
     return None if keep is None else lambda z: keep(problem.point(z), averaged)
 
 
-def _coarse(model: Model, driven: Drive) -> Drive:
+def _coarse(model: Model, bound: BoundRun) -> BoundRun:
     """The same run in steps of about 10 s, where it is long enough."""
-    factor = min(round(_COARSE_STEP / driven.run.step), len(driven) // _LEAST_COARSE)
+    factor = min(round(_COARSE_STEP / bound.run.step), len(bound) // _LEAST_COARSE)
     if factor < 2:
-        return driven
-    coarse = drive(model, driven.run.coarsen(factor))
-    blocks = driven.counted[:, : len(coarse) * factor].reshape(len(model.nodes), -1, factor)
+        return bound
+    coarse = bind(model, bound.run.coarsen(factor))
+    blocks = bound.counted[:, : len(coarse) * factor].reshape(len(model.nodes), -1, factor)
     return replace(coarse, counted=coarse.counted & blocks.all(axis=2))
+
+
+# --- The best point of a fit that is running, kept where the next start of the same fit finds it ---
+
+
+_EVERY = 3.0  # s between two writes
+_FORGOTTEN = 30 * 86400.0  # s after which a checkpoint is of no use to anybody
+
+
+def fingerprint_of(text: str, logs: Iterable[tuple[str, str]], options: Mapping[str, object]) -> str:
+    """What a fit depends on, as hexadecimal digits: the model's text, the logs' contents and names, the options.
+
+    Args:
+        text: the model file.
+        logs: name and SHA-256 of each.
+        options: whatever else changes the result; JSON must be able to hold it.
+    """
+    parts = [text, [list(log) for log in logs], dict(options)]
+    return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
+
+
+@dataclass(frozen=True)
+class Kept:
+    """A point of a search, and whether the search was still on averages of the runs."""
+
+    point: Point
+    averaged: bool
+
+
+class Checkpoint:
+    """One fit's best point, in the user's cache.
+
+    A folder that can't be written costs the checkpoint, never the fit; a damaged file is as good as none.
+
+    Args:
+        fingerprint: of the fit.
+        folder: where to keep it; by default in the user's cache.
+        every: least time between two writes [s].
+    """
+
+    def __init__(self, fingerprint: str, folder: Path | None = None, every: float = _EVERY) -> None:
+        self._folder = platformdirs.user_cache_path("lptn") / "fits" if folder is None else folder
+        self.path = self._folder / f"{fingerprint[:32]}.json"
+        self._every, self._written = every, time.monotonic()
+
+    def load(self, model: Model, runs: int) -> Kept | None:
+        """The point where an earlier fit of this model to so many runs was cut off, `None` where there is none."""
+        try:
+            kept = json.loads(self.path.read_text(encoding="utf-8"))
+            averaged = bool(kept["averaged"])
+            values = np.array([float(kept["values"][parameter.name]) for parameter in model.parameters])
+            starts = [np.array([float(start[state]) for state in model.states]) for start in kept["starts"]]
+        except (OSError, ValueError, KeyError, TypeError):
+            return None
+        usable = len(starts) == runs and np.isfinite([*values, *np.ravel(starts)]).all()
+        return Kept(Point(values, starts), averaged) if usable else None
+
+    def offer(self, model: Model, kept: Kept) -> None:
+        """Keep a point, unless one was kept a moment ago."""
+        if time.monotonic() - self._written >= self._every:
+            self.save(model, kept)
+
+    def save(self, model: Model, kept: Kept) -> None:
+        """Keep a point, whole or not at all."""
+        point = kept.point
+        values = dict(zip((parameter.name for parameter in model.parameters), point.values.tolist(), strict=True))
+        starts = [dict(zip(model.states, start.tolist(), strict=True)) for start in point.starts]
+        with contextlib.suppress(OSError, InputError):
+            if not self._folder.is_dir():
+                self._folder.mkdir(parents=True)
+            write_whole(self.path, json.dumps({"averaged": kept.averaged, "values": values, "starts": starts}))
+        self._written = time.monotonic()
+
+    def remove(self) -> None:
+        """Forget the point, the fit being done; and those of fits that nobody went on with for a month."""
+        with contextlib.suppress(OSError):
+            self.path.unlink(missing_ok=True)
+            oldest = time.time() - _FORGOTTEN
+            for other in self._folder.glob("*.json"):
+                if other.stat().st_mtime < oldest:
+                    other.unlink(missing_ok=True)

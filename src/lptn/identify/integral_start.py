@@ -12,16 +12,16 @@ import casadi as ca
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from lptn.arrays import FloatArray
-from lptn.model import Model
-from lptn.simulate import Drive, default_start
+from lptn.basics.arrays import FloatArray
+from lptn.model.model import Model
+from lptn.simulate.simulation import BoundRun, default_start
 
 _MOST_ROWS = 400  # instants of each run that enter
 _FAINT = 1e-12  # W/K; a link that conducts less is none
 _RIDGE = 1.0  # weight of the declared value, in standard deviations of the data
 
 
-def integral_start(model: Model, drives: Sequence[Drive], sigma: FloatArray) -> FloatArray:
+def integral_start(model: Model, bound_runs: Sequence[BoundRun], sigma: FloatArray) -> FloatArray:
     """Parameter values, shape (m,), that balance the integrated heat; nonlinear ones stay as declared.
 
     Args:
@@ -33,8 +33,8 @@ def integral_start(model: Model, drives: Sequence[Drive], sigma: FloatArray) -> 
     if not system.chosen:
         return model.values
     condensed = np.zeros((0, len(system.chosen) + 1))
-    for driven in drives:
-        for block in system.equations(driven, sigma):
+    for bound in bound_runs:
+        for block in system.equations(bound, sigma):
             # A triangular factor stands for all rows so far: hours of data take no more memory than minutes.
             condensed = np.asarray(np.linalg.qr(np.vstack([condensed, block]), mode="r"))
     return system.solve(condensed[:, :-1], condensed[:, -1])
@@ -47,43 +47,43 @@ class _LinearBalance:
         self.model = model
         x, u, p, rates, _ = model.symbols
         capacities = [model.network.capacities[node] for node in model.nodes]
-        self._inverse = np.array([unknown.name.startswith("resistance.") for unknown in model.unknowns])
-        w = ca.SX.sym("w", len(model.unknowns))
+        self._inverse = np.array([parameter.name.startswith("resistance.") for parameter in model.parameters])
+        w = ca.SX.sym("w", len(model.parameters))
         as_declared = ca.vertcat(*(1 / w[i] if inverse else w[i] for i, inverse in enumerate(self._inverse)))
         heat = ca.substitute(rates[: len(capacities)] * p[capacities], p, as_declared)
         self.chosen = [
             i
             for i in model.free
-            if model.unknowns[i].name.startswith(("capacity.", "resistance.")) or _is_amplitude(model, i)
+            if model.parameters[i].name.startswith(("capacity.", "resistance.")) or _is_amplitude(model, i)
         ]
         self.chosen = _jointly_linear(heat, w, self.chosen)
         self._capacities = capacities
         self._heat = ca.Function("heat", [x, u, w], [heat, ca.densify(ca.jacobian(heat, w[self.chosen]))])
         self._declared = self._to_w(model.values)
 
-    def equations(self, driven: Drive, sigma: FloatArray) -> Iterator[FloatArray]:
+    def equations(self, bound: BoundRun, sigma: FloatArray) -> Iterator[FloatArray]:
         """Rows [∂/∂w, right-hand side] of one run, node by node, in standard deviations.
 
         Each node's rows share an unknown constant, the noise of its first readings: taking the mean off removes it.
         """
         model, nodes = self.model, len(self.model.nodes)
-        temperatures = _filled(driven)
+        temperatures = _filled(bound)
         # A hidden state follows its nodes; one beside a prescribed temperature follows that.
-        states = _resting(model, driven, temperatures)
-        n = len(driven)
-        w0 = model.in_run(driven.run.name, self._declared).copy()
+        states = _resting(model, bound, temperatures)
+        n = len(bound)
+        w0 = model.in_run(bound.run.name, self._declared).copy()
         w0[self.chosen] = 0.0  # the part of the heat that no chosen parameter moves
-        heat, by_w = self._heat.map(n)(states, driven.inputs, np.repeat(w0[:, None], n, axis=1))
-        given = _integrated(heat.full(), driven.run.step)
+        heat, by_w = self._heat.map(n)(states, bound.inputs, np.repeat(w0[:, None], n, axis=1))
+        given = _integrated(heat.full(), bound.run.step)
         slopes = by_w.full().reshape(nodes, n, len(self.chosen))
         rise = temperatures - temperatures[:, :1]
         picked = np.unique(np.linspace(0, n - 1, min(n, _MOST_ROWS)).astype(int))
         for i in range(nodes):
-            kept = picked[driven.counted[i][picked]]
+            kept = picked[bound.counted[i][picked]]
             if kept.size == 0:
                 continue
             capacity = self._capacities[i]
-            block = -_integrated(slopes[i].T, driven.run.step).T[kept]
+            block = -_integrated(slopes[i].T, bound.run.step).T[kept]
             side = given[i][kept]
             if capacity in self.chosen:
                 block[:, self.chosen.index(capacity)] += rise[i][kept]
@@ -107,28 +107,28 @@ class _LinearBalance:
         return np.where(np.isin(np.arange(len(values)), self.chosen), values, model.values)
 
     def _bounds(self, index: int) -> tuple[float, float]:
-        lower, upper = self.model.unknowns[index].declared.bounds
+        lower, upper = self.model.parameters[index].declared.bounds
         return (1 / upper, 1 / lower if lower > 0 else np.inf) if self._inverse[index] else (lower, upper)
 
     def _scale(self, index: int) -> float:
-        typical = abs(self.model.unknowns[index].declared.typical) or 1.0
+        typical = abs(self.model.parameters[index].declared.typical) or 1.0
         return abs(self._declared[index]) or typical
 
     def _to_w(self, values: FloatArray) -> FloatArray:
         return np.where(self._inverse, 1.0 / np.where(self._inverse, values, 1.0), values)
 
 
-def _resting(model: Model, driven: Drive, temperatures: FloatArray) -> FloatArray:
+def _resting(model: Model, bound: BoundRun, temperatures: FloatArray) -> FloatArray:
     """All states in equilibrium with the measured temperatures, shape (states, n)."""
     hidden = model.resting_shares @ temperatures
     lonely = np.flatnonzero(model.resting_shares.sum(axis=1) == 0)
-    start = default_start(model, driven)[len(model.nodes) :]
+    start = default_start(model, bound)[len(model.nodes) :]
     hidden[lonely] = start[lonely][:, None]
     return np.vstack([temperatures, hidden])
 
 
 def _is_amplitude(model: Model, index: int) -> bool:
-    return model.unknowns[index].declared.off is not None
+    return model.parameters[index].declared.off is not None
 
 
 def _jointly_linear(heat: ca.SX, w: ca.SX, chosen: list[int]) -> list[int]:
@@ -141,11 +141,11 @@ def _jointly_linear(heat: ca.SX, w: ca.SX, chosen: list[int]) -> list[int]:
     return kept
 
 
-def _filled(driven: Drive) -> FloatArray:
+def _filled(bound: BoundRun) -> FloatArray:
     """Measured temperatures with gaps bridged; an unmeasured node takes the mean of the others."""
-    n = len(driven)
-    filled = np.full_like(driven.measured, np.nan)
-    for row, readings in enumerate(driven.measured):
+    n = len(bound)
+    filled = np.full_like(bound.measured, np.nan)
+    for row, readings in enumerate(bound.measured):
         finite = np.isfinite(readings)
         if finite.any():
             filled[row] = np.interp(np.arange(n), np.flatnonzero(finite), readings[finite])

@@ -1,4 +1,4 @@
-"""The weighted least-squares problem of a fit: unknowns, residuals and their derivatives."""
+"""The weighted least-squares problem of a fit: parameters, residuals, cost and their derivatives."""
 
 from __future__ import annotations
 
@@ -7,12 +7,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lptn.arrays import BoolArray, FloatArray, IntArray
+from lptn.basics.arrays import BoolArray, FloatArray, IntArray
+from lptn.basics.parameters import Transform
 from lptn.effects import ClockEffect, SensorEffect
-from lptn.model import Model
-from lptn.parameters import Transform
-from lptn.sensitivity import sensitivity_windows
-from lptn.simulate import Drive, SimulationError, default_start, simulate
+from lptn.model.model import Model
+from lptn.simulate.sensitivities import sensitivity_windows
+from lptn.simulate.simulation import BoundRun, SimulationError, default_start, simulate
+
+# --- The weighted least-squares problem of a fit: unknowns, residuals and their derivatives -------
+
 
 # How far initial states may lie from the first guess [K], one standard deviation: wide for a node whose
 # first readings the cost holds anyway, narrower for states that no sensor sees.
@@ -48,25 +51,25 @@ class Problem:
     def __init__(
         self,
         model: Model,
-        drives: Sequence[Drive],
+        bound_runs: Sequence[BoundRun],
         sigma: FloatArray,
-        mirror_weight: float = 0.0,
+        symmetry_penalty: float = 0.0,
         free: Sequence[int] | None = None,
     ) -> None:
-        self.model, self.drives, self.sigma = model, list(drives), sigma
-        self.mirror_weight = mirror_weight
+        self.model, self.bound_runs, self.sigma = model, list(bound_runs), sigma
+        self.symmetry_penalty = symmetry_penalty
         self.free = list(model.free if free is None else free)
-        self._transform = Transform([model.unknowns[index] for index in self.free])
-        self._guesses = [default_start(model, driven) for driven in self.drives]
+        self._transform = Transform([model.parameters[index] for index in self.free])
+        self._guesses = [default_start(model, bound) for bound in self.bound_runs]
         self._shares = model.resting_shares
-        self._pulls = self._pulls_on_parameters(mirror_weight)
-        self.readings = sum(int(driven.counted.sum()) for driven in self.drives)
+        self._pulls = self._pulls_on_parameters(symmetry_penalty)
+        self.readings = sum(int(bound.counted.sum()) for bound in self.bound_runs)
         """Number of readings that count."""
 
     @property
     def size(self) -> int:
         """Number of unknowns."""
-        return len(self.free) + len(self.drives) * len(self.model.states)
+        return len(self.free) + len(self.bound_runs) * len(self.model.states)
 
     def guess(self, values: FloatArray, starts: Sequence[FloatArray] | None = None) -> FloatArray:
         """The unknowns, shape (size,), at given parameter values and initial states."""
@@ -83,16 +86,16 @@ class Problem:
 
     def bounds(self) -> tuple[FloatArray, FloatArray]:
         """Least and largest admissible unknowns."""
-        declared = np.array([self.model.unknowns[index].declared.bounds for index in self.free]).reshape(-1, 2)
+        declared = np.array([self.model.parameters[index].declared.bounds for index in self.free]).reshape(-1, 2)
         lower, upper = np.full(self.size, -np.inf), np.full(self.size, np.inf)
         lower[: len(self.free)] = self._transform.forward(declared[:, 0])
         upper[: len(self.free)] = self._transform.forward(declared[:, 1])
         count = len(self.model.states)
-        for number, driven in enumerate(self.drives):
+        for number, bound in enumerate(self.bound_runs):
             near = slice(len(self.free) + number * count, len(self.free) + number * count + len(self.model.nodes))
-            trusted = np.isfinite(driven.start) & ~self._read_wrongly
-            lower[near] = np.where(trusted, driven.start - _NEAR, -np.inf)
-            upper[near] = np.where(trusted, driven.start + _NEAR, np.inf)
+            trusted = np.isfinite(bound.start) & ~self._read_wrongly
+            lower[near] = np.where(trusted, bound.start - _NEAR, -np.inf)
+            upper[near] = np.where(trusted, bound.start + _NEAR, np.inf)
         return lower, upper
 
     def slope(self, values: FloatArray) -> FloatArray:
@@ -107,8 +110,8 @@ class Problem:
         """
         point = self.point(z)
         rows = [
-            self._whitened(driven, simulate(self.model, driven, point.values, start).readings)
-            for driven, start in zip(self.drives, point.starts, strict=True)
+            self._whitened(bound, simulate(self.model, bound, point.values, start).readings)
+            for bound, start in zip(self.bound_runs, point.starts, strict=True)
         ]
         return np.concatenate([*rows, self._prior_residuals(z, point)])
 
@@ -127,7 +130,7 @@ class Problem:
         """
         point = self.point(z)
         rows, whole = [], []
-        for number in range(len(self.drives)):
+        for number in range(len(self.bound_runs)):
             # Node by node over the whole run, as `residuals` has them.
             order, residuals, narrow = zip(*self._blocks(number, point), strict=True)
             sorting = np.argsort(np.concatenate(order), kind="stable")
@@ -145,7 +148,7 @@ class Problem:
         """
         point, prior = self.point(z), self._prior_jacobian()
         gradient, hessian = prior.T @ self._prior_residuals(z, point), prior.T @ prior
-        for number in range(len(self.drives)):
+        for number in range(len(self.bound_runs)):
             columns = self._columns(number)
             for _, residuals, narrow in self._blocks(number, point):
                 gradient[columns] += narrow.T @ residuals
@@ -159,9 +162,9 @@ class Problem:
             SimulationError: the point makes the model too stiff, or it runs away.
         """
         point, found = self.point(z), []
-        for number, driven in enumerate(self.drives):
-            columns, n = self._columns(number), len(driven)
-            per_block = max(1, round(seconds / driven.run.step))
+        for number, bound in enumerate(self.bound_runs):
+            columns, n = self._columns(number), len(bound)
+            per_block = max(1, round(seconds / bound.run.step))
             for places, residuals, narrow in self._blocks(number, point):
                 stretch = (places // n) * n + (places % n) // per_block
                 first = np.flatnonzero(np.diff(stretch, prepend=-1))
@@ -178,12 +181,12 @@ class Problem:
 
     def _blocks(self, number: int, point: Point) -> Iterator[tuple[IntArray, FloatArray, FloatArray]]:
         """Piece by piece of a run: where its readings stand in the run, residuals, derivatives by `_columns`."""
-        driven, slope = self.drives[number], self.slope(point.values)
-        places = np.arange(driven.counted.size).reshape(driven.counted.shape)
-        pieces = sensitivity_windows(self.model, driven, point.values, self.free, point.starts[number])
+        bound, slope = self.bound_runs[number], self.slope(point.values)
+        places = np.arange(bound.counted.size).reshape(bound.counted.shape)
+        pieces = sensitivity_windows(self.model, bound, point.values, self.free, point.starts[number])
         for window, moved in pieces:
-            counted = driven.counted[:, window]
-            error = (driven.measured[:, window] - moved.readings) / self.sigma[:, None]
+            counted = bound.counted[:, window]
+            error = (bound.measured[:, window] - moved.readings) / self.sigma[:, None]
             block = moved.derivatives[counted]
             block[:, : len(self.free)] *= slope
             self._make_relative(block[:, len(self.free) :])
@@ -194,14 +197,18 @@ class Problem:
         """Measured minus predicted [K] for each run, shape (nodes, n), NaN where nothing was measured."""
         point = self.point(z)
         return [
-            driven.measured - simulate(self.model, driven, point.values, start).readings
-            for driven, start in zip(self.drives, point.starts, strict=True)
+            bound.measured - simulate(self.model, bound, point.values, start).readings
+            for bound, start in zip(self.bound_runs, point.starts, strict=True)
         ]
 
     @property
     def _read_wrongly(self) -> BoolArray:
         """Which nodes have a sensor effect, so that they may start away from their first readings."""
-        nodes = {use.ends[0] for use in self.model.network.uses if isinstance(use.effect, SensorEffect | ClockEffect)}
+        nodes = {
+            instance.ends[0]
+            for instance in self.model.network.effect_instances
+            if isinstance(instance.effect, SensorEffect | ClockEffect)
+        }
         return np.array([node in nodes for node in self.model.nodes], dtype=bool)
 
     # --- initial states ---------------------------------------------------------------------------
@@ -238,7 +245,7 @@ class Problem:
         return np.concatenate([*parts, self._pulls @ z[: len(self.free)]]) if parts else np.zeros(0)
 
     def _prior_jacobian(self) -> FloatArray:
-        starts = np.diag(np.tile(1.0 / self._spread, len(self.drives)))
+        starts = np.diag(np.tile(1.0 / self._spread, len(self.bound_runs)))
         free = len(self.free)
         jacobian = np.zeros((len(starts) + len(self._pulls), self.size))
         jacobian[: len(starts), free:] = starts
@@ -247,19 +254,63 @@ class Problem:
 
     def _pulls_on_parameters(self, weight: float) -> FloatArray:
         """A row for each left-right pair of free parameters, sqrt(λ) times their difference; and for each prior."""
-        where = {self.model.unknowns[index].name: row for row, index in enumerate(self.free)}
+        where = {self.model.parameters[index].name: row for row, index in enumerate(self.free)}
         rows = []
         for index in self.free:
-            unknown = self.model.unknowns[index]
-            if weight > 0 and unknown.mirror in where and unknown.name < unknown.mirror:
+            parameter = self.model.parameters[index]
+            if weight > 0 and parameter.mirror in where and parameter.name < parameter.mirror:
                 row = np.zeros(len(self.free))
-                row[where[unknown.name]], row[where[unknown.mirror]] = np.sqrt(weight), -np.sqrt(weight)
+                row[where[parameter.name]], row[where[parameter.mirror]] = np.sqrt(weight), -np.sqrt(weight)
                 rows.append(row)
-            if unknown.declared.prior is not None:
+            if parameter.declared.prior is not None:
                 row = np.zeros(len(self.free))
-                row[where[unknown.name]] = unknown.declared.typical / unknown.declared.prior
+                row[where[parameter.name]] = parameter.declared.typical / parameter.declared.prior
                 rows.append(row)
         return np.array(rows, dtype=float).reshape(len(rows), len(self.free))
 
-    def _whitened(self, driven: Drive, readings: FloatArray) -> FloatArray:
-        return ((driven.measured - readings) / self.sigma[:, None])[driven.counted]
+    def _whitened(self, bound: BoundRun, readings: FloatArray) -> FloatArray:
+        return ((bound.measured - readings) / self.sigma[:, None])[bound.counted]
+
+
+# --- Cost, gradient and Gauss-Newton Hessian of a problem, each point worked out once -------------
+
+
+_REMEMBERED = 4  # points whose costs are kept: a line search comes back to the last few
+_DAMPING = 1e-10  # relative; keeps the Hessian positive where the data say nothing
+
+
+class Evaluator:
+    """A problem's cost and derivatives, scaled to a mean over the readings; the best point is kept."""
+
+    def __init__(self, problem: Problem) -> None:
+        self.problem = problem
+        self.scale = 1.0 / max(problem.readings, 1)
+        self.best = (float("inf"), np.zeros(problem.size))
+        """The least cost seen, scaled, and where."""
+        self._costs: dict[bytes, float] = {}
+        self._key: bytes = b""
+        self._derivatives: tuple[FloatArray, FloatArray] = (np.zeros(0), np.zeros(0))
+
+    def cost(self, z: FloatArray) -> float:
+        """Scaled cost; infinite where the model can't be simulated."""
+        key = z.tobytes()
+        if key not in self._costs:
+            if len(self._costs) >= _REMEMBERED:
+                self._costs.pop(next(iter(self._costs)))
+            self._costs[key] = self.problem.cost(z) * self.scale
+            if self._costs[key] < self.best[0]:
+                self.best = (self._costs[key], z.copy())
+        return self._costs[key]
+
+    def derivatives(self, z: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Scaled gradient (size,) and Hessian (size, size); NaN where the model can't be simulated."""
+        if z.tobytes() != self._key:
+            try:
+                gradient, hessian = self.problem.normal(z)
+            except SimulationError:
+                gradient = np.full(len(z), np.nan)
+                hessian = np.full((len(z), len(z)), np.nan)
+            damping = _DAMPING * max(float(np.trace(hessian)), 1e-12) * np.eye(len(z))
+            self._derivatives = gradient * self.scale, (hessian + damping) * self.scale
+            self._key = z.tobytes()
+        return self._derivatives

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lptn.arrays import FloatArray
+from lptn.basics.arrays import FloatArray
+from lptn.basics.parameters import ParameterInstance
 from lptn.identify.problem import Problem
-from lptn.parameters import Unknown
 
 _OPEN = 0.7  # standard error of a logarithm (or share of the typical size) above which a value means little
 _SINGULAR = 1e-9  # eigenvalue, relative to the largest, of a combination that moves no temperature
@@ -53,7 +53,7 @@ def uncertainty(problem: Problem, z: FloatArray) -> Uncertainty:
     slope = problem.slope(problem.point(z).values)
     errors = np.where(loose, np.inf, spread * np.abs(slope))
     scale = np.where(spread > 0, spread, 1.0)
-    names = [problem.model.unknowns[index].name for index in problem.free]
+    names = [problem.model.parameters[index].name for index in problem.free]
     warnings = _combinations(names, vectors[:, open_directions])
     warnings += _loose(problem, z, names, spread, loose)
     return Uncertainty(errors, covariance, covariance / np.outer(scale, scale), tuple(warnings))
@@ -115,21 +115,21 @@ def _loose(problem: Problem, z: FloatArray, names: list[str], spread: FloatArray
     values = problem.point(z).values
     warnings = []
     for row, name in enumerate(names):
-        unknown = problem.model.unknowns[problem.free[row]]
+        parameter = problem.model.parameters[problem.free[row]]
         at_bound = z[row] - lower[row] < _CLOSE or upper[row] - z[row] < _CLOSE
-        if at_bound and not _is_off(unknown, values[problem.free[row]]):
-            bounds = " to ".join(f"{bound:g}" for bound in unknown.declared.bounds)
-            warnings.append(f"{name}: ends at its bound ({bounds} {unknown.declared.unit})")
-        elif spread[row] > _OPEN and not open_[row] and unknown.logarithmic:
+        if at_bound and not _is_off(parameter, values[problem.free[row]]):
+            bounds = " to ".join(f"{bound:g}" for bound in parameter.declared.bounds)
+            warnings.append(f"{name}: ends at its bound ({bounds} {parameter.declared.unit})")
+        elif spread[row] > _OPEN and not open_[row] and parameter.logarithmic:
             warnings.append(
                 f"{name}: not determined by these data (a factor of {np.exp(min(spread[row], 20)):.2g} either way)"
             )
-        elif not unknown.logarithmic and abs(z[row]) < 2 * spread[row] and not open_[row]:
+        elif not parameter.logarithmic and abs(z[row]) < 2 * spread[row] and not open_[row]:
             warnings.append(f"{name}: these data don't tell it from zero")
     return warnings
 
 
-def _is_off(unknown: Unknown, value: float) -> bool:
+def _is_off(parameter: ParameterInstance, value: float) -> bool:
     """Whether an amplitude ended where its effect vanishes, which is a bound but no cause for a warning."""
-    off = unknown.declared.off
-    return off is not None and abs(value - off) < _CLOSE * abs(unknown.declared.typical)
+    off = parameter.declared.off
+    return off is not None and abs(value - off) < _CLOSE * abs(parameter.declared.typical)

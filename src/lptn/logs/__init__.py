@@ -1,15 +1,5 @@
-"""Logs of robots, read into runs: uniform sampling, SI units, every fault found and said."""
+"""Logs of robots, read into runs: uniform sampling, SI units, every fault said."""
 
-from lptn.logs.columns import ColumnSource, parse_columns, parse_map_option
-from lptn.logs.quantisation import quantisation_step
-from lptn.logs.read import read_log
-from lptn.logs.run import Run
+import lazy_loader
 
-__all__ = [
-    "ColumnSource",
-    "Run",
-    "parse_columns",
-    "parse_map_option",
-    "quantisation_step",
-    "read_log",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -4,23 +4,152 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Iterator, Mapping, Sequence
+import shutil
+import tempfile
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from functools import partial
 from importlib.util import find_spec
 from itertools import islice
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, BinaryIO
 
+import numpy as np
 import pandas as pd
 
-from lptn.errors import InputError
-from lptn.files import fingerprint
-from lptn.logs.bag_bounds import bounded
-from lptn.logs.bag_clock import one_clock
+from lptn.basics.arrays import IntArray
+from lptn.basics.errors import InputError
+from lptn.basics.files import fingerprint
 from lptn.logs.bag_messages import COMMON, Decoder, Stream, numbers_in, quantities
-from lptn.logs.merging import on_one_time
+from lptn.logs.resampling import on_one_time
 from lptn.logs.tables import Table, check_size
+
+# --- Compressed bags decompressed within bounds: a few kilobytes must not fill the memory or the disk ---
+
+
+_MOST = 1 << 30  # bytes of a chunk, or of a message; recorders make chunks of some megabytes
+_SHARE = 0.5  # of the disk's free space that a bag may take while it is read
+_PIECE = 1 << 20
+_WAYS = ("lz4", "zstd")
+
+Decompress = Callable[[bytes, int], bytes]
+
+
+@contextmanager
+def bounded() -> Iterator[None]:
+    """Within it rosbags decompresses no chunk beyond the size that it declares, and nothing beyond 1 GiB.
+
+    The library has no such option; its own functions are put back afterwards.
+    """
+    from rosbags.rosbag2 import reader, storage_mcap
+
+    chunks: dict[str, Any] = storage_mcap.DECOMPRESSORS
+    usual = {way: chunks[way] for way in _WAYS}
+    zstd = getattr(reader, "zstd", None)  # older versions use another package: only their lz4 is bounded
+    chunks["lz4"] = _lz4
+    if zstd is not None:
+        chunks["zstd"] = lambda data, size: _within(zstd.ZstdDecompressor(), data, size)
+        vars(reader)["zstd"] = SimpleNamespace(
+            decompress=lambda data: _within(zstd.ZstdDecompressor(), data, _MOST),
+            open=lambda stream, mode: _File(zstd.open(stream, mode)),
+        )
+    try:
+        yield
+    finally:
+        chunks.update(usual)
+        if zstd is not None:
+            vars(reader)["zstd"] = zstd
+
+
+def _lz4(data: bytes, size: int) -> bytes:
+    from lz4.frame import LZ4FrameDecompressor  # type: ignore[import-untyped]
+
+    return _within(LZ4FrameDecompressor(), data, size)
+
+
+def _within(decompressor: Any, data: bytes, size: int) -> bytes:
+    """Data decompressed, one frame of at most `size` bytes.
+
+    Raises:
+        ValueError: it is more, or ends before the frame does.
+    """
+    if not 0 <= size <= _MOST:
+        raise ValueError(f"{size} bytes in one piece, of which {_MOST} at most are taken")
+    found: bytes = decompressor.decompress(bytes(data), max_length=size + 1)
+    if len(found) > size:
+        raise ValueError(f"a piece of more than the {size} bytes that it may have")
+    if not decompressor.eof:
+        raise ValueError("a compressed piece that is cut off")
+    return found
+
+
+class _File:
+    """A compressed file that is read up to half of the disk's free space."""
+
+    def __init__(self, stream: BinaryIO) -> None:
+        self._stream = stream
+        self._left = int(_SHARE * shutil.disk_usage(Path(tempfile.gettempdir())).free)
+
+    def __enter__(self) -> _File:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stream.close()
+
+    def read(self, size: int = _PIECE) -> bytes:
+        piece = self._stream.read(size)
+        self._left -= len(piece)
+        if self._left < 0:
+            raise ValueError("a compressed file of more than half of the disk's free space")
+        return piece
+
+
+# --- One clock for the topics of a bag: header stamps where there are any, times of reception else ---
+
+
+_APART = 1_000_000_000  # ns; no message is under way for so long
+_BACK = 1_000_000_000  # ns by which a stamp may lie before the one before it: messages overtake each other
+
+
+def one_clock(streams: Sequence[Stream]) -> tuple[list[IntArray], list[str]]:
+    """For each topic the times of its messages, (n,) ns, and what was done.
+
+    Topics without usable header stamps are put on the others' clock by the median difference between stamps and
+    reception there.
+    """
+    stamped = [stream for stream in streams if _usable(stream.stamps)]
+    notes = []
+    if stamped:
+        offset = int(np.median(np.concatenate([stream.stamps - stream.received for stream in stamped])))
+        notes.append(f"time: from the header stamps of {_listed(stamped)}.")
+        notes += _disagreeing(stamped)
+    rest = [stream for stream in streams if not _usable(stream.stamps)]
+    if rest:
+        moved = f", moved by {offset / 1e9:.6g} s onto the header stamps' clock" if stamped else ""
+        notes.append(f"time: of {_listed(rest)} the time of reception{moved}; no usable header stamps.")
+    shift = offset if stamped else 0
+    return [stream.stamps if stream in stamped else stream.received + shift for stream in streams], notes
+
+
+def _disagreeing(stamped: Sequence[Stream]) -> list[str]:
+    """What to say of topics whose stamps come from another clock than the first one's; nobody knows which is right."""
+    ahead = [int(np.median(stream.stamps - stream.received)) for stream in stamped]
+    return [
+        f"time: the header stamps of {stream.topic} lie {(own - ahead[0]) / 1e9:+.4g} s from those of "
+        f"{stamped[0].topic}, by the times of reception; two clocks, it seems, and nothing was moved."
+        for stream, own in zip(stamped, ahead, strict=True)
+        if abs(own - ahead[0]) > _APART
+    ]
+
+
+def _usable(stamps: IntArray) -> bool:
+    return bool(stamps.size and stamps.max() > 0 and (np.diff(stamps) > -_BACK).all())
+
+
+def _listed(streams: Sequence[Stream]) -> str:
+    return ", ".join(stream.topic for stream in streams)
+
 
 _FIRST = 20  # messages of a topic that are looked at for names: joints may come in several messages
 _WIDEST = 4000  # columns of one topic

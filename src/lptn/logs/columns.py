@@ -1,7 +1,8 @@
-"""Other people's column names: the `[columns]` table and the option `--map`."""
+"""Columns of other people's logs: units, names, the `[columns]` table, the option `--map`, and back to text."""
 
 from __future__ import annotations
 
+import json
 import math
 import re
 from collections.abc import Mapping, Sequence
@@ -10,9 +11,179 @@ from pathlib import Path
 
 import numpy as np
 
-from lptn.arrays import FloatArray
-from lptn.errors import InputError, shown
-from lptn.logs.units import check_unit, to_si
+from lptn.basics.arrays import FloatArray
+from lptn.basics.errors import InputError, shown
+from lptn.basics.units import registry
+
+# --- Units that people write, turned into SI (temperatures into degC) -----------------------------
+
+
+_TARGETS = {
+    "time": ("s", "time, such as s"),
+    "temperature": ("degC", "temperature, such as degC"),
+    "torque": ("N*m", "torque, such as N*m"),
+    "current": ("A", "current, such as A"),
+    "current_abs": ("A", "current, such as A"),
+    "velocity": ("rad/s", "angular velocity, such as rad/s"),
+    "velocity_rms": ("rad/s", "angular velocity, such as rad/s"),
+    "speed": ("m/s", "speed, such as m/s"),
+    "power": ("W", "power, such as W"),
+    "mechanical_power": ("W", "power, such as W"),
+}
+
+# pint reads Nm as "number metre" and does not know rev.
+_SPELLINGS = {"Nm": "N*m", "mNm": "mN*m", "kNm": "kN*m", "rev/min": "turn/min", "rev/s": "turn/s"}
+
+# To pint these are 1/s, that is rad/s; of a shaft they mean turns, a factor 2 pi apart.
+_TURNS = {"Hz": "turn/s", "1/min": "turn/min", "min^-1": "turn/min"}
+
+
+def check_unit(unit: str, quantity: str, file: str | Path, place: str) -> None:
+    """Refuse a unit that is unknown or of the wrong dimension for `quantity`.
+
+    Raises:
+        InputError: with `file` and `place` as given.
+    """
+    try:
+        to_si(np.zeros(1), quantity, unit)
+    except Exception as error:  # pint raises a dozen kinds of its own and Python's for a text that is no unit
+        wanted = _TARGETS[quantity][1] if quantity in _TARGETS else "its quantity, such as V"
+        raise InputError(file, place, f"unit '{unit}'", f"a unit of {wanted}") from error
+
+
+def to_si(values: FloatArray, quantity: str, unit: str | None) -> FloatArray:
+    """`values` in `unit` converted to the SI unit of `quantity`, degC for temperatures.
+
+    No unit: unchanged. A quantity that is not known is converted to SI base units.
+    """
+    if unit is None:
+        return values
+    name = _SPELLINGS.get(unit, unit)
+    if quantity.startswith("velocity"):
+        name = _TURNS.get(unit, name)
+    measured = registry().Quantity(values, registry().parse_units(name))
+    target = _TARGETS.get(quantity)
+    converted = measured.to(target[0]) if target else measured.to_base_units()
+    return np.asarray(converted.magnitude, dtype=np.float64)
+
+
+# --- Column names taken apart: words, indices, and the unit that a name ends in -------------------
+
+
+def _set(words: str) -> frozenset[str]:
+    return frozenset(words.split())
+
+
+_BRACKETED = re.compile(r"[\[(]\s*([^\[\]()]+?)\s*[\])]\s*$")
+_WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+|°|µ|%")
+
+UNITS: Mapping[str, Mapping[str, str]] = {
+    "time": {
+        "s": "s", "sec": "s", "secs": "s", "seconds": "s", "ms": "ms", "msec": "ms", "millis": "ms",
+        "milliseconds": "ms", "us": "us", "usec": "us", "micros": "us", "microseconds": "us", "µ s": "us", "ns": "ns",
+        "nsec": "ns", "nanos": "ns", "nanoseconds": "ns", "min": "min", "minutes": "min",
+    },
+    "temperature": {
+        "c": "degC", "degc": "degC", "deg c": "degC", "° c": "degC", "celsius": "degC", "f": "degF", "degf": "degF",
+        "deg f": "degF", "° f": "degF", "fahrenheit": "degF", "k": "K", "degk": "K", "kelvin": "K",
+    },
+    "torque": {
+        "nm": "N*m", "n m": "N*m", "mnm": "mN*m", "m nm": "mN*m", "m n m": "mN*m", "ncm": "N*cm", "knm": "kN*m",
+    },
+    "current": {"a": "A", "amp": "A", "amps": "A", "ampere": "A", "ma": "mA", "m a": "mA", "milliamps": "mA"},
+    "velocity": {
+        "rad s": "rad/s", "rads": "rad/s", "radps": "rad/s", "rpm": "rpm", "1 min": "rpm", "deg s": "deg/s",
+        "degps": "deg/s", "dps": "deg/s", "rps": "turn/s", "rev s": "turn/s",
+    },
+    "speed": {"m s": "m/s", "mps": "m/s", "ms": "m/s", "km h": "km/h", "kmh": "km/h", "kph": "km/h", "mm s": "mm/s"},
+    "power": {"w": "W", "watt": "W", "watts": "W", "mw": "mW", "m w": "mW", "kw": "kW", "k w": "kW"},
+}  # fmt: skip
+"""What names end in, by quantity, in lower case with words apart, and the unit that it means."""
+
+ELECTRICAL = ("erpm", "e rpm")
+"""Speeds in electrical turns: the number of pole pairs, which no log says, makes them mechanical."""
+
+
+@dataclass(frozen=True)
+class Parts:
+    """A column's name taken apart.
+
+    Args:
+        words: in lower case, letters and digits apart, `FR_calfTemp2` being fr, calf, temp, 2.
+        bracket: what stands in a bracket at the end, such as a unit or an index; '' if nothing does.
+    """
+
+    words: tuple[str, ...]
+    bracket: str
+
+    def unit(self, quantity: str) -> str:
+        """The unit that the name ends in, or has in a bracket; '' where it has none that `quantity` could have."""
+        known = UNITS.get(quantity, {})
+        if (inside := " ".join(words_of(self.bracket))) in known:
+            return known[inside]
+        for count in (3, 2, 1):
+            ending = " ".join(self.words[-count:])
+            # A letter alone is a unit only behind something that it is the unit of.
+            if len(self.words) > count and ending in known:
+                return known[ending]
+        return ""
+
+    @property
+    def electrical(self) -> bool:
+        """Whether it is a speed in electrical turns."""
+        return " ".join(self.words).endswith(ELECTRICAL) or "erpm" in self.words
+
+
+def words_of(name: str) -> tuple[str, ...]:
+    """The words of a name, in lower case."""
+    return tuple(word.lower() for word in _WORD.findall(name))
+
+
+def parts_of(name: str) -> Parts:
+    """A name taken apart; what stands in a bracket and is no unit are words of it."""
+    match = _BRACKETED.search(name)
+    if match is None:
+        return Parts(words_of(name), "")
+    before, inside = name[: match.start()], match[1]
+    words = words_of(inside)
+    is_unit = not inside.isdigit() and any(" ".join(words) in known for known in UNITS.values())
+    return Parts((*words_of(before), *(() if is_unit else words)), inside)
+
+
+QUANTITIES: Mapping[str, frozenset[str]] = {
+    "time": _set("time t timestamp stamp ts clock elapsed"),
+    "temperature": _set("temperature temperatures temp temps tmp t thermistor ntc pt therm thermocouple"),
+    "torque": _set("torque torques tau effort trq tq moment"),
+    "current": _set("current currents i cur curr iq amps amp"),
+    "velocity": _set("velocity velocities vel omega speed dq qd qdot rpm w"),
+    "speed": _set("speed velocity vel v vx"),
+    "power": _set("power watt watts p"),
+    "powered": _set("powered enabled enable"),
+    "fan": _set("fan duty"),
+    "irradiance": _set("irradiance sun solar"),
+}
+"""Words that say which quantity a column holds."""
+
+PLACES: Mapping[str, frozenset[str]] = {
+    "ambient": _set("ambient amb room air env environment lab surroundings"),
+    "base": _set("base body trunk robot com"),
+    "battery": _set("battery batt bat"),
+    "pc": _set("pc computer cpu onboard"),
+    "winding": _set("winding windings coil copper"),
+    "housing": _set("housing case casing body shell"),
+    "calf": _set("calf knee shank"),
+}
+"""Words that say which place, where it is not called by its own name."""
+
+NOT_MEASURED = _set(
+    "cmd command commanded des desired target ref reference goal limit max min set setpoint error err status flag "
+    "count fault warning id mode"
+)
+"""Words of columns that hold what was wanted, or something about a quantity, and not the quantity."""
+
+
+# --- Other people's column names: the `[columns]` table and the option `--map` --------------------
+
 
 _KEY = re.compile(r"time|[A-Za-z_]\w*\.[^\s.]+")
 _OPTION = re.compile(r"(?P<key>[^=]+)=(?P<column>.+?)(?:\[(?P<unit>[^\[\]]*)\])?")
@@ -130,9 +301,9 @@ def _entry(key: str, entry: object, file: str | Path, place: str) -> ColumnSourc
         entry = {"column": entry}
     if not isinstance(entry, Mapping):
         raise InputError(file, place, shown(entry), 'a column\'s name or a table such as { column = "T1" }')
-    unknown = [str(name) for name in entry if name not in _ALLOWED]
-    if unknown:
-        raise InputError(file, place, f"key '{unknown[0]}'", f"one of {', '.join(_ALLOWED)}")
+    parameter = [str(name) for name in entry if name not in _ALLOWED]
+    if parameter:
+        raise InputError(file, place, f"key '{parameter[0]}'", f"one of {', '.join(_ALLOWED)}")
     low, high = _numbers(entry, "valid", (-math.inf, math.inf), file, place)[:2]
     return ColumnSource(
         _names(entry, file, place),
@@ -209,3 +380,57 @@ def _as_number(text: str) -> object:
         return float(text)
     except ValueError:
         return text
+
+
+# --- Where a column stands, written as the line that a user pastes: of `[columns]`, or an option `--map` ---
+
+
+def toml_line(key: str, source: ColumnSource) -> str:
+    """A line of `[columns]`, such as `"temperature.a" = { column = "T1", unit = "degF" }`."""
+    name = key if key == "time" else json.dumps(key, ensure_ascii=False)
+    columns = [json.dumps(column, ensure_ascii=False) for column in source.columns]
+    unit = [f'unit = "{source.unit}"'] if source.unit else []
+    more = [*unit, *(f"{word} = {_listed(word, numbers)}" for word, numbers in _numbers_as_toml(source))]
+    if len(columns) == 1 and not more:
+        return f"{name} = {columns[0]}"
+    several = f"{'product' if source.product else 'norm'} = [{', '.join(columns)}]"
+    where = several if len(columns) > 1 else f"column = {columns[0]}"
+    return f"{name} = {{ {', '.join([where, *more])} }}"
+
+
+def map_option(key: str, source: ColumnSource) -> str:
+    """An option such as `--map "temperature.a=T1[degF]"`; a mapping of several columns has none, and gives ''."""
+    if len(source.columns) != 1:
+        return ""
+    column = source.columns[0]
+    inside = "; ".join(
+        [source.unit or "", *(f"{word}={','.join(numbers)}" for word, numbers in _numbers_as_toml(source))]
+    )
+    inside = inside.removeprefix("; ")
+    bracket = f"[{inside}]" if inside or column.endswith("]") else ""
+    return f'--map "{key}={column}{bracket}"'
+
+
+def either(key: str, source: ColumnSource) -> str:
+    """Both, for a message of one line."""
+    option = map_option(key, source)
+    return f"{toml_line(key, source)} in [columns]" + (f", or {option}" if option else "")
+
+
+def _numbers_as_toml(source: ColumnSource) -> list[tuple[str, list[str]]]:
+    given: list[tuple[str, list[float]]] = []
+    if source.scale != 1.0:
+        given.append(("scale", [source.scale]))
+    if source.offset:
+        given.append(("offset", [source.offset]))
+    if source.wrap:
+        given.append(("wrap", [source.wrap]))
+    if source.invalid:
+        given.append(("invalid", list(source.invalid)))
+    if source.valid != (-math.inf, math.inf):
+        given.append(("valid", list(source.valid)))
+    return [(word, [f"{number:.12g}" for number in numbers]) for word, numbers in given]
+
+
+def _listed(word: str, numbers: list[str]) -> str:
+    return f"[{', '.join(numbers)}]" if word in {"invalid", "valid"} else numbers[0]

@@ -7,13 +7,21 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lptn.errors import InputError
-from lptn.logs.columns import ColumnSource
-from lptn.logs.features import raw_keys
-from lptn.logs.names import NOT_MEASURED, PLACES, QUANTITIES, Parts, parts_of, words_of
-from lptn.logs.suspicions import suspect_time, suspect_units
+from lptn.basics.errors import InputError
+from lptn.logs.columns import (
+    NOT_MEASURED,
+    PLACES,
+    QUANTITIES,
+    ColumnSource,
+    Parts,
+    map_option,
+    parts_of,
+    toml_line,
+    words_of,
+)
+from lptn.logs.quality import suspect_time, suspect_units
+from lptn.logs.resampling import raw_keys
 from lptn.logs.tables import Table, known_columns
-from lptn.logs.writing import map_option, toml_line
 
 _OSL = ({"case", "temperature"}, {"motor", "current"})  # words of columns that opensourceleg's examples log
 _MOST_WORDS = 24  # of a name; a line of a million characters is none

@@ -16,9 +16,9 @@ import numpy as np
 import pandas as pd
 import pyarrow.parquet as pq
 
-from lptn.arrays import FloatArray
-from lptn.errors import InputError
-from lptn.files import fingerprint
+from lptn.basics.arrays import FloatArray
+from lptn.basics.errors import InputError
+from lptn.basics.files import fingerprint
 from lptn.logs.columns import ColumnSource, is_key
 
 _MOST_NUMBERS = 500_000_000  # 4 GB; a day of twelve joints at 100 Hz has 400 million

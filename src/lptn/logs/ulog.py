@@ -14,10 +14,10 @@ from typing import Any, BinaryIO
 import numpy as np
 import pandas as pd
 
-from lptn.errors import InputError
-from lptn.files import fingerprint
+from lptn.basics.errors import InputError
+from lptn.basics.files import fingerprint
 from lptn.logs.columns import ColumnSource
-from lptn.logs.merging import on_one_time
+from lptn.logs.resampling import on_one_time
 from lptn.logs.tables import Table, check_size
 
 _ESC = re.compile(r"(?P<topic>esc_status|esc_report)\.esc\[(?P<number>\d+)\]\.(?P<field>esc_\w+)")

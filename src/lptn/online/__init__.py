@@ -1,7 +1,5 @@
-"""Temperatures and their uncertainty in real time, from a model and whatever readings come in."""
+"""Temperatures and their uncertainty in real time; forecasts of the time to a limit, and faults of sensors."""
 
-from lptn.online.estimate import Estimate
-from lptn.online.estimator import Estimator
-from lptn.online.model_error import ModelError
+import lazy_loader
 
-__all__ = ["Estimate", "Estimator", "ModelError"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

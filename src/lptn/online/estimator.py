@@ -3,25 +3,227 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
+from scipy.special import ndtr
 
-from lptn.arrays import FloatArray
-from lptn.errors import InputError
-from lptn.model import Model
-from lptn.online.cells import as_gaussian
-from lptn.online.dynamics import Dynamics
-from lptn.online.estimate import Correction, Estimate
-from lptn.online.flicker import coarse_noise
-from lptn.online.incoming import inputs_of, readings_of, refuse_negative, refuse_unknown, sizes_of
-from lptn.online.model_error import ModelError, by_node
-from lptn.parameters import Transform
+from lptn.basics.arrays import FloatArray
+from lptn.basics.errors import InputError
+from lptn.basics.parameters import Transform
+from lptn.model.model import Model
+from lptn.online.dynamics import Dynamics, ModelError, by_node
+from lptn.simulate.simulation import BoundRun
 
 if TYPE_CHECKING:
-    from lptn.identify import Fit
+    from lptn.identify.fitting import Fit
+
+
+# --- What an estimator tells: temperatures and their uncertainty; and the algebra behind it -------
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """What is known after an update; arrays have one entry for each node, in the order of `nodes`.
+
+    Args:
+        nodes: names of the nodes.
+        temperatures: of the nodes [degC].
+        deviations: their standard deviations [K].
+        innovations: reading minus prediction [K], NaN where nothing was read.
+        spreads: standard deviations expected of the innovations, rounding included [K].
+        parameters: learnt parameters in their units, by name, each with its standard deviation.
+    """
+
+    nodes: tuple[str, ...]
+    temperatures: FloatArray
+    deviations: FloatArray
+    innovations: FloatArray
+    spreads: FloatArray
+    parameters: dict[str, tuple[float, float]]
+
+    def temperature(self, node: str) -> tuple[float, float]:
+        """Temperature of a node [degC] and its standard deviation [K].
+
+        Raises:
+            ValueError: the model has no such node.
+        """
+        row = self.nodes.index(node)
+        return float(self.temperatures[row]), float(self.deviations[row])
+
+
+@dataclass(frozen=True)
+class Correction:
+    """The linear algebra of one correction, for whoever follows a fault through the filter.
+
+    Args:
+        transition: derivative of the state by that after the correction before, shape (z, z).
+        by_state: derivative of the seen readings, shape (seen, z).
+        gain: shape (z, seen).
+        covariance: of the seen innovations [K²], shape (seen, seen).
+        innovation: shape (seen,) [K].
+    """
+
+    transition: FloatArray
+    by_state: FloatArray
+    gain: FloatArray
+    covariance: FloatArray
+    innovation: FloatArray
+
+
+# --- What a reading that is rounded to steps says of the temperature: it lies in a cell, no more ---
+
+
+_LEAST_SHARE = 1e-10  # probability of the cell below which a Gaussian must do: the tails are beyond the floats
+_LEAST_WEIGHT = 1e-9  # 1/K²; a reading that says less says nothing
+_ROOT = np.sqrt(2 * np.pi)
+
+
+def as_gaussian(
+    innovation: FloatArray, spread: FloatArray, noise: FloatArray, step: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """The Gaussian measurement that moves a prediction as the rounded one does, matched in mean and variance.
+
+    The noisy temperature before rounding is Gaussian about the prediction; given the cell it is a truncated
+    Gaussian. A prediction well inside its cell learns nothing, however often it is told; one at the edge
+    learns which side it is on. Treating the rounding as white noise of variance step²/12 instead
+    makes a filter the surer the longer a reading stands still.
+
+    Args:
+        innovation: reading minus predicted reading [K], shape (n,).
+        spread: variance of the predicted temperature [K²], shape (n,).
+        noise: variance of the noise before rounding [K²], shape (n,).
+        step: of the sensor [K], 0 for a fine one, shape (n,).
+
+    Returns:
+        equivalent innovation [K] and equivalent noise variance [K²], shape (n,) each.
+    """
+    total = spread + noise
+    deviation = np.sqrt(total)
+    low, high = (innovation - step / 2) / deviation, (innovation + step / 2) / deviation
+    # Both ends on the left: there the distribution function keeps its digits.
+    right = low + high > 0
+    low, high = np.where(right, -high, low), np.where(right, -low, high)
+    share = ndtr(high) - ndtr(low)
+    coarse = (step > 0) & (share > _LEAST_SHARE)
+    share = np.where(coarse, share, 1.0)
+    at_low, at_high = np.exp(-0.5 * low**2) / _ROOT, np.exp(-0.5 * high**2) / _ROOT
+    mean = (at_low - at_high) / share
+    shrunk = mean**2 + (high * at_high - low * at_low) / share  # of the variance, as a share
+    weight = np.maximum(np.minimum(shrunk, 1.0) / total, _LEAST_WEIGHT)
+    moved = np.where(right, -mean, mean) / (deviation * weight)
+    return (
+        np.where(coarse, moved, innovation),
+        np.where(coarse, np.maximum(1 / weight - spread, 0.0), noise + step**2 / 12),
+    )
+
+
+# --- The noise of a coarse sensor, which hides in its steps, from how often its reading flickers between two of them ---
+
+
+_SAFE = 0.3  # of a step: too much noise costs a filter little, too little makes it sure of what is wrong
+_SMOOTH = 60  # readings over which a movement of the temperature itself is told from flicker
+_FEWEST = 600  # readings
+_LEAST = 0.02  # of a step
+
+
+def coarse_noise(bound_runs: Sequence[BoundRun], row: int, step: float) -> float:
+    r"""Standard deviation of the noise before rounding [K], of one node's sensor.
+
+    White noise of standard deviation :math:`\sigma` changes the reading from one sample to the next with probability
+    :math:`2\sigma / (q\sqrt\pi)`, averaged over a cell of width q; what the temperature's own movement adds is
+    taken off. Readings that were averaged after rounding don't show it: then a share of the step serves.
+    """
+    single = [_whole(bound.measured[row], step) for bound in bound_runs if not bound.run.averaged]
+    pairs = sum(max(0, readings.size - _SMOOTH) for readings in single)
+    if pairs < _FEWEST:
+        return _SAFE * step
+    changes = sum(float(np.abs(np.diff(readings)).clip(max=step).sum()) for readings in single)
+    moved = sum(float(np.abs(readings[_SMOOTH:] - readings[:-_SMOOTH]).sum()) / _SMOOTH for readings in single)
+    return float(max(np.sqrt(np.pi) / 2 * (changes - moved) / pairs, _LEAST * step))
+
+
+def _whole(readings: FloatArray, step: float) -> FloatArray:
+    """Readings without gaps; none where they don't lie on the sensor's steps."""
+    known = readings[np.isfinite(readings)]
+    off = np.abs((known - known[:1]) / step - np.round((known - known[:1]) / step))
+    return known if known.size > _SMOOTH and off.max() < 0.02 else known[:0]
+
+
+# --- What comes to an estimator from outside: checked, and put in the model's order ---------------
+
+
+def inputs_of(model: Model, inputs: Mapping[str, float]) -> FloatArray:
+    """Values of the model's inputs, shape (inputs,); NaN for one that stands for the resting temperature.
+
+    Raises:
+        InputError: one is missing or not finite.
+    """
+    values = np.empty(len(model.inputs))
+    for place, column in enumerate(model.inputs):
+        if column not in inputs:
+            if column not in model.started:
+                raise InputError(model.network.origin, f"input {column}", "no such input", f"a value for {column}")
+            values[place] = math.nan
+            continue
+        values[place] = inputs[column]
+        if not math.isfinite(values[place]):
+            raise InputError(model.network.origin, f"input {column}", f"{values[place]:g}", "a finite number")
+    return values
+
+
+def readings_of(model: Model, readings: Mapping[str, float | None], what: str = "readings") -> FloatArray:
+    """Readings of the model's nodes [degC], shape (nodes,), NaN where missing.
+
+    Raises:
+        InputError: a reading of no node, or an infinite one.
+    """
+    refuse_unknown(readings, model.nodes, model, what)
+    given = (readings.get(node) for node in model.nodes)
+    values = np.array([math.nan if reading is None else reading for reading in given], dtype=float)
+    if np.isinf(values).any():
+        node = model.nodes[int(np.isinf(values).argmax())]
+        raise InputError(model.network.origin, f"{what} of {node}", "an infinite value", "a number, or NaN for none")
+    return values
+
+
+def refuse_unknown(names: Mapping[str, object], known: Sequence[str], model: Model, what: str) -> None:
+    """Refuse a name that the model doesn't have: it is a slip of the pen.
+
+    Raises:
+        InputError: with the known names.
+    """
+    for name in names:
+        if name not in known:
+            raise InputError(model.network.origin, what, f"'{name}'", f"one of {', '.join(known)}")
+
+
+def refuse_negative(sizes: Mapping[str, float]) -> None:
+    """Refuse a size that is negative or not finite.
+
+    Raises:
+        ValueError: with its name.
+    """
+    for name, size in sizes.items():
+        if not (math.isfinite(size) and size >= 0):
+            raise ValueError(f"{name}: found {size:g}; expected a finite size, 0 or above")
+
+
+def sizes_of(model: Model, sizes: float | Mapping[str, float], what: str) -> FloatArray:
+    """One size a node, shape (nodes,); 0 for a node that a mapping leaves out.
+
+    Raises:
+        InputError: a node that the model doesn't have.
+        ValueError: a size that is negative or not finite.
+    """
+    given = sizes if isinstance(sizes, Mapping) else dict.fromkeys(model.nodes, sizes)
+    refuse_unknown(given, model.nodes, model, what)
+    refuse_negative({f"{what} of {node}": size for node, size in given.items()})
+    return np.array([given.get(node, 0.0) for node in model.nodes], dtype=float)
+
 
 Rounding = Literal["cell", "white", "ignored"]
 """How the steps of a coarse sensor enter: as cells, as white noise of variance step²/12, or not at all."""
@@ -97,8 +299,8 @@ class Estimator:
     ) -> Estimator:
         """An estimator on a fitted model, with the noise, sensor steps and parameter covariance of the fit."""
         nodes = fit.model.nodes
-        drives, steps = fit.problem.drives, fit.noise.step
-        coarse = [coarse_noise(drives, row, step) if step > 0 else _LEAST_NOISE for row, step in enumerate(steps)]
+        bound_runs, steps = fit.problem.bound_runs, fit.noise.step
+        coarse = [coarse_noise(bound_runs, row, step) if step > 0 else _LEAST_NOISE for row, step in enumerate(steps)]
         white = np.maximum(fit.noise.white, coarse)
         return cls(
             fit.model,
@@ -188,7 +390,7 @@ class Estimator:
 
     def _doubt(self, walks: Mapping[str, float], covariance: FloatArray | None) -> None:
         model = self.model
-        names = [unknown.name for unknown in model.unknowns]
+        names = [parameter.name for parameter in model.parameters]
         refuse_unknown(walks, names, model, "learn")
         refuse_negative(walks)
         free = model.free if covariance is not None else []
@@ -197,14 +399,14 @@ class Estimator:
         learnt = [names.index(name) for name in walks]
         doubted = [*free, *(index for index in learnt if index not in free)]
         self._learnt = np.array([index in learnt for index in doubted], dtype=bool)
-        self._doubted = [model.unknowns[index] for index in doubted]
+        self._doubted = [model.parameters[index] for index in doubted]
         self._transform = Transform(self._doubted)
         self._prior = np.diag(np.full(len(doubted), _UNKNOWN**2))
         if covariance is not None:
             self._prior[: len(free), : len(free)] = covariance
-        hourly = np.array([walks.get(unknown.name, 0.0) for unknown in self._doubted])
+        hourly = np.array([walks.get(parameter.name, 0.0) for parameter in self._doubted])
         self._dynamics = Dynamics(model, self.error, doubted, hourly**2 / _HOUR)
-        declared = np.array([unknown.declared.bounds for unknown in self._doubted]).reshape(-1, 2)
+        declared = np.array([parameter.declared.bounds for parameter in self._doubted]).reshape(-1, 2)
         self._bounds = [self._transform.forward(bound) for bound in declared.T]
 
     # --- the filter -------------------------------------------------------------------------------
@@ -226,7 +428,7 @@ class Estimator:
         z, spread = np.zeros(layout.size), self._dynamics.errors.copy()
         z[layout.states], spread[layout.states] = nodes[owners], scatter[owners]
         spread[len(model.nodes) : layout.states.stop] += _HIDDEN**2
-        z[layout.parameters] = self._transform.forward(np.array([unknown.value for unknown in self._doubted]))
+        z[layout.parameters] = self._transform.forward(np.array([parameter.value for parameter in self._doubted]))
         self._covariance = np.diag(spread)
         self._covariance[layout.parameters, layout.parameters] = self._prior
         self._resting = np.array([nodes.mean()])
@@ -297,8 +499,8 @@ class Estimator:
         values = self._transform.backward(coordinates)
         errors = deviations[where] * np.abs(self._transform.slope(values))
         learnt = {
-            unknown.name: (float(value), float(error))
-            for unknown, value, error, chosen in zip(self._doubted, values, errors, self._learnt, strict=True)
+            parameter.name: (float(value), float(error))
+            for parameter, value, error, chosen in zip(self._doubted, values, errors, self._learnt, strict=True)
             if chosen
         }
         return Estimate(
@@ -308,3 +510,37 @@ class Estimator:
     def _refuse_time(self, dt: float) -> None:
         if not 0 <= dt <= _DAY:
             raise InputError(self.model.network.origin, "time step", f"{dt:g} s", f"a time from 0 to {_DAY:g} s")
+
+
+# --- An estimator led along a whole run -----------------------------------------------------------
+
+
+def run_filter(estimator: Estimator, bound: BoundRun, measured: FloatArray | None = None) -> Iterator[Estimate]:
+    """Estimates at each of a run's n readings, in order of time.
+
+    A reading that is the mean over its step is taken in at the middle of it.
+
+    Args:
+        estimator: fresh, or at the state in which the run begins.
+        driven: the run as the model sees it.
+        measured: readings [degC], shape (nodes, n), that stand for the run's own.
+    """
+    model, step = estimator.model, bound.run.step
+    readings = bound.measured if measured is None else measured
+    last: dict[str, float] = {}
+    before = 0.0
+    for k in range(len(bound)):
+        inputs = _named(model.inputs, bound.inputs[:, k])
+        present = {model.nodes[row]: float(readings[row, k]) for row in np.flatnonzero(np.isfinite(readings[:, k]))}
+        if bound.run.averaged:
+            if before:
+                estimator.advance(last, before)
+            yield estimator.update(inputs, present, step / 2 if estimator.running else 0.0)
+            last, before = inputs, step / 2
+        else:
+            yield estimator.update(last if before else inputs, present, before)
+            last, before = inputs, step
+
+
+def _named(columns: list[str], values: FloatArray) -> dict[str, float]:
+    return dict(zip(columns, values.tolist(), strict=True))

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 
-from lptn.errors import InputError
+from lptn.basics.errors import InputError
 
 FILE = Path(__file__).with_name("references.toml")
 
@@ -69,6 +69,11 @@ class Reference:
         where = ", ".join(part for part in (self.published, self.doi and f"doi:{self.doi}", self.url) if part)
         return ". ".join(part for part in (head, self.title, where) if part) + "." + (self.note and f" {self.note}")
 
+    def what_stands_at(self, place: str) -> str:
+        """What stands at one of its places, and what is printed wrong there."""
+        wrong = self.errata.get(place)
+        return self.places[place] + (f" (printed wrong: {wrong})" if wrong else "")
+
 
 @dataclass(frozen=True)
 class Citation:
@@ -78,16 +83,8 @@ class Citation:
     places: tuple[str, ...] = ()
 
     def __str__(self) -> str:
-        """In words: the work, and each place with what stands there."""
-        said = "; ".join(f"{place} ({self.reference.places[place]})" for place in self.places)
-        return f"{self.reference.short}, {said}" if said else self.reference.short
-
-    @property
-    def errata(self) -> tuple[str, ...]:
-        """What is printed wrong at the cited places."""
-        return tuple(
-            f"{place}: {self.reference.errata[place]}" for place in self.places if place in self.reference.errata
-        )
+        """The work and the places, as a sentence names them: `Chen (2017), eq. 2.4`."""
+        return "; ".join((self.reference.short, *self.places)).replace("; ", ", ", 1)
 
 
 @cache
@@ -126,23 +123,39 @@ def citations(text: str) -> tuple[Citation, ...]:
     return tuple(Citation(reference(match["key"]), _places(match["key"], match["places"] or "")) for match in brackets)
 
 
-def cite(text: str) -> str:
-    """A text's citations in words: `Chen (2017), eq. 2.4 (winding loss I²R_m)`.
+def cite(text: str, as_said: Callable[[Citation], str] = str) -> str:
+    """A text with its citations in words: `[Chen2017, eq. 2.4]` as Chen (2017), eq. 2.4.
+
+    Args:
+        text: with any number of citations, none included.
+        as_said: what stands for a citation; by default its words.
 
     Raises:
         InputError: a citation names a work or a place that the bibliography hasn't.
     """
-    return "; ".join(map(str, citations(text)))
+
+    def said(match: re.Match[str]) -> str:
+        found = citations(match[0])
+        return as_said(found[0]) if found else match[0]
+
+    return _CITATION.sub(said, text)
 
 
-def works_cited(texts: Iterable[str]) -> tuple[Reference, ...]:
-    """The works that texts cite, each once, in the order of the bibliography.
+def works_cited(texts: Iterable[str]) -> tuple[Citation, ...]:
+    """The works that texts cite, in the order of the bibliography, each once with all its cited places.
 
     Raises:
         InputError: a citation names a work or a place that the bibliography hasn't.
     """
-    keys = {citation.reference.key for text in texts for citation in citations(text)}
-    return tuple(work for key, work in bibliography().items() if key in keys)
+    cited: dict[str, set[str]] = {}
+    for text in texts:
+        for citation in citations(text):
+            cited.setdefault(citation.reference.key, set()).update(citation.places)
+    return tuple(
+        Citation(work, tuple(place for place in work.places if place in cited[key]))
+        for key, work in bibliography().items()
+        if key in cited
+    )
 
 
 def _is_work(key: str) -> bool:
@@ -171,9 +184,9 @@ def _reference(key: str, entry: Mapping[str, object]) -> Reference:
         )
     except TypeError as error:
         raise InputError(FILE.name, key, str(error), "title, authors, year, published, short, doi, url, note") from None
-    unknown = [place for place in work.errata if place not in work.places]
-    if unknown or not (work.authors or work.named):
+    parameter = [place for place in work.errata if place not in work.places]
+    if parameter or not (work.authors or work.named):
         raise InputError(
-            FILE.name, key, f"errata of {unknown}" if unknown else "no authors", "places, and authors or short"
+            FILE.name, key, f"errata of {parameter}" if parameter else "no authors", "places, and authors or short"
         )
     return work

@@ -1,16 +1,26 @@
-"""The one visual language: which colour and line means what, and how axes look."""
+"""The one visual language of all figures, as SVG in a page and below the cell of a notebook."""
 
 from __future__ import annotations
 
+import io
+import re
+import sys
+import warnings
+from importlib import import_module
 from typing import Any
 
+import matplotlib
 import numpy as np
+from markupsafe import Markup, escape
 from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.colors import Colormap, Normalize
 from matplotlib.figure import Figure
 
-from lptn.arrays import FloatArray
+from lptn.basics.arrays import FloatArray
+
+# --- The one visual language: which colour and line means what, and how axes look -----------------
+
 
 WIDTH = 9.0  # inch; fills a laptop's page and still prints legibly on A4
 TEXT, SMALL, TINY = 9.0, 8.0, 6.5  # pt
@@ -57,3 +67,88 @@ def time_axis(time: FloatArray) -> tuple[FloatArray, str]:
 def rmse_norm(largest: float, noise: float) -> Normalize:
     """The colour scale from no error to the largest error [K] shown; errors like the noise [K] stay light."""
     return Normalize(0.0, max(largest, _NOISE_IS_LIGHT * noise))
+
+
+# --- A figure as SVG text that can stand inside an HTML page, the same bytes every time -----------
+
+
+_SETTINGS: dict[Any, Any] = {"svg.fonttype": "none", "svg.hashsalt": "lptn"}
+_NO_METADATA = {"Date": None, "Creator": None, "Format": None, "Type": None}
+_PATH = re.compile(r' d="([^"]*)"')
+_LONG_NUMBER = re.compile(r"(\d+\.\d\d)\d+")
+
+
+def inline_svg(figure: Figure, label: str) -> Markup:
+    """The figure as an `<svg>` element.
+
+    Args:
+        figure: the figure.
+        label: what it shows, for those who can't see it.
+    """
+    written = io.StringIO()
+    with matplotlib.rc_context(_SETTINGS), warnings.catch_warnings():
+        # The text stays text, and the reader's machine has fonts that this one may lack.
+        warnings.filterwarnings("ignore", message="Glyph .* missing from font")
+        figure.savefig(written, format="svg", metadata=_NO_METADATA)
+    text = written.getvalue()
+    # The prolog names a DTD on another machine; the page has no use for it.
+    text = text[text.index("<svg") :]
+    text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
+    head, body = text[: text.index(">")], text[text.index(">") :]
+    head = re.sub(r' (width|height)="[^"]*"', "", head)
+    # Several figures share a page: names that nothing refers to would only clash.
+    body = re.sub(r'<g id="[^"]*"', "<g", body)
+    body = _PATH.sub(_shortened, body)
+    return Markup(head + f' role="img" aria-label="{escape(label)}"' + body)
+
+
+def _shortened(path: re.Match[str]) -> str:
+    """A path with two decimals: a hundredth of a point."""
+    return _LONG_NUMBER.sub(r"\1", path[0])
+
+
+# --- Long series thinned for drawing, without losing a peak ---------------------------------------
+
+
+MOST = 900  # points a line; a panel is some 300 pt wide
+
+
+def decimated(time: FloatArray, values: FloatArray, most: int = MOST) -> tuple[FloatArray, FloatArray]:
+    """A line that looks the same with at most about `most` points.
+
+    Each block of samples keeps its smallest and its largest value, at their own times. A block without any
+    value keeps one NaN, so that a gap stays a gap.
+
+    Args:
+        time: shape (n,).
+        values: shape (n,), NaN where missing.
+        most: about how many points to keep.
+    """
+    if time.size <= most:
+        return time, values
+    kept: list[int] = []
+    for block in np.array_split(np.arange(time.size), max(1, most // 2)):
+        finite = block[np.isfinite(values[block])]
+        if finite.size == 0:
+            kept.append(int(block[0]))
+        else:
+            extremes = finite[np.argmin(values[finite])], finite[np.argmax(values[finite])]
+            kept += sorted({int(index) for index in extremes})
+    return time[kept], values[kept]
+
+
+# --- Figures where somebody looks: below the cell of a notebook -----------------------------------
+
+
+def show(figure: Figure) -> None:
+    """Show a figure in a notebook; in a script do nothing.
+
+    Args:
+        figure: any figure, such as those of this package, which no window belongs to.
+    """
+    if "ipykernel" not in sys.modules:
+        return
+    display = import_module("IPython.display")
+    drawn = io.BytesIO()
+    figure.savefig(drawn, format="png")
+    display.display(display.Image(drawn.getvalue(), width=figure.get_figwidth() * 100))

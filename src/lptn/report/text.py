@@ -7,7 +7,7 @@ import re
 from collections.abc import Sequence
 
 from lptn.effects import Effect, catalogue
-from lptn.evidence import Part, Window
+from lptn.identify.data import Segment, Window
 
 NOTHING = "–"
 _EVERYWHERE = "everywhere"
@@ -95,7 +95,7 @@ def duration(seconds: float) -> str:
     return f"{seconds / 60:.3g} min" if seconds < 36000 else f"{seconds / 3600:.3g} h"
 
 
-def within(window: Window, part: Part) -> str:
+def within(window: Window, part: Segment) -> str:
     """A window of a run, in the log's clock; "all" for the whole run."""
     run = part.run
     first, last = float(run.time[0]), float(run.time[-1] + run.step)

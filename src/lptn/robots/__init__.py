@@ -1,45 +1,5 @@
-"""Ready model files: motors, a leg, a quadruped; each perhaps in several models."""
+"""Ready model files: motors, a leg, a quadruped; and model files made from a motor's drawing."""
 
-from __future__ import annotations
+import lazy_loader
 
-from importlib.resources import files
-
-from lptn.errors import InputError
-
-
-def presets() -> dict[str, str]:
-    """The text of each robot's first model by the robot's name."""
-    return {name: text for name, text in _texts().items() if "." not in name}
-
-
-def variants(preset: str) -> dict[str, str]:
-    """The texts of a robot's other models by the model's name; kept in files `<robot>.<model>.toml`."""
-    prefix = f"{preset}."
-    return {name.removeprefix(prefix): text for name, text in _texts().items() if name.startswith(prefix)}
-
-
-def preset_text(preset: str, model: str | None = None) -> str:
-    """The text of one model file.
-
-    Args:
-        preset: the robot's name.
-        model: which of its other models; its first one by default.
-
-    Raises:
-        InputError: no such robot, or no such model of it.
-    """
-    known = presets()
-    if preset not in known:
-        raise InputError("new", "PRESET", f"'{preset}'", f"one of {', '.join(known)}")
-    if model is None:
-        return known[preset]
-    others = variants(preset)
-    if model not in others:
-        expected = f"one of {', '.join(others)}" if others else f"no --model, for {preset} has only one"
-        raise InputError("new", "--model", f"'{model}'", expected)
-    return others[model]
-
-
-def _texts() -> dict[str, str]:
-    entries = (entry for entry in files(__package__).iterdir() if entry.name.endswith(".toml"))
-    return {entry.name.removesuffix(".toml"): entry.read_text(encoding="utf-8") for entry in sorted(entries, key=str)}
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -6,9 +6,9 @@ from types import SimpleNamespace
 
 import casadi as ca
 
+from lptn.basics.parameters import Parameter
 from lptn.effects import LinkEffect, Signature
 from lptn.effects.base import Symbol
-from lptn.parameters import Parameter
 
 WIDTH = 5.0  # K; the fan speeds up over some kelvin, and a fit wants a slope
 

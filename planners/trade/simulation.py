@@ -1,0 +1,150 @@
+"""Designs simulated in fine steps: a check on the program's few elements, and what maps and curves are made of."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from lptn.basics.arrays import FloatArray
+
+from .plant import Parameters, Plant
+from .study import Option
+
+_RATE = 0.5  # a step times the fastest rate; RK4 is then good to 1e-4
+_HOLD_STEPS = 400  # at least, in the check of a held torque
+_MAP_STEPS = 200  # at least, in a map of many designs
+_CYCLE_STEPS = 2  # at least, in each part of a cycle
+_HOT = 2000.0  # degC; what runs away is held here instead of overflowing
+
+
+class Simulator:
+    """An option's own rates in fixed steps of RK4, for many designs side by side.
+
+    Args:
+        option: the discrete choice.
+        driven_by: `"torque"` or `"current"`.
+    """
+
+    def __init__(self, option: Option, driven_by: str = "torque") -> None:
+        self.option = option
+        parameters = Parameters()
+        capacity, resistance, drive, h = (ca.SX.sym(name) for name in ("capacity", "resistance", "drive", "h"))
+        self.plant = plant = Plant(option, parameters, capacity, resistance)
+        x = ca.SX.sym("x", len(plant.states))
+        rates = plant.rates if driven_by == "torque" else plant.rates_at_current
+        f = ca.Function("f", [x, drive, capacity, resistance, parameters.stacked], [rates(x, drive)])
+        numbers = parameters.values()
+
+        def slope(state: Any) -> Any:
+            return f(state, drive, capacity, resistance, numbers)
+
+        k1 = slope(x)
+        k2 = slope(x + h / 2 * k1)
+        k3 = slope(x + h / 2 * k2)
+        k4 = slope(x + h * k3)
+        following = ca.fmin(x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4), _HOT)
+        names = [x, drive, capacity, resistance, h]
+        self.step = ca.Function("step", names, [following])
+        current = plant.current(x, drive) if driven_by == "torque" else drive
+        self._current = ca.Function("current", [x, drive], [ca.substitute(current, parameters.stacked, numbers)])
+        jacobian = ca.jacobian(slope(x), x)
+        self._rates = ca.Function("rates", [x, drive, capacity, resistance], [slope(x)])
+        self._jacobian = ca.Function("jacobian", [x, drive, capacity, resistance], [ca.densify(jacobian)])
+        self._winding = [plant.states.index(node) for node in option.motor.winding]
+
+    def winding(self, x: FloatArray) -> FloatArray:
+        """The winding's highest temperature [degC] for each case, shape (number of cases,)."""
+        return np.asarray(x[self._winding].max(axis=0))
+
+    def substeps(self, duration: float, capacity: float, resistance: float, drive: float = 0.0) -> int:
+        """How many equal steps a duration [s] needs for the fastest rate of a design."""
+        cold = np.full(len(self.plant.states), self.option.study.task.ambient)
+        jacobian = self._jacobian(cold, drive, capacity, resistance).full()
+        return max(1, int(np.ceil(duration * np.abs(np.linalg.eigvals(jacobian)).max() / _RATE)))
+
+    def advance(
+        self, x: FloatArray, drive: FloatArray, capacity: FloatArray, resistance: FloatArray, h: FloatArray
+    ) -> FloatArray:
+        """States after one step, shape (number of states, number of cases), all arguments for all cases."""
+        rows = (values[None, :] for values in (drive, capacity, resistance, h))
+        return np.asarray(self.step(x, *rows).full())
+
+    def steady(self, drive: FloatArray, capacity: FloatArray, resistance: FloatArray) -> FloatArray:
+        """States that no longer change, shape (number of states, number of cases); infinite where there are none.
+
+        By Newton's method; beyond runaway the balance has a root below the air's temperature, which is no state.
+        """
+        n, cases = len(self.plant.states), drive.size
+        x = np.full((n, cases), self.option.study.task.ambient + 20.0)
+        rows = [values[None, :] for values in (drive, capacity, resistance)]
+        for _ in range(30):
+            slope = self._jacobian(x, *rows).full().reshape(n, cases, n).transpose(1, 0, 2)
+            step = np.linalg.solve(slope, self._rates(x, *rows).full().T[:, :, None])[:, :, 0].T
+            x = x - step
+            if np.abs(step).max() < 1e-9 * np.abs(x).max():
+                break
+        stable = np.linalg.eigvals(slope).real.max(axis=1) < 0
+        return np.where(stable & (x.min(axis=0) > self.option.study.task.ambient - 1.0), x, np.inf)
+
+    def current(self, x: FloatArray, drive: float) -> FloatArray:
+        """Current [A] for each case."""
+        return np.asarray(self._current(x, drive).full().ravel())
+
+
+def check_design(
+    option: Option, sink: tuple[float, float] | None, torque: float, duration: float, start: FloatArray
+) -> tuple[float, float]:
+    """The task of a study on one design: highest winding temperature [degC] and highest current [A].
+
+    A task that repeats for ever starts from the periodic state that was found, and runs one cycle.
+
+    Args:
+        option: the discrete choice.
+        sink: its capacity [J/K] and resistance [K/W], `None` without one.
+        torque: peak torque [N·m].
+        duration: of the hold or the cycle [s].
+        start: states [degC], shape (number of states,).
+    """
+    simulator = Simulator(option)
+    task = option.study.task
+    capacity, resistance = sink or (1.0, 1.0)
+    part = duration / len(task.shape)
+    least = _HOLD_STEPS if task.hold else _CYCLE_STEPS
+    steps = max(simulator.substeps(part, capacity, resistance, torque), least)
+    x = start[:, None]
+    hottest, most = float(simulator.winding(x)[0]), 0.0
+    run = simulator.step.mapaccum(steps)
+    for _ in range(task.cycles or 1):
+        for share in task.shape:
+            ones = np.ones((1, steps))
+            path = run(x, torque * share * ones, capacity * ones, resistance * ones, part / steps * ones).full()
+            x = path[:, -1:]
+            hottest = max(hottest, float(simulator.winding(path).max()))
+            most = max(most, float(simulator.current(x, torque * share).max()))
+    return hottest, most
+
+
+def peak_temperatures(
+    option: Option, capacity: FloatArray, resistance: FloatArray, torque: FloatArray, duration: float
+) -> FloatArray:
+    """Highest winding temperature [degC] of many designs under a study's task, shape as given.
+
+    Of a cycle that repeats for ever it is the mean over the cycle, from the RMS torque; infinite where it runs away.
+    """
+    simulator, task = Simulator(option), option.study.task
+    if task.cycles is None:
+        rms = torque * np.sqrt(np.mean(task.shape**2))
+        return simulator.winding(simulator.steady(rms, capacity, resistance))
+    n, part = capacity.size, duration / len(task.shape)
+    x = np.full((len(simulator.plant.states), n), task.start)
+    hottest = simulator.winding(x)
+    stiffest = simulator.substeps(part, float(capacity.min()), float(resistance.min()), float(torque.max()))
+    steps = max(stiffest, _MAP_STEPS if task.hold else _CYCLE_STEPS)
+    h = np.full(n, part / steps)
+    for share in np.tile(task.shape, task.cycles):
+        for _ in range(steps):
+            x = simulator.advance(x, torque * share, capacity, resistance, h)
+            hottest = np.maximum(hottest, simulator.winding(x))
+    return np.asarray(hottest)

@@ -1,0 +1,142 @@
+"""Numbers that a user gives: with a unit (`{ value = 550, unit = "g" }`), by place (`"*_calf" = 60`), or in order."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import BeforeValidator, Field
+
+from lptn.basics.arrays import FloatArray
+from lptn.basics.errors import InputError
+from lptn.basics.places import matching
+from lptn.basics.units import convert
+from lptn.model.file import Number
+
+_LEAST = 1e-12  # SI; the inverse of a smaller quantity would overflow the squares that solvers form
+_LONGEST = 86400.0  # s, a day: fine simulations take steps of a second
+
+# --- quantities of a TOML file ------------------------------------------------------------------
+
+
+def quantity(unit: str) -> BeforeValidator:
+    """A pydantic validator: a bare number in `unit`, or `{ value = …, unit = "…" }` converted to it."""
+
+    def read(given: Any) -> Any:
+        if not isinstance(given, Mapping):
+            return _normal(given)
+        expected = f'a number in {unit}, or {{ value = …, unit = "…" }}'
+        if set(given) != {"value", "unit"}:
+            raise ValueError(expected)
+        number, named = given["value"], given["unit"]
+        if isinstance(number, bool) or not isinstance(number, int | float) or not isinstance(named, str):
+            raise ValueError(expected)
+        try:
+            return _normal(convert(float(number), named, unit))
+        except ValueError as error:
+            raise ValueError(f"a unit like {unit}") from error
+
+    return BeforeValidator(read)
+
+
+def _normal(value: Any) -> Any:
+    """Refuse what is above 0 by a hair: its inverse is no number any more."""
+    if isinstance(value, float) and 0 < abs(value) < _LEAST:
+        raise ValueError(f"0, or a size of at least {_LEAST:g}")
+    return value
+
+
+_POSITIVE, _NOT_NEGATIVE = Field(gt=0), Field(ge=0)
+Positive = Annotated[Number, _POSITIVE]
+NotNegative = Annotated[Number, _NOT_NEGATIVE]
+Celsius = Annotated[Number, Field(gt=-80, lt=500), quantity("degC")]
+Kelvins = Annotated[Number, _POSITIVE, quantity("K")]
+Seconds = Annotated[Number, Field(gt=0, le=_LONGEST), quantity("s")]
+Runtime = Annotated[Number, _NOT_NEGATIVE, quantity("s")]
+Length = Annotated[Number, _POSITIVE, quantity("m")]
+Speed = Annotated[Number, _POSITIVE, quantity("m/s")]
+Mass = Annotated[Number, _POSITIVE, quantity("kg")]
+ExtraMass = Annotated[Number, _NOT_NEGATIVE, quantity("kg")]
+Volume = Annotated[Number, _POSITIVE, quantity("m^3")]
+ExtraVolume = Annotated[Number, _NOT_NEGATIVE, quantity("m^3")]
+Torque = Annotated[Number, _POSITIVE, quantity("N*m")]
+TorqueConstant = Annotated[Number, _POSITIVE, quantity("N*m/A")]
+Current = Annotated[Number, _POSITIVE, quantity("A")]
+Power = Annotated[Number, _POSITIVE, quantity("W")]
+ExtraPower = Annotated[Number, _NOT_NEGATIVE, quantity("W")]
+SpecificEnergy = Annotated[Number, _POSITIVE, quantity("J/kg")]
+Capacity = Annotated[Number, _POSITIVE, quantity("J/K")]
+Resistance = Annotated[Number, _POSITIVE, quantity("K/W")]
+ByPlace = dict[str, Number]
+"""Numbers by name or pattern; a later entry overrides an earlier one."""
+
+# --- numbers by place, or in order --------------------------------------------------------------
+
+Each = float | Mapping[str, float]
+"""One number for all places, or numbers by name or pattern (`"*_calf"`); a later entry overrides an earlier one."""
+Values = Mapping[str, float] | Sequence[float] | FloatArray
+"""Numbers by name, or in order."""
+
+
+def by_place(given: Mapping[str, float], places: Sequence[str], origin: str, table: str) -> dict[str, float]:
+    """Numbers spread over the places that their patterns match.
+
+    Args:
+        given: numbers by name or pattern.
+        places: names to choose from.
+        origin: the file (or object) that gives them, for messages.
+        table: the key under which they stand, for messages.
+
+    Raises:
+        InputError: a pattern that matches nothing.
+    """
+    spread: dict[str, float] = {}
+    for pattern, value in given.items():
+        names = matching(pattern, places)
+        if not names:
+            raise InputError(origin, f'{table}."{pattern}"', "no such place", f"some of {', '.join(places)}")
+        spread |= dict.fromkeys(names, float(value))
+    return spread
+
+
+def checked_by_place(
+    given: Each, places: Sequence[str], table: str, *, infinite: bool = False, least: float = -273.15
+) -> dict[str, float]:
+    """Settings of a controller spread over its places, in the places' order.
+
+    Args:
+        given: one number, or numbers by name or pattern.
+        places: names to choose from.
+        table: what the numbers are, for messages.
+        infinite: whether infinity is allowed.
+        least: the smallest number that is allowed.
+
+    Raises:
+        InputError: a pattern that matches nothing, or a number out of range.
+    """
+    pairs = given if isinstance(given, Mapping) else {"*": given}
+    spread = by_place(pairs, places, "settings", table)
+    for pattern, value in pairs.items():
+        number = float(value)
+        if math.isnan(number) or (math.isinf(number) and not infinite) or number < least:
+            raise InputError("settings", f"{table}.{pattern}", f"{value}", f"a number from {least:g} up")
+    return {place: spread[place] for place in places if place in spread}
+
+
+def in_order(values: Values, names: Sequence[str], what: str, missing: float) -> FloatArray:
+    """Values in the order of their names, `missing` for those left out.
+
+    Raises:
+        InputError: an unknown name, or a wrong number of values.
+    """
+    if isinstance(values, Mapping):
+        parameter = set(values) - set(names)
+        if parameter:
+            raise InputError(what, sorted(parameter)[0], "an unknown name", f"one of {', '.join(names)}")
+        return np.array([values.get(name, missing) for name in names], dtype=float)
+    array = np.asarray(values, dtype=float)
+    if array.shape != (len(names),):
+        raise InputError(what, "values", f"shape {array.shape}", f"{len(names)} values: {', '.join(names)}")
+    return array

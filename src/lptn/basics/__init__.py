@@ -1,0 +1,1 @@
+"""What every room stands on: parameters, places, units, errors, files, processes."""

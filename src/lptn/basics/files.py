@@ -1,0 +1,209 @@
+"""Files written whole or not at all, and numbers as JSON can hold them."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import os
+import secrets
+import shutil
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+from lptn.basics.errors import InputError
+
+# --- Results as JSON can hold them ----------------------------------------------------------------
+
+
+def finite(content: Any) -> Any:
+    """The same without NaN and infinite numbers, which JSON does not know: `None` in their place."""
+    if isinstance(content, Mapping):
+        return {key: finite(value) for key, value in content.items()}
+    if isinstance(content, list | tuple):
+        return [finite(value) for value in content]
+    return None if isinstance(content, float) and not math.isfinite(content) else content
+
+
+# --- Files written whole or not at all ------------------------------------------------------------
+# A file is written under another name in the same folder, forced to the disk and renamed; then the folder is forced
+# to the disk. A kill, a full disk or a power cut leaves the old file or the new one, and of two processes that write
+# one file the last wins as a whole. All that a kill can leave is `.<name>.<random>.part`, which nobody reads; who writes
+# the same file again removes those older than an hour.
+
+
+try:
+    import fcntl
+except ImportError:  # Windows
+    fcntl = None  # type: ignore[assignment]
+
+_LEFT_BEHIND = 3600.0  # s; no writer takes so long between making its file and renaming it
+_MOST_OF_A_NAME = 48  # characters of it in the other name, which must stay below 255 bytes
+
+
+def write_whole(path: Path, content: str | bytes) -> None:
+    """Write `content` to `path` so that a crash leaves either the old file or the new one.
+
+    A link is followed, the permissions of a file that is replaced are kept, and what is no plain file (`/dev/stdout`, a
+    pipe) is written to as it stands.
+
+    Raises:
+        InputError: the folder does not exist or can't be written, or the disk is full.
+    """
+    data = _bytes(content)
+    try:
+        target = _real(path)
+        if target.exists() and not target.is_file():
+            target.write_bytes(data)
+            return
+        part = _part(target, data)
+        try:
+            part.replace(target)
+        except BaseException:
+            part.unlink(missing_ok=True)
+            raise
+        _settle(target.parent)
+    except OSError as error:
+        raise _refusal(path, error) from error
+    _sweep(target)
+
+
+def write_folder(folder: Path, contents: Mapping[str, str | bytes]) -> list[Path]:
+    """Write files that belong together.
+
+    A new folder appears with all of them or not at all. In one that stands already, which may hold other files too, all
+    are on the disk before the first takes its place, and no other process's come between.
+
+    Args:
+        folder: where to; made where it is missing, in a folder that exists.
+        contents: by file name, in the order in which they take their places.
+
+    Returns:
+        The files, in order.
+
+    Raises:
+        InputError: the folder can't be written, or the disk is full.
+    """
+    data = {name: _bytes(content) for name, content in contents.items()}
+    try:
+        target = _real(folder)
+        if target.exists() or not _appears(target, data):
+            _fill(target, data)
+    except OSError as error:
+        raise _refusal(folder, error) from error
+    return [folder / name for name in contents]
+
+
+def _appears(folder: Path, contents: Mapping[str, bytes]) -> bool:
+    """Make a folder whole under another name; `False` if somebody else has made one of its name meanwhile."""
+    fresh = folder.parent / _other_name(folder.name)
+    fresh.mkdir()
+    try:
+        _fill(fresh, contents)
+        try:
+            fresh.rename(folder)
+        except OSError:
+            if not folder.is_dir():
+                raise
+            return False
+    finally:
+        shutil.rmtree(fresh, ignore_errors=True)  # unless it has its name
+    _settle(folder.parent)
+    return True
+
+
+def _fill(folder: Path, contents: Mapping[str, bytes]) -> None:
+    """Put files into a folder that exists, all under their other names before one under its own."""
+    parts: dict[str, Path] = {}
+    try:
+        for name, data in contents.items():
+            parts[name] = _part(folder / name, data)
+        with _alone_in(folder):
+            for name, part in parts.items():
+                part.replace(folder / name)
+    finally:
+        for part in parts.values():
+            part.unlink(missing_ok=True)
+    _settle(folder)
+
+
+@contextmanager
+def _alone_in(folder: Path) -> Iterator[None]:
+    """Within it other processes that fill the folder wait, where the system has such locks; they end with a process."""
+    if fcntl is None:
+        yield
+        return
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        with suppress(OSError):  # a file system without locks
+            fcntl.flock(handle, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(handle)
+
+
+def fingerprint(path: Path) -> str:
+    """The SHA-256 of a file's bytes, as hexadecimal digits."""
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def _bytes(content: str | bytes) -> bytes:
+    # A lone surrogate comes from a file name that is no UTF-8: it must not cost the whole report.
+    return content.encode("utf-8", "backslashreplace") if isinstance(content, str) else content
+
+
+def _real(path: Path) -> Path:
+    return Path(os.path.realpath(path)) if path.is_symlink() else path
+
+
+def _part(target: Path, data: bytes) -> Path:
+    """The content on the disk under another name, with the permissions that it will have."""
+    part = target.parent / _other_name(target.name)
+    handle = os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o666)
+    try:
+        with os.fdopen(handle, "wb") as stream:
+            stream.write(data)
+            stream.flush()
+            os.fsync(stream.fileno())
+        with suppress(FileNotFoundError):
+            part.chmod(target.stat().st_mode & 0o777)
+    except BaseException:
+        part.unlink(missing_ok=True)
+        raise
+    return part
+
+
+def _other_name(name: str) -> str:
+    return f"{_beginning(name)}{secrets.token_hex(6)}.part"
+
+
+def _beginning(name: str) -> str:
+    return f".{name[:_MOST_OF_A_NAME]}."
+
+
+def _settle(folder: Path) -> None:
+    """Force a folder's names to the disk, where the system can."""
+    with suppress(OSError):
+        handle = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(handle)
+        finally:
+            os.close(handle)
+
+
+def _sweep(target: Path) -> None:
+    """Remove what killed processes left of the same file."""
+    beginning = _beginning(target.name)
+    with suppress(OSError):
+        for path in target.parent.iterdir():
+            left = path.name.startswith(beginning) and path.name.endswith(".part")
+            if left and len(path.name) == len(beginning) + 17 and time.time() - path.stat().st_mtime > _LEFT_BEHIND:
+                path.unlink()
+
+
+def _refusal(path: Path, error: OSError) -> InputError:
+    expected = "a file that can be written, in a folder that exists"
+    return InputError(path, "output", error.strerror or str(error), expected)

@@ -1,0 +1,135 @@
+"""A parameter: its name, value, unit, bounds, off-value, and who has it in common."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from lptn.basics.arrays import FloatArray
+
+Share = Literal["each", "class", "sides", "all"]
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A number of the model as it is declared, before it is spread over places.
+
+    Args:
+        name: the key under which model files give it.
+        value: its value where nothing else is said, in `unit`.
+        unit: SI unit, as people write it (`"K/W"`).
+        bounds: least and largest admissible value. A positive lower bound makes the fit work
+            with the logarithm.
+        off: the value at which the effect vanishes exactly; `None` for a parameter that can't switch
+            its effect off (a shape, a data-sheet number).
+        typical: the size at which the effect is usually met; scales the search.
+        title: what a person calls it.
+        fixed: `True` keeps the fit away from it.
+        share: who has it in common.
+        on: the value it is held at once the effect is added, for an amplitude that is all or nothing.
+        grid: shapes at which the effect is scored before one is fitted (time constants, exponents).
+        prior: standard deviation about 0 that a fit grants it, for what is a nuisance of the logs and no part of the
+            model; `None` where only the data speak.
+    """
+
+    name: str
+    value: float
+    unit: str
+    bounds: tuple[float, float] = (-math.inf, math.inf)
+    off: float | None = None
+    typical: float = 1.0
+    title: str = ""
+    fixed: bool = False
+    share: Share = "each"
+    on: float | None = None
+    grid: tuple[float, ...] = ()
+    prior: float | None = None
+
+    def __post_init__(self) -> None:
+        lower, upper = self.bounds
+        if not lower <= upper:
+            raise ValueError(f"{self.name}: bounds {lower:g} to {upper:g} are in the wrong order")
+        if not lower <= self.value <= upper:
+            raise ValueError(f"{self.name}: value {self.value:g} lies outside its bounds {lower:g} to {upper:g}")
+
+    @property
+    def switched_off(self) -> Parameter:
+        """The same parameter at its off-value; unchanged where it has none."""
+        return self if self.off is None else replace(self, value=self.off)
+
+    @property
+    def switched_on(self) -> Parameter:
+        """The same parameter as a newly added effect starts with it."""
+        if self.off is None:
+            return self
+        return replace(self, value=self.typical) if self.on is None else replace(self, value=self.on, fixed=True)
+
+
+_NEAR_ZERO = 0.1  # of the typical size: below it a parameter that may be 0 is searched in even steps
+
+
+@dataclass(frozen=True)
+class ParameterInstance:
+    """One scalar of an assembled model: a parameter at the place, or group of places, that owns it.
+
+    Its `name` is `"<parameter>.<owner>"`, for an effect `"<effect>.<parameter>.<owner>"`.
+    """
+
+    name: str
+    declared: Parameter
+    mirror: str | None = None  # the same parameter on the robot's other side, when shared by "sides"
+
+    @property
+    def value(self) -> float:
+        """Value in the parameter's unit."""
+        return self.declared.value
+
+    @property
+    def free(self) -> bool:
+        """Whether the fit may change it."""
+        return not self.declared.fixed
+
+    @property
+    def logarithmic(self) -> bool:
+        """Whether the fit works with its logarithm; degrees Celsius have no natural zero."""
+        return self.declared.bounds[0] > 0 and self.declared.unit != "degC"
+
+
+class Transform:
+    """Between parameter values and the fit's unbounded-looking, well-scaled coordinates.
+
+    A positive parameter is searched by its logarithm, one that may be 0 by the inverse hyperbolic sine, which goes
+    over into the logarithm far above it, any other by its share of the typical size. Multiplying all capacitances,
+    conductances and heat by one factor changes hardly a temperature: along logarithms that valley is straight.
+
+    Args:
+        unknowns: the m parameters, in order.
+    """
+
+    def __init__(self, parameters: Sequence[ParameterInstance]) -> None:
+        self._log = np.array([parameter.logarithmic for parameter in parameters], dtype=bool)
+        self._from_zero = (
+            np.array([parameter.declared.bounds[0] == 0 for parameter in parameters], dtype=bool) & ~self._log
+        )
+        typical = np.array([abs(parameter.declared.typical) or 1.0 for parameter in parameters])
+        self._scale = np.where(self._from_zero, _NEAR_ZERO * typical, typical)
+
+    def forward(self, values: FloatArray) -> FloatArray:
+        """Coordinates, shape (m,), of parameter values, shape (m,)."""
+        shares = values / self._scale
+        logarithms = np.log(np.where(self._log, values, 1.0))
+        return np.where(self._log, logarithms, np.where(self._from_zero, np.arcsinh(shares), shares))
+
+    def backward(self, coordinates: FloatArray) -> FloatArray:
+        """Parameter values, shape (m,), of coordinates, shape (m,)."""
+        positive = np.exp(np.where(self._log, coordinates, 0.0))
+        from_zero = np.sinh(np.where(self._from_zero, coordinates, 0.0))
+        return np.where(self._log, positive, self._scale * np.where(self._from_zero, from_zero, coordinates))
+
+    def slope(self, values: FloatArray) -> FloatArray:
+        """d value / d coordinate, shape (m,)."""
+        return np.where(self._log, values, np.where(self._from_zero, np.hypot(values, self._scale), self._scale))

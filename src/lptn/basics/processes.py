@@ -1,0 +1,123 @@
+"""Threads, worker processes and Ctrl-C."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
+from functools import cache, wraps
+from types import FrameType
+from typing import ParamSpec, TypeVar
+
+from threadpoolctl import ThreadpoolController
+
+# --- Small matrix products on one thread: several threads wait for each other longer than they work ---
+
+
+Arguments = ParamSpec("Arguments")
+Result = TypeVar("Result")
+
+
+@cache
+def _libraries() -> ThreadpoolController:
+    return ThreadpoolController()
+
+
+def one_blas_thread(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
+    """The same function, its matrix products on one thread.
+
+    The products of a fit are many and narrow. With a busy machine, or with fits side by side in processes, a
+    threaded BLAS was measured to take ten times as long.
+    """
+
+    @wraps(function)
+    def alone(*arguments: Arguments.args, **named: Arguments.kwargs) -> Result:
+        with _libraries().limit(limits=1, user_api="blas"):
+            return function(*arguments, **named)
+
+    return alone
+
+
+# --- Processes that work for this one, and end with it --------------------------------------------
+
+
+_LOOKS = 1.0  # s between two looks at whether the parent is still there
+
+
+def pool_of(jobs: int) -> ProcessPoolExecutor:
+    """Processes that fall silent at Ctrl-C, and that don't outlive a parent that was killed.
+
+    Args:
+        jobs: how many.
+    """
+    return ProcessPoolExecutor(jobs, initializer=_begin, initargs=(os.getpid(),))
+
+
+def _begin(parent: int) -> None:
+    # The parent says what there is to say; a traceback from each worker is of no use to anybody.
+    signal.signal(signal.SIGINT, lambda *_: os._exit(130))
+    threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
+
+
+def _end_with(parent: int) -> None:
+    while os.getppid() == parent:
+        time.sleep(_LOOKS)
+    os._exit(1)
+
+
+# --- Ctrl-C where it can be heard -----------------------------------------------------------------
+# CasADi's Python layer takes any exception that rises while it converts its arguments for a mismatch of types: it
+# drops a `KeyboardInterrupt` and returns nonsense. So an interrupt that arrives inside CasADi is held back until
+# control is with this package again.
+
+
+_AGAIN = 0.005  # s
+_DEAF = "casadi"
+_OURS = "lptn"
+_held_back = threading.Event()
+
+
+@contextmanager
+def heard_interrupts() -> Iterator[None]:
+    """Within it, Ctrl-C raises `KeyboardInterrupt`, but never inside CasADi.
+
+    Does nothing outside the main thread, and where Ctrl-C is not handled in Python's own way.
+    """
+    usual = threading.current_thread() is threading.main_thread()
+    if not usual or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
+        yield
+        return
+    signal.signal(signal.SIGINT, _interrupt)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def _interrupt(number: int, frame: FrameType | None) -> None:
+    if not _inside_casadi(frame):
+        raise KeyboardInterrupt
+    if not _held_back.is_set():  # one is enough, however often it was pressed
+        _held_back.set()
+        again = threading.Timer(_AGAIN, _press_again, [number])
+        again.daemon = True
+        again.start()
+
+
+def _press_again(number: int) -> None:
+    _held_back.clear()
+    signal.raise_signal(number)
+
+
+def _inside_casadi(frame: FrameType | None) -> bool:
+    """Whether CasADi was called more recently than this package, as it is while it converts what it was given."""
+    while frame is not None:
+        room = str(frame.f_globals.get("__name__", "")).partition(".")[0]
+        if room in (_DEAF, _OURS):
+            return room == _DEAF
+        frame = frame.f_back
+    return False

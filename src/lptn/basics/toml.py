@@ -1,0 +1,199 @@
+"""TOML files of the user: where a key stands, and each mistake with its line, what was found and what was expected."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import tomlkit
+from pydantic import ValidationError
+from tomlkit.exceptions import ParseError, TOMLKitError
+
+from lptn.basics.errors import InputError, shown
+from lptn.basics.places import is_glob
+
+# --- The line of a TOML text at which a key stands ------------------------------------------------
+
+
+def locate(text: str, place: str) -> int | None:
+    """The 1-based line of a place such as `effects[2].gamma.bounds`, as near as the text shows it.
+
+    Returns:
+        the line of the key, else of the table that should hold it, else `None`.
+    """
+    keys = _split(place)
+    best: tuple[int, int] | None = None
+    header: list[str] = []
+    seen: dict[str, int] = {}
+    for number, line in enumerate(text.split("\n"), start=1):
+        stripped = line.strip()
+        if stripped.startswith("["):
+            header = _header(stripped, seen)
+            path = header
+        else:
+            path = header + _split(stripped.partition("=")[0].strip()) if "=" in stripped else []
+        depth = _common(path, keys)
+        if path and depth == len(path) and (best is None or depth > best[0]):
+            best = (depth, number)
+    return None if best is None else best[1]
+
+
+def _header(line: str, seen: dict[str, int]) -> list[str]:
+    """The path of a table header; each `[[name]]` counts up."""
+    name = line.strip("[] \t").split("]")[0]
+    keys = _split(name)
+    if line.startswith("[["):
+        seen[name] = seen.get(name, -1) + 1
+        keys.append(f"[{seen[name]}]")
+    return keys
+
+
+def _split(place: str) -> list[str]:
+    """`nodes."*_calf".capacity[0]` as its keys."""
+    return [token.strip("\"'") for token in re.findall(r'"[^"]*"|\'[^\']*\'|\[\d+\]|[^."\'\[\]\s]+', place)]
+
+
+def _common(one: list[str], other: list[str]) -> int:
+    count = 0
+    for a, b in zip(one, other, strict=False):
+        if a != b:
+            break
+        count += 1
+    return count
+
+
+# --- Mistakes in a TOML file of the user, each said with its line, its key, what was found and what was expected ---
+
+
+_GREATEST = 2**63 - 1
+_KINDS = {
+    "float_type": "a number",
+    "finite_number": "a finite number",
+    "int_type": "a whole number",
+    "string_type": "a text in quotes",
+    "bool_type": "true or false",
+    "list_type": "a list, […]",
+    "dict_type": "a table, {…}",
+    "model_type": "a table, {…}",
+    "model_attributes_type": "a table, {…}",
+}
+"""What pydantic expected, by its kind of error."""
+
+
+def text_of(path: Path, expected: str) -> str:
+    """The text of a user's file.
+
+    Args:
+        path: the file.
+        expected: what it should have been, for the message.
+
+    Raises:
+        InputError: there is no such file, or it can't be read as text.
+    """
+    try:
+        return path.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "bytes that are not UTF-8 text"
+        raise InputError(path, "file", reason or "no file", expected) from error
+
+
+def toml_of(path: Path, text: str) -> dict[str, Any]:
+    """A TOML text as plain Python values.
+
+    Raises:
+        InputError: it is no TOML, or holds a number that no program can use; with its line.
+    """
+    try:
+        content = tomlkit.parse(text).unwrap()
+        _check_integers(path, content)
+    except ParseError as error:
+        raise InputError(path, f"line {error.line}", sentence(str(error)), "TOML") from error
+    except RecursionError as error:
+        raise InputError(path, "file", "tables or lists in each other without end", "TOML of a few levels") from error
+    except InputError as error:
+        raise with_line(error, path, text) from error
+    except (TOMLKitError, ValueError, OverflowError) as error:  # such as a number of 5000 digits
+        raise InputError(path, "file", sentence(str(error)), "TOML") from error
+    return content
+
+
+def _check_integers(path: Path, content: object, place: str = "") -> None:
+    """Refuse whole numbers beyond what TOML promises: they are no `float` either."""
+    if isinstance(content, Mapping):
+        for key, inner in content.items():
+            _check_integers(path, inner, place + _step(str(key)))
+    elif isinstance(content, list):
+        for number, inner in enumerate(content):
+            _check_integers(path, inner, f"{place}[{number}]")
+    elif isinstance(content, int) and abs(content) > _GREATEST:
+        found = f"a whole number of {len(hex(content)) * 4 // 13} digits"
+        raise InputError(path, place.lstrip("."), found, "one of 18 digits at most")
+
+
+@contextmanager
+def told_by_line(path: Path, text: str) -> Iterator[None]:
+    """Turn what goes wrong while a TOML text is understood into one line that names the place.
+
+    Raises:
+        InputError: with the line of the mistake.
+    """
+    try:
+        yield
+    except ValidationError as error:
+        raise from_validation(error, path, text) from error
+    except InputError as error:
+        raise with_line(error, path, text) from error
+
+
+def from_validation(error: ValidationError, path: Path, text: str) -> InputError:
+    """The first mistake that pydantic found, in the words of this file."""
+    first = error.errors()[0]
+    if isinstance(first["input"], Mapping):  # a table was meant: what is wrong inside it says more
+        first = max(error.errors(), key=lambda each: len(each["loc"]))
+    # A union reports each alternative with its own name in the path; only the file's own keys are wanted.
+    keys = [part for part in first["loc"] if isinstance(part, int) or not _is_alternative(part)]
+    place = "".join(map(_step, keys)).lstrip(".") or "file"
+    return with_line(InputError(path, place, found_in(first), expectation(first)), path, text)
+
+
+def _step(key: str | int) -> str:
+    if isinstance(key, int):
+        return f"[{key}]"
+    return f'."{key}"' if "." in key or is_glob(key) else f".{key}"
+
+
+def _is_alternative(part: str) -> bool:
+    return part in {"str", "float", "ParameterTable"} or part.startswith("constrained")
+
+
+def expectation(error: Any) -> str:
+    """What pydantic expected, in plain words."""
+    kind, message = error["type"], str(error["msg"])
+    if kind == "extra_forbidden":
+        return f'no key "{error["loc"][-1]}" here'
+    if kind == "missing":
+        return f'a key "{error["loc"][-1]}"'
+    if kind in _KINDS:
+        return _KINDS[kind]
+    return sentence(message.removeprefix("Input should be ").removeprefix("Value error, "))
+
+
+def found_in(error: Any) -> str:
+    """What stands in the file where pydantic found a mistake."""
+    return "no such key" if error["type"] == "missing" else shown(error["input"])
+
+
+def sentence(message: str) -> str:
+    """A message that can stand behind a colon."""
+    return message[:1].lower() + message[1:] if message[1:2].islower() else message
+
+
+def with_line(error: InputError, path: Path, text: str) -> InputError:
+    """The same mistake with the line at which its key stands."""
+    if error.file != str(path) or error.place.startswith("line "):
+        return error
+    line = locate(text, error.place)
+    return error if line is None else InputError(path, f"line {line}, {error.place}", error.found, error.expected)

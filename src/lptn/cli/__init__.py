@@ -1,0 +1,1 @@
+"""The command `lptn`: one file a command, thin faces on the library."""

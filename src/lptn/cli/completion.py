@@ -1,0 +1,35 @@
+"""The command that lets the shell complete `lptn`."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import Parameter as Option
+
+from lptn.basics.errors import InputError
+
+Shell = Literal["bash", "zsh", "fish"]
+_SHELLS: tuple[Shell, ...] = ("bash", "zsh", "fish")
+
+
+def install_completion(
+    *, shell: Annotated[Shell | None, Option(help="By default the one that $SHELL names.")] = None
+) -> None:
+    """Let the TAB key complete commands and options from the next shell on.
+
+    Example: lptn --install-completion --shell bash
+    """
+    from lptn.cli.main import app
+
+    found = app.install_completion(shell=shell or _own_shell())
+    print(f"{found}: read from the next shell on")
+
+
+def _own_shell() -> Shell:
+    name = Path(os.environ.get("SHELL", "")).name
+    for shell in _SHELLS:
+        if shell == name:
+            return shell
+    raise InputError("--install-completion", "$SHELL", f"'{name}'", f"--shell and one of {', '.join(_SHELLS)}")

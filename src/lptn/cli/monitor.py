@@ -1,0 +1,163 @@
+"""The command `lptn monitor`."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter as Option
+from cyclopts import validators
+from rich.table import Table
+
+from lptn.basics.errors import InputError
+from lptn.cli.options import Json, Map, check_outputs, check_picture, needs_logs
+from lptn.cli.terminal import out
+from lptn.online.monitoring import Monitoring, Watched
+from lptn.online.sensor_faults import Alarm
+
+if TYPE_CHECKING:
+    from lptn.logs.run import Run
+    from lptn.model.file import ModelFile
+    from lptn.model.model import Model
+    from lptn.online.calibration import Calibration
+
+
+# --- What `lptn monitor` says ---------------------------------------------------------------------
+
+
+_UNITS = {"offset": "K", "drift": "K/s"}
+
+
+def show_monitoring(found: Monitoring) -> None:
+    """A line for each sensor with an alarm: what both detectors say of it, and when."""
+    table = Table(box=None, header_style="bold", pad_edge=False)
+    for column in ("run", "sensor", "fault", "size", "since", "statistical", f"over {found.threshold:g} K"):
+        table.add_column(column, no_wrap=True, overflow="fold")
+    for watched in found.runs:
+        for cells in _rows(watched):
+            table.add_row(*cells)
+    if table.row_count:
+        out.print(table)
+        out.print("Times are in s of each log's clock. The fault is named from some minutes behind the alarm, too.")
+    quiet = [watched for watched in found.runs if not (watched.direct or watched.statistical)]
+    for watched in quiet:
+        node = max(watched.largest, key=watched.largest.__getitem__)
+        text = f"{watched.scene.run.name}: no alarm; largest residual {watched.largest[node]:.3g} K, {node}."
+        out.print(text, markup=False)
+    calibration = found.calibration
+    if calibration.hours:
+        out.print(f"The statistical detector's limits come from {calibration.hours:.3g} h of healthy logs.")
+    else:
+        out.print(
+            "The statistical detector's limits are guesses: give the logs that the model was fitted on as --healthy."
+        )
+
+
+def _rows(watched: Watched) -> list[list[str]]:
+    direct = {alarm.node: alarm for alarm in watched.direct}
+    statistical = {alarm.node: alarm for alarm in watched.statistical}
+    rows = []
+    for node in dict.fromkeys(alarm.node for alarm in (*watched.statistical, *watched.direct)):
+        best = statistical.get(node) or direct[node]
+        size = "" if best.size is None else f"{best.size:+.2g} {_UNITS[best.kind]}"
+        times = [_time(alarms.get(node)) for alarms in (statistical, direct)]
+        rows.append([watched.scene.run.name, node, best.kind, size, f"{best.onset:.0f} s", *times])
+    return rows
+
+
+def _time(alarm: Alarm | None) -> str:
+    return "–" if alarm is None else f"{alarm.time:.0f} s"
+
+
+Healthy = Annotated[
+    list[Path] | None,
+    Option(
+        name="--healthy",
+        help="Logs without a fault, like those to be watched: best those that the model was fitted on.",
+        negative="",
+        consume_multiple=True,
+    ),
+]
+
+
+def monitor(
+    model: Path,
+    /,
+    *logs: Path,
+    threshold: Annotated[
+        float, Option(help="Residual that the plain detector calls a fault, in K.", validator=validators.Number(gt=0))
+    ] = 10.0,
+    healthy: Healthy = None,
+    false_alarms: Annotated[
+        float,
+        Option(help="False alarms an hour that the statistical detector may give.", validator=validators.Number(gt=0)),
+    ] = 0.01,
+    calibration: Annotated[
+        Path | None,
+        Option(help="File for what the healthy logs teach: written with --healthy, read without."),
+    ] = None,
+    json: Json = None,
+    plot: Annotated[Path | None, Option(help="Picture to write: .png, .svg or .pdf.")] = None,
+    map: Map = None,  # noqa: A002 - the option's name
+) -> None:
+    """Find faults of temperature sensors: drift, offset, stuck, dropout.
+
+    Example: lptn monitor fitted.toml today.parquet --threshold 10 --healthy monday.parquet tuesday.parquet
+    """
+    from lptn.cli.terminal import progress, write_json
+    from lptn.identify.data import load_model
+    from lptn.online.monitoring import monitor as watch
+
+    needs_logs(logs)
+    check_outputs(json, plot, calibration if healthy else None, inputs=(model, *logs, *(healthy or ())))
+    check_picture(plot)
+    loaded = load_model(model, map or ())
+    runs, good = loaded.runs(logs), loaded.runs(healthy or [])
+    _refuse_shared(runs, good)
+    with progress("reading") as report:
+        learnt = _calibration(loaded.model, good, false_alarms, calibration, report)
+        found = watch(
+            loaded.model, runs, threshold=threshold, calibration=learnt, rmse=_rmse(loaded.file), report=report
+        )
+    show_monitoring(found)
+    write_json(json, found.as_json())
+    if plot is not None:
+        from lptn.basics.files import write_whole
+        from lptn.report.online_figures import monitoring_figure
+
+        picture = io.BytesIO()
+        monitoring_figure(found).savefig(picture, format=plot.suffix.lower().removeprefix("."))
+        write_whole(plot, picture.getvalue())
+
+
+def _calibration(
+    model: Model, healthy: list[Run], false_alarms: float, path: Path | None, report: Callable[[str], None]
+) -> Calibration | None:
+    """What healthy logs teach: learnt now and kept, or learnt before, or nothing."""
+    from lptn.online.calibration import calibrate, keep, kept
+
+    if healthy:
+        learnt = calibrate(model, healthy, false_alarms=false_alarms, report=report)
+        if path is not None:
+            keep(learnt, model.nodes, path)
+        return learnt
+    return None if path is None else kept(path, model)
+
+
+def _refuse_shared(runs: list[Run], healthy: list[Run]) -> None:
+    """A log that taught what is healthy would be found healthy."""
+    known = {run.fingerprint: run.source for run in healthy}
+    for run in runs:
+        if run.fingerprint in known:
+            found = f"the same data as {known[run.fingerprint]} (--healthy)"
+            raise InputError(run.source, "LOGS", found, "each log once: to learn from, or to watch")
+
+
+def _rmse(file: ModelFile) -> float | None:
+    """The error of the model's fit [K], `None` for a model that was not fitted."""
+    import tomlkit
+
+    rmse = tomlkit.parse(file.text).unwrap().get("fit", {}).get("rmse")
+    return None if rmse is None else float(rmse)

@@ -1,0 +1,184 @@
+"""What the commands have in common: their options, logs opened by their jobs, processes, pictures."""
+
+from __future__ import annotations
+
+import io
+import shlex
+import sys
+from collections.abc import Iterable, Iterator
+from concurrent.futures import Executor
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from cyclopts import Parameter as Option
+from cyclopts import validators
+
+from lptn.basics.errors import InputError
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from lptn.identify.data import DataSplit, LoadedModel
+    from lptn.logs.run import Run
+
+
+Output = Annotated[Path, Option(name=["--output", "-o"], help="File to write.")]
+OptionalOutput = Annotated[Path | None, Option(name=["--output", "-o"], help="File to write the model to.")]
+Json = Annotated[Path | None, Option(name="--json", help="File to write the result to, for programs.")]
+Holdout = Annotated[
+    list[Path] | None,
+    Option(name="--holdout", help="Logs that no fit sees.", negative="", consume_multiple=True),
+]
+HoldoutAfter = Annotated[
+    float | None,
+    Option(name="--holdout-after", help="Hold out the fitted logs' own time from here on, in s."),
+]
+Test = Annotated[
+    list[Path] | None,
+    Option(name="--proof", help="Logs looked at once, at the end.", negative="", consume_multiple=True),
+]
+Map = Annotated[
+    list[str] | None,
+    Option(
+        name="--map",
+        help="Other people's column: temperature.FR_calf=T3[degF]; may be given again. guess: by their names.",
+        negative="",
+    ),
+]
+
+
+def _not_negative(_type: object, value: float | str) -> None:
+    if not isinstance(value, str) and not value >= 0:
+        raise ValueError("Must be >= 0, or auto.")
+
+
+MirrorWeight = Annotated[
+    float | Literal["auto"],
+    Option(
+        help="Pull of left and right parameters towards each other; auto: the one best on held-out runs.",
+        validator=_not_negative,
+    ),
+]
+AmbientError = Annotated[
+    float,
+    Option(help="How far the ambient sensor may be off in each run [K].", validator=validators.Number(gte=0)),
+]
+Jobs = Annotated[
+    int, Option(name="--jobs", help="Processes that refit candidates side by side.", validator=validators.Number(gte=1))
+]
+
+
+def open_by_job(
+    model: Path,
+    logs: tuple[Path, ...],
+    holdout: list[Path] | None,
+    holdout_after: float | None,
+    test: list[Path] | None,
+    mapped: list[str] | None,
+) -> tuple[LoadedModel, DataSplit]:
+    """The model file, and the logs arranged by what they are for."""
+    from lptn.identify.data import load_model, say_absent_runs, split_data
+
+    needs_logs(logs)
+    loaded = load_model(model, mapped or ())
+    fitted, held, proving = (loaded.runs(group) for group in (logs, holdout or [], test or []))
+    _refuse_twice({"LOGS": fitted, "--holdout": held, "--proof": proving})
+    say_absent_runs(loaded.model.network, (*fitted, *held, *proving))
+    return loaded, split_data(fitted, held, proving, holdout_after)
+
+
+def _refuse_twice(groups: dict[str, list[Run]]) -> None:
+    """A log that is fitted twice counts double; one that is fitted and held out proves nothing."""
+    jobs: dict[str, tuple[str, str]] = {}
+    for option, runs in groups.items():
+        for source, digest in {run.source: run.fingerprint for run in runs}.items():
+            if digest in jobs:
+                before, where = jobs[digest]
+                found = f"the same data as {before} ({where})"
+                raise InputError(source, option, found, "each log once: to fit, to hold out, or for proof")
+            jobs[digest] = source, option
+
+
+def check_outputs(*paths: Path | None, inputs: Iterable[Path] = ()) -> None:
+    """Refuse a file that can't be written before hours of work, not after.
+
+    Args:
+        paths: files that will be written.
+        inputs: files that are read, and must not be lost.
+
+    Raises:
+        InputError: its folder does not exist, it is a folder itself, two results would go to one file, or a result
+            would take the place of what is read.
+    """
+    given = [path for path in paths if path is not None]
+    read = {part.resolve() for path in inputs for part in _parts(path)}
+    for path in given:
+        if path.is_dir():
+            raise InputError(path, "output", "a folder", "a file in it")
+        if not path.absolute().parent.is_dir():
+            raise InputError(path, "output", "no such folder", "a file in a folder that exists")
+        if path.resolve() in read:
+            raise InputError(path, "output", "a file that is read", "another file, for this one would be lost")
+    for number, path in enumerate(given):
+        if path.absolute() in [other.absolute() for other in given[:number]]:
+            raise InputError(path, "output", "one file for two results", "a file of its own for each")
+
+
+def _parts(path: Path) -> tuple[Path, ...]:
+    """The files behind a path: of `a.csv+b.csv` both."""
+    if "+" not in str(path):
+        return (path,)
+    from lptn.logs.reading import pair_of
+
+    pair = pair_of(path)
+    return (path,) if pair is None else pair[:2]
+
+
+def needs_logs(logs: tuple[Path, ...]) -> None:
+    """Refuse a command without a log."""
+    if not logs:
+        raise InputError("command line", "LOGS", "no log", "one log file or more after the model file")
+
+
+@contextmanager
+def executor_of(jobs: int) -> Iterator[Executor | None]:
+    """A pool of processes; `None` where one process does it all."""
+    if jobs <= 1:
+        yield None
+        return
+    from lptn.basics.processes import pool_of
+
+    with pool_of(jobs) as pool:
+        yield pool
+
+
+def write_figure(figure: Figure, path: Path) -> None:
+    """Write a figure into a file of the kind that its name says."""
+    from lptn.basics.files import write_whole
+
+    picture = io.BytesIO()
+    figure.savefig(picture, format=_picture_kind(path))
+    write_whole(path, picture.getvalue())
+
+
+def check_picture(path: Path | None) -> None:
+    """Refuse a kind of picture that can't be drawn.
+
+    Raises:
+        InputError: the file name ends in none of .png, .svg and .pdf.
+    """
+    if path is not None:
+        _picture_kind(path)
+
+
+def _picture_kind(path: Path) -> str:
+    kind = path.suffix.lower().removeprefix(".")
+    if kind not in {"png", "svg", "pdf"}:
+        raise InputError(path, "--plot", f"a file name ending in '{path.suffix}'", "one ending in .png, .svg or .pdf")
+    return kind
+
+
+def typed() -> str:
+    """The command as it was typed, for the report."""
+    return " ".join(["lptn", *(shlex.quote(word) for word in sys.argv[1:])])

@@ -1,0 +1,92 @@
+"""Commands of the planners' room: `lptn trade` and `lptn plan`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter as Option
+
+from lptn.cli.options import Json, check_outputs, check_picture, write_figure
+
+Result = Annotated[
+    Path | None, Option(name=["--json", "--output", "-o"], help="File to write the result to, for programs (JSON).")
+]
+Plot = Annotated[Path | None, Option(name="--plot", help="Picture to write: .png, .svg or .pdf.")]
+
+
+def trade(study: Path, /, *, json: Result = None, plot: Plot = None) -> None:
+    """Solve a cooling trade study: best designs, what limits them, Pareto front, sensitivities.
+
+    Example: lptn trade u8.toml --json result.json --plot study.png
+    """
+    from lptn.basics.errors import InputError
+    from lptn.cli.terminal import progress, write_json
+    from lptn.planners.trade import load_study, solve_study
+    from lptn.planners.trade.export import as_json, lines
+
+    check_outputs(json, plot)
+    for output in (json, plot):
+        if output is not None and output.resolve() == study.resolve():
+            raise InputError(output, "output", "the study itself", "another file, for this one would be lost")
+    check_picture(plot)
+    asked = load_study(study)
+    with progress("reading") as report:
+        result = solve_study(asked, report)
+    if not result.designs:
+        raise result.infeasible()
+    print("\n".join(lines(result)))
+    if plot is not None:
+        from lptn.planners.trade.figures import study_figure
+
+        write_figure(study_figure(result), plot)
+    write_json(json, as_json(result))
+
+
+def plan(
+    model: Path,
+    task: Path,
+    /,
+    *,
+    output: Annotated[
+        Path | None, Option(name=["--output", "-o"], help="Table to write the plan to: .csv or .parquet.")
+    ] = None,
+    json: Json = None,
+    plot: Plot = None,
+    emit_c: Annotated[
+        Path | None, Option(name="--emit-c", help="Folder to write the controller step to, as C for the robot.")
+    ] = None,
+) -> None:
+    """Plan torque, speeds or loads so that nothing gets too hot, as a task file asks.
+
+    Example: lptn plan quadruped.toml track.toml -o plan.csv --json plan.json --plot plan.png
+    """
+    from lptn.basics.errors import InputError
+    from lptn.cli.terminal import progress, write_json
+    from lptn.model.file import read_model_file
+    from lptn.model.model import Model
+    from lptn.planners.plan.kinds import kind_of
+    from lptn.planners.plan.output import check_folder, check_table, write_c, write_table
+    from lptn.planners.plan.task_file import load_task
+
+    check_outputs(output, json, plot)
+    check_table(output)
+    check_picture(plot)
+    for written in (output, json, plot):
+        if written is not None and written.resolve() in (model.resolve(), task.resolve()):
+            expected = "another file, for this one would be lost"
+            raise InputError(written, "output", "the model or the task itself", expected)
+    table = load_task(task)
+    kind = kind_of(table, str(task))
+    check_folder(emit_c, kind, str(task))
+    asked = kind.read(table, str(task), Model(read_model_file(model).network))
+    with progress("planning"):
+        answer = kind.run(asked)
+    print(answer.text())
+    if output is not None:
+        write_table(answer.table(), output)
+    if plot is not None:
+        write_figure(answer.figure(), plot)
+    write_json(json, answer.as_json())
+    if emit_c is not None:
+        write_c(kind, asked, emit_c)

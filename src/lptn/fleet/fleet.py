@@ -1,0 +1,353 @@
+"""One model fitted to each robot of a fleet, resumable; how each parameter spreads, and which robots stand apart."""
+
+from __future__ import annotations
+
+import io
+import math
+import pickle
+import uuid
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from contextlib import closing, nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import pandas as pd
+
+from lptn.basics.arrays import FloatArray
+from lptn.basics.errors import InputError
+from lptn.basics.files import write_whole
+from lptn.fleet.robots import Robot, robots_of
+from lptn.fleet.work import Order, Outcome, Shelf, Work, elsewhere, here, in_processes
+from lptn.identify.data import GUESS, LoadedModel, load_model
+from lptn.model.model import Model
+
+# --- How each parameter spreads over a fleet, and which robots stand apart ------------------------
+
+
+FAR = 4.0  # robust standard deviations
+RMSE = "rmse"
+_MAD_TO_SIGMA = 1.4826
+_FEWEST = 5  # robots, below which nobody can be said to stand apart
+_ROUNDING = 1e-6  # share of the size by which searches scatter
+
+
+@dataclass(frozen=True)
+class Spread:
+    """One parameter over the robots that determine it.
+
+    Args:
+        what: the parameter's name, or `"rmse"`.
+        unit: of all values here.
+        robots: how many determine it.
+        median: half of them lie below.
+        quartiles: a quarter of them lies below the first, a quarter above the second.
+        scale: 1.4826 times the median absolute deviation, of the logarithm where that is what is searched.
+        logarithmic: whether robots are told apart by ratios.
+    """
+
+    what: str
+    unit: str
+    robots: int
+    median: float
+    quartiles: tuple[float, float]
+    scale: float
+    logarithmic: bool
+
+    def as_json(self) -> dict[str, object]:
+        """As other tools read it."""
+        low, high = self.quartiles
+        return {"unit": self.unit, "robots": self.robots, "median": self.median, "quartiles": [low, high]}
+
+
+@dataclass(frozen=True)
+class Outlier:
+    """A robot that stands apart from its fleet.
+
+    Args:
+        robot: its name.
+        what: the parameter's name, or `"rmse"`.
+        value: the robot's.
+        median: the fleet's.
+        unit: of both.
+        z: distance from the median in standard deviations: the fleet's robust one and the robot's own standard error
+            together, so that a robot whose logs hardly determine the value does not count as different.
+    """
+
+    robot: str
+    what: str
+    value: float
+    median: float
+    unit: str
+    z: float
+
+    def __str__(self) -> str:
+        """One line."""
+        ratio = self.value / self.median if self.median else math.nan
+        times = f"{ratio:.2g} times the fleet's" if ratio > 0 else "far from the fleet's"
+        return (
+            f"{self.robot}: {self.what} {times}: {self.value:.3g} against {self.median:.3g} {self.unit} "
+            f"(robust z {self.z:+.1f})"
+        )
+
+    def as_json(self) -> dict[str, object]:
+        """As other tools read it."""
+        numbers = {"value": self.value, "median": self.median, "unit": self.unit, "z": self.z}
+        return {"robot": self.robot, "parameter": self.what, **numbers}
+
+
+def spread_of(model: Model, fitted: Sequence[Outcome]) -> tuple[Spread, ...]:
+    """Median, quartiles and robust scatter of the RMSE and of each parameter, over robots that determine it.
+
+    Args:
+        model: the model that was fitted to each robot.
+        fitted: robots with a result.
+    """
+    logarithmic = {parameter.name: parameter.logarithmic for parameter in model.parameters} | {RMSE: True}
+    names = [RMSE, *dict.fromkeys(name for each in fitted for name in each.parameters)]
+    found = []
+    for name in names:
+        entries = [entry for each in fitted if (entry := _entry(each, name)) is not None]
+        if not entries:
+            continue
+        values = np.array([value for value, _, _ in entries])
+        low, median, high = (float(share) for share in np.quantile(values, (0.25, 0.5, 0.75)))
+        straight = logarithmic.get(name, False) and bool((values > 0).all())
+        apart = _coordinate(values, straight) - _coordinate(np.array([median]), straight)
+        scale = _MAD_TO_SIGMA * float(np.median(np.abs(apart)))
+        found.append(Spread(name, entries[0][2], len(entries), median, (low, high), scale, straight))
+    return tuple(found)
+
+
+def outliers(spread: Sequence[Spread], fitted: Sequence[Outcome]) -> tuple[Outlier, ...]:
+    """Robots further than four robust standard deviations from the median, the furthest first.
+
+    Args:
+        spread: of the fleet.
+        fitted: its robots.
+    """
+    found = []
+    for each in spread:
+        if each.robots < _FEWEST:
+            continue
+        for outcome in fitted:
+            entry = _entry(outcome, each.what)
+            if entry is not None and abs(z := _distance(each, *entry[:2])) > FAR:
+                found.append(Outlier(outcome.robot, each.what, entry[0], each.median, each.unit, z))
+    return tuple(sorted(found, key=lambda each: -abs(each.z)))
+
+
+def _distance(spread: Spread, value: float, error: float) -> float:
+    if spread.logarithmic:
+        apart, own = math.log(value / spread.median), error / value
+        rounding = _ROUNDING
+    else:
+        apart, own = value - spread.median, error
+        rounding = _ROUNDING * max(abs(spread.median), abs(value))
+    return apart / max(math.hypot(spread.scale, own), rounding, 1e-300)
+
+
+def _entry(outcome: Outcome, name: str) -> tuple[float, float, str] | None:
+    """Value, standard error and unit; `None` where the robot's logs don't determine it."""
+    if name == RMSE:
+        return (outcome.rmse, 0.0, "K") if math.isfinite(outcome.rmse) else None
+    found: Any = outcome.parameters.get(name)
+    if found is None or found["error"] is None or not math.isfinite(found["error"]):
+        return None
+    return float(found["value"]), float(found["error"]), str(found["unit"])
+
+
+def _coordinate(values: FloatArray, logarithmic: bool) -> FloatArray:
+    return np.log(values) if logarithmic else values
+
+
+# --- One model fitted to each robot of a fleet, and what came of it -------------------------------
+
+
+_IN_FLIGHT = 64
+_A_WORKER = 2  # robots handed out for each process of our own
+
+
+Report = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Fleet:
+    """What became of every robot.
+
+    Args:
+        outcomes: one for each robot, in the order in which they were given.
+        spread: of each parameter, and of the RMSE, over the robots that were fitted.
+        outliers: the robots that stand apart, the furthest first.
+    """
+
+    outcomes: tuple[Outcome, ...]
+    spread: tuple[Spread, ...]
+    outliers: tuple[Outlier, ...]
+
+    @property
+    def fitted(self) -> tuple[Outcome, ...]:
+        """Those with a result, of this call or an earlier one."""
+        return tuple(each for each in self.outcomes if each.status in ("fitted", "unchanged"))
+
+    @property
+    def failed(self) -> tuple[Outcome, ...]:
+        """Those without."""
+        return tuple(each for each in self.outcomes if each.status in ("failed", "interrupted"))
+
+    def as_json(self) -> dict[str, object]:
+        """The fleet as other tools read it."""
+        return {
+            "robots": {
+                each.robot: {"status": each.status, "message": each.message or None, **each.result}
+                for each in self.outcomes
+            },
+            "spread": {each.what: each.as_json() for each in self.spread},
+            "outliers": [each.as_json() for each in self.outliers],
+        }
+
+
+def fit_each(
+    model: Path | LoadedModel,
+    robots: Sequence[Robot] | Sequence[Path],
+    *,
+    into: Path | None = None,
+    executor: Executor | None = None,
+    jobs: int = 1,
+    in_flight: int | None = None,
+    mapped: Sequence[str] = (),
+    symmetry_penalty: float | Literal["auto"] = 0.0,
+    holdout_after: float | None = None,
+    report: Report = lambda _: None,
+    told: Callable[[Outcome], None] = lambda _: None,
+) -> Fleet:
+    """Fit one model to each robot's logs on its own.
+
+    Logs are read by the workers, which must find them, and this package, where they are. What travels is the model
+    and a few kilobytes of results; at most `in_flight` robots are handed out at a time. A robot that can't be fitted
+    is an outcome of its own and stops no other.
+
+    Args:
+        model: the model file, or one that is open.
+        robots: the robots, or files and folders as `robots_of` takes them.
+        into: folder for one model and one record a robot, written as they come. A robot whose record was made from
+            the same model, options and logs is not fitted again. Without it, outcomes hold the models' text.
+        executor: where to work, such as `dask.distributed.Client(...).get_executor()`. Processes, please: fits in
+            threads wait for each other.
+        jobs: without an executor, how many processes of one's own; 1 works here.
+        in_flight: most robots handed out and not yet done; by default 64, or two for each process of one's own.
+        mapped: `--map` options; without effect on a model that is open.
+        mirror_weight: λ of the left-right regulariser, or `"auto"` with `holdout_after`.
+        holdout_after: time [s, in each log's clock] from which each robot's own logs are held out.
+        report: told what is being done.
+        told: given each outcome as it comes.
+
+    Raises:
+        InputError: the model, a place of logs or the folder can't be used, or another process works in the folder.
+    """
+    loaded = model if isinstance(model, LoadedModel) else load_model(model, mapped)
+    if not loaded.model.free:
+        raise InputError(loaded.file.path, "parameters", "none that is free", "one at least without fixed = true")
+    words = (*(f"{key}={column}" for key, column in sorted(loaded.mapped.items())), *[GUESS] * loaded.guessing)
+    order = Order(pickle.dumps(loaded), loaded.file.text, words, symmetry_penalty, holdout_after, uuid.uuid4().hex)
+    fleet = _as_robots(robots)
+    shelf = Shelf(into) if into is not None else None
+    named = {robot.name: robot for robot in fleet}
+    found: dict[str, Outcome] = {}
+    count = _Count(len(fleet), report)
+    work = Work(order, shelf)
+    with shelf.alone() if shelf else nullcontext():
+        if executor is not None:
+            outcomes = elsewhere(work, fleet, executor, in_flight or _IN_FLIGHT)
+        elif jobs > 1:
+            outcomes = in_processes(work, fleet, jobs, in_flight or _A_WORKER * jobs)
+        else:
+            outcomes = here(work, fleet)
+        with closing(outcomes):
+            for outcome in outcomes:
+                found[outcome.robot] = work.kept(outcome, named[outcome.robot])
+                told(found[outcome.robot])
+                count.add(outcome)
+    ordered = tuple(found[robot.name] for robot in fleet)
+    good = [each for each in ordered if each.status in ("fitted", "unchanged")]
+    spread = spread_of(loaded.model, good)
+    return Fleet(ordered, spread, outliers(spread, good))
+
+
+def _as_robots(robots: Sequence[Robot] | Sequence[Path]) -> list[Robot]:
+    places = [each for each in robots if not isinstance(each, Robot)]
+    fleet = [each for each in robots if isinstance(each, Robot)] + (robots_of(places) if places else [])
+    if not fleet:
+        raise InputError("robots", "names", "none", "one robot or more")
+    names: set[str] = set()
+    for robot in fleet:  # a name becomes the name of files
+        if not robot.name or robot.name.startswith(".") or robot.name != Path(robot.name).name:
+            raise InputError("robots", "names", repr(robot.name), "a name without / that does not begin with a dot")
+        if robot.name in names:
+            raise InputError("robots", "names", f"{robot.name!r} twice", "robots of different names")
+        names.add(robot.name)
+    return fleet
+
+
+class _Count:
+    """How far the fleet is; those that were fitted before are not counted, for they take no time."""
+
+    def __init__(self, robots: int, report: Report) -> None:
+        self._left, self._report = robots, report
+        self._done = self._failed = 0
+        report(f"fitting {robots} robots")
+
+    def add(self, outcome: Outcome) -> None:
+        """One more is done."""
+        self._left -= 1
+        self._done += outcome.status != "unchanged"
+        self._failed += outcome.status in ("failed", "interrupted")
+        if self._left:
+            failed = f", {self._failed} failed" if self._failed else ""
+            self._report(f"fitting robot {self._done + 1} of {self._done + self._left}{failed}")
+
+
+# --- A fleet's results as a table, a row for each robot -------------------------------------------
+
+
+def table_of(fleet: Fleet) -> pd.DataFrame:
+    """One row a robot: status, errors [K], warnings, then value and standard error of each parameter in SI units.
+
+    A standard error is missing where the logs don't determine the parameter; all numbers of a robot that failed are.
+    """
+    names = list(dict.fromkeys(name for each in fleet.outcomes for name in each.parameters))
+    return pd.DataFrame([_row(each, names) for each in fleet.outcomes])
+
+
+def write_tables(fleet: Fleet, folder: Path) -> None:
+    """Write `fleet.csv` and `fleet.parquet`, each whole."""
+    table = table_of(fleet)
+    write_whole(folder / "fleet.csv", table.to_csv(index=False))
+    binary = io.BytesIO()
+    table.to_parquet(binary, index=False)
+    write_whole(folder / "fleet.parquet", binary.getvalue())
+
+
+def _row(outcome: Outcome, names: list[str]) -> dict[str, object]:
+    row: dict[str, object] = {
+        "robot": outcome.robot,
+        "fitted": outcome.status in ("fitted", "unchanged"),
+        "converged": outcome.converged,
+        "search": outcome.result.get("status"),
+        "rmse": outcome.rmse,
+        "rmse_holdout": _number(outcome.result.get("rmse_holdout")),
+        "logs": len(outcome.result.get("data", ())),
+        "warnings": "; ".join(outcome.result.get("warnings", ())),
+        "message": outcome.message,
+    }
+    for name in names:
+        found = outcome.parameters.get(name, {})
+        row[name] = _number(found.get("value"))
+        row[f"{name}.error"] = _number(found.get("error"))
+    return row
+
+
+def _number(value: float | None) -> float:
+    return float("nan") if value is None else value

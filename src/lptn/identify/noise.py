@@ -1,0 +1,75 @@
+"""How far a sensor's readings scatter by themselves: white noise and the steps of a coarse sensor."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from lptn.basics.arrays import FloatArray
+from lptn.simulate.simulation import BoundRun
+
+_MAD_TO_SIGMA = 1.4826
+_ENOUGH = 0.1  # second differences without a gap, as a share of the readings
+_LEAST = 1e-3  # K; a noise-free log must not weigh infinitely
+
+
+@dataclass(frozen=True)
+class Noise:
+    """The scatter of each node's readings, as the runs hold them.
+
+    Args:
+        white: standard deviation of white noise [K], shape (nodes,).
+        step: step of a quantised sensor [K], 0 where it is fine, shape (nodes,).
+    """
+
+    white: FloatArray
+    step: FloatArray
+
+    @property
+    def floor(self) -> FloatArray:
+        """The RMSE that a perfect model would show [K], shape (nodes,)."""
+        return np.asarray(np.maximum(np.hypot(self.white, self.step / np.sqrt(12.0)), _LEAST))
+
+
+def estimate_noise(bound_runs: Sequence[BoundRun], nodes: Sequence[str]) -> Noise:
+    """Noise of each node's sensor from the runs themselves.
+
+    White noise comes from second differences, which a slow temperature hardly enters, by their median
+    absolute value, which rare jumps hardly enter. A sensor that moves in steps shows no such noise
+    most of the time; its floor is the step over √12.
+    """
+    white = np.zeros(len(nodes))
+    step = np.zeros(len(nodes))
+    for row, node in enumerate(nodes):
+        second = np.concatenate([_second_differences(bound.measured[row]) for bound in bound_runs])
+        if second.size:
+            white[row] = _MAD_TO_SIGMA * float(np.median(np.abs(second))) / np.sqrt(6.0)
+        step[row] = max((bound.run.resolution.get(f"temperature.{node}", 0.0) for bound in bound_runs), default=0.0)
+    return Noise(white, step)
+
+
+def balanced_sigma(bound_runs: Sequence[BoundRun], noise: Noise, share: float = 0.02) -> FloatArray:
+    """Standard deviations that weigh each node [K], shape (nodes,).
+
+    Besides its noise, a node is granted a model error of `share` of the geometric mean of its own and the
+    largest excursion: a joint that swings by 40 K neither silences one that swings by 5 K, nor the other
+    way round.
+    """
+    excursion = np.array([_excursion(bound_runs, row) for row in range(len(noise.white))])
+    return np.asarray(np.hypot(noise.floor, share * np.sqrt(excursion * excursion.max(initial=0.0))))
+
+
+def _excursion(bound_runs: Sequence[BoundRun], row: int) -> float:
+    """Standard deviation of a node's readings that count [K], 0 where it has none."""
+    readings = np.concatenate([bound.measured[row][bound.counted[row]] for bound in bound_runs])
+    return float(readings.std()) if readings.size else 0.0
+
+
+def _second_differences(readings: FloatArray) -> FloatArray:
+    """Of neighbouring readings; of those that follow each other where a slow sensor leaves gaps between all of them."""
+    known = readings[np.isfinite(readings)]
+    second = readings[2:] - 2 * readings[1:-1] + readings[:-2]
+    second = second[np.isfinite(second)]
+    return second if second.size > _ENOUGH * known.size else np.diff(known, 2)

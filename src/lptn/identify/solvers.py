@@ -1,0 +1,364 @@
+"""Least-squares minimisers: IPOPT with the Gauss-Newton Hessian, Levenberg-Marquardt for the last steps."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import casadi as ca
+import numpy as np
+from scipy.optimize import lsq_linear
+
+from lptn.basics.arrays import FloatArray
+from lptn.identify.problem import Evaluator, Problem
+
+# --- The last steps to an optimum that is near: Levenberg-Marquardt, each step the exact optimum within the bounds ---
+
+
+Ending = Literal["converged", "given up", "stopped"]
+
+_GAIN = 1e-6  # of the cost, a log-likelihood: a thousandth of a standard error away from the optimum
+PRECISION = 3e-8  # of the cost: where the model misses much, so little is beyond all meaning
+_FAR = 1e6  # no step in the search's coordinates is as long
+_FIRST_DAMPING, _LEAST_DAMPING, _MOST_DAMPING = 1e-3, 1e-7, 1e3  # relative to the Hessian's diagonal
+_HOPE, _TRIED = 3.0, 3  # times the gain that the quadratic model promises, after so many steps
+_POOR, _GOOD = 0.1, 0.7  # shares of the promised gain that a step kept
+
+
+def polish(
+    evaluator: Evaluator,
+    z: FloatArray,
+    most: int,
+    stopped: Callable[[], bool],
+    step_taken: Callable[[], None],
+    rival: float = np.inf,
+    precision: float = PRECISION,
+) -> Ending:
+    """Step from `z` until nothing is left to gain; the evaluator keeps the best point.
+
+    An interior-point search shrinks its barrier to the last digit, at a full evaluation each time. Near the optimum
+    the quadratic model is good and its bounded optimum is found in milliseconds: a few steps do. Where the valley is
+    curved, damping keeps them short.
+
+    Args:
+        evaluator: of the problem.
+        z: where to start, within the bounds.
+        most: how many steps to take at most.
+        stopped: asked before each step.
+        step_taken: called after each step.
+        rival: a cost to beat, scaled as the evaluator's; a search that has no hope of it ends.
+        precision: share of the cost that is not worth another step.
+
+    Returns:
+        `"converged"`: the optimum was reached; `"given up"`: it is no match for the rival; `"stopped"` before either.
+    """
+    lower, upper = evaluator.problem.bounds()
+    damping = 0.0
+    for taken in range(most):
+        if stopped():
+            return "stopped"
+        gradient, hessian = evaluator.derivatives(z)
+        if not np.isfinite(hessian).all():
+            return "stopped"
+        enough = max(_GAIN * evaluator.scale, precision * evaluator.cost(z))
+        free = _bounded_step(gradient, hessian, lower - z, upper - z)
+        promised, before = _promised(gradient, hessian, free), evaluator.cost(z)
+        if promised < enough:
+            return "converged"
+        if taken >= _TRIED and before - _HOPE * promised > rival:
+            return "given up"
+        following, damping = _downhill(evaluator, z, (gradient, hessian), free, damping)
+        if following is None:  # rounding in the simulation hides what is left, or the model is no guide here
+            return "converged" if promised < 100 * enough else "stopped"
+        step_taken()
+        if before - evaluator.cost(following) < 0.01 * enough:
+            return "converged"
+        z = following
+    return "stopped"
+
+
+def _downhill(
+    evaluator: Evaluator, z: FloatArray, model: tuple[FloatArray, FloatArray], free: FloatArray, damping: float
+) -> tuple[FloatArray | None, float]:
+    """A point that keeps a fair share of the gain promised, and the damping to go on with; `None` if there is none."""
+    gradient, hessian = model
+    lower, upper = evaluator.problem.bounds()
+    before, diagonal = evaluator.cost(z), np.diag(np.diag(hessian))
+    while damping <= _MOST_DAMPING:
+        step = free if damping == 0 else _bounded_step(gradient, hessian + damping * diagonal, lower - z, upper - z)
+        kept = (before - evaluator.cost(z + step)) / max(_promised(gradient, hessian, step), 1e-300)
+        if kept > _POOR:
+            if kept > _GOOD:
+                damping = 0.0 if damping < _LEAST_DAMPING else damping / 10
+                step = _further(evaluator, z, step)
+            return z + step, damping
+        damping = max(4 * damping, _FIRST_DAMPING)
+    return None, damping
+
+
+def _further(evaluator: Evaluator, z: FloatArray, step: FloatArray) -> FloatArray:
+    """The step, doubled as long as that gains: simulations cost a tenth of derivatives."""
+    lower, upper = evaluator.problem.bounds()
+    while True:
+        longer = np.clip(z + 2 * step, lower, upper) - z
+        if not evaluator.cost(z + longer) < evaluator.cost(z + step):
+            return step
+        step = longer
+
+
+def _promised(gradient: FloatArray, hessian: FloatArray, step: FloatArray) -> float:
+    """What the quadratic model says that a step gains."""
+    return -float(gradient @ step + 0.5 * step @ hessian @ step)
+
+
+def _bounded_step(gradient: FloatArray, hessian: FloatArray, lower: FloatArray, upper: FloatArray) -> FloatArray:
+    """The optimum of the quadratic model within the bounds, shape (size,)."""
+    free = np.asarray(np.linalg.solve(hessian, -gradient), dtype=float)
+    if np.all(free >= lower) and np.all(free <= upper):
+        return free
+    factor = np.linalg.cholesky(hessian)
+    side = np.linalg.solve(factor, -gradient)
+    # The solver wants finite bounds, and a little room between them.
+    low, high = np.maximum(lower, -_FAR), np.minimum(upper, _FAR)
+    found = lsq_linear(factor.T, side, (low, np.maximum(high, low + 1e-12)), method="bvls")
+    return np.clip(found.x, lower, upper)
+
+
+# --- IPOPT on a least-squares problem, with the Gauss-Newton Hessian handed to it -----------------
+
+
+Progress = Callable[[int, float], None]
+"""Called after each iteration with its number and the RMS of the weighted residuals."""
+Keep = Callable[[FloatArray], None]
+"""Called after each iteration with the best unknowns so far, shape (size,)."""
+
+_IPOPT = {
+    "ipopt.print_level": 0,
+    "ipopt.sb": "yes",
+    "ipopt.tol": 1e-7,
+    "ipopt.acceptable_tol": 1e-5,
+    "ipopt.acceptable_iter": 3,
+    "ipopt.acceptable_obj_change_tol": 1e-7,
+    "ipopt.mu_strategy": "adaptive",  # with a fixed schedule, curved valleys take three times the iterations
+    "ipopt.bound_push": 1e-6,
+    "ipopt.bound_frac": 1e-6,
+    "ipopt.nlp_scaling_method": "none",
+    "no_nlp_grad": True,
+    "calc_lam_p": False,
+    "print_time": False,
+    "error_on_fail": False,
+    "show_eval_warnings": False,
+}
+_STATUS = {"Solve_Succeeded": "converged", "Solved_To_Acceptable_Level": "converged"}
+_STOPPED = "User_Requested_Stop"
+_NEARLY = 1e-3  # relative change of the cost in an iteration, below which polishing takes over
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Where the search ended: the best point seen, its cost, iterations, and how it ended."""
+
+    z: FloatArray
+    cost: float
+    iterations: int
+    status: str  # "converged", "not converged" or "interrupted"
+
+
+class _Function(ca.Callback):
+    """A Python function of dense columns as a CasADi function."""
+
+    def __init__(
+        self,
+        name: str,
+        inputs: list[ca.Sparsity],
+        outputs: list[ca.Sparsity],
+        evaluate: Callable[[list[ca.DM]], list[Any]],
+    ) -> None:
+        ca.Callback.__init__(self)
+        self._inputs, self._outputs, self._evaluate = inputs, outputs, evaluate
+        self.failure: Exception | None = None
+        self.construct(name, {})
+
+    def get_n_in(self) -> int:
+        return len(self._inputs)
+
+    def get_n_out(self) -> int:
+        return len(self._outputs)
+
+    def get_sparsity_in(self, index: int) -> ca.Sparsity:
+        return self._inputs[index]
+
+    def get_sparsity_out(self, index: int) -> ca.Sparsity:
+        return self._outputs[index]
+
+    def eval(self, arguments: Sequence[ca.DM]) -> list[Any]:
+        # The solver would swallow an exception: it is kept, and raised once the solver has returned.
+        try:
+            return self._evaluate(list(arguments))
+        except Exception as error:
+            self.failure = error
+            return [ca.DM(pattern, np.nan) for pattern in self._outputs]
+
+
+class _Watcher:
+    """Counts iterations and reports them; tells IPOPT to stop near the optimum, and once Ctrl-C was pressed."""
+
+    def __init__(self, evaluator: Evaluator, progress: Progress | None, keep: Keep | None) -> None:
+        self.evaluator, self.progress, self.keep = evaluator, progress, keep
+        self.iterations = 0
+        self.interrupted = False
+        self.patient = False  # whether IPOPT is to go on to its own end
+        self._before = float("inf")
+
+    def __call__(self, _arguments: list[ca.DM]) -> list[Any]:
+        cost, first = self.evaluator.best[0], not np.isfinite(self._before)
+        near = 0 < self._before - cost < _NEARLY * cost
+        self._before = cost
+        if not first:
+            self.count()
+        return [int(self.interrupted or (near and not self.patient))]
+
+    def count(self) -> None:
+        """One more iteration."""
+        self.iterations += 1
+        self.say()
+
+    def say(self) -> None:
+        """Hand on the best point, and report how far the search is."""
+        if self.keep is not None:
+            self.keep(self.evaluator.best[1])
+        if self.progress is not None:
+            self.progress(self.iterations, float(np.sqrt(2 * self.evaluator.best[0])))
+
+
+def minimise(
+    problem: Problem,
+    guess: FloatArray,
+    progress: Progress | None = None,
+    iterations: int = 80,
+    *,
+    keep: Keep | None = None,
+    near: bool = False,
+    rival: float = np.inf,
+    precision: float = PRECISION,
+) -> Solution:
+    """The least weighted sum of squares, from `guess`, within the problem's bounds.
+
+    IPOPT goes most of the way, bounded Gauss-Newton steps the rest. Ctrl-C ends the search at the best point so
+    far, with status `"interrupted"`.
+
+    Args:
+        problem: the problem.
+        guess: unknowns to start from, shape (size,).
+        progress: called after each iteration.
+        iterations: how many to take at most.
+        keep: called after each iteration with the best unknowns so far.
+        near: the guess is a solution on coarser data, from which a few steps should do.
+        rival: a cost to beat; a search from near that has no hope of it ends, with status `"given up"`.
+        precision: share of the cost that is not worth another step, for a search from near.
+    """
+    evaluator = Evaluator(problem)
+    watcher = _Watcher(evaluator, progress, keep)
+    lower, upper = problem.bounds()
+    evaluator.cost(np.clip(guess, lower, upper))
+    watcher.say()
+    with _interrupt(watcher):
+        ended = _search(evaluator, watcher, iterations, near, rival * evaluator.scale, precision)
+    best, z = evaluator.best
+    status = "interrupted" if watcher.interrupted else ended
+    return Solution(np.clip(z, lower, upper), best / evaluator.scale, watcher.iterations, status)
+
+
+def _search(
+    evaluator: Evaluator, watcher: _Watcher, iterations: int, near: bool, rival: float, precision: float
+) -> str:
+    """Polish where the start is near; else IPOPT, then polish; IPOPT to its end where polishing fails."""
+
+    def left() -> int:
+        return max(0, iterations - watcher.iterations)
+
+    def polished() -> Ending:
+        start, stopped = evaluator.best[1].copy(), lambda: watcher.interrupted
+        return polish(evaluator, start, left(), stopped, watcher.count, rival, precision)
+
+    if near and (ending := polished()) != "stopped":
+        return ending
+    ended = _interior_point(evaluator, watcher, left())
+    if ended != _STOPPED:
+        return _STATUS.get(ended, "not converged")
+    if (ending := polished()) != "stopped":
+        return ending
+    watcher.patient = True
+    return _STATUS.get(_interior_point(evaluator, watcher, left()), "not converged")
+
+
+def _interior_point(evaluator: Evaluator, watcher: _Watcher, iterations: int) -> str:
+    """IPOPT from the best point so far; how it ended, in its own word."""
+    n = evaluator.problem.size
+    column, empty, scalar = ca.Sparsity.dense(n, 1), ca.Sparsity(0, 0), ca.Sparsity.dense(1, 1)
+    nothing = ca.Sparsity(0, 1)
+    functions = [
+        _Function("nlp_f", [column], [scalar], lambda a: [evaluator.cost(_array(a[0]))]),
+        _Function(
+            "nlp_grad_f",
+            [column, empty],
+            [scalar, column],
+            lambda a: [evaluator.cost(_array(a[0])), evaluator.derivatives(_array(a[0]))[0]],
+        ),
+        _Function(
+            "nlp_hess_lag",
+            [column, empty, scalar, nothing],
+            [ca.Sparsity.upper(n)],
+            lambda a: [ca.triu(ca.DM(evaluator.derivatives(_array(a[0]))[1] * float(a[2])))],
+        ),
+        _Function("watch", [_solver_output(i, n) for i in range(ca.nlpsol_n_out())], [scalar], watcher),
+    ]
+    cost, gradient, hessian, watch = functions
+    x = ca.MX.sym("x", n)
+    options = {
+        **_IPOPT,
+        "ipopt.max_iter": iterations,
+        "grad_f": gradient,
+        "hess_lag": hessian,
+        "iteration_callback": watch,
+    }
+    solver = ca.nlpsol("fit", "ipopt", {"x": x, "f": cost(x)}, options)  # type: ignore[dict-item, arg-type]
+    lower, upper = evaluator.problem.bounds()
+    solver(x0=evaluator.best[1], lbx=lower, ubx=upper)
+    for function in functions:
+        if function.failure is not None:
+            raise function.failure
+    return str(solver.stats()["return_status"])
+
+
+def _solver_output(index: int, n: int) -> ca.Sparsity:
+    name = ca.nlpsol_out(index)
+    if name == "f":
+        return ca.Sparsity.scalar()
+    return ca.Sparsity.dense(n) if name in ("x", "lam_x") else ca.Sparsity(0, 0)
+
+
+def _array(column: ca.DM) -> FloatArray:
+    return np.asarray(column.full(), dtype=float).ravel()
+
+
+@contextmanager
+def _interrupt(watcher: _Watcher) -> Iterator[None]:
+    """Turn Ctrl-C into a polite stop while the solver runs; only the main thread receives signals."""
+    ignored = signal.getsignal(signal.SIGINT) is signal.SIG_IGN  # a job put in the background
+    if ignored or threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def stop(_number: int, _frame: object) -> None:
+        watcher.interrupted = True
+
+    before = signal.signal(signal.SIGINT, stop)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)

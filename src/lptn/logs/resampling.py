@@ -1,0 +1,360 @@
+"""Raw samples put on a uniform grid: model inputs from raw quantities, gaps, means and holds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from numpy.typing import NDArray
+
+from lptn.basics.arrays import FloatArray
+
+# --- Which model inputs arise from which raw quantities, and how samples are reduced with no integral lost ---
+
+
+def _same(values: FloatArray) -> FloatArray:
+    return values
+
+
+def _magnitude(values: FloatArray) -> FloatArray:
+    return np.abs(values)
+
+
+@dataclass(frozen=True)
+class Reduction:
+    """A generalised mean: `after(mean(before(x)))`. The mean of `before(x)` is what a block preserves."""
+
+    before: Callable[[FloatArray], FloatArray]
+    after: Callable[[FloatArray], FloatArray]
+
+
+MEAN = Reduction(_same, _same)
+MEAN_ABS = Reduction(_magnitude, _same)
+RMS = Reduction(np.square, np.sqrt)
+
+
+@dataclass(frozen=True)
+class Feature:
+    """A model input: the raw quantities whose product it is formed from, and how a block of it is reduced."""
+
+    needs: tuple[str, ...]
+    reduction: Reduction
+
+
+# Copper loss goes with the square of torque or current, so these keep their RMS; a drive's loss goes with |current|.
+# Friction goes with |speed| and with its square, so velocity gives two features. Any quantity that is not listed keeps
+# its plain mean.
+FEATURES: Mapping[str, Feature] = {
+    "temperature": Feature(("temperature",), MEAN),
+    "torque": Feature(("torque",), RMS),
+    "torque_abs": Feature(("torque",), MEAN_ABS),
+    "current": Feature(("current",), RMS),
+    "current_abs": Feature(("current",), MEAN_ABS),
+    "velocity": Feature(("velocity",), MEAN_ABS),
+    "velocity_rms": Feature(("velocity",), RMS),
+    "mechanical_power": Feature(("torque", "velocity"), MEAN_ABS),
+    "speed": Feature(("speed",), MEAN_ABS),
+}
+
+
+# Of no use to a model, which has no sense of direction; who looks for a gait asks for it by name.
+_ON_REQUEST: Mapping[str, Feature] = {"signed_velocity": Feature(("velocity",), MEAN)}
+
+
+def feature(column: str) -> Feature:
+    """The rule for a column `<feature>.<place>`."""
+    quantity = column.partition(".")[0]
+    return FEATURES.get(quantity) or _ON_REQUEST.get(quantity) or Feature((quantity,), MEAN)
+
+
+def raw_keys(column: str, available: Iterable[str] = ()) -> tuple[str, ...]:
+    """The raw columns that `column` is formed from.
+
+    A log that already holds the feature itself (an earlier run, written to a file) gives it as it is.
+    """
+    if column in available:
+        return (column,)
+    place = column.partition(".")[2]
+    return tuple(f"{quantity}.{place}" for quantity in feature(column).needs)
+
+
+def features_of(raw: Iterable[str]) -> tuple[str, ...]:
+    """Every feature that a log with the raw columns `raw` gives, raw ones first."""
+    present = dict.fromkeys(raw)
+    places = dict.fromkeys(key.partition(".")[2] for key in present)
+    derived = (f"{quantity}.{place}" for place in places for quantity in FEATURES)
+    return tuple(present) + tuple(
+        column for column in derived if column not in present and all(k in present for k in raw_keys(column))
+    )
+
+
+def sample_values(column: str, raw: Mapping[str, FloatArray]) -> FloatArray:
+    """The feature at each raw sample, (n,), before any reduction; products keep their sign."""
+    first, *rest = (raw[key] for key in raw_keys(column, raw))
+    for values in rest:
+        first = first * values
+    return first
+
+
+def reduce_blocks(column: str, values: FloatArray, factor: int) -> FloatArray:
+    """Reduce each full block of `factor` equally long samples to one; a rest at the end is dropped.
+
+    NaN is left out of a block; a block of nothing but NaN gives NaN.
+
+    Args:
+        column: `<feature>.<place>`, which names the rule.
+        values: (n,) samples.
+        factor: samples a block, at least 1.
+
+    Returns:
+        (n // factor,) block values.
+    """
+    rule = feature(column).reduction
+    blocks = rule.before(values[: values.size // factor * factor].reshape(-1, factor))
+    return rule.after(ratio(np.nansum(blocks, axis=1), np.sum(~np.isnan(blocks), axis=1)))
+
+
+def ratio(total: FloatArray, count: npt.NDArray[np.integer]) -> FloatArray:
+    """`total / count`, (n,), NaN where the count is 0."""
+    # Written out because numpy's own nanmean warns about an empty block.
+    result: FloatArray = np.full(total.shape, np.nan)
+    np.divide(total, count, out=result, where=count > 0)
+    return result
+
+
+# --- Where a log can be used without a break: short gaps are bridged, long ones split it ----------
+
+
+Span = tuple[float, float]
+
+
+def find_stretches(
+    time: FloatArray, period: float, inputs: Mapping[str, FloatArray], max_gap: float
+) -> tuple[list[Span], list[str]]:
+    """The stretches [start, stop), s, in which every input is known or bridged, and notes on the gaps.
+
+    Args:
+        time: (n,) s, strictly increasing.
+        period: s, the usual time between samples; the last sample before a gap holds so long.
+        inputs: raw inputs by name, (n,) each, NaN where missing, each with at least one number.
+        max_gap: s, the longest time between two samples of an input that is bridged. An input that is logged more
+            seldom than the rest holds for 2.5 of its own periods at least.
+    """
+    blocked, notes = _gaps("time", time, np.zeros(time.size), period, max_gap)
+    for name, values in inputs.items():
+        if np.isnan(values).any():
+            more, said = _gaps(name, time, values, period, max_gap)
+            blocked += more
+            notes += said
+    return _complement(blocked, time[0], time[-1] + period), notes
+
+
+def would_cut(
+    time: FloatArray, period: float, inputs: Mapping[str, FloatArray], needed: Collection[str], mixed: bool
+) -> set[str]:
+    """The inputs that have gaps, of those logged more seldom than the rest only what is longer than their own period.
+
+    Args:
+        time: (n,) s, strictly increasing.
+        period: s, the usual time between samples.
+        inputs: raw inputs by name, (n,) each, NaN where missing.
+        needed: those that the log is cut to in any case.
+        mixed: rows come from several sources, so that a row without a value is no gap.
+    """
+    stamps = {name: time[~np.isnan(values)] for name, values in inputs.items() if np.isnan(values).any()}
+    limits = [(own[0], own[-1]) for name, own in stamps.items() if name in needed and own.size]
+    first, last = max([time[0], *(low for low, _ in limits)]), min([time[-1], *(high for _, high in limits)])
+    found = set()
+    for name, own in stamps.items():
+        usual = float(np.median(np.diff(own))) if own.size > 1 else 0.0
+        bridged = 2.5 * usual
+        whole = own.size > 1 and own[0] <= first + bridged and own[-1] >= last - bridged
+        if (usual <= 1.5 * period and not mixed) or not whole or np.diff(own).max() > bridged:
+            found.add(name)
+    return found
+
+
+def _gaps(
+    name: str, time: FloatArray, values: FloatArray, period: float, max_gap: float
+) -> tuple[list[Span], list[str]]:
+    known = np.flatnonzero(~np.isnan(values))
+    stamps = time[known]
+    apart = np.diff(stamps)
+    notes = []
+    usual = float(np.median(apart)) if apart.size else period
+    slow = usual > 1.5 * period
+    if slow:
+        notes.append(f"{name}: logged every {usual:.4g} s, held in between.")
+        period, max_gap = usual, max(max_gap, 2.5 * usual)
+    long = apart > max_gap
+    # In a column only its own gaps are counted: those where rows stand without a value.
+    own = (np.diff(known) > 1) & (apart > 1.5 * usual) if name != "time" else apart > 1.5 * period
+    short = own & ~long
+    if short.any():
+        treated = "bridged by holding the last value"
+        notes.append(f"{name}: {_count(int(short.sum()))} up to {apart[short].max():.4g} s, {treated}.")
+    if (own & long).any():
+        longest = f"over {max_gap:.4g} s, the longest {apart[long].max():.4g} s"
+        notes.append(f"{name}: {_count(int((own & long).sum()))} {longest}; the log is split there.")
+    lead, trail = stamps[0] - time[0], time[-1] - stamps[-1]
+    if max(lead, trail) > (usual if slow else 0.0):
+        notes.append(f"{name}: no value in the first {lead:.4g} s and the last {trail:.4g} s; cut off.")
+    blocked = [(-np.inf, float(stamps[0])), (float(stamps[-1] + period), np.inf)]
+    blocked += zip((stamps[:-1] + period)[long].tolist(), stamps[1:][long].tolist(), strict=True)
+    return blocked, notes
+
+
+def _count(gaps: int) -> str:
+    return f"{gaps} gap{'s' * (gaps > 1)}"
+
+
+def _complement(blocked: list[Span], first: float, last: float) -> list[Span]:
+    free, start = [], first
+    for low, high in sorted(blocked):
+        if low > start:
+            free.append((start, min(low, last)))
+        start = max(start, high)
+    return free
+
+
+# --- Raw samples put on a uniform grid: held inputs, mean or interpolated temperatures ------------
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Raw samples of a log: `time` (n,) s, strictly increasing, and `raw` quantities (n,), SI and degC."""
+
+    time: FloatArray
+    raw: Mapping[str, FloatArray]
+
+    @property
+    def period(self) -> float:
+        """The usual time between samples, s."""
+        return float(np.median(np.diff(self.time)))
+
+
+def grid(start: float, step: float, n: int) -> FloatArray:
+    """`n` times `step` seconds apart from `start`, (n,) s."""
+    return start + step * np.arange(n, dtype=np.float64)
+
+
+def driven(held: Samples, columns: Collection[str], start: float, step: float, n: int) -> dict[str, FloatArray]:
+    """Input features on `n` bins of `step` s from `start`, (n,) each, from samples without NaN there."""
+    bins = Bins(held.time, start, step, n)
+    result = {}
+    for column in columns:
+        # A prescribed temperature is read off as the measured ones are where steps and samples are alike.
+        if column.startswith("temperature.") and step < 1.5 * held.period:
+            at = grid(start, step, n)
+            result[column] = interpolate(held.time, held.raw[column], at, np.inf)
+        else:
+            result[column] = bins.reduce(column, sample_values(column, held.raw))
+    return result
+
+
+def measured(
+    samples: Samples, columns: Collection[str], start: float, step: float, n: int, max_gap: float
+) -> dict[str, FloatArray]:
+    """Temperatures at each bin's start or, of several samples, their mean, (n,) each, NaN where missing."""
+    if step < 1.5 * samples.period:
+        at = grid(start, step, n)
+        return {name: interpolate(samples.time, samples.raw[name], at, max_gap) for name in columns}
+    return {name: _averaged(samples.time, samples.raw[name], start, step, n, max_gap) for name in columns}
+
+
+def _averaged(time: FloatArray, values: FloatArray, start: float, step: float, n: int, max_gap: float) -> FloatArray:
+    """Means over bins; of a sensor that gives about one reading a bin, its readings' straight line at the middles.
+
+    The mean of one reading early in a bin would come half a step too soon. Bins without a reading stay empty.
+    """
+    means = mean_in_bins(time, values, start, step, n)
+    known = ~np.isnan(values)
+    if known.sum() < 2 or np.median(np.diff(time[known])) < step / 1.5:
+        return means
+    middles = interpolate(time[known], values[known], grid(start, step, n) + 0.5 * step, max(max_gap, 1.5 * step))
+    return np.where(np.isnan(means) | np.isnan(middles), means, middles)
+
+
+class Bins:
+    """Held samples cut at the bins' edges: made once for a stretch, used for each of its columns.
+
+    Args:
+        time: (m,) s, increasing, the first not after `start`; each sample is held until the next.
+        start: s, start of the first bin.
+        step: s, length of a bin.
+        n: number of bins.
+    """
+
+    def __init__(self, time: FloatArray, start: float, step: float, n: int) -> None:
+        edges = grid(start, step, n + 1)
+        inner = time[(time > start) & (time < edges[-1])]
+        cuts = np.union1d(inner, edges[:-1])
+        self._widths = np.diff(cuts, append=edges[-1])
+        self._sample = np.searchsorted(time, cuts, side="right") - 1
+        self._first = np.searchsorted(cuts, edges[:-1])
+        self._total = np.add.reduceat(self._widths, self._first)
+
+    def reduce(self, column: str, values: FloatArray) -> FloatArray:
+        """One value a bin, (n,), from samples (m,) without NaN; no integral of the held signal is lost."""
+        rule = feature(column).reduction
+        pieces = rule.before(values)[self._sample] * self._widths
+        return rule.after(np.add.reduceat(pieces, self._first) / self._total)
+
+
+def mean_in_bins(time: FloatArray, values: FloatArray, start: float, step: float, n: int) -> FloatArray:
+    """Plain mean of the samples that fall in each of `n` bins, (n,); NaN where there is none."""
+    # A stamp such as 2.9999999999 belongs to the bin that starts at 3.
+    index = np.floor((time - start) / step + 1e-6).astype(np.int64)
+    inside = (index >= 0) & (index < n) & ~np.isnan(values)
+    total = np.bincount(index[inside], weights=values[inside], minlength=n).astype(np.float64)
+    return ratio(total, np.bincount(index[inside], minlength=n))
+
+
+def interpolate(time: FloatArray, values: FloatArray, at: FloatArray, max_gap: float) -> FloatArray:
+    """`values` at the times `at`, (n,), on straight lines between neighbouring samples.
+
+    NaN where a neighbour is NaN or the neighbours are more than `max_gap` seconds apart; a sample that is hit
+    counts alone. Beyond the ends the first and the last sample hold.
+    """
+    right = np.clip(np.searchsorted(time, at), 1, time.size - 1)
+    left = right - 1
+    width = time[right] - time[left]
+    weight = np.clip((at - time[left]) / width, 0.0, 1.0)
+    between = (1 - weight) * values[left] + weight * values[right]
+    between[width > max_gap] = np.nan
+    # Rounding of a time stamp must not drag a NaN neighbour in.
+    return np.where(weight < 1e-6, values[left], np.where(weight > 1 - 1e-6, values[right], between))
+
+
+def hold(values: FloatArray) -> FloatArray:
+    """`values` with each NaN replaced by the last number before it; NaN at the beginning stays."""
+    last = np.maximum.accumulate(np.where(np.isnan(values), 0, np.arange(values.size)))
+    return values[last]
+
+
+# --- Columns with times of their own put on the union of their times ------------------------------
+
+
+def on_one_time(
+    parts: Sequence[tuple[NDArray[Any], Mapping[str, FloatArray]]],
+) -> tuple[NDArray[Any], dict[str, FloatArray]]:
+    """All times, (m,) increasing, and each column on them, (m,), NaN at the times of others.
+
+    Where a part has several values of a column at one time the first counts: messages of one stamp may hold a part of
+    the joints each.
+
+    Args:
+        parts: times, (n,), and columns by name, (n,) each; all times in the same unit.
+    """
+    time = np.unique(np.concatenate([own for own, _ in parts]))
+    columns: dict[str, FloatArray] = {}
+    for own, values in parts:
+        at = np.searchsorted(time, own)
+        for name, column in values.items():
+            backwards = np.flatnonzero(~np.isnan(column))[::-1]
+            columns[name] = np.full(time.size, np.nan)
+            columns[name][at[backwards]] = column[backwards]
+    return time, columns

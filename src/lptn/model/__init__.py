@@ -1,0 +1,5 @@
+"""The thermal model: network, bodies, symbolic heat balance, and the model file."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,0 +1,362 @@
+"""Bodies that generate and conduct heat: shapes, conductances between their mean and their faces, perfect contact."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import ClassVar
+
+from lptn.basics.errors import InputError
+from lptn.basics.parameters import Parameter
+
+# --- Conduction along one axis of a body that generates heat: conductances between its mean and its two faces ---
+# Along one axis the steady temperature is that of pure conduction plus that of a uniform source. With
+# :math:`w` the weight of each face in the mean of pure conduction, :math:`\rho` the rise of the mean for each watt
+# between faces held at zero, and :math:`G` the conductance from face to face, the same numbers follow from three
+# conductances:
+#
+# .. math:: G_{mean,low} = w_{low} / \rho, \quad G_{mean,high} = w_{high} / \rho, \quad
+#           G_{low,high} = G - w_{low} w_{high} / \rho
+#
+# This is the T-network with a negative resistance in its foot, its massless star point eliminated. The conductance from
+# face to face is negative, and yet the whole takes in no work: its power is
+# :math:`(\bar T - \sum w T)^2 / \rho + G (T_{low} - T_{high})^2`.
+#
+# Derived here; [BlockLPTN, eq. 9] gives the slab (R = -L/(6kA)). [GerlingDajaku2005], named there for the ring,
+# was not available.
+
+
+_SERIES = 0.05  # below it coth x - 1/x loses digits; the series is exact to 1e-15 there
+
+
+@dataclass(frozen=True)
+class Axis:
+    """Conductances for each W/(m K) of conductivity [m].
+
+    Args:
+        faces: names of the low and the high face; the high one alone where the body reaches to its centre line.
+        mean: from the mean temperature to each face.
+        across: from face to face; negative for a slab or a ring.
+    """
+
+    faces: tuple[str, ...]
+    mean: tuple[float, ...]
+    across: float = 0.0
+
+
+def slab_axis(faces: tuple[str, str], length: float, area: float) -> Axis:
+    """Along `length` [m] through a constant `area` [m²] ([BlockLPTN, eq. 8, 9])."""
+    one = area / length
+    return Axis(faces, (6.0 * one, 6.0 * one), -2.0 * one)
+
+
+def ring_axis(faces: tuple[str, str], inner: float, outer: float, angle: float, length: float) -> Axis:
+    """From the inner to the outer radius [m] of a ring, or of an arc of it, of an `angle` [rad] and a `length` [m].
+
+    The weights are (1 ∓ 𝓛)/2 and ρ is 𝓛/(4 angle length), with 𝓛(x) = coth x - 1/x and x = ln(outer/inner).
+    """
+    x = math.log(outer / inner)
+    curved = langevin(x)
+    size = angle * length
+    mean = 2.0 * size * (1.0 - curved) / curved, 2.0 * size * (1.0 + curved) / curved
+    return Axis(faces, mean, size * (1.0 / x - 1.0 / curved + curved))
+
+
+def rod_axis(face: str, angle: float, length: float) -> Axis:
+    """From a solid cylinder, or a wedge of an `angle` [rad], to its surface: R = 1/(4 angle length k)."""
+    return Axis((face,), (4.0 * angle * length,))
+
+
+def langevin(x: float) -> float:
+    """Langevin's function coth x - 1/x for x > 0."""
+    if x < _SERIES:
+        square = x * x
+        return x / 3.0 * (1.0 - square / 15.0 * (1.0 - square * 2.0 / 21.0 * (1.0 - square / 10.0)))
+    return 1.0 / math.tanh(x) - 1.0 / x
+
+
+def slab_peak(power: float, length: float, conductivity: float, area: float, cooled: int = 2) -> float:
+    """How far the hottest place of a slab lies above its mean in the steady state [K]: constrain mean plus this.
+
+    Args:
+        power: heat generated [W].
+        length: [m].
+        conductivity: [W/(m K)].
+        area: section [m²].
+        cooled: faces that are cooled alike: 2 (the middle is hottest) or 1 (the other face is).
+
+    Raises:
+        ValueError: neither one face nor two are cooled.
+
+    Derived from the profile [BlockLPTN, eq. 4]: Q L/(24kA) and Q L/(6kA).
+    """
+    if cooled not in (1, 2):
+        raise ValueError(f"{cooled} cooled faces; a slab has one or two")
+    return power * length / ((24.0 if cooled == 2 else 6.0) * conductivity * area)
+
+
+# --- The bodies: cuboid, ring or arc of one, cylinder; their volume, faces and the conductances along each axis ---
+# Along each axis an element is exact as in `lptn.model.bodies`; the axes share the mean temperature. Where the heat
+# through each face is spread evenly over it, mean temperature and heat flows are exact in all axes at once. Where faces
+# of two or three axes are held at uniform temperatures side by side, the heat crowds at their common edges and
+# the mean rise by a source comes out too high: a long square bar 18.6 %, a cube 37.7 %. Films and contacts
+# outside bring this down, and so do finer pieces.
+#
+# Derived here: [WrobelMellor2010], named by [BlockLPTN] for the cuboid, was not available.
+
+
+@dataclass(frozen=True)
+class Shape(ABC):
+    """A body, or `count` equal ones side by side that count as one.
+
+    Attributes:
+        kind: what model files call it.
+        units: the SI unit of each dimension.
+        directions: names of its axes, as in `conductivity_<direction>`.
+    """
+
+    kind: ClassVar[str]
+    units: ClassVar[Mapping[str, str]]
+    directions: ClassVar[tuple[str, ...]]
+
+    @property
+    @abstractmethod
+    def volume(self) -> float:
+        """Volume [m³] of all `count` bodies."""
+
+    @cached_property
+    @abstractmethod
+    def axes(self) -> dict[str, Axis]:
+        """The conductances along each direction."""
+
+    @property
+    def faces(self) -> tuple[str, ...]:
+        """Names of all faces."""
+        return tuple(face for axis in self.axes.values() for face in axis.faces)
+
+    def wrong(self) -> tuple[str, str, str] | None:
+        """The dimension that makes no body, what it is, and what was expected; `None` for a sound body."""
+        return None
+
+
+@dataclass(frozen=True)
+class Cuboid(Shape):
+    """A box: faces `x0` and `x1`, `y0` and `y1`, `z0` and `z1`.
+
+    Args:
+        length_x: size along x [m]; `length_y`, `length_z` likewise.
+        count: how many stand side by side.
+    """
+
+    length_x: float
+    length_y: float
+    length_z: float
+    count: float = 1.0
+    kind = "cuboid"
+    units = {"length_x": "m", "length_y": "m", "length_z": "m", "count": "1"}  # noqa: RUF012
+    directions = ("x", "y", "z")
+
+    @property
+    def volume(self) -> float:
+        return self.count * self.length_x * self.length_y * self.length_z
+
+    @cached_property
+    def axes(self) -> dict[str, Axis]:
+        sizes = {"x": self.length_x, "y": self.length_y, "z": self.length_z}
+        return {name: slab_axis((f"{name}0", f"{name}1"), size, self.volume / size) for name, size in sizes.items()}
+
+
+@dataclass(frozen=True)
+class Annulus(Shape):
+    """A ring (stator yoke, housing, end winding), or an arc of one: faces `inner`, `outer`, `front`, `back`.
+
+    Args:
+        inner_radius: [m].
+        outer_radius: [m].
+        length: along the axis [m].
+        angle: of the arc [rad]; its two cut faces pass no heat.
+        count: how many stand side by side.
+    """
+
+    inner_radius: float
+    outer_radius: float
+    length: float
+    angle: float = math.tau
+    count: float = 1.0
+    kind = "annulus"
+    units = {  # noqa: RUF012
+        "inner_radius": "m",
+        "outer_radius": "m",
+        "length": "m",
+        "angle": "rad",
+        "count": "1",
+    }
+    directions = ("radial", "axial")
+
+    @property
+    def volume(self) -> float:
+        return self._section * self.length
+
+    @property
+    def _section(self) -> float:
+        return self.count * self.angle / 2.0 * (self.outer_radius**2 - self.inner_radius**2)
+
+    @cached_property
+    def axes(self) -> dict[str, Axis]:
+        angle = self.count * self.angle
+        return {
+            "radial": ring_axis(("inner", "outer"), self.inner_radius, self.outer_radius, angle, self.length),
+            "axial": slab_axis(("front", "back"), self.length, self._section),
+        }
+
+    def wrong(self) -> tuple[str, str, str] | None:
+        if self.inner_radius >= self.outer_radius:
+            expected = f"more than inner_radius = {self.inner_radius:g} m"
+            return "outer_radius", f"{self.outer_radius:g} m", expected
+        if self.angle * self.count > math.tau * (1 + 1e-9):
+            return "angle", f"{self.count:g} × {math.degrees(self.angle):g} deg", "a full circle, 360 deg, at most"
+        return None
+
+
+@dataclass(frozen=True)
+class Cylinder(Shape):
+    """A solid cylinder (shaft): faces `outer`, `front`, `back`.
+
+    Args:
+        radius: [m].
+        length: along the axis [m].
+        count: how many stand side by side.
+    """
+
+    radius: float
+    length: float
+    count: float = 1.0
+    kind = "cylinder"
+    units = {"radius": "m", "length": "m", "count": "1"}  # noqa: RUF012
+    directions = ("radial", "axial")
+
+    @property
+    def volume(self) -> float:
+        return self.count * math.pi * self.radius**2 * self.length
+
+    @cached_property
+    def axes(self) -> dict[str, Axis]:
+        return {
+            "radial": rod_axis("outer", self.count * math.tau, self.length),
+            "axial": slab_axis(("front", "back"), self.length, self.volume / self.length),
+        }
+
+
+KINDS: dict[str, type[Shape]] = {kind.kind: kind for kind in (Cuboid, Annulus, Cylinder)}
+
+
+@dataclass(frozen=True)
+class Element:
+    """A body of a material, as a node of a network.
+
+    Args:
+        shape: the body.
+        conductivity: for each of its directions [W/(m K)]; one parameter may serve for several.
+    """
+
+    shape: Shape
+    conductivity: Mapping[str, Parameter]
+
+
+# --- The elements of a network: their faces, which of them touch perfectly, and the conduction inside ---
+
+
+@dataclass(frozen=True)
+class Conductor:
+    """Conduction inside an element: conductivity, by its index, times a shape factor [m]; it may be negative."""
+
+    ends: tuple[str, str]
+    conductivity: int
+    shape: float
+
+
+class Bodies:
+    """What a network's elements add to it, worked out as links are read.
+
+    A face is a place without capacitance, `"stator.outer"`. In perfect contact it *is* the place that it touches.
+
+    Args:
+        origin: the file of the network, for messages.
+    """
+
+    def __init__(self, origin: str) -> None:
+        self.origin = origin
+        self.shapes: dict[str, Shape] = {}
+        self.faces: dict[str, str] = {}
+        """Every face and the element it belongs to."""
+        self.massless: dict[str, str] = {}
+        """Faces with a temperature of their own, and their element; known once the conductors are laid."""
+        self.conductors: list[Conductor] = []
+        self._same: dict[str, str] = {}
+        self._touched: set[str] = set()
+
+    def add(self, name: str, shape: Shape) -> None:
+        """A node that is an element."""
+        self.shapes[name] = shape
+        self.faces.update((f"{name}.{face}", name) for face in shape.faces)
+
+    def faces_of(self, name: str) -> list[str]:
+        """Names of an element's faces."""
+        return [f"{name}.{face}" for face in self.shapes[name].faces]
+
+    def linkable(self, names: Iterable[str]) -> list[str]:
+        """Names that a link may end at: those given, an element's faces in its place."""
+        return [end for name in names for end in (self.faces_of(name) if name in self.shapes else [name])]
+
+    def where(self, place: str) -> str:
+        """The place whose temperature a place has: itself, unless it is a face in perfect contact."""
+        while place in self._same:
+            place = self._same[place]
+        return place
+
+    def touch(self, *places: str) -> None:
+        """Something is attached to these places."""
+        self._touched.update(places)
+
+    def touched_places(self) -> set[str]:
+        """Elements with something at a face, and all else that something is attached to."""
+        return {self.faces.get(place, place) for place in self._touched}
+
+    def join(self, one: str, other: str, where: str) -> None:
+        """Perfect contact between a face and another face or node.
+
+        Raises:
+            InputError: neither end is a face, or both have a temperature already.
+        """
+        first, second = self.where(one), self.where(other)
+        if first not in self.faces:
+            first, second = second, first
+        if first not in self.faces:
+            found = f"perfect contact of {one} and {other}"
+            raise InputError(self.origin, where, found, "a face without a fixed temperature at one end at least")
+        if first != second:
+            self._same[first] = second
+        self.touch(one, other)
+
+    def lay_conductors(self, conductivity: Callable[[str, str], int]) -> None:
+        """The conductances of every axis that something is attached to; through the others no heat can pass.
+
+        Args:
+            conductivity: the index of an element's conductivity in a direction.
+        """
+        for name, shape in self.shapes.items():
+            for direction, axis in shape.axes.items():
+                if self._touched.intersection(f"{name}.{face}" for face in axis.faces):
+                    self._lay(name, axis, conductivity(name, direction))
+
+    def _lay(self, name: str, axis: Axis, conductivity: int) -> None:
+        ends = [self.where(f"{name}.{face}") for face in axis.faces]
+        for end, factor in zip(ends, axis.mean, strict=True):
+            self.conductors.append(Conductor((name, end), conductivity, factor))
+            if end in self.faces:
+                self.massless.setdefault(end, name)
+        if len(ends) == 2 and ends[0] != ends[1]:
+            self.conductors.append(Conductor((ends[0], ends[1]), conductivity, axis.across))

@@ -1,0 +1,565 @@
+"""`model.toml` in and out: its tables checked, turned into a network, written back with comments kept."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Annotated, Any
+
+import tomlkit
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from lptn.basics.errors import InputError, shown
+from lptn.basics.files import write_whole
+from lptn.basics.parameters import Parameter, Share
+from lptn.basics.places import is_glob
+from lptn.basics.toml import expectation, found_in, text_of, told_by_line, toml_of
+from lptn.basics.units import convert
+from lptn.effects import catalogue
+from lptn.logs.columns import ColumnSource, parse_columns
+from lptn.model.bodies import KINDS, Element, Shape
+from lptn.model.network import START, EffectDeclaration, LinkDeclaration, Network, NodeDeclaration
+
+# --- What may stand in a model file: its tables and keys, checked by pydantic ---------------------
+
+
+_MOST = 1e15  # beyond it no quantity of a robot lies, in whatever unit, and squares would overflow
+Number = Annotated[float, Field(allow_inf_nan=False, strict=True, ge=-_MOST, le=_MOST)]
+
+
+class Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+
+class ParameterTable(Strict):
+    value: Number | None = None
+    unit: str | None = None
+    bounds: Annotated[list[Number], Field(min_length=2, max_length=2)] | None = None
+    share: Share | None = None
+    fixed: bool | None = None
+
+
+Given = Number | ParameterTable
+
+
+class ModelTable(Strict):
+    name: str = "model"
+    joints: list[str] = []
+    ambient: str | Given | None = None
+    step: Annotated[Number, Field(gt=0)] | None = None
+
+
+class ElementTable(BaseModel):
+    model_config = ConfigDict(extra="allow")
+    kind: str
+
+
+class NodeTable(Strict):
+    capacity: Given | None = None
+    temperature: str | Given | None = None
+    element: ElementTable | None = None
+
+
+class LinkTable(Strict):
+    between: Annotated[list[str], Field(min_length=2, max_length=2)]
+    resistance: Given | None = None
+    perfect: bool = False
+
+
+class EffectTable(BaseModel):
+    model_config = ConfigDict(extra="allow")
+    kind: str
+    at: str
+    share: Share | None = None
+    run: Annotated[str, Field(min_length=1)] | None = None
+    driven_by: Annotated[str, Field(pattern=r"^[^\s.~*?\[\]{}]+$")] | None = None
+
+
+class FittedTable(Strict):
+    value: Number
+    error: float | None = None
+    unit: str | None = None
+
+
+class DataTable(Strict):
+    file: str
+    sha256: str
+
+
+class FitTable(Strict):
+    rmse: float | None = None
+    status: str | None = None
+    warnings: list[str] = []
+    data: list[DataTable] = []
+    parameters: dict[str, FittedTable] = {}
+
+
+class File(Strict):
+    model: ModelTable = ModelTable()
+    columns: dict[str, Any] = {}
+    nodes: dict[str, NodeTable] = {}
+    links: list[LinkTable] = []
+    effects: list[EffectTable] = []
+    fit: FitTable = FitTable()
+
+
+# --- The `element` table of a node in a model file: a body of a material, its dimensions in any unit ---
+
+
+_DIMENSIONS = {
+    "m": Parameter("length", 0.01, "m", (1e-6, 2.0)),
+    "rad": Parameter("angle", math.tau, "rad", (1e-3, math.tau * (1 + 1e-9))),
+    "1": Parameter("count", 1.0, "dimensionless", (1.0, 1e4)),
+}
+_OPTIONAL = ("angle", "count")
+_MATERIAL = {
+    "density": Parameter("density", 1e3, "kg/m^3", (1.0, 3e4)),
+    "specific_heat": Parameter("specific_heat", 1e3, "J/(kg*K)", (10.0, 2e4)),
+}
+_CONDUCTIVITY = Parameter(
+    "conductivity", 1.0, "W/(m*K)", (1e-4, 1e4), typical=1.0, title="thermal conductivity", fixed=True
+)
+_CAPACITY = Parameter("capacity", 300.0, "J/K", (1e-3, 1e6), typical=300.0, title="heat capacity", fixed=True)
+Read = Callable[[Parameter, object, str], Parameter]
+"""Reads a parameter's table: what is known of it, what the file says, where."""
+
+
+class ElementReader:
+    """Turns one node's `element` table into a body.
+
+    Args:
+        path: the model file, for messages.
+        table: what the file says.
+        place: where the table stands in it.
+        read: reads a parameter with its unit.
+    """
+
+    def __init__(self, path: Path, table: ElementTable, place: str, read: Read) -> None:
+        self.path, self.place, self.read = path, place, read
+        self.given = dict(table.model_extra or {})
+        kind = KINDS.get(table.kind)
+        if kind is None:
+            raise self._mistake("kind", f'unknown element "{table.kind}"', f"one of {', '.join(KINDS)}")
+        self.kind: type[Shape] = kind
+        allowed = [*kind.units, *self._conductivities(), *_MATERIAL]
+        for name in self.given:
+            if name not in allowed:
+                raise self._mistake(name, f'unknown key "{name}"', f"one of kind, {', '.join(allowed)}")
+
+    def element(self) -> Element:
+        """The body.
+
+        Raises:
+            InputError: a dimension or a conductivity is missing, or makes no body.
+        """
+        sizes = {
+            name: self._number(name, _DIMENSIONS[unit])
+            for name, unit in self.kind.units.items()
+            if name in self.given or name not in _OPTIONAL
+        }
+        if sizes.get("count", 1.0) % 1.0:
+            raise self._mistake("count", f"{sizes['count']:g}", "a whole number")
+        shape = self.kind(**sizes)
+        wrong = shape.wrong()
+        if wrong is not None:
+            raise self._mistake(*wrong)
+        return Element(shape, self._conductivity())
+
+    def capacity(self, shape: Shape) -> Parameter | None:
+        """Heat capacity from density, specific heat and volume; `None` where the table gives neither.
+
+        Raises:
+            InputError: only one of the two is given, or the body is no part of a robot.
+        """
+        if not set(_MATERIAL) & set(self.given):
+            return None
+        density, specific = (self._number(name, declared) for name, declared in _MATERIAL.items())
+        value = density * specific * shape.volume
+        lower, upper = _CAPACITY.bounds
+        if not lower <= value <= upper:
+            expected = f"{lower:g} to {upper:g} J/K (are the dimensions in m, or do they say their unit?)"
+            raise InputError(self.path, self.place, f"a body of {value:.3g} J/K", expected)
+        return replace(_CAPACITY, value=value)
+
+    def _conductivities(self) -> list[str]:
+        return ["conductivity", *(f"conductivity_{direction}" for direction in self.kind.directions)]
+
+    def _conductivity(self) -> dict[str, Parameter]:
+        """For each direction its own parameter, or one that serves for all."""
+        common, *single = self._conductivities()
+        names = [common] * len(single) if common in self.given else single
+        if common in self.given and set(single) & set(self.given):
+            both = next(name for name in single if name in self.given)
+            raise self._mistake(both, f"{both} beside {common}", f"one {common}, or {' and '.join(single)}")
+        found = {name: self._material(name) for name in dict.fromkeys(names)}
+        return {direction: found[name] for direction, name in zip(self.kind.directions, names, strict=True)}
+
+    def _material(self, name: str) -> Parameter:
+        given = self._given(name)
+        if isinstance(given, Mapping) and "value" not in given:
+            raise self._mistake(name, shown(given), 'a key "value"')
+        return self.read(replace(_CONDUCTIVITY, name=name), given, f"{self.place}.{name}")
+
+    def _number(self, name: str, declared: Parameter) -> float:
+        """A number that no fit may change."""
+        given = self._given(name)
+        if isinstance(given, Mapping):
+            for key in given:
+                if key not in ("value", "unit"):
+                    raise self._mistake(f"{name}.{key}", shown(given[key]), f"no key {key}: {name} can't be fitted")
+            if "value" not in given:
+                raise self._mistake(name, shown(given), 'a key "value"')
+        return self.read(declared, given, f"{self.place}.{name}").value
+
+    def _given(self, name: str) -> object:
+        if name not in self.given:
+            keys = "conductivity, or its own for each direction" if name.startswith("conductivity") else f'"{name}"'
+            raise InputError(self.path, self.place, f"{self.kind.kind} without {name}", f"a key {keys}")
+        return self.given[name]
+
+    def _mistake(self, key: str, found: str, expected: str) -> InputError:
+        return InputError(self.path, f"{self.place}.{key}", found, expected)
+
+
+# --- The checked tables of a model file turned into the declarations of a network -----------------
+
+
+_NODE_CAPACITY = Parameter("capacity", 300.0, "J/K", (1e-3, 1e6), typical=300.0, title="heat capacity")
+_RESISTANCE = Parameter("resistance", 5.0, "K/W", (1e-4, 1e4), typical=5.0, title="thermal resistance")
+_TEMPERATURE = Parameter(
+    "temperature", 20.0, "degC", (-80.0, 200.0), typical=10.0, title="prescribed temperature", fixed=True
+)
+_MOST_WILD = 4  # in one name: trying all ways to share out its letters takes a power of that
+
+
+class Reader:
+    """Turns checked tables into a network.
+
+    Args:
+        path: the model file, for messages.
+        tables: what it says.
+    """
+
+    def __init__(self, path: Path, tables: File) -> None:
+        self.path, self.tables = path, tables
+
+    def network(self) -> Network:
+        """The network that the tables declare.
+
+        Raises:
+            InputError: with the path of the key that is wrong.
+        """
+        model = self.tables.model
+        nodes = [self._node(name, table) for name, table in self.tables.nodes.items()]
+        if model.ambient is not None and "ambient" not in self.tables.nodes:
+            nodes.append(NodeDeclaration("ambient", temperature=self._temperature(model.ambient, "model.ambient")))
+        if not any(node.capacity is not None for node in nodes):
+            raise InputError(self.path, "nodes", "no node with a capacity", "a [nodes.NAME] table with capacity = …")
+        fitted = {name: entry.value for name, entry in self.tables.fit.parameters.items()}
+        named = tuple(name for name in self.tables.nodes if not is_glob(name))
+        network = Network(
+            model.name,
+            tuple(nodes),
+            tuple(self._link(number, link) for number, link in enumerate(self.tables.links)),
+            tuple(self._effect(number, effect) for number, effect in enumerate(self.tables.effects)),
+            tuple(dict.fromkeys((*model.joints, *named))),
+            str(self.path),
+            fitted,
+        )
+        known = {parameter.name for parameter in network.parameters}
+        for name in fitted:
+            if name not in known:
+                raise InputError(
+                    self.path,
+                    f'fit.parameters."{name}"',
+                    "a fitted value that no part of the model uses",
+                    "none, or [fit] removed: the model was changed after the fit",
+                )
+        return network
+
+    def _node(self, name: str, table: NodeTable) -> NodeDeclaration:
+        place = f'nodes."{name}"'
+        if table.element is not None:
+            return self._body(name, table, table.element, place)
+        if (table.capacity is None) == (table.temperature is None):
+            found = "neither capacity nor" if table.capacity is None else "both capacity and"
+            raise InputError(self.path, place, f"{found} temperature", "one of the two")
+        if table.capacity is not None:
+            return NodeDeclaration(name, capacity=self._parameter(_NODE_CAPACITY, table.capacity, f"{place}.capacity"))
+        return NodeDeclaration(name, temperature=self._temperature(table.temperature, f"{place}.temperature"))
+
+    def _body(self, name: str, table: NodeTable, given: ElementTable, place: str) -> NodeDeclaration:
+        """A node with an element: its capacity follows from the material, or is given."""
+        if table.temperature is not None:
+            raise InputError(self.path, place, "both element and temperature", "one of the two")
+        reader = ElementReader(self.path, given, f"{place}.element", self._parameter)
+        element = reader.element()
+        computed = reader.capacity(element.shape)
+        if (computed is None) == (table.capacity is None):
+            found = "neither capacity nor" if computed is None else "both capacity and"
+            expected = "either capacity, or density and specific_heat in the element"
+            raise InputError(self.path, f"{place}.element", f"{found} density", expected)
+        capacity = computed or self._parameter(_NODE_CAPACITY, table.capacity, f"{place}.capacity")
+        return NodeDeclaration(name, capacity=capacity, element=element)
+
+    def _temperature(self, given: object, place: str) -> str | Parameter:
+        if isinstance(given, str):
+            if given == START or given.startswith("temperature."):
+                return given
+            raise InputError(self.path, place, f'"{given}"', 'a log column "temperature.<place>", "start", or a number')
+        return self._parameter(_TEMPERATURE, given, place)
+
+    def _link(self, number: int, link: LinkTable) -> LinkDeclaration:
+        one, other = link.between
+        for end in link.between:
+            wild = end.count("{") + end.count("*")
+            if "{" in end and wild > _MOST_WILD:
+                expected = f"at most {_MOST_WILD}, such as {{leg}}_*"
+                raise InputError(self.path, f"links[{number}].between", f"{wild} of {{…}} and * in one name", expected)
+        if link.perfect:
+            if link.resistance is not None:
+                raise InputError(self.path, f"links[{number}]", "both perfect and resistance", "one of the two")
+            return LinkDeclaration((one, other), None)
+        resistance = self._parameter(_RESISTANCE, link.resistance, f"links[{number}].resistance")
+        return LinkDeclaration((one, other), resistance)
+
+    def _effect(self, number: int, table: EffectTable) -> EffectDeclaration:
+        place = f"effects[{number}]"
+        kind = catalogue().get(table.kind)
+        if kind is None:
+            near = get_close_matches(table.kind, catalogue(), n=1, cutoff=0.5)
+            hint = f"{near[0]} (`lptn effects` lists them all)" if near else f"one of {', '.join(catalogue())}"
+            raise InputError(self.path, f"{place}.kind", f'unknown effect "{table.kind}"', hint)
+        given = dict(table.model_extra or {})
+        words = {name: given.pop(name) for name in kind.options if name in given}
+        declared = {parameter.name: parameter for parameter in kind.parameters}
+        for name in given:
+            if name not in declared:
+                allowed = ", ".join(("kind", "at", "run", "share", "driven_by", *kind.options, *declared))
+                raise InputError(self.path, f"{place}.{name}", f'unknown key "{name}"', f"one of {allowed}")
+        parameters = []
+        for name, parameter in declared.items():
+            shared = parameter if table.share is None else replace(parameter, share=table.share)
+            parameters.append(self._parameter(shared, given.get(name), f"{place}.{name}"))
+        try:
+            effect = kind(**words)
+        except (TypeError, ValueError) as error:
+            name = next(iter(words))
+            expected = " or ".join(f'"{word}"' for word in kind.options[name])
+            raise InputError(self.path, f"{place}.{name}", shown(words[name]), expected) from error
+        driven_by, run = table.driven_by or "", table.run or ""
+        return EffectDeclaration(effect, table.at, tuple(parameters), driven_by=driven_by, run=run)
+
+    def _parameter(self, declared: Parameter, given: object, place: str) -> Parameter:
+        """A declared parameter with what the file says of it, converted to its SI unit."""
+        table = given if isinstance(given, ParameterTable) else self._table(given, place)
+        unit = table.unit or declared.unit
+        try:
+            value = declared.value if table.value is None else convert(table.value, unit, declared.unit)
+            bounds = declared.bounds
+            if table.bounds is not None:
+                bounds = (
+                    convert(table.bounds[0], unit, declared.unit),
+                    convert(table.bounds[1], unit, declared.unit),
+                )
+        except ValueError as error:
+            raise InputError(self.path, f"{place}.unit", f'"{unit}"', f"a unit like {declared.unit}") from error
+        if declared.bounds[0] >= 0:  # what can't be negative by nature is not made so by a file
+            bounds = max(bounds[0], declared.bounds[0]), bounds[1]
+        if bounds[0] > bounds[1]:
+            found = f"a lower bound {bounds[0]:g} above the upper {bounds[1]:g}"
+            raise InputError(self.path, f"{place}.bounds", found, "[least, greatest]")
+        if not bounds[0] <= value <= bounds[1]:
+            if table.value is None:  # only bounds were given: start inside them
+                value = sum(bounds) / 2
+            else:
+                within = f"a value from {bounds[0]:g} to {bounds[1]:g} {declared.unit}"
+                raise InputError(self.path, f"{place}.value", f"{value:g} {declared.unit}", within)
+        return replace(
+            declared,
+            value=value,
+            bounds=bounds,
+            share=table.share or declared.share,
+            fixed=declared.fixed if table.fixed is None else table.fixed,
+        )
+
+    def _table(self, given: object, place: str) -> ParameterTable:
+        """A bare number, or an effect's table that pydantic has not looked at yet."""
+        if given is None:
+            return ParameterTable()
+        if isinstance(given, int | float) and not isinstance(given, bool) and math.isfinite(given):
+            return ParameterTable(value=float(given))
+        try:
+            return ParameterTable.model_validate(given)
+        except ValidationError as error:
+            first = error.errors()[0]
+            inner = ".".join(str(part) for part in first["loc"])
+            where = f"{place}.{inner}" if inner else place
+            raise InputError(self.path, where, found_in(first), expectation(first)) from error
+
+
+def flat_columns(columns: Mapping[str, Any]) -> dict[str, object]:
+    """`temperature.a = …` without quotes is a nested table in TOML; people write it all the same."""
+    flat: dict[str, object] = {}
+    for key, entry in columns.items():
+        if isinstance(entry, Mapping) and not {"column", "norm"} & set(entry) and "." not in key:
+            flat.update({f"{key}.{place}": inner for place, inner in entry.items()})
+        else:
+            flat[key] = entry
+    return flat
+
+
+# --- `model.toml` in and out: comments kept, every mistake named with its line --------------------
+
+
+_SIGNIFICANT = 6  # digits of a fitted value: more would claim what no fit knows
+
+
+@dataclass(frozen=True)
+class ModelFile:
+    """A model file as text, and what it says.
+
+    Args:
+        path: where it was read from, for messages.
+        text: its text, comments and all.
+        network: the network that it declares, fitted values in place.
+        columns: where the log columns stand under other names.
+        step: sampling step that logs are brought to [s], `None` for each log's own.
+    """
+
+    path: Path
+    text: str
+    network: Network
+    columns: dict[str, ColumnSource]
+    step: float | None
+
+    def with_effects(self, effects: Iterable[EffectDeclaration]) -> ModelFile:
+        """The file with more `[[effects]]` at its end, everything else as it stands."""
+        document = tomlkit.parse(self.text)
+        tables = document.get("effects")
+        if not isinstance(tables, tomlkit.items.AoT):
+            written = [] if tables is None else tables.unwrap()
+            tables = tomlkit.aot()
+            for entry in written:  # an inline array can't be continued by [[effects]]
+                tables.append(tomlkit.item(entry))
+            document.pop("effects", None)
+            document["effects"] = tables
+        for effect in effects:
+            table = _effect_table(effect)
+            table.trivia.indent = "\n"
+            tables.append(table)
+        return parse_model(tomlkit.dumps(document), self.path)
+
+    def with_fit(self, fitted: FitTable) -> ModelFile:
+        """The file with a `[fit]` table: values, standard errors, warnings and the data's fingerprints."""
+        document = tomlkit.parse(self.text)
+        document.pop("fit", None)
+        table = tomlkit.table()
+        if fitted.rmse is not None:
+            table.add("rmse", _rounded(fitted.rmse))
+            table["rmse"].comment("K, over the readings that were fitted")
+        if fitted.status is not None:
+            table.add("status", fitted.status)
+        if fitted.warnings:
+            table.add("warnings", tomlkit.item(fitted.warnings).multiline(True))
+        data = tomlkit.array()
+        for entry in fitted.data:
+            data.append(entry.model_dump())
+        table.add("data", data.multiline(True))
+        bounds = {parameter.name: parameter.declared.bounds for parameter in self.network.parameters}
+        parameters = tomlkit.table()
+        for name, found in fitted.parameters.items():
+            lower, upper = bounds.get(name, (-math.inf, math.inf))
+            rounded = found.model_dump(exclude_none=True) | {"value": min(max(_rounded(found.value), lower), upper)}
+            if found.error is not None:
+                rounded["error"] = _rounded(found.error)
+            parameters.add(name, _inline(rounded))
+        table.add("parameters", parameters)
+        document.add("fit", table)
+        return parse_model(tomlkit.dumps(document), self.path)
+
+    def write(self, path: Path) -> None:
+        """Write it whole or not at all."""
+        write_whole(path, self.text)
+
+
+def read_model_file(path: Path) -> ModelFile:
+    """Read a model file.
+
+    Args:
+        path: of the TOML file.
+
+    Raises:
+        InputError: it can't be read, is not TOML, or says something that can't be a model; with its line.
+    """
+    return parse_model(text_of(path, "a model file (`lptn new` writes one)"), path)
+
+
+def parse_model(text: str, path: Path) -> ModelFile:
+    """Read a model from the text of its file; `path` serves for messages.
+
+    Raises:
+        InputError: with the line of the mistake.
+    """
+    with told_by_line(path, text):
+        content = toml_of(path, text)
+        tables = File.model_validate(content)
+        columns = parse_columns(flat_columns(tables.columns), path, "columns")
+        network = Reader(path, tables).network()
+    return ModelFile(path, text, network, columns, tables.model.step)
+
+
+def _effect_table(effect: EffectDeclaration) -> tomlkit.items.Table:
+    table = tomlkit.table()
+    table.add("kind", effect.effect.key)
+    table.add("at", effect.at)
+    if effect.run:
+        table.add("run", effect.run)
+    if effect.driven_by:
+        table.add("driven_by", effect.driven_by)
+    for name, word in effect.effect.chosen.items():
+        table.add(name, word)
+    resolved = effect.resolved
+    share = next(iter(resolved.values())).share
+    if share != "each":
+        table.add("share", share)
+    for name, parameter in resolved.items():
+        lower, upper = parameter.bounds
+        entry: dict[str, object] = {"value": min(max(_rounded(parameter.value), lower), upper), "unit": parameter.unit}
+        if parameter.bounds not in [own.bounds for own in effect.effect.parameters if own.name == name]:
+            entry["bounds"] = [lower, upper]
+        if parameter.fixed:
+            entry["fixed"] = True
+        table.add(name, _inline(entry))
+    return table
+
+
+def _inline(entries: Mapping[str, object]) -> tomlkit.items.InlineTable:
+    table = tomlkit.inline_table()
+    table.update(entries)
+    return table
+
+
+def _rounded(value: float) -> float:
+    return float(f"{value:.{_SIGNIFICANT}g}")
+
+
+# --- An effect added to a model file, at the size at which it is usually met ----------------------
+
+
+def added(file: ModelFile, key: str, at: str) -> ModelFile:
+    """The model file with one more effect; where `at` is a pattern, its places share the parameters.
+
+    Raises:
+        InputError: no such effect, or it can't stand there.
+    """
+    kind = catalogue().get(key)
+    if kind is None:
+        near = get_close_matches(key, catalogue(), n=1, cutoff=0.5)
+        raise InputError("add", "EFFECT", f"'{key}'", near[0] if near else f"one of {', '.join(catalogue())}")
+    share: Share = "all" if is_glob(at) or "{" in at else "each"
+    parameters = tuple(replace(parameter.switched_on, share=share) for parameter in kind.parameters)
+    return file.with_effects([EffectDeclaration(kind(), at, parameters)])

@@ -1,0 +1,245 @@
+"""The assembled model: one symbolic heat balance and the CasADi functions made from it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable
+from typing import Any, Literal, NamedTuple, TypeVar, cast
+
+import casadi as ca
+import numpy as np
+
+from lptn.basics.arrays import FloatArray
+from lptn.basics.parameters import ParameterInstance
+from lptn.basics.places import is_of_run
+from lptn.effects import ClockEffect, GroupEffect, SensorEffect
+from lptn.model.heat_balance import HeatBalance
+from lptn.model.network import EffectInstance, Network
+
+Made = TypeVar("Made")
+Method = Literal["rk4", "euler", "zoh"]
+_SQUARINGS = 12  # scaling-and-squaring steps of the symbolic matrix exponential: exact up to h |λ| of some 2000
+_TAYLOR_ORDER = 10
+
+
+class Symbols(NamedTuple):
+    """States, inputs, parameters; rates of the states and readings of the sensors."""
+
+    x: ca.SX
+    u: ca.SX
+    p: ca.SX
+    rates: ca.SX
+    readings: ca.SX
+
+
+class Model:
+    r"""A network as functions of states x, inputs u and parameters p.
+
+    .. math:: C_i \dot T_i = \sum_j (T_j - T_i) / R_{ij} + \sum Q
+
+    Temperatures are in degC, all else in SI. The states are the temperatures of the dynamic nodes, then
+    the states of effects that have one.
+
+    Args:
+        network: what to assemble.
+
+    Source: [QuadrupedLPTN, eq. 4, 5], with the sign that lets heat flow from hot to cold.
+    """
+
+    def __init__(self, network: Network) -> None:
+        self.network = network
+        self.nodes: list[str] = network.dynamic
+        """Dynamic nodes, which are also the outputs, in order."""
+        self.parameters: list[ParameterInstance] = network.parameters
+        self.balance = HeatBalance(network)
+        """The expressions behind the functions."""
+        self.inputs: list[str] = list(self.balance.columns)
+        """Log columns that drive the model, in order."""
+        self.started: list[str] = self.balance.started
+        """Those inputs that are taken from the start of a run instead of a column."""
+        self.states: list[str] = [*self.nodes, *(instance.label for instance in self.balance.hidden)]
+        self.rests: list[tuple[str, ...]] = [*((name,) for name in self.nodes), *map(_rests, self.balance.hidden)]
+        """For each state the places whose mean temperature it has in equilibrium."""
+        self.owners: list[int] = [self._owner(places) for places in self.rests]
+        """For each state the index of the node it belongs to."""
+        self.made: dict[Hashable, Any] = {}
+        """What `made_once` keeps, shared with copies at other values."""
+        self._x, self._u, self._p = self.balance.x, self.balance.u, self.balance.p
+        self._rhs, self._y = self.balance.rates, self.balance.readings
+
+    def __reduce__(self) -> tuple[type[Model], tuple[Network]]:
+        # CasADi's expressions don't travel between processes; the network does, and makes the same model.
+        return Model, (self.network,)
+
+    @property
+    def values(self) -> FloatArray:
+        """Parameter values as the network declares them, shape (m,)."""
+        return np.array([parameter.value for parameter in self.parameters], dtype=float)
+
+    def with_values(self, values: FloatArray) -> Model:
+        """The same model at other parameter values, shape (m,); its functions are shared, not made again."""
+        other = object.__new__(Model)
+        other.__dict__.update(self.__dict__)
+        names = (parameter.name for parameter in self.parameters)
+        other.network = self.network.with_values(dict(zip(names, values.tolist(), strict=True)))
+        other.parameters = other.network.parameters
+        return other
+
+    def made_once(self, key: Hashable, make: Callable[[], Made]) -> Made:
+        """What `make` returns, kept under `key` for this model and all its copies at other values."""
+        if key not in self.made:
+            self.made[key] = make()
+        return cast(Made, self.made[key])
+
+    @property
+    def free(self) -> list[int]:
+        """Indices of the parameters that a fit may change."""
+        return [index for index, parameter in enumerate(self.parameters) if parameter.free]
+
+    def _owner(self, places: tuple[str, ...]) -> int:
+        """A node to name a state after: of a prescribed place the first that exchanges heat with it."""
+        around = (node for node, other in self.network.surroundings.values() if other in places)
+        return next((self.nodes.index(name) for name in (*places, *around) if name in self.nodes), 0)
+
+    def in_run(self, name: str, values: FloatArray) -> FloatArray:
+        """Parameter values, shape (m,), with the indicators of a run's own effects set as the run's name says."""
+        if not self.network.runs:
+            return values
+        values = values.copy()
+        for pattern, index in self.network.runs.items():
+            values[index] = float(is_of_run(name, pattern))
+        return values
+
+    @property
+    def resting_shares(self) -> FloatArray:
+        """Each hidden state's equilibrium as shares of the nodes' temperatures, shape (hidden, nodes)."""
+        shares = np.zeros((len(self.states) - len(self.nodes), len(self.nodes)))
+        for row, places in enumerate(self.rests[len(self.nodes) :]):
+            for place in places:
+                if place in self.nodes:
+                    shares[row, self.nodes.index(place)] += 1 / len(places)
+        return shares
+
+    @property
+    def symbols(self) -> Symbols:
+        """The expressions behind the functions, for whoever differentiates them further."""
+        return Symbols(self._x, self._u, self._p, self._rhs, self._y)
+
+    # --- functions ----------------------------------------------------------------------------
+
+    @property
+    def rhs(self) -> ca.Function:
+        """(x, u, p) -> dx/dt [K/s]."""
+        return self._function("rhs", lambda: self._rhs, "xdot")
+
+    @property
+    def output(self) -> ca.Function:
+        """(x, p) -> what the sensors of the dynamic nodes read [degC]."""
+        make = lambda: ca.Function("output", [self._x, self._p], [self._y], ["x", "p"], ["y"])  # noqa: E731
+        return self.made_once("output", make)
+
+    @property
+    def reads_directly(self) -> bool:
+        """Whether every sensor reads its node's temperature as it is."""
+        return not any(isinstance(instance.effect, SensorEffect) for instance in self.network.effect_instances)
+
+    @property
+    def in_time(self) -> bool:
+        """Whether all readings belong to the instants that the log says."""
+        return not any(isinstance(instance.effect, ClockEffect) for instance in self.network.effect_instances)
+
+    def delays(self, p: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """How late each node's readings come [s], shape (nodes,), and its derivative by p, shape (nodes, m)."""
+        late = self.balance.delays
+        make = lambda: ca.Function("delays", [self._p], [late, ca.densify(ca.jacobian(late, self._p))])  # noqa: E731
+        delays, slopes = self.made_once("delays", make)(p)
+        return delays.full().ravel(), slopes.full()
+
+    def readings_of(self, states: FloatArray, p: FloatArray) -> FloatArray:
+        """What the sensors read [degC], shape (nodes, n), at many states, shape (states, n)."""
+        if self.reads_directly:
+            return states[: len(self.nodes)]
+        n = states.shape[1]
+        readings = self.made_once(("output", n), lambda: self.output.map(n))
+        return np.asarray(readings(states, np.repeat(p[:, None], n, axis=1)).full())
+
+    @property
+    def state_jacobian(self) -> ca.Function:
+        """(x, u, p) -> d(dx/dt)/dx [1/s], dense."""
+        return self._function("state_jacobian", lambda: ca.densify(ca.jacobian(self._rhs, self._x)), "A")
+
+    @property
+    def parameter_jacobian(self) -> ca.Function:
+        """(x, u, p) -> d(dx/dt)/dp, dense."""
+        return self._function("parameter_jacobian", lambda: ca.densify(ca.jacobian(self._rhs, self._p)), "B")
+
+    @property
+    def is_linear(self) -> bool:
+        """Whether the heat balance is linear in the temperatures, at any inputs and parameters."""
+        return not ca.depends_on(ca.jacobian(self._rhs, self._x), self._x)
+
+    def step(self, method: Method = "rk4") -> ca.Function:
+        """(x, u, p, h) -> x after h seconds with the inputs held.
+
+        Args:
+            method: `"rk4"`; `"euler"`, the first source's `G = I + hA`; `"zoh"`, exact where the model
+                is linear in its temperatures.
+
+        Raises:
+            ValueError: `"zoh"` for a model that is not linear.
+
+        Source: [QuadrupedLPTN, eq. 11, 12].
+        """
+        return self.made_once(("step", method), lambda: self._make_step(method))
+
+    def run(self, n: int, method: Method = "rk4") -> ca.Function:
+        """(x0, U, p, h) -> the n states after each of n steps, shape (number of states, n).
+
+        `U` has shape (number of inputs, n).
+        """
+        return self.made_once(("run", n, method), lambda: self._make_run(n, method))
+
+    def _function(self, name: str, expression: Callable[[], ca.SX], result: str) -> ca.Function:
+        arguments, names = [self._x, self._u, self._p], ["x", "u", "p"]
+        return self.made_once(name, lambda: ca.Function(name, arguments, [expression()], names, [result]))
+
+    def _make_step(self, method: Method) -> ca.Function:
+        h = ca.SX.sym("h")
+        following = {"rk4": self._rk4, "euler": self._euler, "zoh": self._zero_order_hold}[method](h)
+        return ca.Function("step", [self._x, self._u, self._p, h], [following], ["x", "u", "p", "h"], ["x_next"])
+
+    def _make_run(self, n: int, method: Method) -> ca.Function:
+        x, u = ca.MX.sym("x", len(self.states)), ca.MX.sym("u", len(self.inputs), n)
+        p, h = ca.MX.sym("p", len(self.parameters)), ca.MX.sym("h")
+        path = self.step(method).mapaccum(n)(x, u, ca.repmat(p, 1, n), ca.repmat(h, 1, n))
+        return ca.Function("run", [x, u, p, h], [path], ["x0", "U", "p", "h"], ["X"])
+
+    def _euler(self, h: ca.SX) -> ca.SX:
+        return self._x + h * self._rhs
+
+    def _rk4(self, h: ca.SX) -> ca.SX:
+        rhs = self.rhs
+        k1 = rhs(self._x, self._u, self._p)
+        k2 = rhs(self._x + h / 2 * k1, self._u, self._p)
+        k3 = rhs(self._x + h / 2 * k2, self._u, self._p)
+        k4 = rhs(self._x + h * k3, self._u, self._p)
+        return self._x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+
+    def _zero_order_hold(self, h: ca.SX) -> ca.SX:
+        """x + h φ₁(hA) f(x): exact for f affine in x, by scaling and squaring of a Taylor series."""
+        if not self.is_linear:
+            raise ValueError(f"model {self.network.name}: not linear in its temperatures, so no exact step; use rk4")
+        a = ca.densify(ca.jacobian(self._rhs, self._x)) * h / 2**_SQUARINGS
+        n = len(self.states)
+        identity = ca.SX.eye(n)
+        phi = identity
+        for order in range(_TAYLOR_ORDER, 1, -1):
+            phi = identity + ca.mtimes(a, phi) / order
+        for _ in range(_SQUARINGS):
+            phi = ca.mtimes(phi, 2 * identity + ca.mtimes(a, phi)) / 2
+            a = 2 * a
+        return self._x + h * ca.mtimes(phi, self._rhs)
+
+
+def _rests(instance: EffectInstance) -> tuple[str, ...]:
+    """The places with which an effect's state is in equilibrium when nothing happens."""
+    return instance.ends if isinstance(instance.effect, GroupEffect) else instance.ends[:1]

@@ -1,0 +1,205 @@
+"""What the robot is doing now: the period of its gait, and the stretch over which its operating point is unchanged."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from lptn.basics.arrays import BoolArray, FloatArray
+from lptn.logs.resampling import feature
+from lptn.simulate.simulation import BoundRun
+
+# --- The period of the gait, from the joint speeds ------------------------------------------------
+
+
+_LOOKED_AT = 30.0  # s, from the end: long enough for ten cycles of a slow walk
+_STILL = 0.05  # rad/s; joints that move no faster than this, on the average, stand
+_COARSEST = 0.2  # s between samples; of rarer ones a trot at 2 Hz would look like something slower
+_LEAST_SAMPLES = 2.2  # a cycle, for the same reason
+_LEAST_CYCLES = 3.0
+_ALIKE = 0.4  # correlation of the speeds with themselves, one cycle later, that makes a gait
+_APART = 0.3  # correlation to which the speeds fall within a cycle
+_AS_GOOD = 0.92  # a peak so high beside the highest one counts, so that two cycles aren't taken for one
+_FINER = 8  # lags between two samples, so that a peak between them isn't missed
+
+
+@dataclass(frozen=True)
+class Gait:
+    """The gait at the end of a log.
+
+    Args:
+        period: s, `None` where there is none or where it can't be seen.
+        why_not: in words, empty where there is a period.
+    """
+
+    period: float | None
+    why_not: str = ""
+
+
+def find_gait(speeds: Sequence[FloatArray], step: float) -> Gait:
+    """The gait at the end of a log.
+
+    Its period is the lag at which the joint speeds look most like themselves, all joints together: the first peak of
+    their summed autocorrelation that is nearly as high as the highest.
+
+    Args:
+        speeds: speed of each joint [rad/s], with its sign, (n,) each. Of speeds without a sign, a cycle of which one
+            half mirrors the other shows half its period.
+        step: time between samples [s].
+
+    Source: [QuadrupedLPTN, application 3].
+    """
+    if not speeds:
+        return Gait(None, "the log has no joint speeds")
+    if step > _COARSEST:
+        return Gait(None, f"the gait can't be seen in samples {step:g} s apart")
+    count = min(round(_LOOKED_AT / step), *(len(speed) for speed in speeds), len(speeds[0]))
+    recent = np.array([speed[-count:] for speed in speeds], dtype=float)
+    known = np.isfinite(recent).any(axis=1)
+    recent = np.nan_to_num(recent[known] - np.nanmean(recent[known], axis=1, keepdims=True))
+    if recent.size == 0 or np.sqrt(np.mean(recent**2)) < _STILL:
+        return Gait(None, "the joints stand")
+    period = _first_peak(_autocorrelation(recent), step / _FINER, _LEAST_SAMPLES * step)
+    return Gait(period, "" if period else "the joint speeds show no period")
+
+
+def _autocorrelation(series: FloatArray) -> FloatArray:
+    """Autocorrelation summed over the rows, at lags of 1/_FINER of a sample, up to a third of the length."""
+    count = series.shape[1]
+    spectrum = np.sum(np.abs(np.fft.rfft(series, 2 * count)) ** 2, axis=0)
+    finer = np.fft.irfft(spectrum, 2 * count * _FINER)[: int(count / _LEAST_CYCLES) * _FINER]
+    # Longer lags have fewer pairs; without the factor they would look less alike.
+    pairs = 1.0 - np.arange(finer.size) / (count * _FINER)
+    return np.asarray(finer / (finer[0] * pairs))
+
+
+def _first_peak(correlation: FloatArray, step: float, least: float) -> float | None:
+    inner = correlation[1:-1]
+    peaks = 1 + np.flatnonzero((inner > correlation[:-2]) & (inner >= correlation[2:]))
+    apart = np.flatnonzero(correlation < _APART)  # before that, a slow gait only resembles what it just was
+    begin = max(float(apart[0]) if apart.size else np.inf, least / step)
+    peaks = peaks[peaks >= begin]
+    if peaks.size == 0 or correlation[peaks].max() < _ALIKE:
+        return None
+    first = peaks[correlation[peaks] >= _AS_GOOD * correlation[peaks].max()][0]
+    left, top, right = correlation[first - 1 : first + 2]
+    bend = left - 2 * top + right
+    return float((first + (0.5 * (left - right) / bend if bend < 0 else 0.0)) * step)
+
+
+# --- What the robot is doing now: the stretch over which its operating point is unchanged, and its averaged inputs ---
+
+
+_BLOCK = 10.0  # s; means over it are compared
+_CLEAR = 4.5  # standard errors by which an operating point must have changed to count as another one
+_CORRELATED = 1.5  # neighbouring blocks resemble each other, so their differences understate the scatter
+_FLOOR = 0.03  # of an input's size in the log: changes so small are none
+_FLOOR_KELVIN = 0.5  # K; the same for temperatures, whose zero means nothing
+_LEAST_BLOCKS = 2  # on either side of a change
+_MEMORY = 40.0  # s over which inputs may resemble themselves
+
+
+@dataclass(frozen=True)
+class OperatingPoint:
+    """Averaged inputs of a window at the end of a log, and how far they are to be trusted.
+
+    Args:
+        seconds: length of the window.
+        inputs: shape (inputs,): root mean squares where heat goes with the square, else means.
+        error: covariance of these as the mean of what goes on, shape (inputs, inputs).
+        scatter: covariance of a mean over one second, for means over much longer times: divided by a duration
+            [s] it is the covariance of the mean over it, shape (inputs, inputs).
+    """
+
+    seconds: float
+    inputs: FloatArray
+    error: FloatArray
+    scatter: FloatArray
+
+
+def steady_seconds(bound: BoundRun, columns: list[str]) -> float:
+    """How long, at the end of a log, the operating point has been unchanged [s].
+
+    Block means of all inputs are searched for their clearest change, by the largest difference of the means
+    before and behind it in standard errors. What lies before a clear change is dropped, until there is none.
+
+    Args:
+        driven: the log.
+        columns: its inputs, `<feature>.<place>`, in order.
+    """
+    size = max(1, round(_BLOCK / bound.run.step))
+    blocks = len(bound) // size
+    if blocks < 2 * _LEAST_BLOCKS:
+        return len(bound) * bound.run.step
+    means = _before(bound.inputs, columns)[:, len(bound) - blocks * size :]
+    means = means.reshape(len(columns), blocks, size).mean(axis=2)
+    given = np.array([column.startswith("temperature.") for column in columns], dtype=bool)
+    floor = np.where(given, _FLOOR_KELVIN, _FLOOR * np.abs(means).max(axis=1))
+    first = 0
+    while (change := _clearest_change(means[:, first:], floor)) is not None:
+        first += change
+    whole = first == 0
+    return (len(bound) if whole else (blocks - first) * size) * bound.run.step
+
+
+def operating_point(bound: BoundRun, columns: list[str], seconds: float, scatter_seconds: float) -> OperatingPoint:
+    """The inputs averaged over the last `seconds` of a log, their scatter taken from the last `scatter_seconds`."""
+    step, n = bound.run.step, len(bound)
+    weights = np.clip(np.arange(1, n + 1) - (n - seconds / step), 0.0, 1.0)
+    before = _before(bound.inputs, columns)
+    mean = before @ weights / weights.sum()
+    squared = _squared(columns)
+    inputs = np.where(squared, np.sqrt(np.maximum(mean, 0.0)), mean)
+    # d input / d mean of what is averaged; an input that rests at zero is taken to stay there.
+    slope = np.where(squared, 0.5 / np.where(inputs > 0, inputs, np.inf), 1.0)
+    scatter, memory = _long_run(before[:, -max(1, round(scatter_seconds / step)) :], step)
+    scatter = scatter * np.outer(slope, slope)
+    return OperatingPoint(seconds, inputs, scatter / max(seconds, memory), scatter)
+
+
+def _before(inputs: FloatArray, columns: list[str]) -> FloatArray:
+    """What the mean of each input is taken of: the square of a torque, the value itself of others."""
+    return np.stack([feature(column).reduction.before(row) for column, row in zip(columns, inputs, strict=True)])
+
+
+def _squared(columns: list[str]) -> BoolArray:
+    probe = np.array([2.0])
+    return np.array([feature(column).reduction.before(probe)[0] == 4.0 for column in columns], dtype=bool)
+
+
+def _clearest_change(means: FloatArray, floor: FloatArray) -> int | None:
+    """The block with which another operating point begins, `None` where none is clear."""
+    count = means.shape[1]
+    if count < 2 * _LEAST_BLOCKS:
+        return None
+    scatter = np.median(np.abs(np.diff(means, axis=1)), axis=1) * 1.4826 / np.sqrt(2) * _CORRELATED
+    scatter = np.hypot(scatter, floor)
+    total = np.cumsum(means, axis=1)
+    before = np.arange(_LEAST_BLOCKS, count - _LEAST_BLOCKS + 1)
+    behind = count - before
+    difference = total[:, before - 1] / before - (total[:, -1:] - total[:, before - 1]) / behind
+    clear = np.abs(difference) / np.where(scatter > 0, scatter, np.inf)[:, None] / np.sqrt(1 / before + 1 / behind)
+    best = int(np.argmax(clear.max(axis=0)))
+    return int(before[best]) if clear.max() > _CLEAR else None
+
+
+def _long_run(series: FloatArray, step: float) -> tuple[FloatArray, float]:
+    """Covariance of a mean over one second, for means over much longer times, and how long values stay alike [s].
+
+    The covariances at all lags are summed with falling weights [NeweyWest1987].
+    """
+    count = series.shape[1]
+    centred = series - series.mean(axis=1, keepdims=True)
+    lags = min(round(_MEMORY / step), count // 4)
+    now = centred @ centred.T / count
+    total = now.copy()
+    for lag in range(1, lags + 1):
+        product = centred[:, lag:] @ centred[:, :-lag].T / count
+        total += (1 - lag / (lags + 1)) * (product + product.T)
+    varied = np.diag(now) > 0
+    memory = float(np.median(np.diag(total)[varied] / np.diag(now)[varied])) * step if varied.any() else 0.0
+    # The mean that was taken off took some slow scatter along, and few independent stretches leave it unsure.
+    freedom = max(3.0, 1.5 * count / (lags + 1))
+    return total * step * count / (count - lags) * freedom / (freedom - 2), memory

@@ -1,0 +1,5 @@
+"""A model driven by a run: steps, linearisation, sensitivities. The only room that integrates."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
