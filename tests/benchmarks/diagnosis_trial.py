@@ -23,9 +23,7 @@ from typing import Any, cast
 
 from lptn.diagnose.improvement import History, improve
 from lptn.identify.data import load_model, split_data
-from lptn.virtual import BEYOND, EFFECTS, places, quadruped_logs, write_logs
-from lptn.virtual.layouts import LAYOUTS
-from lptn.virtual.plans import Plan
+from lptn.virtual import BEYOND, EFFECTS, LAYOUTS, Plan, places, quadruped_logs, write_logs
 
 MODEL = Path(__file__).with_name("quadruped_plain.toml")
 CATALOGUE = tuple(effect for effect in EFFECTS if effect not in BEYOND)

@@ -28,11 +28,8 @@ from lptn.online.forecasting import Forecast, NodeForecast, forecast
 from lptn.online.operating_point import Gait, find_gait
 from lptn.online.present import Knowledge
 from lptn.robots.presets import presets
-from lptn.virtual import Run, Segment, quadruped, quadruped_logs, write_logs
-from lptn.virtual.plans import plan
-from lptn.virtual.record import Record, live
-from lptn.virtual.rows import rows
-from lptn.virtual.sensors import Sensor
+from lptn.virtual import Record, Run, Segment, Sensor, plan, quadruped, quadruped_logs, rows, write_logs
+from lptn.virtual import simulate_runs as live
 
 WINDINGS = Path(__file__).with_name("quadruped_windings.toml")
 LIMIT, LASTS, RATE = 60.0, 5400, 100.0  # degC, s, Hz

@@ -19,10 +19,8 @@ from lptn.model.file import parse_model
 from lptn.model.model import Model
 from lptn.planners.load_sharing import LoadSharing, Sharing, Stance, load_body, statics
 from lptn.robots.presets import preset_text
-from lptn.virtual.forcing import Drive
-from lptn.virtual.quadruped_truth import draw_quadruped
-from lptn.virtual.robot import Robot
-from lptn.virtual.solve import Network
+from lptn.virtual import Forcing as Drive
+from lptn.virtual import Network, Robot, draw_quadruped
 
 LIMIT, AMBIENT, LOAD, COMPUTER = 60.0, 25.0, 4.0, 16.0  # degC, degC, kg, W
 LONGEST, SEEDS = 5400, (0, 1, 2)  # s

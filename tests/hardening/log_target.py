@@ -15,8 +15,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from lptn.virtual import leg_logs
-from lptn.virtual.writers import write_logs
+from lptn.virtual import leg_logs, write_logs
 from tests.hardening.mutations import spoil_bytes, spoil_csv
 from tests.logs.ulog_bytes import FORMATS, definitions, esc_status, header
 

@@ -13,10 +13,7 @@ from lptn.model.model import Model
 from lptn.planners.mission import Plan, plan_kind
 from lptn.robots.presets import preset_text
 from lptn.simulate.simulation import bound_runs
-from lptn.virtual import write_quadruped
-from lptn.virtual.activities import Segment
-from lptn.virtual.quadruped import Options, quadruped_logs
-from lptn.virtual.runs import Run
+from lptn.virtual import Options, Run, Segment, quadruped_logs, write_quadruped
 
 LIMIT, LOADS = 58.0, (0, 4)
 STRETCHES = ((10, 390), (710, 1090), (1410, 1690))  # s, in which it trots

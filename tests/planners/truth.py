@@ -12,10 +12,9 @@ from lptn.model.file import parse_model
 from lptn.model.model import Model
 from lptn.model.network import Network
 from lptn.robots.presets import preset_text
-from lptn.virtual.forcing import Drive
-from lptn.virtual.quadruped_truth import draw_quadruped
-from lptn.virtual.robot import Robot
-from lptn.virtual.solve import Network as TrueNetwork
+from lptn.virtual import Forcing as Drive
+from lptn.virtual import Network as TrueNetwork
+from lptn.virtual import Robot, draw_quadruped
 
 AMBIENT, SPEED, JOINT_SPEED, COMPUTER = 25.0, 0.5, 2.0, 12.0  # degC, m/s, rad/s, W
 NATURAL, FORCED, RISE, COULOMB, VISCOUS = 0.006, 0.5, 0.0039, 0.25, 0.04

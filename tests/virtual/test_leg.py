@@ -1,4 +1,4 @@
-"""Check the logs: columns, seeds, sensors, rates, starts, files."""
+"""Check the leg's logs: columns, seeds, sensors, rates, starts, files."""
 
 from __future__ import annotations
 
@@ -8,15 +8,14 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from lptn.virtual import JOINTS, Hidden, leg_logs, write_logs
-from lptn.virtual.leg import Format
-from lptn.virtual.protocol import draw_runs
+from lptn.virtual import LEG_JOINTS, Format, Hidden, leg_logs, write_logs
+from lptn.virtual.leg import draw_runs
 
-TEMPERATURES = [f"temperature.{joint}" for joint in JOINTS]
+TEMPERATURES = [f"temperature.{joint}" for joint in LEG_JOINTS]
 COLUMNS = [
     "time",
-    *(f"torque.{joint}" for joint in JOINTS),
-    *(f"velocity.{joint}" for joint in JOINTS),
+    *(f"torque.{joint}" for joint in LEG_JOINTS),
+    *(f"velocity.{joint}" for joint in LEG_JOINTS),
     "speed.base",
     *TEMPERATURES,
     "temperature.ambient",
@@ -171,9 +170,3 @@ def test_files_hold_the_logs(logs: dict[str, pd.DataFrame], tmp_path: Path, kind
     assert sorted((tmp_path / "new").iterdir()) == files
     read = pd.read_parquet(files[0]) if kind == "parquet" else pd.read_csv(files[0])
     pd.testing.assert_frame_equal(read, logs["holdout"], rtol=1e-6, check_dtype=kind == "parquet")
-
-
-def test_unknown_format_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match="format: found 'xls'; expected one of parquet, csv"):
-        write_logs(tmp_path / "new", {}, "xls")  # type: ignore[arg-type]
-    assert not (tmp_path / "new").exists()

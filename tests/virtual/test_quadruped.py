@@ -10,14 +10,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from lptn.virtual import Hidden, Logs, Run, Segment, quadruped_logs
+from lptn.virtual import QUADRUPED_JOINTS, QUADRUPED_NODES, Hidden, Logs, Options, Run, Segment, quadruped_logs
 from lptn.virtual.motion import draw_motion
-from lptn.virtual.quadruped import Options, _happen
-from lptn.virtual.quadruped_truth import JOINTS, NODES
-from lptn.virtual.robot import Array
-from lptn.virtual.streams import stream
+from lptn.virtual.quadruped import _simulate
+from lptn.virtual.robot import Array, stream
 
-TEMPERATURES = [f"temperature.{node}" for node in NODES]
+TEMPERATURES = [f"temperature.{node}" for node in QUADRUPED_NODES]
 MIX = Run((Segment("trot", 240, 0.5, 2.0), Segment("stand", 60), Segment("hold", 60, joints=("RL_calf",), torque=8.0)))
 
 
@@ -25,9 +23,9 @@ def columns(*, slow: bool) -> list[str]:
     moves = ["torque", "velocity", *["velocity_rms"] * slow]
     return [
         "time",
-        *(f"{quantity}.{joint}" for quantity in moves for joint in JOINTS),
+        *(f"{quantity}.{joint}" for quantity in moves for joint in QUADRUPED_JOINTS),
         "speed.base",
-        *(f"powered.{joint}" for joint in JOINTS),
+        *(f"powered.{joint}" for joint in QUADRUPED_JOINTS),
         "power.pc",
         *TEMPERATURES,
         "temperature.ambient",
@@ -40,7 +38,10 @@ def protocol() -> Logs:
 
 
 def test_joints_are_those_of_the_urdf() -> None:
-    assert tuple(f"{leg}_{part}" for leg in ("FR", "FL", "RR", "RL") for part in ("hip", "thigh", "calf")) == JOINTS
+    assert (
+        tuple(f"{leg}_{part}" for leg in ("FR", "FL", "RR", "RL") for part in ("hip", "thigh", "calf"))
+        == QUADRUPED_JOINTS
+    )
 
 
 def test_protocol_is_the_sources_table(protocol: Logs) -> None:
@@ -57,12 +58,17 @@ def test_protocol_is_the_sources_table(protocol: Logs) -> None:
 
 def test_only_the_named_joints_are_powered(protocol: Logs) -> None:
     log = protocol["hip_RF_LR_4Nm"]
-    powered = [joint for joint in JOINTS if log[f"powered.{joint}"].all()]
+    powered = [joint for joint in QUADRUPED_JOINTS if log[f"powered.{joint}"].all()]
     assert powered == ["FR_thigh", "RL_thigh"]
     assert log[[f"torque.{joint}" for joint in powered]].mean().to_numpy() == pytest.approx([4.0, 4.0], rel=0.05)
-    idle = [f"{quantity}.{joint}" for quantity in ("torque", "powered") for joint in JOINTS if joint not in powered]
+    idle = [
+        f"{quantity}.{joint}"
+        for quantity in ("torque", "powered")
+        for joint in QUADRUPED_JOINTS
+        if joint not in powered
+    ]
     assert not log[idle].to_numpy().any()
-    assert not protocol["cooling"][[f"powered.{joint}" for joint in JOINTS]].to_numpy().any()
+    assert not protocol["cooling"][[f"powered.{joint}" for joint in QUADRUPED_JOINTS]].to_numpy().any()
     assert protocol["trot_high"]["speed.base"].max() == pytest.approx(1.0)
     assert set(protocol["trot_low"]["power.pc"]) <= {16.0, 26.0}
 
@@ -84,7 +90,7 @@ def test_temperatures_are_carried_from_run_to_run(protocol: Logs) -> None:
 def test_cut_out_switches_off_and_on_again(protocol: Logs) -> None:
     log, truth = protocol["knee_RF_LR_10Nm"], protocol.truth["knee_RF_LR_10Nm"]
     on = log["powered.RL_calf"].to_numpy()
-    hottest = truth[[f"temperature.{joint}" for joint in JOINTS]].max(axis=1).to_numpy()
+    hottest = truth[[f"temperature.{joint}" for joint in QUADRUPED_JOINTS]].max(axis=1).to_numpy()
     off_at, on_at = np.flatnonzero(np.diff(on) < 0) + 1, np.flatnonzero(np.diff(on) > 0) + 1
     assert len(off_at) > 2
     assert ((hottest[off_at] > 65) & (hottest[off_at - 1] <= 65)).all()
@@ -194,8 +200,25 @@ def test_leg_and_quadruped_do_not_take_each_others_places() -> None:
 
 def test_both_writers_and_readers_take_the_same_options() -> None:
     told = inspect.signature(quadruped_logs).parameters
-    done = inspect.signature(_happen).parameters
+    done = inspect.signature(_simulate).parameters
     assert {name: p.default for name, p in told.items() if name != "hidden"} == {
         name: p.default for name, p in done.items() if name != "hidden"
     }
     assert set(get_type_hints(Options)) == set(told) - {"hidden"}
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"seed": -1}, "seed: found -1"),
+        ({"rate": 10.0}, "rate: found 10; expected one of 1, 100 Hz"),
+        ({"runs": "holidays"}, "runs: found 'holidays'; expected one of protocol, tests"),
+        ({"level": "huge"}, "level: found 'huge'; expected one of none, default, strong"),
+        ({"physics": "ideal"}, "physics: found 'ideal'; expected one of full, plain"),
+        ({"scatter": 3.0}, "scatter: found 3"),
+        ({"noise": -1.0}, "noise: found -1"),
+    ],
+)
+def test_bad_options_are_refused(options: dict[str, object], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        quadruped_logs(**{"seed": 0, "runs": {"mix": MIX}, **options})  # type: ignore[arg-type]

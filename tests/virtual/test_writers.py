@@ -1,8 +1,10 @@
-"""Check the files: pieces as wholes, all formats, nothing left behind."""
+"""Check the files and the command that makes them: pieces as wholes, all formats, nothing left behind."""
 
 from __future__ import annotations
 
 import importlib.util
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -11,11 +13,22 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from lptn.virtual import Fault, Logs, Run, Segment, quadruped_logs, write_quadruped
-from lptn.virtual import mcap as mcap_module
+from lptn.virtual import (
+    QUADRUPED_JOINTS,
+    QUADRUPED_NODES,
+    Fault,
+    Hidden,
+    Logs,
+    Run,
+    Segment,
+    leg_logs,
+    quadruped_logs,
+    write_logs,
+    write_quadruped,
+    writers,
+)
 from lptn.virtual.__main__ import main
-from lptn.virtual.quadruped_truth import JOINTS, NODES
-from lptn.virtual.writers import write_logs, write_pieces
+from lptn.virtual.writers import write_pieces
 
 RUNS = {"mix": Run((Segment("trot", 500, 0.5), Segment("rest", 200)), faults=(Fault("dropout", "pc", 650),))}
 
@@ -48,23 +61,23 @@ def test_mcap_holds_every_value(tmp_path: Path) -> None:
     log = quadruped_logs(seed=1, runs=RUNS)["mix"]
     (file,) = write_quadruped(tmp_path, seed=1, runs=RUNS, format="mcap")
     assert sorted(tmp_path.iterdir()) == [file]
-    found: dict[str, list[tuple[float, Any]]] = {}
+    topics: dict[str, list[tuple[float, Any]]] = {}
     with AnyReader([file]) as reader:
         for connection, stamp, raw in reader.messages():
             message: Any = reader.deserialize(raw, connection.msgtype)
             assert message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec == pytest.approx(stamp / 1e9)
-            found.setdefault(connection.topic, []).append((stamp / 1e9, message))
+            topics.setdefault(connection.topic, []).append((stamp / 1e9, message))
     joint, dynamic, base, ambient = (
-        found[topic] for topic in ("/joint_states", "/dynamic_joint_states", "/base_velocity", "/ambient_temperature")
+        topics[topic] for topic in ("/joint_states", "/dynamic_joint_states", "/base_velocity", "/ambient_temperature")
     )
     assert [time for time, _ in joint] == log["time"].tolist()
-    assert joint[0][1].name == list(JOINTS)
+    assert joint[0][1].name == list(QUADRUPED_JOINTS)
     for quantity, attribute in (("torque", "effort"), ("velocity", "velocity")):
         values = np.array([getattr(message, attribute) for _, message in joint])
-        assert np.array_equal(values, log[[f"{quantity}.{name}" for name in JOINTS]])
-    assert dynamic[0][1].joint_names == list(NODES)
+        assert np.array_equal(values, log[[f"{quantity}.{name}" for name in QUADRUPED_JOINTS]])
+    assert dynamic[0][1].joint_names == list(QUADRUPED_NODES)
     temperatures = np.array([[value.values[0] for value in message.interface_values] for _, message in dynamic])
-    assert np.array_equal(temperatures, log[[f"temperature.{node}" for node in NODES]], equal_nan=True)
+    assert np.array_equal(temperatures, log[[f"temperature.{node}" for node in QUADRUPED_NODES]], equal_nan=True)
     assert dynamic[0][1].interface_values[0].interface_names == ["temperature", "powered"]
     assert dynamic[-1][1].interface_values[12].values[1] == log["power.pc"].iloc[-1]
     assert np.array_equal([message.twist.linear.x for _, message in base], log["speed.base"])
@@ -75,7 +88,7 @@ def test_mcap_without_rosbags_is_said_in_one_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(
-        mcap_module, "find_spec", lambda name: None if name == "rosbags" else importlib.util.find_spec(name)
+        writers, "find_spec", lambda name: None if name == "rosbags" else importlib.util.find_spec(name)
     )
     assert main(["quadruped", "--runs", "tests", "--format", "mcap", "-o", str(tmp_path / "new")]) == 2
     said = capsys.readouterr()
@@ -99,7 +112,7 @@ def test_files_that_stand_there_are_replaced(tmp_path: Path) -> None:
     assert pd.read_parquet(file)["time"].tolist() == [2.0]
 
 
-def test_command_writes_what_the_function_makes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_command_writes_what_the_quadruped_s_function_makes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     text = "quadruped --runs trial --physics plain --hidden sensor_lag --at *_calf --size 0.5"
     text += " --hidden conduction --at FL_calf~FR_calf --size 1 --seed 3 --quantisation 0.5 --truth"
     assert main([*text.split(), "-o", str(tmp_path)]) == 0
@@ -113,13 +126,13 @@ def test_command_writes_what_the_function_makes(tmp_path: Path, capsys: pytest.C
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ("--hidden iron_loss --at pc", "place of iron_loss: found 'pc'; expected one of FR_hip"),
-        ("--rate 10", "rate: found 10; expected one of 1, 100 Hz"),
-        ("--seed -4", "seed: found -4"),
-        ("--scatter 9", "scatter: found 9; expected 0 to 2"),
+        ("--hidden iron_loss --at pc", "place of iron_loss: topics 'pc'; expected one of FR_hip"),
+        ("--rate 10", "rate: topics 10; expected one of 1, 100 Hz"),
+        ("--seed -4", "seed: topics -4"),
+        ("--scatter 9", "scatter: topics 9; expected 0 to 2"),
     ],
 )
-def test_mistake_is_said_in_one_line(
+def test_mistake_of_the_quadruped_is_said_in_one_line(
     options: str, message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["quadruped", *options.split(), "-o", str(tmp_path / "new")]) == 2
@@ -127,3 +140,77 @@ def test_mistake_is_said_in_one_line(
     assert message in said.err
     assert said.err.count("\n") == 1
     assert not (tmp_path / "new").exists()
+
+
+def test_unknown_format_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="format: found 'xls'; expected one of parquet, csv"):
+        write_logs(tmp_path / "new", {}, "xls")  # type: ignore[arg-type]
+    assert not (tmp_path / "new").exists()
+
+
+# --- the command ``python -m lptn.virtual`` ------------------------------------------------------------------------
+
+
+def test_command_writes_what_the_leg_s_function_makes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    text = "leg --hidden forced_convection --at FR_thigh --size 1"
+    text += " --hidden conduction --at FR_calf~FR_hip --size 0.5 --seed 3 --noise 0.1 --quantisation 1 --rate 1"
+    assert main([*text.split(), "-o", str(tmp_path)]) == 0
+    hidden = [Hidden("forced_convection", "FR_thigh"), Hidden("conduction", "FR_calf~FR_hip", 0.5)]
+    logs = leg_logs(hidden, seed=3, noise=0.1, quantisation=1, rate=1)
+    assert capsys.readouterr().out.split() == [str(tmp_path / f"{name}.parquet") for name in logs]
+    for name, log in logs.items():
+        pd.testing.assert_frame_equal(pd.read_parquet(tmp_path / f"{name}.parquet"), log)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ("--hidden gremlins --at FR_hip", "effect: found 'gremlins'; expected one of"),
+        ("--hidden radiation --at FL_hip", "place of radiation: found 'FL_hip'; expected one of FR_hip"),
+        ("--hidden radiation", "--at: found 0; expected one for each --hidden, so 1"),
+        ("--hidden radiation --at * --size 1 --size 2", "--size: found 2; expected none or one"),
+        ("--seed -4", "seed: found -4"),
+    ],
+)
+def test_mistake_of_the_leg_is_said_in_one_line(
+    options: str, message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["leg", *options.split(), "-o", str(tmp_path / "new")]) == 2
+    said = capsys.readouterr()
+    assert message in said.err
+    assert said.err.count("\n") == 1
+    assert not said.out
+    assert not (tmp_path / "new").exists()
+
+
+@pytest.mark.parametrize("options", ["leg", "arm -o x", "", "leg -o x --seed many", "leg -o x --frobnicate"])
+def test_unreadable_options_are_said_in_one_line(options: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as stop:
+        main(options.split())
+    assert stop.value.code == 2
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_folder_that_cannot_be_made(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "taken").write_text("a file")
+    assert main(["leg", "-o", str(tmp_path / "taken")]) == 2
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_module_runs() -> None:
+    done = subprocess.run([sys.executable, "-m", "lptn.virtual", "leg"], capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert "-o/--output" in done.stderr
+    assert done.stderr.count("\n") == 1
+
+
+def test_command_takes_runs(tmp_path: object, capsys: pytest.CaptureFixture[str]) -> None:
+    text = "leg --hidden surface_scale --at * --run fit2 --hidden radiation --at FR_calf --run * --rate 1 --columns all"
+    assert main([*text.split(), "-o", str(tmp_path)]) == 0
+    hidden = [Hidden("surface_scale", "*", run="fit2"), Hidden("radiation", "FR_calf")]
+    expected = leg_logs(hidden, seed=0, rate=1, columns="all")
+    for name, log in expected.items():
+        pd.testing.assert_frame_equal(pd.read_parquet(f"{tmp_path}/{name}.parquet"), log)
+    capsys.readouterr()
+    assert main(["leg", "--hidden", "solar", "--at", "*", "--run", "fit1", "-o", str(tmp_path)]) == 2
+    assert capsys.readouterr().err.count("\n") == 1

@@ -1,32 +1,55 @@
-"""Virtual robots as ground truth for tests of a diagnosis; nothing here uses the rest of the library."""
+"""Virtual robots as ground truth for tests of a diagnosis; nothing here uses the rest of the library.
+
+From a robot to its log, a file each: ``robot`` (the truth), ``effects`` (what may be hidden in it), ``heat`` (its
+balance), ``sensors``, ``surroundings``, ``motion`` and ``runs`` (what it does), ``leg`` and ``quadruped`` (the logs),
+``writers`` (the files).
+"""
 
 from __future__ import annotations
 
-from .activities import Segment
-from .faults import Fault
-from .hidden import BEYOND, EFFECTS, SINGLE, Hidden, places
-from .leg import leg_logs, write_logs
-from .plans import PLANS, plan
-from .quadruped import Logs, quadruped, quadruped_logs, write_quadruped
-from .runs import Run
-from .truth import JOINTS
+from .effects import BEYOND, EFFECTS, SINGLE, Columns, Hidden, places
+from .heat import Forcing, Network
+from .leg import leg_logs
+from .motion import Segment
+from .quadruped import Logs, Options, Record, quadruped, quadruped_logs, rows, simulate_runs, write_quadruped
+from .robot import LAYOUTS, LEG_JOINTS, QUADRUPED_JOINTS, QUADRUPED_NODES, Mass, Robot, draw_leg, draw_quadruped
+from .runs import PLANS, Plan, Run, plan
+from .sensors import Fault, Sensor
+from .writers import Format, write_logs
 
 __all__ = [
     "BEYOND",
     "EFFECTS",
-    "JOINTS",
+    "LAYOUTS",
+    "LEG_JOINTS",
     "PLANS",
+    "QUADRUPED_JOINTS",
+    "QUADRUPED_NODES",
     "SINGLE",
+    "Columns",
     "Fault",
+    "Forcing",
+    "Format",
     "Hidden",
     "Logs",
+    "Mass",
+    "Network",
+    "Options",
+    "Plan",
+    "Record",
+    "Robot",
     "Run",
     "Segment",
+    "Sensor",
+    "draw_leg",
+    "draw_quadruped",
     "leg_logs",
     "places",
     "plan",
     "quadruped",
     "quadruped_logs",
+    "rows",
+    "simulate_runs",
     "write_logs",
     "write_quadruped",
 ]

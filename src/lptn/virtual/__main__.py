@@ -7,13 +7,12 @@ import sys
 from collections.abc import Sequence
 from typing import NoReturn, get_args
 
-from .further import Columns
-from .hidden import EFFECTS, Hidden
+from .effects import EFFECTS, Columns, Hidden
 from .leg import RATES as LEG_RATES
 from .leg import Start, leg_logs
-from .plans import PLANS
 from .quadruped import RATES, write_quadruped
-from .quadruped_truth import Level, Physics
+from .robot import Level, Physics
+from .runs import PLANS
 from .writers import Format, write_logs
 
 
@@ -65,10 +64,11 @@ def _add_shared(robot: argparse.ArgumentParser, quantisation: float) -> None:
 def _hidden(robot: str, effects: list[str], at: list[str], sizes: list[float], runs: list[str]) -> list[Hidden]:
     if len(at) != len(effects):
         raise ValueError(f"--at: found {len(at)}; expected one for each --hidden, so {len(effects)}")
-    if sizes and len(sizes) != len(effects):
-        raise ValueError(f"--size: found {len(sizes)}; expected none or one for each --hidden, so {len(effects)}")
-    if runs and len(runs) != len(effects):
-        raise ValueError(f"--run: found {len(runs)}; expected none or one for each --hidden, so {len(effects)}")
+    for option, values in (("--size", sizes), ("--run", runs)):
+        if values and len(values) != len(effects):
+            raise ValueError(
+                f"{option}: found {len(values)}; expected none or one for each --hidden, so {len(effects)}"
+            )
     sizes, names = sizes or [1.0] * len(effects), [run.replace("*", "") for run in runs] or [""] * len(effects)
     return [
         Hidden(effect, place, size, robot, run)
@@ -82,14 +82,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Raises:
         SystemExit: with status 2, after one line, for options that can't be read; with 0 after ``--help``.
     """
-    given = vars(_parser().parse_args(arguments))
-    robot, folder, kind = given.pop("robot"), given.pop("output"), given.pop("format")
+    options = vars(_parser().parse_args(arguments))
+    robot, folder, kind = options.pop("robot"), options.pop("output"), options.pop("format")
     try:
-        hidden = _hidden(robot, given.pop("hidden"), given.pop("at"), given.pop("size"), given.pop("run"))
+        hidden = _hidden(robot, options.pop("hidden"), options.pop("at"), options.pop("size"), options.pop("run"))
         if robot == "quadruped":
-            files = write_quadruped(folder, hidden, format=kind, **given)
+            files = write_quadruped(folder, hidden, format=kind, **options)
         else:
-            files = write_logs(folder, leg_logs(hidden, **given), kind)
+            files = write_logs(folder, leg_logs(hidden, **options), kind)
     except (ValueError, OSError) as problem:
         print(f"lptn.virtual: {problem}", file=sys.stderr)
         return 2

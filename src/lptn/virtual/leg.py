@@ -1,4 +1,4 @@
-"""Make the logs of a three-joint leg with hidden effects."""
+"""The leg: what it does, sampled at 10 Hz, and the logs of two runs to fit and one to hold out."""
 
 from __future__ import annotations
 
@@ -9,28 +9,155 @@ from typing import Literal, get_args
 import numpy as np
 import pandas as pd
 
-from .events import event_heat, sensor_steps
-from .forcing import Common, Means, act, averaged, battery_power, copper_loss, mean
-from .further import Columns, common, wanted
-from .hidden import Hidden
-from .protocol import SAMPLES_PER_SECOND, WARM_UP, Run, Signals, draw_runs, draw_signals
-from .quadruped_truth import PC_BUSY, PC_IDLE
-from .sensors import Sensor
-from .shown import shown
-from .solve import Network
-from .streams import stream
-from .surroundings import ambient, fan, sun
-from .truth import COUNT, JOINTS, ROUGH_SCATTER, Array, Leg, draw_leg, roughen
-from .writers import Format, write_logs
-
-__all__ = ["RATES", "Format", "Start", "leg_logs", "write_logs"]
+from .effects import Columns, Hidden, extra_columns
+from .heat import Means, Network, Series, Shared, battery_power, check_temperatures, copper_loss, forcing
+from .motion import BODY, Segment
+from .robot import LEG_JOINTS, PC_BUSY, PC_IDLE, Array, Robot, check_one_of, draw_leg, roughen, stream
+from .runs import Acts, Run, in_random_order
+from .sensors import Sensor, by_place, noise_free_readings, sensor_steps
+from .surroundings import ambient, event_heat, fan, sun
 
 Start = Literal["cold", "warm"]
 
+SAMPLES = 10  # a second
 RATES = (10.0, 5.0, 2.0, 1.0)  # Hz: those whose rows hold a whole number of samples
-TOO_HOT = 150.0  # degC: beyond it no sum of effects means anything
+MODULATION = 0.12  # standard deviation of the slow wandering of torque and speed
+KNOT = 8.0  # s between the knots of that wandering
+ROUGH_SCATTER = 0.10  # least scatter of the parameters, relative
 ROUGH_AMBIENT = 0.5  # K, standard deviation over runs
 ROUGH_TORQUE = 0.02  # relative, standard deviation over runs and joints
+COUNT = len(LEG_JOINTS)
+
+# --- what the leg does ---------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Activity:
+    """How the leg moves. Joint triples are hip, thigh, calf.
+
+    hold, swing: mean and amplitude of the torque, N·m. sweep: amplitude of the joints' speed at speed 1, rad/s.
+    stride: Hz at speed 0, and its growth with speed. travels: whether the speed is the base's, in m/s; else a factor.
+    """
+
+    hold: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    swing: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    sweep: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    stride: tuple[float, float] = (0.2, 0.0)
+    travels: bool = False
+
+
+ACTIVITIES = {
+    "rest": Activity(),
+    "stand": Activity(hold=(5.0, 5.0, 6.0), swing=(0.5, 0.5, 0.6)),
+    "trot": Activity((4.0, 3.5, 5.0), (4.0, 4.5, 6.0), (1.5, 5.0, 7.0), (1.4, 0.6), travels=True),
+    "walk": Activity((5.0, 3.5, 4.5), (3.0, 3.5, 4.0), (1.5, 6.0, 7.0), (0.8, 0.6), travels=True),
+    "squat": Activity((3.0, 6.0, 6.5), (1.0, 5.0, 5.0), (0.3, 2.5, 4.0), (0.4, 0.0)),
+    "leg_sweep": Activity(swing=(0.6, 0.6, 0.5), sweep=(8.0, 8.0, 9.0), stride=(0.9, 0.4)),
+}
+
+# What each run holds: activity, share of its time, range of speed, range of load. The order is drawn, but for
+# the last: a cool-down, which shows the losses alone. The second run is the colder and the harder one, so
+# that losses are seen far above the ambient, too: else natural convection can't be told from a larger
+# conductance. Its legs sweep slowly and fast, which tells the laws of friction apart.
+_FIT1: Acts = (
+    ("stand", 1.0, (1, 1), (0, 2)),
+    ("trot", 1.2, (0.4, 0.7), (0, 1)),
+    ("leg_sweep", 1.1, (0.9, 1.2), (0, 0)),
+    ("trot", 1.2, (1.2, 1.5), (2, 4)),
+    ("rest", 0.6, (1, 1), (0, 0)),
+    ("squat", 0.9, (0.8, 1.2), (0, 2)),
+    ("walk", 1.1, (0.3, 0.5), (3, 5)),
+    ("trot", 1.1, (1.3, 1.6), (0, 0)),
+    ("stand", 0.8, (1, 1), (4, 6)),
+    ("rest", 2.4, (1, 1), (0, 0)),
+)
+_FIT2: Acts = (
+    ("squat", 0.9, (0.9, 1.3), (2, 4)),
+    ("trot", 1.3, (0.8, 1.1), (6, 7)),
+    ("leg_sweep", 1.1, (0.3, 0.45), (0, 0)),
+    ("walk", 1.1, (0.4, 0.6), (3, 5)),
+    ("stand", 1.2, (1, 1), (8, 9)),
+    ("trot", 1.2, (1.4, 1.7), (2, 4)),
+    ("stand", 0.8, (1, 1), (0, 1)),
+    ("trot", 1.1, (0.4, 0.6), (6, 7)),
+    ("leg_sweep", 0.9, (1.4, 1.6), (0, 0)),
+    ("rest", 3.0, (1, 1), (0, 0)),
+)
+_HOLDOUT: Acts = (
+    ("walk", 1.2, (0.5, 0.7), (1, 3)),
+    ("stand", 0.8, (1, 1), (2, 4)),
+    ("trot", 1.4, (1.0, 1.3), (1, 3)),
+    ("rest", 0.7, (1, 1), (0, 0)),
+    ("leg_sweep", 0.8, (0.7, 1.1), (0, 0)),
+    ("trot", 1.2, (0.5, 0.8), (2, 4)),
+    ("squat", 0.8, (0.7, 1.1), (1, 3)),
+    ("rest", 1.6, (1, 1), (0, 0)),
+)
+_RUNS = {"fit1": (_FIT1, 2400, 22.0), "fit2": (_FIT2, 2400, 12.0), "holdout": (_HOLDOUT, 1800, 28.0)}
+WARM_UP = Segment("trot", 900, speed=1.0, load=2.0)
+
+
+def draw_runs(seed: int) -> dict[str, Run]:
+    """Draw the runs "fit1" (40 min, 22 degC), "fit2" (40 min, 12 degC) and "holdout" (30 min, 28 degC)."""
+    runs = {}
+    for name, (acts, seconds, air) in _RUNS.items():
+        rng = stream(seed, "protocol", name)
+        segments = [
+            Segment(activity, length, float(rng.uniform(*speeds)), float(rng.uniform(*loads)))
+            for activity, length, speeds, loads in in_random_order(acts, seconds, rng)
+        ]
+        runs[name] = Run(tuple(segments), air, cutout=None)
+    return runs
+
+
+@dataclass(frozen=True)
+class Signals(Series):
+    """Inputs at 10 Hz: torque (N·m) and velocity (rad/s), of shape (samples, joints); base speed (m/s)."""
+
+    torque: Array
+    velocity: Array
+    base: Array
+
+
+def draw_signals(segments: Sequence[Segment], rng: np.random.Generator) -> Signals:
+    """Draw the inputs of these segments, one after the other."""
+    return Signals.joined([_perform(segment, rng) for segment in segments])
+
+
+def _perform(segment: Segment, rng: np.random.Generator) -> Signals:
+    act, speed = ACTIVITIES[segment.activity], segment.speed
+    time = np.arange(segment.seconds * SAMPLES) / SAMPLES
+    stride = (act.stride[0] + act.stride[1] * speed) * rng.uniform(0.9, 1.1)
+    first, second, moving = (2 * np.pi * (n * stride * time[:, None] + rng.uniform(0, 1, COUNT)) for n in (1, 2, 1))
+    # Each segment has its own share of work among the joints: else their heats would go hand in hand.
+    effort = rng.uniform(0.75, 1.3, COUNT) * (BODY + segment.load) / BODY * _wander(time, rng)
+    torque = effort * (np.array(act.hold) + np.array(act.swing) * (np.sin(first) + 0.3 * np.sin(second)))
+    reach = rng.uniform(0.6, 1.2, COUNT) * speed * _wander(time, rng)
+    velocity = reach * np.array(act.sweep) * np.sin(moving)
+    base = speed * _wander(time, rng)[:, 0] * act.travels
+    return Signals(torque, velocity, base)
+
+
+def _wander(time: Array, rng: np.random.Generator) -> Array:
+    """Return a factor around 1 that wanders slowly, of shape (samples, 1)."""
+    knots = np.arange(0.0, time[-1] + 2 * KNOT, KNOT)
+    factor: Array = np.interp(time, knots, rng.normal(1, MODULATION, len(knots)).clip(0.5, 1.5))[:, None]
+    return factor
+
+
+def mean(values: Array, block: int) -> Array:
+    """Average rows over blocks of this many."""
+    means: Array = values.reshape(-1, block, values.shape[1]).mean(axis=1)
+    return means
+
+
+def averaged(robot: Robot, signals: Signals, block: int = SAMPLES) -> Means:
+    """Average samples, each held until the next, over intervals of ``block`` samples."""
+    wind = mean(np.abs(signals.base[:, None]) ** robot.wind_exponent, block)
+    return Means.of_samples(signals.torque, signals.velocity, wind, lambda values: mean(values, block))
+
+
+# --- logs ----------------------------------------------------------------------------------------------------------
 
 
 def leg_logs(
@@ -75,12 +202,9 @@ def leg_logs(
     Raises:
         ValueError: an argument outside its range, or effects so large that the leg passes 150 degC.
     """
-    if rate not in RATES:
-        raise ValueError(f"rate: found {rate:g}; expected one of {', '.join(f'{r:g}' for r in RATES)} Hz")
-    if start not in get_args(Start):
-        raise ValueError(f"start: found {start!r}; expected one of {', '.join(get_args(Start))}")
-    if columns not in get_args(Columns):
-        raise ValueError(f"columns: found {columns!r}; expected one of {', '.join(get_args(Columns))}")
+    check_one_of("rate", rate, RATES, " Hz")
+    check_one_of("start", start, get_args(Start))
+    check_one_of("columns", columns, get_args(Columns))
     sensor, runs = Sensor(noise, quantisation, dropouts), draw_runs(seed)
     leg = draw_leg(seed, max(scatter, ROUGH_SCATTER) if rough else scatter)
     if rough:
@@ -88,105 +212,82 @@ def leg_logs(
     for effect in hidden:
         replace(effect, robot="leg").set_in(leg)
     leg.check_runs(runs)
-    further = wanted(leg, every=columns == "all")
+    extra = extra_columns(leg, columns)
     logs = {}
     for name, run in runs.items():
-        happened = _happen(leg.in_run(name), name, run, seed, warm=start == "warm")
-        table = _reduce(happened, round(SAMPLES_PER_SECOND / rate), further)
-        logs[name] = _measure(table, sensor, rough, stream(seed, "sensors", name))
+        record = _simulate(leg.in_run(name), name, run, seed, warm=start == "warm")
+        rng = stream(seed, "sensors", name)
+        # Drawn whether used or not, so that the sensors' noise is the same.
+        errors = ROUGH_AMBIENT * rng.standard_normal(), ROUGH_TORQUE * rng.standard_normal(COUNT)
+        log = _rows(record, round(SAMPLES / rate), sensor, rng, extra)
+        if rough:
+            log["temperature.ambient"] += errors[0]
+            log[[f"torque.{joint}" for joint in LEG_JOINTS]] *= 1 + errors[1]
+        logs[name] = log
     return logs
 
 
 @dataclass(frozen=True)
-class _Happened:
+class _Record:
     """One run at 10 Hz: inputs, what the sensors would show without noise, and the logged ambient, degC.
 
-    common: what the nodes share, once a second.
+    shared: what the nodes share, once a second.
     """
 
     signals: Signals
-    seen: Array
+    readings: Array
     ambient: Array
-    common: Common
+    shared: Shared
 
 
-def _happen(leg: Leg, name: str, run: Run, seed: int, *, warm: bool) -> _Happened:
-    """Let one run happen."""
-    rng = stream(seed, "movement", name)
+def _simulate(leg: Robot, name: str, run: Run, seed: int, *, warm: bool) -> _Record:
+    """Simulate one run; ``warm``: after some minutes that aren't logged, without events, sun and fan."""
+    rng, seconds = stream(seed, "movement", name), run.seconds
     signals = draw_signals(run.segments, rng)
-    seconds = len(signals.base) // SAMPLES_PER_SECOND
     whole, before = signals, 0
     if warm:
-        whole, before = _joined(draw_signals((WARM_UP,), rng), signals), WARM_UP.seconds
+        whole, before = Signals.joined([draw_signals((WARM_UP,), rng), signals]), WARM_UP.seconds
+
+    def delayed(values: Array) -> Array:
+        return np.pad(values, ((before, 0), (0, 0)))
+
     air = ambient(leg, run.ambient, 0.0, 0.0, seconds, seed, name)
-    network = Network(leg, float(air.true[0]))
-    means = averaged(leg, whole, SAMPLES_PER_SECOND)
-    shared = _common(whole, means, before, (sun(seconds, seed, name), fan(seconds, seed, name)))
-    # Before the log begins, no events, no change of the air.
-    extra = np.pad(event_heat(leg, seconds, seed, name), ((before, 0), (0, 0)))
+    means = averaged(leg, whole)
+    computer = PC_IDLE + (PC_BUSY - PC_IDLE) * mean((whole.base[:, None] != 0).astype(float), SAMPLES)
+    blown, light = delayed(fan(seconds, seed, name)), delayed(sun(seconds, seed, name))
+    shared = Shared(computer, battery_power(computer, means), blown, light)
+    acting = forcing(leg, replace(means, shared=shared), delayed(event_heat(leg, seconds, seed, name)))
     shift = None if air.shift is None else np.pad(air.shift, (before, 0))
-    beginning = network.start(network.ambient + stream(seed, "start", name).uniform(0.5, 2.0, COUNT))
-    truth = network.solve(act(leg, replace(means, common=shared), extra).shifted(shift), beginning)
-    if not np.all(truth[:, :COUNT] < TOO_HOT):
-        raise ValueError(f"hidden: the leg passes {TOO_HOT:g} degC in {name}; expected smaller sizes")
-    seen = shown(network, truth, copper_loss(leg, means), before)
-    time, at = np.arange(seconds * SAMPLES_PER_SECOND) / SAMPLES_PER_SECOND, np.arange(seconds + 1)
-    finer = np.column_stack([np.interp(time, at, column) for column in seen.T])
-    finer += sensor_steps(leg, seconds, seed, name).repeat(SAMPLES_PER_SECOND, axis=0)
-    return _Happened(signals, finer, np.interp(time, at, air.logged), _since(shared, before))
+    network = Network(leg, float(air.true[0]))
+    start = network.start(network.ambient + stream(seed, "start", name).uniform(0.5, 2.0, COUNT))
+    states = network.solve(acting.shifted(shift), start)
+    check_temperatures(states, "leg", name)
+    each_second = noise_free_readings(network, states, copper_loss(leg, means), before)
+    time, at = np.arange(seconds * SAMPLES) / SAMPLES, np.arange(seconds + 1)
+    readings = np.column_stack([np.interp(time, at, column) for column in each_second.T])
+    readings += sensor_steps(leg, seconds, seed, name).repeat(SAMPLES, axis=0)
+    return _Record(signals, readings, np.interp(time, at, air.logged), shared.since(before))
 
 
-def _common(signals: Signals, means: Means, before: int, around: tuple[Array, Array]) -> Common:
-    """Return what the joints share; sun and fan of ``around`` begin with the log, ``before`` s after the rest."""
-    travels = mean((signals.base[:, None] != 0).astype(float), SAMPLES_PER_SECOND)
-    computer = PC_IDLE + (PC_BUSY - PC_IDLE) * travels
-    light, blown = (np.pad(one, ((before, 0), (0, 0))) for one in around)
-    return Common(computer, battery_power(computer, means), blown, light)
-
-
-def _since(shared: Common, before: int) -> Common:
-    return Common(shared.computer[before:], shared.battery[before:], shared.fan[before:], shared.sun[before:])
-
-
-def _joined(first: Signals, second: Signals) -> Signals:
-    pairs = ((getattr(first, name), getattr(second, name)) for name in ("torque", "velocity", "base"))
-    return Signals(*(np.concatenate(pair) for pair in pairs))
-
-
-def _reduce(happened: _Happened, block: int, further: Collection[str]) -> pd.DataFrame:
-    """Return the rows of a log without the ambient; signed samples as they are when a row holds only one."""
-    torque, velocity, base = happened.signals.torque, happened.signals.velocity, happened.signals.base[:, None]
-    unsigned = {}
+def _rows(
+    record: _Record, block: int, sensor: Sensor, rng: np.random.Generator, extra: Collection[str]
+) -> pd.DataFrame:
+    """Return the rows of a log; signed samples as they are when a row holds only one."""
+    torque, velocity, base = record.signals.torque, record.signals.velocity, record.signals.base[:, None]
+    moves = {"torque": torque, "velocity": velocity}
     if block > 1:
-        unsigned = {"torque_abs": mean(abs(torque), block), "mechanical_power": mean(abs(torque * velocity), block)}
-        torque, velocity, base = (
-            np.sqrt(mean(torque**2, block)),
-            mean(abs(velocity), block),
-            mean(abs(base), block),
-        )
-    columns = {"time": np.arange(len(torque)) * block / SAMPLES_PER_SECOND}
-    # A reader can't form the last ones from the others once the signs are gone.
-    moves = {"torque": torque, "velocity": velocity} | {name: v for name, v in unsigned.items() if name in further}
+        moves = {"torque": np.sqrt(mean(torque**2, block)), "velocity": mean(abs(velocity), block)}
+        # A reader can't form these from the others once the signs are gone.
+        unsigned = {"torque_abs": abs(torque), "mechanical_power": abs(torque * velocity)}
+        moves |= {name: mean(values, block) for name, values in unsigned.items() if name in extra}
+        base = mean(abs(base), block)
+    columns = {"time": np.arange(len(base)) * block / SAMPLES}
     for quantity, values in moves.items():
-        columns |= {f"{quantity}.{joint}": values[:, i] for i, joint in enumerate(JOINTS)}
+        columns |= by_place(quantity, values, LEG_JOINTS)
     columns["speed.base"] = base[:, 0]
-    for name, shared in common(happened.common).items():
-        if name in further:
-            columns[name] = mean(shared.repeat(SAMPLES_PER_SECOND, axis=0), block)[:, 0]
-    columns |= {f"temperature.{joint}": happened.seen[::block, i] for i, joint in enumerate(JOINTS)}
-    columns["temperature.ambient"] = happened.ambient[::block]
+    for name, values in record.shared.columns().items():
+        if name in extra:
+            columns[name] = mean(values.repeat(SAMPLES, axis=0), block)[:, 0]
+    columns |= by_place("temperature", sensor.read(record.readings[::block], rng), LEG_JOINTS)
+    columns["temperature.ambient"] = record.ambient[::block]
     return pd.DataFrame(columns)
-
-
-def _measure(table: pd.DataFrame, sensor: Sensor, rough: bool, rng: np.random.Generator) -> pd.DataFrame:
-    """Add the sensors' errors."""
-    temperatures = [f"temperature.{joint}" for joint in JOINTS]
-    ambient_error, torque_error = (
-        ROUGH_AMBIENT * rng.standard_normal(),
-        ROUGH_TORQUE * rng.standard_normal(COUNT),
-    )
-    table[temperatures] = sensor.read(table[temperatures].to_numpy(), rng)
-    if rough:
-        table[[f"torque.{joint}" for joint in JOINTS]] *= 1 + torque_error
-    table["temperature.ambient"] += ambient_error * rough
-    return table

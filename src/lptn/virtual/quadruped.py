@@ -1,43 +1,250 @@
-"""Make the logs of a quadruped with twelve joints and an onboard computer."""
+"""The quadruped's logs: its runs simulated one after the other, and what its sensors show of them."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Required, TypedDict, Unpack, get_args
 
+import numpy as np
 import pandas as pd
 
-from .further import Columns
-from .hidden import Hidden
-from .plans import Plan, plan
-from .quadruped_truth import Level, Physics, draw_quadruped
-from .record import Record, live
-from .robot import Robot
-from .rows import rows
-from .runs import Run
-from .sensors import Sensor
+from .effects import Columns, Hidden, extra_columns
+from .heat import Exponential, Forcing, Network, check_temperatures, copper_loss, forcing
+from .motion import SAMPLES, Motion, Segment, draw_motion
+from .robot import (
+    PC,
+    QUADRUPED_JOINTS,
+    QUADRUPED_NODES,
+    Array,
+    Level,
+    Physics,
+    Robot,
+    check_one_of,
+    draw_quadruped,
+    draw_run_errors,
+    stream,
+)
+from .runs import Plan, Run, plan
+from .sensors import Sensor, by_place, noise_free_readings, replace_readings, sensor_steps, shift_readings
+from .surroundings import Ambient, ambient, event_heat, fan, sun
 from .writers import Format, write_logs, write_pieces
 
 RATES = (1.0, 100.0)  # Hz
+CHUNK = 600  # s of 100 Hz rows at a time, which bounds the memory
+TORQUE_NOISE = 0.02  # relative, of each second and joint
 
 Effects = Sequence[Hidden | tuple[str, str] | tuple[str, str, float] | tuple[str, str, float, str]]
 
+# --- what happens --------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Record:
+    """What happened in one run.
+
+    robot: with this run's hidden errors. states: degC at 0, 1, … s, of shape (seconds + 1, states), as ``network``
+    orders them.
+    """
+
+    name: str
+    run: Run
+    robot: Robot
+    network: Network
+    ambient: Ambient
+    motion: Motion
+    states: Array
+
+    @property
+    def sensed(self) -> Array:
+        """The true temperatures at the sensors, degC, of shape (seconds + 1, nodes with a sensor)."""
+        temperatures: Array = self.states[:, self.network.sensed]
+        return temperatures
+
+    def truth(self) -> pd.DataFrame:
+        """Return what no log holds, once a second.
+
+        Columns: time, temperature.<node> without noise (the winding's), housing.<joint> where it is a mass of its own,
+        temperature.trunk where there is one, temperature.ambient as it really was.
+        """
+        states, nodes = self.states[:-1], self.robot.nodes
+        columns = {"time": np.arange(len(states), dtype=float)}
+        columns |= {f"temperature.{node}": states[:, k] for node, k in zip(nodes, self.network.copper, strict=True)}
+        columns |= {f"housing.{nodes[k]}": states[:, k] for k in self.network.wound}
+        columns["temperature.ambient"] = self.ambient.true[:-1].copy()
+        return pd.DataFrame(columns)
+
+
+def simulate_runs(robot: Robot, runs: Mapping[str, Run], seed: int, level: Level) -> Iterator[Record]:
+    """Simulate the runs, one after the other; each carries its temperatures over to the next that asks for them.
+
+    Raises:
+        ValueError: effects so large that the robot passes 150 degC.
+    """
+    state: Array | None = None
+    for name, run in runs.items():
+        own, error = draw_run_errors(robot.in_run(name), level, seed, name)
+        air = ambient(own, run.ambient, error, run.swing, run.seconds, seed, name)
+        network = Network(own, float(air.true[0]))
+        solver = Exponential(network)
+        if state is None or not run.carried:
+            start = network.ambient if run.start is None else run.start
+            state = network.start(np.full(len(own.nodes), start))
+        elif run.gap:
+            gap = Run((Segment("rest", run.gap),), cutout=None)
+            state = _with_cutouts(solver, gap, draw_motion(gap.segments, stream(seed, "gap", name)), state)[1][-1]
+        if run.lead:
+            lead = Run(run.lead, cutout=run.cutout)
+            state = _with_cutouts(solver, lead, draw_motion(lead.segments, stream(seed, "lead", name)), state)[1][-1]
+        motion = draw_motion(run.segments, stream(seed, "movement", name))
+        motion = replace(motion, fan=fan(run.seconds, seed, name), sun=sun(run.seconds, seed, name))
+        events = event_heat(own, run.seconds, seed, name)
+        motion, states = _with_cutouts(solver, run, motion, state, events, air.shift)
+        check_temperatures(states, "robot", name)
+        state = states[-1]
+        yield Record(name, run, own, network, air, motion, states)
+
+
+def _with_cutouts(
+    solver: Exponential, run: Run, motion: Motion, start: Array, events: Array | float = 0.0, shift: Array | None = None
+) -> tuple[Motion, Array]:
+    """Return the movement with the run's cut-outs in it, and the states.
+
+    ``events``: their heat, W, of shape (seconds, nodes). ``shift``: the ambient's, K, at 0, 1, … s.
+    """
+    robot, on = solver.network.robot, np.ones(run.seconds)
+
+    def acting(motion: Motion) -> Forcing:
+        heat = np.zeros((run.seconds, len(robot.nodes))) + events
+        heat[:, robot.nodes.index(PC)] += motion.pc
+        return forcing(robot, motion.means(robot.wind_exponent), heat).shifted(shift)
+
+    moving, resting = acting(motion), acting(motion.only(0 * on))
+    off_at = np.inf if run.cutout is None else run.cutout
+    on_at = -np.inf if run.resume is None else run.resume
+    pieces, done = [start[None]], 0
+    while done < run.seconds:
+        if on[done]:
+            piece = solver.solve(moving.since(done), pieces[-1][-1], above=off_at)
+        else:
+            piece = solver.solve(resting.since(done), pieces[-1][-1], below=on_at)
+        pieces.append(piece[1:])
+        done += len(piece) - 1
+        on[done:] = 1 - on[done - 1]
+    return motion.only(on), np.concatenate(pieces)
+
+
+# --- what is logged ------------------------------------------------------------------------------------------------
+
+
+def rows(record: Record, sensor: Sensor, seed: int, rate: float, columns: Columns = "asked") -> Iterator[pd.DataFrame]:
+    """Yield a run's log in pieces, whole seconds each: all of it at 1 Hz, 10 min at a time at 100 Hz.
+
+    Args:
+        record: the run.
+        sensor: of the temperatures.
+        seed: of the noise.
+        rate: 1 or 100 Hz.
+        columns: as for ``quadruped_logs``.
+    """
+    motion, means, faults = record.motion, record.motion.means(), record.run.faults
+    seconds = record.run.seconds
+    true = noise_free_readings(record.network, record.states, copper_loss(record.robot, means))
+    steps = sensor_steps(record.robot, seconds, seed, record.name)[:, : len(QUADRUPED_NODES)]
+    noise = stream(seed, "torque", record.name).standard_normal((seconds, len(QUADRUPED_JOINTS)))
+    gain = 1 + TORQUE_NOISE * noise
+    extra = extra_columns(record.robot, columns)
+    shared = {name: values for name, values in motion.shared(means).columns().items() if name in extra}
+    frozen = _frozen(record, sensor, seed, true[:-1] + steps)
+
+    def table(time: Array, moves: Mapping[str, Array], readings: Array, piece: str) -> pd.DataFrame:
+        second = time.astype(int)
+        shift_readings(faults, time, readings)
+        readings = sensor.read(readings, stream(seed, "sensors", record.name, piece))
+        replace_readings(faults, time, readings, frozen)
+        columns = {"time": time}
+        for quantity, values in moves.items():
+            columns |= by_place(quantity, values, QUADRUPED_JOINTS)
+        columns["speed.base"] = motion.base[second]
+        columns |= by_place("powered", motion.powered[second], QUADRUPED_JOINTS)
+        columns["power.pc"] = motion.pc[second]
+        columns |= {name: values[second, 0] for name, values in shared.items()}
+        columns |= by_place("temperature", readings, QUADRUPED_NODES)
+        columns["temperature.ambient"] = np.interp(time, np.arange(seconds + 1), record.ambient.logged)
+        return pd.DataFrame(columns)
+
+    if rate == 1:
+        moves = {
+            "torque": np.sqrt(means.torque2) * gain,
+            "velocity": means.speed,
+            "velocity_rms": np.sqrt(means.speed2),
+        }
+        # A reader can't form these from the others once the signs are gone.
+        unsigned = {"torque_abs": means.torque1 * gain, "mechanical_power": means.power * gain}
+        moves |= {name: values for name, values in unsigned.items() if name in extra}
+        yield table(np.arange(seconds, dtype=float), moves, true[:-1] + steps, "slow")
+        return
+    part = (np.arange(SAMPLES) / SAMPLES)[None, :, None]
+    for begin in range(0, seconds, CHUNK):
+        end = min(begin + CHUNK, seconds)
+        time = np.arange(begin * SAMPLES, end * SAMPLES) / SAMPLES
+        torque, velocity = motion.samples(begin, end)
+        torque *= gain[begin:end].repeat(SAMPLES, axis=0)
+        now, then = true[begin:end, None, :], true[begin + 1 : end + 1, None, :]
+        readings = (now + part * (then - now) + steps[begin:end, None, :]).reshape(len(time), -1)
+        piece = table(time, {"torque": torque, "velocity": velocity}, readings, str(begin))
+        # Half the size, and finer than any sensor; only time would lose.
+        yield piece.astype({name: np.float32 for name in piece if name != "time"})
+
+
+def _frozen(record: Record, sensor: Sensor, seed: int, readings: Array) -> list[float]:
+    """Return the reading at the beginning of each fault: what a stuck sensor keeps on showing."""
+    frozen = []
+    for k, fault in enumerate(record.run.faults):
+        second = min(int(fault.time), len(readings) - 1)
+        there = readings[second : second + 1].copy()
+        shift_readings(record.run.faults, np.array([fault.time]), there)
+        # Without gaps: a stuck sensor shows something.
+        whole = Sensor(sensor.noise, sensor.quantisation)
+        frozen.append(float(whole.read(there, stream(seed, "stuck", record.name, str(k)))[0, fault.column]))
+    return frozen
+
+
+# --- logs of whole plans -------------------------------------------------------------------------------------------
+
 
 class Options(TypedDict, total=False):
-    """Options that ``quadruped_logs`` and ``write_quadruped`` share; the former says what they mean."""
+    """Options of ``quadruped_logs`` and ``write_quadruped``; all but the seed have defaults."""
 
     seed: Required[int]
+    """0 or above; draws parameters, movements, events and noise"""
     runs: Plan | Mapping[str, Run]
+    """a plan's name: "protocol" (the default, [QuadrupedLPTN, table 1]: 25 runs), "tests" (table 3 and the multi-gait
+    test: 7 runs), "trial" (60 min twice to fit, 40 min to hold out), "hour" (30 min twice to fit), "swing" (as "trial",
+    with an ambient that steps by 8 K), "forecast" (20 trots past 60 degC), "monitor" (50 healthy logs, 50 with a
+    sensor's fault); or runs of your own by name"""
     level: Level | None
+    """"none", "default" or "strong": hidden errors of each run, of the ambient's sensor, of the joints' conductances to
+    air and of the battery's heat. ``None``, the default: "default" for full physics, "none" for plain"""
     physics: Physics
+    """"full", the default, has more than any model under test; "plain" is a baseline of one mass a joint, the computer,
+    copper loss, drive heat and links, to which ``hidden`` adds"""
     noise: float
+    """standard deviation of each temperature reading, K; by default 0.15"""
     quantisation: float
+    """step the temperature readings are rounded to, K; by default 1, 0 for none"""
     dropouts: float
+    """share of temperature readings that are missing (NaN); by default 0"""
     scatter: float
+    """multiplies the scatter of the parameters over the legs; by default 1, 0 for the nominal robot"""
     rate: float
+    """rows a second: 100 for signed samples, in single precision but for the time; 1, the default, for RMS torque, mean
+    |velocity| and RMS velocity over the second that follows the row's time, the temperatures at that time"""
     columns: Columns
+    """"asked", the default: further columns where a hidden effect is driven by them; "all": always, so that they give
+    no effect away. At 1 Hz torque_abs.<joint> (N·m, mean |torque|) and mechanical_power.<joint> (W, mean
+    |torque × velocity|); power.battery (W), speed.fan (share of full speed), irradiance.global (W/m²)"""
 
 
 class Logs(dict[str, pd.DataFrame]):
@@ -56,20 +263,7 @@ class Logs(dict[str, pd.DataFrame]):
         self.truth: dict[str, pd.DataFrame] = {}
 
 
-def quadruped_logs(
-    hidden: Effects = (),
-    *,
-    seed: int,
-    runs: Plan | Mapping[str, Run] = "protocol",
-    level: Level | None = None,
-    physics: Physics = "full",
-    noise: float = 0.15,
-    quantisation: float = 1.0,
-    dropouts: float = 0.0,
-    scatter: float = 1.0,
-    rate: float = 1.0,
-    columns: Columns = "asked",
-) -> Logs:
+def quadruped_logs(hidden: Effects = (), **options: Unpack[Options]) -> Logs:
     """Simulate runs of the quadruped [QuadrupedLPTN].
 
     Equal arguments give equal logs. Calls that differ only in ``hidden`` share parameters and noise, and movements too
@@ -78,24 +272,7 @@ def quadruped_logs(
     Args:
         hidden: effects beyond the physics: ``Hidden`` or tuples (effect, place), (effect, place, size) or (effect,
             place, size, run).
-        seed: 0 or above; draws parameters, movements, events and noise.
-        runs: a plan's name: "protocol" (table 1: 25 runs), "tests" (table 3 and the multi-gait test: 7 runs), "trial"
-            (60 min twice to fit, 40 min to hold out), "hour" (30 min twice to fit), "swing" (as "trial", with an
-            ambient that steps by 8 K), "forecast" (20 trots past 60 degC), "monitor" (50 healthy logs, 50 with a
-            sensor's fault); or runs of your own by name.
-        level: "none", "default" or "strong": hidden errors of each run, of the ambient's sensor, of the joints'
-            conductances to air and of the battery's heat. ``None``: "default" for full physics, "none" for plain.
-        physics: "full" has more than any model under test; "plain" is a baseline of one mass a joint, the computer,
-            copper loss, drive heat and links, to which ``hidden`` adds.
-        noise: standard deviation of each temperature reading, K.
-        quantisation: step the temperature readings are rounded to, K; 0 for none.
-        dropouts: share of temperature readings that are missing (NaN).
-        scatter: multiplies the scatter of the parameters over the legs; 0 for the nominal robot.
-        rate: rows a second: 100 for signed samples, in single precision but for the time; 1 for RMS torque, mean
-            |velocity| and RMS velocity over the second that follows the row's time, the temperatures at that time.
-        columns: "asked": further columns where a hidden effect is driven by them; "all": always, so that they give no
-            effect away. At 1 Hz torque_abs.<joint> (N·m, mean |torque|) and mechanical_power.<joint> (W, mean
-            |torque × velocity|); power.battery (W), speed.fan (share of full speed), irradiance.global (W/m²).
+        options: see ``Options``.
 
     Returns:
         By name of the run, tables with the columns time (s), torque.<joint> (N·m), velocity.<joint> (rad/s),
@@ -105,21 +282,9 @@ def quadruped_logs(
     Raises:
         ValueError: an argument outside its range, or effects so large that the robot passes 150 degC.
     """
-    robot, happened = _happen(
-        hidden,
-        seed=seed,
-        runs=runs,
-        level=level,
-        physics=physics,
-        noise=noise,
-        quantisation=quantisation,
-        dropouts=dropouts,
-        scatter=scatter,
-        rate=rate,
-        columns=columns,
-    )
+    robot, simulated = _simulate(hidden, **options)
     logs = Logs(robot)
-    for record, pieces in happened:
+    for record, pieces in simulated:
         logs[record.name] = pd.concat(pieces, ignore_index=True)
         logs.truth[record.name] = record.truth()
     return logs
@@ -140,7 +305,7 @@ def write_quadruped(
         hidden: as for ``quadruped_logs``.
         format: "parquet", "csv" or "mcap"; the last needs the package rosbags.
         truth: write what no log holds, too, to ``<folder>/truth/<name>.parquet``.
-        options: as for ``quadruped_logs``.
+        options: see ``Options``.
 
     Returns:
         The logs' files.
@@ -149,10 +314,10 @@ def write_quadruped(
         ValueError: an argument outside its range, or effects so large that the robot passes 150 degC.
         OSError: the folder can't be written to.
     """
-    _, happened = _happen(hidden, **options)
+    _, simulated = _simulate(hidden, **options)
 
     def logs() -> Iterator[tuple[str, Iterable[pd.DataFrame]]]:
-        for record, pieces in happened:
+        for record, pieces in simulated:
             yield record.name, pieces
             if truth:
                 write_logs(Path(folder) / "truth", {record.name: record.truth()})
@@ -175,7 +340,7 @@ def quadruped(hidden: Effects = (), *, seed: int, physics: Physics = "full", sca
     return robot
 
 
-def _happen(
+def _simulate(
     hidden: Effects,
     *,
     seed: int,
@@ -190,14 +355,13 @@ def _happen(
     columns: Columns = "asked",
 ) -> tuple[Robot, Iterator[tuple[Record, Iterator[pd.DataFrame]]]]:
     """Check the options; return the robot, and each run's record with the pieces of its log, made when asked for."""
-    if rate not in RATES:
-        raise ValueError(f"rate: found {rate:g}; expected one of {', '.join(f'{r:g}' for r in RATES)} Hz")
-    if columns not in get_args(Columns):
-        raise ValueError(f"columns: found {columns!r}; expected one of {', '.join(get_args(Columns))}")
+    check_one_of("rate", rate, RATES, " Hz")
+    check_one_of("columns", columns, get_args(Columns))
     sensor = Sensor(noise, quantisation, dropouts)
     planned = runs if isinstance(runs, Mapping) else plan(runs, seed)
     robot = quadruped(hidden, seed=seed, physics=physics, scatter=scatter)
     robot.check_runs(planned)
-    usual: Level = "none" if physics == "plain" else "default"
-    records = live(robot, planned, seed, level or usual)
-    return robot, ((record, rows(record, sensor, seed, rate, every=columns == "all")) for record in records)
+    if level is None:
+        level = "none" if physics == "plain" else "default"
+    records = simulate_runs(robot, planned, seed, level)
+    return robot, ((record, rows(record, sensor, seed, rate, columns)) for record in records)

@@ -1,18 +1,31 @@
-"""Plan the quadruped's runs of [QuadrupedLPTN, table 1, 3]: its identification protocol and its tests."""
+"""What happens in one log, and the sets of runs that go by a name: [QuadrupedLPTN, table 1, 3] and free sessions."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Literal
 
-from .activities import Segment
-from .faults import Fault
-from .streams import stream
+import numpy as np
+
+from .motion import Segment
+from .robot import QUADRUPED_JOINTS, check_one_of, stream
+from .sensors import FAULTS, Fault
 
 CUTOUT, RESUME = 65.0, 50.0  # degC
 GAP, PAUSE = 60, 3600  # s, between runs of the protocol and of the tests
-LASTS = 1800  # s
+RUN_SECONDS = 1800  # of the protocol and of the tests
 WARM_UP = 420  # s of trot with 4 kg, without a log, before the robot is left to cool
+SWING = 8.0  # K
+TROTS, LOGS = 20, 50  # runs of a forecast's plan; healthy ones, and faulty ones, of a monitor's
+TROT_SECONDS, OUTING_SECONDS, HOLDOUT_SECONDS = 4800, 2400, 2400
+# Where a long trot at 0.2 m/s ends, degC: without load at 0 degC, per kg and per degC of ambient, from a simulation.
+ENDS, ENDS_PER_KG = 52.0, 4.7
+WELL_ABOVE = 68.0  # degC: a trot that ends just above 60 would creep up to it, and no forecast could say when
+
+
+# --- one run -------------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -58,6 +71,8 @@ class Run:
         return sum(segment.seconds for segment in self.segments)
 
 
+# --- protocol and tests of [QuadrupedLPTN] ---------------------------------------------------------------------------
+
 # The words of [QuadrupedLPTN]: abduction, hip and knee are the URDF's hip, thigh and calf; L and R before F and R.
 _WORDS = {"abd": "hip", "hip": "thigh", "knee": "calf"}
 _TORQUES = {"abd": (2, 4, 6), "hip": (2, 4, 6), "knee": (2, 4, 6, 10)}
@@ -78,13 +93,15 @@ def protocol(seed: int = 0) -> dict[str, Run]:
         for word, part in _WORDS.items():
             joints = tuple(f"{leg}_{part}" for leg in legs)
             for torque in _TORQUES[word]:
-                single[f"{word}_{diagonal}_{torque}Nm"] = Segment("hold", LASTS, joints=joints, torque=float(torque))
-    acts, names = {"unpowered": Segment("rest", LASTS)}, list(single)
+                single[f"{word}_{diagonal}_{torque}Nm"] = Segment(
+                    "hold", RUN_SECONDS, joints=joints, torque=float(torque)
+                )
+    acts, names = {"unpowered": Segment("rest", RUN_SECONDS)}, list(single)
     # A trot after seven single joints: so each begins with a body that the one before hasn't left hot.
     for k, (name, speed) in enumerate(_TROTS.items()):
         acts |= {one: single[one] for one in names[7 * k : 7 * k + 7]}
-        acts[name] = Segment("trot", LASTS, speed)
-    acts["cooling"] = Segment("rest", LASTS)
+        acts[name] = Segment("trot", RUN_SECONDS, speed)
+    acts["cooling"] = Segment("rest", RUN_SECONDS)
     return _in_turn({name: (act,) for name, act in acts.items()}, seed, "protocol", GAP)
 
 
@@ -95,13 +112,13 @@ def conditions(seed: int = 0) -> dict[str, Run]:
     """
     multi = (("stand", 0.0, 0.0), ("stand", 0.0, 4.0), ("trot", 0.2, 2.0), ("trot", 0.2, 4.0), ("walk", 0.2, 4.0))
     acts = {
-        "stand": (Segment("stand", LASTS),),
-        "trot_0kg_low": (Segment("trot", LASTS, 0.2),),
-        "trot_0kg_high": (Segment("trot", LASTS, 1.0),),
-        "trot_4kg_low": (Segment("trot", LASTS, 0.2, 4.0),),
-        "walk_4kg": (Segment("walk", LASTS, 0.2, 4.0),),
-        "cooling": (Segment("rest", LASTS),),
-        "multi_gait": tuple(Segment(act, LASTS // 5, speed, load) for act, speed, load in multi),
+        "stand": (Segment("stand", RUN_SECONDS),),
+        "trot_0kg_low": (Segment("trot", RUN_SECONDS, 0.2),),
+        "trot_0kg_high": (Segment("trot", RUN_SECONDS, 1.0),),
+        "trot_4kg_low": (Segment("trot", RUN_SECONDS, 0.2, 4.0),),
+        "walk_4kg": (Segment("walk", RUN_SECONDS, 0.2, 4.0),),
+        "cooling": (Segment("rest", RUN_SECONDS),),
+        "multi_gait": tuple(Segment(act, RUN_SECONDS // 5, speed, load) for act, speed, load in multi),
     }
     return _in_turn(acts, seed, "tests", PAUSE)
 
@@ -116,3 +133,163 @@ def _in_turn(acts: dict[str, tuple[Segment, ...]], seed: int, day: str, gap: int
         resume = RESUME if segments[0].activity == "hold" else None
         runs[name] = Run(segments, ambient, carried=k > 0, gap=gap, lead=lead, resume=resume)
     return runs
+
+
+# --- free sessions, to try a diagnosis, a forecast and a monitor on ------------------------------------------------
+
+# Activity, share of the time, ranges of speed and load. A "hold" powers four joints, the next one four others. After
+# three of them the joints are grouped anew, or no data could tell the four of a group apart.
+Acts = tuple[tuple[str, float, tuple[float, float], tuple[float, float]], ...]
+_HOLD = ("hold", 0.4, (0.0, 0.0), (8.0, 12.0))
+_FIT1: Acts = (
+    *(_HOLD,) * 9,
+    ("stand", 0.8, (0, 0), (0, 4)),
+    ("trot", 1.2, (0.2, 0.4), (1, 3)),
+    ("leg_sweep", 1.1, (0.9, 1.2), (0, 0)),
+    ("sway", 0.9, (0.9, 1.2), (0, 2)),
+    ("trot", 1.0, (1.0, 1.4), (2, 5)),
+    ("rest", 1.4, (0, 0), (0, 0)),
+)
+_FIT2: Acts = (
+    *(_HOLD,) * 9,
+    ("walk", 1.0, (0.2, 0.6), (3, 6)),
+    ("leg_sweep", 1.0, (0.4, 0.7), (0, 0)),
+    ("sway", 0.9, (0.5, 0.8), (2, 4)),
+    ("trot", 1.2, (0.8, 1.4), (4, 7)),
+    ("rest", 0.6, (0, 0), (0, 0)),
+    ("squat", 0.8, (0.7, 1.1), (2, 4)),
+    ("rest", 1.4, (0, 0), (0, 0)),
+)
+_HOLDOUT: Acts = (
+    *(_HOLD,) * 3,
+    ("trot", 1.0, (0.3, 0.6), (1, 3)),
+    ("rest", 0.4, (0, 0), (0, 0)),
+    ("walk", 1.0, (0.3, 0.8), (0, 3)),
+    ("leg_sweep", 0.8, (0.6, 1.1), (0, 0)),
+    ("sway", 0.8, (0.7, 1.0), (1, 3)),
+    ("rest", 1.2, (0, 0), (0, 0)),
+)
+_TRIAL = {"fit1": (_FIT1, 22.0), "fit2": (_FIT2, 12.0), "holdout": (_HOLDOUT, 28.0)}
+_OUTING: Acts = (
+    ("stand", 1.0, (0, 0), (0, 4)),
+    ("trot", 1.5, (0.2, 0.8), (0, 2)),
+    ("walk", 1.5, (0.2, 0.6), (0, 2)),
+    ("rest", 0.7, (0, 0), (0, 0)),
+    ("trot", 0.7, (0.2, 1.0), (0, 4)),
+    ("rest", 0.7, (0, 0), (0, 0)),
+)
+
+
+def trial(seed: int = 0, fitted: int = 3600) -> dict[str, Run]:
+    """Return "fit1" (60 min, 22 degC), "fit2" (60 min, 12 degC) and "holdout" (40 min, 28 degC), each from cold.
+
+    They tell effects apart: load without speed, speed without load, both, groups of joints, all of them, a cool-down.
+    ``fitted``: s of each run to fit.
+    """
+    seconds = {"fit1": fitted, "fit2": fitted, "holdout": HOLDOUT_SECONDS}
+    return {
+        name: Run(_draw(stream(seed, "trial", name), acts, seconds[name]), ambient, cutout=None)
+        for name, (acts, ambient) in _TRIAL.items()
+    }
+
+
+def hour(seed: int = 0) -> dict[str, Run]:
+    """Return the runs of ``trial`` with 30 min to each of those to fit."""
+    return trial(seed, fitted=1800)
+
+
+def swing(seed: int = 0) -> dict[str, Run]:
+    """Return the runs of ``trial`` out of doors and in again, where the air is 8 K warmer or colder."""
+    return {name: replace(run, swing=SWING) for name, run in trial(seed).items()}
+
+
+def forecast(seed: int = 0) -> dict[str, Run]:
+    """Return 20 steady trots, 0 to 6 kg, 5 to 35 degC, 0.2 to 1 m/s, 80 min each, all of them past 60 degC.
+
+    Pairs of load and ambient that end near 60 degC, or below it, are drawn again.
+    """
+    runs = {}
+    for k in range(TROTS):
+        rng, ends = stream(seed, "forecast", str(k)), 0.0
+        while ends < WELL_ABOVE:
+            load, ambient = round(rng.uniform(0, 6), 1), round(rng.uniform(5, 35), 1)
+            ends = ENDS + ENDS_PER_KG * load + ambient
+        speed = float(rng.choice([0.2, 0.5, 1.0]))
+        runs[f"trot_{k:02d}"] = Run((Segment("trot", TROT_SECONDS, speed, load),), ambient)
+    return runs
+
+
+def monitor(seed: int = 0) -> dict[str, Run]:
+    """Return 50 healthy outings of 40 min and 50 with one sensor's fault in the middle half, 10 to 30 degC.
+
+    Drifts of 0.01 to 0.1 K/s, offsets of 4 to 15 K, stuck and missing readings in turn; see ``Run.faults``.
+    """
+    runs = {}
+    for state in ("healthy", "faulty"):
+        for k in range(LOGS):
+            rng = stream(seed, "monitor", state, str(k))
+            ambient = round(rng.uniform(10, 30), 1)
+            segments = _draw(rng, _OUTING, OUTING_SECONDS)
+            faults = (_fault(FAULTS[k % len(FAULTS)], rng),) if state == "faulty" else ()
+            runs[f"{state}_{k:02d}"] = Run(segments, ambient, resume=RESUME, faults=faults)
+    return runs
+
+
+def in_random_order(
+    acts: Acts, seconds: int, rng: np.random.Generator
+) -> list[tuple[str, int, tuple[float, float], tuple[float, float]]]:
+    """Return activity, whole seconds, ranges of speed and load: in random order, but for the last."""
+    order = [*rng.permutation(len(acts) - 1), len(acts) - 1]
+    share = np.array([acts[i][1] for i in order]) * rng.uniform(0.8, 1.2, len(order))
+    ends = np.rint(seconds * np.cumsum(share) / share.sum()).astype(int)
+    lengths = np.diff(ends, prepend=0)
+    return [(acts[i][0], int(length), *acts[i][2:]) for i, length in zip(order, lengths, strict=True)]
+
+
+def _draw(rng: np.random.Generator, acts: Acts, seconds: int) -> tuple[Segment, ...]:
+    """Draw segments of these activities in random order, but for the last."""
+    ordered = in_random_order(acts, seconds, rng)
+    segments, joints = [], [str(joint) for joint in rng.permutation(QUADRUPED_JOINTS)]
+    for activity, length, speeds, loads in ordered:
+        speed, load = float(rng.uniform(*speeds)), float(rng.uniform(*loads))
+        if activity == "hold":
+            joints = joints or [str(joint) for joint in rng.permutation(QUADRUPED_JOINTS)]
+            segments.append(Segment(activity, length, joints=tuple(joints[:4]), torque=load))
+            joints = joints[4:]
+        else:
+            segments.append(Segment(activity, length, speed, load))
+    return tuple(segments)
+
+
+def _fault(kind: str, rng: np.random.Generator) -> Fault:
+    at, time, sign = str(rng.choice(QUADRUPED_JOINTS)), float(rng.integers(600, 1800)), rng.choice([-1.0, 1.0])
+    size = {"drift": np.exp(rng.uniform(np.log(0.01), np.log(0.1))), "offset": rng.uniform(4, 15)}.get(kind, 0.0)
+    return Fault(kind, at, time, float(sign * size))
+
+
+Plan = Literal["protocol", "tests", "trial", "hour", "swing", "forecast", "monitor"]
+
+PLANS: dict[str, Callable[[int], dict[str, Run]]] = {
+    "protocol": protocol,
+    "tests": conditions,
+    "trial": trial,
+    "hour": hour,
+    "swing": swing,
+    "forecast": forecast,
+    "monitor": monitor,
+}
+
+
+def plan(name: Plan, seed: int = 0) -> dict[str, Run]:
+    """Return the runs of this name.
+
+    Args:
+        name: "protocol" ([QuadrupedLPTN, table 1]), "tests" (table 3 and the multi-gait test), "trial", "hour",
+            "swing", "forecast" (application 3) or "monitor" (application 2).
+        seed: 0 or above; draws ambients, the order of things, faults.
+
+    Raises:
+        ValueError: unknown name, negative seed.
+    """
+    check_one_of("runs", name, PLANS)
+    return PLANS[name](seed)

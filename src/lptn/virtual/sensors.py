@@ -1,18 +1,25 @@
-"""Turn true temperatures into readings: lag, noise, rounding, gaps."""
+"""What sensors show of the true temperatures: position, lag, clock, steps, faults, noise, rounding, gaps."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from .truth import Array
+from .heat import REFERENCE, Network
+from .robot import QUADRUPED_NODES, Array, Robot, check_one_of, stream
+
+HOT_SPOT = 3.0  # s, time constant of a hot spot
+FAULTS = ("drift", "offset", "stuck", "dropout")
 
 
 @dataclass(frozen=True)
 class Sensor:
-    """How the joints' temperatures are read.
+    """How temperatures are read.
 
     Args:
         noise: standard deviation of the white noise of each reading, K.
@@ -38,11 +45,32 @@ class Sensor:
     def read(self, temperature: Array, rng: np.random.Generator) -> Array:
         """Return readings of these temperatures (degC), same shape."""
         # Everything is drawn whether used or not, so that one option leaves the others' draws alone.
-        disturbance, luck = rng.standard_normal(temperature.shape), rng.uniform(size=temperature.shape)
+        disturbance, chance = rng.standard_normal(temperature.shape), rng.uniform(size=temperature.shape)
         readings = temperature + self.noise * disturbance
         if self.quantisation > 0:
             readings = np.round(readings / self.quantisation) * self.quantisation
-        return np.where(luck < self.dropouts, np.nan, readings)
+        return np.where(chance < self.dropouts, np.nan, readings)
+
+
+def noise_free_readings(network: Network, states: Array, copper: Array, before: int = 0) -> Array:
+    """Return what the sensors would show (degC) at 0, 1, … s, of shape (seconds + 1, nodes with a sensor).
+
+    Args:
+        network: its robot's sensors, and the order of the states.
+        states: degC at 0, 1, … s, of shape (seconds + 1, states).
+        copper: loss at 25 degC in each second, W, of shape (seconds, nodes).
+        before: s that happened before the log begins; they aren't returned.
+    """
+    robot, count = network.robot, network.robot.sensed
+    true = states[:, network.sensed]
+    readings = true + _hot_spots(network, states, copper)
+    for one, other, share in robot.positions:
+        elsewhere = states[:, one] if other < 0 else true[:, other]
+        readings[:, one] += share * (elsewhere - true[:, one])
+    readings = lagged(readings, robot.lag[:count])[before:]
+    if robot.clock:
+        readings = _delayed(readings, robot.clock)
+    return readings + np.arange(len(readings))[:, None] * robot.drift[:count] + robot.offset[:count]
 
 
 def lagged(temperature: Array, lag: Array) -> Array:
@@ -61,3 +89,93 @@ def lagged(temperature: Array, lag: Array) -> Array:
         memory = [(1 - fresh) * temperature[0, i]]
         result[:, i] = lfilter(taps, [1, -keep], temperature[:, i], zi=memory)[0]
     return result
+
+
+def _hot_spots(network: Network, states: Array, copper: Array) -> Array:
+    """Return what hot spots have above the mass around them, K: at zero when the run begins."""
+    robot, count = network.robot, network.robot.sensed
+    above = np.zeros((len(states), count))
+    for i in np.flatnonzero(robot.hot_spot[:count]):
+        warm = states[:-1, network.copper[i]] - REFERENCE
+        loss = copper[:, i] * (1 + robot.resistance_rise[i] * warm) / (1 - robot.torque_constant_drop[i] * warm) ** 2
+        keep = np.exp(-1 / HOT_SPOT)
+        above[1:, i] = lfilter([1 - keep], [1, -keep], robot.hot_spot[i] * loss)
+    return above
+
+
+def _delayed(readings: Array, delay: float) -> Array:
+    """Return what was, or below 0 what will be, shown this many seconds away.
+
+    Before the first second it was as it is then; after the last it goes on as it went.
+    """
+    seconds = np.arange(len(readings))
+    ahead = np.ceil(-delay)
+    last = readings[-1] + max(0, int(ahead)) * (readings[-1] - readings[-2])
+    times, columns = np.append(seconds, seconds[-1] + max(1, ahead)), np.vstack([readings, last])
+    return np.column_stack([np.interp(seconds - delay, times, column) for column in columns.T])
+
+
+def sensor_steps(robot: Robot, seconds: int, seed: int, run: str) -> Array:
+    """Return what steps add to the readings (K) in each second of a run, of shape (seconds, nodes)."""
+    when = np.array([stream(seed, "step", run, node).uniform(0.2, 0.8) * seconds for node in robot.nodes])
+    return (np.arange(seconds)[:, None] >= when) * robot.step
+
+
+@dataclass(frozen=True)
+class Fault:
+    """One fault of one of the quadruped's sensors.
+
+    Args:
+        kind: "drift" (K/s), "offset" (K), "stuck" (the reading stays as it is) or "dropout" (no reading).
+        at: a joint, or "pc".
+        time: s from the run's beginning at which it starts.
+        size: K/s or K, of either sign; means nothing for the others.
+        until: s at which it ends.
+
+    Raises:
+        ValueError: a value outside its range.
+    """
+
+    kind: str
+    at: str
+    time: float
+    size: float = 0.0
+    until: float = math.inf
+
+    def __post_init__(self) -> None:
+        check_one_of("fault", self.kind, FAULTS)
+        check_one_of(f"place of {self.kind}", self.at, QUADRUPED_NODES)
+        if not 0 <= self.time < self.until:
+            raise ValueError(f"time of {self.kind}: found {self.time:g}; expected 0 s or above, before its end")
+        if not math.isfinite(self.size):
+            raise ValueError(f"size of {self.kind}: found {self.size:g}; expected a finite number")
+
+    @property
+    def column(self) -> int:
+        """Where its sensor stands among the nodes."""
+        return QUADRUPED_NODES.index(self.at)
+
+    def acts(self, time: Array) -> NDArray[np.bool_]:
+        """Return at which of these times (s) it acts."""
+        return (time >= self.time) & (time < self.until)
+
+
+def shift_readings(faults: Sequence[Fault], time: Array, readings: Array) -> None:
+    """Add drifts and offsets, in place, to noise-free readings at these times, of shape (times, nodes)."""
+    for fault in faults:
+        if fault.kind == "drift":
+            readings[:, fault.column] += fault.size * (time - fault.time) * fault.acts(time)
+        elif fault.kind == "offset":
+            readings[:, fault.column] += fault.size * fault.acts(time)
+
+
+def replace_readings(faults: Sequence[Fault], time: Array, readings: Array, frozen: Sequence[float]) -> None:
+    """Put in, in place, readings that are stuck or missing; ``frozen`` has the one kept by each fault."""
+    for fault, kept in zip(faults, frozen, strict=True):
+        if fault.kind in ("stuck", "dropout"):
+            readings[fault.acts(time), fault.column] = kept if fault.kind == "stuck" else np.nan
+
+
+def by_place(quantity: str, values: Array, places: Sequence[str]) -> dict[str, Array]:
+    """Return the columns ``<quantity>.<place>`` of a log, from values of shape (rows, places)."""
+    return {f"{quantity}.{place}": values[:, i] for i, place in enumerate(places)}

@@ -1,4 +1,4 @@
-"""Draw what surrounds a robot in a run: the ambient as it changes, the sun, a fan."""
+"""What surrounds a robot in a run: the ambient as it changes, the sun, a fan, bursts of heat, splashes."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .robot import Array, Robot
+from .robot import Array, Robot, stream
 from .sensors import lagged
-from .streams import stream
 
 STAYS, DOOR = (600, 1500), 60  # s in one place, and on the way to the next
 SUN = 700.0  # W/m², without clouds
-CLOUDS, BLOWS = 300, 420  # s between the knots of the clouds, and of the fan's speed
+CLOUDS, FAN_CHANGES = 300, 420  # s between the knots of the clouds, and of the fan's speed
+BURST_EVERY, SPLASH_EVERY = 600, 700  # s, on the average
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,12 @@ def ambient(robot: Robot, first: float, error: float, swing: float, seconds: int
     above = error + robot.ambient_offset
     if swing == 0:
         return Ambient(logged, logged + above, None)
-    logged = logged + swing * _doors(stream(seed, "ambient", run), seconds)
+    rng = stream(seed, "ambient", run)
+    # 0 indoors and 1 or -1 out of doors, where it is warmer or colder all day.
+    outside, when = rng.choice([-1.0, 1.0]), np.cumsum(rng.uniform(*STAYS, seconds // min(STAYS) + 2))
+    place = outside * (np.arange(len(when) + 1) % 2)
+    times, places = np.ravel([when, when + DOOR], "F"), np.ravel([place[:-1], place[1:]], "F")
+    logged = logged + swing * np.interp(np.arange(seconds + 1), times, places)
     follows = lagged(logged[:, None], np.array([robot.ambient_lag]))[:, 0]
     return Ambient(logged, follows + above, follows - first)
 
@@ -51,25 +56,26 @@ def ambient(robot: Robot, first: float, error: float, swing: float, seconds: int
 def sun(seconds: int, seed: int, run: str) -> Array:
     """Return the mean irradiance of each second, W/m², of shape (seconds, 1)."""
     knots = stream(seed, "sun", run).uniform(-1, 1, seconds // CLOUDS + 2)
-    clouds = _between(knots, CLOUDS, seconds)[:-1, None]
+    clouds = np.interp(np.arange(seconds), CLOUDS * np.arange(len(knots)), knots)[:, None]
     light: Array = SUN * (0.5 + clouds).clip(0, 1)
     return light
 
 
 def fan(seconds: int, seed: int, run: str) -> Array:
     """Return a fan's share of its full speed in each second, of shape (seconds, 1): off, or on at some speed."""
-    knots = seconds // BLOWS + 1
-    speed = stream(seed, "fan", run).uniform(-1, 1, knots).clip(0, 1)
-    return speed.repeat(BLOWS)[:seconds, None]
+    speed = stream(seed, "fan", run).uniform(-1, 1, seconds // FAN_CHANGES + 1).clip(0, 1)
+    return speed.repeat(FAN_CHANGES)[:seconds, None]
 
 
-def _doors(rng: np.random.Generator, seconds: int) -> Array:
-    """Return 0 indoors and 1 or -1 out of doors, where it is warmer or colder all day, of shape (seconds + 1,)."""
-    outside, when = rng.choice([-1.0, 1.0]), np.cumsum(rng.uniform(*STAYS, seconds // min(STAYS) + 2))
-    there = outside * (np.arange(len(when) + 1) % 2)
-    return np.interp(np.arange(seconds + 1), np.ravel([when, when + DOOR], "F"), np.ravel([there[:-1], there[1:]], "F"))
-
-
-def _between(knots: Array, every: int, seconds: int) -> Array:
-    """Return straight lines between knots this many seconds apart, of shape (seconds + 1,)."""
-    return np.interp(np.arange(seconds + 1), every * np.arange(len(knots)), knots)
+def event_heat(robot: Robot, seconds: int, seed: int, run: str) -> Array:
+    """Return the heat (W) of bursts and splashes in each second of a run, of shape (seconds, nodes)."""
+    heat = np.zeros((seconds, len(robot.nodes)))
+    for i, node in enumerate(robot.nodes):
+        rng = stream(seed, "bursts", run, node)
+        for begin in rng.integers(60, max(61, seconds - 180), seconds // BURST_EVERY):
+            heat[begin : begin + rng.integers(60, 181), i] = robot.bursts[i]
+        rng = stream(seed, "splash", run, node)
+        # Not in the first fifth: a node near the ambient has little to lose.
+        when = rng.choice(np.arange(seconds // 5, seconds - 60), seconds // SPLASH_EVERY, replace=False)
+        heat[when, i] -= robot.splash[i]
+    return heat

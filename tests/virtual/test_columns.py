@@ -1,4 +1,4 @@
-"""Check what new effects are driven by: further columns, and the heat that goes with them."""
+"""Check the columns that a log has beyond the usual ones: what new effects are driven by."""
 
 from __future__ import annotations
 
@@ -7,17 +7,13 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from scipy.integrate import solve_ivp
 
-from lptn.virtual import Hidden, Run, Segment, leg_logs, quadruped, quadruped_logs, write_quadruped
-from lptn.virtual.quadruped_truth import JOINTS
-from lptn.virtual.record import live
-from lptn.virtual.robot import Array
+from lptn.virtual import QUADRUPED_JOINTS, Hidden, Run, Segment, leg_logs, quadruped_logs, write_quadruped
 
 MOVES = (Segment("trot", 200, 0.7, 4.0), Segment("sway", 150, 1.0), Segment("rest", 150), Segment("stand", 100))
 RUNS = {"mix": Run(MOVES, 20.0, cutout=None)}
 SHARED = ["power.battery", "speed.fan", "irradiance.global"]
-UNSIGNED = [f"{quantity}.{joint}" for quantity in ("torque_abs", "mechanical_power") for joint in JOINTS]
+UNSIGNED = [f"{quantity}.{joint}" for quantity in ("torque_abs", "mechanical_power") for joint in QUADRUPED_JOINTS]
 COLUMNS = {
     "gear_loss": UNSIGNED[12:],
     "driver_loss": UNSIGNED[:12],
@@ -93,45 +89,3 @@ def test_mcap_says_what_it_cannot_hold(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match=r"format: mcap has no topic for power\.battery; expected parquet or csv"):
         write_quadruped(tmp_path, [("battery_heat", "*")], seed=1, runs=RUNS, format="mcap")
     assert not list(tmp_path.iterdir())
-
-
-HIDDEN = (
-    *(("gear_loss", "*", 1.0), ("driver_loss", "*_hip", 1.0), ("computer_heat", "FR_calf", 1.0)),
-    *(("battery_heat", "pc", 1.0), ("solar", "*_thigh", 1.0), ("fan", "*", 1.0), ("shared_mass", "*_calf", 1.0)),
-    *(("loss_scale", "RL_calf", 1.0), ("surface_scale", "RR_hip", -1.0), ("ambient_lag", "ambient", 1.0)),
-)
-
-
-def test_heat_is_the_one_written_down() -> None:
-    """The robot's log alone, its parameters and the docstrings' numbers, integrated by scipy."""
-    robot = quadruped(seed=4, physics="plain")
-    (record,) = live(quadruped(HIDDEN, seed=4, physics="plain"), RUNS, 4, "none")
-    means, motion, air = record.motion.means(), record.motion, record.ambient
-    battery = motion.pc + 4 * motion.powered.sum(axis=1)
-    battery += (0.15 / (9.1 * 0.0927) ** 2 * means.torque2 + means.power).sum(axis=1)
-    part = np.array([joint.rpartition("_")[2] for joint in JOINTS] + ["pc"])
-    calves, loss, surface = np.flatnonzero(part == "calf"), np.ones(12), np.ones(13)
-    loss[JOINTS.index("RL_calf")], surface[JOINTS.index("RR_hip")] = 1.2, 0.7
-    outside = (air.true[:-1] + air.true[1:]) / 2
-
-    def slope(_: float, T: Array, k: int) -> Array:
-        node, frame = T[:13], T[13]
-        heat = np.zeros(13)
-        heat[:12] = loss * robot.resistance[:12] * means.torque2[k] / (9.1 * 0.0927) ** 2 + 4 * motion.powered[k]
-        heat[:12] += 0.1 * means.power[k] + 0.5 * means.torque1[k] * (part[:12] == "hip")
-        heat[2] += 0.1 * motion.pc[k]
-        heat[12] += motion.pc[k] + 0.01 * battery[k]
-        heat += 0.005 * motion.sun[k] * (part == "thigh")
-        heat -= surface * (1 + 0.5 * motion.fan[k]) * robot.to_air * (node - outside[k])
-        for i, j, conductance in robot.links:
-            heat[i] += conductance * (node[j] - node[i])
-            heat[j] += conductance * (node[i] - node[j])
-        heat[calves] += (frame - node[calves]) / 17
-        into = ((node[calves] - frame) / 17).sum() - 4 / 42 * (frame - outside[k])
-        return np.append(heat / robot.capacity, into / 480)
-
-    exact = [np.full(14, 20.0)]
-    for k in range(600):
-        exact.append(solve_ivp(slope, (0, 1), exact[-1], args=(k,), rtol=1e-8, atol=1e-8).y[:, -1])
-    assert np.ptp(exact, axis=0).max() > 5
-    assert np.abs(record.states - exact).max() < 1e-3
