@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from lptn.cli.effects import built_in, catalogue_markdown
 from lptn.cli.main import app
-from lptn.effects.page import built_in, catalogue_markdown
 from tests.docs.pages import ROOT, Page, pages
 
 PAGES = pages()

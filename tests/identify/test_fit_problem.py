@@ -17,7 +17,7 @@ from lptn.model.model import Model
 from lptn.model.network import EffectDeclaration, LinkDeclaration, Network, NodeDeclaration
 from lptn.simulate.simulation import bound_runs
 from tests.builders import AMBIENT, capacity, effect, make_run, random_run, resistance, with_every_effect
-from tests.identify_truth import TRUTH, network, truth_run
+from tests.identify.truth import TRUTH, network, truth_run
 
 COARSE = 5.0  # s
 

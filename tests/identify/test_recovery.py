@@ -15,7 +15,7 @@ from lptn.identify.solvers import minimise
 from lptn.model.model import Model
 from lptn.model.network import Network
 from lptn.simulate.simulation import bind, bound_runs
-from tests.identify_truth import TRUTH, network, truth_run, with_garbage
+from tests.identify.truth import TRUTH, network, truth_run, with_garbage
 
 
 def _values(found: Fit) -> dict[str, float]:

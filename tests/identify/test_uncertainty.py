@@ -12,7 +12,7 @@ from lptn.identify.problem import Problem
 from lptn.logs.run import Run
 from lptn.model.model import Model
 from lptn.simulate.simulation import bind, bound_runs
-from tests.identify_truth import TRUTH, network, truth_run
+from tests.identify.truth import TRUTH, network, truth_run
 
 
 def _rounded(run: Run, step: float) -> Run:

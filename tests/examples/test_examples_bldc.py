@@ -11,7 +11,7 @@ from lptn.identify.data import load_model, split_data
 from lptn.identify.fitting import Fit
 from lptn.identify.validation import fit_parts
 
-FOLDER = Path(__file__).parents[1] / "examples" / "bldc_stators"
+FOLDER = Path(__file__).parents[2] / "examples" / "bldc_stators"
 
 
 def _said(model: str, fitted: str, held_out: str) -> tuple[Fit, list[Differing]]:

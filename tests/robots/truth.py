@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tests.motor_geometry.sector import Index, Sector
+from tests.robots.sector import Index, Sector
 
 Span = tuple[int, int]
 

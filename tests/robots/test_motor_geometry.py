@@ -20,7 +20,7 @@ from lptn.robots.motor_drawing import parse_geometry, sample
 from lptn.robots.motor_model import model_text
 from lptn.simulate.simulation import bound_runs, simulate
 from tests.builders import make_run
-from tests.motor_geometry.truth import FLAT, LONG, Drawing, temperatures
+from tests.robots.truth import FLAT, LONG, Drawing, temperatures
 
 FILE = Path("drawing.toml")
 CURRENT = 8.0  # A

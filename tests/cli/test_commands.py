@@ -16,7 +16,7 @@ import pytest
 from lptn.cli.main import main
 from lptn.model.file import read_model_file
 
-EXAMPLE = Path(__file__).parents[1] / "examples" / "tclab"
+EXAMPLE = Path(__file__).parents[2] / "examples" / "tclab"
 MODEL, LOG = EXAMPLE / "two_heaters.toml", EXAMPLE / "log.csv"
 
 Run = Callable[..., tuple[int, str, str]]

@@ -22,7 +22,7 @@ from lptn.online.estimator import Estimate, Estimator, as_gaussian, coarse_noise
 from lptn.robots.presets import presets
 from lptn.simulate.simulation import bind
 from tests.builders import leg, make_run, random_run
-from tests.identify_truth import TRUTH, network, truth_run
+from tests.identify.truth import TRUTH, network, truth_run
 
 NOISE = 0.15  # K
 LENGTH = 2400.0  # s

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lptn.model.bodies import Annulus, Axis, Cuboid, Cylinder, Shape, langevin, slab_peak
-from tests.elements.volumes import Answer, Face, Grid, refined
+from tests.model.volumes import Answer, Face, Grid, refined
 
 SIZE = st.floats(0.004, 0.1)
 CONDUCTIVITY = st.floats(0.3, 300.0)

@@ -22,7 +22,7 @@ from lptn.model.bodies import Annulus, Cuboid, Cylinder, Element, Shape
 from lptn.model.model import Model
 from lptn.model.network import EffectDeclaration, LinkDeclaration, Network, NodeDeclaration
 from tests.builders import AMBIENT, capacity, effect, link, node
-from tests.elements.volumes import Answer, Face, Grid, refined
+from tests.model.volumes import Answer, Face, Grid, refined
 
 FACES: dict[str, Face] = {"x0": (0, 0), "x1": (0, 1), "y0": (1, 0), "y1": (1, 1), "z0": (2, 0), "z1": (2, 1)}
 

@@ -19,7 +19,7 @@ from lptn.model.model import Model
 from lptn.robots.presets import preset_text, presets, variants
 from lptn.simulate.simulation import bound_runs
 from tests.builders import effect
-from tests.identify_truth import TRUTH, truth_run
+from tests.identify.truth import TRUTH, truth_run
 
 FILE = Path("robot.toml")
 LEG = """\

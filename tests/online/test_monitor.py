@@ -20,7 +20,7 @@ from lptn.online.calibration import Calibration, calibrate, keep, kept, rare
 from lptn.online.monitoring import Monitoring, Watched, monitor
 from lptn.online.sensor_faults import DRIFT, OFFSET, STEP, Alarm, Scene, coarse_drive, estimator_of, watch
 from lptn.report.online_figures import monitoring_figure
-from tests.identify_truth import TRUTH, network, truth_run
+from tests.identify.truth import TRUTH, network, truth_run
 
 WRONG = {"capacity.a": 117.0, "resistance.a~b": 2.55, "resistance.ambient~b": 4.05}  # truth: 120, 2.5, 4
 BEGIN = 1200.0  # s

@@ -21,7 +21,7 @@ from lptn.identify.solvers import Progress
 from lptn.identify.validation import fit_parts, fit_parts_again
 from lptn.model.file import read_model_file
 from lptn.model.model import Model
-from tests.identify_truth import network, truth_run
+from tests.identify.truth import network, truth_run
 
 MODEL = """
 [model]

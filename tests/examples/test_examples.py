@@ -16,7 +16,7 @@ from lptn.identify.data import load_model, split_data
 from lptn.identify.validation import fit_parts, holdout_errors
 from lptn.model.model import Model
 
-EXAMPLES = Path(__file__).parents[1] / "examples"
+EXAMPLES = Path(__file__).parents[2] / "examples"
 DATA = ("csv", "parquet")
 
 

@@ -11,7 +11,7 @@ import pytest
 from lptn.identify.comparison import Comparison, Errors, compare
 from lptn.identify.data import DataSplit, predicted, split_data
 from lptn.model.model import Model
-from tests.identify_truth import TRUTH, network, truth_run, with_garbage
+from tests.identify.truth import TRUTH, network, truth_run, with_garbage
 
 NOISE = 0.1
 
