@@ -1,22 +1,35 @@
-"""The catalogue of effects on the terminal, and for other programs."""
+"""The catalogue of effects: on the terminal, for other programs, and as the page of Markdown beside the classes."""
 
 from __future__ import annotations
 
 import inspect
+import math
 import re
-from collections import deque
+from collections.abc import Iterable, Mapping
 
+from lptn.basics.equations import equation_text
 from lptn.basics.errors import InputError
+from lptn.basics.parameters import Parameter
 from lptn.cli.terminal import new_table, out
 from lptn.effects import Effect, ExcessEffect, LossEffect, catalogue
 from lptn.logs.resampling import raw_keys
 from lptn.model.heat_balance import input_column
-from lptn.references import citations, cite, works_cited
+from lptn.references import Citation, cite, works_cited
 
+_SITES = {
+    "node": "a node",
+    "link": "a link to the surroundings",
+    "edge": 'a pair of nodes `"a~b"` that no link joins',
+    "loss": "another effect's heat at a node",
+    "sensor": "a sensor",
+    "pair": 'a sensor and a neighbour, `"a~b"`',
+    "group": "several nodes at once",
+    "boundary": "a prescribed temperature",
+}
+_OURS = "lptn.effects."
 _MATH = ".. math::"
 _ROLE = re.compile(r":math:`([^`]*)`")
 _EMPHASIS = re.compile(r"\*(\w+)\*")
-_SOURCE = "Source: "
 
 
 def show_effects(key: str | None) -> None:
@@ -35,7 +48,7 @@ def show_effects(key: str | None) -> None:
     if key not in known:
         raise InputError("effects", "KEY", f"'{key}'", f"one of {', '.join(known)}")
     effect = known[key]
-    out.print(docstring_text(effect), markup=False, highlight=False)
+    out.print(docstring_text(effect), "", sep="\n", markup=False, highlight=False)
     table = new_table("parameter", "what it is", "unit", "typical", "off")
     for parameter in effect.parameters:
         off = "" if parameter.off is None else f"{parameter.off:g}"
@@ -43,10 +56,11 @@ def show_effects(key: str | None) -> None:
     if effect.parameters:
         out.print(table)
     for line in (
+        f"Acts on: {where_text(effect)}.",
         f"Log columns: {columns_text(effect)}.",
         *(f"Option: {option}" for option in options_text(effect)),
         f"Looks like: {effect.signature.looks_like}.",
-        f"Separate it by: {effect.signature.separate_by}.",
+        f"Separate it by: {_sentence(effect.signature.separate_by)}",
         *_confused(effect),
         *_references(effect),
     ):
@@ -65,7 +79,7 @@ def catalogue_json(key: str | None) -> dict[str, object]:
             "looks_like": effect.signature.looks_like,
             "separate_by": effect.signature.separate_by,
             "source": cite(effect.source),
-            "references": [work.full for work in works_cited(cited_by(effect))],
+            "references": [cited.reference.full for cited in works_cited(cited_by(effect))],
             "parameters": {
                 each.name: {"title": each.title, "unit": each.unit, "typical": each.typical, "off": each.off}
                 for each in effect.parameters
@@ -94,16 +108,24 @@ def cited_by(effect: type[Effect]) -> tuple[str, str]:
     return effect.source, effect.__doc__ or ""
 
 
+def where_text(effect: type[Effect]) -> str:
+    """Where an effect acts, in words."""
+    words = _SITES[effect.site]
+    words += "; has a state of its own" if effect.has_state else ""
+    words += "; the same for the whole robot" if effect.whole_robot else ""
+    return words + ("; also in one run" if effect.per_run else "")
+
+
 def columns_text(effect: type[Effect], place: str = "<place>") -> str:
-    """The log columns that an effect needs: `torque.<place> or current.<place>`."""
+    """The log columns that an effect needs, as code: `torque.<place>` or `current.<place>`."""
     said = [
-        " and ".join(f"{column}" for column in raw_keys(input_column(name, place)))
+        " and ".join(f"`{column}`" for column in raw_keys(input_column(name, place)))
         for name in effect.options.get("input", effect.needs)
     ]
     joined = " or ".join(said) if "input" in effect.options else " and ".join(said)
     heat = effect.acts_on if issubclass(effect, LossEffect) else ""
     heat = effect.heat_of if issubclass(effect, ExcessEffect) else heat
-    return (joined or "none beside the temperatures") + (f"; it acts on {heat} at the same place" if heat else "")
+    return (joined or "none beside the temperatures") + (f"; it acts on `{heat}` at the same place" if heat else "")
 
 
 def options_text(effect: type[Effect]) -> list[str]:
@@ -117,11 +139,15 @@ def _confused(effect: type[Effect]) -> list[str]:
 
 
 def _references(effect: type[Effect]) -> list[str]:
-    texts = cited_by(effect)
-    misprints = {error: None for text in texts for cited in citations(text) for error in cited.errata}
-    works = works_cited(texts)
-    lines = [f"Printed wrong in the source: {error}." for error in misprints]
-    return [*lines, *(["", "References"] if works else []), *(f"  {work.full}" for work in works)]
+    lines = []
+    for cited in works_cited(cited_by(effect)):
+        lines.append(f"  {cited.reference.full}")
+        lines += [f"    {place}: {cited.reference.what_stands_at(place)}." for place in cited.places]
+    return ["", "References:", *lines] if lines else []
+
+
+def _sentence(text: str) -> str:
+    return text if text.endswith("?") else f"{text}."
 
 
 def _block_text(block: str) -> str:
@@ -133,98 +159,121 @@ def _block_text(block: str) -> str:
     return cite(_EMPHASIS.sub(r"\1", text))
 
 
-# --- equations: the small part of LaTeX that docstrings use, as text --------------------------------
+# --- the page of Markdown ----------------------------------------------------------------------------
 
-_SYMBOLS = {
-    "alpha": "α", "beta": "β", "gamma": "γ", "delta": "δ", "varepsilon": "ε", "epsilon": "ε", "eta": "η", "theta": "θ",
-    "kappa": "κ", "lambda": "λ", "mu": "μ", "nu": "ν", "rho": "ρ", "sigma": "σ", "tau": "τ", "varphi": "φ", "phi": "φ",
-    "chi": "χ", "psi": "ψ", "omega": "ω", "Delta": "Δ", "Omega": "Ω", "Phi": "Φ", "pi": "π", "int": "∫",
-    "partial": "∂", "infty": "∞", "cdot": "·", "times": "×", "propto": "∝", "approx": "≈", "le": "≤", "leq": "≤",
-    "ge": "≥", "geq": "≥", "ne": "≠", "pm": "±", "to": "→", "quad": "  ", "qquad": "    ", "dots": "…", "left": "",
-    "right": "", "exp": "exp", "ln": "ln",
-}  # fmt: skip
-_ACCENTS = {"dot": "\u0307", "ddot": "\u0308", "bar": "\u0304", "hat": "\u0302", "tilde": "\u0303"}
-_TOKEN = re.compile(r"\\[A-Za-z]+|\\.|\s+|.", re.DOTALL)
-_LOW = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
-_HIGH = str.maketrans("0123456789+-−n", "⁰¹²³⁴⁵⁶⁷⁸⁹⁺⁻⁻ⁿ")
-_PREFIXES = {r"\Delta", r"\partial"}
-_ATOM = re.compile(r"[^\s+−·×/=]+")
+HEAD = """\
+# The catalogue of effects
+
+Every effect is one file in this folder: one equation, its parameters, what its absence looks like. This page is made
+from the classes; after a change write it anew:
+
+```
+lptn effects --markdown src/lptn/effects/README.md
+```
+
+*Amplitude* is the parameter that switches an effect off: at its off-value the model is the same to the last bit. A
+*shape* (a time constant, an exponent) is tried on a small grid before it is fitted. `lptn improve` looks for each
+effect at each place where the log has what it needs; "also in one run" says that it is looked for in single runs,
+too. Sources are named in brackets and listed [at the end](#references); what is wrong in their print stands in
+[the errata](../../../examples/README.md#errata-of-the-sources).
+
+An effect of your own: [in a package of your own](PLUGIN.md).
+"""
 
 
-def equation_text(latex: str) -> str:
-    r"""A formula of a docstring as Unicode text: `\frac{1 + g}{R_d}` as (1 + g)/R_d.
+def catalogue_markdown(effects: Mapping[str, type[Effect]] | None = None) -> str:
+    """The page.
 
-    Commands outside the part of LaTeX that the catalogue uses stay as their names.
+    Args:
+        effects: by key; by default the whole catalogue with installed plug-ins.
+
+    Returns:
+        Markdown text that GitHub shows with its formulas.
     """
-    tokens = deque(_TOKEN.findall(latex))
-    return " ".join(_sequence(tokens).split())
+    chosen = catalogue() if effects is None else effects
+    rows = ["| effect | what it is | acts on |", "| --- | --- | --- |"]
+    rows += [f"| [`{key}`](#{key}) | {each.title} | {_SITES[each.site]} |" for key, each in chosen.items()]
+    return "\n".join([HEAD, *rows, "", *map(_section, chosen.values()), *_works(chosen.values())])
 
 
-def _sequence(tokens: deque[str]) -> str:
-    """Text up to the end of the group."""
-    text = ""
-    while tokens and tokens[0] != "}":
-        token = tokens.popleft()
-        if token == "_":
-            text += _subscript(_argument(tokens))
-        elif token == "^":
-            text = _power(text, _argument(tokens))
+def built_in() -> dict[str, type[Effect]]:
+    """The effects of this package, without plug-ins."""
+    return {key: each for key, each in catalogue().items() if each.__module__.startswith(_OURS)}
+
+
+def _section(effect: type[Effect]) -> str:
+    lines = [f"## {effect.key}", "", *_prose(effect), "", *_parameters(effect), "", f"- Acts on: {where_text(effect)}."]
+    lines += [f"- Log columns: {columns_text(effect)}.", *_options(effect)]
+    lines += [f"- Looks like: {effect.signature.looks_like}."]
+    lines.append(f"- Separate it by: {_sentence(effect.signature.separate_by)}")
+    if effect.signature.confused_with:
+        others = ", ".join(f"[`{key}`](#{key})" for key in effect.signature.confused_with)
+        lines.append(f"- Confused with: {others}.")
+    if effect.__module__.startswith(_OURS):
+        name = f"{effect.__module__.removeprefix(_OURS)}.py"
+        lines.append(f"- File: [{name}]({name}).")
+    return "\n".join([*lines, ""])
+
+
+def _prose(effect: type[Effect]) -> list[str]:
+    """The docstring; its formulas as blocks that GitHub sets."""
+    lines: list[str] = []
+    formula: list[str] | None = None
+    for line in inspect.cleandoc(effect.__doc__ or effect.title).splitlines():
+        if line.startswith(_MATH):
+            formula = [line.removeprefix(_MATH).strip()]
+        elif formula is not None and line.startswith(" "):
+            formula.append(line.strip())
         else:
-            text += _token(token, tokens)
-    if tokens:
-        tokens.popleft()
-    return text
+            lines += _block(formula)
+            formula = None
+            lines.append(_linked(_ROLE.sub(r"$`\1`$", line)))
+    return lines + _block(formula)
 
 
-def _argument(tokens: deque[str]) -> str:
-    """The group or the one token that a command is applied to."""
-    while tokens and tokens[0].isspace():
-        tokens.popleft()
-    return _token(tokens.popleft(), tokens) if tokens else ""
+def _block(formula: list[str] | None) -> list[str]:
+    return [] if formula is None else ["```math", *formula, "```"]
 
 
-def _token(token: str, tokens: deque[str]) -> str:
-    if token == "{":
-        return _sequence(tokens)
-    if token == r"\sum":
-        return _sum(tokens)
-    if token == r"\frac":
-        return _fraction(_argument(tokens), _argument(tokens), tokens)
-    name = token[1:]
-    if token.startswith("\\") and name in _ACCENTS:
-        return _argument(tokens) + _ACCENTS[name]
-    if name in {"text", "mathrm", "mathit", "mathbf", "operatorname"}:
-        return _argument(tokens).replace("−", "-")
-    if token in _PREFIXES and tokens and tokens[0].isspace():
-        tokens.popleft()
-    if token.startswith("\\"):
-        return _SYMBOLS.get(name, " " if name in {",", ";", ":", " ", "!"} else name)
-    return {"-": "−", "'": "′"}.get(token, token)
+def _parameters(effect: type[Effect]) -> list[str]:
+    if not effect.parameters:
+        return ["No parameter."]
+    head = ["| parameter | what it is | unit | bounds | typical | role |", "| --- | --- | --- | --- | --- | --- |"]
+    return head + [_row(effect, each) for each in effect.parameters]
 
 
-def _fraction(above: str, below: str, tokens: deque[str]) -> str:
-    """One line, with the brackets that it then needs."""
-    above, below = (each if _ATOM.fullmatch(each) else f"({each})" for each in (above, below))
-    behind = next((token for token in tokens if not token.isspace() and token != r"\,"), "}")
-    apart = behind in {"}", "=", "+", "-", ")", ",", "]", "|", r"\right", r"\qquad", r"\quad"}
-    return f"{above}/{below}" if apart else f"({above}/{below})"
+def _row(effect: type[Effect], each: Parameter) -> str:
+    lower, upper = (("−∞" if end < 0 else "∞") if math.isinf(end) else f"{end:g}" for end in each.bounds)
+    role = []
+    if each is effect.amplitude():
+        role.append(f"amplitude, off at {each.off:g}")
+    if each.grid:
+        role.append(f"shape, tried at {', '.join(f'{value:g}' for value in each.grid)}")
+    if each.fixed:
+        role.append(f"held at {each.value:g}")
+    return f"| `{each.name}` | {each.title} | {each.unit} | {lower} to {upper} | {each.typical:g} | {'; '.join(role)} |"
 
 
-def _subscript(below: str) -> str:
-    return below.translate(_LOW) if below.isdigit() else f"_{below}"
+def _options(effect: type[Effect]) -> list[str]:
+    return [f"- Option: `{option}`; the first is taken unless said." for option in options_text(effect)]
 
 
-def _power(text: str, exponent: str) -> str:
-    if re.search(r"(?<![^\W\d_])e$", text):
-        return f"{text[:-1]}exp({exponent})"
-    short = all(letter in "0123456789+-−n" for letter in exponent)
-    return text + (exponent.translate(_HIGH) if short else f"^({exponent})")
+def _linked(text: str) -> str:
+    """A text whose citations lead to the list of references below."""
+
+    def link(cited: Citation) -> str:
+        key = cited.reference.key
+        return f"[[{key}](#{key.lower()})" + (f", {'; '.join(cited.places)}]" if cited.places else "]")
+
+    return cite(text, link)
 
 
-def _sum(tokens: deque[str]) -> str:
-    """The sign of a sum with what it runs over: Σ(i=1…n)."""
-    ends = []
-    while tokens and tokens[0] in {"_", "^"}:
-        tokens.popleft()
-        ends.append(_argument(tokens))
-    return f"Σ({'…'.join(ends)})" if ends else "Σ"
+def _works(effects: Iterable[type[Effect]]) -> list[str]:
+    """The works that effects cite: a heading each, to be linked to, and what stands at the cited places."""
+    lines = ["## References", ""]
+    for cited in works_cited(text for effect in effects for text in cited_by(effect)):
+        work = cited.reference
+        lines += [f"### {work.key}", "", work.full, ""]
+        lines += [f"- {place}: {work.what_stands_at(place)}." for place in cited.places]
+        lines += [""] if cited.places else []
+    return lines

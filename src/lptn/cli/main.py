@@ -195,7 +195,7 @@ def effects(
     if markdown is None:
         return
     from lptn.basics.files import write_whole
-    from lptn.effects.page import catalogue_markdown
+    from lptn.cli.effects import catalogue_markdown
 
     write_whole(markdown, catalogue_markdown())
 

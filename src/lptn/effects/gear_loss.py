@@ -15,7 +15,7 @@ class GearLoss(NodeEffect):
 
     The mean of the absolute power gives the exact mean heat. Losses that don't depend on the load are friction.
 
-    Source: load-dependent loss of gears [ISO14179-1]; 2 to 20 % for the gears of robot joints.
+    Source: load-dependent loss of gears ([ISO14179-1]); 2 to 20 % for the gears of robot joints.
     """
 
     key = "gear_loss"
@@ -29,7 +29,7 @@ class GearLoss(NodeEffect):
         separate_by="lift and lower the same load at two speeds, 15 min each, and swing unloaded at those speeds",
         confused_with=("coulomb_friction", "viscous_friction", "loss_scale"),
     )
-    source = "load-dependent gear loss [ISO14179-1]"
+    source = "load-dependent gear loss ([ISO14179-1])"
 
     def heat(self, temperature: Symbol, inputs: SimpleNamespace, p: SimpleNamespace) -> Symbol:
         return p.fraction * abs(inputs.mechanical_power)

@@ -18,7 +18,7 @@ class IronLoss(NodeEffect):
     The exponent lies between 1 (hysteresis) and 2 (eddy currents); at the ends it can't be told from
     Coulomb and viscous friction, so a fit keeps away from them.
 
-    Source: Steinmetz's law [Steinmetz1892] at constant flux; eddy part 0.004 W s²/rad² in `lptn.virtual`.
+    Source: Steinmetz's law at constant flux ([Steinmetz1892]); eddy part 0.004 W s²/rad² in `lptn.virtual`.
     """
 
     key = "iron_loss"
@@ -33,7 +33,7 @@ class IronLoss(NodeEffect):
         separate_by="spin the unloaded motor at three speeds, 15 min each",
         confused_with=("viscous_friction", "coulomb_friction"),
     )
-    source = "Steinmetz's law at constant flux [Steinmetz1892]"
+    source = "Steinmetz's law at constant flux ([Steinmetz1892])"
 
     def heat(self, temperature: Symbol, inputs: SimpleNamespace, p: SimpleNamespace) -> Symbol:
         return p.gain * (abs(inputs.velocity_rms) + _STANDSTILL) ** p.exponent

@@ -16,7 +16,7 @@ class Radiation(LinkEffect):
 
     .. math:: Q = \sigma \, \varepsilon A \, (T_E^4 - T^4) \quad \text{in kelvin}
 
-    Source: Stefan-Boltzmann law [IncroperaDeWitt]; size of a joint's area from the virtual quadruped (`lptn.virtual`).
+    Source: Stefan-Boltzmann law ([IncroperaDeWitt]); size of a joint's area from the virtual quadruped (`lptn.virtual`).
     """
 
     key = "radiation"
@@ -27,7 +27,7 @@ class Radiation(LinkEffect):
         separate_by="the same heating and cool-down at 8 and at 33 degC ambient",
         confused_with=("natural_convection",),
     )
-    source = "Stefan-Boltzmann law [IncroperaDeWitt]"
+    source = "Stefan-Boltzmann law ([IncroperaDeWitt])"
 
     def extra_heat(self, temperature: Symbol, surroundings: Symbol, p: SimpleNamespace) -> Symbol:
         return STEFAN_BOLTZMANN * p.area * ((surroundings + ZERO_CELSIUS) ** 4 - (temperature + ZERO_CELSIUS) ** 4)

@@ -27,7 +27,7 @@ class StrayLoadLoss(NodeEffect):
         separate_by="the same speed at two currents, 20 min each",
         confused_with=("conduction", "constant_heat"),
     )
-    source = "stray-load loss [IEEE112]"
+    source = "stray-load loss ([IEEE112])"
 
     def heat(self, temperature: Symbol, inputs: SimpleNamespace, p: SimpleNamespace) -> Symbol:
         return p.resistance * inputs.current**2

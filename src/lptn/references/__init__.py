@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 from lptn.basics.errors import InputError
 
@@ -72,7 +73,7 @@ class Reference:
     def what_stands_at(self, place: str) -> str:
         """What stands at one of its places, and what is printed wrong there."""
         wrong = self.errata.get(place)
-        return self.places[place] + (f" (printed wrong: {wrong})" if wrong else "")
+        return self.places[place] + (f" (misprint: {wrong})" if wrong else "")
 
 
 @dataclass(frozen=True)
@@ -176,7 +177,7 @@ def _places(key: str, text: str) -> tuple[str, ...]:
     return tuple(named)
 
 
-def _reference(key: str, entry: Mapping[str, object]) -> Reference:
+def _reference(key: str, entry: Mapping[str, Any]) -> Reference:
     named = {"named" if name == "short" else name: value for name, value in entry.items()}
     try:
         work = Reference(

@@ -1,0 +1,100 @@
+"""Equations as one line of Unicode text: the small part of LaTeX that docstrings use."""
+
+from __future__ import annotations
+
+import re
+from collections import deque
+
+_SYMBOLS = {
+    "alpha": "α", "beta": "β", "gamma": "γ", "delta": "δ", "varepsilon": "ε", "epsilon": "ε", "eta": "η", "theta": "θ",
+    "kappa": "κ", "lambda": "λ", "mu": "μ", "nu": "ν", "rho": "ρ", "sigma": "σ", "tau": "τ", "varphi": "φ", "phi": "φ",
+    "chi": "χ", "psi": "ψ", "omega": "ω", "Delta": "Δ", "Omega": "Ω", "Phi": "Φ", "pi": "π", "int": "∫",
+    "partial": "∂", "infty": "∞", "cdot": "·", "times": "×", "propto": "∝", "approx": "≈", "le": "≤", "leq": "≤",
+    "ge": "≥", "geq": "≥", "ne": "≠", "pm": "±", "to": "→", "quad": "  ", "qquad": "    ", "dots": "…", "left": "",
+    "right": "", "exp": "exp", "ln": "ln",
+}  # fmt: skip
+_ACCENTS = {"dot": "\u0307", "ddot": "\u0308", "bar": "\u0304", "hat": "\u0302", "tilde": "\u0303"}
+_TOKEN = re.compile(r"\\[A-Za-z]+|\\.|\s+|.", re.DOTALL)
+_LOW = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
+_HIGH = str.maketrans("0123456789+-−n", "⁰¹²³⁴⁵⁶⁷⁸⁹⁺⁻⁻ⁿ")
+_PREFIXES = {r"\Delta", r"\partial"}
+_ATOM = re.compile(r"[^\s+−·×/=]+")
+
+
+def equation_text(latex: str) -> str:
+    r"""A formula of a docstring as Unicode text: `\frac{1 + g}{R_d}` as (1 + g)/R_d.
+
+    Commands outside the part of LaTeX that the catalogue uses stay as their names.
+    """
+    tokens = deque(_TOKEN.findall(latex))
+    return " ".join(_sequence(tokens).split()).replace("( ", "(").replace(" )", ")")
+
+
+def _sequence(tokens: deque[str]) -> str:
+    """Text up to the end of the group."""
+    text = ""
+    while tokens and tokens[0] != "}":
+        token = tokens.popleft()
+        if token == "_":
+            text += _subscript(_argument(tokens))
+        elif token == "^":
+            text = _power(text, _argument(tokens))
+        else:
+            text += _token(token, tokens)
+    if tokens:
+        tokens.popleft()
+    return text
+
+
+def _argument(tokens: deque[str]) -> str:
+    """The group or the one token that a command is applied to."""
+    while tokens and tokens[0].isspace():
+        tokens.popleft()
+    return _token(tokens.popleft(), tokens) if tokens else ""
+
+
+def _token(token: str, tokens: deque[str]) -> str:
+    if token == "{":
+        return _sequence(tokens)
+    if token == r"\sum":
+        return _sum(tokens)
+    if token == r"\frac":
+        return _fraction(_argument(tokens), _argument(tokens), tokens)
+    name = token[1:]
+    if token.startswith("\\") and name in _ACCENTS:
+        return _argument(tokens) + _ACCENTS[name]
+    if name in {"text", "mathrm", "mathit", "mathbf", "operatorname"}:
+        return _argument(tokens).replace("−", "-")
+    if token in _PREFIXES and tokens and tokens[0].isspace():
+        tokens.popleft()
+    if token.startswith("\\"):
+        return _SYMBOLS.get(name, " " if name in {",", ";", ":", " ", "!"} else name)
+    return {"-": "−", "'": "′"}.get(token, token)
+
+
+def _fraction(above: str, below: str, tokens: deque[str]) -> str:
+    """One line, with the brackets that it then needs."""
+    above, below = (each if _ATOM.fullmatch(each) else f"({each})" for each in (above, below))
+    behind = next((token for token in tokens if not token.isspace() and token != r"\,"), "}")
+    apart = behind in {"}", "=", "+", "-", ")", ",", "]", "|", r"\right", r"\qquad", r"\quad"}
+    return f"{above}/{below}" if apart else f"({above}/{below})"
+
+
+def _subscript(below: str) -> str:
+    return below.translate(_LOW) if below.isdigit() else f"_{below}"
+
+
+def _power(text: str, exponent: str) -> str:
+    if re.search(r"(?<![^\W\d_])e$", text):
+        return f"{text[:-1]}exp({exponent})"
+    short = all(letter in "0123456789+-−n" for letter in exponent)
+    return text + (exponent.translate(_HIGH) if short else f"^({exponent})")
+
+
+def _sum(tokens: deque[str]) -> str:
+    """The sign of a sum with what it runs over: Σ(i=1…n)."""
+    ends = []
+    while tokens and tokens[0] in {"_", "^"}:
+        tokens.popleft()
+        ends.append(_argument(tokens))
+    return f"Σ({'…'.join(ends)})" if ends else "Σ"
