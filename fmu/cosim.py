@@ -169,14 +169,14 @@ def _plans_by_model(model: Model, runs: Sequence[Run]) -> list[_Plan]:
     exported, inputs = component(model), tuple(from_column(column) for column in model.inputs)
     states, parameters = ([variable.name for variable in exported.of(kind)] for kind in ("state", "parameter"))
     plans = []
-    for part in split_data((), runs).holdout:
-        prediction = predict(model, part, sigma)
+    for segment in split_data((), runs).holdout:
+        prediction = predict(model, segment, sigma)
         start = dict(zip(states, prediction.states[:, 0].tolist(), strict=True))
-        values = model.in_run(part.run.name, model.values)
+        values = model.in_run(segment.run.name, model.values)
         start |= {parameters[index]: float(values[index]) for index in model.network.runs.values()}
         bound = prediction.bound
         measured = np.where(bound.counted, bound.measured, np.nan)
-        plans.append(_Plan(part.run, tuple(model.nodes), inputs, bound.inputs, measured, prediction.readings, start))
+        plans.append(_Plan(segment.run, tuple(model.nodes), inputs, bound.inputs, measured, prediction.readings, start))
     return plans
 
 

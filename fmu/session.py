@@ -61,7 +61,7 @@ class Session:
             self.close()
             raise
 
-    # --- stepping ----------------------------------------------------------------------------------
+    # --- stepping ------------------------------------------------------------------------------
 
     def step(self, step: float, ramp_to: FloatArray | None = None) -> FloatArray:
         """Set `inputs`, make a step, get `outputs`.
@@ -125,7 +125,7 @@ class Session:
     ) -> None:
         self.close()
 
-    # --- loading ------------------------------------------------------------------------------
+    # --- loading -------------------------------------------------------------------------------
 
     @property
     def variables(self) -> dict[str, Any]:
@@ -207,7 +207,7 @@ class Session:
         arguments = (self._instance, array, len(references), pointer)
         return arguments if self._fmi == 2 else (*arguments, len(references))
 
-    # --- calls --------------------------------------------------------------------------------
+    # --- calls ---------------------------------------------------------------------------------
 
     def _call(self, function: Any, *arguments: Any) -> None:
         before = self.messages
