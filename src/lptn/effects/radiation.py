@@ -16,7 +16,7 @@ class Radiation(LinkEffect):
 
     .. math:: Q = \sigma \, \varepsilon A \, (T_E^4 - T^4) \quad \text{in kelvin}
 
-    Source: Stefan-Boltzmann law ([IncroperaDeWitt]); size of a joint's area from the virtual quadruped (`lptn.virtual`).
+    Source: Stefan-Boltzmann law ([IncroperaDeWitt]); size of a joint's area as in `lptn.virtual`.
     """
 
     key = "radiation"

@@ -34,7 +34,7 @@ class Reference:
         authors: initials and surname each; empty where the work names none.
         year: of publication; `None` where the work names none.
         published: journal, university or publisher.
-        named: what stands for the authors where there are none.
+        called: what stands for the authors where there are none.
         doi: without `https://doi.org/`; empty where none is printed in the source.
         url: empty where none is printed in the source.
         note: what a reader must know to find the cited place.
@@ -47,7 +47,7 @@ class Reference:
     authors: tuple[str, ...] = ()
     year: int | None = None
     published: str = ""
-    named: str = ""
+    called: str = ""
     doi: str = ""
     url: str = ""
     note: str = ""
@@ -59,7 +59,7 @@ class Reference:
         """Authors and year, as a text names the work: `Rao et al. (1998)`."""
         surnames = [author.rsplit(". ", 1)[-1] for author in self.authors]
         many = len(surnames) > 2
-        who = f"{surnames[0]} et al." if many else " and ".join(surnames) or self.named
+        who = f"{surnames[0]} et al." if many else " and ".join(surnames) or self.called
         return who if self.year is None else f"{who} ({self.year})"
 
     @property
@@ -85,7 +85,7 @@ class Citation:
 
     def __str__(self) -> str:
         """The work and the places, as a sentence names them: `Chen (2017), eq. 2.4`."""
-        return "; ".join((self.reference.short, *self.places)).replace("; ", ", ", 1)
+        return self.reference.short + (f", {'; '.join(self.places)}" if self.places else "")
 
 
 @cache
@@ -178,16 +178,14 @@ def _places(key: str, text: str) -> tuple[str, ...]:
 
 
 def _reference(key: str, entry: Mapping[str, Any]) -> Reference:
-    named = {"named" if name == "short" else name: value for name, value in entry.items()}
+    values = {**entry, "authors": tuple(entry.get("authors", ()))}
     try:
-        work = Reference(
-            key, **{name: tuple(value) if isinstance(value, list) else value for name, value in named.items()}
-        )
-    except TypeError as error:
-        raise InputError(FILE.name, key, str(error), "title, authors, year, published, short, doi, url, note") from None
-    parameter = [place for place in work.errata if place not in work.places]
-    if parameter or not (work.authors or work.named):
-        raise InputError(
-            FILE.name, key, f"errata of {parameter}" if parameter else "no authors", "places, and authors or short"
-        )
+        work = Reference(key, **values)
+    except TypeError as error:  # a key that is no field, or no title
+        raise InputError(FILE.name, key, str(error), ", ".join(Reference.__dataclass_fields__)) from None
+    if not (work.authors or work.called):
+        raise InputError(FILE.name, key, "neither authors nor called", "one of them")
+    for place in work.errata:
+        if place not in work.places:
+            raise InputError(FILE.name, key, f"an erratum of '{place}'", "a place that may be cited")
     return work
