@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
@@ -17,7 +18,7 @@ from lptn.logs.guess import guess, recognised
 from lptn.logs.quality import Suspicion, check_time, check_values, doubts_of
 from lptn.logs.resampling import Samples, driven, features_of, find_stretches, grid, hold, measured, raw_keys, would_cut
 from lptn.logs.run import Run, quantisation_step
-from lptn.logs.tables import Table, known_columns, open_table
+from lptn.logs.tables import Table, known_columns, open_table, table_of
 
 # --- Which of a log's columns a model needs, and what to say when one is not there ----------------
 
@@ -207,9 +208,10 @@ GUESSED = "guessed: "
 
 
 def read_log(
-    path: str | Path,
+    log: str | Path | pd.DataFrame,
     columns: Mapping[str, ColumnSource] | None = None,
     *,
+    name: str = "data frame",
     step: float | None = None,
     max_gap: float | None = None,
     inputs: Collection[str] = (),
@@ -225,9 +227,11 @@ def read_log(
     a step holds about one sample.
 
     Args:
-        path: a `.csv`, `.csv.gz`, `.parquet`, `.mcap`, `.db3` or `.ulg` file, the folder of a ROS 2 bag, or two logs of
-            one run with clocks of their own, `a.csv+b.csv` (see `lptn.logs.joining`).
+        log: a `.csv`, `.csv.gz`, `.parquet`, `.mcap`, `.db3` or `.ulg` file, the folder of a ROS 2 bag, two logs of one
+            run with clocks of their own, `a.csv+b.csv` (see `lptn.logs.joining`), or a data frame with a column `time`
+            [s], or an index of times.
         columns: where the quantities stand, for a log whose columns are not called `<quantity>.<place>`.
+        name: what the run of a data frame is called; files have names of their own.
         step: s, of the runs; None for the log's own or 1 s, whichever is longer.
         max_gap: s, the longest gap in time or in an input that is bridged; None for max(10 s, 5 steps).
         inputs: `<feature>.<place>` columns that the model is driven by.
@@ -242,11 +246,14 @@ def read_log(
     Raises:
         InputError: the file, a column or a value can't be used.
     """
-    path = Path(path)
-    for name, value in (("step", step), ("max_gap", max_gap)):
+    path = Path(name) if isinstance(log, pd.DataFrame) else Path(log)
+    for setting, value in (("step", step), ("max_gap", max_gap)):
         if value is not None and not (math.isfinite(value) and value > 0):
-            raise InputError(path, name, f"{value:g} s", "a time above 0 s")
-    table, columns = open_log(path, columns or {})
+            raise InputError(path, setting, f"{value:g} s", "a time above 0 s")
+    if isinstance(log, pd.DataFrame):
+        table, columns = table_of(log, name), dict(columns or {})
+    else:
+        table, columns = open_log(path, columns or {})
     guesses = guess(table, columns, inputs, outputs) if guessing else []
     columns |= {each.key: each.source for each in guesses}
     chosen = select(table, columns, inputs, outputs, optional)

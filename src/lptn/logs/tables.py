@@ -1,9 +1,10 @@
-"""CSV and Parquet files opened as tables of named number columns."""
+"""CSV files, Parquet files and data frames opened as tables of named number columns."""
 
 from __future__ import annotations
 
 import csv
 import gzip
+import hashlib
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -54,7 +55,7 @@ class Table:
     @property
     def mixed(self) -> bool:
         """Whether its rows come from several sources, each at a rate of its own."""
-        return self.kind not in {"CSV", "Parquet"}
+        return self.kind not in {"CSV", "Parquet", "DataFrame"}
 
     def numbers(self, names: Iterable[str]) -> dict[str, FloatArray]:
         """The columns `names` as floats, (n,) each, NaN where empty; dates in s since 1970, durations in s.
@@ -126,6 +127,36 @@ def open_table(path: Path) -> Table:
     if path.name.endswith((".csv", ".csv.gz")):
         return _open_csv(path)
     raise InputError(path, "log", f"the ending '{path.suffix}'", f"a {_FORMATS}")
+
+
+def table_of(frame: pd.DataFrame, name: str) -> Table:
+    """A data frame as a table; an index of dates, durations, or called `time` stands for a missing column `time`.
+
+    Args:
+        frame: a row for each sample.
+        name: what the log is called, in messages and as its run's name.
+
+    Raises:
+        InputError: it has no rows, or its columns have names of several levels.
+    """
+    path = Path(name)
+    if frame.columns.nlevels > 1:
+        raise InputError(path, "columns", "names of several levels", "one name for each column")
+    if frame.empty:
+        raise InputError(path, "log", "an empty data frame", "a column of times and at least 10 rows")
+    labelled = frame.set_axis([str(column) for column in frame.columns], axis="columns").reset_index(drop=True)
+    dates = pd.api.types.is_datetime64_any_dtype(frame.index) or pd.api.types.is_timedelta64_dtype(frame.index)
+    if "time" not in labelled and (dates or frame.index.name == "time"):
+        labelled.insert(0, "time", frame.index.to_series().reset_index(drop=True))
+
+    def digest() -> str:
+        rows = pd.util.hash_pandas_object(labelled, index=False).to_numpy()
+        return hashlib.sha256("\n".join(labelled.columns).encode() + rows.tobytes()).hexdigest()
+
+    def read(wanted: Sequence[str]) -> pd.DataFrame:
+        return labelled[list(wanted)]
+
+    return Table(path, tuple(labelled.columns), read, lambda row: f"row {row + 1}", "DataFrame", digest=digest)
 
 
 def known_columns(table: Table, columns: Mapping[str, ColumnSource]) -> dict[str, ColumnSource]:
