@@ -306,6 +306,21 @@ class Step:
         }
 
 
+def effects_added(steps: Sequence[Step]) -> list[EffectDeclaration]:
+    """The effects that were added step by step, with the values that the last step's fit gave them."""
+    fitted = {parameter.name: parameter.value for parameter in steps[-1].fit.model.parameters}
+    effects = []
+    for step in steps:
+        if step.declaration is not None:
+            declared, owner = step.declaration, step.declaration.at
+            values = tuple(
+                replace(parameter, value=fitted.get(f"{declared.name}.{parameter.name}.{owner}", parameter.value))
+                for parameter in declared.parameters
+            )
+            effects.append(replace(declared, parameters=values))
+    return effects
+
+
 @dataclass(frozen=True)
 class History:
     """The models from the given one to the best.
@@ -332,18 +347,8 @@ class History:
         return self.steps[-1]
 
     def declarations(self) -> list[EffectDeclaration]:
-        """The effects that were added, with the values that the last rung's fit gave them."""
-        fitted = {parameter.name: parameter.value for parameter in self.best.fit.model.parameters}
-        found = []
-        for step in self.steps:
-            if step.declaration is not None:
-                added, owner = step.declaration, step.declaration.at
-                values = tuple(
-                    replace(parameter, value=fitted.get(f"{added.name}.{parameter.name}.{owner}", parameter.value))
-                    for parameter in added.parameters
-                )
-                found.append(replace(added, parameters=values))
-        return found
+        """The effects that were added, with the values that the last step's fit gave them."""
+        return effects_added(self.steps)
 
     def as_json(self) -> dict[str, object]:
         """The ladder as other tools read it."""

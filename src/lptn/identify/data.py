@@ -7,6 +7,8 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import pandas as pd
+
 from lptn.basics.errors import InputError
 from lptn.basics.places import is_of_run
 from lptn.effects import catalogue
@@ -154,6 +156,8 @@ GUESS = "guess"
 """What `--map` says to have columns guessed."""
 
 Tell = Callable[[Path, str], None]
+Log = str | Path | pd.DataFrame
+"""A log: the path of a file or folder, or a data frame."""
 
 
 def _on_stderr(log: Path, note: str) -> None:
@@ -181,11 +185,14 @@ class LoadedModel:
         """Where the quantities stand, by the file and by the command line."""
         return self.file.columns | dict(parse_map_option(f"{key}={text}") for key, text in self.mapped.items())
 
-    def runs(self, logs: Sequence[Path], *, strict: bool = True, tell: Tell = _on_stderr) -> list[Run]:
+    def runs(
+        self, logs: Sequence[Log], *, strict: bool = True, tell: Tell = _on_stderr, named: str = "log"
+    ) -> list[Run]:
         """Every run of the logs, in order; what was guessed or looks wrong is told.
 
         Args:
-            logs: paths of logs; `a.csv+b.csv` for two of one run.
+            logs: paths of logs, `a.csv+b.csv` for two of one run; or data frames.
+            named: what runs of data frames are called, their number in `logs` behind it.
             tell: given a log and a sentence about it; by default it goes to the error stream.
             strict: refuse values that can't be in the unit they are read in, and say what is doubtful; else both are
                 left to who looks at the runs' doubts.
@@ -195,10 +202,11 @@ class LoadedModel:
         """
         inputs, outputs = needed_columns(self.model)
         found = []
-        for log in logs:
+        for number, log in enumerate(logs, start=1):
             runs = read_log(
                 log,
                 self.columns,
+                name=f"{named}{number}",
                 step=self.file.step,
                 inputs=inputs,
                 outputs=outputs,
@@ -208,12 +216,12 @@ class LoadedModel:
             )
             doubts = [doubt.sentence for doubt in runs[0].doubts] if strict else []
             for note in [*(note for note in runs[0].notes if note.startswith(GUESSED)), *doubts]:
-                tell(log, note)
+                tell(Path(runs[0].source), note)
             found += runs
         return found
 
 
-def load_model(path: Path, mapped: Sequence[str] = ()) -> LoadedModel:
+def load_model(path: str | Path, mapped: Sequence[str] = ()) -> LoadedModel:
     """Read a model file.
 
     Args:
@@ -225,7 +233,7 @@ def load_model(path: Path, mapped: Sequence[str] = ()) -> LoadedModel:
         InputError: the file or an option can't be used.
     """
     pairs = dict(_pair(text) for text in mapped if text.strip() != GUESS)
-    file = read_model_file(path)
+    file = read_model_file(Path(path))
     return LoadedModel(file, Model(file.network), pairs, any(text.strip() == GUESS for text in mapped))
 
 
