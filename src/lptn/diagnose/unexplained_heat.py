@@ -227,7 +227,7 @@ class _Step:
 
 
 def likelihood(run: Blocks, prior: Prior) -> float:
-    """Logarithm of the readings' probability density at these assumptions, by prediction errors."""
+    """Logarithm of the readings' probability density at these assumptions, by prediction errors ([Kristensen2004])."""
     return _forward(run, prior, None)
 
 

@@ -1,4 +1,7 @@
-"""Least-squares minimisers: IPOPT with the Gauss-Newton Hessian, Levenberg-Marquardt for the last steps."""
+"""Least-squares minimisers: IPOPT with the Gauss-Newton Hessian, Levenberg-Marquardt for the last steps.
+
+Source: [Marquardt1963], here with bounds.
+"""
 
 from __future__ import annotations
 
@@ -14,19 +17,64 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 from lptn.basics.arrays import FloatArray
-from lptn.identify.problem import Evaluator, Problem
+from lptn.identify.problem import Problem
+from lptn.simulate.simulation import SimulationError
+
+# --- Cost, gradient and Gauss-Newton Hessian of a problem, each point worked out once -------------
+
+
+_REMEMBERED = 4  # points whose costs are kept: a line search comes back to the last few
+_DAMPING = 1e-10  # relative; keeps the Hessian positive where the data say nothing
+
+
+class Evaluator:
+    """A problem's cost and derivatives, scaled to a mean over the readings; the best point is kept."""
+
+    def __init__(self, problem: Problem) -> None:
+        self.problem = problem
+        self.scale = 1.0 / max(problem.readings, 1)
+        self.best = (float("inf"), np.zeros(problem.size))
+        """The least cost seen, scaled, and where."""
+        self._costs: dict[bytes, float] = {}
+        self._key: bytes = b""
+        self._derivatives: tuple[FloatArray, FloatArray] = (np.zeros(0), np.zeros(0))
+
+    def cost(self, z: FloatArray) -> float:
+        """Scaled cost; infinite where the model can't be simulated."""
+        key = z.tobytes()
+        if key not in self._costs:
+            if len(self._costs) >= _REMEMBERED:
+                self._costs.pop(next(iter(self._costs)))
+            self._costs[key] = self.problem.cost(z) * self.scale
+            if self._costs[key] < self.best[0]:
+                self.best = (self._costs[key], z.copy())
+        return self._costs[key]
+
+    def derivatives(self, z: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Scaled gradient (size,) and Hessian (size, size); NaN where the model can't be simulated."""
+        if z.tobytes() != self._key:
+            try:
+                gradient, hessian = self.problem.normal(z)
+            except SimulationError:
+                gradient = np.full(len(z), np.nan)
+                hessian = np.full((len(z), len(z)), np.nan)
+            damping = _DAMPING * max(float(np.trace(hessian)), 1e-12) * np.eye(len(z))
+            self._derivatives = gradient * self.scale, (hessian + damping) * self.scale
+            self._key = z.tobytes()
+        return self._derivatives
+
 
 # --- The last steps to an optimum that is near: Levenberg-Marquardt, each step the exact optimum within the bounds ---
 
 
 Ending = Literal["converged", "given up", "stopped"]
 
-_GAIN = 1e-6  # of the cost, a log-likelihood: a thousandth of a standard error away from the optimum
+_GAIN = 1e-6  # of the cost, a log-likelihood: some thousandth of a standard error away from the optimum
 PRECISION = 3e-8  # of the cost: where the model misses much, so little is beyond all meaning
 _FAR = 1e6  # no step in the search's coordinates is as long
 _FIRST_DAMPING, _LEAST_DAMPING, _MOST_DAMPING = 1e-3, 1e-7, 1e3  # relative to the Hessian's diagonal
-_HOPE, _TRIED = 3.0, 3  # times the gain that the quadratic model promises, after so many steps
-_POOR, _GOOD = 0.1, 0.7  # shares of the promised gain that a step kept
+_HOPE, _TRIED = 3.0, 3  # a rival this many times the predicted gain away, after so many steps, is out of reach
+_POOR, _GOOD = 0.1, 0.7  # actual over predicted gain: below, damping grows; above, it shrinks
 
 
 def polish(
@@ -66,14 +114,14 @@ def polish(
             return "stopped"
         enough = max(_GAIN * evaluator.scale, precision * evaluator.cost(z))
         free = _bounded_step(gradient, hessian, lower - z, upper - z)
-        promised, before = _promised(gradient, hessian, free), evaluator.cost(z)
-        if promised < enough:
+        predicted, before = _predicted_gain(gradient, hessian, free), evaluator.cost(z)
+        if predicted < enough:
             return "converged"
-        if taken >= _TRIED and before - _HOPE * promised > rival:
+        if taken >= _TRIED and before - _HOPE * predicted > rival:
             return "given up"
         following, damping = _downhill(evaluator, z, (gradient, hessian), free, damping)
         if following is None:  # rounding in the simulation hides what is left, or the model is no guide here
-            return "converged" if promised < 100 * enough else "stopped"
+            return "converged" if predicted < 100 * enough else "stopped"
         step_taken()
         if before - evaluator.cost(following) < 0.01 * enough:
             return "converged"
@@ -84,13 +132,13 @@ def polish(
 def _downhill(
     evaluator: Evaluator, z: FloatArray, model: tuple[FloatArray, FloatArray], free: FloatArray, damping: float
 ) -> tuple[FloatArray | None, float]:
-    """A point that keeps a fair share of the gain promised, and the damping to go on with; `None` if there is none."""
+    """A point that keeps a fair share of the gain predicted, and the damping to go on with; `None` if there is none."""
     gradient, hessian = model
     lower, upper = evaluator.problem.bounds()
     before, diagonal = evaluator.cost(z), np.diag(np.diag(hessian))
     while damping <= _MOST_DAMPING:
         step = free if damping == 0 else _bounded_step(gradient, hessian + damping * diagonal, lower - z, upper - z)
-        kept = (before - evaluator.cost(z + step)) / max(_promised(gradient, hessian, step), 1e-300)
+        kept = (before - evaluator.cost(z + step)) / max(_predicted_gain(gradient, hessian, step), 1e-300)
         if kept > _POOR:
             if kept > _GOOD:
                 damping = 0.0 if damping < _LEAST_DAMPING else damping / 10
@@ -110,7 +158,7 @@ def _further(evaluator: Evaluator, z: FloatArray, step: FloatArray) -> FloatArra
         step = longer
 
 
-def _promised(gradient: FloatArray, hessian: FloatArray, step: FloatArray) -> float:
+def _predicted_gain(gradient: FloatArray, hessian: FloatArray, step: FloatArray) -> float:
     """What the quadratic model says that a step gains."""
     return -float(gradient @ step + 0.5 * step @ hessian @ step)
 
@@ -124,11 +172,11 @@ def _bounded_step(gradient: FloatArray, hessian: FloatArray, lower: FloatArray, 
     side = np.linalg.solve(factor, -gradient)
     # The solver wants finite bounds, and a little room between them.
     low, high = np.maximum(lower, -_FAR), np.minimum(upper, _FAR)
-    found = lsq_linear(factor.T, side, (low, np.maximum(high, low + 1e-12)), method="bvls")
-    return np.clip(found.x, lower, upper)
+    solution = lsq_linear(factor.T, side, (low, np.maximum(high, low + 1e-12)), method="bvls")
+    return np.clip(solution.x, lower, upper)
 
 
-# --- IPOPT on a least-squares problem, with the Gauss-Newton Hessian handed to it -----------------
+# --- IPOPT on a least-squares problem, with the Gauss-Newton Hessian ------------------------------
 
 
 Progress = Callable[[int, float], None]

@@ -105,7 +105,7 @@ class Dynamics:
         free = len(self._free)
         by_parameter = by_value[:, :free] * self._slope(p)
         by_air = -by_value[:, self._outward_columns] @ p[self._outward]
-        # The exponential's integral comes with it, as a block of a larger exponential.
+        # The exponential's integral comes with it, as a block of a larger exponential [VanLoan1978].
         block = expm(np.block([[by_state * h, np.eye(n) * h], [np.zeros((n, 2 * n))]]))
         transition, held = block[:n, :n], block[:n, n:]
         parts = max(1, ceil(float(np.abs(by_state).sum(axis=1).max()) * h / _MAX_RATE))

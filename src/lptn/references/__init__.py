@@ -121,37 +121,32 @@ def citations(text: str) -> tuple[Citation, ...]:
         InputError: a citation names a work or a place that the bibliography hasn't.
     """
     brackets = (match for match in _CITATION.finditer(text) if match["places"] or _is_work(match["key"]))
-    return tuple(Citation(reference(match["key"]), _places(match["key"], match["places"] or "")) for match in brackets)
+    return tuple(map(_citation, brackets))
 
 
 def cite(text: str, as_said: Callable[[Citation], str] = str) -> str:
     """A text with its citations in words: `[Chen2017, eq. 2.4]` as Chen (2017), eq. 2.4.
 
     Args:
-        text: with any number of citations, none included.
+        text: with any number of citations, none included; those of works that the bibliography hasn't (a plug-in may
+            have its own) are left as they are.
         as_said: what stands for a citation; by default its words.
 
     Raises:
-        InputError: a citation names a work or a place that the bibliography hasn't.
+        InputError: a citation names a place that its work hasn't.
     """
-
-    def said(match: re.Match[str]) -> str:
-        found = citations(match[0])
-        return as_said(found[0]) if found else match[0]
-
-    return _CITATION.sub(said, text)
+    return _CITATION.sub(lambda match: as_said(_citation(match)) if match["key"] in bibliography() else match[0], text)
 
 
 def works_cited(texts: Iterable[str]) -> tuple[Citation, ...]:
-    """The works that texts cite, in the order of the bibliography, each once with all its cited places.
+    """The works of the bibliography that texts cite, in its order, each once with all its cited places.
 
     Raises:
-        InputError: a citation names a work or a place that the bibliography hasn't.
+        InputError: a citation names a place that its work hasn't.
     """
     cited: dict[str, set[str]] = {}
-    for text in texts:
-        for citation in citations(text):
-            cited.setdefault(citation.reference.key, set()).update(citation.places)
+    for match in (match for text in texts for match in _CITATION.finditer(text) if match["key"] in bibliography()):
+        cited.setdefault(match["key"], set()).update(_citation(match).places)
     return tuple(
         Citation(work, tuple(place for place in work.places if place in cited[key]))
         for key, work in bibliography().items()
@@ -161,6 +156,10 @@ def works_cited(texts: Iterable[str]) -> tuple[Citation, ...]:
 
 def _is_work(key: str) -> bool:
     return key in bibliography() or bool(re.search(r"[a-z](1[89]|20)\d\d$", key))
+
+
+def _citation(match: re.Match[str]) -> Citation:
+    return Citation(reference(match["key"]), _places(match["key"], match["places"] or ""))
 
 
 def _places(key: str, text: str) -> tuple[str, ...]:

@@ -14,9 +14,11 @@ from matplotlib.figure import Figure
 from lptn.basics.parameters import ParameterInstance
 from lptn.diagnose.improvement import History
 from lptn.diagnose.scores import confusability, smallest
+from lptn.effects import Effect
 from lptn.identify.comparison import Comparison, Pair, Versus, predict
 from lptn.identify.data import DataSplit, Segment
 from lptn.identify.fitting import Fit
+from lptn.references import cite, works_cited
 from lptn.report import words
 from lptn.report.diagnosis_figures import candidates_shown, confusion, detectability, ladder_curve, ranking
 from lptn.report.figures import conditions_of, error_maps, predictions_figure
@@ -184,6 +186,19 @@ def condition_table(comparison: Comparison) -> Table:
         cells = (kelvin(errors.rmse), kelvin(errors.max), _signed(errors.mean), str(errors.count))
         rows.append((each.node, each.quantity, *ends, *cells))
     return Table(heads, tuple(rows), (2, 3, 4, 5, 6, 7))
+
+
+def source_table(history: History) -> Table:
+    """Where the equations come from: one row for each effect that the page names and that cites a work."""
+    rows = ((effect.title, cite(effect.source)) for effect in _effects_named(history) if works_cited([effect.source]))
+    return Table(("effect", "source"), tuple(rows))
+
+
+def _effects_named(history: History) -> list[type[Effect]]:
+    """The effects of the given and of the best model, and the candidates, each once."""
+    networks = (step.fit.model.network for step in (history.steps[0], history.best))
+    effects = [type(declared.effect) for network in networks for declared in network.effects]
+    return list(dict.fromkeys(effects + [score.candidate.effect for score in candidates_shown(history.first)]))
 
 
 def _data_row(job: str, part: Segment) -> tuple[str, ...]:
@@ -391,6 +406,8 @@ def story_html(
         status=history.best.fit.status,
         data=data_table({"fitted": data.fit, "held out": data.holdout, "proof": data.test}),
         commands=commands,
+        sources=source_table(history),
+        works=[cited.reference.full for cited in works_cited(effect.source for effect in _effects_named(history))],
     )
 
 

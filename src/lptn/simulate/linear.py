@@ -68,7 +68,7 @@ class StateSpace:
     def exact(self, step: float) -> tuple[FloatArray, FloatArray]:
         """G and H of x(k+1) = G x(k) + H u(k), inputs held over the step [s]: the exact zero-order hold.
 
-        Source: [QuadrupedLPTN, eq. 11].
+        Source: [QuadrupedLPTN, eq. 11], by the exponential of a larger matrix ([VanLoan1978]).
         """
         n, m = self.B.shape
         whole = np.zeros((n + m, n + m))
