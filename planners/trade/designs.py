@@ -38,7 +38,8 @@ class Design:
         sensitivities: derivative of the goal to every parameter, by name, in the goal's unit per the parameter's, the
             design re-optimised; Lagrange multipliers of the converged program.
         sink_sensitivities: derivative of the goal to the sink's capacity [per J/K], mass [per kg of aluminium] and
-            resistance [per K/W] with all else of the design held; empty without a sink, or where that program did not converge.
+            resistance [per K/W] with all else of the design held; empty without a sink, or where that program did not
+            converge.
         checked: the highest winding temperature in a fine simulation of the same design [degC].
         times, states: the course [s], [degC].
     """
@@ -243,13 +244,17 @@ def limit_curves(design: Design, currents: FloatArray) -> LimitCurve:
     n = currents.size
     one = np.ones(n)
     capacity, resistance = (design.capacity or 1.0) * one, (design.resistance or 1.0) * one
-    step = task.longest / simulator.substeps(task.longest, capacity[0], resistance[0], float(currents.max()))
+    hardest = capacity[0], resistance[0], float(currents.max())
+    if simulator.is_stiff(*hardest):
+        advance, step = simulator.advance_implicitly, task.longest
+    else:
+        advance, step = simulator.advance, task.longest / simulator.substeps(task.longest, *hardest)
     x = np.full((len(simulator.plant.states), n), task.start)
     time, reached = 0.0, np.full(n, np.inf)
     h = min(step, _FIRST_STEP)
     while time < task.longest and np.isinf(reached).any():
         before = simulator.winding(x)
-        x = simulator.advance(x, currents, capacity, resistance, h * one)
+        x = advance(x, currents, capacity, resistance, h * one)
         after = simulator.winding(x)
         crossed = np.isinf(reached) & (after >= limit)
         reached[crossed] = time + h * ((limit - before[crossed]) / (after[crossed] - before[crossed]))

@@ -9,7 +9,7 @@ from typing import NamedTuple
 MAGNET_COEFFICIENT = -0.0012
 """Temperature coefficient of the flux density of NdFeB magnets [1/K], [Chen2017, eq. 2.6]."""
 ENAMEL_LIMIT = 105.0
-"""Winding temperature at which the enamel fails [degC], [Chen2017, fig. 4-9]; curves go to it where no limit is given."""
+"""Winding temperature at which the enamel fails [degC], [Chen2017, fig. 4-9]; curves without a limit go to it."""
 REFERENCE = 25.0
 """Temperature at which data sheets are taken to hold [degC]; neither sheet states it."""
 

@@ -1,4 +1,8 @@
-"""Designs simulated in fine steps: a check on the program's few elements, and what maps and curves are made of."""
+"""Designs simulated in fine steps: a check on the program's few elements, and what maps and curves are made of.
+
+Networks of a few masses take RK4. A motor made from its drawing has time constants below a second, which RK4 would have
+to follow for an hour; maps and curves of it take Rosenbrock steps, which are stable at any length.
+"""
 
 from __future__ import annotations
 
@@ -13,9 +17,12 @@ from .plant import Parameters, Plant
 from .study import Option
 
 _RATE = 0.5  # a step times the fastest rate; RK4 is then good to 1e-4
+_STIFF = 1.0  # 1/s; networks with a faster rate take implicit steps in maps and curves
+_GAMMA = 1 - 0.5**0.5  # makes the two-stage Rosenbrock method L-stable
 _HOLD_STEPS = 400  # at least, in the check of a held torque
 _MAP_STEPS = 200  # at least, in a map of many designs
 _CYCLE_STEPS = 2  # at least, in each part of a cycle
+_IMPLICIT_CYCLE_STEPS = 10  # in each part of a cycle: of order 2 and so shorter than RK4 would need them
 _HOT = 2000.0  # degC; what runs away is held here instead of overflowing
 
 
@@ -58,18 +65,45 @@ class Simulator:
         """The winding's highest temperature [degC] for each case, shape (number of cases,)."""
         return np.asarray(x[self._winding].max(axis=0))
 
-    def substeps(self, duration: float, capacity: float, resistance: float, drive: float = 0.0) -> int:
-        """How many equal steps a duration [s] needs for the fastest rate of a design."""
+    def fastest(self, capacity: float, resistance: float, drive: float = 0.0) -> float:
+        """The fastest rate [1/s] of a design at the air's temperature."""
         cold = np.full(len(self.plant.states), self.option.study.task.ambient)
         jacobian = self._jacobian(cold, drive, capacity, resistance).full()
-        return max(1, int(np.ceil(duration * np.abs(np.linalg.eigvals(jacobian)).max() / _RATE)))
+        return float(np.abs(np.linalg.eigvals(jacobian)).max())
+
+    def substeps(self, duration: float, capacity: float, resistance: float, drive: float = 0.0) -> int:
+        """How many equal steps of RK4 a duration [s] needs for the fastest rate of a design."""
+        return max(1, int(np.ceil(duration * self.fastest(capacity, resistance, drive) / _RATE)))
+
+    def is_stiff(self, capacity: float, resistance: float, drive: float = 0.0) -> bool:
+        """Whether steps of a design had better be implicit."""
+        return self.fastest(capacity, resistance, drive) > _STIFF
 
     def advance(
         self, x: FloatArray, drive: FloatArray, capacity: FloatArray, resistance: FloatArray, h: FloatArray
     ) -> FloatArray:
-        """States after one step, shape (number of states, number of cases), all arguments for all cases."""
+        """States after one step of RK4, shape (number of states, number of cases), all arguments for all cases."""
         rows = (values[None, :] for values in (drive, capacity, resistance, h))
         return np.asarray(self.step(x, *rows).full())
+
+    def advance_implicitly(
+        self, x: FloatArray, drive: FloatArray, capacity: FloatArray, resistance: FloatArray, h: FloatArray
+    ) -> FloatArray:
+        """States after one Rosenbrock step of order 2, arguments and result as for `advance`.
+
+        Source: Verwer, Spee, Blom and Hundsdorfer, SIAM J. Sci. Comput. 20 (1999) 1456: ROS2.
+        """
+        rows = [values[None, :] for values in (drive, capacity, resistance)]
+        system = np.eye(len(x)) - _GAMMA * h[:, None, None] * self._jacobians(x, rows)
+        first = np.linalg.solve(system, self._rates(x, *rows).full().T[:, :, None])
+        middle = np.minimum(x + h * first[:, :, 0].T, _HOT)
+        second = np.linalg.solve(system, self._rates(middle, *rows).full().T[:, :, None] - 2 * first)
+        return np.minimum(x + h * (1.5 * first + 0.5 * second)[:, :, 0].T, _HOT)
+
+    def _jacobians(self, x: FloatArray, rows: list[FloatArray]) -> FloatArray:
+        """Slope of the rates in the states [1/s], shape (cases, states, states)."""
+        n, cases = x.shape
+        return np.asarray(self._jacobian(x, *rows).full().reshape(n, cases, n).transpose(1, 0, 2))
 
     def steady(self, drive: FloatArray, capacity: FloatArray, resistance: FloatArray) -> FloatArray:
         """States that no longer change, shape (number of states, number of cases); infinite where there are none.
@@ -80,7 +114,7 @@ class Simulator:
         x = np.full((n, cases), self.option.study.task.ambient + 20.0)
         rows = [values[None, :] for values in (drive, capacity, resistance)]
         for _ in range(30):
-            slope = self._jacobian(x, *rows).full().reshape(n, cases, n).transpose(1, 0, 2)
+            slope = self._jacobians(x, rows)
             step = np.linalg.solve(slope, self._rates(x, *rows).full().T[:, :, None])[:, :, 0].T
             x = x - step
             if np.abs(step).max() < 1e-9 * np.abs(x).max():
@@ -140,11 +174,15 @@ def peak_temperatures(
     n, part = capacity.size, duration / len(task.shape)
     x = np.full((len(simulator.plant.states), n), task.start)
     hottest = simulator.winding(x)
-    stiffest = simulator.substeps(part, float(capacity.min()), float(resistance.min()), float(torque.max()))
-    steps = max(stiffest, _MAP_STEPS if task.hold else _CYCLE_STEPS)
+    hardest = float(capacity.min()), float(resistance.min()), float(torque.max())
+    if simulator.is_stiff(*hardest):
+        advance, steps = simulator.advance_implicitly, _MAP_STEPS if task.hold else _IMPLICIT_CYCLE_STEPS
+    else:
+        advance = simulator.advance
+        steps = max(simulator.substeps(part, *hardest), _MAP_STEPS if task.hold else _CYCLE_STEPS)
     h = np.full(n, part / steps)
     for share in np.tile(task.shape, task.cycles):
         for _ in range(steps):
-            x = simulator.advance(x, torque * share, capacity, resistance, h)
+            x = advance(x, torque * share, capacity, resistance, h)
             hottest = np.maximum(hottest, simulator.winding(x))
     return np.asarray(hottest)
