@@ -21,7 +21,7 @@ from lptn.basics.errors import InputError
 from lptn.cli.main import main
 from lptn.fleet.fleet import fit_each, outliers, spread_of
 from lptn.fleet.robots import Robot, robots_of
-from lptn.fleet.work import Order, Outcome, Shelf, fit_robot
+from lptn.fleet.work import FleetFit, Outcome, ResultFolder, fit_robot
 from lptn.model.file import read_model_file
 from lptn.model.model import Model
 from tests.fleet.truth import MODEL, RESISTANCE, write_fleet, write_log
@@ -160,7 +160,7 @@ def test_no_more_than_asked_for_are_handed_out_at_once(model: Path, logs: list[P
     assert [each.robot for each in fleet.outcomes] == [log.stem for log in logs]
 
 
-def _fit_or_die(order: Order, name: str, logs: Sequence[str], known: str = "") -> Outcome:
+def _fit_or_die(order: FleetFit, name: str, logs: Sequence[str], known: str = "") -> Outcome:
     if name == "robot_002":
         os.kill(os.getpid(), signal.SIGKILL)
     return fit_robot(order, name, logs, known)
@@ -183,7 +183,7 @@ def test_two_processes_do_not_fit_into_one_folder(
     model: Path, logs: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("lptn.fleet.work._PATIENCE", 0.1)
-    shelf = Shelf(tmp_path / "out")
+    shelf = ResultFolder(tmp_path / "out")
     with shelf.alone(), pytest.raises(InputError, match="another process"):
         fit_each(model, logs, into=tmp_path / "out")
     assert not list((tmp_path / "out" / "records").iterdir())

@@ -64,10 +64,10 @@ def _killed_and_resumed(tmp_path: Path, robots: int, kind: str) -> None:
     again = _start(script, model, tmp_path / "logs", out, kind)
     said, complained = again.communicate(timeout=120)
     assert again.returncode == 0, complained
-    told = json.loads(said)
-    assert [name for name, (status, _) in told.items() if status == "failed"] == ["robot_002"]
-    assert "robot_002.csv" in told["robot_002"][1]
-    assert {name for name, (status, _) in told.items() if status == "unchanged"} == set(kept)
+    on_outcome = json.loads(said)
+    assert [name for name, (status, _) in on_outcome.items() if status == "failed"] == ["robot_002"]
+    assert "robot_002.csv" in on_outcome["robot_002"][1]
+    assert {name for name, (status, _) in on_outcome.items() if status == "unchanged"} == set(kept)
     written = {path.stem: path.stat().st_mtime_ns for path in out.glob("records/*.json")}
     assert len(written) == robots - 1
     assert {name: written[name] for name in kept} == kept

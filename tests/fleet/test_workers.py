@@ -24,8 +24,10 @@ if __name__ == "__main__":
 
 def _alive(pid: int) -> bool:
     """Running, and not only waiting for somebody to hear of its end."""
-    told = subprocess.run(["ps", "-o", "stat=", "-p", str(pid)], capture_output=True, text=True, check=False).stdout
-    return bool(told.strip()) and not told.strip().startswith("Z")
+    on_outcome = subprocess.run(
+        ["ps", "-o", "stat=", "-p", str(pid)], capture_output=True, text=True, check=False
+    ).stdout
+    return bool(on_outcome.strip()) and not on_outcome.strip().startswith("Z")
 
 
 def test_workers_do_not_outlive_a_parent_that_was_killed() -> None:

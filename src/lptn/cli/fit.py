@@ -198,7 +198,7 @@ def _fit_each(
         )
     done: list[Outcome] = []
 
-    def told(outcome: Outcome) -> None:
+    def on_outcome(outcome: Outcome) -> None:
         done.append(outcome)
         show_failure(outcome)
 
@@ -212,7 +212,7 @@ def _fit_each(
                 symmetry_penalty=symmetry_penalty,
                 holdout_after=holdout_after,
                 report=report,
-                told=told,
+                on_outcome=on_outcome,
             )
     except KeyboardInterrupt:
         kept = sum(each.status in ("fitted", "unchanged") for each in done)

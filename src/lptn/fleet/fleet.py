@@ -20,7 +20,7 @@ from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.basics.files import write_whole
 from lptn.fleet.robots import Robot, robots_of
-from lptn.fleet.work import Order, Outcome, Shelf, Work, elsewhere, here, in_processes
+from lptn.fleet.work import FleetFit, Outcome, ResultFolder, Work, elsewhere, here, in_processes
 from lptn.identify.data import GUESS, LoadedModel, load_model
 from lptn.model.model import Model
 
@@ -221,7 +221,7 @@ def fit_each(
     symmetry_penalty: float | Literal["auto"] = 0.0,
     holdout_after: float | None = None,
     report: Report = lambda _: None,
-    told: Callable[[Outcome], None] = lambda _: None,
+    on_outcome: Callable[[Outcome], None] = lambda _: None,
 ) -> Fleet:
     """Fit one model to each robot's logs on its own.
 
@@ -230,7 +230,7 @@ def fit_each(
     is an outcome of its own and stops no other.
 
     Args:
-        model: the model file, or one that is open.
+        model: the path of a model file, or a loaded model.
         robots: the robots, or files and folders as `robots_of` takes them.
         into: folder for one model and one record a robot, written as they come. A robot whose record was made from
             the same model, options and logs is not fitted again. Without it, outcomes hold the models' text.
@@ -238,11 +238,12 @@ def fit_each(
             threads wait for each other.
         jobs: without an executor, how many processes of one's own; 1 works here.
         in_flight: most robots handed out and not yet done; by default 64, or two for each process of one's own.
-        mapped: `--map` options; without effect on a model that is open.
-        mirror_weight: λ of the left-right regulariser, or `"auto"` with `holdout_after`.
+        mapped: `--map` options; without effect on a loaded model.
+        symmetry_penalty: λ of the pull of left and right parameters towards each other; `"auto"` with
+            `holdout_after`.
         holdout_after: time [s, in each log's clock] from which each robot's own logs are held out.
-        report: told what is being done.
-        told: given each outcome as it comes.
+        report: called with what is being done, in words.
+        on_outcome: called with each outcome as it comes.
 
     Raises:
         InputError: the model, a place of logs or the folder can't be used, or another process works in the folder.
@@ -251,14 +252,14 @@ def fit_each(
     if not loaded.model.free:
         raise InputError(loaded.file.path, "parameters", "none that is free", "one at least without fixed = true")
     words = (*(f"{key}={column}" for key, column in sorted(loaded.mapped.items())), *[GUESS] * loaded.guessing)
-    order = Order(pickle.dumps(loaded), loaded.file.text, words, symmetry_penalty, holdout_after, uuid.uuid4().hex)
+    order = FleetFit(pickle.dumps(loaded), loaded.file.text, words, symmetry_penalty, holdout_after, uuid.uuid4().hex)
     fleet = _as_robots(robots)
-    shelf = Shelf(into) if into is not None else None
+    results = ResultFolder(into) if into is not None else None
     named = {robot.name: robot for robot in fleet}
     found: dict[str, Outcome] = {}
     count = _Count(len(fleet), report)
-    work = Work(order, shelf)
-    with shelf.alone() if shelf else nullcontext():
+    work = Work(order, results)
+    with results.alone() if results else nullcontext():
         if executor is not None:
             outcomes = elsewhere(work, fleet, executor, in_flight or _IN_FLIGHT)
         elif jobs > 1:
@@ -268,7 +269,7 @@ def fit_each(
         with closing(outcomes):
             for outcome in outcomes:
                 found[outcome.robot] = work.kept(outcome, named[outcome.robot])
-                told(found[outcome.robot])
+                on_outcome(found[outcome.robot])
                 count.add(outcome)
     ordered = tuple(found[robot.name] for robot in fleet)
     good = [each for each in ordered if each.status in ("fitted", "unchanged")]

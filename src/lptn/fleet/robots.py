@@ -30,8 +30,8 @@ def robots_of(places: Sequence[Path]) -> list[Robot]:
     """The robots that files and folders stand for.
 
     A log is one robot, named as the file, or as the folder of a ROS 2 bag. Any other folder with logs in it
-    is one robot, named as the folder; its logs are that robot's runs. A folder without logs is a shelf: each folder in
-    it that holds logs is one robot. Robots of the same name get the name of the folder above in front. Hidden files,
+    is one robot, named as the folder; its logs are that robot's runs. In a folder without logs each folder
+    that holds logs is one robot. Robots of the same name get the name of the folder above in front. Hidden files,
     and files that are no logs, are passed over.
 
     Args:
@@ -55,10 +55,10 @@ def _robots_at(place: Path) -> list[Robot]:
     if logs:
         return [Robot(place.resolve().name, logs)]
     folders = sorted(each for each in place.iterdir() if each.is_dir() and not each.name.startswith("."))
-    shelf = [Robot(folder.name, logs) for folder in folders if (logs := _logs_in(folder))]
-    if not shelf:
+    robots = [Robot(folder.name, logs) for folder in folders if (logs := _logs_in(folder))]
+    if not robots:
         raise InputError(place, "--each", "no log in it", f"bags, or files that end in {', '.join(_ENDINGS)}")
-    return shelf
+    return robots
 
 
 def _logs_in(folder: Path) -> tuple[Path, ...]:

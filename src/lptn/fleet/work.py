@@ -24,19 +24,18 @@ from lptn.identify.validation import fit_split
 
 # --- What a worker does: read one robot's logs, fit, and send back a few kilobytes ----------------
 
-
 Status = Literal["fitted", "unchanged", "failed", "interrupted"]
 
 
 @dataclass(frozen=True)
-class Order:
+class FleetFit:
     """What is the same for all robots of a fleet.
 
     Args:
-        model: the model file opened, pickled: a few kilobytes, taken apart once in each worker.
-        text: its text.
+        model: the loaded model, pickled: a few kilobytes, unpickled once in each worker.
+        text: of the model file.
         mapped: `--map` options.
-        mirror_weight: λ of the left-right regulariser, or `"auto"`.
+        symmetry_penalty: λ of the pull of left and right parameters towards each other, or `"auto"`.
         holdout_after: time [s] from which each robot's own logs are held out.
         number: different for each call: an executor that remembers results must not take those of other days.
     """
@@ -54,7 +53,7 @@ class Order:
         return {
             "lptn": __version__,  # another one may read, or fit, in another way
             "map": list(self.mapped),
-            "mirror_weight": self.symmetry_penalty,
+            "symmetry_penalty": self.symmetry_penalty,
             "holdout_after": self.holdout_after,
         }
 
@@ -97,7 +96,7 @@ class Outcome:
         return float(self.result.get("rmse_fit", float("nan")))
 
 
-def fit_robot(order: Order, name: str, logs: Sequence[str], known: str = "") -> Outcome:
+def fit_robot(order: FleetFit, name: str, logs: Sequence[str], known: str = "") -> Outcome:
     """Fit one robot's logs; whatever goes wrong with them is an outcome, not an exception.
 
     Args:
@@ -123,14 +122,14 @@ def fit_robot(order: Order, name: str, logs: Sequence[str], known: str = "") -> 
 
 
 def in_one_line(error: BaseException) -> str:
-    """What is told of a failure: a user's mistake as it is, anything else with its kind."""
+    """A failure in one line: a user's mistake as it is, anything else with its kind."""
     if isinstance(error, InputError):
         return str(error)
     return one_line(f"{type(error).__name__}: {error}").rstrip(": ")
 
 
-def _fitted(order: Order, logs: Sequence[str]) -> tuple[dict[str, Any], str]:
-    loaded = _opened(order.model)
+def _fitted(order: FleetFit, logs: Sequence[str]) -> tuple[dict[str, Any], str]:
+    loaded = _unpickled(order.model)
     notes: dict[str, None] = {}
     runs = loaded.runs([Path(log) for log in logs], tell=lambda _, note: notes.setdefault(note))
     data = split_data(runs, holdout_after=order.holdout_after)
@@ -160,10 +159,10 @@ def _contents(logs: Sequence[str]) -> list[tuple[str, str]]:
 
 
 @lru_cache(maxsize=2)
-def _opened(model: bytes) -> LoadedModel:
+def _unpickled(model: bytes) -> LoadedModel:
     loaded = pickle.loads(model)
     if not isinstance(loaded, LoadedModel):
-        raise TypeError(f"expected an opened model, found {type(loaded).__name__}")
+        raise TypeError(f"expected a loaded model, found {type(loaded).__name__}")
     return loaded
 
 
@@ -178,7 +177,7 @@ except ImportError:  # not on Windows, where two processes on one folder do the 
 _PATIENCE = 5.0  # s; workers of a process that was killed hold its lock for a moment more
 
 
-class Shelf:
+class ResultFolder:
     """`models/<robot>.toml` and `records/<robot>.json` in a folder.
 
     The record is written last: where it stands, the model stands.
@@ -193,8 +192,8 @@ class Shelf:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         try:
-            for each in (folder, folder / "models", folder / "records"):
-                each.mkdir(exist_ok=True)
+            for part in (folder, folder / "models", folder / "records"):
+                part.mkdir(exist_ok=True)
         except OSError as error:
             raise InputError(folder, "output", error.strerror or str(error), "a folder, or room for one") from error
 
@@ -265,14 +264,14 @@ _Lost = Literal["out", "unsent"]
 
 
 class Work:
-    """What is handed out for each robot, and what is kept of it."""
+    """The task of each robot, and what is kept of its outcome."""
 
-    def __init__(self, order: Order, shelf: Shelf | None) -> None:
-        self.order, self.shelf = order, shelf
+    def __init__(self, order: FleetFit, results: ResultFolder | None) -> None:
+        self.order, self.results = order, results
 
-    def task(self, robot: Robot) -> tuple[Order, str, list[str], str]:
+    def task(self, robot: Robot) -> tuple[FleetFit, str, list[str], str]:
         """Arguments of `fit_robot`."""
-        earlier = self.shelf.kept(robot.name) if self.shelf else None
+        earlier = self.results.kept(robot.name) if self.results else None
         logs = [str(log.absolute()) for log in robot.logs]
         return self.order, robot.name, logs, earlier.fingerprint if earlier else ""
 
@@ -280,9 +279,11 @@ class Work:
         """The outcome, once its files are written; a message names logs as they were given."""
         for log in robot.logs if outcome.message else ():
             outcome = replace(outcome, message=outcome.message.replace(str(log.absolute()), str(log)))
-        if self.shelf is None or outcome.status not in ("fitted", "unchanged"):
+        if self.results is None or outcome.status not in ("fitted", "unchanged"):
             return outcome
-        return self.shelf.kept(outcome.robot) or outcome if outcome.status == "unchanged" else self.shelf.keep(outcome)
+        return (
+            self.results.kept(outcome.robot) or outcome if outcome.status == "unchanged" else self.results.keep(outcome)
+        )
 
 
 def here(work: Work, fleet: Iterable[Robot]) -> Generator[Outcome]:
