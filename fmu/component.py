@@ -12,7 +12,6 @@ import casadi as ca
 from lptn.basics.errors import InputError
 from lptn.basics.parameters import ParameterInstance
 from lptn.basics.places import matching
-from lptn.effects import EdgeEffect, GroupEffect, LinkEffect, LossEffect, MassEffect, NodeEffect, SensorEffect
 from lptn.model.model import Model
 from lptn.model.network import EffectInstance, Link
 
@@ -251,7 +250,7 @@ class _Builder:
             return ca.substitute([expression], [own.x, own.u, own.p], arguments)[0]
 
         instances = self.model.network.effect_instances
-        sensed = {instance.ends[0] for instance in instances if isinstance(instance.effect, SensorEffect)}
+        sensed = {instance.ends[0] for instance in instances if instance.effect.changes_reading}
         with_torque = {
             instance.ends[0] for instance in instances if {"torque", "current"} & set(instance.effect.needed())
         }
@@ -345,26 +344,23 @@ class _HeatFlows:
 
     def of_effect(self, instance: EffectInstance) -> list[HeatFlow]:
         effect, node, label = instance.effect, instance.ends[0], instance.name
-        if isinstance(effect, EdgeEffect):
+        heats = self.balance.heat_into_ends(instance)
+        if effect.between_ends:
             one, other = self._ordered(instance.ends)
-            inward = self.balance.edge_flow(instance)
-            return [HeatFlow(one, other, label, False, -inward if node == one else inward)]
-        if isinstance(effect, MassEffect):
-            return [HeatFlow(node, "", label, False, self.balance.state_heat(instance, node))]
-        if isinstance(effect, GroupEffect):
-            label = f"{label}_{pattern_as_word(instance.place)}"
-            return [HeatFlow(end, "", label, False, self.balance.state_heat(instance, end)) for end in instance.ends]
-        if isinstance(effect, NodeEffect):
-            return [HeatFlow(node, "", label, False, self.balance.heat_of(instance))]
-        if isinstance(effect, LossEffect):
+            return [HeatFlow(one, other, label, False, heats[instance.ends.index(other)])]
+        if heats:
+            label = label if instance.place in instance.ends else f"{label}_{pattern_as_word(instance.place)}"
+            return [HeatFlow(end, "", label, False, heat) for end, heat in zip(instance.ends, heats, strict=True)]
+        if effect.scales_heat:
             bases = [
                 base
                 for base in self.network.effect_instances
-                if base.effect.key == effect.acts_on and base.ends == instance.ends
+                if base.effect.key == effect.heat_of and base.ends == instance.ends
             ]
-            added = (self.balance.heat_of(base) - self.balance.heat_of(base, instance) for base in bases)
+            heat = self.balance.heat_into_ends
+            added = (heat(base)[0] - heat(base, instance)[0] for base in bases)
             return [HeatFlow(node, "", label, True, sum(added, start=ca.SX(0)))]
-        return [self._of_link_effect(instance)] if isinstance(effect, LinkEffect) else []
+        return [self._of_link_effect(instance)] if effect.changes_link else []
 
     def _of_link_effect(self, instance: EffectInstance) -> HeatFlow:
         (link,) = (link for link in self.network.resistors if set(link.ends) == set(instance.ends))

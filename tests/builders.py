@@ -9,7 +9,7 @@ import numpy as np
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.parameters import Parameter, ParameterInstance
-from lptn.effects import Effect, ExcessEffect, LossEffect, catalogue
+from lptn.effects import Effect, catalogue
 from lptn.logs.run import Run
 from lptn.model.model import Model
 from lptn.model.network import EffectDeclaration, LinkDeclaration, Network, NodeDeclaration
@@ -63,7 +63,7 @@ def two_nodes(effects: Sequence[EffectDeclaration] = ()) -> Network:
 
 def with_every_effect() -> Network:
     """Two nodes with everything that the catalogue holds, copper loss first since others act on it."""
-    keys = sorted(catalogue(), key=lambda key: issubclass(catalogue()[key], LossEffect))
+    keys = sorted(catalogue(), key=lambda key: catalogue()[key].scales_heat)
     return two_nodes([effect(key) for key in keys])
 
 
@@ -72,9 +72,7 @@ def base_for(kind: type[Effect]) -> list[EffectDeclaration]:
     rest = [effect("constant_heat")] if kind.key != "constant_heat" else [effect("heat_input")]
     if kind.site == "pair":
         rest.append(effect("conduction"))
-    if issubclass(kind, LossEffect):
-        rest.append(effect(kind.acts_on))
-    if issubclass(kind, ExcessEffect) and kind.heat_of:
+    if kind.heat_of:
         rest.append(effect(kind.heat_of))
     return rest
 

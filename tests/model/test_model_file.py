@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lptn.basics.errors import InputError
-from lptn.effects import LossEffect, catalogue
+from lptn.effects import catalogue
 from lptn.identify.fitting import Fit, fit
 from lptn.model.file import ModelFile, added, parse_model, read_model_file
 from lptn.model.model import Model
@@ -205,8 +205,8 @@ def test_a_file_with_one_more_effect_says_the_same_as_the_network_with_it(key: s
     at = {"edge": "a~b", "pair": "b~a", "link": "b", "group": "*", "boundary": "ambient"}.get(kind.site, "a")
     if kind.site == "edge":
         file = _parse(SMALL.replace('between = ["a", "b"]', 'between = ["a", "ambient"]'))
-    if issubclass(kind, LossEffect) and not file.network.nodes_with(kind.acts_on):
-        file = file.with_effects([effect(kind.acts_on, at)])
+    if kind.scales_heat and not file.network.nodes_with(kind.heat_of):
+        file = file.with_effects([effect(kind.heat_of, at)])
     declared = effect(key, at)
     network = file.network.with_effects([declared])
     again = file.with_effects([declared]).network

@@ -11,7 +11,7 @@ from lptn.basics.equations import equation_text
 from lptn.basics.errors import InputError
 from lptn.basics.parameters import Parameter
 from lptn.cli.terminal import new_table, out
-from lptn.effects import Effect, ExcessEffect, LossEffect, catalogue
+from lptn.effects import Effect, catalogue
 from lptn.logs.resampling import raw_keys
 from lptn.model.heat_balance import input_column
 from lptn.references import Citation, cite, works_cited
@@ -123,9 +123,8 @@ def columns_text(effect: type[Effect], place: str = "<place>") -> str:
         for name in effect.options.get("input", effect.needs)
     ]
     joined = " or ".join(said) if "input" in effect.options else " and ".join(said)
-    heat = effect.acts_on if issubclass(effect, LossEffect) else ""
-    heat = effect.heat_of if issubclass(effect, ExcessEffect) else heat
-    return (joined or "none beside the temperatures") + (f"; it acts on `{heat}` at the same place" if heat else "")
+    heat = f"; it acts on `{effect.heat_of}` at the same place" if effect.heat_of else ""
+    return (joined or "none beside the temperatures") + heat
 
 
 def options_text(effect: type[Effect]) -> list[str]:

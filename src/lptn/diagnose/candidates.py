@@ -7,8 +7,8 @@ from dataclasses import dataclass, field, replace
 from itertools import product
 
 from lptn.basics.parameters import Parameter
-from lptn.basics.places import EVERYWHERE, class_of, expand_pair, in_run, is_of_run, matching, run_label
-from lptn.effects import Effect, LossEffect, catalogue
+from lptn.basics.places import EVERYWHERE, class_of, in_run, is_of_run, matching, run_label
+from lptn.effects import Effect, catalogue
 from lptn.effects.ambient_offset import AmbientOffset
 from lptn.identify.data import DataSplit
 from lptn.model.heat_balance import input_column
@@ -146,7 +146,7 @@ def _of_effect(network: Network, effect: type[Effect], columns: Collection[str],
     """One effect at all places, with the first of its options that the log can drive anywhere."""
     for words in _wordings(effect):
         places = _free_places(network, effect, words, columns, run)
-        if effect.site == "group":
+        if effect.one_place_a_pattern:
             groups = _node_groups(network, places)
         else:
             groups = [(place, [place]) for place in places] if not effect.whole_robot else []
@@ -170,28 +170,23 @@ def _free_places(network: Network, effect: type[Effect], words: Words, columns: 
         for instance in network.effect_instances
         if instance.effect.key == effect.key and instance.declaration.run == run
     }
-    if effect.site == "edge":
-        taken |= {link.place for link in network.resistors}
     needed = declaration.effect.needed()
     return [
         place
         for place, ends in network.places_for(declaration)
         if place not in taken
         and all(input_column(feature, ends[0]) in columns for feature in needed)
-        and _driven_alike(network, effect, ends[0])
+        and effect.makes_a_difference(place, network.layout, _features_of(network, effect.heat_of, ends[0]))
     ]
 
 
-def _driven_alike(network: Network, effect: type[Effect], node: str) -> bool:
-    """A factor on a loss matters only where that loss is computed from what the factor is about."""
-    if not issubclass(effect, LossEffect) or not effect.needs:
-        return True
-    losses = [
-        instance
+def _features_of(network: Network, key: str, node: str) -> list[tuple[str, ...]]:
+    """The input features of each effect of one key at a node."""
+    return [
+        instance.effect.needed()
         for instance in network.effect_instances
-        if instance.effect.key == effect.acts_on and instance.ends[0] == node
+        if instance.effect.key == key and instance.ends[0] == node
     ]
-    return any(set(effect.needs) <= set(instance.effect.needed()) for instance in losses)
 
 
 def _node_groups(network: Network, free: list[str]) -> list[tuple[str, list[str]]]:
@@ -203,7 +198,7 @@ def _node_groups(network: Network, free: list[str]) -> list[tuple[str, list[str]
     sizes = {at: len(matching(at, network.dynamic)) for at in classes}
     proper = [at for at, size in sizes.items() if _FEWEST <= size < len(network.dynamic)]
     whole = [EVERYWHERE] if len(network.dynamic) >= _FEWEST and free == [EVERYWHERE] else []
-    taken = {instance.place for instance in network.effect_instances if instance.effect.site == "group"}
+    taken = {instance.place for instance in network.effect_instances if instance.effect.one_place_a_pattern}
     return [(at, [at]) for at in [*proper, *whole] if at not in taken]
 
 
@@ -215,9 +210,9 @@ def _groups(effect: type[Effect], places: list[str], network: Network) -> list[t
         return []
     classes: dict[str, list[str]] = {}
     for place in places:
-        classes.setdefault(_class_pattern(effect, place, network), []).append(place)
+        classes.setdefault(effect.like_places(place, network.dynamic), []).append(place)
     groups = [(at, group) for at, group in classes.items() if 1 < len(group) < len(places)]
-    if effect.site != "pair":  # two sensors that each read a share of the other's node: no fault is like that
+    if effect.in_all_pairs:
         # Where not every node can have the effect, one of the patterns that declare nodes may name those that can.
         patterns = (EVERYWHERE, *(node.pattern for node in network.nodes))
         groups += [(at, places) for at in patterns if _covers(effect, at, places, network)][:1]
@@ -228,19 +223,6 @@ def _groups(effect: type[Effect], places: list[str], network: Network) -> list[t
 def _covers(effect: type[Effect], at: str, group: list[str], network: Network) -> bool:
     declaration = EffectDeclaration(effect(), at)
     return {place for place, _ in network.places_for(declaration)} == set(group)
-
-
-def _class_pattern(effect: type[Effect], place: str, network: Network) -> str:
-    """A pattern that matches the place and its like on the other legs."""
-    if effect.site not in ("edge", "pair"):
-        return class_of(place)
-    one, other = place.split("~")
-    leg, _, rest = one.partition("_")
-    if rest and other.startswith(f"{leg}_"):
-        pattern = ("{leg}_" + rest, "{leg}_" + other[len(leg) + 1 :])
-        if len(expand_pair(pattern, network.dynamic)) > 1:
-            return "~".join(pattern)
-    return class_of(place) if effect.site == "edge" else f"{class_of(one)}~{class_of(other)}"
 
 
 def _shaped(parameter: Parameter, shape: float | None) -> Parameter:

@@ -20,7 +20,7 @@ class HeatScale(LossEffect):
 
     key = "heat_scale"
     title = "logged power heats more or less"
-    acts_on = "heat_input"
+    heat_of = "heat_input"
     per_run = True
     in_one_run = (
         "in {run} the logged power heats{at} {factor} times as much as in the fitted runs",

@@ -20,7 +20,7 @@ class LossScale(LossEffect):
 
     key = "loss_scale"
     title = "wrong torque constant or resistance"
-    acts_on = "copper_loss"
+    heat_of = "copper_loss"
     per_run = True
     in_one_run = (
         "in {run} the copper loss{at} is {factor} times what the model computes",

@@ -18,7 +18,7 @@ class ResistanceRise(LossEffect):
 
     key = "resistance_rise"
     title = "winding resistance rising with temperature"
-    acts_on = "copper_loss"
+    heat_of = "copper_loss"
     parameters = (
         Parameter("alpha", 0.0039, "1/K", (0.0, 0.02), off=0.0, typical=0.0039, title="temperature coefficient"),
         Parameter("reference", 25.0, "degC", (-50.0, 200.0), typical=25.0, title="reference temperature", fixed=True),

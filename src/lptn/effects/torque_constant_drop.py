@@ -20,7 +20,7 @@ class TorqueConstantDrop(LossEffect):
 
     key = "torque_constant_drop"
     title = "torque constant falling with temperature"
-    acts_on = "copper_loss"
+    heat_of = "copper_loss"
     needs = ("torque",)
     parameters = (
         Parameter("kappa", 0.0012, "1/K", (0.0, 0.005), off=0.0, typical=0.0012, title="temperature coefficient"),

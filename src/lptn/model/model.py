@@ -11,9 +11,8 @@ import numpy as np
 from lptn.basics.arrays import FloatArray
 from lptn.basics.parameters import ParameterInstance
 from lptn.basics.places import is_of_run
-from lptn.effects import ClockEffect, GroupEffect, SensorEffect
 from lptn.model.heat_balance import HeatBalance
-from lptn.model.network import EffectInstance, Network
+from lptn.model.network import Network
 
 Made = TypeVar("Made")
 Method = Literal["rk4", "euler", "zoh"]
@@ -57,7 +56,8 @@ class Model:
         self.started: list[str] = self.balance.started
         """Those inputs that are taken from the start of a run instead of a column."""
         self.states: list[str] = [*self.nodes, *(instance.label for instance in self.balance.hidden)]
-        self.rests: list[tuple[str, ...]] = [*((name,) for name in self.nodes), *map(_rests, self.balance.hidden)]
+        hidden = (instance.effect.rests_with(instance.ends) for instance in self.balance.hidden)
+        self.rests: list[tuple[str, ...]] = [*((name,) for name in self.nodes), *hidden]
         """For each state the places whose mean temperature it has in equilibrium."""
         self.owners: list[int] = [self._owner(places) for places in self.rests]
         """For each state the index of the node it belongs to."""
@@ -140,12 +140,12 @@ class Model:
     @property
     def reads_directly(self) -> bool:
         """Whether every sensor reads its node's temperature as it is."""
-        return not any(isinstance(instance.effect, SensorEffect) for instance in self.network.effect_instances)
+        return not any(instance.effect.changes_reading for instance in self.network.effect_instances)
 
     @property
     def in_time(self) -> bool:
         """Whether all readings belong to the instants that the log says."""
-        return not any(isinstance(instance.effect, ClockEffect) for instance in self.network.effect_instances)
+        return not any(instance.effect.delays_readings for instance in self.network.effect_instances)
 
     def delays(self, p: FloatArray) -> tuple[FloatArray, FloatArray]:
         """How late each node's readings come [s], shape (nodes,), and its derivative by p, shape (nodes, m)."""
@@ -238,8 +238,3 @@ class Model:
             phi = ca.mtimes(phi, 2 * identity + ca.mtimes(a, phi)) / 2
             a = 2 * a
         return self._x + h * ca.mtimes(phi, self._rhs)
-
-
-def _rests(instance: EffectInstance) -> tuple[str, ...]:
-    """The places with which an effect's state is in equilibrium when nothing happens."""
-    return instance.ends if isinstance(instance.effect, GroupEffect) else instance.ends[:1]

@@ -1,4 +1,4 @@
-"""A thermal network: what a model file or a script declares, spread over the robot's places."""
+"""A thermal network: what a model file or a script declares, worked out for each place of the robot."""
 
 from __future__ import annotations
 
@@ -6,15 +6,16 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import NamedTuple
 
 from lptn.basics.errors import InputError
 from lptn.basics.parameters import Parameter, ParameterInstance
-from lptn.basics.places import EVERYWHERE, class_of, edge, expand_pair, in_run, is_glob, matching, mirrored, run_label
-from lptn.effects import Effect, ExcessEffect, LossEffect
+from lptn.basics.places import class_of, edge, expand_pair, in_run, is_glob, matching, mirrored, run_label
+from lptn.effects import Effect
+from lptn.effects.base import Place
 from lptn.model.bodies import Bodies, Conductor, Element
 
-# --- What a model declares: nodes, links and effects, each perhaps for many places, and what becomes of them ---
-
+# --- What a model declares: nodes, links and effects, each perhaps for many places -----------------
 
 START = "start"
 """Prescribed temperature taken from the start of each run, for logs without an ambient column."""
@@ -91,6 +92,9 @@ class EffectDeclaration:
         return {parameter.name: own.get(parameter.name, parameter) for parameter in self.effect.parameters}
 
 
+# --- What becomes of the declarations: links and effects, each at one place, and the layout of all nodes ---
+
+
 @dataclass(frozen=True)
 class Link:
     """Two places and the index of the resistance between them."""
@@ -125,330 +129,30 @@ class EffectInstance:
         return in_run(f"{self.declaration.name}.{self.place}", self.declaration.run)
 
 
-# --- Where an effect of each kind of site can stand in a network ----------------------------------
-
-
-Place = tuple[str, tuple[str, ...]]
-"""The name of a place and the nodes that an effect touches there."""
-
-
-def places_for(network: Network, declaration: EffectDeclaration) -> list[Place]:
-    """Where a declared effect acts: (place, nodes it touches)."""
-    at, site = declaration.at, declaration.effect.site
-    if site == "edge":
-        return [(edge(*pair), pair) for pair in _pairs(at, network.dynamic)]
-    if site == "pair":
-        return _touching(at, network)
-    if site == "link":
-        return [(place, network.surroundings[place]) for place in matching(at, network.surroundings)]
-    if site == "boundary":
-        return [(name, (name,)) for name in matching(at, network.prescribed)]
-    nodes = matching(at, _heated(network, declaration))
-    if site == "group":
-        return [(at, tuple(nodes))] if nodes else []
-    return [(name, (name,)) for name in nodes]
-
-
-def _heated(network: Network, declaration: EffectDeclaration) -> list[str]:
-    """The nodes that have the heat which the effect is about."""
-    effect = declaration.effect
-    needed = effect.acts_on if isinstance(effect, LossEffect) else ""
-    needed = effect.heat_of if isinstance(effect, ExcessEffect) else needed
-    return network.nodes_with(needed) if needed else network.dynamic
-
-
-def _pairs(at: str, names: list[str]) -> list[tuple[str, str]]:
-    if at == EVERYWHERE:
-        return expand_pair((EVERYWHERE, EVERYWHERE), names)
-    one, _, other = at.partition("~")
-    return expand_pair((one, other), names)
-
-
-def _touching(at: str, network: Network) -> list[Place]:
-    """Pairs of nodes that exchange heat directly, each in the order in which the pattern names it."""
-    linked = {link.place for link in network.resistors}
-    for effect in network.effects:
-        if effect.effect.site == "edge":
-            linked |= {place for place, _ in places_for(network, effect)}
-    pairs = _pairs(at, network.dynamic)
-    if at == EVERYWHERE:
-        pairs = [ordered for pair in pairs for ordered in (pair, pair[::-1])]
-    return [("~".join(pair), pair) for pair in pairs if edge(*pair) in linked]
-
-
-def places_in_words(declaration: EffectDeclaration, network: Network) -> str:
-    """What could have stood in place of an `at` that matches nothing."""
-    site, effect = declaration.effect.site, declaration.effect
-    names, what = network.dynamic, "one of "
-    if site == "edge":
-        names, what = network.dynamic, 'an edge "a~b" between two of '
-    elif site == "pair":
-        names, what = network.dynamic, 'two linked nodes, "a~b" for the sensor of a, of '
-    elif site == "link":
-        names, what = list(network.surroundings), "one of "
-        if not names:
-            return "a node linked to a prescribed temperature"
-    elif site == "boundary":
-        names = list(network.prescribed)
-        if not names:
-            return "a prescribed temperature, which this model lacks"
-    elif isinstance(effect, LossEffect):
-        return f"a node that has {effect.acts_on}"
-    elif isinstance(effect, ExcessEffect) and effect.heat_of:
-        return f"a node that has {effect.heat_of}"
-    return what + ", ".join(names)
-
-
-# --- Places and unknowns of a network, worked out from its declarations ---------------------------
-
-
-_NO_NAME = re.compile(r"[\s.~{}]|^$")
-
-
-class Assembly:
-    """Works out places and unknowns of a network, in the order of its declarations."""
-
-    def __init__(self, origin: str, values: Mapping[str, float]) -> None:
-        self.origin, self.values = origin, values
-        self.parameters: list[ParameterInstance] = []
-        self.capacities: dict[str, int] = {}
-        self.prescribed: dict[str, str | int] = {}
-        self.links: list[Link] = []
-        self.effect_instances: list[EffectInstance] = []
-        self._labels: set[str] = set()
-        self.runs: dict[str, int] = {}
-        self.bodies = Bodies(origin)
-        self._elements: dict[str, tuple[str, Element]] = {}
-        self._index: dict[str, int] = {}
-
-    def build(self, network: Network) -> None:
-        for node in network.nodes:
-            self._add_node(node, network.joints)
-        self._join(network.links)
-        for number, link in enumerate(network.links):
-            self._add_link(link, number)
-        self._refuse_isolated(network)
-        self.bodies.lay_conductors(self._conductivity)
-        for number, effect in enumerate(network.effects):
-            self._add_effect(effect, number, network)
-
-    def _unknown(self, prefix: str, place: str, pattern: str, declared: Parameter, run: str = "") -> int:
-        owner = {"class": class_of(place), "all": pattern}.get(declared.share, place)
-        name = in_run(f"{prefix}.{owner}", run)
-        if name not in self._index:
-            other = mirrored(place) if declared.share == "sides" else None
-            self._index[name] = len(self.parameters)
-            if name in self.values:
-                declared = self._revalued(name, declared, self.values[name])
-            mirror = None if other is None else in_run(f"{prefix}.{other}", run)
-            self.parameters.append(ParameterInstance(name, declared, mirror))
-        return self._index[name]
-
-    def _indicator(self, run: str) -> int | None:
-        """The parameter that is 1 in a run and 0 wherever no run is driven: in an FMU, an estimator, a forecast."""
-        if not run:
-            return None
-        declared = Parameter(RUN, 0.0, "1", (0.0, 1.0), title=f"1 in run {run}", fixed=True)
-        self.runs[run] = self._unknown(RUN, run_label(run), run, declared)
-        return self.runs[run]
-
-    def _revalued(self, name: str, declared: Parameter, value: float) -> Parameter:
-        lower, upper = declared.bounds
-        slack = 1e-9 * max(abs(value), 1.0)
-        if not lower - slack <= value <= upper + slack:
-            raise InputError(
-                self.origin, f'fit.parameters."{name}"', f"{value!r}", f"a value from {lower!r} to {upper!r}"
-            )
-        return replace(declared, value=min(max(value, lower), upper))
-
-    def _add_node(self, node: NodeDeclaration, joints: Sequence[str]) -> None:
-        names = matching(node.pattern, joints) if is_glob(node.pattern) else [node.pattern]
-        where = f'nodes."{node.pattern}"'
-        if not names:
-            known = f"one of {', '.join(joints)}" if joints else "joints listed in [model] joints = [...]"
-            raise InputError(self.origin, where, "a pattern that matches no joint", known)
-        for name in names:
-            if _NO_NAME.search(name):
-                raise InputError(self.origin, where, f'the name "{name}"', "a name without blanks, dots, ~ or braces")
-            if name in self.capacities or name in self.prescribed:
-                raise InputError(self.origin, where, f"node {name} declared twice", "each node once")
-            if node.capacity is not None:
-                self.capacities[name] = self._unknown("capacity", name, node.pattern, node.capacity)
-                if node.element is not None:
-                    self.bodies.add(name, node.element.shape)
-                    self._elements[name] = node.pattern, node.element
-            elif isinstance(node.temperature, Parameter):
-                self.prescribed[name] = self._unknown("temperature", name, node.pattern, node.temperature)
-            elif node.temperature is not None:
-                self.prescribed[name] = node.temperature
-            else:
-                raise InputError(self.origin, where, "neither", "a capacity or a temperature")
-
-    def _conductivity(self, name: str, direction: str) -> int:
-        pattern, element = self._elements[name]
-        parameter = element.conductivity[direction]
-        return self._unknown(parameter.name, name, pattern, parameter)
-
-    def _pairs(self, link: LinkDeclaration, number: int) -> list[tuple[str, str]]:
-        """Places that a link stands for; only a pattern with a dot means faces."""
-        names = [*self.capacities, *self.prescribed]
-        where = f"links[{number}].between"
-        pairs = [
-            pair
-            for pair in expand_pair(link.between, [*names, *self.bodies.faces])
-            if all(("." in end) == ("." in pattern) for end, pattern in zip(pair, link.between, strict=True))
-        ]
-        if not pairs:
-            raise InputError(
-                self.origin,
-                where,
-                f"{link.between[0]} and {link.between[1]}, which match no pair of nodes",
-                f"two of {', '.join(self.bodies.linkable(names))}, or patterns of them",
-            )
-        for end in (end for pair in pairs for end in pair if end in self.bodies.shapes):
-            expected = f"one of its faces: {', '.join(self.bodies.faces_of(end))}"
-            raise InputError(self.origin, where, f"a link to the middle of element {end}", expected)
-        return pairs
-
-    def _join(self, links: Sequence[LinkDeclaration]) -> None:
-        """Perfect contacts come before all others, for they say where those others end."""
-        for number, link in enumerate(links):
-            if link.resistance is None:
-                for pair in self._pairs(link, number):
-                    self.bodies.join(*pair, f"links[{number}].between")
-
-    def _add_link(self, link: LinkDeclaration, number: int) -> None:
-        if link.resistance is None:
-            return
-        where = f"links[{number}].between"
-        pairs = self._pairs(link, number)
-        pattern = edge(*link.between)
-        taken = {known.place for known in self.links}
-        for pair in pairs:
-            place = edge(*pair)
-            if place in taken:
-                raise InputError(self.origin, where, f"a second link {place}", "each pair of nodes linked once")
-            self.bodies.touch(*pair)
-            ends = self.bodies.where(pair[0]), self.bodies.where(pair[1])
-            if ends[0] == ends[1] or (ends[0] in self.prescribed and ends[1] in self.prescribed):
-                continue  # heat between two given temperatures changes nothing
-            self.links.append(Link(place, ends, self._unknown("resistance", place, pattern, link.resistance)))
-
-    def _refuse_isolated(self, network: Network) -> None:
-        touched = {end for link in self.links for end in link.ends} | self.bodies.touched_places()
-        for effect in network.effects:
-            if effect.effect.site == "edge" and not effect.run:
-                touched |= {end for _, ends in network.places_for(effect) for end in ends}
-        for name in self.capacities:
-            if name not in touched:
-                raise InputError(
-                    self.origin,
-                    f'nodes."{name}"',
-                    "an isolated node, whose heat has no way out",
-                    "a link to it, such as between = "
-                    f'["{self.bodies.linkable([name])[0]}", "{next(iter(self.prescribed), "ambient")}"]',
-                )
-
-    def _add_effect(self, effect: EffectDeclaration, number: int, network: Network) -> None:
-        where = f"effects[{number}].at"
-        places = network.places_for(effect)
-        if not places:
-            raise InputError(
-                self.origin,
-                where,
-                f'"{effect.at}", which matches no place for {effect.effect.key}',
-                places_in_words(effect, network),
-            )
-        indicator = self._indicator(effect.run)
-        for place, ends in places:
-            indices = {
-                name: self._unknown(f"{effect.name}.{name}", place, effect.at, declared, effect.run)
-                for name, declared in effect.resolved.items()
-            }
-            instance = EffectInstance(effect, place, ends, indices, indicator)
-            if instance.label in self._labels:
-                raise InputError(
-                    self.origin, where, f"a second {instance.name} at {place}", "each effect once at each place"
-                )
-            self._labels.add(instance.label)
-            self.effect_instances.append(instance)
-
-
 @dataclass(frozen=True)
-class Network:
-    """A thermal network as declared, with its places and unknowns worked out.
+class Layout:
+    """Nodes and links of a network, worked out, and where its effects are declared: what effects stand on.
 
     Args:
-        name: what the model is called.
-        nodes: dynamic and prescribed nodes.
-        links: resistances between them.
-        effects: everything beyond capacitances and resistances.
-        joints: the names that globs in `nodes` choose from.
-        origin: the file it came from, for messages.
-        values: parameter values that replace the declared ones, by the unknowns' names (a fit's result).
-
-    Raises:
-        InputError: a place matches nothing, two declarations claim one place, a node is isolated.
+        capacities: for each dynamic node the index of its capacitance.
+        prescribed: for each prescribed node its log column, `"start"`, or the index of its parameter.
+        resistors: every link of the network.
+        conductors: conduction between the mean temperatures and faces of elements.
+        massless: faces of elements that have a temperature of their own but no capacitance: name -> the element.
+        effects: everything beyond capacitances and resistances, as declared.
     """
 
-    name: str
-    nodes: tuple[NodeDeclaration, ...]
-    links: tuple[LinkDeclaration, ...] = ()
-    effects: tuple[EffectDeclaration, ...] = ()
-    joints: tuple[str, ...] = ()
-    origin: str = "model"
-    values: Mapping[str, float] = field(default_factory=dict)
-    _assembly: Assembly = field(init=False, repr=False, compare=False)
-
-    def __post_init__(self) -> None:
-        # The network's own questions (`places_for`) are answered from what is assembled so far.
-        object.__setattr__(self, "_assembly", Assembly(self.origin, self.values))
-        self._assembly.build(self)
+    capacities: dict[str, int]
+    prescribed: dict[str, str | int]
+    resistors: list[Link]
+    conductors: list[Conductor]
+    massless: dict[str, str]
+    effects: tuple[EffectDeclaration, ...]
 
     @property
     def dynamic(self) -> list[str]:
         """Names of the nodes with a heat capacity, in order."""
-        return list(self._assembly.capacities)
-
-    @property
-    def prescribed(self) -> dict[str, str | int]:
-        """For each prescribed node its log column, `"start"`, or the index of its parameter."""
-        return self._assembly.prescribed
-
-    @property
-    def capacities(self) -> dict[str, int]:
-        """For each dynamic node the index of its capacitance."""
-        return self._assembly.capacities
-
-    @property
-    def resistors(self) -> list[Link]:
-        """Every link of the network."""
-        return self._assembly.links
-
-    @property
-    def conductors(self) -> list[Conductor]:
-        """Conduction between the mean temperatures and faces of elements."""
-        return self._assembly.bodies.conductors
-
-    @property
-    def massless(self) -> dict[str, str]:
-        """Faces of elements that have a temperature of their own but no capacitance: name -> the element."""
-        return self._assembly.bodies.massless
-
-    @property
-    def effect_instances(self) -> list[EffectInstance]:
-        """Every effect at every place where it acts."""
-        return self._assembly.effect_instances
-
-    @property
-    def parameters(self) -> list[ParameterInstance]:
-        """All parameters of the model, free and fixed."""
-        return self._assembly.parameters
-
-    @property
-    def runs(self) -> dict[str, int]:
-        """For each run, or glob of runs, that an effect is confined to, the index of its indicator."""
-        return self._assembly.runs
+        return list(self.capacities)
 
     @cached_property
     def surroundings(self) -> dict[str, tuple[str, str]]:
@@ -465,29 +169,337 @@ class Network:
         count = {node: sum(one == node for one, _ in pairs) for node, _ in pairs}
         return {(node if count[node] == 1 else edge(node, other)): (node, other) for node, other in pairs}
 
+    @cached_property
+    def linked(self) -> set[str]:
+        """Pairs of places that the network links, by the names of their edges."""
+        return {link.place for link in self.resistors}
+
+    @cached_property
+    def contacts(self) -> set[str]:
+        """The same with the pairs between which an effect exchanges heat."""
+        between = (declared for declared in self.effects if declared.effect.between_ends)
+        return self.linked | {place for declared in between for place, _ in self.places_for(declared)}
+
+    def places_for(self, declared: EffectDeclaration) -> list[Place]:
+        """Where a declared effect acts: (place, nodes it touches)."""
+        return declared.effect.places(declared.at, self)
+
+    def nodes_with(self, key: str) -> list[str]:
+        """Dynamic nodes at which an effect is declared."""
+        patterns = [declared.at for declared in self.effects if declared.effect.key == key]
+        return [name for name in self.dynamic if any(matching(pattern, [name]) for pattern in patterns)]
+
+
+# --- The network -----------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Network:
+    """A thermal network as declared, with its places and parameters worked out.
+
+    Args:
+        name: what the model is called.
+        nodes: dynamic and prescribed nodes.
+        links: resistances between them.
+        effects: everything beyond capacitances and resistances.
+        joints: the names that globs in `nodes` choose from.
+        origin: the file it came from, for messages.
+        values: parameter values that replace the declared ones, by the parameters' names.
+
+    Attributes:
+        layout: nodes and links, worked out.
+        effect_instances: every effect at every place where it acts.
+        parameters: all parameters of the model, free and fixed.
+        declared_at: for each key of a declaration, such as `("nodes", "*_calf", "capacity")`, its parameters' names.
+        runs: for each run, or glob of runs, that an effect is confined to, the index of its indicator.
+
+    Raises:
+        InputError: a place matches nothing, two declarations claim one place, a node is isolated.
+    """
+
+    name: str
+    nodes: tuple[NodeDeclaration, ...]
+    links: tuple[LinkDeclaration, ...] = ()
+    effects: tuple[EffectDeclaration, ...] = ()
+    joints: tuple[str, ...] = ()
+    origin: str = "model"
+    values: Mapping[str, float] = field(default_factory=dict)
+    layout: Layout = field(init=False, repr=False, compare=False)
+    effect_instances: list[EffectInstance] = field(init=False, repr=False, compare=False)
+    parameters: list[ParameterInstance] = field(init=False, repr=False, compare=False)
+    declared_at: dict[Key, list[str]] = field(init=False, repr=False, compare=False)
+    runs: dict[str, int] = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        worked_out = _work_out(self.origin, self.nodes, self.links, self.effects, self.joints, self.values)
+        for name, value in worked_out._asdict().items():
+            object.__setattr__(self, name, value)
+
+    @property
+    def dynamic(self) -> list[str]:
+        """Names of the nodes with a heat capacity, in order."""
+        return self.layout.dynamic
+
+    @property
+    def prescribed(self) -> dict[str, str | int]:
+        """For each prescribed node its log column, `"start"`, or the index of its parameter."""
+        return self.layout.prescribed
+
+    @property
+    def capacities(self) -> dict[str, int]:
+        """For each dynamic node the index of its capacitance."""
+        return self.layout.capacities
+
+    @property
+    def resistors(self) -> list[Link]:
+        """Every link of the network."""
+        return self.layout.resistors
+
+    @property
+    def conductors(self) -> list[Conductor]:
+        """Conduction between the mean temperatures and faces of elements."""
+        return self.layout.conductors
+
+    @property
+    def massless(self) -> dict[str, str]:
+        """Faces of elements that have a temperature of their own but no capacitance: name -> the element."""
+        return self.layout.massless
+
+    @property
+    def surroundings(self) -> dict[str, tuple[str, str]]:
+        """Places of exchange with a prescribed node: name -> (node, prescribed node)."""
+        return self.layout.surroundings
+
+    def places_for(self, declared: EffectDeclaration) -> list[Place]:
+        """Where a declared effect acts: (place, nodes it touches)."""
+        return self.layout.places_for(declared)
+
+    def nodes_with(self, key: str) -> list[str]:
+        """Dynamic nodes at which an effect is declared."""
+        return self.layout.nodes_with(key)
+
     def with_effects(self, extra: Iterable[EffectDeclaration]) -> Network:
         """The same network and more effects."""
         return replace(self, effects=(*self.effects, *extra))
 
     def with_values(self, values: Mapping[str, float]) -> Network:
-        """The same network with parameter values replaced, by the names of its unknowns."""
+        """The same network with parameter values replaced, by the parameters' names."""
         return replace(self, values={**self.values, **values})
 
     def without_effect(self, key: str, at: str) -> Network:
         """The same network less the effect declared with this key and place (`"*_calf"`, `"*_calf@monday"`)."""
-        kept = tuple(each for each in self.effects if (each.effect.key, each.where) != (key, at))
+        kept = tuple(declared for declared in self.effects if (declared.effect.key, declared.where) != (key, at))
         return replace(self, effects=kept)
 
-    def places_for(self, declaration: EffectDeclaration) -> list[tuple[str, tuple[str, ...]]]:
-        """Where a declared effect acts: (place, nodes it touches)."""
-        return places_for(self, declaration)
 
-    def nodes_with(self, key: str) -> list[str]:
-        """Dynamic nodes at which an effect is declared."""
-        patterns = [effect.at for effect in self.effects if effect.effect.key == key]
-        return [name for name in self.dynamic if any(matching(pattern, [name]) for pattern in patterns)]
+# --- From the declarations to the network -----------------------------------------------------------
 
-    def around(self, instance: EffectInstance) -> str | None:
-        """The prescribed node that the nodes of a use give their heat to, `None` without any."""
-        near = [other for node, other in self.surroundings.values() if node in instance.ends]
-        return next(iter([*near, *self.prescribed]), None)
+Key = tuple[str | int, ...]
+"""A key of a declaration: `("nodes", "*_calf", "capacity")`, `("effects", 2, "gamma")`."""
+_NO_NAME = re.compile(r"[\s.~{}]|^$")
+_ROUNDING = 1e-9  # of a value: it may lie so far outside its bounds, as numbers do that were printed and read
+
+
+class _WorkedOut(NamedTuple):
+    """What a network's declarations come to; fields as in `Network`."""
+
+    layout: Layout
+    effect_instances: list[EffectInstance]
+    parameters: list[ParameterInstance]
+    declared_at: dict[Key, list[str]]
+    runs: dict[str, int]
+
+
+def _work_out(
+    origin: str,
+    nodes: Sequence[NodeDeclaration],
+    links: Sequence[LinkDeclaration],
+    effects: tuple[EffectDeclaration, ...],
+    joints: Sequence[str],
+    values: Mapping[str, float],
+) -> _WorkedOut:
+    """Nodes first, then links, then what conducts inside elements, then effects: parameters are numbered in this order.
+
+    Raises:
+        InputError: as `Network` says.
+    """
+    parameters = _Parameters(origin, values)
+    capacities, prescribed, elements = _nodes(origin, nodes, joints, parameters)
+    bodies = Bodies(origin)
+    for name, (_, element) in elements.items():
+        bodies.add(name, element.shape)
+    resistors = _links(origin, links, capacities, prescribed, bodies, parameters)
+
+    def conductivity(name: str, direction: str) -> int:
+        pattern, element = elements[name]
+        declared = element.conductivity[direction]
+        key = ("nodes", pattern, "element", declared.name)
+        return parameters.index(key, declared.name, name, pattern, declared)
+
+    bodies.lay_conductors(conductivity)
+    layout = Layout(capacities, prescribed, resistors, bodies.conductors, bodies.massless, effects)
+    _refuse_isolated(origin, layout, bodies)
+    instances, runs = _effects(origin, layout, parameters)
+    return _WorkedOut(layout, instances, parameters.instances, parameters.declared_at, runs)
+
+
+class _Parameters:
+    """The parameters of a network, numbered in the order in which its declarations name them."""
+
+    def __init__(self, origin: str, values: Mapping[str, float]) -> None:
+        self.origin, self.values = origin, values
+        self.instances: list[ParameterInstance] = []
+        self.declared_at: dict[Key, list[str]] = {}
+        self._index: dict[str, int] = {}
+
+    def index(self, key: Key, prefix: str, place: str, pattern: str, declared: Parameter, run: str = "") -> int:
+        """The number of a declared parameter at a place, which it may have in common with others."""
+        owner = {"class": class_of(place), "all": pattern}.get(declared.share, place)
+        name = in_run(f"{prefix}.{owner}", run)
+        names = self.declared_at.setdefault(key, [])
+        if name not in names:
+            names.append(name)
+        if name not in self._index:
+            other = mirrored(place) if declared.share == "sides" else None
+            mirror = None if other is None else in_run(f"{prefix}.{other}", run)
+            if name in self.values:
+                declared = self._revalued(name, declared, self.values[name])
+            self._index[name] = len(self.instances)
+            self.instances.append(ParameterInstance(name, declared, mirror))
+        return self._index[name]
+
+    def _revalued(self, name: str, declared: Parameter, value: float) -> Parameter:
+        lower, upper = declared.bounds
+        slack = _ROUNDING * max(abs(value), 1.0)
+        if not lower - slack <= value <= upper + slack:
+            expected = f"a value from {lower!r} to {upper!r}"
+            raise InputError(self.origin, f'fit.parameters."{name}"', f"{value!r}", expected)
+        return replace(declared, value=min(max(value, lower), upper))
+
+
+def _nodes(
+    origin: str, nodes: Sequence[NodeDeclaration], joints: Sequence[str], parameters: _Parameters
+) -> tuple[dict[str, int], dict[str, str | int], dict[str, tuple[str, Element]]]:
+    """Capacities, prescribed temperatures, and for each element the pattern that declares it."""
+    capacities: dict[str, int] = {}
+    prescribed: dict[str, str | int] = {}
+    elements: dict[str, tuple[str, Element]] = {}
+    for node in nodes:
+        names = matching(node.pattern, joints) if is_glob(node.pattern) else [node.pattern]
+        where = f'nodes."{node.pattern}"'
+        if not names:
+            known = f"one of {', '.join(joints)}" if joints else "joints listed in [model] joints = [...]"
+            raise InputError(origin, where, "a pattern that matches no joint", known)
+        for name in names:
+            if _NO_NAME.search(name):
+                raise InputError(origin, where, f'the name "{name}"', "a name without blanks, dots, ~ or braces")
+            if name in capacities or name in prescribed:
+                raise InputError(origin, where, f"node {name} declared twice", "each node once")
+            if node.capacity is not None:
+                key = ("nodes", node.pattern, "capacity")
+                capacities[name] = parameters.index(key, "capacity", name, node.pattern, node.capacity)
+                if node.element is not None:
+                    elements[name] = node.pattern, node.element
+            elif isinstance(node.temperature, Parameter):
+                key = ("nodes", node.pattern, "temperature")
+                prescribed[name] = parameters.index(key, "temperature", name, node.pattern, node.temperature)
+            elif node.temperature is not None:
+                prescribed[name] = node.temperature
+            else:
+                raise InputError(origin, where, "neither", "a capacity or a temperature")
+    return capacities, prescribed, elements
+
+
+def _links(
+    origin: str,
+    links: Sequence[LinkDeclaration],
+    capacities: Mapping[str, int],
+    prescribed: Mapping[str, str | int],
+    bodies: Bodies,
+    parameters: _Parameters,
+) -> list[Link]:
+    """Every link; perfect contacts are taken up by the bodies, before all others, for they say where those end."""
+    names = [*capacities, *prescribed]
+    resistors: list[Link] = []
+    taken: set[str] = set()
+    numbered = sorted(enumerate(links), key=lambda item: item[1].resistance is not None)
+    for number, link in numbered:
+        where = f"links[{number}].between"
+        for pair in _pairs(origin, where, link, names, bodies):
+            if link.resistance is None:
+                bodies.join(*pair, where)
+                continue
+            place = edge(*pair)
+            if place in taken:
+                raise InputError(origin, where, f"a second link {place}", "each pair of nodes linked once")
+            bodies.touch(*pair)
+            ends = bodies.where(pair[0]), bodies.where(pair[1])
+            if ends[0] == ends[1] or (ends[0] in prescribed and ends[1] in prescribed):
+                continue  # heat between two given temperatures changes nothing
+            taken.add(place)
+            key = ("links", number, "resistance")
+            index = parameters.index(key, "resistance", place, edge(*link.between), link.resistance)
+            resistors.append(Link(place, ends, index))
+    return resistors
+
+
+def _pairs(
+    origin: str, where: str, link: LinkDeclaration, names: Sequence[str], bodies: Bodies
+) -> list[tuple[str, str]]:
+    """Places that a link stands for; only a pattern with a dot means faces."""
+    pairs = [
+        pair
+        for pair in expand_pair(link.between, [*names, *bodies.faces])
+        if all(("." in end) == ("." in pattern) for end, pattern in zip(pair, link.between, strict=True))
+    ]
+    if not pairs:
+        found = f"{link.between[0]} and {link.between[1]}, which match no pair of nodes"
+        raise InputError(origin, where, found, f"two of {', '.join(bodies.linkable(names))}, or patterns of them")
+    for end in (end for pair in pairs for end in pair if end in bodies.shapes):
+        expected = f"one of its faces: {', '.join(bodies.faces_of(end))}"
+        raise InputError(origin, where, f"a link to the middle of element {end}", expected)
+    return pairs
+
+
+def _refuse_isolated(origin: str, layout: Layout, bodies: Bodies) -> None:
+    """A node without link, contact or edge effect would only ever warm."""
+    touched = {end for link in layout.resistors for end in link.ends} | bodies.touched_places()
+    for declared in layout.effects:
+        if declared.effect.between_ends and not declared.run:
+            touched |= {end for _, ends in layout.places_for(declared) for end in ends}
+    for name in layout.capacities:
+        if name not in touched:
+            ends = f'["{bodies.linkable([name])[0]}", "{next(iter(layout.prescribed), "ambient")}"]'
+            found, expected = "an isolated node, whose heat has no way out", f"a link to it, such as between = {ends}"
+            raise InputError(origin, f'nodes."{name}"', found, expected)
+
+
+def _effects(origin: str, layout: Layout, parameters: _Parameters) -> tuple[list[EffectInstance], dict[str, int]]:
+    """Every effect at every place where it acts, and the indicators of the runs that some are confined to."""
+    instances: list[EffectInstance] = []
+    labels: set[str] = set()
+    runs: dict[str, int] = {}
+    for number, declared in enumerate(layout.effects):
+        where = f"effects[{number}].at"
+        places = layout.places_for(declared)
+        if not places:
+            found = f'"{declared.at}", which matches no place for {declared.effect.key}'
+            raise InputError(origin, where, found, declared.effect.places_in_words(layout))
+        if run := declared.run:
+            # 1 in the run, and 0 wherever no run is simulated: in an FMU, an estimator, a forecast.
+            indicator = Parameter(RUN, 0.0, "1", (0.0, 1.0), title=f"1 in run {run}", fixed=True)
+            runs[run] = parameters.index((RUN, run), RUN, run_label(run), run, indicator)
+        for place, ends in places:
+            indices = {
+                name: parameters.index(
+                    ("effects", number, name), f"{declared.name}.{name}", place, declared.at, parameter, run
+                )
+                for name, parameter in declared.resolved.items()
+            }
+            instance = EffectInstance(declared, place, ends, indices, runs.get(run))
+            if instance.label in labels:
+                expected = "each effect once at each place"
+                raise InputError(origin, where, f"a second {instance.name} at {place}", expected)
+            labels.add(instance.label)
+            instances.append(instance)
+    return instances, runs
