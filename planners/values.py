@@ -132,9 +132,9 @@ def in_order(values: Values, names: Sequence[str], what: str, missing: float) ->
         InputError: an unknown name, or a wrong number of values.
     """
     if isinstance(values, Mapping):
-        parameter = set(values) - set(names)
-        if parameter:
-            raise InputError(what, sorted(parameter)[0], "an unknown name", f"one of {', '.join(names)}")
+        unknown = set(values) - set(names)
+        if unknown:
+            raise InputError(what, sorted(unknown)[0], "an unknown name", f"one of {', '.join(names)}")
         return np.array([values.get(name, missing) for name in names], dtype=float)
     array = np.asarray(values, dtype=float)
     if array.shape != (len(names),):

@@ -113,9 +113,9 @@ def statics(body: Body, stance: Stance) -> Statics:
 def _check(body: Body, stance: Stance, standing: list[str], names: list[str]) -> None:
     if np.shape(stance.angles) != (len(body.joints),) or not np.isfinite(stance.angles).all():
         raise ValueError(f"angles: found shape {np.shape(stance.angles)}; expected {len(body.joints)} numbers [rad]")
-    parameter = [name for name in standing if name not in names]
-    if parameter or len(standing) < 3:
-        found = parameter[0] if parameter else f"{len(standing)} legs"
+    unknown = [name for name in standing if name not in names]
+    if unknown or len(standing) < 3:
+        found = unknown[0] if unknown else f"{len(standing)} legs"
         raise ValueError(f"standing: found {found}; expected three or more of {', '.join(names)}")
     for name, value, least in (("load", stance.load, 0.0), ("friction", stance.friction, 1e-3),
                                ("least_normal", stance.least_normal, 0.0)):  # fmt: skip

@@ -108,15 +108,15 @@ def with_known_start(mission: Mission) -> tuple[Mission, tuple[str, ...]]:
 
     What has no limit is taken to be as hot as the hottest that is known.
     """
-    parameter = ~np.isfinite(mission.start)
-    if not parameter.any():
+    unknown = ~np.isfinite(mission.start)
+    if not unknown.any():
         return mission, ()
-    model, known = mission.model, mission.start[~parameter]
+    model, known = mission.model, mission.start[~unknown]
     hottest = float(known.max()) if known.size else max(mission.ambient, *mission.limits.values())
     owners = [model.nodes[owner] for owner in model.owners]
     assumed = np.array([mission.limits.get(node, hottest) for node in owners])
-    nodes = tuple(dict.fromkeys(node for node, missing in zip(owners, parameter, strict=True) if missing))
-    return replace(mission, start=np.where(parameter, assumed, mission.start)), nodes
+    nodes = tuple(dict.fromkeys(node for node, missing in zip(owners, unknown, strict=True) if missing))
+    return replace(mission, start=np.where(unknown, assumed, mission.start)), nodes
 
 
 @dataclass(frozen=True)

@@ -301,9 +301,9 @@ def _entry(key: str, entry: object, file: str | Path, place: str) -> ColumnSourc
         entry = {"column": entry}
     if not isinstance(entry, Mapping):
         raise InputError(file, place, shown(entry), 'a column\'s name or a table such as { column = "T1" }')
-    parameter = [str(name) for name in entry if name not in _ALLOWED]
-    if parameter:
-        raise InputError(file, place, f"key '{parameter[0]}'", f"one of {', '.join(_ALLOWED)}")
+    unknown = [str(name) for name in entry if name not in _ALLOWED]
+    if unknown:
+        raise InputError(file, place, f"key '{unknown[0]}'", f"one of {', '.join(_ALLOWED)}")
     low, high = _numbers(entry, "valid", (-math.inf, math.inf), file, place)[:2]
     return ColumnSource(
         _names(entry, file, place),
