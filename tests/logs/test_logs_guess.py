@@ -12,8 +12,7 @@ import pytest
 from lptn.cli.main import main
 from lptn.logs.columns import ColumnSource, parse_columns, parse_map_option
 from lptn.logs.guess import guess, recognised
-from lptn.logs.reading import read_log
-from lptn.logs.tables import open_table
+from lptn.logs.reading import open_table, read_log
 from lptn.robots.presets import presets
 
 Write = Callable[..., Path]

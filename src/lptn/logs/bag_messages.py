@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from lptn.basics.arrays import BoolArray, FloatArray, IntArray
 from lptn.logs.columns import ColumnSource, is_key, words_of
 
-# --- Where the numbers of a ROS 2 message stand among its bytes: CDR, little-endian, as one given message is laid out ---
+# --- Where the numbers of a ROS 2 message stand among its bytes: CDR, little-endian, as one message is laid out ---
 
 
 _TYPES = {
@@ -151,10 +151,10 @@ def _named(message: Any, prefix: str) -> Iterator[tuple[str, str, float]]:
                 yield f"{prefix}{joint}.{what}", f"{prefix}interface_values[{row}].values[{column}]", float(value)
         return
     labels = names if isinstance(names, list) and hasattr(message, "effort") else None
-    for field in fields(message):
-        if field.name != "header" and not field.name.startswith("_"):
-            path = f"{prefix}{field.name}"
-            yield from _of_value(getattr(message, field.name), path, path, labels)
+    for part in fields(message):
+        if part.name != "header" and not part.name.startswith("_"):
+            path = f"{prefix}{part.name}"
+            yield from _of_value(getattr(message, part.name), path, path, labels)
 
 
 def _of_value(value: Any, name: str, path: str, labels: Sequence[str] | None) -> Iterator[tuple[str, str, float]]:

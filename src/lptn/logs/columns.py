@@ -105,7 +105,7 @@ ELECTRICAL = ("erpm", "e rpm")
 
 
 @dataclass(frozen=True)
-class Parts:
+class NameParts:
     """A column's name taken apart.
 
     Args:
@@ -139,15 +139,15 @@ def words_of(name: str) -> tuple[str, ...]:
     return tuple(word.lower() for word in _WORD.findall(name))
 
 
-def parts_of(name: str) -> Parts:
+def parts_of(name: str) -> NameParts:
     """A name taken apart; what stands in a bracket and is no unit are words of it."""
     match = _BRACKETED.search(name)
     if match is None:
-        return Parts(words_of(name), "")
+        return NameParts(words_of(name), "")
     before, inside = name[: match.start()], match[1]
     words = words_of(inside)
     is_unit = not inside.isdigit() and any(" ".join(words) in known for known in UNITS.values())
-    return Parts((*words_of(before), *(() if is_unit else words)), inside)
+    return NameParts((*words_of(before), *(() if is_unit else words)), inside)
 
 
 QUANTITIES: Mapping[str, frozenset[str]] = {

@@ -13,7 +13,7 @@ from lptn.logs.columns import (
     PLACES,
     QUANTITIES,
     ColumnSource,
-    Parts,
+    NameParts,
     map_option,
     parts_of,
     toml_line,
@@ -82,18 +82,18 @@ def guess(
     parts = {name: parts_of(name) for name in names}
     places = [key.partition(".")[2] for key in (*outputs, *inputs) if key.startswith("temperature.")]
     places = [place for place in dict.fromkeys(places) if place != "ambient"]
-    found: dict[str, tuple[str, str]] = {}
+    chosen: dict[str, tuple[str, str]] = {}  # column and reason, by key
     if "time" in missing and (name := _time(parts)):
-        found["time"] = name, "its name"
+        chosen["time"] = name, "its name"
     for key in missing:
         if key != "time" and (name := _by_place(key, parts, places)):
-            found[key] = name, "its name"
-    for way in (_by_last_word, _by_number, _by_being_alone):
-        rest = [key for key in missing if key not in found and key != "time"]
-        free = {name: each for name, each in parts.items() if name not in {column for column, _ in found.values()}}
-        found |= way(rest, free, places)
-    made = (_made(table, key, *found[key]) for key in missing if key in found)
-    return [each for each in made if each is not None]
+            chosen[key] = name, "its name"
+    for method in (_by_last_word, _by_number, _by_being_alone):
+        rest = [key for key in missing if key not in chosen and key != "time"]
+        taken = {column for column, _ in chosen.values()}
+        chosen |= method(rest, {name: words for name, words in parts.items() if name not in taken}, places)
+    guesses = (_with_unit(table, key, *chosen[key]) for key in missing if key in chosen)
+    return [guess for guess in guesses if guess is not None]
 
 
 def recognised(table: Table) -> str:
@@ -111,7 +111,7 @@ def _of_opensourceleg(table: Table) -> bool:
     return all(any(wanted <= each for each in words) for wanted in _OSL)
 
 
-def _made(table: Table, key: str, column: str, why: str) -> Guess | None:
+def _with_unit(table: Table, key: str, column: str, why: str) -> Guess | None:
     """The guess with its unit, from the name or else from the values; `None` for a column without numbers."""
     quantity = key.partition(".")[0]
     source = ColumnSource((column,))
@@ -130,7 +130,7 @@ def _made(table: Table, key: str, column: str, why: str) -> Guess | None:
     return Guess(key, mended, f"{why}; {doubts[0].found}") if mended else Guess(key, source, why)
 
 
-def _time(parts: Mapping[str, Parts]) -> str:
+def _time(parts: Mapping[str, NameParts]) -> str:
     """The column whose name begins or ends with a word for time, and has no more than a unit besides."""
     ranked: list[tuple[int, int, str]] = []
     for name, each in parts.items():
@@ -141,16 +141,16 @@ def _time(parts: Mapping[str, Parts]) -> str:
     return min(ranked)[2] if ranked else ""
 
 
-def _by_place(key: str, parts: Mapping[str, Parts], places: Sequence[str]) -> str:
+def _by_place(key: str, parts: Mapping[str, NameParts], places: Sequence[str]) -> str:
     """The column that names the place and the quantity with the fewest words besides; '' if two are as good."""
     quantity, _, place = key.partition(".")
     others = [_spellings(other) for other in places if other != place]
     mine = _spellings(place)
     ranked: list[tuple[int, str]] = []
     for name, each in parts.items():
-        extra = _besides(each, quantity, mine)
+        extra = _words_besides(each, quantity, mine)
         # `FR_calf_upper` is another place where the model has one of that name.
-        longer = any(_besides(each, quantity, spelling) is not None and len(min(spelling)) > len(min(mine))
+        longer = any(_words_besides(each, quantity, spelling) is not None and len(min(spelling)) > len(min(mine))
                      for spelling in others)  # fmt: skip
         if extra is not None and not longer:
             ranked.append((extra, name))
@@ -165,7 +165,7 @@ def _spellings(place: str) -> set[str]:
     return {"".join(words_of(place)), *PLACES.get(place, ())}
 
 
-def _besides(parts: Parts, quantity: str, spellings: set[str]) -> int | None:
+def _words_besides(parts: NameParts, quantity: str, spellings: set[str]) -> int | None:
     """How many words a name has besides place, quantity and unit; `None` where it lacks one or is no measurement."""
     words = list(parts.words)
     if len(words) > _MOST_WORDS or NOT_MEASURED.intersection(words):
@@ -191,7 +191,7 @@ def _besides(parts: Parts, quantity: str, spellings: set[str]) -> int | None:
 
 
 def _by_last_word(
-    missing: Sequence[str], parts: Mapping[str, Parts], places: Sequence[str]
+    missing: Sequence[str], parts: Mapping[str, NameParts], places: Sequence[str]
 ) -> dict[str, tuple[str, str]]:
     """`hip temp` for FR_hip, in a model of one leg: names of a last word alone, if there is one for each node."""
     last = {place: words_of(place)[-1] for place in places if len(words_of(place)) > 1}
@@ -202,14 +202,16 @@ def _by_last_word(
         fitting = {}
         for place, word in last.items():
             spelt = {word, *PLACES.get(word, ())}
-            fitting[place] = [name for name, each in parts.items() if _besides(each, quantity, spelt) == 0]
+            fitting[place] = [name for name, each in parts.items() if _words_besides(each, quantity, spelt) == 0]
         keys = {place: f"{quantity}.{place}" for place in places}
         if all(len(names) == 1 for names in fitting.values()) and set(keys.values()) <= set(missing):
             found |= {keys[place]: (names[0], "the end of its name: check that") for place, names in fitting.items()}
     return found
 
 
-def _by_number(missing: Sequence[str], parts: Mapping[str, Parts], places: Sequence[str]) -> dict[str, tuple[str, str]]:
+def _by_number(
+    missing: Sequence[str], parts: Mapping[str, NameParts], places: Sequence[str]
+) -> dict[str, tuple[str, str]]:
     """Numbered columns, `motor_temperature[3]`, taken in the order of the model's nodes if there are as many."""
     found: dict[str, tuple[str, str]] = {}
     for quantity in dict.fromkeys(key.partition(".")[0] for key in missing):
@@ -222,7 +224,7 @@ def _by_number(missing: Sequence[str], parts: Mapping[str, Parts], places: Seque
     return found
 
 
-def _families(quantity: str, parts: Mapping[str, Parts], places: Sequence[str]) -> list[dict[int, str]]:
+def _families(quantity: str, parts: Mapping[str, NameParts], places: Sequence[str]) -> list[dict[int, str]]:
     """Columns of one quantity that differ in their number alone, and name none of the places."""
     families: dict[tuple[str, ...], dict[int, str]] = {}
     for name, each in parts.items():
@@ -236,12 +238,12 @@ def _families(quantity: str, parts: Mapping[str, Parts], places: Sequence[str]) 
 
 
 def _by_being_alone(
-    missing: Sequence[str], parts: Mapping[str, Parts], places: Sequence[str]
+    missing: Sequence[str], parts: Mapping[str, NameParts], places: Sequence[str]
 ) -> dict[str, tuple[str, str]]:
     """For a model of one node the one column of a quantity that names no other place."""
     if len(places) != 1:
         return {}
-    elsewhere: Callable[[Parts], bool] = lambda each: any(  # noqa: E731
+    elsewhere: Callable[[NameParts], bool] = lambda each: any(  # noqa: E731
         PLACES[place].intersection(each.words) for place in ("ambient", "battery", "pc", "base")
     )
     found = {}

@@ -133,7 +133,7 @@ def suspect_wrap(key: str, source: ColumnSource, raw: FloatArray) -> list[Suspic
         if inside and wrapped and np.median(np.minimum(jumps, turn - jumps)) < 0.1 * turn:
             found = f"{wrapped} jumps of some {turn:.0f}: a counter of {bits} bit that wraps"
             mended = replace(source, wrap=turn)
-            return [Suspicion(key, source.columns[0], found, write_line(key, mended), True, mended)]
+            return [Suspicion(key, source.columns[0], found, write_instead(key, mended), True, mended)]
     return []
 
 
@@ -143,8 +143,8 @@ def _fahrenheit(key: str, source: ColumnSource, known: FloatArray) -> list[Suspi
     return [_unit(key, source, "degF", found, False)] if 55 < middle < 120 else []
 
 
-def suspect_all(sources: Mapping[str, ColumnSource], values: Mapping[str, FloatArray]) -> list[Suspicion]:
-    """Fahrenheit, by the temperatures of the whole log: none that a room can have, or a start where the room's is then.
+def suspect_fahrenheit(sources: Mapping[str, ColumnSource], values: Mapping[str, FloatArray]) -> list[Suspicion]:
+    """Fahrenheit, by the whole log: no temperature that a room can have, or a start in degF where the room's is then.
 
     Args:
         sources: where the quantities stand.
@@ -182,7 +182,7 @@ def _current(key: str, source: ColumnSource, known: FloatArray) -> list[Suspicio
 def _velocity(key: str, source: ColumnSource, known: FloatArray) -> list[Suspicion]:
     if parts_of(source.columns[0]).electrical:
         mended = replace(source, unit="rpm", scale=1 / 14)
-        mend = f"for 14 pole pairs, say, {write_line(key, mended)}"
+        mend = f"for 14 pole pairs, say, {write_instead(key, mended)}"
         return [Suspicion(key, source.columns[0], "electrical turns, by the column's name", mend, True)]
     high = float(np.percentile(np.abs(known), 99))
     sure = high > 2000
@@ -195,16 +195,16 @@ def _unit(key: str, source: ColumnSource, unit: str, found: str, sure: bool) -> 
     si = {"time": "s", "temperature": "degC", "torque": "N*m", "current": "A", "velocity": "rad/s", "power": "W"}
     own = si.get(key.partition(".")[0], "")
     mended = replace(source, unit=unit)
-    mend = f"{write_line(key, mended)}; if it is {own} all the same, say so as its unit"
+    mend = f"{write_instead(key, mended)}; if it is {own} all the same, say so as its unit"
     return Suspicion(key, source.columns[0], found, mend, sure, mended)
 
 
 def _scale(key: str, source: ColumnSource, scale: float, found: str, words: str, sure: bool) -> Suspicion:
     mended = replace(source, scale=source.scale * scale)
-    return Suspicion(key, source.columns[0], found, f"for {words} {write_line(key, mended)}", sure, mended)
+    return Suspicion(key, source.columns[0], found, f"for {words} {write_instead(key, mended)}", sure, mended)
 
 
-def write_line(key: str, source: ColumnSource) -> str:
+def write_instead(key: str, source: ColumnSource) -> str:
     """What to write, as an imperative."""
     return f"write {either(key, source)}"
 
@@ -240,7 +240,9 @@ def suspect_readings(
         listed = " and ".join(f"{code:.6g}" for code in codes)
         said = f"{count} reading{'s' * (count > 1)} of exactly {listed} degC, far from those around"
         mended = replace(source, invalid=(*source.invalid, *marked))
-        found.append(Suspicion(key, source.columns[0], f"{said}: a fault code", write_line(key, mended), False, mended))
+        found.append(
+            Suspicion(key, source.columns[0], f"{said}: a fault code", write_instead(key, mended), False, mended)
+        )
     rest = known[~np.isin(values[known], codes)]
     return found + _stuck(key, source, time[rest], values[rest], moving)
 
@@ -318,7 +320,7 @@ def doubts_of(
             odd = suspect_readings(key, source, time, raw, values[key], moving)
         found += odd
     if not any(doubt.key.startswith("temperature.") for doubt in found):
-        found += suspect_all(sources, values)
+        found += suspect_fahrenheit(sources, values)
     return tuple(found)
 
 
@@ -347,9 +349,9 @@ def check_time(table: Table, name: str, time: FloatArray) -> tuple[npt.NDArray[n
         InputError: time is missing somewhere, runs backwards, or is too short or too coarse to be in s.
     """
     _enough(table, time.size)
-    told = np.abs(time) < _LATEST
-    if not told.all():
-        row = int(np.argmin(told))
+    usable = np.abs(time) < _LATEST
+    if not usable.all():
+        row = int(np.argmin(usable))
         table.refuse(row, name, f"{'no time' if np.isnan(time[row]) else time[row]}", "a time in every row")
     steps = np.diff(time)
     if (steps < 0).any():

@@ -18,7 +18,7 @@ from lptn.logs.guess import guess, recognised
 from lptn.logs.quality import Suspicion, check_time, check_values, doubts_of
 from lptn.logs.resampling import Samples, driven, features_of, find_stretches, grid, hold, measured, raw_keys, would_cut
 from lptn.logs.run import Run, quantisation_step
-from lptn.logs.tables import Table, known_columns, open_table, table_of
+from lptn.logs.tables import Table, known_columns, open_csv, open_parquet, table_of
 
 # --- Which of a log's columns a model needs, and what to say when one is not there ----------------
 
@@ -142,6 +142,7 @@ def _listing(table: Table) -> str:
 
 
 _PAIR = re.compile(r"(?P<first>.+?)\+(?P<second>[^+]+?)(?:@(?P<shift>[-+]?\d+(?:\.\d+)?))?")
+_FORMATS = ".csv, .csv.gz, .parquet, .mcap, .db3 or .ulg file, or the folder of a ROS 2 bag"
 _ENDINGS = (".gz", ".csv", ".parquet", ".mcap", ".db3", ".ulg", ".ulog")
 
 
@@ -163,6 +164,31 @@ def open_log(path: Path, columns: Mapping[str, ColumnSource]) -> tuple[Table, di
 
     first, second, shift = pair
     return join(path, open_table(first), open_table(second), shift, columns)
+
+
+def open_table(path: Path) -> Table:
+    """Open a log and read its column names.
+
+    Raises:
+        InputError: there is no such file, its format is not known, or it can't be read.
+    """
+    if not path.exists():
+        raise InputError(path, "log", "no such file", f"a {_FORMATS}")
+    if path.is_dir() and not (path / "metadata.yaml").is_file():
+        raise InputError(path, "log", "a folder", f"a {_FORMATS} with its metadata.yaml")
+    if path.is_dir() or path.suffix in {".mcap", ".db3"}:
+        from lptn.logs.bags import open_bag
+
+        return open_bag(path)
+    if path.suffix in {".ulg", ".ulog"}:
+        from lptn.logs.ulog import open_ulog
+
+        return open_ulog(path)
+    if path.name.endswith(".parquet"):
+        return open_parquet(path)
+    if path.name.endswith((".csv", ".csv.gz")):
+        return open_csv(path)
+    raise InputError(path, "log", f"the ending '{path.suffix}'", f"a {_FORMATS}")
 
 
 def pair_of(path: Path) -> tuple[Path, Path, float | None] | None:

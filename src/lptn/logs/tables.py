@@ -25,7 +25,6 @@ from lptn.logs.columns import ColumnSource, is_key
 _MOST_NUMBERS = 500_000_000  # 4 GB; a day of twelve joints at 100 Hz has 400 million
 _PIECES = "cut the log into pieces"
 _LONGEST_LINE = 1 << 20  # characters; binary files may have no line end at all
-_FORMATS = ".csv, .csv.gz, .parquet, .mcap, .db3 or .ulg file, or the folder of a ROS 2 bag"
 
 
 @dataclass(frozen=True)
@@ -104,31 +103,6 @@ def _dates(series: pd.Series) -> pd.Series | None:
     return dates if len(dates) and not dates.isna().any() else None
 
 
-def open_table(path: Path) -> Table:
-    """Open a log and read its column names.
-
-    Raises:
-        InputError: there is no such file, its format is not known, or it can't be read.
-    """
-    if not path.exists():
-        raise InputError(path, "log", "no such file", f"a {_FORMATS}")
-    if path.is_dir() and not (path / "metadata.yaml").is_file():
-        raise InputError(path, "log", "a folder", f"a {_FORMATS} with its metadata.yaml")
-    if path.is_dir() or path.suffix in {".mcap", ".db3"}:
-        from lptn.logs.bags import open_bag
-
-        return open_bag(path)
-    if path.suffix in {".ulg", ".ulog"}:
-        from lptn.logs.ulog import open_ulog
-
-        return open_ulog(path)
-    if path.name.endswith(".parquet"):
-        return _open_parquet(path)
-    if path.name.endswith((".csv", ".csv.gz")):
-        return _open_csv(path)
-    raise InputError(path, "log", f"the ending '{path.suffix}'", f"a {_FORMATS}")
-
-
 def table_of(frame: pd.DataFrame, name: str) -> Table:
     """A data frame as a table; an index of dates, durations, or called `time` stands for a missing column `time`.
 
@@ -176,7 +150,12 @@ def check_size(path: Path, rows: int, columns: int) -> None:
         raise InputError(path, "log", found, f"at most {_MOST_NUMBERS:.0e} numbers; {_PIECES}")
 
 
-def _open_csv(path: Path) -> Table:
+def open_csv(path: Path) -> Table:
+    """Open a CSV file, perhaps compressed, and read its column names; comma, semicolon or tab separate.
+
+    Raises:
+        InputError: it can't be read, or has no line of names.
+    """
     try:
         head = [text for _, text in islice(_lines(path), 2)]
     except (OSError, EOFError, zlib.error, UnicodeDecodeError) as error:
@@ -225,7 +204,12 @@ def _open_csv(path: Path) -> Table:
     return Table(path, names, read, where, digest=partial(fingerprint, path))
 
 
-def _open_parquet(path: Path) -> Table:
+def open_parquet(path: Path) -> Table:
+    """Open a Parquet file and read its column names.
+
+    Raises:
+        InputError: it can't be read.
+    """
     try:
         with pq.ParquetFile(path) as file:
             names, rows = tuple(file.schema_arrow.names), int(file.metadata.num_rows)
