@@ -30,7 +30,7 @@ from lptn.diagnose.experiment import Experiment, possible_moves, propose
 from lptn.diagnose.experiment_runs import Move
 from lptn.diagnose.scores import score
 from lptn.identify.data import LoadedModel, load_model, split_data
-from lptn.identify.validation import fit_parts
+from lptn.identify.validation import fit_segments
 from lptn.robots.presets import preset_text
 from lptn.virtual import Hidden, Segment
 
@@ -178,7 +178,7 @@ def judged(hidden: str, found: Sequence[Refit]) -> str:
 def refits(loaded: LoadedModel, logs: Sequence[Path], rivals: Sequence[str], at: str) -> list[Refit]:
     """The rivals fitted to these logs, the one that explains more first."""
     data = for_search(split_data(loaded.runs(logs)))
-    base = fit_parts(loaded.model, data.fit)
+    base = fit_segments(loaded.model, data.fit)
     columns = set.intersection(*(set(part.run.columns) for part in data.fit))
     # All that can have the effect: every node, or every joint.
     names = ("*", "*_*") if at == EVERYWHERE else (at,)

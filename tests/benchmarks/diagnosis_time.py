@@ -16,7 +16,7 @@ from lptn.diagnose.candidates import candidates
 from lptn.diagnose.diagnosis import criterion_difference, examine, for_search, refit
 from lptn.identify.data import DataSplit, load_model, split_data
 from lptn.identify.fitting import Fit
-from lptn.identify.validation import fit_parts
+from lptn.identify.validation import fit_segments
 from lptn.model.model import Model
 from lptn.virtual import quadruped_logs, write_logs
 
@@ -59,7 +59,7 @@ def main() -> None:
     model, data = hour(chosen.effect, chosen.at, chosen.seed)
     coarse = for_search(data)
     start = time.process_time()
-    base = fit_parts(model, coarse.fit)
+    base = fit_segments(model, coarse.fit)
     fitted = time.process_time()
     found = examine(base, coarse)
     ours = time.process_time() - fitted

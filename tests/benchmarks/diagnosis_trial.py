@@ -181,7 +181,7 @@ def _off(case: Case, history: History) -> float | None:
         return None
     amplitude = declaration.effect.amplitude()
     known = {parameter.name: parameter.value for parameter in history.best.fit.model.parameters}
-    for name, error in history.best.fit.errors.items():
+    for name, error in history.best.fit.standard_errors.items():
         if amplitude is not None and name.startswith(f"{declaration.name}.{amplitude.name}.") and error > 0:
             return (known[name] - SIZES[declaration.effect.key]) / error
     return None

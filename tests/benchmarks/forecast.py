@@ -23,7 +23,7 @@ import pandas as pd
 
 from lptn.basics.arrays import FloatArray
 from lptn.identify.data import LoadedModel, load_model, split_data
-from lptn.identify.validation import fit_parts
+from lptn.identify.validation import fit_segments
 from lptn.online.forecasting import Forecast, NodeForecast, forecast
 from lptn.online.operating_point import Gait, find_gait
 from lptn.online.present import Knowledge
@@ -79,7 +79,7 @@ def fitted(seed: int, model: str, folder: Path) -> Robot:
     (folder / "model.toml").write_text(WINDINGS.read_text() if model == "windings" else presets()["quadruped"])
     loaded = load_model(folder / "model.toml")
     data = split_data(loaded.runs(sorted(folder.glob("*.parquet")))).coarsened(FIT_STEP)
-    done = fit_parts(loaded.model, data.fit, symmetry_penalty=1.0)
+    done = fit_segments(loaded.model, data.fit, symmetry_penalty=1.0)
     print(f"robot {seed}: fitted to {len(data.fit)} runs, RMSE {done.rmse:.3f} K, {done.status}", flush=True)
     return Robot(seed, LoadedModel(loaded.file, done.model, loaded.mapped), Knowledge.of_fit(done))
 

@@ -71,13 +71,13 @@ def recovered(seed: int) -> None:
     model, bound_runs = load(seed)
     done, seconds = _timed(lambda: fit(model, bound_runs))
     truth, found = true_values(seed), {parameter.name: parameter.value for parameter in done.model.parameters}
-    off = {name: (found[name] - truth[name]) / error for name, error in done.errors.items() if name in truth}
-    missing = sorted(set(done.errors) - set(truth))
+    off = {name: (found[name] - truth[name]) / error for name, error in done.standard_errors.items() if name in truth}
+    missing = sorted(set(done.standard_errors) - set(truth))
     inside = np.mean([abs(value) <= 1.96 for value in off.values()])
     relative = np.median([abs(found[name] / truth[name] - 1) for name in off])
     hours = sum(len(each) * each.run.step for each in bound_runs) / 3600
     print(
-        f"robot {seed}: {len(done.errors)} parameters, {hours:.1f} h at {bound_runs[0].run.step:g} s, {seconds:.1f} s; "
+        f"robot {seed}: {len(done.standard_errors)} parameters, {hours:.1f} h at {bound_runs[0].run.step:g} s, {seconds:.1f} s; "
         f"{inside:.0%} of {len(off)} true values inside 95 % intervals; median error {relative:.2%}"
     )
     for kind in ("capacity", "resistance", "drive_heat"):
@@ -88,7 +88,7 @@ def recovered(seed: int) -> None:
             f"errors median {np.median(errors):.2%}, worst {max(errors):.2%}"
         )
     for name in sorted(off, key=lambda each: -abs(off[each]))[:3]:
-        print(f"  farthest: {name} true {truth[name]:.4g}, found {found[name]:.4g} ± {done.errors[name]:.2g}")
+        print(f"  farthest: {name} true {truth[name]:.4g}, found {found[name]:.4g} ± {done.standard_errors[name]:.2g}")
     print(f"  without a true value: {', '.join(missing) or 'none'}")
     print(f"  said to be undetermined: {'; '.join(done.uncertainty.warnings) or 'none'}")
 

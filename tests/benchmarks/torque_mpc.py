@@ -28,9 +28,8 @@ from lptn.model.model import Model
 from lptn.planners.limiter import Limiter
 from lptn.planners.limiter.emit import emit as emit_limiter
 from lptn.planners.mpc import TorqueMPC
-from lptn.planners.mpc.emit import emit
-from lptn.planners.mpc.grid import stage_means
 from lptn.planners.mpc.reference import Reference
+from lptn.planners.mpc.settings import stage_means
 from tests.planners.truth import World, conditions, model_of, true_robot
 
 LIMIT, PERIOD, HORIZON, STAGES, NOISE, ERROR = 60.0, 5, 300, 60, 0.1, 0.1
@@ -118,7 +117,7 @@ def do_mpc_controller(model: Model, start: float, failed: list[int]) -> Controll
     soft limit, state feedback."""
     import do_mpc
 
-    from lptn.planners.mpc.heat import heating
+    from lptn.planners.heating import heating
 
     heat = heating(model, "torque")
     rate, joints = heat.rate_function(), len(heat.joints)
@@ -300,7 +299,7 @@ def emitted(seed: int, steps: int) -> None:
         lines = [" ".join(f"{value:.17g}" for value in row) for row in rows]
         with tempfile.TemporaryDirectory() as name:
             folder = Path(name)
-            emit(mpc, folder, starts[0], request, np.tile(given, (steps, 1)))
+            mpc.emit(folder, starts[0], request, np.tile(given, (steps, 1)))
             told, said = _built_and_run(folder, "lptn_mpc.c", "\n".join(lines))
         apart = float(np.abs(told[:, : len(mpc.joints)] - np.array(here)).max())
         print(f"controller, {stages} stages: {said}; largest difference from Python {apart:.1e} N*m")

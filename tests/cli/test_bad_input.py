@@ -170,7 +170,7 @@ def test_numbers_out_of_range_are_refused(tmp_path: Path, capsys: pytest.Capture
     GOOD.to_csv(tmp_path / "log.csv", index=False)
     both = [tmp_path / "model.toml", tmp_path / "log.csv"]
     assert "--jobs" in _refused(["diagnose", *both, "--jobs", 0], capsys)
-    assert "--mirror-weight" in _refused(["fit", *both, "--mirror-weight", -5], capsys)
+    assert "--symmetry-penalty" in _refused(["fit", *both, "--mirror-weight", -5], capsys)
 
 
 def test_an_ending_that_cannot_be_written_is_said_before_the_work(
@@ -178,7 +178,7 @@ def test_an_ending_that_cannot_be_written_is_said_before_the_work(
 ) -> None:
     (tmp_path / "model.toml").write_text(MODEL)
     GOOD.to_csv(tmp_path / "log.csv", index=False)
-    monkeypatch.setattr("lptn.identify.data.open_model", None)
+    monkeypatch.setattr("lptn.identify.data.load_model", None)
     words: list[object] = ["simulate", tmp_path / "model.toml", tmp_path / "log.csv", "-o", tmp_path / "x.xlsx"]
     assert ".csv or .parquet" in _refused(words, capsys)
 

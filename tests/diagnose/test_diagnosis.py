@@ -8,7 +8,7 @@ import pytest
 from lptn.diagnose.candidates import candidates
 from lptn.diagnose.diagnosis import diagnose, for_search, independent_readings, refit_all
 from lptn.diagnose.scores import Scores, score
-from lptn.identify.validation import fit_parts
+from lptn.identify.validation import fit_segments
 from lptn.virtual import Hidden
 from tests.diagnose.conftest import Leg
 
@@ -59,7 +59,7 @@ def _scored(leg: Leg, hidden: Hidden) -> tuple[Scores, float, float]:
     """Scores; the cost of the baseline; the cost with the hidden effect refitted."""
     model, data = leg(hidden)
     coarse = data.coarsened(5.0)
-    base = fit_parts(model, coarse.fit)
+    base = fit_segments(model, coarse.fit)
     scores = score(base, candidates(model.network, coarse.fit[0].run.columns))
     truth = [each for each in scores.ranked if each.candidate.key == (hidden.effect, hidden.at)]
     (refit,) = refit_all(base, truth)
@@ -86,7 +86,7 @@ def test_chance_reaches_a_p_value_about_as_often_as_stated(leg: Leg) -> None:
     stated = []
     for seed in range(31, 39):
         model, data = leg(seed=seed)
-        base = fit_parts(model, for_search(data).fit)
+        base = fit_segments(model, for_search(data).fit)
         runs = [part.run.name for part in data.fit]
         scores = score(base, candidates(model.network, data.fit[0].run.columns, runs))
         # Without the limit below which an effect is too small to be named, which would hide alarms.
@@ -104,8 +104,8 @@ def test_p_values_run_from_chance_to_certainty(leg: Leg) -> None:
 
 def test_white_residuals_count_nearly_all_and_slow_ones_hardly(leg: Leg) -> None:
     model, data = leg()
-    good = fit_parts(model, data.coarsened(5.0).fit)
+    good = fit_segments(model, data.coarsened(5.0).fit)
     assert independent_readings(good) > 0.5 * good.problem.readings
     model, data = leg(Hidden("forced_convection", "FR_thigh"))
-    poor = fit_parts(model, data.coarsened(5.0).fit)
+    poor = fit_segments(model, data.coarsened(5.0).fit)
     assert independent_readings(poor) < 0.1 * poor.problem.readings

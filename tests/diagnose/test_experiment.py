@@ -22,7 +22,7 @@ from lptn.diagnose.experiment import CLEAR, Experiment, noise_density, possible_
 from lptn.diagnose.scores import score
 from lptn.identify.data import split_data
 from lptn.identify.fitting import fit
-from lptn.identify.validation import fit_parts
+from lptn.identify.validation import fit_segments
 from lptn.logs.run import Run
 from lptn.model.file import parse_model
 from lptn.model.model import Model
@@ -117,7 +117,7 @@ def _model() -> Model:
 
 def _refits(runs: tuple[Run, ...], keys: tuple[tuple[str, str], ...]) -> list[Refit]:
     """Both rivals refitted, the one that explains more first."""
-    base = fit_parts(_model(), split_data(runs).fit)
+    base = fit_segments(_model(), split_data(runs).fit)
     found = [each for each in candidates(_model().network, runs[0].columns) if each.key in keys]
     return refit_all(base, score(base, found).ranked)
 

@@ -10,7 +10,7 @@ import pytest
 from lptn.diagnose.candidates import with_ambient_bias
 from lptn.diagnose.diagnosis import for_search
 from lptn.identify.data import Segment
-from lptn.identify.validation import fit_parts, holdout_errors
+from lptn.identify.validation import fit_segments, holdout_errors
 from lptn.virtual import Hidden
 from tests.diagnose.conftest import Leg
 
@@ -25,7 +25,7 @@ def test_a_held_out_run_with_a_wrong_ambient_does_not_judge_the_model_for_it(leg
     data = replace(data, fit=_named(data.fit, names[:2]), holdout=_named(data.holdout, names[2:]))
     coarse, errors = for_search(data), []
     for granted in (model, with_ambient_bias(model, data, 0.5)):
-        held = holdout_errors(fit_parts(granted, coarse.fit), coarse.holdout)
+        held = holdout_errors(fit_segments(granted, coarse.fit), coarse.holdout)
         assert held is not None
         errors.append(held.rmse)
     assert errors[0] > 0.2  # K
@@ -36,7 +36,7 @@ def test_a_grant_does_not_hide_what_the_model_lacks(leg: Leg) -> None:
     model, data = leg(Hidden("forced_convection", "FR_thigh"))
     coarse, errors = for_search(data), []
     for granted in (model, with_ambient_bias(model, data, 0.5)):
-        held = holdout_errors(fit_parts(granted, coarse.fit), coarse.holdout)
+        held = holdout_errors(fit_segments(granted, coarse.fit), coarse.holdout)
         assert held is not None
         errors.append(held.rmse)
     assert errors[1] > 0.5 * errors[0]

@@ -14,7 +14,7 @@ from lptn.diagnose.runs_that_differ import Differing, runs_that_differ
 from lptn.effects import catalogue
 from lptn.identify.data import split_data
 from lptn.identify.fitting import Fit
-from lptn.identify.validation import fit_parts
+from lptn.identify.validation import fit_segments
 from lptn.logs.run import Run
 from lptn.model.model import Model
 from lptn.model.network import Network
@@ -83,7 +83,7 @@ def truth(
 @pytest.fixture(scope="module")
 def fitted() -> Fit:
     """The model, fitted to two runs that do not differ."""
-    return fit_parts(Model(held_gain()), split_data([truth("monday", 1), truth("tuesday", 2)]).fit)
+    return fit_segments(Model(held_gain()), split_data([truth("monday", 1), truth("tuesday", 2)]).fit)
 
 
 def said_of(fitted: Fit, **differs: object) -> list[Differing]:
@@ -140,7 +140,7 @@ def test_an_offset_below_the_steps_of_its_sensor_is_found() -> None:
         return replace(run, columns={**run.columns, **read}, resolution=dict.fromkeys(read, 1.0))
 
     runs = [in_steps(truth("monday", 1)), in_steps(truth("tuesday", 2))]
-    done = fit_parts(Model(held_gain()), split_data(runs).fit)
+    done = fit_segments(Model(held_gain()), split_data(runs).fit)
     like, high = (in_steps(truth("run4", 200, reads_high=size)) for size in (0.0, 0.7))
     assert runs_that_differ(done, split_data([], [like]).holdout) == []
     (found,) = runs_that_differ(done, split_data([], [high]).holdout)

@@ -117,10 +117,10 @@ def test_smoothing_is_the_least_squares_answer(burst_fit: Fit) -> None:
             wander[states : states + nodes, nodes * k : nodes * (k + 1)] += np.eye(nodes)
         wanders.append(wander)
     weighted = np.vstack(rows) / np.sqrt(run.variance.ravel())[:, None]
-    known = np.isfinite(run.residual.ravel())
+    known = np.isfinite(run.error.ravel())
     walk = np.full(nodes * 24, prior.walk * np.sqrt(run.seconds))
     information = weighted[known].T @ weighted[known] + np.diag(1.0 / np.r_[prior.deviations, walk] ** 2)
-    target = (run.residual.ravel() / np.sqrt(run.variance.ravel()))[known]
+    target = (-run.error.ravel() / np.sqrt(run.variance.ravel()))[known]
     covariance = np.linalg.inv(information)
     solution = covariance @ (weighted[known].T @ target)
     expected = np.array([part @ solution for part in at]).T
@@ -129,26 +129,26 @@ def test_smoothing_is_the_least_squares_answer(burst_fit: Fit) -> None:
     np.testing.assert_allclose(spread, deviations, rtol=1e-5)
     loads = weighted[known] * np.sqrt(run.variance.ravel()[known])[:, None]
     spreads = (loads * np.r_[prior.deviations, walk] ** 2) @ loads.T + np.diag(run.variance.ravel()[known])
-    density = multivariate_normal(np.zeros(len(spreads)), spreads).logpdf(run.residual.ravel()[known])
+    density = multivariate_normal(np.zeros(len(spreads)), spreads).logpdf(-run.error.ravel()[known])
     assert likelihood(run, prior) == pytest.approx(density + 0.5 * known.sum() * np.log(2 * np.pi), rel=1e-6)
 
 
 def test_a_gap_widens_the_band_where_it_is(burst_fit: Fit) -> None:
     run = blocks(burst_fit, 0)
     prior = Prior(np.r_[np.full(3, 1.5), np.full(3, 4.0), np.zeros(run.top.shape[2] - 6)], 0.4)
-    gap = run.residual.copy()
+    gap = run.error.copy()
     gap[100:130, 1] = np.nan
-    without, within = smoothed(run, prior)[1], smoothed(replace(run, residual=gap), prior)[1]
+    without, within = smoothed(run, prior)[1], smoothed(replace(run, error=gap), prior)[1]
     assert (within[1, 105:125] > 1.5 * without[1, 105:125]).all()
     np.testing.assert_allclose(within[:, 200:], without[:, 200:], rtol=0.02)
 
 
 def _first(run: Blocks, count: int) -> Blocks:
-    residual = run.residual[:count].copy()
-    residual[7:10, 1] = np.nan
-    residual[12] = np.nan
+    error = run.error[:count].copy()
+    error[7:10, 1] = np.nan
+    error[12] = np.nan
     arrays = {name: getattr(run, name)[:count] for name in ("time", "top", "by", "variance", "storage")}
-    return replace(run, residual=residual, **arrays)
+    return replace(run, error=error, **arrays)
 
 
 def test_blocks_carry_heat_as_the_model_does(burst_fit: Fit) -> None:

@@ -12,6 +12,7 @@ import pytest
 from lptn.basics.arrays import FloatArray
 from lptn.effects import Effect, Signature, catalogue
 from lptn.effects.base import Site
+from lptn.effects.excitation import INPUTS_VARY, Excitation
 from lptn.model.model import Model
 from lptn.model.network import EffectDeclaration
 from lptn.simulate.simulation import bind, simulate
@@ -86,6 +87,16 @@ def test_says_what_it_is(kind: type[Effect]) -> None:
     assert len(kind.signature.looks_like) > 20
     assert len(kind.signature.separate_by) > 20
     assert kind.key not in kind.signature.confused_with
+
+
+@every
+def test_says_itself_what_it_needs_of_logs_to_show(kind: type[Effect]) -> None:
+    assert "excitation" in vars(kind)
+    assert len(kind.excitation.needs) > 10
+    nothing = Excitation(0.0, 0, 0, 0.0, 0, 0, 0.0, 0.0, 0.0, 0.0, {}, {})
+    plenty = Excitation(600.0, 5, 5, 0.3, 5, 5, 60.0, 20.0, 15.0, 0.1, {}, {"a": 0.1})
+    assert kind.excitation.lacking(plenty, {"a", "b"}) == ""
+    assert kind.excitation is INPUTS_VARY or kind.excitation.lacking(nothing, {"a"}) or kind.site == "node"
 
 
 @every

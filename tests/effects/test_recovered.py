@@ -99,6 +99,6 @@ def test_its_size_is_found_and_the_rest_with_it(
     values = {parameter.name: parameter.value for parameter in found.model.parameters}
     assert found.rmse == pytest.approx(NOISE, rel=0.15)
     assert values[name] == pytest.approx(size, rel=0.1)
-    assert abs(values[name] - size) < 5 * found.errors[name] + 0.02 * abs(size)
+    assert abs(values[name] - size) < 5 * found.standard_errors[name] + 0.02 * abs(size)
     for each, truth in TRUTH.items():
         assert values[each] == pytest.approx(truth, rel=0.1), each

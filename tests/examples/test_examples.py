@@ -13,7 +13,7 @@ from lptn.diagnose.improvement import improve
 from lptn.diagnose.runs_that_differ import runs_that_differ
 from lptn.identify.comparison import versus
 from lptn.identify.data import load_model, split_data
-from lptn.identify.validation import fit_parts, holdout_errors
+from lptn.identify.validation import fit_segments, holdout_errors
 from lptn.model.model import Model
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -38,7 +38,7 @@ def test_pmsm_models_fit_their_log(name: str) -> None:
     loaded = load_model(EXAMPLES / "pmsm" / f"{name}.toml")
     runs = loaded.runs([EXAMPLES / "pmsm" / "log.csv"])
     data = split_data(runs, holdout_after=4400.0).coarsened(5.0)
-    done = fit_parts(loaded.model, data.fit)
+    done = fit_segments(loaded.model, data.fit)
     assert done.rmse < 1.0
     held = holdout_errors(done, data.holdout)
     # One operating point was fitted: the fit looks good and predicts another one badly. That is the lesson.
@@ -65,7 +65,7 @@ def test_the_later_run_of_the_ur3_arm_is_told_from_a_warmer_room() -> None:
     known = candidates(loaded.model.network, data.fit[0].run.columns)
     named = next(each for each in known if each.key == ("loss_scale", "wrist1"))  # what `lptn improve` adds
     model = Model(loaded.model.network.with_effects([named.declaration(None, None)]))
-    (found,) = runs_that_differ(fit_parts(model, data.fit), data.holdout)
+    (found,) = runs_that_differ(fit_segments(model, data.fit), data.holdout)
     assert "ambient_offset" in {cause.effect for cause in found.causes}
 
 
@@ -76,7 +76,7 @@ def test_neighbouring_joints_of_the_ur3_arm_heat_each_other() -> None:
         data = split_data(loaded.runs([folder / "warm_up.parquet"]), loaded.runs([folder / "later.parquet"])).coarsened(
             5.0
         )
-        found.append((fit_parts(loaded.model, data.fit), data.holdout))
+        found.append((fit_segments(loaded.model, data.fit), data.holdout))
     (coupled, parts), (single, single_parts) = found
     both = versus(coupled.model, single.model, parts, single_parts)
     assert both.runs[0].mean[0] < both.runs[0].mean[1] < 0.5

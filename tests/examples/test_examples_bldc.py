@@ -9,7 +9,7 @@ import pytest
 from lptn.diagnose.runs_that_differ import Differing, runs_that_differ
 from lptn.identify.data import load_model, split_data
 from lptn.identify.fitting import Fit
-from lptn.identify.validation import fit_parts
+from lptn.identify.validation import fit_segments
 
 FOLDER = Path(__file__).parents[2] / "examples" / "bldc_stators"
 
@@ -19,7 +19,7 @@ def _said(model: str, fitted: str, held_out: str) -> tuple[Fit, list[Differing]]
     loaded = load_model(FOLDER / f"{model}.toml")
     runs, others = (loaded.runs([FOLDER / f"Run{number}.csv" for number in text]) for text in (fitted, held_out))
     data = split_data(runs, others)
-    done = fit_parts(loaded.model, data.fit)
+    done = fit_segments(loaded.model, data.fit)
     return done, runs_that_differ(done, data.holdout)
 
 

@@ -47,7 +47,7 @@ MADE = {
     "src/lptn/predicted_log.py": {"to_parquet"},
     "src/lptn/fleet/table.py": {"to_parquet"},
     "src/lptn/fleet/keeping.py": {"open"},  # a lock, always empty
-    "planners/plan/output.py": {"to_parquet"},
+    "planners/tasks.py": {"to_parquet"},
     "fmu/commands.py": {"to_parquet"},
     "fmu/compile.py": {"write_bytes"},  # in a folder that is removed again
     "fmu/archive.py": {"open"},  # an FMU unpacked, checked below

@@ -40,8 +40,7 @@ def _quadruped() -> Model:
 
 def read_task(path: Path, random: Random) -> None:
     """A task file; now and then one that takes a second is carried out."""
-    from lptn.planners.plan.kinds import kind_of
-    from lptn.planners.plan.task_file import load_task
+    from lptn.planners.tasks import kind_of, load_task
 
     table = load_task(path)
     kind = kind_of(table, str(path))

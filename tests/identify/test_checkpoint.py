@@ -15,10 +15,10 @@ import pytest
 
 from lptn.cli.main import main
 from lptn.identify.data import split_data
-from lptn.identify.fitting import Checkpoint, Kept, fingerprint_of
+from lptn.identify.fitting import Checkpoint, fingerprint_of
 from lptn.identify.problem import Point
 from lptn.identify.solvers import Progress
-from lptn.identify.validation import fit_parts, fit_parts_again
+from lptn.identify.validation import fit_segments
 from lptn.model.file import read_model_file
 from lptn.model.model import Model
 from tests.identify.truth import network, truth_run
@@ -84,10 +84,10 @@ def _lptn(*words: object) -> None:
 def test_the_same_as_without_a_checkpoint_and_nothing_left_behind(tmp_path: Path) -> None:
     model, data = Model(network()), split_data([truth_run(seed=1), truth_run(900.0, seed=2)])
     checkpoint = Checkpoint("f" * 64, tmp_path, every=0.0)
-    plain, again = fit_parts(model, data.fit), fit_parts_again(model, data.fit, checkpoint)
+    plain, again = fit_segments(model, data.fit), fit_segments(model, data.fit, checkpoint=checkpoint)
     np.testing.assert_allclose(again.model.values, plain.model.values, rtol=1e-9)  # step by step the same search
     assert again.status == plain.status == "converged"
-    assert again.errors == pytest.approx(plain.errors, rel=1e-6)
+    assert again.standard_errors == pytest.approx(plain.standard_errors, rel=1e-6)
     assert again.iterations == plain.iterations
     assert not list(tmp_path.iterdir())
 
@@ -97,14 +97,14 @@ def test_a_fit_cut_off_anywhere_ends_at_the_same_optimum(tmp_path: Path, share: 
     model, data = Model(network()), split_data([truth_run(4000.0, seed=1)])
     checkpoint = Checkpoint("f" * 64, tmp_path, every=0.0)
     calls: list[int] = []
-    whole = fit_parts_again(model, data.fit, checkpoint, progress=lambda number, _: calls.append(number))
+    whole = fit_segments(model, data.fit, checkpoint=checkpoint, progress=lambda number, _: calls.append(number))
     with pytest.raises(_CutError):
-        fit_parts_again(model, data.fit, checkpoint, progress=_cut_off_after(round(share * (len(calls) - 1))))
+        fit_segments(model, data.fit, checkpoint=checkpoint, progress=_cut_off_after(round(share * (len(calls) - 1))))
     kept = checkpoint.load(model, 1)
     assert kept is not None
     assert kept.averaged == coarse
     again: list[int] = []
-    resumed = fit_parts_again(model, data.fit, checkpoint, progress=lambda number, _: again.append(number))
+    resumed = fit_segments(model, data.fit, checkpoint=checkpoint, progress=lambda number, _: again.append(number))
     assert len(again) < len(calls)
     np.testing.assert_allclose(resumed.model.values, whole.model.values, rtol=1e-4)
     assert not checkpoint.path.exists()
@@ -115,7 +115,7 @@ def test_ctrl_c_keeps_the_best_point_for_the_next_time(tmp_path: Path, late: boo
     model, data = Model(network()), split_data([truth_run(4000.0, seed=1)])
     checkpoint = Checkpoint("f" * 64, tmp_path, every=1e9)
     calls: list[int] = []
-    whole = fit_parts(model, data.fit, progress=lambda number, _: calls.append(number))
+    whole = fit_segments(model, data.fit, progress=lambda number, _: calls.append(number))
     press_at = len(calls) if late else 2  # in the last search, or in the coarse one
     calls.clear()
 
@@ -124,9 +124,9 @@ def test_ctrl_c_keeps_the_best_point_for_the_next_time(tmp_path: Path, late: boo
         if len(calls) == press_at:
             signal.raise_signal(signal.SIGINT)
 
-    assert fit_parts_again(model, data.fit, checkpoint, progress=press).status == "interrupted"
+    assert fit_segments(model, data.fit, checkpoint=checkpoint, progress=press).status == "interrupted"
     assert checkpoint.load(model, 1) is not None
-    done = fit_parts_again(model, data.fit, checkpoint)
+    done = fit_segments(model, data.fit, checkpoint=checkpoint)
     assert done.status == "converged"
     np.testing.assert_allclose(done.model.values, whole.model.values, rtol=1e-4)
     assert not list(tmp_path.iterdir())
@@ -166,12 +166,11 @@ def test_kill_9_loses_no_more_than_the_last_seconds(
 def test_a_damaged_checkpoint_or_one_of_another_model_is_none(tmp_path: Path) -> None:
     model, checkpoint = Model(network()), Checkpoint("f" * 64, tmp_path / "fits")
     assert checkpoint.load(model, 1) is None
-    kept = Kept(Point(model.values, [np.array([20.0, 21.0])]), averaged=True)
-    checkpoint.save(model, kept)
+    checkpoint.save(model, Point(model.values, [np.array([20.0, 21.0])], averaged=True))
     found = checkpoint.load(model, 1)
     assert found is not None
     assert found.averaged
-    np.testing.assert_array_equal(found.point.starts[0], [20.0, 21.0])
+    np.testing.assert_array_equal(found.starts[0], [20.0, 21.0])
     assert checkpoint.load(model, 2) is None
     whole = checkpoint.path.read_text()
     for damaged in (
@@ -188,7 +187,7 @@ def test_a_damaged_checkpoint_or_one_of_another_model_is_none(tmp_path: Path) ->
 def test_a_cache_that_can_not_be_written_costs_no_fit(tmp_path: Path) -> None:
     (tmp_path / "fits").write_text("a file")
     checkpoint = Checkpoint("f" * 64, tmp_path / "fits", every=0.0)
-    done = fit_parts_again(Model(network()), split_data([truth_run(900.0)]).fit, checkpoint)
+    done = fit_segments(Model(network()), split_data([truth_run(900.0)]).fit, checkpoint=checkpoint)
     assert done.status == "converged"
 
 

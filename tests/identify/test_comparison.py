@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from lptn.identify.comparison import Comparison, Errors, compare
-from lptn.identify.data import DataSplit, predicted, split_data
+from lptn.identify.data import DataSplit, holdout_segment, split_data
 from lptn.model.model import Model
 from tests.identify.truth import TRUTH, network, truth_run, with_garbage
 
@@ -43,7 +43,7 @@ def test_a_perfect_model_errs_by_the_noise(perfect: Comparison) -> None:
 
 def test_nothing_counts_within_the_opening(perfect: Comparison) -> None:
     for prediction in perfect.predictions:
-        opening = prediction.part.run.time < prediction.part.opening[1]
+        opening = prediction.segment.run.time < prediction.segment.initialisation[1]
         assert np.isnan(prediction.error[:, opening]).all()
         assert np.isfinite(prediction.error[:, ~opening]).all()
     assert perfect.all.count == 2 * (1350 + 810)
@@ -52,7 +52,7 @@ def test_nothing_counts_within_the_opening(perfect: Comparison) -> None:
 def test_the_start_is_found_from_the_opening_alone(true_model: Model, held_out: DataSplit) -> None:
     part = held_out.holdout[0]
     spoilt = replace(part.run, columns={name: values.copy() for name, values in part.run.columns.items()})
-    spoilt.columns["temperature.a"][part.run.time >= part.opening[1]] += 50.0
+    spoilt.columns["temperature.a"][part.run.time >= part.initialisation[1]] += 50.0
     (prediction,) = compare(true_model, [replace(part, run=spoilt)]).predictions
     (before,) = compare(true_model, [part]).predictions
     np.testing.assert_allclose(prediction.readings, before.readings, atol=0.05)
@@ -111,7 +111,7 @@ def test_json_keeps_two_runs_of_the_same_name(true_model: Model, held_out: DataS
 
 def test_bins_of_each_condition_hold_every_counted_reading_once(true_model: Model) -> None:
     run = with_garbage(truth_run(1500.0, seed=1))
-    found = compare(true_model, [predicted(run)])
+    found = compare(true_model, [holdout_segment(run)])
     conditions = found.conditions()
     assert {"torque [N·m]", "temperature [°C]", "time since start [s]"} <= {c.quantity for c in conditions}
     for name in true_model.nodes:
@@ -128,5 +128,5 @@ def test_bins_of_each_condition_hold_every_counted_reading_once(true_model: Mode
 def test_a_condition_that_never_changes_is_left_out(true_model: Model) -> None:
     run = truth_run(600.0)
     columns = {**run.columns, "torque.a": np.full(len(run), 3.0)}
-    conditions = compare(true_model, [predicted(replace(run, columns=columns))]).conditions()
+    conditions = compare(true_model, [holdout_segment(replace(run, columns=columns))]).conditions()
     assert "torque [N·m]" not in {c.quantity for c in conditions}

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lptn.basics.errors import InputError
-from lptn.identify.data import Segment, predicted, split_data
+from lptn.identify.data import Segment, holdout_segment, split_data
 from lptn.logs.run import Run
 from tests.builders import make_run
 
@@ -19,15 +19,15 @@ def _run(n: int, step: float = 1.0, name: str = "run") -> Run:
 
 def test_fitted_runs_count_as_a_whole() -> None:
     found = split_data([_run(100), _run(200)])
-    assert [(part.opening, part.counted) for part in found.fit] == [(ALWAYS, ALWAYS)] * 2
+    assert [(part.initialisation, part.evaluation) for part in found.fit] == [(ALWAYS, ALWAYS)] * 2
     assert found.holdout == found.test == ()
 
 
 def test_held_out_runs_are_predicted_behind_their_opening() -> None:
     found = split_data([_run(100)], [_run(2000)], [_run(3000)])
     for part, border in ((found.holdout[0], 200.0), (found.test[0], 300.0)):
-        assert part.opening == (float("-inf"), border)
-        assert part.counted == (border, float("inf"))
+        assert part.initialisation == (float("-inf"), border)
+        assert part.evaluation == (border, float("inf"))
 
 
 @pytest.mark.parametrize(
@@ -36,21 +36,21 @@ def test_held_out_runs_are_predicted_behind_their_opening() -> None:
     ids=["a tenth", "at least a minute", "at least ten steps", "half of a short run", "half of a few steps"],
 )
 def test_an_opening_is_a_tenth_but_long_enough_and_never_over_half(n: int, step: float, border: float) -> None:
-    part = predicted(_run(n, step))
-    assert part.opening[1] == part.counted[0] == pytest.approx(border)
+    part = holdout_segment(_run(n, step))
+    assert part.initialisation[1] == part.evaluation[0] == pytest.approx(border)
 
 
 def test_an_opening_counts_from_the_start_of_the_log() -> None:
     run = _run(2000).slice(500.0, 1500.0)
-    assert predicted(run).opening[1] == pytest.approx(600.0)
+    assert holdout_segment(run).initialisation[1] == pytest.approx(600.0)
 
 
 def test_holding_out_the_end_of_each_log_starts_from_where_the_fit_ended() -> None:
     found = split_data([_run(1000), _run(400)], holdout_after=600.0)
-    assert [part.counted for part in found.fit] == [(float("-inf"), 600.0)] * 2
+    assert [part.evaluation for part in found.fit] == [(float("-inf"), 600.0)] * 2
     (later,) = found.holdout  # the short log has nothing after it
     assert later.run is found.fit[0].run
-    assert later.opening == (float("-inf"), 600.0)
+    assert later.initialisation == (float("-inf"), 600.0)
     assert later.counted == (600.0, float("inf"))
 
 
@@ -77,7 +77,7 @@ def test_coarsening_spares_short_runs() -> None:
     coarse = split_data([_run(6000), _run(700), _run(400)], [_run(4000)]).coarsened(10.0)
     assert [part.run.step for part in coarse.fit] == [10.0, 2.0, 1.0]
     assert coarse.holdout[0].run.step == 10.0
-    assert coarse.holdout[0].counted == (400.0, float("inf"))
+    assert coarse.holdout[0].evaluation == (400.0, float("inf"))
 
 
 def test_coarsening_to_a_finer_step_changes_nothing() -> None:

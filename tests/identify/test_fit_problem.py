@@ -89,7 +89,7 @@ def test_a_point_that_cannot_be_simulated_costs_infinitely_much() -> None:
     assert problem.cost(z) == float("inf")
 
 
-def test_no_mirror_weight_leaves_left_and_right_free() -> None:
+def test_no_symmetry_penalty_leaves_left_and_right_free() -> None:
     model = Model(_sides())
     run = make_run(_simulated(model, _sides_run(model)), step=COARSE)
     found = {u.name: u.value for u in fit(model, bound_runs(model, [run])).model.parameters}
@@ -97,7 +97,7 @@ def test_no_mirror_weight_leaves_left_and_right_free() -> None:
     assert found["capacity.right_knee"] == pytest.approx(300.0, rel=0.05)
 
 
-def test_a_large_mirror_weight_makes_left_and_right_equal() -> None:
+def test_a_large_symmetry_penalty_makes_left_and_right_equal() -> None:
     model = Model(_sides())
     run = make_run(_simulated(model, _sides_run(model)), step=COARSE)
     found = {u.name: u.value for u in fit(model, bound_runs(model, [run]), symmetry_penalty=1e9).model.parameters}
@@ -106,7 +106,7 @@ def test_a_large_mirror_weight_makes_left_and_right_equal() -> None:
     assert found["resistance.ambient~left_knee"] == pytest.approx(found["resistance.ambient~right_knee"], rel=1e-3)
 
 
-def test_a_larger_mirror_weight_brings_them_closer() -> None:
+def test_a_larger_symmetry_penalty_brings_them_closer() -> None:
     model = Model(_sides())
     run = make_run(_simulated(model, _sides_run(model)), step=COARSE)
 
@@ -137,7 +137,7 @@ def test_a_scale_that_nothing_fixes_is_said() -> None:
     assert "multiplying them all by one factor" in warning
     for name in [*TRUTH, "copper_loss.resistance.a"]:
         assert name in warning
-        assert found.errors[name] == float("inf")
+        assert found.standard_errors[name] == float("inf")
 
 
 def test_a_parameter_that_the_data_cannot_see_is_named() -> None:
@@ -146,8 +146,8 @@ def test_a_parameter_that_the_data_cannot_see_is_named() -> None:
     run = replace(run, columns={**run.columns, "speed.base": np.zeros(len(run))})
     found = fit(model, bound_runs(model, [run]))
     assert any("forced_convection.gamma.b" in text for text in found.uncertainty.warnings)
-    assert found.errors["forced_convection.gamma.b"] == float("inf")
-    assert np.isfinite(found.errors["capacity.a"])
+    assert found.standard_errors["forced_convection.gamma.b"] == float("inf")
+    assert np.isfinite(found.standard_errors["capacity.a"])
 
 
 def test_a_parameter_that_the_data_hardly_see_is_named() -> None:

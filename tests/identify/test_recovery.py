@@ -36,8 +36,8 @@ def test_parameters_are_within_five_percent_and_four_standard_errors(fitted: Fit
     assert fitted.status == "converged"
     assert _values(fitted) == pytest.approx(TRUTH, rel=0.05)
     for name, value in _values(fitted).items():
-        assert 0 < fitted.errors[name] < 0.05 * TRUTH[name]
-        assert abs(value - TRUTH[name]) < 4 * fitted.errors[name], name
+        assert 0 < fitted.standard_errors[name] < 0.05 * TRUTH[name]
+        assert abs(value - TRUTH[name]) < 4 * fitted.standard_errors[name], name
     assert fitted.uncertainty.warnings == ()
 
 

@@ -31,7 +31,7 @@ def test_nineteen_of_twenty_true_values_lie_within_two_standard_errors(step: flo
     for seed in range(8):
         found = fit(model, bound_runs(model, [_rounded(truth_run(3000.0, step=4.0, noise=0.05, seed=seed), step)]))
         values = {parameter.name: parameter.value for parameter in found.model.parameters}
-        inside += [abs(values[name] - true) < 2 * found.errors[name] for name, true in TRUTH.items()]
+        inside += [abs(values[name] - true) < 2 * found.standard_errors[name] for name, true in TRUTH.items()]
     assert len(inside) == 32
     # Of 32, 30.4 are expected; fewer than 27 come once in a hundred times.
     assert sum(inside) >= 27
@@ -39,7 +39,7 @@ def test_nineteen_of_twenty_true_values_lie_within_two_standard_errors(step: flo
 
 def test_a_coarse_sensor_widens_the_intervals() -> None:
     model, fine = Model(network()), truth_run(3000.0, step=4.0, noise=0.05)
-    errors = [fit(model, bound_runs(model, [_rounded(fine, step)])).errors for step in (0.0, 1.0)]
+    errors = [fit(model, bound_runs(model, [_rounded(fine, step)])).standard_errors for step in (0.0, 1.0)]
     wider = [errors[1][name] / errors[0][name] for name in TRUTH]
     assert min(wider) > 1
     assert np.mean(wider) > 1.3

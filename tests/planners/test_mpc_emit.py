@@ -13,7 +13,6 @@ from lptn.basics.c_library import compiler
 from lptn.model.model import Model
 from lptn.planners import Limiter, TorqueMPC
 from lptn.planners.limiter.emit import emit as emit_limiter
-from lptn.planners.mpc.emit import emit
 from tests.builders import effect, leg
 
 needs_a_compiler = pytest.mark.skipif(compiler() is None, reason="no C compiler")
@@ -44,7 +43,7 @@ def test_the_emitted_step_is_pythons(tmp_path: Path, options: tuple[str, ...]) -
     measured = random.uniform(45, 62, (steps, 3))
     measured[random.random(measured.shape) < 0.1] = np.nan
     request, ambient = random.uniform(-20, 20, (steps, 3)), random.uniform(20, 30, (steps, 1))
-    emit(mpc, tmp_path, np.full(3, 50.0), request, ambient)
+    mpc.emit(tmp_path, np.full(3, 50.0), request, ambient)
     told = answered(built(tmp_path, "lptn_mpc.c", *options), np.hstack([measured, request, ambient]))
     mpc.reset()
     for row, *given in zip(told, measured, request, ambient, strict=True):
@@ -57,7 +56,7 @@ def test_the_emitted_step_is_pythons(tmp_path: Path, options: tuple[str, ...]) -
 @needs_a_compiler
 def test_the_emitted_example_runs(tmp_path: Path) -> None:
     mpc = TorqueMPC(MODEL, 60.0, request="torque")
-    paths = emit(mpc, tmp_path, np.full(3, 50.0), np.full((5, 3), 9.0), np.full((5, 1), 25.0))
+    paths = mpc.emit(tmp_path, np.full(3, 50.0), np.full((5, 3), 9.0), np.full((5, 1), 25.0))
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted(path.name for path in paths)
     program = built(tmp_path, "lptn_mpc.c", "-O1", "-fsanitize=undefined", "-fno-sanitize-recover")
     example = np.loadtxt(tmp_path / "example.txt", ndmin=2)

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lptn.planners.mpc.grid import growing_stages, stage_means
+from lptn.planners.mpc.settings import growing_stages, stage_means
 
 
 @given(st.floats(0.1, 20), st.floats(1, 100), st.integers(1, 40))

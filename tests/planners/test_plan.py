@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 
 from lptn.cli.main import main
-from lptn.planners.plan.kinds import KINDS, kind_of
+from lptn.planners.tasks import KINDS, kind_of
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "plan"
 Plan = Callable[..., tuple[int, str, str]]

@@ -68,7 +68,7 @@ def test_errors_by_node_and_time_are_the_means_of_the_errors(missing: Told) -> N
     (field,) = error_fields(comparison)
     error = comparison.predictions[0].error
     counted = np.flatnonzero(np.isfinite(error).any(axis=0))
-    assert field.start == comparison.predictions[0].part.run.time[counted[0]]
+    assert field.start == comparison.predictions[0].segment.run.time[counted[0]]
     assert field.seconds % STEP == 0
     size = round(field.seconds / STEP)
     block = slice(counted[0] + 2 * size, counted[0] + 3 * size)

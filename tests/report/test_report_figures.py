@@ -11,10 +11,10 @@ import pytest
 from matplotlib.figure import Figure
 
 from lptn.identify.comparison import Comparison, compare
-from lptn.identify.data import predicted
+from lptn.identify.data import holdout_segment
 from lptn.report.diagnosis_figures import ladder_curve, ranking
 from lptn.report.figures import comparison_figure, conditions_of, error_maps, predictions_figure, views, worst_views
-from lptn.report.style import decimated, show
+from lptn.basics.style import decimated, show
 from tests.report.two_joints import NODES, Told, make_run, robot
 
 
@@ -74,7 +74,7 @@ def test_maps_name_every_node_once_on_the_left(missing: Told) -> None:
 
 def test_long_times_are_in_minutes() -> None:
     model = robot()
-    comparison = compare(model, [predicted(make_run(model, 7, "long", count=1800))])
+    comparison = compare(model, [holdout_segment(make_run(model, 7, "long", count=1800))])
     found = conditions_of(comparison)
     times = [each for each in found if each.quantity.startswith("time")]
     assert {each.quantity for each in times} == {"time since start [min]"}
@@ -85,7 +85,7 @@ def test_long_times_are_in_minutes() -> None:
 def test_the_worst_views_are_chosen_in_order(missing: Told) -> None:
     history, data = missing
     runs = [part.run for part in (*data.fit, *data.holdout, *data.test)]
-    comparison = compare(history.steps[0].fit.model, [predicted(run) for run in (*runs, *runs)])
+    comparison = compare(history.steps[0].fit.model, [holdout_segment(run) for run in (*runs, *runs)])
     chosen = worst_views(comparison, 3)
     assert len(views(comparison)) == 12
     assert chosen == sorted(chosen, key=lambda view: (view.run, view.row))
@@ -96,7 +96,7 @@ def test_the_worst_views_are_chosen_in_order(missing: Told) -> None:
 def test_comparison_figure_of_a_run_too_short_to_sort() -> None:
     model = robot()
     run = make_run(model, 1, "short")
-    cut = replace(predicted(run), counted=(580.0, 590.0))
+    cut = replace(holdout_segment(run), evaluation=(580.0, 590.0))
     comparison = compare(model, [cut])
     assert not comparison.conditions()
     assert len([ax for ax in comparison_figure(comparison).axes if ax.axison]) == 4
@@ -106,7 +106,7 @@ def test_an_unmeasured_node_is_left_out(missing: Told) -> None:
     model = missing[0].best.fit.model
     run = missing[1].holdout[0].run
     columns = {name: values for name, values in run.columns.items() if name != f"temperature.{NODES[1]}"}
-    comparison = compare(model, [predicted(replace(run, columns=columns))])
+    comparison = compare(model, [holdout_segment(replace(run, columns=columns))])
     assert [view.row for view in views(comparison)] == [0]
     assert comparison_figure(comparison).axes
 

@@ -10,7 +10,7 @@ import pytest
 
 from lptn.diagnose.improvement import History
 from lptn.identify.comparison import compare
-from lptn.identify.data import DataSplit, predicted
+from lptn.identify.data import DataSplit, holdout_segment
 from lptn.report.pages import comparison_html, story_html
 from lptn.report.words import next_step, story_in_words
 from tests.report.two_joints import NODES, Told, make_run, robot
@@ -107,7 +107,7 @@ def test_same_input_same_bytes(missing: Told) -> None:
 def test_long_logs_stay_small() -> None:
     model = robot()
     run = make_run(model, 5, "long", count=18_000)  # 10 h
-    assert len(comparison_html(compare(model, [predicted(run)]), "long").encode()) < 1_000_000
+    assert len(comparison_html(compare(model, [holdout_segment(run)]), "long").encode()) < 1_000_000
 
 
 def test_words_missing(missing: Told) -> None:

@@ -12,7 +12,7 @@ from cyclopts import validators
 from rich.table import Table
 
 from lptn.basics.errors import InputError
-from lptn.cli.options import Holdout, HoldoutAfter, Json, Map, MirrorWeight, check_outputs, open_by_job
+from lptn.cli.options import Holdout, HoldoutAfter, Json, Map, SymmetryPenalty, check_outputs, open_by_job
 from lptn.cli.terminal import err, out
 from lptn.fleet.fleet import Fleet
 from lptn.fleet.work import Outcome
@@ -108,7 +108,7 @@ def fit(
     each: Each = None,
     holdout: Holdout = None,
     holdout_after: HoldoutAfter = None,
-    symmetry_penalty: MirrorWeight = 0.0,
+    symmetry_penalty: SymmetryPenalty = 0.0,
     json: Json = None,
     jobs: FitJobs = 1,
     map: Map = None,  # noqa: A002
@@ -146,7 +146,7 @@ def _fit_one(
 ) -> None:
     from lptn.cli.terminal import out, progress, show_fit, show_holdout, show_symmetry_trials, write_json
     from lptn.identify.fitting import Checkpoint, fingerprint_of
-    from lptn.identify.validation import fit_split
+    from lptn.identify.validation import fit_split, holdout_errors
 
     check_outputs(output, json, inputs=(*logs, *(holdout or ())))
     check_outputs(json, inputs=(model,))  # only the fitted model may take its place
@@ -163,14 +163,14 @@ def _fit_one(
         return kept
 
     with progress("fitting") as report:
-        found = fit_split(loaded.model, data, symmetry_penalty, checkpoint=checkpoint, report=report)
-    done, held = found.fit, found.holdout
-    show_symmetry_trials(found.trials)
+        done, trials = fit_split(loaded.model, data, symmetry_penalty, checkpoint=checkpoint, report=report)
+    held = holdout_errors(done, data.holdout)
+    show_symmetry_trials(trials)
     show_fit(done)
     show_holdout(held)
     if output is not None:
         loaded.file.with_fit(done.table()).write(output)
-    tried = [{"weight": each.weight, "rmse_holdout": each.holdout.rmse} for each in found.trials]
+    tried = [{"weight": each.symmetry_penalty, "rmse_holdout": each.holdout.rmse} for each in trials]
     write_json(json, done.as_json() | {"rmse_holdout": held.rmse if held else None, "mirror_weights": tried})
 
 

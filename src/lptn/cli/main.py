@@ -137,7 +137,9 @@ def improve(
     holdout: Holdout = None,
     holdout_after: HoldoutAfter = None,
     test: Test = None,
-    steps: Annotated[int, Option(help="Effects to add at most.", validator=validators.Number(gte=0))] = 6,
+    steps: Annotated[
+        int, Option(name=["--steps", "--rungs"], help="Effects to add at most.", validator=validators.Number(gte=0))
+    ] = 6,
     ambient_error: AmbientError = 0.0,
     json: Json = None,
     report: Annotated[Path | None, Option(help="HTML report to write.")] = None,

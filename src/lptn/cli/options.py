@@ -36,7 +36,7 @@ HoldoutAfter = Annotated[
 ]
 Test = Annotated[
     list[Path] | None,
-    Option(name="--proof", help="Logs looked at once, at the end.", negative="", consume_multiple=True),
+    Option(name=["--test", "--proof"], help="Logs looked at once, at the end.", negative="", consume_multiple=True),
 ]
 Map = Annotated[
     list[str] | None,
@@ -53,9 +53,10 @@ def _not_negative(_type: object, value: float | str) -> None:
         raise ValueError("Must be >= 0, or auto.")
 
 
-MirrorWeight = Annotated[
+SymmetryPenalty = Annotated[
     float | Literal["auto"],
     Option(
+        name=["--symmetry-penalty", "--mirror-weight"],
         help="Pull of left and right parameters towards each other; auto: the one best on held-out runs.",
         validator=_not_negative,
     ),
@@ -83,7 +84,7 @@ def open_by_job(
     needs_logs(logs)
     loaded = load_model(model, mapped or ())
     fitted, held, proving = (loaded.runs(group) for group in (logs, holdout or [], test or []))
-    _refuse_twice({"LOGS": fitted, "--holdout": held, "--proof": proving})
+    _refuse_twice({"LOGS": fitted, "--holdout": held, "--test": proving})
     say_absent_runs(loaded.model.network, (*fitted, *held, *proving))
     return loaded, split_data(fitted, held, proving, holdout_after)
 
@@ -96,7 +97,7 @@ def _refuse_twice(groups: dict[str, list[Run]]) -> None:
             if digest in jobs:
                 before, where = jobs[digest]
                 found = f"the same data as {before} ({where})"
-                raise InputError(source, option, found, "each log once: to fit, to hold out, or for proof")
+                raise InputError(source, option, found, "each log once: to fit, to hold out, or for the test")
             jobs[digest] = source, option
 
 

@@ -65,9 +65,7 @@ def plan(
     from lptn.cli.terminal import progress, write_json
     from lptn.model.file import read_model_file
     from lptn.model.model import Model
-    from lptn.planners.plan.kinds import kind_of
-    from lptn.planners.plan.output import check_folder, check_table, write_c, write_table
-    from lptn.planners.plan.task_file import load_task
+    from lptn.planners.tasks import check_folder, check_table, kind_of, load_task, write_c, write_table
 
     check_outputs(output, json, plot)
     check_table(output)

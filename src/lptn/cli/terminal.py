@@ -309,7 +309,7 @@ def show_fit(done: Fit) -> None:
     table = new_table("parameter", "value", "± standard error", "unit")
     for index in done.problem.free:
         parameter = done.model.parameters[index]
-        error = done.errors[parameter.name]
+        error = done.standard_errors[parameter.name]
         shown = f"{error:.2g}" if math.isfinite(error) else "not determined"
         table.add_row(parameter.name, f"{parameter.value:.4g}", shown, parameter.declared.unit)
     out.print(table)
@@ -331,7 +331,7 @@ def show_comparison(comparison: Comparison) -> None:
             errors = comparison.node(node, prediction)
             if errors.count:
                 cells = (errors.rmse, errors.max, errors.mean, comparison.floor(node))
-                table.add_row(prediction.part.run.name, node, *(_kelvin(cell) for cell in cells))
+                table.add_row(prediction.segment.run.name, node, *(_kelvin(cell) for cell in cells))
     out.print(table)
     out.print(f"All: RMSE {_kelvin(comparison.all.rmse)}, max {_kelvin(comparison.all.max)}.")
     worst = sorted(comparison.conditions(), key=lambda each: -each.errors.rmse)[:5]
@@ -360,7 +360,7 @@ def show_symmetry_trials(trials: Sequence[SymmetryTrial]) -> None:
         return
     table = new_table("left-right weight", "fit", "held out")
     for each in trials:
-        table.add_row(f"{each.weight:g}", _kelvin(each.fit.rmse), _kelvin(each.holdout.rmse))
+        table.add_row(f"{each.symmetry_penalty:g}", _kelvin(each.fit.rmse), _kelvin(each.holdout.rmse))
     out.print(table)
 
 

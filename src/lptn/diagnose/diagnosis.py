@@ -17,7 +17,8 @@ from lptn.diagnose.scores import Score, Scores, score
 from lptn.identify.comparison import Errors
 from lptn.identify.data import DataSplit
 from lptn.identify.fitting import Fit, finished, fit
-from lptn.identify.validation import fit_parts, holdout_errors
+from lptn.identify.problem import Point
+from lptn.identify.validation import fit_segments, holdout_errors
 from lptn.model.model import Model
 from lptn.model.network import EffectDeclaration, Network
 from lptn.simulate.simulation import BoundRun, bind, default_start, start_from
@@ -140,8 +141,7 @@ def continued(base: Fit, network: Network, rival: float = np.inf) -> Fit:
         bound_runs,
         symmetry_penalty=problem.symmetry_penalty,
         sigma=problem.sigma,
-        guess=guess,
-        starts=starts,
+        guess=Point(guess, starts),
         iterations=_ITERATIONS,
         rival=rival,
         precision=_PRECISION,
@@ -351,7 +351,7 @@ def diagnose(
     coarse = for_search(data)
     model = with_ambient_bias(model, data, ambient_error)
     report("fitting the model as it stands")
-    base = unless_interrupted(fit_parts(model, coarse.fit))
+    base = unless_interrupted(fit_segments(model, coarse.fit))
     found = examine(base, coarse, refits=refits, executor=executor, report=report)
     if found.verdict == "unexplained" and found.findings:
         report("looking for several effects at once")

@@ -30,7 +30,7 @@ from lptn.diagnose.lack_of_fit import explained
 from lptn.identify.comparison import Errors, Prediction, predict
 from lptn.identify.data import DataSplit
 from lptn.identify.fitting import Fit, finished
-from lptn.identify.validation import fit_parts, holdout_errors
+from lptn.identify.validation import fit_segments, holdout_errors
 from lptn.model.model import Model
 from lptn.model.network import EffectDeclaration
 
@@ -385,7 +385,7 @@ def improve(
     model = with_ambient_bias(model, data, ambient_error)
     report("fitting the model as it stands")
     search = Search(coarse, executor, report)
-    root = Selection(unless_interrupted(fit_parts(model, coarse.fit)), (), coarse)
+    root = Selection(unless_interrupted(fit_segments(model, coarse.fit)), (), coarse)
     search.climb(root, most)
     kept = pruned(search.complete(chosen(search.paths)), report)
     first, last = search.diagnosis(root), search.diagnosis(kept)
@@ -421,4 +421,4 @@ def _rungs(root: Selection, kept: Selection, data: DataSplit) -> tuple[Step, ...
 
 def _refined(coarse: Fit, data: DataSplit) -> Fit:
     """The same model fitted at full resolution, from the coarse solution."""
-    return unless_interrupted(fit_parts(coarse.model, data.fit, coarse.point))
+    return unless_interrupted(fit_segments(coarse.model, data.fit, coarse.point))

@@ -170,14 +170,14 @@ class Search:
         candidate: effect, place and run.
         model: the fitted model and the candidate.
         index: of the amplitude among the model's parameters.
-        part: the run.
+        segment: the run.
         sigma: standard deviation that weighs each node [K], shape (nodes,).
     """
 
     candidate: Candidate
     model: Model
     index: int
-    part: Segment
+    segment: Segment
     sigma: FloatArray
 
     @property
@@ -188,7 +188,7 @@ class Search:
     @cached_property
     def counted(self) -> BoolArray:
         """All readings of the run, shape (nodes, n)."""
-        return np.isfinite(bind(self.model, self.part.run).measured)
+        return np.isfinite(bind(self.model, self.segment.run).measured)
 
     def at(self, value: float) -> Model:
         """The model at an amplitude."""
@@ -199,7 +199,7 @@ class Search:
     def residuals(self, value: float) -> FloatArray:
         """Weighted errors of the whole run at an amplitude, shape (readings,), its start found in the opening."""
         try:
-            found = predict(self.at(value), self.part, self.sigma)
+            found = predict(self.at(value), self.segment, self.sigma)
         except SimulationError:
             return np.full(int(self.counted.sum()), _HOPELESS)
         return np.asarray(((found.readings - found.bound.measured) / self.sigma[:, None])[self.counted])
@@ -243,7 +243,7 @@ class Search:
         most, least = (abs(size - bound) <= _EDGE * abs(bound) for bound in (upper, lower))
         more, less = effect.in_one_run
         return ((more if size >= 0 else less) or _PLAIN).format(
-            run=self.part.run.name,
+            run=self.segment.run.name,
             title=effect.title,
             at="" if at == EVERYWHERE else f" at {at}",
             of="every sensor" if at == EVERYWHERE else f"the sensor of {at}",
@@ -355,7 +355,7 @@ def _block_squares(error: FloatArray, size: int) -> FloatArray:
 def _tried(fit: Fit, search: Search) -> _Trial:
     amplitude = search.best()
     explained = search.at(amplitude)
-    after = predict(explained, search.part, search.sigma)
+    after = predict(explained, search.segment, search.sigma)
     done = _as_fit(fit, explained, after, (search.index,))
     return _Trial(search, amplitude, done, Errors.of(after.error).rmse)
 

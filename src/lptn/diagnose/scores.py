@@ -163,7 +163,7 @@ def _score(candidate: Candidate, options: Options, residual: FloatArray) -> Scor
     longest = max((length for _, _, length, _ in options), default=0.0)
     best = Score(candidate, 0.0, 0.0, None, np.zeros_like(residual), longest)
     for shape, direction, length, one_sided in options:
-        statistic = float(direction @ residual)
+        statistic = -float(direction @ residual)  # what is too cold asks for more of it
         if one_sided and statistic < 0:
             continue
         if statistic**2 > best.gain:
@@ -177,7 +177,7 @@ def _chance(directions: Sequence[Options], noise: FloatArray) -> FloatArray:
     flat = [(direction, one_sided) for options in directions for _, direction, _, one_sided in options]
     if not flat:
         return largest
-    statistics = np.array([direction for direction, _ in flat]) @ noise
+    statistics = -np.array([direction for direction, _ in flat]) @ noise
     one_sided = np.array([side for _, side in flat])[:, None]
     return np.asarray(np.max(np.where(one_sided & (statistics < 0), 0.0, statistics) ** 2, axis=0))
 
@@ -187,16 +187,16 @@ def _simulated_noise(fit: Fit, rng: np.random.Generator) -> FloatArray:
     problem, columns = fit.problem, []
     errors = problem.errors(fit.z)
     for bound, error in zip(problem.bound_runs, errors, strict=True):
-        predicted = bound.measured - error
+        predicted = bound.measured + error
         for row, sigma in enumerate(problem.sigma):
             clean = predicted[row][bound.counted[row]][:, None]
-            white = rng.normal(0.0, fit.noise.white[row] or 1e-12, (len(clean), _TRIALS))
+            measured = clean + rng.normal(0.0, fit.noise.white[row] or 1e-12, (len(clean), _TRIALS))
             step = fit.noise.step[row]
             if step > 0:
                 # The sensor's steps lie anywhere: a random phase makes the trials differ.
                 phase = rng.uniform(0.0, step, _TRIALS)
-                white = np.round((clean + white + phase) / step) * step - phase - clean
-            columns.append(white / sigma)
+                measured = np.round((measured + phase) / step) * step - phase
+            columns.append((clean - measured) / sigma)
     noise = np.vstack(columns)
     # One matrix holds all runs in the order of the residuals; the priors' rows carry no noise.
     rows = len(problem.residuals(fit.z))

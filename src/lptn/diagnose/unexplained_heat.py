@@ -40,7 +40,7 @@ class Blocks:
         rows: the model's nodes that are measured, shape (M,).
         top: shape (n, S, D).
         by: derivative of each measured node's mean reading in a block by d at its start, shape (n, M, D).
-        residual: measured minus fitted, mean of each block [K], NaN where nothing counts, shape (n, M).
+        error: predicted − measured, mean of each block [K], NaN where nothing counts, shape (n, M).
         variance: of these means by the sensors' noise [K²], shape (n, M).
         storage: heat that each measured node takes up in the fitted run [W], shape (n, M).
         conductance: of each measured node to all around it, mean over the run [W/K], shape (M,).
@@ -51,7 +51,7 @@ class Blocks:
     rows: IntArray
     top: FloatArray
     by: FloatArray
-    residual: FloatArray
+    error: FloatArray
     variance: FloatArray
     storage: FloatArray
     conductance: FloatArray
@@ -264,13 +264,13 @@ def _forward(run: Blocks, prior: Prior, steps: list[_Step] | None) -> float:
     d, p, found = np.zeros(run.top.shape[2]), np.diag(prior.deviations**2), 0.0
     gained = prior.walk**2 * run.seconds
     for k in range(len(run.time)):
-        seen = np.isfinite(run.residual[k])
+        seen = np.isfinite(run.error[k])
         by = run.by[k][seen]
         crossed = p @ by.T
         root = np.linalg.cholesky(by @ crossed + np.diag(run.variance[k][seen]))
         inverse = np.linalg.inv(root)
         precision = inverse.T @ inverse
-        innovation = run.residual[k][seen] - by @ d
+        innovation = -run.error[k][seen] - by @ d  # measured − predicted, as filters have it
         gain = crossed @ precision
         if steps is not None:
             steps.append(_Step(d[heats].copy(), p[heats].copy(), by, gain, precision, innovation))
@@ -424,7 +424,7 @@ def largest(found: Sequence[UnexplainedHeat]) -> Stretch | None:
 def _heat_scale(runs: Sequence[Blocks]) -> float:
     """What heat is large [W]: that which the nodes take up as they warm, or that would hold the residual."""
     stored = np.concatenate([run.storage.ravel() for run in runs])
-    holding = np.concatenate([(run.residual * run.conductance).ravel() for run in runs])
+    holding = np.concatenate([(run.error * run.conductance).ravel() for run in runs])
     return float(np.sqrt(np.mean(stored**2) + np.nanmean(holding**2)))
 
 

@@ -1,12 +1,19 @@
-"""The catalogue of physical effects: one effect, one file; others come in by the entry point `lptn.effects`."""
+"""The catalogue of physical effects: one effect, one file of this folder; others come in by the entry point `lptn.effects`."""
 
 from __future__ import annotations
 
+import inspect
+import logging
+from collections.abc import Iterable
+from difflib import get_close_matches
 from functools import cache
-from importlib.metadata import entry_points
+from importlib import import_module
+from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
+from pkgutil import iter_modules
+from typing import get_args
 
-from lptn.effects.ambient_lag import AmbientLag
-from lptn.effects.ambient_offset import AmbientOffset
+from lptn.basics.errors import InputError, one_line
 from lptn.effects.base import (
     BoundaryEffect,
     ClockEffect,
@@ -21,91 +28,8 @@ from lptn.effects.base import (
     PairSensorEffect,
     SensorEffect,
     Signature,
+    Site,
 )
-from lptn.effects.battery_heat import BatteryHeat
-from lptn.effects.clock_offset import ClockOffset
-from lptn.effects.computer_heat import ComputerHeat
-from lptn.effects.conduction import Conduction
-from lptn.effects.constant_heat import ConstantHeat
-from lptn.effects.copper_loss import CopperLoss
-from lptn.effects.coulomb_friction import CoulombFriction
-from lptn.effects.drive_heat import DriveHeat
-from lptn.effects.driver_loss import DriverLoss
-from lptn.effects.fan import Fan
-from lptn.effects.forced_convection import ForcedConvection
-from lptn.effects.gear_loss import GearLoss
-from lptn.effects.heat_input import HeatInput
-from lptn.effects.heat_scale import HeatScale
-from lptn.effects.hot_spot import HotSpot
-from lptn.effects.iron_loss import IronLoss
-from lptn.effects.loss_scale import LossScale
-from lptn.effects.natural_convection import NaturalConvection
-from lptn.effects.radiation import Radiation
-from lptn.effects.resistance_rise import ResistanceRise
-from lptn.effects.second_mass import SecondMass
-from lptn.effects.sensor_drift import SensorDrift
-from lptn.effects.sensor_lag import SensorLag
-from lptn.effects.sensor_offset import SensorOffset
-from lptn.effects.sensor_position import SensorPosition
-from lptn.effects.shared_mass import SharedMass
-from lptn.effects.solar import Solar
-from lptn.effects.stray_load_loss import StrayLoadLoss
-from lptn.effects.surface_scale import SurfaceScale
-from lptn.effects.torque_constant_drop import TorqueConstantDrop
-from lptn.effects.viscous_friction import ViscousFriction
-
-_BUILT_IN: tuple[type[Effect], ...] = (
-    CopperLoss,
-    HeatInput,
-    HeatScale,
-    ConstantHeat,
-    DriveHeat,
-    ComputerHeat,
-    BatteryHeat,
-    Solar,
-    CoulombFriction,
-    ViscousFriction,
-    IronLoss,
-    GearLoss,
-    DriverLoss,
-    StrayLoadLoss,
-    ResistanceRise,
-    TorqueConstantDrop,
-    NaturalConvection,
-    ForcedConvection,
-    Fan,
-    Radiation,
-    Conduction,
-    SecondMass,
-    SharedMass,
-    SensorLag,
-    SensorOffset,
-    SensorDrift,
-    SensorPosition,
-    HotSpot,
-    ClockOffset,
-    LossScale,
-    SurfaceScale,
-    AmbientOffset,
-    AmbientLag,
-)
-
-
-@cache
-def catalogue() -> dict[str, type[Effect]]:
-    """Every effect by its key: the built-in ones, then those of installed plug-ins.
-
-    Raises:
-        TypeError: a plug-in's entry is not an `Effect`.
-    """
-    effects = {effect.key: effect for effect in _BUILT_IN}
-    for entry in entry_points(group="lptn.effects"):
-        effect = entry.load()
-        if not (isinstance(effect, type) and issubclass(effect, Effect)):
-            raise TypeError(f"plug-in {entry.name} ({entry.value}) is not a subclass of lptn.effects.Effect")
-        effects.setdefault(effect.key, effect)
-    return effects
-
 
 __all__ = [
     "BoundaryEffect",
@@ -122,4 +46,73 @@ __all__ = [
     "SensorEffect",
     "Signature",
     "catalogue",
+    "effect_named",
 ]
+
+_LIKE = 0.6  # of difflib's ratio: typing errors pass, other words don't
+_SITES = get_args(Site)
+logger = logging.getLogger(__name__)
+
+
+@cache
+def catalogue() -> dict[str, type[Effect]]:
+    """Every effect by its key: those of this folder, by what they act on and by name; then those of plug-ins.
+
+    A plug-in that can't be used is left out, with one warning that names it; a key that is taken stays with the first.
+    """
+    built_in = sorted(_of_this_folder(), key=lambda effect: (_SITES.index(effect.site), effect.key))
+    effects = {effect.key: effect for effect in built_in}
+    for entry in entry_points(group="lptn.effects"):
+        effect = _of_plug_in(entry)
+        if effect is not None:
+            effects.setdefault(effect.key, effect)
+    return effects
+
+
+def effect_named(key: str, file: str | Path, place: str) -> type[Effect]:
+    """An effect of the catalogue.
+
+    Args:
+        key: its key, from outside.
+        file: where the key stands, for the message: a file or a command.
+        place: where in it.
+
+    Raises:
+        InputError: there is none of this key; with those that share a word with it or are spelled like it.
+    """
+    known = catalogue()
+    if key in known:
+        return known[key]
+    words = {word for word in key.lower().replace("-", "_").split("_") if len(word) > 2}
+    similar = [name for name in known if words & set(name.split("_"))] or get_close_matches(key, known, cutoff=_LIKE)
+    hint = f"{' or '.join(similar)} (`lptn effects` lists them all)" if similar else f"one of {', '.join(known)}"
+    raise InputError(file, place, f'unknown effect "{key}"', hint)
+
+
+def _of_this_folder() -> Iterable[type[Effect]]:
+    for module in iter_modules(__path__):
+        for effect in vars(import_module(f"{__name__}.{module.name}")).values():
+            if inspect.isclass(effect) and issubclass(effect, Effect) and "key" in vars(effect):
+                yield effect
+
+
+def _of_plug_in(entry: EntryPoint) -> type[Effect] | None:
+    """A plug-in's effect, `None` with a warning if it is none."""
+    try:
+        effect = entry.load()
+        mistake = _mistake(effect)
+    except Exception as error:  # whatever a stranger's module raises
+        mistake = f"{type(error).__name__}: {error}"
+    if mistake:
+        logger.warning("plug-in %s (%s) is left out: %s", entry.name, entry.value, one_line(mistake))
+        return None
+    return effect  # type: ignore[no-any-return]  # `_mistake` has looked
+
+
+def _mistake(effect: object) -> str:
+    """Why an object is no effect, `""` if it is one."""
+    if not (inspect.isclass(effect) and issubclass(effect, Effect)):
+        return "not a subclass of lptn.effects.Effect"
+    lacking = [name for name in ("key", "title", "site", "signature", "source") if not hasattr(effect, name)]
+    lacking += sorted(getattr(effect, "__abstractmethods__", ()))
+    return f"{effect.__name__} has no {', '.join(lacking)}" if lacking else ""

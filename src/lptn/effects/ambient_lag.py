@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 from lptn.basics.parameters import Parameter
 from lptn.effects.base import BoundaryEffect, Signature, Symbol
+from lptn.effects.excitation import surroundings_change
 
 
 class AmbientLag(BoundaryEffect):
@@ -36,6 +37,7 @@ class AmbientLag(BoundaryEffect):
         separate_by="carry the robot, unpowered, from a cool room into a warm one and log for an hour",
         confused_with=("ambient_offset", "shared_mass"),
     )
+    excitation = surroundings_change()
     source = "first-order lag"
 
     def error(self, temperature: Symbol, state: Symbol, p: SimpleNamespace) -> Symbol:

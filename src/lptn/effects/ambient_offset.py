@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 from lptn.basics.parameters import Parameter
 from lptn.effects.base import BoundaryEffect, Signature, Symbol
+from lptn.effects.excitation import REST_OR_LEVELS
 
 
 class AmbientOffset(BoundaryEffect):
@@ -31,6 +32,7 @@ class AmbientOffset(BoundaryEffect):
         separate_by="leave the robot unpowered for two hours: what does it settle at?",
         confused_with=("constant_heat", "sensor_offset", "surface_scale"),
     )
+    excitation = REST_OR_LEVELS
     source = "definition"
 
     def error(self, temperature: Symbol, state: Symbol, p: SimpleNamespace) -> Symbol:

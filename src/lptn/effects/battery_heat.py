@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 from lptn.basics.parameters import Parameter
 from lptn.effects.base import NodeEffect, Signature, Symbol
+from lptn.effects.excitation import INPUTS_VARY
 
 
 class BatteryHeat(NodeEffect):
@@ -29,6 +30,7 @@ class BatteryHeat(NodeEffect):
         separate_by="load the joints far from the battery for 20 min while those beside it rest",
         confused_with=("constant_heat", "conduction", "computer_heat"),
     )
+    excitation = INPUTS_VARY
     source = "definition"
 
     def heat(self, temperature: Symbol, inputs: SimpleNamespace, p: SimpleNamespace) -> Symbol:

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 from lptn.basics.parameters import Parameter
 from lptn.effects.base import ClockEffect, Signature, Symbol
+from lptn.effects.excitation import LOAD_STEPS
 
 
 class ClockOffset(ClockEffect):
@@ -33,6 +34,7 @@ class ClockOffset(ClockEffect):
         separate_by="one short strong burst of load from rest: when does the first node begin to warm?",
         confused_with=("sensor_lag", "second_mass"),
     )
+    excitation = LOAD_STEPS
     source = "definition"
 
     def delay(self, p: SimpleNamespace) -> Symbol:

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 from lptn.basics.parameters import Parameter
 from lptn.effects.base import NodeEffect, Signature, Symbol
+from lptn.effects.excitation import INPUTS_VARY
 
 
 class ComputerHeat(NodeEffect):
@@ -27,6 +28,7 @@ class ComputerHeat(NodeEffect):
         separate_by="leave the robot resting for an hour with the computer under full load, then idle",
         confused_with=("constant_heat", "conduction", "battery_heat"),
     )
+    excitation = INPUTS_VARY
     source = "[QuadrupedLPTN, eq. 1]"
 
     def heat(self, temperature: Symbol, inputs: SimpleNamespace, p: SimpleNamespace) -> Symbol:

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 from lptn.basics.parameters import Parameter
 from lptn.effects.base import EdgeEffect, Signature, Symbol
+from lptn.effects.excitation import nodes_apart
 
 
 class Conduction(EdgeEffect):
@@ -26,6 +27,7 @@ class Conduction(EdgeEffect):
         separate_by="power one of the two for 20 min, then only the other",
         confused_with=("constant_heat",),
     )
+    excitation = nodes_apart()
     source = "[QuadrupedLPTN, eq. 5]"
 
     def conductance(self, p: SimpleNamespace) -> Symbol:

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 from lptn.basics.parameters import Parameter
 from lptn.effects.base import NodeEffect, Signature, Symbol
+from lptn.effects.excitation import REST_OR_LEVELS
 
 
 class ConstantHeat(NodeEffect):
@@ -29,6 +30,7 @@ class ConstantHeat(NodeEffect):
         separate_by="leave the robot powered and resting for an hour; then switch it off for an hour",
         confused_with=("sensor_offset",),
     )
+    excitation = REST_OR_LEVELS
     source = "[QuadrupedLPTN, eq. 1]"
 
     def heat(self, temperature: Symbol, inputs: SimpleNamespace, p: SimpleNamespace) -> Symbol:

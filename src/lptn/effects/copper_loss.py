@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 from lptn.basics.parameters import Parameter
 from lptn.effects.base import NodeEffect, Signature, Symbol
+from lptn.effects.excitation import INPUTS_VARY
 
 
 class CopperLoss(NodeEffect):
@@ -39,6 +40,7 @@ class CopperLoss(NodeEffect):
         separate_by="hold one joint at two torques, 15 min each",
         confused_with=("constant_heat",),
     )
+    excitation = INPUTS_VARY
     source = "I²R: [QuadrupedLPTN, eq. 1]"
 
     def heat(self, temperature: Symbol, inputs: SimpleNamespace, p: SimpleNamespace) -> Symbol:

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 from lptn.basics.parameters import Parameter
 from lptn.effects.base import NodeEffect, Signature, Symbol
+from lptn.effects.excitation import speed_apart_from_load
 
 
 class CoulombFriction(NodeEffect):
@@ -30,6 +31,7 @@ class CoulombFriction(NodeEffect):
         separate_by="swing the unloaded leg at two speeds, 15 min each",
         confused_with=("viscous_friction", "iron_loss"),
     )
+    excitation = speed_apart_from_load()
     source = "[QuadrupedLPTN, eq. 7, 8]"
 
     def heat(self, temperature: Symbol, inputs: SimpleNamespace, p: SimpleNamespace) -> Symbol:

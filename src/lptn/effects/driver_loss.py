@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 from lptn.basics.parameters import Parameter
 from lptn.effects.base import NodeEffect, Signature, Symbol
+from lptn.effects.excitation import INPUTS_VARY
 
 
 class DriverLoss(NodeEffect):
@@ -32,6 +33,7 @@ class DriverLoss(NodeEffect):
         separate_by="hold one joint at three torques, 15 min each: linear or with the square?",
         confused_with=("loss_scale", "drive_heat", "gear_loss"),
     )
+    excitation = INPUTS_VARY
     source = "semiconductor with a threshold voltage"
 
     def heat(self, temperature: Symbol, inputs: SimpleNamespace, p: SimpleNamespace) -> Symbol:

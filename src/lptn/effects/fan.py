@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 from lptn.basics.parameters import Parameter
 from lptn.effects.base import LinkEffect, Signature, Symbol
+from lptn.effects.excitation import INPUTS_VARY
 
 
 class Fan(LinkEffect):
@@ -28,6 +29,7 @@ class Fan(LinkEffect):
         separate_by="hold one load for 30 min without the fan, then for 30 min with it",
         confused_with=("forced_convection", "surface_scale"),
     )
+    excitation = INPUTS_VARY
     source = "[Chen2017, table 4.2]"
 
     def conductance_factor(

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 from lptn.basics.parameters import Parameter
 from lptn.effects.base import LinkEffect, Signature, Symbol
+from lptn.effects.excitation import INPUTS_VARY
 
 
 class ForcedConvection(LinkEffect):
@@ -25,6 +26,7 @@ class ForcedConvection(LinkEffect):
         separate_by="same joint torque, standing and at two speeds, 15 min each",
         confused_with=("natural_convection",),
     )
+    excitation = INPUTS_VARY
     source = "[QuadrupedLPTN, eq. 3]"
 
     def conductance_factor(

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 from lptn.basics.parameters import Parameter
 from lptn.effects.base import NodeEffect, Signature, Symbol
+from lptn.effects.excitation import speed_apart_from_load
 
 
 class GearLoss(NodeEffect):
@@ -29,6 +30,7 @@ class GearLoss(NodeEffect):
         separate_by="lift and lower the same load at two speeds, 15 min each, and swing unloaded at those speeds",
         confused_with=("coulomb_friction", "viscous_friction", "loss_scale"),
     )
+    excitation = speed_apart_from_load()
     source = "load-dependent gear loss ([ISO14179-1])"
 
     def heat(self, temperature: Symbol, inputs: SimpleNamespace, p: SimpleNamespace) -> Symbol:

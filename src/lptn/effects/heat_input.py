@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 from lptn.basics.parameters import Parameter
 from lptn.effects.base import NodeEffect, Signature, Symbol
+from lptn.effects.excitation import INPUTS_VARY
 
 
 class HeatInput(NodeEffect):
@@ -27,6 +28,7 @@ class HeatInput(NodeEffect):
         separate_by="switch the consumer on and off, 15 min each, with everything else at rest",
         confused_with=("constant_heat",),
     )
+    excitation = INPUTS_VARY
     source = "definition"
 
     def heat(self, temperature: Symbol, inputs: SimpleNamespace, p: SimpleNamespace) -> Symbol:

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 from lptn.basics.parameters import Parameter
 from lptn.effects.base import LossEffect, Signature, Symbol
+from lptn.effects.excitation import INPUTS_VARY
 
 
 class HeatScale(LossEffect):
@@ -32,6 +33,7 @@ class HeatScale(LossEffect):
         separate_by="switch the consumer on and off, 15 min each, with a meter of known accuracy in its supply",
         confused_with=("heat_input", "surface_scale"),
     )
+    excitation = INPUTS_VARY
     source = "definition"
 
     def factor(self, temperature: Symbol, p: SimpleNamespace) -> Symbol:

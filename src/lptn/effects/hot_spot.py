@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 from lptn.basics.parameters import Parameter
 from lptn.effects.base import ExcessEffect, Signature, Symbol
+from lptn.effects.excitation import LOAD_STEPS
 
 _RESISTANCE = 1.0  # K/W; scale of the state's excess
 
@@ -33,6 +34,7 @@ class HotSpot(ExcessEffect):
         separate_by="short strong bursts of load, 1 min on and 3 min off, logged once a second",
         confused_with=("second_mass", "sensor_position"),
     )
+    excitation = LOAD_STEPS
     source = "definition"
 
     def error(self, temperature: Symbol, state: Symbol, p: SimpleNamespace) -> Symbol:

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 from lptn.basics.parameters import Parameter
 from lptn.effects.base import NodeEffect, Signature, Symbol
+from lptn.effects.excitation import speed_apart_from_load
 
 _STANDSTILL = 1e-12  # rad/s; keeps the derivative by the exponent finite at rest
 
@@ -33,6 +34,7 @@ class IronLoss(NodeEffect):
         separate_by="spin the unloaded motor at three speeds, 15 min each",
         confused_with=("viscous_friction", "coulomb_friction"),
     )
+    excitation = speed_apart_from_load()
     source = "Steinmetz's law at constant flux ([Steinmetz1892])"
 
     def heat(self, temperature: Symbol, inputs: SimpleNamespace, p: SimpleNamespace) -> Symbol:

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 from lptn.basics.parameters import Parameter
 from lptn.effects.base import LossEffect, Signature, Symbol
+from lptn.effects.excitation import SEVERAL_RUNS_OR_PLACES
 
 
 class LossScale(LossEffect):
@@ -32,6 +33,7 @@ class LossScale(LossEffect):
         separate_by="hold one joint at two torques, 15 min each; measure current and torque together",
         confused_with=("stray_load_loss", "resistance_rise"),
     )
+    excitation = SEVERAL_RUNS_OR_PLACES
     source = "definition"
 
     def factor(self, temperature: Symbol, p: SimpleNamespace) -> Symbol:

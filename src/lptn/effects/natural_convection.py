@@ -8,6 +8,7 @@ import casadi as ca
 
 from lptn.basics.parameters import Parameter
 from lptn.effects.base import LinkEffect, Signature, Symbol
+from lptn.effects.excitation import hot
 
 
 class NaturalConvection(LinkEffect):
@@ -28,6 +29,7 @@ class NaturalConvection(LinkEffect):
         separate_by="heat to 60 degC or more, then cool down unpowered for 30 min, at two ambients",
         confused_with=("radiation",),
     )
+    excitation = hot()
     source = "[QuadrupedLPTN, eq. 3]"
 
     def conductance_factor(

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 from lptn.basics.parameters import Parameter
 from lptn.effects.base import LinkEffect, Signature, Symbol
+from lptn.effects.excitation import hot
 
 STEFAN_BOLTZMANN = 5.670374419e-8  # W/(m² K⁴)
 ZERO_CELSIUS = 273.15  # K
@@ -27,6 +28,7 @@ class Radiation(LinkEffect):
         separate_by="the same heating and cool-down at 8 and at 33 degC ambient",
         confused_with=("natural_convection",),
     )
+    excitation = hot()
     source = "Stefan-Boltzmann law ([IncroperaDeWitt])"
 
     def extra_heat(self, temperature: Symbol, surroundings: Symbol, p: SimpleNamespace) -> Symbol:

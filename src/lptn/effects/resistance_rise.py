@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 from lptn.basics.parameters import Parameter
 from lptn.effects.base import LossEffect, Signature, Symbol
+from lptn.effects.excitation import hot
 
 
 class ResistanceRise(LossEffect):
@@ -28,6 +29,7 @@ class ResistanceRise(LossEffect):
         separate_by="the same torque from a cold and from a hot start; log the current besides the torque",
         confused_with=("torque_constant_drop",),
     )
+    excitation = hot()
     source = "[QuadrupedLPTN, eq. 6]"
 
     def factor(self, temperature: Symbol, p: SimpleNamespace) -> Symbol:

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 from lptn.basics.parameters import Parameter
 from lptn.effects.base import MassEffect, Signature, Symbol
+from lptn.effects.excitation import LOAD_STEPS
 
 
 class SecondMass(MassEffect):
@@ -37,6 +38,7 @@ class SecondMass(MassEffect):
         separate_by="a step of load for 20 min from rest, then 40 min of rest",
         confused_with=("sensor_lag",),
     )
+    excitation = LOAD_STEPS
     source = "two-node network, fitted to [Chen2017, sec. 3.1.2]"
 
     def heat(self, temperature: Symbol, state: Symbol, p: SimpleNamespace) -> Symbol:

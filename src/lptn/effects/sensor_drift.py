@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 from lptn.basics.parameters import Parameter
 from lptn.effects.base import ExcessEffect, Signature, Symbol
+from lptn.effects.excitation import long_enough
 
 _SCALE = 1000.0  # K/h; so steep that what is unsure about the state at the start is seconds, not degrees
 _HOUR = 3600.0  # s
@@ -34,6 +35,7 @@ class SensorDrift(ExcessEffect):
         separate_by="two hours at rest with nothing powered: does the reading leave the ambient?",
         confused_with=("sensor_offset", "constant_heat", "second_mass"),
     )
+    excitation = long_enough()
     source = "definition"
 
     def error(self, temperature: Symbol, state: Symbol, p: SimpleNamespace) -> Symbol:

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 from lptn.basics.parameters import Parameter
 from lptn.effects.base import SensorEffect, Signature, Symbol
+from lptn.effects.excitation import LOAD_STEPS
 
 
 class SensorLag(SensorEffect):
@@ -38,6 +39,7 @@ class SensorLag(SensorEffect):
         separate_by="short strong bursts of load, 1 min on and 3 min off",
         confused_with=("second_mass",),
     )
+    excitation = LOAD_STEPS
     source = "first-order sensor"
 
     def error(self, temperature: Symbol, state: Symbol, p: SimpleNamespace) -> Symbol:

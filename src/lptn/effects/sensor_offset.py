@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 from lptn.basics.parameters import Parameter
 from lptn.effects.base import SensorEffect, Signature, Symbol
+from lptn.effects.excitation import REST_OR_LEVELS
 
 
 class SensorOffset(SensorEffect):
@@ -31,6 +32,7 @@ class SensorOffset(SensorEffect):
         separate_by="a plain cool-down to a known ambient, at two ambient temperatures",
         confused_with=("constant_heat",),
     )
+    excitation = REST_OR_LEVELS
     source = "definition"
 
     def error(self, temperature: Symbol, state: Symbol, p: SimpleNamespace) -> Symbol:

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 from lptn.basics.parameters import Parameter
 from lptn.effects.base import PairSensorEffect, Signature, Symbol
+from lptn.effects.excitation import nodes_apart
 
 
 class SensorPosition(PairSensorEffect):
@@ -28,6 +29,7 @@ class SensorPosition(PairSensorEffect):
         separate_by="a step of load on the neighbour alone: does the reading rise in the first seconds?",
         confused_with=("conduction", "hot_spot"),
     )
+    excitation = nodes_apart()
     source = "definition"
 
     def error(self, temperature: Symbol, state: Symbol, p: SimpleNamespace) -> Symbol:

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 from lptn.basics.parameters import Parameter
 from lptn.effects.base import GroupEffect, Signature, Symbol
+from lptn.effects.excitation import LOAD_STEPS
 
 
 class SharedMass(GroupEffect):
@@ -40,6 +41,7 @@ class SharedMass(GroupEffect):
         separate_by="load one joint of the group for 40 min; do the resting ones warm, all alike and late?",
         confused_with=("second_mass", "conduction"),
     )
+    excitation = LOAD_STEPS
     source = "definition"
 
     def heat(self, temperature: Symbol, state: Symbol, p: SimpleNamespace) -> Symbol:

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 from lptn.basics.parameters import Parameter
 from lptn.effects.base import NodeEffect, Signature, Symbol
+from lptn.effects.excitation import INPUTS_VARY
 
 
 class Solar(NodeEffect):
@@ -30,6 +31,7 @@ class Solar(NodeEffect):
         separate_by="leave the robot unpowered for an hour in the sun, then for an hour in the shade",
         confused_with=("constant_heat", "ambient_offset"),
     )
+    excitation = INPUTS_VARY
     source = "definition"
 
     def heat(self, temperature: Symbol, inputs: SimpleNamespace, p: SimpleNamespace) -> Symbol:

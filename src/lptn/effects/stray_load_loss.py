@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 from lptn.basics.parameters import Parameter
 from lptn.effects.base import NodeEffect, Signature, Symbol
+from lptn.effects.excitation import INPUTS_VARY
 
 
 class StrayLoadLoss(NodeEffect):
@@ -27,6 +28,7 @@ class StrayLoadLoss(NodeEffect):
         separate_by="the same speed at two currents, 20 min each",
         confused_with=("conduction", "constant_heat"),
     )
+    excitation = INPUTS_VARY
     source = "stray-load loss ([IEEE112])"
 
     def heat(self, temperature: Symbol, inputs: SimpleNamespace, p: SimpleNamespace) -> Symbol:

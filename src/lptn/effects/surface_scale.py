@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 from lptn.basics.parameters import Parameter
 from lptn.effects.base import LinkEffect, Signature, Symbol
+from lptn.effects.excitation import SEVERAL_RUNS_OR_PLACES
 
 
 class SurfaceScale(LinkEffect):
@@ -31,6 +32,7 @@ class SurfaceScale(LinkEffect):
         separate_by="heat up, then cool down unpowered for 30 min; the rate of cooling tells it from heat",
         confused_with=("natural_convection", "ambient_offset"),
     )
+    excitation = SEVERAL_RUNS_OR_PLACES
     source = "definition"
 
     def conductance_factor(

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 from lptn.basics.parameters import Parameter
 from lptn.effects.base import LossEffect, Signature, Symbol
+from lptn.effects.excitation import hot
 
 
 class TorqueConstantDrop(LossEffect):
@@ -31,6 +32,7 @@ class TorqueConstantDrop(LossEffect):
         separate_by="log the current besides the torque: at equal torque it rises with temperature",
         confused_with=("resistance_rise",),
     )
+    excitation = hot()
     source = "[Chen2017, eq. 2.6]"
 
     def factor(self, temperature: Symbol, p: SimpleNamespace) -> Symbol:

@@ -20,7 +20,7 @@ from lptn.basics.processes import heard_interrupts, pool_of
 from lptn.fleet.robots import Robot
 from lptn.identify.data import LoadedModel, split_data
 from lptn.identify.fitting import fingerprint_of
-from lptn.identify.validation import fit_split
+from lptn.identify.validation import fit_split, holdout_errors
 
 # --- What a worker does: read one robot's logs, fit, and send back a few kilobytes ----------------
 
@@ -131,16 +131,17 @@ def in_one_line(error: BaseException) -> str:
 def _fitted(order: FleetFit, logs: Sequence[str]) -> tuple[dict[str, Any], str]:
     loaded = _unpickled(order.model)
     notes: dict[str, None] = {}
-    runs = loaded.runs([Path(log) for log in logs], tell=lambda _, note: notes.setdefault(note))
+    runs = loaded.runs([Path(log) for log in logs], notify=lambda _, note: notes.setdefault(note))
     data = split_data(runs, holdout_after=order.holdout_after)
-    found = fit_split(loaded.model, data, order.symmetry_penalty)
-    table = found.fit.table()
+    done, _ = fit_split(loaded.model, data, order.symmetry_penalty)
+    held = holdout_errors(done, data.holdout)
+    table = done.table()
     more = {
-        "rmse_holdout": found.holdout.rmse if found.holdout else None,
+        "rmse_holdout": held.rmse if held else None,
         "data": [x.model_dump() for x in table.data],
         "notes": list(notes),
     }
-    result = found.fit.as_json() | more
+    result = done.as_json() | more
     result.pop("correlations")  # grows with the square of the parameters
     return finite(result), loaded.file.with_fit(table).text
 

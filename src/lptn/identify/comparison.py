@@ -22,37 +22,34 @@ from lptn.identify.noise import Noise, balanced_sigma, estimate_noise
 from lptn.model.model import Model
 from lptn.simulate.simulation import BoundRun, bind, simulate
 
-# --- Error per run, node and operating condition: where the model fails ---------------------------
-
-
-_BINS = 5
+_BINS = 5  # of an operating condition, with equally many readings each
 
 
 @dataclass(frozen=True)
 class Prediction:
-    """One run, predicted freely from its opening.
+    """One run, predicted freely from its initialisation window.
 
     Args:
-        part: the run and its windows.
-        drive: its inputs and readings, with those that count behind the opening.
+        segment: the run and its windows.
+        bound: its inputs and readings, those of the evaluation window counting.
         readings: predicted readings [degC], shape (nodes, n).
         states: simulated states, shape (states, n + 1).
     """
 
-    part: Segment
+    segment: Segment
     bound: BoundRun
     readings: FloatArray
     states: FloatArray
 
     @property
     def error(self) -> FloatArray:
-        """Predicted minus measured [K], shape (nodes, n), NaN where nothing counts."""
+        """Predicted − measured [K], shape (nodes, n), NaN where nothing counts."""
         return np.where(self.bound.counted, self.readings - self.bound.measured, np.nan)
 
 
 @dataclass(frozen=True)
 class Errors:
-    """Error of a set of readings [K]: root mean square, largest, mean (predicted minus measured)."""
+    """Errors (predicted − measured) of a set of readings [K]: root mean square, largest size, mean, and their count."""
 
     rmse: float
     max: float
@@ -61,7 +58,7 @@ class Errors:
 
     @classmethod
     def of(cls, error: FloatArray) -> Errors:
-        """Errors of the finite entries of an array of predicted minus measured."""
+        """Errors of the finite entries of an array of predicted − measured [K]."""
         finite = error[np.isfinite(error)]
         if finite.size == 0:
             return cls(float("nan"), float("nan"), float("nan"), 0)
@@ -87,7 +84,7 @@ class Comparison:
     Args:
         model: the model.
         predictions: one for each run.
-        noise: the sensors' noise, the floor that no model can pass.
+        noise: the sensors' noise, the least that any model can reach.
     """
 
     model: Model
@@ -111,20 +108,20 @@ class Comparison:
 
     def conditions(self) -> list[Condition]:
         """Errors binned over each node's torque, speed, temperature and the time since the start."""
-        found = []
+        conditions = []
         for row, node in enumerate(self.model.nodes):
             error = np.concatenate([prediction.error[row] for prediction in self.predictions])
             for quantity, values in self._quantities(row).items():
-                found += _binned(node, quantity, values, error)
-        return found
+                conditions += _binned(node, quantity, values, error)
+        return conditions
 
     def as_json(self) -> dict[str, object]:
         """The comparison as other tools read it, in kelvin."""
         runs: dict[str, object] = {}
         for prediction in self.predictions:
-            name = prediction.part.run.name
+            name = prediction.segment.run.name
             # Logs of one name from two folders must not hide each other.
-            name = name if name not in runs else f"{name} ({prediction.part.run.source})"
+            name = name if name not in runs else f"{name} ({prediction.segment.run.source})"
             errors = {node: self.node(node, prediction) for node in self.model.nodes}
             runs[name] = {
                 "nodes": {
@@ -144,46 +141,45 @@ class Comparison:
             "joint speed [rad/s]": f"velocity.{node}",
             "base speed [m/s]": "speed.base",
         }
-        runs = [prediction.part.run for prediction in self.predictions]
-        found = {
+        runs = [prediction.segment.run for prediction in self.predictions]
+        quantities = {
             title: np.concatenate([run.columns[column] for run in runs])
             for title, column in columns.items()
             if all(run.has(column) for run in runs)
         }
-        found["temperature [°C]"] = np.concatenate([each.bound.measured[row] for each in self.predictions])
-        found["time since start [s]"] = np.concatenate([run.time - run.time[0] for run in runs])
-        return found
+        quantities["temperature [°C]"] = np.concatenate([p.bound.measured[row] for p in self.predictions])
+        quantities["time since start [s]"] = np.concatenate([run.time - run.time[0] for run in runs])
+        return quantities
 
 
-def predict(model: Model, part: Segment, sigma: FloatArray) -> Prediction:
-    """Predict a run from the initial states that its opening gives.
+def predict(model: Model, segment: Segment, sigma: FloatArray) -> Prediction:
+    """Predict a run from the initial states that its initialisation window gives.
 
-    Where the model grants the run an error that is no part of the robot, such as the ambient sensor's, that is taken
-    from all of the run: one number with a prior.
+    Nuisance parameters of the run, such as the ambient sensor's bias, are fitted to all of it: one number with a prior.
 
     Args:
         model: at the values that it is to predict with.
-        part: the run, which stretch of it finds the start, and which counts.
+        segment: the run, and which windows of it find the start and are evaluated.
         sigma: standard deviation that weighs each node [K], shape (nodes,).
     """
-    bound = bind(model, part.run)
-    model = fit_nuisances(model, bound.count((part.opening[0], part.counted[1])).until(part.counted[1]), sigma)
-    opening = bound.count(part.opening).until(part.opening[1])
-    (start,) = fit_starts(model, [opening], sigma)
-    path = simulate(model, bound, model.values, start)
-    return Prediction(part, bound.count(part.counted), path.readings, path.states)
+    bound = bind(model, segment.run)
+    start, stop = segment.initialisation, segment.evaluation[1]
+    model = fit_nuisances(model, bound.count((start[0], stop)).until(stop), sigma)
+    (states,) = fit_starts(model, [bound.count(start).until(start[1])], sigma)
+    path = simulate(model, bound, model.values, states)
+    return Prediction(segment, bound.count(segment.evaluation), path.readings, path.states)
 
 
-def compare(model: Model, parts: Sequence[Segment]) -> Comparison:
+def compare(model: Model, segments: Sequence[Segment]) -> Comparison:
     """Predict each run and set the prediction against what was measured.
 
     Raises:
         InputError: a run lacks an input, or measures none of the model's nodes.
     """
-    bound_runs = [bind(model, part.run) for part in parts]
+    bound_runs = [bind(model, segment.run) for segment in segments]
     noise = estimate_noise(bound_runs, model.nodes)
     sigma = balanced_sigma(bound_runs, noise)
-    return Comparison(model, tuple(predict(model, part, sigma) for part in parts), noise)
+    return Comparison(model, tuple(predict(model, segment, sigma) for segment in segments), noise)
 
 
 def _binned(node: str, quantity: str, values: FloatArray, error: FloatArray) -> list[Condition]:
@@ -192,13 +188,13 @@ def _binned(node: str, quantity: str, values: FloatArray, error: FloatArray) -> 
     if usable.sum() < _BINS * 2 or np.ptp(values[usable]) == 0:
         return []
     edges = np.unique(np.quantile(values[usable], np.linspace(0, 1, _BINS + 1)))
-    found = []
+    conditions = []
     for lower, upper in pairwise(edges):
         last = upper == edges[-1]
         inside = usable & (values >= lower) & ((values <= upper) if last else (values < upper))
         if inside.any():
-            found.append(Condition(node, quantity, float(lower), float(upper), Errors.of(error[inside])))
-    return found
+            conditions.append(Condition(node, quantity, float(lower), float(upper), Errors.of(error[inside])))
+    return conditions
 
 
 # --- Two models on the same logs: mean error by class of joints, largest and mean square error by condition ---
@@ -222,7 +218,7 @@ class Pair:
 
     @classmethod
     def of(cls, what: str, errors: tuple[FloatArray, FloatArray]) -> Pair:
-        """From predicted minus measured [K], NaN where nothing counts."""
+        """From predicted − measured [K], NaN where nothing counts."""
         finite = [np.abs(error[np.isfinite(error)]) for error in errors]
         mean, square, largest = zip(
             *((float(e.mean()), float((e**2).mean()), float(e.max())) for e in finite), strict=True
@@ -273,13 +269,13 @@ class Versus:
         groups: dict[str, list[str]] = {}
         for node in self.nodes:
             groups.setdefault(class_of(node), []).append(node)
-        found = [self._pair(name, members, range(len(self.model.predictions))) for name, members in groups.items()]
-        return [*found, self._pair("all", self.nodes, range(len(self.model.predictions)))]
+        everywhere = range(len(self.model.predictions))
+        return [self._pair(name, members, everywhere) for name, members in (groups | {"all": self.nodes}).items()]
 
     @cached_property
     def runs(self) -> list[Pair]:
         """Errors of all nodes in each run."""
-        runs = [prediction.part.run.name for prediction in self.model.predictions]
+        runs = [prediction.segment.run.name for prediction in self.model.predictions]
         return [self._pair(name, self.nodes, [number]) for number, name in enumerate(runs)]
 
     def _pair(self, what: str, nodes: Sequence[str], runs: Sequence[int]) -> Pair:
@@ -303,24 +299,24 @@ class Versus:
 
 
 def versus(
-    model: Model, other: Model, parts: Sequence[Segment], other_parts: Sequence[Segment] | None = None
+    model: Model, other: Model, segments: Sequence[Segment], other_segments: Sequence[Segment] | None = None
 ) -> Versus:
     """Predict each run with both models.
 
     Args:
         model: the model in question.
         other: the one to compare it with.
-        parts: the runs.
-        other_parts: the same runs as the other model reads them (it may name columns otherwise).
+        segments: the runs.
+        other_segments: the same runs as the other model reads them (it may name columns otherwise).
 
     Raises:
         InputError: a run lacks an input of one of them, or they have no node in common.
     """
-    found = Versus(compare(model, parts), compare(other, parts if other_parts is None else other_parts))
-    if not found.nodes:
+    both = Versus(compare(model, segments), compare(other, segments if other_segments is None else other_segments))
+    if not both.nodes:
         expected = f"at least one of {', '.join(model.nodes)}"
         raise InputError(other.network.origin, "nodes", "none that both models have", expected)
-    return found
+    return both
 
 
 def _errors(comparison: Comparison, nodes: Sequence[str], runs: Sequence[int]) -> FloatArray:

@@ -21,45 +21,16 @@ from lptn.model.model import Model
 from lptn.model.network import Network
 from lptn.simulate.simulation import needed_columns
 
-# --- Effects that are confined to a run which none of the logs is: a slip of the pen would switch them off in silence ---
-
-
-def absent_runs(network: Network, runs: Iterable[Run]) -> list[str]:
-    """What to say of each name of a run, or glob of names, that no log answers to; nothing without logs.
-
-    Args:
-        network: its effects name the runs that they act in.
-        runs: all runs that were opened, whatever for.
-    """
-    names = list(dict.fromkeys(run.name for run in runs))
-    if not names:
-        return []
-    asked = {effect.run: effect for effect in network.effects if effect.run}
-    return [
-        f'{effect.effect.key} at {effect.at} acts only in run "{pattern}", and no log is that run '
-        f"(here: {_listed(names)}): it is off"
-        for pattern, effect in asked.items()
-        if not any(is_of_run(name, pattern) for name in names)
-    ]
-
-
-def say_absent_runs(network: Network, runs: Iterable[Run]) -> None:
-    """Say it on standard output, a line each."""
-    for told in absent_runs(network, runs):
-        print(f"Warning: {told}.")
-
-
-def _listed(names: Sequence[str], most: int = 8) -> str:
-    return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
-
-
-# --- Which stretches of which runs fit, choose and prove a model ----------------------------------
+# --- Which segments of which runs are fitted, held out, or test -------------------------------------
 
 
 Window = tuple[float, float]
-_OPENING_SHARE = 0.1
-_LEAST_OPENING = 60.0  # s
-_LEAST_OPENING_STEPS = 10
+"""From, to (exclusive) [s], in a log's clock."""
+
+_EVERYTHING: Window = (float("-inf"), float("inf"))
+# The first tenth of a held-out run finds its initial temperatures: at least a minute, and ten readings.
+_INITIALISATION_SHARE, _LEAST_INITIALISATION, _LEAST_INITIALISATION_STEPS = 0.1, 60.0, 10  # s for the second
+_MOST_INITIALISATION_SHARE = 0.5  # a short run can't spare more
 _LEAST_STEPS_KEPT = 300  # a coarsened run keeps at least so many
 
 
@@ -67,16 +38,16 @@ _LEAST_STEPS_KEPT = 300  # a coarsened run keeps at least so many
 class Segment:
     """A run with the window that finds its initial temperatures and the window in which errors count.
 
-    A model's prediction needs a start. On runs that the fit never saw it comes from the run's opening, and
-    only what lies behind the opening is counted as predicted.
+    A model's prediction needs a start. On runs that the fit never saw it comes from the initialisation window, and
+    only what lies behind that window is counted as predicted. A fitted run is both throughout.
     """
 
     run: Run
-    opening: Window
-    counted: Window
+    initialisation: Window
+    evaluation: Window
 
     def coarsened(self, step: float) -> Segment:
-        """The same part in steps of about `step` seconds, where the run is long enough to spare them."""
+        """The same segment in steps of about `step` seconds, where the run is long enough to spare them."""
         factor = min(round(step / self.run.step), len(self.run) // _LEAST_STEPS_KEPT)
         return self if factor < 2 else replace(self, run=self.run.coarsen(factor))
 
@@ -87,8 +58,8 @@ class DataSplit:
 
     Args:
         fit: parameters are fitted, and missing effects chosen, on these.
-        holdout: say where the ladder ends.
-        proof: looked at once, when all is decided.
+        holdout: choose among models that the fit data can't tell apart, and end the forward selection.
+        test: looked at once, when all is decided.
     """
 
     fit: tuple[Segment, ...]
@@ -96,9 +67,9 @@ class DataSplit:
     test: tuple[Segment, ...] = ()
 
     def coarsened(self, step: float) -> DataSplit:
-        """All parts in steps of about `step` seconds."""
-        parts = (self.fit, self.holdout, self.test)
-        return DataSplit(*(tuple(part.coarsened(step) for part in group) for group in parts))
+        """All segments in steps of about `step` seconds."""
+        groups = (self.fit, self.holdout, self.test)
+        return DataSplit(*(tuple(segment.coarsened(step) for segment in group) for group in groups))
 
 
 def split_data(
@@ -112,50 +83,42 @@ def split_data(
     Args:
         runs: to fit.
         holdout: runs held out whole.
-        proof: runs looked at once, at the end.
+        test: runs looked at once, at the end.
         holdout_after: time [s, in each log's clock] from which the fitted runs themselves are held out.
 
     Raises:
         InputError: `holdout_after` leaves nothing to fit, or nothing to hold out.
     """
+    later = tuple(holdout_segment(run) for run in holdout)
+    at_the_end = tuple(holdout_segment(run) for run in test)
     if holdout_after is None:
-        return DataSplit(tuple(_whole(run) for run in runs), _predicted(holdout), _predicted(test))
-    fitted = [run for run in runs if (run.time < holdout_after).sum() >= _LEAST_OPENING_STEPS]
-    continued = [run for run in fitted if (run.time >= holdout_after).sum() >= _LEAST_OPENING_STEPS]
+        return DataSplit(tuple(Segment(run, _EVERYTHING, _EVERYTHING) for run in runs), later, at_the_end)
+    fitted = [run for run in runs if (run.time < holdout_after).sum() >= _LEAST_INITIALISATION_STEPS]
+    continued = [run for run in fitted if (run.time >= holdout_after).sum() >= _LEAST_INITIALISATION_STEPS]
     if not fitted or not continued:
         span = f"{min(run.time[0] for run in runs):g} to {max(run.time[-1] for run in runs):g} s"
         raise InputError("--holdout-after", f"{holdout_after:g} s", f"logs from {span}", "a time inside a log")
     before, after = (float("-inf"), holdout_after), (holdout_after, float("inf"))
-    later = tuple(Segment(run, before, after) for run in continued)
-    return DataSplit(
-        tuple(Segment(run, before, before) for run in fitted), (*later, *_predicted(holdout)), _predicted(test)
+    first = tuple(Segment(run, before, before) for run in fitted)
+    return DataSplit(first, (*(Segment(run, before, after) for run in continued), *later), at_the_end)
+
+
+def holdout_segment(run: Run) -> Segment:
+    """A run to be predicted: its first tenth finds the start, the rest is evaluated."""
+    length = max(
+        _INITIALISATION_SHARE * len(run) * run.step, _LEAST_INITIALISATION, _LEAST_INITIALISATION_STEPS * run.step
     )
-
-
-def predicted(run: Run) -> Segment:
-    """A run to be predicted: its opening finds the start, the rest counts."""
-    length = max(_OPENING_SHARE * len(run) * run.step, _LEAST_OPENING, _LEAST_OPENING_STEPS * run.step)
-    # A short run can't spare so much.
-    border = run.time[0] + min(length, 0.5 * len(run) * run.step)
+    border = run.time[0] + min(length, _MOST_INITIALISATION_SHARE * len(run) * run.step)
     return Segment(run, (float("-inf"), border), (border, float("inf")))
 
 
-def _predicted(runs: Sequence[Run]) -> tuple[Segment, ...]:
-    return tuple(predicted(run) for run in runs)
-
-
-def _whole(run: Run) -> Segment:
-    everything = (float("-inf"), float("inf"))
-    return Segment(run, everything, everything)
-
-
-# --- A model file and logs opened together: the logs are read for what the model, and the catalogue, can use ---
+# --- A model file and the logs read for it: columns that the model needs, or that the catalogue could use ---
 
 
 GUESS = "guess"
 """What `--map` says to have columns guessed."""
 
-Tell = Callable[[Path, str], None]
+Notify = Callable[[Path, str], None]
 Log = str | Path | pd.DataFrame
 """A log: the path of a file or folder, or a data frame."""
 
@@ -172,7 +135,7 @@ class LoadedModel:
         file: the model file.
         model: the model that it declares.
         mapped: columns mapped on the command line, over those of the file.
-        guessing: columns that are still missing are guessed from names, and said.
+        guessing: columns that are still missing are guessed from names, and reported.
     """
 
     file: ModelFile
@@ -186,14 +149,14 @@ class LoadedModel:
         return self.file.columns | dict(parse_map_option(f"{key}={text}") for key, text in self.mapped.items())
 
     def runs(
-        self, logs: Sequence[Log], *, strict: bool = True, tell: Tell = _on_stderr, named: str = "log"
+        self, logs: Sequence[Log], *, strict: bool = True, notify: Notify = _on_stderr, named: str = "log"
     ) -> list[Run]:
-        """Every run of the logs, in order; what was guessed or looks wrong is told.
+        """Every run of the logs, in order; columns that were guessed, and doubtful values, are reported.
 
         Args:
             logs: paths of logs, `a.csv+b.csv` for two of one run; or data frames.
             named: what runs of data frames are called, their number in `logs` behind it.
-            tell: given a log and a sentence about it; by default it goes to the error stream.
+            notify: called with a log and a sentence about it; by default it goes to the error stream.
             strict: refuse values that can't be in the unit they are read in, and say what is doubtful; else both are
                 left to who looks at the runs' doubts.
 
@@ -216,7 +179,7 @@ class LoadedModel:
             )
             doubts = [doubt.sentence for doubt in runs[0].doubts] if strict else []
             for note in [*(note for note in runs[0].notes if note.startswith(GUESSED)), *doubts]:
-                tell(Path(runs[0].source), note)
+                notify(Path(runs[0].source), note)
             found += runs
         return found
 
@@ -249,3 +212,37 @@ def _pair(text: str) -> tuple[str, str]:
     parse_map_option(text)  # refuse a malformed option before any file is read
     key, _, column = text.partition("=")
     return key.strip(), column
+
+
+# --- Effects confined to runs that are not there --------------------------------------------------
+
+
+def absent_runs(network: Network, runs: Iterable[Run]) -> list[str]:
+    """A warning for each run that an effect is confined to and that is not among the logs; none without logs.
+
+    A slip of the pen in a run's name would switch an effect off in silence.
+
+    Args:
+        network: its effects name the runs that they act in, or globs of them.
+        runs: all runs that were read, whatever for.
+    """
+    names = list(dict.fromkeys(run.name for run in runs))
+    if not names:
+        return []
+    asked = {effect.run: effect for effect in network.effects if effect.run}
+    return [
+        f'{effect.effect.key} at {effect.at} acts only in run "{pattern}", and no log is that run '
+        f"(here: {_listed(names)}): it is off"
+        for pattern, effect in asked.items()
+        if not any(is_of_run(name, pattern) for name in names)
+    ]
+
+
+def say_absent_runs(network: Network, runs: Iterable[Run]) -> None:
+    """Print these warnings, a line each."""
+    for warning in absent_runs(network, runs):
+        print(f"Warning: {warning}.")
+
+
+def _listed(names: Sequence[str], most: int = 8) -> str:
+    return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")

@@ -29,14 +29,11 @@ from lptn.model.file import DataTable, FitTable, FittedTable
 from lptn.model.model import Model
 from lptn.simulate.simulation import BoundRun, bind
 
-# --- Parameters from runs: start values, coarse search, fine search, and what the result is worth ---
+Keep = Callable[[Point], None]
+"""Called with the best point so far."""
 
-
-Keep = Callable[[Point, bool], None]
-"""Called with the best point so far, and whether it is that of a coarse search."""
-
-_COARSE_STEP = 10.0  # s
-_LEAST_COARSE = 150  # steps that a run must keep to be worth a coarse search
+_COARSE_STEP = 10.0  # s; the first search is on averages so long: a tenth of the readings, near the same optimum
+_LEAST_COARSE = 150  # steps that a run must keep for such averages
 
 
 @dataclass(frozen=True)
@@ -44,13 +41,13 @@ class Fit:
     """A fitted model.
 
     Args:
-        model: the model that was fitted, with the values found in it.
+        model: the model that was fitted, with the values of the fit in it.
         problem: the least-squares problem at full resolution.
-        z: its unknowns at the solution.
+        z: its unknowns at the solution, shape (size,).
         cost: half the sum of squared weighted residuals, priors included.
         noise: the sensors' noise.
         iterations: of all searches together.
-        status: IPOPT's word, `"interrupted"`, or `"given up"`.
+        status: `"converged"`, `"not converged"`, `"interrupted"`, or `"given up"`.
     """
 
     model: Model
@@ -73,7 +70,7 @@ class Fit:
 
     @cached_property
     def residuals(self) -> list[FloatArray]:
-        """Measured minus predicted [K] for each run, shape (nodes, n), NaN where nothing was measured."""
+        """Predicted − measured [K] for each run, shape (nodes, n), NaN where nothing was measured."""
         return self.problem.errors(self.z)
 
     @property
@@ -84,7 +81,7 @@ class Fit:
         return float(np.sqrt(np.mean(np.concatenate(counted) ** 2)))
 
     def table(self) -> FitTable:
-        """The result as a model file keeps it; infinite standard errors, and nuisances of the logs, are left out."""
+        """The result as a model file keeps it, without infinite standard errors and nuisance parameters of the logs."""
         parameters = [self.model.parameters[index] for index in self.problem.free]
         free = [parameter for parameter in parameters if parameter.declared.prior is None]
         sources = {bound.run.source: bound.run.fingerprint for bound in self.problem.bound_runs}
@@ -96,7 +93,7 @@ class Fit:
             parameters={
                 parameter.name: FittedTable(
                     value=parameter.value,
-                    error=self.errors[parameter.name] if isfinite(self.errors[parameter.name]) else None,
+                    error=self.standard_errors[parameter.name] if isfinite(self.standard_errors[parameter.name]) else None,
                     unit=parameter.declared.unit,
                 )
                 for parameter in free
@@ -112,7 +109,7 @@ class Fit:
             "parameters": {
                 parameter.name: {
                     "value": parameter.value,
-                    "error": self.errors[parameter.name],
+                    "error": self.standard_errors[parameter.name],
                     "unit": parameter.declared.unit,
                 }
                 for parameter in free
@@ -122,10 +119,10 @@ class Fit:
         }
 
     @property
-    def errors(self) -> dict[str, float]:
-        """Standard error of each free parameter by name, in its unit."""
+    def standard_errors(self) -> dict[str, float]:
+        """Standard error of each free parameter by name, in its unit; infinite where undetermined."""
         names = [self.model.parameters[index].name for index in self.problem.free]
-        return dict(zip(names, self.uncertainty.errors.tolist(), strict=True))
+        return dict(zip(names, self.uncertainty.standard_errors.tolist(), strict=True))
 
 
 @one_blas_thread
@@ -135,9 +132,7 @@ def fit(
     *,
     symmetry_penalty: float = 0.0,
     sigma: FloatArray | None = None,
-    guess: FloatArray | None = None,
-    starts: Sequence[FloatArray] | None = None,
-    averaged: bool = False,
+    guess: FloatArray | Point | None = None,
     iterations: int = 80,
     progress: Progress | None = None,
     keep: Keep | None = None,
@@ -146,48 +141,71 @@ def fit(
 ) -> Fit:
     """Fit the free parameters, and the initial states of each run, to free-running simulations.
 
+    Without a guess a search on averages of 10 s comes first; its start is the declared values, or the linear least
+    squares of the integrated heat balance where those cost less.
+
     Args:
         model: the model.
-        drives: the runs, with the readings that count.
-        mirror_weight: λ of the left-right regulariser.
-        sigma: standard deviation that weighs each node [K]; by default balanced between nodes with
+        bound_runs: the runs, with the readings that count.
+        symmetry_penalty: λ of the penalty on left-right differences.
+        sigma: standard deviation that weighs each node [K], shape (nodes,); by default balanced between nodes with
             large and small excursions.
-        guess: parameter values to start from, shape (m,), unless those of the integrated heat balance are
-            better; without it, a coarse search comes first.
-        starts: initial states to start from, together with `guess`.
-        averaged: the guess is of a coarse search that was cut off, and that comes first.
+        guess: parameter values to start from, shape (m,), or a point with initial states; a point on averages is
+            where a search that was cut off goes on.
         iterations: how many the last search may take.
         progress: called after each iteration.
-        keep: called after each iteration with the best point so far, and whether the search is still coarse.
+        keep: called after each iteration with the best point so far.
         rival: a cost to beat; a fit from a `guess` that has no hope of it ends, with status `"given up"`.
         precision: share of the cost that is not worth another step of the last search.
     """
     noise = estimate_noise(bound_runs, model.nodes)
     sigma = balanced_sigma(bound_runs, noise) if sigma is None else sigma
     problem = Problem(model, bound_runs, sigma, symmetry_penalty)
+    values, starts = (guess.values, guess.starts) if isinstance(guess, Point) else (guess, None)
     before = 0
-    if guess is None or averaged:
+    if values is None or (isinstance(guess, Point) and guess.averaged):
         coarse = Problem(model, [_coarse(model, bound) for bound in bound_runs], sigma, symmetry_penalty)
-        best = _first_guess(coarse) if guess is None else coarse.guess(guess, starts)
-        rough = minimise(coarse, best, progress, keep=_kept(keep, coarse, averaged=True), near=True)
-        before = rough.iterations
-        found = coarse.point(rough.z)
-        z = problem.guess(found.values, found.starts)
+        z = _first_guess(coarse) if values is None else coarse.guess(values, starts)
+        keep_coarse = keep and (lambda z: keep(replace(coarse.point(z), averaged=True)))
+        rough = minimise(coarse, z, progress, keep=keep_coarse, near=True)
+        before, point = rough.iterations, coarse.point(rough.z)
+        z = problem.guess(point.values, point.starts)
         if rough.status == "interrupted":
-            return _fit(problem, replace(rough, z=z, cost=problem.cost(z)), noise, before)
+            return _as_fit(problem, replace(rough, z=z, cost=problem.cost(z)), noise, before)
     else:
         balanced = integral_start(model, bound_runs, sigma)
-        z = min((problem.guess(guess, starts), problem.guess(balanced, starts)), key=problem.cost)
-    kept = _kept(keep, problem, averaged=False)
-    solution = minimise(problem, z, progress, iterations, keep=kept, near=True, rival=rival, precision=precision)
-    return _fit(problem, solution, noise, before + solution.iterations)
+        z = min((problem.guess(values, starts), problem.guess(balanced, starts)), key=problem.cost)
+    keep_fine = keep and (lambda z: keep(problem.point(z)))
+    solution = minimise(problem, z, progress, iterations, keep=keep_fine, near=True, rival=rival, precision=precision)
+    return _as_fit(problem, solution, noise, before + solution.iterations)
+
+
+def _first_guess(coarse: Problem) -> FloatArray:
+    """Unknowns at the declared values, or at those that balance the integrated heat where these cost less."""
+    balanced = integral_start(coarse.model, coarse.bound_runs, coarse.sigma)
+    return min((coarse.guess(values) for values in (coarse.model.values, balanced)), key=coarse.cost)
+
+
+def _coarse(model: Model, bound: BoundRun) -> BoundRun:
+    """The same run in steps of about 10 s, where it is long enough."""
+    factor = min(round(_COARSE_STEP / bound.run.step), len(bound) // _LEAST_COARSE)
+    if factor < 2:
+        return bound
+    coarse = bind(model, bound.run.coarsen(factor))
+    blocks = bound.counted[:, : len(coarse) * factor].reshape(len(model.nodes), -1, factor)
+    return replace(coarse, counted=coarse.counted & blocks.all(axis=2))
+
+
+def _as_fit(problem: Problem, solution: Solution, noise: Noise, iterations: int) -> Fit:
+    model = problem.model.with_values(problem.point(solution.z).values)
+    return Fit(model, problem, solution.z, solution.cost, noise, iterations, solution.status)
 
 
 @one_blas_thread
 def finished(done: Fit) -> Fit:
     """A fit that was ended early because it only ranked, gone on with to the end."""
     solution = minimise(done.problem, done.z, near=True)
-    return _fit(done.problem, solution, done.noise, done.iterations + solution.iterations)
+    return _as_fit(done.problem, solution, done.noise, done.iterations + solution.iterations)
 
 
 @one_blas_thread
@@ -197,21 +215,21 @@ def fit_starts(model: Model, bound_runs: Sequence[BoundRun], sigma: FloatArray) 
     Raises:
         KeyboardInterrupt: Ctrl-C was pressed; half-found initial states are worth nothing.
     """
-    found = []
+    starts = []
     for bound in bound_runs:
         problem = Problem(model, [bound], sigma, free=())
         solution = minimise(problem, problem.guess(model.values))
         if solution.status == "interrupted":
             raise KeyboardInterrupt
-        found += problem.point(solution.z).starts
-    return found
+        starts += problem.point(solution.z).starts
+    return starts
 
 
 @one_blas_thread
 def fit_nuisances(model: Model, bound: BoundRun, sigma: FloatArray) -> Model:
-    """The model with what is no part of the robot and is granted to one run alone set as that run's readings ask for.
+    """The model with its nuisance parameters of one run, such as the ambient sensor's bias, fitted to that run.
 
-    Only held parameters with a prior that belong to the run are searched; most models have none, and stay as they are.
+    These are held parameters with a prior that belong to the run alone; most models have none and stay as they are.
 
     Raises:
         KeyboardInterrupt: Ctrl-C was pressed.
@@ -232,37 +250,11 @@ def fit_nuisances(model: Model, bound: BoundRun, sigma: FloatArray) -> Model:
     return model.with_values(problem.point(solution.z).values)
 
 
-def _fit(problem: Problem, solution: Solution, noise: Noise, iterations: int) -> Fit:
-    model = problem.model.with_values(problem.point(solution.z).values)
-    return Fit(model, problem, solution.z, solution.cost, noise, iterations, solution.status)
-
-
-def _first_guess(problem: Problem) -> FloatArray:
-    """The declared values, or those that balance the integrated heat."""
-    balanced = integral_start(problem.model, problem.bound_runs, problem.sigma)
-    return min((problem.guess(values) for values in (problem.model.values, balanced)), key=problem.cost)
-
-
-def _kept(keep: Keep | None, problem: Problem, *, averaged: bool) -> Callable[[FloatArray], None] | None:
-    """What the search calls with its unknowns, for a caller that wants points."""
-    return None if keep is None else lambda z: keep(problem.point(z), averaged)
-
-
-def _coarse(model: Model, bound: BoundRun) -> BoundRun:
-    """The same run in steps of about 10 s, where it is long enough."""
-    factor = min(round(_COARSE_STEP / bound.run.step), len(bound) // _LEAST_COARSE)
-    if factor < 2:
-        return bound
-    coarse = bind(model, bound.run.coarsen(factor))
-    blocks = bound.counted[:, : len(coarse) * factor].reshape(len(model.nodes), -1, factor)
-    return replace(coarse, counted=coarse.counted & blocks.all(axis=2))
-
-
-# --- The best point of a fit that is running, kept where the next start of the same fit finds it ---
+# --- Checkpoints: the best point of a fit that is running, where the next attempt at the same fit starts ---
 
 
 _EVERY = 3.0  # s between two writes
-_FORGOTTEN = 30 * 86400.0  # s after which a checkpoint is of no use to anybody
+_EXPIRED = 30 * 86400.0  # s; checkpoints of fits that nobody went on with for a month are removed
 
 
 def fingerprint_of(text: str, logs: Iterable[tuple[str, str]], options: Mapping[str, object]) -> str:
@@ -277,16 +269,8 @@ def fingerprint_of(text: str, logs: Iterable[tuple[str, str]], options: Mapping[
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 
 
-@dataclass(frozen=True)
-class Kept:
-    """A point of a search, and whether the search was still on averages of the runs."""
-
-    point: Point
-    averaged: bool
-
-
 class Checkpoint:
-    """One fit's best point, in the user's cache.
+    """One fit's best point, in a file of the user's cache.
 
     A folder that can't be written costs the checkpoint, never the fit; a damaged file is as good as none.
 
@@ -301,39 +285,38 @@ class Checkpoint:
         self.path = self._folder / f"{fingerprint[:32]}.json"
         self._every, self._written = every, time.monotonic()
 
-    def load(self, model: Model, runs: int) -> Kept | None:
+    def load(self, model: Model, runs: int) -> Point | None:
         """The point where an earlier fit of this model to so many runs was cut off, `None` where there is none."""
         try:
-            kept = json.loads(self.path.read_text(encoding="utf-8"))
-            averaged = bool(kept["averaged"])
-            values = np.array([float(kept["values"][parameter.name]) for parameter in model.parameters])
-            starts = [np.array([float(start[state]) for state in model.states]) for start in kept["starts"]]
+            table = json.loads(self.path.read_text(encoding="utf-8"))
+            averaged = bool(table["averaged"])
+            values = np.array([float(table["values"][parameter.name]) for parameter in model.parameters])
+            starts = [np.array([float(start[state]) for state in model.states]) for start in table["starts"]]
         except (OSError, ValueError, KeyError, TypeError):
             return None
         usable = len(starts) == runs and np.isfinite([*values, *np.ravel(starts)]).all()
-        return Kept(Point(values, starts), averaged) if usable else None
+        return Point(values, starts, averaged) if usable else None
 
-    def offer(self, model: Model, kept: Kept) -> None:
-        """Keep a point, unless one was kept a moment ago."""
+    def offer(self, model: Model, point: Point) -> None:
+        """Save a point, unless one was saved a moment ago."""
         if time.monotonic() - self._written >= self._every:
-            self.save(model, kept)
+            self.save(model, point)
 
-    def save(self, model: Model, kept: Kept) -> None:
-        """Keep a point, whole or not at all."""
-        point = kept.point
+    def save(self, model: Model, point: Point) -> None:
+        """Save a point, whole or not at all."""
         values = dict(zip((parameter.name for parameter in model.parameters), point.values.tolist(), strict=True))
         starts = [dict(zip(model.states, start.tolist(), strict=True)) for start in point.starts]
         with contextlib.suppress(OSError, InputError):
             if not self._folder.is_dir():
                 self._folder.mkdir(parents=True)
-            write_whole(self.path, json.dumps({"averaged": kept.averaged, "values": values, "starts": starts}))
+            write_whole(self.path, json.dumps({"averaged": point.averaged, "values": values, "starts": starts}))
         self._written = time.monotonic()
 
     def remove(self) -> None:
-        """Forget the point, the fit being done; and those of fits that nobody went on with for a month."""
+        """Remove the point, the fit being done, and expired ones of other fits."""
         with contextlib.suppress(OSError):
             self.path.unlink(missing_ok=True)
-            oldest = time.time() - _FORGOTTEN
+            oldest = time.time() - _EXPIRED
             for other in self._folder.glob("*.json"):
                 if other.stat().st_mtime < oldest:
                     other.unlink(missing_ok=True)

@@ -1,7 +1,8 @@
 """Start values without a guess: linear least squares on the integrated heat balance.
 
 Integrating ``C dT/dt = Σ (T_j - T_i)/R + Σ Q`` once along the *measured* temperatures leaves an equation that is
-linear in capacitances, conductances and amplitudes of heat: no simulation, no guess, milliseconds.
+linear in capacitances, conductances and amplitudes of heat: no simulation, no guess, milliseconds. Its error, like
+any other, is predicted − measured: the heat that the terms give less the heat that the measured rise has stored.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from lptn.simulate.simulation import BoundRun, default_start
 
 _MOST_ROWS = 400  # instants of each run that enter
 _FAINT = 1e-12  # W/K; a link that conducts less is none
-_RIDGE = 1.0  # weight of the declared value, in standard deviations of the data
+_RIDGE = 1.0  # weight of a declared value: so far from it costs as much as one standard deviation of the data
 
 
 def integral_start(model: Model, bound_runs: Sequence[BoundRun], sigma: FloatArray) -> FloatArray:
@@ -26,7 +27,7 @@ def integral_start(model: Model, bound_runs: Sequence[BoundRun], sigma: FloatArr
 
     Args:
         model: the model; its values serve where the data say nothing.
-        drives: the runs; unmeasured nodes contribute no equation.
+        bound_runs: the runs; unmeasured nodes contribute no equation.
         sigma: scatter of each node's readings [K], shape (nodes,).
     """
     system = _LinearBalance(model)
@@ -41,7 +42,7 @@ def integral_start(model: Model, bound_runs: Sequence[BoundRun], sigma: FloatArr
 
 
 class _LinearBalance:
-    """C·ΔT - ∫q as an expression linear in transformed parameters w (conductances instead of resistances)."""
+    """∫q − C·ΔT as an expression linear in transformed parameters w (conductances instead of resistances)."""
 
     def __init__(self, model: Model) -> None:
         self.model = model
@@ -68,27 +69,26 @@ class _LinearBalance:
         """
         model, nodes = self.model, len(self.model.nodes)
         temperatures = _filled(bound)
-        # A hidden state follows its nodes; one beside a prescribed temperature follows that.
         states = _resting(model, bound, temperatures)
         n = len(bound)
         w0 = model.in_run(bound.run.name, self._declared).copy()
-        w0[self.chosen] = 0.0  # the part of the heat that no chosen parameter moves
+        w0[self.chosen] = 0.0  # leaves the heat that no chosen parameter changes
         heat, by_w = self._heat.map(n)(states, bound.inputs, np.repeat(w0[:, None], n, axis=1))
-        given = _integrated(heat.full(), bound.run.step)
+        constant = _integrated(heat.full(), bound.run.step)
         slopes = by_w.full().reshape(nodes, n, len(self.chosen))
         rise = temperatures - temperatures[:, :1]
-        picked = np.unique(np.linspace(0, n - 1, min(n, _MOST_ROWS)).astype(int))
+        instants = np.unique(np.linspace(0, n - 1, min(n, _MOST_ROWS)).astype(int))
         for i in range(nodes):
-            kept = picked[bound.counted[i][picked]]
+            kept = instants[bound.counted[i][instants]]
             if kept.size == 0:
                 continue
             capacity = self._capacities[i]
-            block = -_integrated(slopes[i].T, bound.run.step).T[kept]
-            side = given[i][kept]
+            block = _integrated(slopes[i].T, bound.run.step).T[kept]
+            side = -constant[i][kept]
             if capacity in self.chosen:
-                block[:, self.chosen.index(capacity)] += rise[i][kept]
+                block[:, self.chosen.index(capacity)] -= rise[i][kept]
             else:
-                side = side - self._declared[capacity] * rise[i][kept]
+                side = side + self._declared[capacity] * rise[i][kept]
             whole = np.column_stack([block, side]) / (self._declared[capacity] * sigma[i])
             yield whole - whole.mean(axis=0)
 
@@ -100,9 +100,9 @@ class _LinearBalance:
         pull = np.eye(len(self.chosen)) * _RIDGE
         target = self._declared[self.chosen] / scale * _RIDGE
         limits = (bounds[:, 0] / scale, bounds[:, 1] / scale)
-        found = lsq_linear(np.vstack([rows * scale, pull]), np.concatenate([sides, target]), limits)
+        solution = lsq_linear(np.vstack([rows * scale, pull]), np.concatenate([sides, target]), limits)
         w = self._declared.copy()
-        w[self.chosen] = found.x * scale
+        w[self.chosen] = solution.x * scale
         values = np.divide(1.0, np.maximum(w, _FAINT), out=w.copy(), where=self._inverse)
         return np.where(np.isin(np.arange(len(values)), self.chosen), values, model.values)
 
@@ -119,11 +119,14 @@ class _LinearBalance:
 
 
 def _resting(model: Model, bound: BoundRun, temperatures: FloatArray) -> FloatArray:
-    """All states in equilibrium with the measured temperatures, shape (states, n)."""
+    """All states in equilibrium with the measured temperatures, shape (states, n).
+
+    A hidden state follows its nodes; one beside a prescribed temperature stays where that begins.
+    """
     hidden = model.resting_shares @ temperatures
-    lonely = np.flatnonzero(model.resting_shares.sum(axis=1) == 0)
+    beside_prescribed = np.flatnonzero(model.resting_shares.sum(axis=1) == 0)
     start = default_start(model, bound)[len(model.nodes) :]
-    hidden[lonely] = start[lonely][:, None]
+    hidden[beside_prescribed] = start[beside_prescribed][:, None]
     return np.vstack([temperatures, hidden])
 
 
@@ -132,7 +135,7 @@ def _is_amplitude(model: Model, index: int) -> bool:
 
 
 def _jointly_linear(heat: ca.SX, w: ca.SX, chosen: list[int]) -> list[int]:
-    """The chosen parameters less those that multiply another one (a gain on a conductance)."""
+    """The chosen parameters without those that multiply another one (a gain on a conductance)."""
     kept: list[int] = []
     for index in chosen:
         slope = ca.jacobian(heat, w[[*kept, index]])

@@ -10,8 +10,8 @@ import numpy as np
 from lptn.basics.arrays import FloatArray
 from lptn.simulate.simulation import BoundRun
 
-_MAD_TO_SIGMA = 1.4826
-_ENOUGH = 0.1  # second differences without a gap, as a share of the readings
+_MAD_TO_SIGMA = 1.4826  # standard deviation of normal noise over its median absolute value
+_ENOUGH = 0.1  # share of the readings that must have a second difference without a gap in it
 _LEAST = 1e-3  # K; a noise-free log must not weigh infinitely
 
 
@@ -53,7 +53,7 @@ def estimate_noise(bound_runs: Sequence[BoundRun], nodes: Sequence[str]) -> Nois
 def balanced_sigma(bound_runs: Sequence[BoundRun], noise: Noise, share: float = 0.02) -> FloatArray:
     """Standard deviations that weigh each node [K], shape (nodes,).
 
-    Besides its noise, a node is granted a model error of `share` of the geometric mean of its own and the
+    Besides its noise, a node is allowed a model error of `share` of the geometric mean of its own and the
     largest excursion: a joint that swings by 40 K neither silences one that swings by 5 K, nor the other
     way round.
     """
@@ -69,7 +69,7 @@ def _excursion(bound_runs: Sequence[BoundRun], row: int) -> float:
 
 def _second_differences(readings: FloatArray) -> FloatArray:
     """Of neighbouring readings; of those that follow each other where a slow sensor leaves gaps between all of them."""
-    known = readings[np.isfinite(readings)]
+    finite = readings[np.isfinite(readings)]
     second = readings[2:] - 2 * readings[1:-1] + readings[:-2]
     second = second[np.isfinite(second)]
-    return second if second.size > _ENOUGH * known.size else np.diff(known, 2)
+    return second if second.size > _ENOUGH * finite.size else np.diff(finite, 2)

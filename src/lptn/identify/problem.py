@@ -1,4 +1,4 @@
-"""The weighted least-squares problem of a fit: parameters, residuals, cost and their derivatives."""
+"""The weighted least-squares problem of a fit: unknowns, residuals (predicted − measured), cost and derivatives."""
 
 from __future__ import annotations
 
@@ -9,31 +9,34 @@ import numpy as np
 
 from lptn.basics.arrays import BoolArray, FloatArray, IntArray
 from lptn.basics.parameters import Transform
-from lptn.effects import ClockEffect, SensorEffect
 from lptn.model.model import Model
 from lptn.simulate.sensitivities import sensitivity_windows
 from lptn.simulate.simulation import BoundRun, SimulationError, default_start, simulate
 
-# --- The weighted least-squares problem of a fit: unknowns, residuals and their derivatives -------
-
-
-# How far initial states may lie from the first guess [K], one standard deviation: wide for a node whose
-# first readings the cost holds anyway, narrower for states that no sensor sees.
-_NODE_SPREAD = 10.0
-_HIDDEN_SPREAD = 5.0
-_NEAR = 1.5  # K; a node starts no further from its first readings, unless its sensor is known to read wrongly
+_NODE_SPREAD = 10.0  # K, prior standard deviation of a node's initial temperature: wide, its first readings hold it
+_HIDDEN_SPREAD = 5.0  # K, of a state that no sensor sees: narrower, since nothing else holds it
+_NEAR = 1.5  # K; a node starts no further from its first readings, unless an effect of its sensor is modelled
 
 
 @dataclass(frozen=True)
 class Point:
-    """A point of the search, taken apart: parameter values (m,) and initial states of each run."""
+    """A point of the search space.
+
+    Args:
+        values: of all parameters, shape (m,).
+        starts: initial states of each run [degC], shape (states,) each.
+        averaged: whether the search was still on averages of the runs.
+    """
 
     values: FloatArray
     starts: list[FloatArray]
+    averaged: bool = False
 
 
 class Problem:
-    """Residuals of free-running simulations, with priors on initial states and a left-right regulariser.
+    """Residuals of free-running simulations, with priors on initial states and a left-right symmetry penalty.
+
+    A residual is predicted − measured, over σ: positive where the model is too hot.
 
     The unknowns are the coordinates of the free parameters, then for each run the initial temperatures of
     the nodes and how far each hidden state lies from its node's temperature, or the mean of its nodes. A state
@@ -41,9 +44,9 @@ class Problem:
 
     Args:
         model: the model to fit; its values are used for the parameters that stay fixed.
-        drives: the runs.
+        bound_runs: the runs.
         sigma: standard deviation that weighs each node's residuals [K], shape (nodes,).
-        mirror_weight: λ of the regulariser that pulls the logarithms of left and right parameters
+        symmetry_penalty: λ of the penalty that pulls the logarithms of left and right parameters
             together ([QuadrupedLPTN, eq. 14], on logarithms so that λ has no unit).
         free: indices of the parameters to fit; the model's own free ones by default.
     """
@@ -62,7 +65,7 @@ class Problem:
         self._transform = Transform([model.parameters[index] for index in self.free])
         self._guesses = [default_start(model, bound) for bound in self.bound_runs]
         self._shares = model.resting_shares
-        self._pulls = self._pulls_on_parameters(symmetry_penalty)
+        self._penalties = self._penalties_on_parameters(symmetry_penalty)
         self.readings = sum(int(bound.counted.sum()) for bound in self.bound_runs)
         """Number of readings that count."""
 
@@ -81,8 +84,7 @@ class Problem:
         values = self.model.values
         values[self.free] = self._transform.backward(z[: len(self.free)])
         count = len(self.model.states)
-        parts = z[len(self.free) :].reshape(-1, count)
-        return Point(values, [self._absolute(part) for part in parts])
+        return Point(values, [self._absolute(start) for start in z[len(self.free) :].reshape(-1, count)])
 
     def bounds(self) -> tuple[FloatArray, FloatArray]:
         """Least and largest admissible unknowns."""
@@ -93,7 +95,7 @@ class Problem:
         count = len(self.model.states)
         for number, bound in enumerate(self.bound_runs):
             near = slice(len(self.free) + number * count, len(self.free) + number * count + len(self.model.nodes))
-            trusted = np.isfinite(bound.start) & ~self._read_wrongly
+            trusted = np.isfinite(bound.start) & ~self._sensor_modelled
             lower[near] = np.where(trusted, bound.start - _NEAR, -np.inf)
             upper[near] = np.where(trusted, bound.start + _NEAR, np.inf)
         return lower, upper
@@ -103,7 +105,10 @@ class Problem:
         return self._transform.slope(values[self.free])
 
     def residuals(self, z: FloatArray) -> FloatArray:
-        """Weighted residuals, measured minus predicted over σ; then the priors'. No derivatives: quick.
+        """Weighted residuals, (predicted − measured) / σ, shape (rows,).
+
+        Run after run, node after node, the readings that count; then the penalties of the initial states and of the
+        parameters. A simulation without derivatives: a tenth of the time of `jacobian`.
 
         Raises:
             SimulationError: the point makes the model too stiff, or it runs away.
@@ -131,17 +136,16 @@ class Problem:
         point = self.point(z)
         rows, whole = [], []
         for number in range(len(self.bound_runs)):
-            # Node by node over the whole run, as `residuals` has them.
-            order, residuals, narrow = zip(*self._blocks(number, point), strict=True)
-            sorting = np.argsort(np.concatenate(order), kind="stable")
-            block = np.zeros((len(sorting), self.size))
-            block[:, self._columns(number)] = np.concatenate(narrow)[sorting]
-            rows.append(np.concatenate(residuals)[sorting])
+            places, residuals, derivatives = zip(*self._windows(number, point), strict=True)
+            by_node = np.argsort(np.concatenate(places), kind="stable")  # windows hold all nodes, `residuals` one by one
+            block = np.zeros((len(by_node), self.size))
+            block[:, self._columns(number)] = np.concatenate(derivatives)[by_node]
+            rows.append(np.concatenate(residuals)[by_node])
             whole.append(block)
         return np.concatenate([*rows, self._prior_residuals(z, point)]), np.vstack([*whole, self._prior_jacobian()])
 
     def normal(self, z: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Gradient (size,) and Gauss-Newton Hessian (size, size) of the cost, run by run: little memory.
+        """Gradient (size,) and Gauss-Newton Hessian (size, size) of the cost, added up window by window to save memory.
 
         Raises:
             SimulationError: the point makes the model too stiff, or it runs away.
@@ -150,28 +154,28 @@ class Problem:
         gradient, hessian = prior.T @ self._prior_residuals(z, point), prior.T @ prior
         for number in range(len(self.bound_runs)):
             columns = self._columns(number)
-            for _, residuals, narrow in self._blocks(number, point):
-                gradient[columns] += narrow.T @ residuals
-                hessian[np.ix_(columns, columns)] += narrow.T @ narrow
+            for _, residuals, derivatives in self._windows(number, point):
+                gradient[columns] += derivatives.T @ residuals
+                hessian[np.ix_(columns, columns)] += derivatives.T @ derivatives
         return gradient, hessian
 
     def block_gradients(self, z: FloatArray, seconds: float) -> FloatArray:
-        """The cost's gradient from each node's readings in each stretch of a run, shape (stretches, size).
+        """The cost's gradient from each node's readings in each block of `seconds` of a run, shape (blocks, size).
 
         Raises:
             SimulationError: the point makes the model too stiff, or it runs away.
         """
-        point, found = self.point(z), []
+        point, gradients = self.point(z), []
         for number, bound in enumerate(self.bound_runs):
             columns, n = self._columns(number), len(bound)
             per_block = max(1, round(seconds / bound.run.step))
-            for places, residuals, narrow in self._blocks(number, point):
-                stretch = (places // n) * n + (places % n) // per_block
-                first = np.flatnonzero(np.diff(stretch, prepend=-1))
+            for places, residuals, derivatives in self._windows(number, point):
+                block = (places // n) * n + (places % n) // per_block
+                first = np.flatnonzero(np.diff(block, prepend=-1))
                 rows = np.zeros((len(first), self.size))
-                rows[:, columns] = np.add.reduceat(narrow * residuals[:, None], first, axis=0)
-                found.append(rows)
-        return np.vstack(found)
+                rows[:, columns] = np.add.reduceat(derivatives * residuals[:, None], first, axis=0)
+                gradients.append(rows)
+        return np.vstack(gradients)
 
     def _columns(self, number: int) -> IntArray:
         """The unknowns that a run's readings depend on: the parameters and its own initial states."""
@@ -179,35 +183,35 @@ class Problem:
         first = len(self.free) + number * count
         return np.concatenate([np.arange(len(self.free)), np.arange(first, first + count)])
 
-    def _blocks(self, number: int, point: Point) -> Iterator[tuple[IntArray, FloatArray, FloatArray]]:
-        """Piece by piece of a run: where its readings stand in the run, residuals, derivatives by `_columns`."""
+    def _windows(self, number: int, point: Point) -> Iterator[tuple[IntArray, FloatArray, FloatArray]]:
+        """Window by window of a run: where its readings stand in the run, residuals, derivatives by `_columns`."""
         bound, slope = self.bound_runs[number], self.slope(point.values)
         places = np.arange(bound.counted.size).reshape(bound.counted.shape)
-        pieces = sensitivity_windows(self.model, bound, point.values, self.free, point.starts[number])
-        for window, moved in pieces:
+        windows = sensitivity_windows(self.model, bound, point.values, self.free, point.starts[number])
+        for window, predicted in windows:
             counted = bound.counted[:, window]
-            error = (bound.measured[:, window] - moved.readings) / self.sigma[:, None]
-            block = moved.derivatives[counted]
-            block[:, : len(self.free)] *= slope
-            self._make_relative(block[:, len(self.free) :])
-            block *= -1.0 / np.repeat(self.sigma, counted.sum(axis=1))[:, None]
-            yield places[:, window][counted], error[counted], block
+            residuals = (predicted.readings - bound.measured[:, window]) / self.sigma[:, None]
+            derivatives = predicted.derivatives[counted]
+            derivatives[:, : len(self.free)] *= slope
+            self._make_relative(derivatives[:, len(self.free) :])
+            derivatives *= 1.0 / np.repeat(self.sigma, counted.sum(axis=1))[:, None]
+            yield places[:, window][counted], residuals[counted], derivatives
 
     def errors(self, z: FloatArray) -> list[FloatArray]:
-        """Measured minus predicted [K] for each run, shape (nodes, n), NaN where nothing was measured."""
+        """Predicted − measured [K] for each run, shape (nodes, n), NaN where nothing was measured."""
         point = self.point(z)
         return [
-            bound.measured - simulate(self.model, bound, point.values, start).readings
+            simulate(self.model, bound, point.values, start).readings - bound.measured
             for bound, start in zip(self.bound_runs, point.starts, strict=True)
         ]
 
     @property
-    def _read_wrongly(self) -> BoolArray:
-        """Which nodes have a sensor effect, so that they may start away from their first readings."""
+    def _sensor_modelled(self) -> BoolArray:
+        """Which nodes' sensors have an effect in the model, so that they may start away from their first readings."""
         nodes = {
             instance.ends[0]
             for instance in self.model.network.effect_instances
-            if isinstance(instance.effect, SensorEffect | ClockEffect)
+            if instance.effect.changes_reading or instance.effect.delays_readings
         }
         return np.array([node in nodes for node in self.model.nodes], dtype=bool)
 
@@ -238,21 +242,21 @@ class Problem:
         return np.where(np.arange(len(self.model.states)) < nodes, _NODE_SPREAD, _HIDDEN_SPREAD)
 
     def _prior_residuals(self, z: FloatArray, point: Point) -> FloatArray:
-        parts = [
+        starts = [
             (self._relative(start) - self._relative(guess)) / self._spread
             for start, guess in zip(point.starts, self._guesses, strict=True)
         ]
-        return np.concatenate([*parts, self._pulls @ z[: len(self.free)]]) if parts else np.zeros(0)
+        return np.concatenate([*starts, self._penalties @ z[: len(self.free)]]) if starts else np.zeros(0)
 
     def _prior_jacobian(self) -> FloatArray:
         starts = np.diag(np.tile(1.0 / self._spread, len(self.bound_runs)))
         free = len(self.free)
-        jacobian = np.zeros((len(starts) + len(self._pulls), self.size))
+        jacobian = np.zeros((len(starts) + len(self._penalties), self.size))
         jacobian[: len(starts), free:] = starts
-        jacobian[len(starts) :, :free] = self._pulls
+        jacobian[len(starts) :, :free] = self._penalties
         return jacobian
 
-    def _pulls_on_parameters(self, weight: float) -> FloatArray:
+    def _penalties_on_parameters(self, weight: float) -> FloatArray:
         """A row for each left-right pair of free parameters, sqrt(λ) times their difference; and for each prior."""
         where = {self.model.parameters[index].name: row for row, index in enumerate(self.free)}
         rows = []
@@ -269,48 +273,4 @@ class Problem:
         return np.array(rows, dtype=float).reshape(len(rows), len(self.free))
 
     def _whitened(self, bound: BoundRun, readings: FloatArray) -> FloatArray:
-        return ((bound.measured - readings) / self.sigma[:, None])[bound.counted]
-
-
-# --- Cost, gradient and Gauss-Newton Hessian of a problem, each point worked out once -------------
-
-
-_REMEMBERED = 4  # points whose costs are kept: a line search comes back to the last few
-_DAMPING = 1e-10  # relative; keeps the Hessian positive where the data say nothing
-
-
-class Evaluator:
-    """A problem's cost and derivatives, scaled to a mean over the readings; the best point is kept."""
-
-    def __init__(self, problem: Problem) -> None:
-        self.problem = problem
-        self.scale = 1.0 / max(problem.readings, 1)
-        self.best = (float("inf"), np.zeros(problem.size))
-        """The least cost seen, scaled, and where."""
-        self._costs: dict[bytes, float] = {}
-        self._key: bytes = b""
-        self._derivatives: tuple[FloatArray, FloatArray] = (np.zeros(0), np.zeros(0))
-
-    def cost(self, z: FloatArray) -> float:
-        """Scaled cost; infinite where the model can't be simulated."""
-        key = z.tobytes()
-        if key not in self._costs:
-            if len(self._costs) >= _REMEMBERED:
-                self._costs.pop(next(iter(self._costs)))
-            self._costs[key] = self.problem.cost(z) * self.scale
-            if self._costs[key] < self.best[0]:
-                self.best = (self._costs[key], z.copy())
-        return self._costs[key]
-
-    def derivatives(self, z: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Scaled gradient (size,) and Hessian (size, size); NaN where the model can't be simulated."""
-        if z.tobytes() != self._key:
-            try:
-                gradient, hessian = self.problem.normal(z)
-            except SimulationError:
-                gradient = np.full(len(z), np.nan)
-                hessian = np.full((len(z), len(z)), np.nan)
-            damping = _DAMPING * max(float(np.trace(hessian)), 1e-12) * np.eye(len(z))
-            self._derivatives = gradient * self.scale, (hessian + damping) * self.scale
-            self._key = z.tobytes()
-        return self._derivatives
+        return ((readings - bound.measured) / self.sigma[:, None])[bound.counted]

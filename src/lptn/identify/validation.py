@@ -1,4 +1,4 @@
-"""A model fitted to the runs that are there to fit, and judged on those held out."""
+"""A model fitted to the fit data and judged on held-out data; the symmetry penalty chosen by held-out data."""
 
 from __future__ import annotations
 
@@ -11,87 +11,50 @@ import numpy as np
 from lptn.basics.errors import InputError
 from lptn.identify.comparison import Errors, predict
 from lptn.identify.data import DataSplit, Segment
-from lptn.identify.fitting import Checkpoint, Fit, Kept, fit
+from lptn.identify.fitting import Checkpoint, Fit, fit
 from lptn.identify.problem import Point
 from lptn.identify.solvers import Progress
 from lptn.model.model import Model
-from lptn.simulate.simulation import BoundRun, bind
+from lptn.simulate.simulation import bind
 
-_SEARCH_STEP = 10.0  # s; averages that are long enough to compare regularisers
-_MIRROR_WEIGHTS = (0.0, *(10.0**power for power in range(1, 7)))
+_SEARCH_STEP = 10.0  # s; averages so long are enough to compare penalties
+_SYMMETRY_PENALTIES = (0.0, *(10.0**power for power in range(1, 7)))  # λ, from no pull to equal left and right
 
 
-def fit_parts(
+def fit_segments(
     model: Model,
-    parts: Sequence[Segment],
+    segments: Sequence[Segment],
     near: Point | None = None,
     *,
     symmetry_penalty: float = 0.0,
+    checkpoint: Checkpoint | None = None,
     progress: Progress | None = None,
 ) -> Fit:
-    """Fit a model to the counted stretches of runs.
+    """Fit a model to the evaluation windows of runs.
 
     Args:
         model: the model.
-        parts: the runs.
-        near: a solution on coarser data, to start from.
-        mirror_weight: λ of the left-right regulariser.
-        progress: called after each iteration.
-    """
-    bound_runs = _drives(model, parts)
-    guess, starts = (None, None) if near is None else (near.values, near.starts)
-    return fit(model, bound_runs, symmetry_penalty=symmetry_penalty, guess=guess, starts=starts, progress=progress)
-
-
-def fit_parts_again(
-    model: Model,
-    parts: Sequence[Segment],
-    checkpoint: Checkpoint,
-    *,
-    near: Point | None = None,
-    symmetry_penalty: float = 0.0,
-    progress: Progress | None = None,
-) -> Fit:
-    """Fit a model as `fit_parts` does, from where an earlier attempt was cut off, and so that this one may be.
-
-    Args:
-        model: the model.
-        parts: the runs.
+        segments: the runs.
+        near: a solution on coarser data, to start from; an attempt that was cut off comes first.
+        symmetry_penalty: λ of the penalty on left-right differences.
         checkpoint: keeps the best point while the search runs, and if Ctrl-C ends it; empty once the fit is done.
-        near: a solution on coarser data, to start from where nothing was kept.
-        mirror_weight: λ of the left-right regulariser.
         progress: called after each iteration.
     """
-    kept = checkpoint.load(model, len(parts))
-    start = kept.point if kept else near
+    bound_runs = [bind(model, s.run).count(s.evaluation).until(s.evaluation[1]) for s in segments]
+    saved = checkpoint.load(model, len(segments)) if checkpoint else None
     done = fit(
         model,
-        _drives(model, parts),
+        bound_runs,
         symmetry_penalty=symmetry_penalty,
-        guess=start.values if start else None,
-        starts=start.starts if start else None,
-        averaged=bool(kept and kept.averaged),
+        guess=saved or near,
         progress=progress,
-        keep=lambda point, averaged: checkpoint.offer(model, Kept(point, averaged)),
+        keep=checkpoint and (lambda point: checkpoint.offer(model, point)),
     )
-    if done.status == "interrupted":
-        checkpoint.save(model, Kept(done.point, averaged=False))
-    else:
+    if checkpoint and done.status == "interrupted":
+        checkpoint.save(model, done.point)
+    elif checkpoint:
         checkpoint.remove()
     return done
-
-
-def _drives(model: Model, parts: Sequence[Segment]) -> list[BoundRun]:
-    return [bind(model, part.run).count(part.counted).until(part.counted[1]) for part in parts]
-
-
-@dataclass(frozen=True)
-class Judged:
-    """A fit, its errors on held-out runs, and the left-right weights that were tried for it."""
-
-    fit: Fit
-    holdout: Errors | None
-    trials: tuple[SymmetryTrial, ...]
 
 
 def fit_split(
@@ -101,48 +64,53 @@ def fit_split(
     *,
     checkpoint: Callable[[float], Checkpoint] | None = None,
     report: Callable[[str], None] = lambda _: None,
-) -> Judged:
-    """Fit the runs that are there to fit, and look at those held out.
+) -> tuple[Fit, list[SymmetryTrial]]:
+    """Fit the fit data, with a symmetry penalty that held-out data choose if that is asked for.
 
     Args:
         model: the model.
         data: the runs by their jobs.
-        mirror_weight: λ of the left-right regulariser; `"auto"` for the one best on held-out runs.
+        symmetry_penalty: λ of the penalty on left-right differences; `"auto"` for the one best on held-out runs.
         checkpoint: where the best point is kept, for the λ that is used; by default nowhere.
-        report: told what is being done.
+        report: called with a sentence on what is being done.
+
+    Returns:
+        The fit, and what was tried to choose λ; nothing where λ is given.
 
     Raises:
         InputError: λ can't be chosen from these runs, or a run lacks an input of the model.
     """
     trials = symmetry_trials(model, data, report=report) if symmetry_penalty == "auto" else []
-    best = min(trials, key=lambda each: each.holdout.rmse) if trials else None
-    weight = best.weight if best else float(symmetry_penalty)
-    near = best.fit.point if best else None
+    best = min(trials, key=lambda trial: trial.holdout.rmse) if trials else None
+    penalty = best.symmetry_penalty if best else float(symmetry_penalty)
 
     def progress(number: int, rms: float) -> None:
         report(f"fitting: iteration {number}, weighted residual {rms:.4g}")
 
-    if checkpoint is None:
-        done = fit_parts(model, data.fit, near, symmetry_penalty=weight, progress=progress)
-    else:
-        kept = checkpoint(weight)
-        done = fit_parts_again(model, data.fit, kept, near=near, symmetry_penalty=weight, progress=progress)
-    return Judged(done, holdout_errors(done, data.holdout), tuple(trials))
+    done = fit_segments(
+        model,
+        data.fit,
+        best.fit.point if best else None,
+        symmetry_penalty=penalty,
+        checkpoint=checkpoint(penalty) if checkpoint else None,
+        progress=progress,
+    )
+    return done, trials
 
 
-def holdout_errors(done: Fit, parts: Sequence[Segment]) -> Errors | None:
+def holdout_errors(done: Fit, segments: Sequence[Segment]) -> Errors | None:
     """Errors of a fitted model on runs that it never saw, `None` without any."""
-    if not parts:
+    if not segments:
         return None
-    errors = [predict(done.model, part, done.problem.sigma).error.ravel() for part in parts]
+    errors = [predict(done.model, segment, done.problem.sigma).error.ravel() for segment in segments]
     return Errors.of(np.concatenate(errors))
 
 
 @dataclass(frozen=True)
 class SymmetryTrial:
-    """One λ of the left-right regulariser: the fit with it, and its errors on held-out runs."""
+    """One λ of the penalty on left-right differences: the fit with it, and its errors on held-out runs."""
 
-    weight: float
+    symmetry_penalty: float
     fit: Fit
     holdout: Errors
 
@@ -150,12 +118,12 @@ class SymmetryTrial:
 def symmetry_trials(
     model: Model,
     data: DataSplit,
-    weights: Sequence[float] = _MIRROR_WEIGHTS,
+    penalties: Sequence[float] = _SYMMETRY_PENALTIES,
     report: Callable[[str], None] = lambda _: None,
 ) -> list[SymmetryTrial]:
     """Fits under ever stronger pulls of left and right parameters towards each other, on averages of 10 s.
 
-    The one with the least held-out error is the λ to take: `min(trials, key=lambda each: each.holdout.rmse)`.
+    The λ to take has the least held-out error: `min(trials, key=lambda trial: trial.holdout.rmse)`.
 
     Raises:
         InputError: nothing is held out, or no free parameter has a mirror image.
@@ -165,15 +133,14 @@ def symmetry_trials(
     names = {model.parameters[index].name for index in model.free}
     if not any(model.parameters[index].mirror in names for index in model.free):
         expected = 'free parameters with share = "sides" on a left and a right joint'
-        raise InputError(model.network.origin, "mirror weight", "no left-right pair to weigh", expected)
+        raise InputError(model.network.origin, "symmetry penalty", "no left-right pair to weigh", expected)
     if not data.holdout:
         raise InputError("command line", "--mirror-weight auto", "nothing held out", "--holdout or --holdout-after")
     coarse = data.coarsened(_SEARCH_STEP)
     trials: list[SymmetryTrial] = []
-    for weight in weights:
-        report(f"left-right weight {weight:g}")
+    for penalty in penalties:
+        report(f"symmetry penalty {penalty:g}")
         near = trials[-1].fit.point if trials else None
-        done = fit_parts(model, coarse.fit, near, symmetry_penalty=weight)
-        errors = holdout_errors(done, coarse.holdout)
-        trials.append(SymmetryTrial(weight, done, errors or Errors.of(np.zeros(0))))
+        done = fit_segments(model, coarse.fit, near, symmetry_penalty=penalty)
+        trials.append(SymmetryTrial(penalty, done, holdout_errors(done, coarse.holdout) or Errors.of(np.zeros(0))))
     return trials

@@ -18,7 +18,7 @@ from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 from lptn.diagnose.diagnosis import Diagnosis
 from lptn.diagnose.improvement import History, Step
 from lptn.diagnose.scores import Confusability, Detectable, Score
-from lptn.report.style import BEST, FAINT, GIVEN, INK, SMALL, TEXT, dress, new_figure, plain
+from lptn.basics.style import BEST, FAINT, GIVEN, INK, SMALL, TEXT, dress, new_figure, plain
 from lptn.report.text import named, place_of, short_size, title_of, unit_text
 
 # --- The figure of the ladder: how the errors fall from rung to rung ------------------------------

@@ -18,7 +18,7 @@ from matplotlib.patches import Patch, Rectangle
 
 from lptn.basics.arrays import FloatArray
 from lptn.identify.comparison import Comparison, Condition, Prediction
-from lptn.report.style import (
+from lptn.basics.style import (
     BEST,
     GIVEN,
     MEASURED,
@@ -298,7 +298,7 @@ def _draw_view(upper: Axes, lower: Axes, view: View, given: Comparison, best: Co
             per_second = 1.0 if label.endswith("[s]") else 1 / 60
             ax.axvspan(float(time[0]), opening * per_second, color=OPENING, zorder=0, linewidth=0)
         dress(ax)
-    upper.set_title(plain(f"{node}, run {prediction.part.run.name}"), size=TEXT, loc="left", pad=3)
+    upper.set_title(plain(f"{node}, run {prediction.segment.run.name}"), size=TEXT, loc="left", pad=3)
     upper.set_ylabel("temperature [°C]", size=SMALL)
     upper.tick_params(labelbottom=False)
     lower.set_ylabel("error [K]", size=SMALL)
@@ -308,8 +308,8 @@ def _draw_view(upper: Axes, lower: Axes, view: View, given: Comparison, best: Co
 
 def opening_end(prediction: Prediction) -> float | None:
     """Where the stretch that found the start ends [s], `None` where it is also what counts."""
-    part = prediction.part
-    return None if part.opening == part.counted else min(part.opening[1], float(part.run.time[-1]))
+    part = prediction.segment
+    return None if part.initialisation == part.evaluation else min(part.initialisation[1], float(part.run.time[-1]))
 
 
 def _line(ax: Axes, time: FloatArray, values: FloatArray, style: dict[str, Any]) -> None:

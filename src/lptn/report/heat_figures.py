@@ -23,7 +23,7 @@ from lptn.diagnose.unexplained_heat import InputLink, Stretch, UnexplainedHeat, 
 from lptn.identify.comparison import Comparison
 from lptn.identify.fitting import Fit
 from lptn.logs.run import Run
-from lptn.report.style import (
+from lptn.basics.style import (
     BEST,
     FAINT,
     GIVEN,
@@ -187,7 +187,7 @@ def error_fields(comparison: Comparison) -> list[Field]:
     """Predicted minus measured [K] of each run where it counts, means over blocks of time."""
     found = []
     for prediction in comparison.predictions:
-        error, run = prediction.error, prediction.part.run
+        error, run = prediction.error, prediction.segment.run
         rows = np.flatnonzero(np.isfinite(error).any(axis=1))
         counted = np.flatnonzero(np.isfinite(error).any(axis=0))
         first, length = int(counted[0]), int(counted[-1] - counted[0]) + 1

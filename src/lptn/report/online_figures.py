@@ -14,7 +14,7 @@ from matplotlib.patches import Patch
 
 from lptn.online.forecasting import Forecast, NodeForecast
 from lptn.online.monitoring import Monitoring, Watched
-from lptn.report.style import (
+from lptn.basics.style import (
     BEST,
     GIVEN,
     INK,

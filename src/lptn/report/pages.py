@@ -33,7 +33,7 @@ from lptn.report.heat_figures import (
     picture,
     render,
 )
-from lptn.report.style import BEST, GIVEN, SMALL, TEXT, dress, new_figure, plain
+from lptn.basics.style import BEST, GIVEN, SMALL, TEXT, dress, new_figure, plain
 from lptn.report.text import (
     NOTHING,
     duration,
@@ -137,7 +137,7 @@ def parameter_table(best: Fit, given: Fit) -> Table:
     rows = []
     for index in best.problem.free:
         parameter = best.model.parameters[index]
-        error = best.errors[parameter.name]
+        error = best.standard_errors[parameter.name]
         spread = short_size(error) if math.isfinite(error) else "not determined"
         before = _value(known[parameter.name], parameter) if parameter.name in known else "new"
         what = parameter.declared.title or NOTHING
@@ -171,7 +171,7 @@ def error_table(comparison: Comparison) -> Table:
             errors = comparison.node(node, prediction)
             if errors.count:
                 cells = (kelvin(errors.rmse), kelvin(errors.max), _signed(errors.mean))
-                rows.append((prediction.part.run.name, node, *cells, kelvin(comparison.floor(node), 2)))
+                rows.append((prediction.segment.run.name, node, *cells, kelvin(comparison.floor(node), 2)))
     return Table(heads, tuple(rows), (2, 3, 4, 5))
 
 
@@ -203,11 +203,11 @@ def _effects_named(history: History) -> list[type[Effect]]:
 
 def _data_row(job: str, part: Segment) -> tuple[str, ...]:
     run = part.run
-    start = "the whole stretch" if part.opening == part.counted else within(part.opening, part)
+    start = "the whole stretch" if part.initialisation == part.evaluation else within(part.initialisation, part)
     notes = " ".join(run.notes) or "nothing found"
     length = duration(len(run) * run.step)
     cells = (run.name, Path(run.source).name, run.fingerprint[:12], length, f"{run.step:g} s", job)
-    return (*cells, start, within(part.counted, part), notes)
+    return (*cells, start, within(part.evaluation, part), notes)
 
 
 def _value(value: float, parameter: ParameterInstance) -> str:
@@ -232,7 +232,7 @@ def comparison_html(comparison: Comparison, title: str) -> str:
     Returns:
         HTML text; the same arguments give the same text.
     """
-    everything, parts = comparison.all, tuple(each.part for each in comparison.predictions)
+    everything, parts = comparison.all, tuple(each.segment for each in comparison.predictions)
     maps = error_maps(comparison)
     return render(
         "comparison.html.j2",
@@ -283,7 +283,7 @@ def versus_html(result: Versus, title: str) -> str:
         predictions=_predictions(result),
         classes=_table("joints", result.classes),
         runs=_table("run", result.runs),
-        data=data_table({"compared": tuple(each.part for each in result.model.predictions)}),
+        data=data_table({"compared": tuple(each.segment for each in result.model.predictions)}),
     )
 
 

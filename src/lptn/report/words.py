@@ -89,7 +89,7 @@ def which_data(history: History, data: DataSplit) -> str:
 
 def _runs(parts: Sequence[Segment]) -> str:
     """Runs by name, and which stretch of them counts where it is not all."""
-    stretches = [(part.run.name, within(part.counted, part)) for part in parts]
+    stretches = [(part.run.name, within(part.evaluation, part)) for part in parts]
     return _few([name if stretch == "all" else f"{name} ({stretch})" for name, stretch in stretches])
 
 
@@ -325,10 +325,10 @@ def _chance(history: History) -> str:
 def _short_errors(history: History) -> str:
     """The error before and after, on the data that tell most."""
     given, best = history.steps[0], history.best
-    for which in ("proof", "holdout"):
+    for which in ("test", "holdout"):
         before, after = getattr(given, which), getattr(best, which)
         if before is not None and after is not None:
-            return _change("proof" if which == "proof" else "held-out", before.rmse, after.rmse)
+            return _change("proof" if which == "test" else "held-out", before.rmse, after.rmse)
     return _change("fitted", given.fit.rmse, best.fit.rmse)
 
 
@@ -379,7 +379,7 @@ def caption_of_predictions(given: Comparison, best: Comparison | None, data: Dat
     told = f"Temperatures on the {which} runs. {lines}; {below}."
     if any(opening_end(prediction) is not None for prediction in given.predictions):
         fitted = {part.run.name for part in data.fit}
-        same = all(prediction.part.run.name in fitted for prediction in given.predictions)
+        same = all(prediction.segment.run.name in fitted for prediction in given.predictions)
         found = "the shaded stretch, which was fitted," if same else "the shaded opening"
         told += f" Readings in {found} only set the start; what follows is predicted freely."
     else:
