@@ -170,7 +170,7 @@ def test_numbers_out_of_range_are_refused(tmp_path: Path, capsys: pytest.Capture
     GOOD.to_csv(tmp_path / "log.csv", index=False)
     both = [tmp_path / "model.toml", tmp_path / "log.csv"]
     assert "--jobs" in _refused(["diagnose", *both, "--jobs", 0], capsys)
-    assert "--symmetry-penalty" in _refused(["fit", *both, "--mirror-weight", -5], capsys)
+    assert "--symmetry-penalty" in _refused(["fit", *both, "--symmetry-penalty", -5], capsys)
 
 
 def test_an_ending_that_cannot_be_written_is_said_before_the_work(
