@@ -8,7 +8,7 @@ from pathlib import Path
 
 import lptn.logs
 from lptn.logs.columns import ColumnSource, parse_columns, parse_map_option
-from lptn.logs.tables import _FORMATS
+from lptn.logs.reading import _FORMATS
 
 PAGE = (Path(lptn.logs.__file__).parent / "README.md").read_text()
 

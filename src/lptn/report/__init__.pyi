@@ -11,7 +11,6 @@ from .pages import comparison_html as comparison_html
 from .pages import story_html as story_html
 from .pages import versus_figure as versus_figure
 from .pages import versus_html as versus_html
-from ..basics.style import show as show
 from .words import Proposal as Proposal
 
 __all__: list[str]
