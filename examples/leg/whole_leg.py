@@ -14,12 +14,12 @@ from lptn.diagnose.diagnosis import diagnose, for_search
 from lptn.diagnose.improvement import improve
 from lptn.identify.comparison import compare
 from lptn.identify.data import load_model, split_data
-from lptn.identify.validation import fit_parts, holdout_errors
+from lptn.identify.validation import fit_segments, holdout_errors
 from lptn.online.forecasting import forecast
 from lptn.report.diagnosis_figures import ladder_curve
 from lptn.report.figures import comparison_figure, predictions_figure
 from lptn.report.online_figures import forecast_figure
-from lptn.report.style import show
+from lptn.basics.style import show
 from lptn.report.words import noise_alone
 from lptn.robots.presets import preset_text
 from lptn.virtual import Hidden, leg_logs, write_logs
@@ -42,7 +42,7 @@ for part in (*data.fit, *data.holdout):
     )
 
 # %% The model as it is given, fitted: right where it was fitted, wrong where it wasn't?
-given = fit_parts(loaded.model, data.fit)
+given = fit_segments(loaded.model, data.fit)
 print(f"as given: {given.rmse:.2f} K fitted, {holdout_errors(given, data.holdout).rmse:.2f} K held out")
 show(comparison_figure(compare(given.model, data.holdout)))
 

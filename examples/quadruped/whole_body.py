@@ -23,7 +23,7 @@ from lptn.basics.files import write_whole
 from lptn.identify.comparison import Pair, Versus, versus
 from lptn.identify.data import DataSplit
 from lptn.identify.fitting import Fit
-from lptn.identify.validation import fit_parts
+from lptn.identify.validation import fit_segments
 from lptn.report.pages import versus_html
 from lptn.robots.presets import preset_text
 from lptn.virtual import quadruped_logs, write_logs
@@ -79,7 +79,7 @@ def trial(seed: int, level: Level, folder: Path, only: Sequence[str] | None = No
         whole = split_data(runs, held)
         data.append(whole if only is None else whole.coarsened(_FAST_STEP))
         began = time.perf_counter()
-        fitted.append(fit_parts(loaded.model, data[-1].fit))
+        fitted.append(fit_segments(loaded.model, data[-1].fit))
         seconds = seconds or time.perf_counter() - began
     return Trial(seed, (fitted[0], fitted[1]), *(_errors(fitted, data, held) for held in (False, True)), seconds)
 

@@ -15,10 +15,10 @@ from lptn.diagnose.scores import score
 from lptn.diagnose.unexplained_heat import largest, unexplained_heat
 from lptn.identify.comparison import compare
 from lptn.identify.data import load_model, split_data
-from lptn.identify.validation import fit_parts, holdout_errors
+from lptn.identify.validation import fit_segments, holdout_errors
 from lptn.report.diagnosis_figures import ladder_curve
 from lptn.report.figures import comparison_figure, predictions_figure
-from lptn.report.style import show
+from lptn.basics.style import show
 from lptn.report.words import noise_alone
 
 here = Path(__file__).parent if "__file__" in globals() else Path.cwd()  # a notebook runs in its folder
@@ -26,13 +26,13 @@ loaded = load_model(here / "two_heaters.toml")
 data = split_data(loaded.runs([here / "log.csv"]), holdout_after=300.0)  # fit the first 300 s, predict the rest
 
 # %% The model as it was given, fitted: how wrong is it where the fit never looked?
-given = fit_parts(loaded.model, data.fit)
+given = fit_segments(loaded.model, data.fit)
 print(f"given model: {given.rmse:.2f} K fitted, {holdout_errors(given, data.holdout).rmse:.2f} K held out")
 show(comparison_figure(compare(given.model, data.holdout)))
 
 # %% Every effect of the catalogue at every place, scored by what it would take off the misfit
 coarse = for_search(data)
-base = fit_parts(loaded.model, coarse.fit)
+base = fit_segments(loaded.model, coarse.fit)
 found = candidates(base.model.network, data.fit[0].run.columns)
 scores = score(base, found)
 print(f"{len(found)} candidates; chance alone reaches {scores.threshold:.0f} once in twenty logs")

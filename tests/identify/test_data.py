@@ -51,7 +51,7 @@ def test_holding_out_the_end_of_each_log_starts_from_where_the_fit_ended() -> No
     (later,) = found.holdout  # the short log has nothing after it
     assert later.run is found.fit[0].run
     assert later.initialisation == (float("-inf"), 600.0)
-    assert later.counted == (600.0, float("inf"))
+    assert later.evaluation == (600.0, float("inf"))
 
 
 def test_logs_that_begin_later_are_not_fitted() -> None:
