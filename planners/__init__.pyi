@@ -1,5 +1,5 @@
 from .limiter.limiter import Limiter as Limiter
+from .mpc.controller import Plan as Plan
 from .mpc.controller import TorqueMPC as TorqueMPC
-from .mpc.plan import Plan as Plan
 
 __all__: list[str]

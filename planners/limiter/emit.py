@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.files import write_folder
 
-if TYPE_CHECKING:
-    from .limiter import Limiter
+from .limiter import Limiter
 
 _HEADER = """\
 /* Admissible {request} of each joint now, for {horizons}.

@@ -1,12 +1,17 @@
-"""The predictive limiter: how much torque each joint may give now, for how long."""
+"""The predictive limiter: how much torque each joint may give now, for how long.
+
+A joint's torque is the largest constant one whose heat, added to that of the others, keeps every limited node below
+its limit until a horizon. The temperatures' course under heat `base + z direction` is followed in steps of RK4 together
+with its exact slope in z; Newton's method on z takes the least root of all nodes at all steps. For an infinite horizon
+it is the steady state instead. The number of operations is fixed, so that the same function can run as C on a robot.
+"""
 
 from __future__ import annotations
 
-import ctypes
 from collections.abc import Sequence
-from math import inf, isinf
+from math import ceil, inf, isinf
 from subprocess import CalledProcessError
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -15,15 +20,21 @@ from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.model.model import Model
 
-from ..mpc.controller import Values, in_order, requested_by
-from ..mpc.heat import Heating, Request, heating
-from ..mpc.settings import Each, spread
-from ..native import library
-from .equations import largest, prepared, steps_for
+from ..compiled import CompiledFunction, c_code
+from ..heating import Heating, Request, heating, requested_by
+from ..values import Each, Values, checked_by_place, in_order
 
 HORIZONS = (10.0, 60.0, 300.0, inf)
 """Seconds for which a torque is asked; infinite: continuous."""
 _UNLIMITED = 1e9  # degC, A
+_LARGEST_SCALE = 1e6  # a factor on the load above which nothing limits it
+_ITERATIONS = 3  # of Newton's method; it starts from no heat and squares its error in each one
+_STEADY_ITERATIONS = 5  # in the steady state, which depends more on z
+_LEAST_STEPS = 3  # of RK4 in a horizon
+_TYPICAL_HOT = 60.0  # degC, for nodes without a limit
+_RATE = 1.0  # product of an RK4 step and a bound of the fastest rate
+_NEVER = 1e30  # K or a heat: a limit that is never met
+_RISES = 1e-12  # K per unit of heat; less is none
 
 
 class Limiter:
@@ -60,11 +71,11 @@ class Limiter:
         self.model = model
         self.heating: Heating = heating(model, requested_by(model) if request is None else request)
         self.joints, self.conditions, self.horizons = self.heating.joints, self.heating.conditions, tuple(horizons)
-        bounds = spread(limits, model.nodes, "limits")
+        bounds = checked_by_place(limits, model.nodes, "limits")
         if not bounds:
             raise InputError(model.network.origin, "limits", "none", f"a limit for one of {', '.join(model.nodes)}")
         self.limits = np.array([bounds.get(node, _UNLIMITED) for node in model.nodes])
-        most = spread(current_limits, self.joints, "current_limits", endless=True)
+        most = checked_by_place(current_limits, self.joints, "current_limits", infinite=True)
         self.most = np.minimum([most.get(joint, inf) for joint in self.joints], _UNLIMITED)
         self.function = self._function()
         self._call = _compiled(self.function)
@@ -102,22 +113,20 @@ class Limiter:
             Factor, 0 where even standing still gets too hot; infinite where nothing limits it.
         """
         if seconds not in self._scales:
-            self._scales[seconds] = largest(self.heating, seconds, self._steps(seconds))
+            self._scales[seconds] = _largest(self.heating, seconds, self._steps(seconds))
         load = in_order(activity, self.joints, "activity", 0.0)
         given = in_order(conditions, self.conditions, "conditions", np.nan)
         x = self._states(temperatures)
         currents = np.abs(load) * np.asarray(self._gain(x, self.model.values)).ravel()
         most = float(((self.most / np.maximum(currents, 1e-12)) ** 2).min())
-        ready = prepared(self.heating)(self.model.values)
+        ready = _prepared(self.heating)(self.model.values)
         z = self._scales[seconds](x, np.zeros(len(load)), load**2, min(most, 1e12), given, ready, self.limits)
         factor = float(z) ** 0.5
-        return inf if factor >= 1e6 else factor
+        return inf if factor >= _LARGEST_SCALE else factor
 
     def c_code(self) -> str:
         """`lptn_limiter` as a C function in CasADi's calling convention: see `function`."""
-        generator = ca.CodeGenerator("limiter.c", {"with_header": False, "casadi_int": "long long"})
-        generator.add(self.function)
-        return str(generator.dump())
+        return c_code(self.function, "limiter.c")
 
     def _states(self, temperatures: Values) -> FloatArray:
         if not isinstance(temperatures, dict) and len(temperatures) == len(self.model.states):
@@ -134,7 +143,9 @@ class Limiter:
         if isinf(seconds):
             return 0
         typical = [25.0 if name.startswith("temperature") else 0.0 for name in self.conditions]
-        return steps_for(self.heating, seconds, np.where(self.limits < _UNLIMITED, self.limits, inf), np.array(typical))
+        return _steps_for(
+            self.heating, seconds, np.where(self.limits < _UNLIMITED, self.limits, inf), np.array(typical)
+        )
 
     def _function(self) -> ca.Function:
         """(x, load, d, p, limits, most) -> admissible torques, by joint the horizons."""
@@ -142,13 +153,13 @@ class Limiter:
         names = ("x", "load", "d", "p", "limits", "most")
         sizes = (heat.x.numel(), joints, heat.d.numel(), heat.p.numel(), len(self.limits), joints)
         x, load, d, p, limits, most = (ca.MX.sym(name, size) for name, size in zip(names, sizes, strict=True))
-        gain, ready = self._gain(x, p), prepared(heat)(p)
+        gain, ready = self._gain(x, p), _prepared(heat)(p)
         heats = (most / gain) ** 2
         others = load**2
         base = ca.repmat(others, 1, joints) - ca.diag(others)
         results = []
         for seconds in self.horizons:
-            one = largest(heat, seconds, self._steps(seconds))
+            one = _largest(heat, seconds, self._steps(seconds))
             z = one.map(joints)(
                 ca.repmat(x, 1, joints), base, ca.DM.eye(joints), heats.T, ca.repmat(d, 1, joints),
                 ca.repmat(ready, 1, joints), ca.repmat(limits, 1, joints),
@@ -159,36 +170,147 @@ class Limiter:
         return ca.Function("lptn_limiter", [x, load, d, p, limits, most], [ca.vec(table)], list(names), ["admissible"])
 
 
-def _compiled(function: ca.Function) -> _Compiled | None:
+def _compiled(function: ca.Function) -> CompiledFunction | None:
     """Machine code where a compiler is there; CasADi's interpreter takes twenty times as long."""
     try:
-        return _Compiled(function)
+        return CompiledFunction(function)
     except (OSError, CalledProcessError):
         return None
 
 
-class _Compiled:
-    """A CasADi function of vectors as machine code, called without copies."""
-
-    def __init__(self, function: ca.Function) -> None:
-        generator = ca.CodeGenerator("function.c", {"with_header": False, "casadi_int": "long long"})
-        generator.add(function)
-        loaded = ctypes.CDLL(str(library({"function.c": generator.dump()}, "function.c")))
-        self._function: Any = getattr(loaded, function.name())
-        self._arguments = (ctypes.c_void_p * max(1, function.sz_arg()))()
-        self._results = (ctypes.c_void_p * max(1, function.sz_res()))()
-        self._integers = (ctypes.c_longlong * max(1, function.sz_iw()))()
-        self._doubles = (ctypes.c_double * max(1, function.sz_w()))()
-        self._size = function.nnz_out(0)
-
-    def __call__(self, *arguments: FloatArray) -> FloatArray:
-        kept = [np.ascontiguousarray(each, dtype=float) for each in arguments]
-        result = np.empty(self._size)
-        for number, each in enumerate(kept):
-            self._arguments[number] = each.ctypes.data
-        self._results[0] = result.ctypes.data
-        self._function(self._arguments, self._results, self._integers, self._doubles, 0)
-        return result
+# --- the largest heat -----------------------------------------------------------------------------
 
 
-__all__ = ["HORIZONS", "Limiter"]
+class _Symbols(NamedTuple):
+    """z and what it depends on; `p` stands for `prepared` parameters."""
+
+    z: Any
+    base: Any
+    direction: Any
+    most: Any
+    x: Any
+    d: Any
+    p: Any
+    limits: Any
+
+
+def _steps_for(heating: Heating, seconds: float, limits: FloatArray, conditions: FloatArray) -> int:
+    """How many RK4 steps a horizon needs, from the fastest rate with every node at its limit.
+
+    Args:
+        heating: the model.
+        seconds: horizon.
+        limits: degC by node, infinite for none.
+        conditions: the model's other inputs.
+    """
+    model = heating.model
+    hot = np.where(np.isfinite(limits), limits, _TYPICAL_HOT)[np.array(model.owners)]
+    slope = np.asarray(heating.function()(hot, np.zeros(len(heating.joints)), conditions, model.values)[1].full())
+    fastest = float(np.abs(slope).sum(axis=0).max())
+    return max(_LEAST_STEPS, ceil(seconds * fastest / _RATE))
+
+
+def _prepared(heating: Heating) -> ca.Function:
+    """p -> p with reciprocals of what is divided by (capacitances, resistances): divisions take most of the time."""
+    p = ca.SX(heating.p)
+    for index in _divisors(heating):
+        p[index] = 1 / p[index]
+    return ca.Function("prepared", [heating.p], [p])
+
+
+def _largest(heating: Heating, seconds: float, steps: int) -> ca.Function:
+    """(x, base, direction, most, d, p, limits) -> the largest z up to `most` with heat base + z direction.
+
+    p are `prepared` parameters.
+
+    All nodes stay below their limits (degC, by node) at the end of every RK4 step until `seconds`; for an infinite
+    horizon, in the steady state. Each iteration takes the least root of all temperatures, each linear in z.
+    """
+    s = _symbols(heating, ca.MX)
+    z, at = ca.MX(0), s.x
+    if isinf(seconds):
+        settle = _steady(heating)
+        for _ in range(_STEADY_ITERATIONS):
+            z, at = settle(at, z, s.base, s.direction, s.most, s.d, s.p, s.limits)
+    else:
+        better = _course(heating, seconds, steps)
+        for _ in range(_ITERATIONS):
+            z = better(s.x, z, s.base, s.direction, s.most, s.d, s.p, s.limits)
+    # C's minimum passes over what is no number; a sum does not.
+    sound = ca.fabs(ca.sum1(s.x) + ca.sum1(s.base) + ca.sum1(s.d)) < _NEVER
+    return ca.Function("largest", [s.x, s.base, s.direction, s.most, s.d, s.p, s.limits], [ca.if_else(sound, z, 0)])
+
+
+def _divisors(heating: Heating) -> list[int]:
+    network = heating.model.network
+    return sorted({*network.capacities.values(), *(link.resistance for link in network.resistors)})
+
+
+def _symbols(heating: Heating, kind: Any) -> _Symbols:
+    joints, states = len(heating.joints), heating.x.numel()
+    sizes = (1, joints, joints, 1, states, heating.d.numel(), heating.p.numel(), len(heating.model.nodes))
+    return _Symbols(*(kind.sym(name, size) for name, size in zip(_Symbols._fields, sizes, strict=True)))
+
+
+def _rates(heating: Heating, s: _Symbols) -> tuple[Any, Any]:
+    """Rates at base + z direction, and their slope in z alone."""
+    p = ca.SX(s.p)
+    for index in _divisors(heating):
+        p[index] = 1 / s.p[index]
+    before, after = ca.vertcat(heating.x, heating.d, heating.p), ca.vertcat(s.x, s.d, p)
+    rates = ca.substitute(heating.rates, before, after)
+    pushed = ca.jtimes(rates, heating.heat, s.direction)
+    heat = s.base + s.z * s.direction
+    return ca.substitute(rates, heating.heat, heat), ca.substitute(pushed, heating.heat, heat)
+
+
+def _room(x: Any, change: Any, limits: Any) -> Any:
+    """The least change of z that takes a node to its limit; a node too hot whatever the heat leaves no room at all."""
+    least = ca.SX(_NEVER)
+    for k in range(limits.numel()):
+        over, rises = limits[k] - x[k], change[k] > _RISES
+        root = ca.if_else(rises, over / ca.if_else(rises, change[k], 1), ca.if_else(over < 0, -_NEVER, _NEVER))
+        least = ca.fmin(least, root)
+    return least
+
+
+def _bounded(z: Any, most: Any) -> Any:
+    return ca.fmax(0, ca.fmin(z, most))
+
+
+def _course(heating: Heating, seconds: float, steps: int) -> ca.Function:
+    """(x, z, base, direction, most, d, p, limits) -> a better z, by the course of the temperatures and its slope."""
+    s = _symbols(heating, ca.SX)
+    h, moved, room = seconds / steps, ca.SX.sym("moved", s.x.numel()), ca.SX.sym("room")
+    rates, pushed = _rates(heating, s)
+    rest = (s.z, s.base, s.direction, s.d, s.p)
+    both = ca.Function("both", [s.x, moved, *rest], [rates, ca.jtimes(rates, s.x, moved) + pushed])
+    k1, m1 = both(s.x, moved, *rest)
+    k2, m2 = both(s.x + h / 2 * k1, moved + h / 2 * m1, *rest)
+    k3, m3 = both(s.x + h / 2 * k2, moved + h / 2 * m2, *rest)
+    k4, m4 = both(s.x + h * k3, moved + h * m3, *rest)
+    following, change = s.x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4), moved + h / 6 * (m1 + 2 * m2 + 2 * m3 + m4)
+    least = ca.fmin(room, _room(following, change, s.limits))
+    one = ca.Function("one", [s.x, moved, room, *rest, s.limits], ca.cse([following, change, least]))
+    m = _symbols(heating, ca.MX)
+    at, slope, left = m.x, ca.MX(ca.DM.zeros(s.x.numel())), ca.MX(_NEVER)
+    for _ in range(steps):
+        at, slope, left = one(at, slope, left, m.z, m.base, m.direction, m.d, m.p, m.limits)
+    better = _bounded(m.z + left, m.most)
+    return ca.Function("course", [m.x, m.z, m.base, m.direction, m.most, m.d, m.p, m.limits], [better])
+
+
+def _steady(heating: Heating) -> ca.Function:
+    """(x, z, base, direction, most, d, p, limits) -> a better z and the temperatures at which that heat settles."""
+    s = _symbols(heating, ca.SX)
+    rates, pushed = _rates(heating, s)
+    ones = ca.SX.ones(s.x.numel())
+    both = ca.solve(ca.jacobian(rates, s.x), ca.horzcat(-rates, -pushed, -ones))
+    settled, change = s.x + both[:, 0], both[:, 1]
+    better = _bounded(s.z + _room(settled, change, s.limits), s.most)
+    # Heat goes from hot to cold, so the balance is stable just where steady heat everywhere warms every node;
+    # beyond thermal runaway it has a root, too, but a cold one.
+    stable = ca.mmin(both[:, 2]) > 0
+    at = ca.if_else(stable, settled + change * (better - s.z), s.x)
+    results = ca.cse([ca.if_else(stable, better, 0), at])
+    return ca.Function("steady", [s.x, s.z, s.base, s.direction, s.most, s.d, s.p, s.limits], results)

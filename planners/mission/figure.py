@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from lptn.basics.places import class_of
-from lptn.report.style import FAINT, INK, LIMIT, SMALL, TEXT, dress, new_figure, plain, time_axis
+from lptn.basics.style import FAINT, INK, LIMIT, SMALL, TEXT, dress, new_figure, plain, time_axis
 
 from .plan import Plan
 

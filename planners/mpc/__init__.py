@@ -1,9 +1,7 @@
 """Torque within temperature limits: thermal model-predictive control on a fitted model."""
 
-from .controller import TorqueMPC
-from .heat import Heating, heating
-from .kind import plan_kind
-from .plan import Plan
+from .answer import plan_kind
+from .controller import Plan, TorqueMPC
 from .settings import Settings
 
-__all__ = ["Heating", "Plan", "Settings", "TorqueMPC", "heating", "plan_kind"]
+__all__ = ["Plan", "Settings", "TorqueMPC", "plan_kind"]

@@ -4,22 +4,84 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
+from lptn.basics.files import write_folder
 from lptn.model.model import Model
 
-from .build import python_library, sources
-from .heat import Request, heating
-from .plan import Plan
-from .settings import Each, settle
-from .structs import structs
+from ..heating import Request, heating, requested_by
+from ..values import Each, Values, in_order
+from .c_code import python_library, settings_header, sources, structs
+from .settings import settle
 
-Values = Mapping[str, float] | Sequence[float] | FloatArray
-"""Numbers by name, or in order."""
+_MEANING = {
+    2: "a temperature is missing or absurd; the model's prediction stands in for it",
+    4: "a request is no number; taken as zero",
+    64: "a condition is no number; the last good one, else zero, stands in for it",
+    8: "a request lies above the current limit and is cut to it",
+    32: "the solver did not converge; one constant scale for all joints instead",
+}
+_NO_SLACK = 1e-3  # K; less is the solver's own
+_SHORTCUT, _TOO_HOT, _FALLBACK = 1, 16, 32
+
+
+@dataclass(frozen=True)
+class Plan:
+    """One step's answer.
+
+    Args:
+        joints: names, in order.
+        admitted: for the coming period, in the request's unit, shape (joints,).
+        currents: planned for each stage, in the request's unit, shape (stages, joints).
+        temperatures: expected at the n + 1 ends of the stages [degC], shape (states, stages + 1).
+        slack: by how much each limit less its margin is passed at the end of each stage [K], shape (stages, limited
+            nodes).
+        cost: 0 for all that was requested, 1 for nothing.
+        iterations: of the solver, 0 where the full request stays cool.
+        status: bits of `c/lptn_mpc.h`.
+        limited: names of the limited nodes.
+        error: change of the last linearisation [K].
+    """
+
+    joints: tuple[str, ...]
+    admitted: FloatArray
+    currents: FloatArray
+    temperatures: FloatArray
+    slack: FloatArray
+    cost: float
+    iterations: int
+    status: int
+    limited: tuple[str, ...]
+    error: float
+
+    @property
+    def full(self) -> bool:
+        """Whether the full request stays cool, so that nothing had to be solved."""
+        return bool(self.status & _SHORTCUT)
+
+    @property
+    def converged(self) -> bool:
+        """Whether this is the optimum, not a fallback."""
+        return not self.status & _FALLBACK
+
+    @property
+    def given_up(self) -> tuple[str, ...]:
+        """In words, what could not be had; empty where all limits and inputs were good."""
+        sentences = [text for bit, text in _MEANING.items() if self.status & bit]
+        if self.status & _TOO_HOT:
+            worst = self.slack.max(axis=0)
+            where = ", ".join(
+                f"{node} by {over:.2g} K" for node, over in zip(self.limited, worst, strict=True) if over > _NO_SLACK
+            )
+            sentences.insert(0, f"a limit less its margin can't be met: {where}")
+        return tuple(sentences)
 
 
 class TorqueMPC:
@@ -89,7 +151,7 @@ class TorqueMPC:
         self.joints, self.conditions = self.heating.joints, self.heating.conditions
         count, limited = len(self.settings.stages), len(self.settings.limits)
         self.sources = sources(self.heating, limited, count)
-        loaded = ctypes.CDLL(str(python_library(self.sources)))
+        loaded = python_library(self.sources)
         self._step: Any = loaded.lptn_mpc_step
         self._step.restype = None
         loaded.lptn_mpc_sizes.restype = ctypes.c_longlong
@@ -149,16 +211,23 @@ class TorqueMPC:
             ctypes.c_void_p(given),
             ctypes.byref(self._result),
         )
-        return Plan.of(self, self._result)
+        result = self._result
+        return Plan(
+            self.joints,
+            np.array(result.admitted),
+            np.array(result.plan),
+            np.array(result.x).T,
+            np.array(result.slack),
+            result.cost,
+            result.iterations,
+            result.status,
+            tuple(self.settings.limits),
+            result.error,
+        )
 
     def reset(self) -> None:
         """Forget estimate, bias and the last plan."""
         ctypes.memset(ctypes.byref(self._state), 0, ctypes.sizeof(self._state))
-
-    @property
-    def filled(self) -> ctypes.Structure:
-        """The settings as the C step reads them."""
-        return self._settings
 
     @property
     def estimate(self) -> dict[str, float]:
@@ -175,47 +244,59 @@ class TorqueMPC:
         """Relative error found in the controlled heat of each node."""
         return dict(zip(self.model.nodes, self._state.gain, strict=False))
 
+    def emit(self, folder: Path, start: FloatArray, asked: FloatArray, conditions: FloatArray) -> list[Path]:
+        """Write the controller as C files for a robot: solver, model, settings and a small program that runs it.
+
+        Args:
+            folder: where to; made where it is missing.
+            start: temperatures of the example [degC], shape (states,).
+            asked: requests of the example, shape (steps, joints).
+            conditions: the model's other inputs in the example, shape (steps, conditions).
+
+        Returns:
+            The files, in the order in which a person reads them.
+
+        Raises:
+            InputError: the folder can't be written.
+        """
+        model = self.model
+        names = [f"temperature.{node} [degC]" for node in model.nodes]
+        names += [f"{self.heating.request}.{joint} [{self.heating.unit}]" for joint in self.joints]
+        names += list(self.conditions)
+        rows = [[*start[: len(model.nodes)], *row, *around] for row, around in zip(asked, conditions, strict=True)]
+        content = {
+            "main.c": files("lptn.planners.mpc").joinpath("c", "main.c").read_text(encoding="utf-8"),
+            "settings.h": settings_header(self._settings),
+            "names.txt": "\n".join([*names, ""]),
+            "example.txt": "\n".join([*(" ".join(f"{value:.10g}" for value in row) for row in rows), ""]),
+            **self.sources,
+        }
+        return write_folder(folder, content)
+
     def _fill(self, to: Any) -> None:
-        told, model = self.settings, self.model
-        to.stage[:] = told.stages.tolist()
-        to.limit[:] = told.planned_limits.tolist()
-        to.node[:] = [model.nodes.index(node) for node in told.limits]
+        settings, model = self.settings, self.model
+        to.stage[:] = settings.stages.tolist()
+        to.limit[:] = settings.planned_limits.tolist()
+        to.node[:] = [model.nodes.index(node) for node in settings.limits]
         to.owner[:] = list(model.owners)
-        to.weight[:], to.most[:], to.rate[:] = told.weights.tolist(), told.currents.tolist(), told.rates.tolist()
+        to.weight[:], to.most[:], to.rate[:] = (
+            settings.weights.tolist(),
+            settings.currents.tolist(),
+            settings.rates.tolist(),
+        )
         to.p[:] = [*model.values.tolist(), 0.0]
-        to.recovery = told.recovery
-        to.linear, to.quadratic = told.prices
-        to.noise, to.doubt[:], to.gain_doubt = told.noise, told.doubt.tolist(), told.model_error
-        to.tolerance, to.iterations = told.tolerance, told.iterations
-
-
-def requested_by(model: Model) -> Request:
-    """What a model's log columns hold."""
-    return "current" if any(column.startswith("current.") for column in model.inputs) else "torque"
-
-
-def in_order(values: Values, names: Sequence[str], what: str, missing: float) -> FloatArray:
-    """Values in the order of their names, `missing` for those left out.
-
-    Raises:
-        InputError: an unknown name, or a wrong number of values.
-    """
-    if isinstance(values, Mapping):
-        unknown = set(values) - set(names)
-        if unknown:
-            raise InputError(what, sorted(unknown)[0], "an unknown name", f"one of {', '.join(names)}")
-        return np.array([values.get(name, missing) for name in names], dtype=float)
-    found = np.asarray(values, dtype=float)
-    if found.shape != (len(names),):
-        raise InputError(what, "values", f"shape {found.shape}", f"{len(names)} values: {', '.join(names)}")
-    return found
+        to.recovery = settings.recovery
+        to.linear, to.quadratic = settings.prices
+        to.noise, to.doubt[:], to.gain_doubt = settings.noise, settings.doubt.tolist(), settings.model_error
+        to.tolerance, to.iterations = settings.tolerance, settings.iterations
 
 
 def _fill(to: FloatArray, values: Values | FloatArray, names: Sequence[str], what: str) -> None:
-    found = np.asarray(values, dtype=float) if not isinstance(values, Mapping) else None
-    if found is not None and found.ndim == 2:
-        if found.shape != to.shape:
-            raise InputError(what, "values", f"shape {found.shape}", f"shape {to.shape}")
-        to[:] = found
+    """Write values into each stage: the same ones by name or in order, or a row for each stage."""
+    array = np.asarray(values, dtype=float) if not isinstance(values, Mapping) else None
+    if array is not None and array.ndim == 2:
+        if array.shape != to.shape:
+            raise InputError(what, "values", f"shape {array.shape}", f"shape {to.shape}")
+        to[:] = array
         return
     to[:] = in_order(values, names, what, np.nan)

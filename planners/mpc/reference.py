@@ -10,7 +10,7 @@ import numpy as np
 
 from lptn.basics.arrays import FloatArray
 
-from .heat import Heating
+from ..heating import Heating
 from .settings import Settings
 
 _FLOOR = 1e-3  # of the heat scale, as in `c/linear.c`
@@ -64,23 +64,23 @@ class Reference:
             conditions: means of each stage, shape (stages, conditions).
             bias: heat that the model lacks [K/s], by state.
         """
-        told, p = self.settings, self.heating.model.values
-        n, joints = len(told.stages), len(self.heating.joints)
-        weight = told.stages[:, None] * told.weights * request**2
+        settings, p = self.settings, self.heating.model.values
+        n, joints = len(settings.stages), len(self.heating.joints)
+        weight = settings.stages[:, None] * settings.weights * request**2
         weight = np.maximum(weight / weight.sum(), 1e-9) if weight.sum() > 0 else np.full_like(weight, 1 / weight.size)
         most = self._most(start, request, conditions, p)
-        nodes = [self.heating.model.nodes.index(node) for node in told.limits]
+        nodes = [self.heating.model.nodes.index(node) for node in settings.limits]
         lower = np.concatenate([np.ravel(_FLOOR * most), np.full(n * len(start), -ca.inf), np.zeros(n * len(nodes))])
         upper = np.concatenate([np.ravel(most), np.full(n * (len(start) + len(nodes)), ca.inf)])
         guess = np.concatenate([np.ravel(0.5 * most), np.tile(start, n), np.full(n * len(nodes), 0.1)])
         known = [start, np.ravel(request**2), np.ravel(conditions), np.ravel(weight),
                  np.zeros(len(start)) if bias is None else bias, p]  # fmt: skip
-        known.append(told.limits_from(start[nodes]).T.ravel())
+        known.append(settings.limits_from(start[nodes]).T.ravel())
         bounds = np.zeros(n * (len(start) + len(nodes)))
         low = bounds.copy()
         low[n * len(start) :] = -ca.inf
-        found = self._solver(x0=guess, lbx=lower, ubx=upper, lbg=low, ubg=bounds, p=np.concatenate(known))
-        flat = np.asarray(found["x"]).ravel()
+        solution = self._solver(x0=guess, lbx=lower, ubx=upper, lbg=low, ubg=bounds, p=np.concatenate(known))
+        flat = np.asarray(solution["x"]).ravel()
         scale, states, slack = np.split(flat, [n * joints, n * (joints + len(start))])
         scale = np.clip(scale.reshape(n, joints), 0, most)
         return Solution(
@@ -93,17 +93,17 @@ class Reference:
 
     def _most(self, start: FloatArray, request: FloatArray, conditions: FloatArray, p: FloatArray) -> FloatArray:
         """Largest heat scale that the current limit allows, at the present temperatures."""
-        heating, told = self.heating, self.settings
-        if not np.isfinite(told.currents).any():
+        heating, settings = self.heating, self.settings
+        if not np.isfinite(settings.currents).any():
             return np.ones_like(request)
         gain = np.asarray(ca.Function("gain", [heating.x, heating.p], [heating.gain])(start, p)).ravel()
         current = np.abs(request) * gain
-        return np.where(current > told.currents, (told.currents / np.maximum(current, 1e-12)) ** 2, 1.0)
+        return np.where(current > settings.currents, (settings.currents / np.maximum(current, 1e-12)) ** 2, 1.0)
 
     def _build(self) -> tuple[Any, tuple[int, int]]:
-        heating, told = self.heating, self.settings
+        heating, settings = self.heating, self.settings
         states, joints, others = heating.x.numel(), len(heating.joints), len(heating.conditions)
-        nodes, n = [heating.model.nodes.index(node) for node in told.limits], len(told.stages)
+        nodes, n = [heating.model.nodes.index(node) for node in settings.limits], len(settings.stages)
         s, x, e = ca.MX.sym("s", joints, n), ca.MX.sym("x", states, n), ca.MX.sym("e", len(nodes), n)
         start, square = ca.MX.sym("start", states), ca.MX.sym("square", joints, n)
         d, weight = ca.MX.sym("d", others, n), ca.MX.sym("weight", joints, n)
@@ -111,12 +111,12 @@ class Reference:
         following = []
         before = start
         for k in range(n):
-            step = self._step(float(told.stages[k]))
+            step = self._step(float(settings.stages[k]))
             following.append(step(before, s[:, k] * square[:, k], d[:, k], bias, p) - x[:, k])
             before = x[:, k]
         limits = ca.MX.sym("limits", len(nodes), n)
         over = x[nodes, :] - limits - e
-        linear, quadratic = told.prices
+        linear, quadratic = settings.prices
         cost = ca.sum1(ca.vec(weight * (1 - ca.sqrt(s)) ** 2))
         cost += linear * ca.sum1(ca.vec(e)) + quadratic / 2 * ca.sumsqr(e)
         program = {

@@ -1,24 +1,22 @@
-"""What a thermal controller is told once: limits, grid, weights, margins; checked, and spread over a model's places."""
+"""Settings of a thermal controller: limits, stages of the horizon, weights, margins; checked and spread over places."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import brentq
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
-from lptn.basics.places import matching
 
-from .grid import growing_stages
-from .heat import Heating
+from ..heating import Heating
+from ..values import Each, checked_by_place
 
-Each = float | Mapping[str, float]
-"""One number for all places, or numbers by name or pattern (`"*_calf"`); what stands later wins."""
-
+_POSITIVE = 1e-12  # the least positive number that is taken for one
 _ROOM = 25.0  # degC
+_LEAST_COOLING = 0.1  # of the fastest state's; a state that hardly cools may lack heat all the same
 _SLACK_LINEAR, _SLACK_QUADRATIC = 10.0, 10.0  # per K and K² at one stage; admitting nothing at all costs 1
 
 
@@ -93,7 +91,7 @@ def settle(
         ValueError: period, horizon or number of stages can't be.
     """
     model = heating.model
-    bounds = spread(limits, model.nodes, "limits")
+    bounds = checked_by_place(limits, model.nodes, "limits")
     if not bounds:
         raise InputError(model.network.origin, "limits", "none", f"a limit for one of {', '.join(model.nodes)}")
     for place, value, least in (
@@ -110,9 +108,9 @@ def settle(
         lengths,
         bounds,
         margin,
-        _positive(spread(weights, joints, "weights"), joints, "weights", 1.0),
-        _positive(spread(current_limits, joints, "current_limits", endless=True), joints, "current_limits", math.inf),
-        _positive(spread(rates, joints, "rates", least=0.0), joints, "rates", 0.0, least=0.0),
+        _by_joint(weights, joints, "weights", 1.0),
+        _by_joint(current_limits, joints, "current_limits", math.inf, infinite=True),
+        _by_joint(rates, joints, "rates", 0.0, least=0.0),
         recovery,
         noise,
         model_error,
@@ -127,36 +125,67 @@ def _cooling(heating: Heating, limits: dict[str, float]) -> FloatArray:
     hot = np.array([limits.get(node, max(limits.values())) for node in model.nodes])[np.array(model.owners)]
     room = np.array([_ROOM if name.startswith("temperature") else 0.0 for name in heating.conditions])
     rates = heating.rate_function()(hot, np.zeros(len(heating.joints)), room, model.values)
-    found = np.abs(np.asarray(rates.full()).ravel())
-    return np.asarray(np.maximum(found, 0.1 * found.max()))
+    cooling = np.abs(np.asarray(rates.full()).ravel())
+    return np.asarray(np.maximum(cooling, _LEAST_COOLING * cooling.max()))
 
 
-def spread(
-    given: Each, places: tuple[str, ...] | list[str], what: str, *, endless: bool = False, least: float = -273.15
-) -> dict[str, float]:
-    """Numbers by place, in the places' order.
+def _by_joint(
+    given: Each,
+    joints: tuple[str, ...],
+    table: str,
+    default: float,
+    *,
+    least: float = _POSITIVE,
+    infinite: bool = False,
+) -> FloatArray:
+    values = checked_by_place(given, joints, table, least=least, infinite=infinite)
+    return np.array([values.get(joint, default) for joint in joints])
+
+
+# --- stages of the horizon ----------------------------------------------------------------------
+
+
+def growing_stages(period: float, horizon: float, count: int) -> FloatArray:
+    """Lengths of the stages [s], shape (stages,): as long as `period` at first, `horizon` in sum.
+
+    Args:
+        period: of the controller [s]: length of the first stage.
+        horizon: [s].
+        count: at most so many stages; fewer where the horizon holds no more periods.
 
     Raises:
-        InputError: a pattern that matches nothing, or no number.
+        ValueError: a period that is not positive, a horizon shorter than it, or no stage.
     """
-    pairs = given if isinstance(given, Mapping) else {"*": given}
-    found: dict[str, float] = {}
-    for pattern, value in pairs.items():
-        names = matching(pattern, places)
-        if not names:
-            expected = f"one of {', '.join(places)}"
-            raise InputError("settings", f"{what}.{pattern}", "a pattern that matches nothing", expected)
-        number = float(value)
-        if math.isnan(number) or (math.isinf(number) and not endless) or number < least:
-            raise InputError("settings", f"{what}.{pattern}", f"{value}", "a number that can be used")
-        found |= dict.fromkeys(names, number)
-    return {place: found[place] for place in places if place in found}
+    if not 0 < period <= horizon < float("inf") or count < 1:
+        found = f"period {period:g} s, horizon {horizon:g} s, {count} stages"
+        raise ValueError(f"found {found}; expected 0 < period <= horizon, one stage or more")
+    count = min(count, max(1, round(horizon / period)))
+    if count == 1:
+        return np.array([horizon])
+    powers = np.arange(count)
+    if horizon / period <= count * (1 + 1e-9):
+        return np.full(count, horizon / count)
+    ratio = float(brentq(lambda r: period * float((r**powers).sum()) - horizon, 1.0, horizon / period + 1))
+    lengths = period * ratio**powers
+    return np.asarray(lengths * np.concatenate([[1.0], np.full(count - 1, (horizon - period) / lengths[1:].sum())]))
 
 
-def _positive(
-    values: dict[str, float], places: tuple[str, ...], what: str, default: float, least: float = 1e-12
-) -> FloatArray:
-    for place, value in values.items():
-        if value < least:
-            raise InputError("settings", f"{what}.{place}", f"{value:g}", "a positive number")
-    return np.array([values.get(place, default) for place in places])
+def stage_means(values: FloatArray, step: float, stages: FloatArray) -> FloatArray:
+    """Means of a piecewise constant signal over each stage; its last value goes on for ever.
+
+    Args:
+        values: shape (n, signals), each row held for `step` seconds.
+        step: [s].
+        stages: lengths [s], shape (stages,).
+
+    Returns:
+        Shape (stages, signals).
+    """
+    ends = np.concatenate([[0.0], np.cumsum(stages)])
+    edges = step * np.arange(len(values) + 1)
+    edges[-1] = max(edges[-1], ends[-1])
+    sums = np.vstack([np.zeros((1, values.shape[1])), np.cumsum(values * np.diff(edges)[:, None], axis=0)])
+    if not values.shape[1]:
+        return np.zeros((len(stages), 0))
+    at = np.column_stack([np.interp(ends, edges, column) for column in sums.T])
+    return np.asarray(np.diff(at, axis=0) / np.asarray(stages)[:, None])

@@ -14,9 +14,9 @@ from lptn.basics.errors import InputError
 from lptn.model.file import Strict
 from lptn.model.model import Model
 
-from ..plan.task_file import ByPlace, Celsius, NotNegative, Positive, by_name, conditions_of, start_of, told_in
-from .controller import requested_by
-from .heat import Request, heating
+from ..heating import Request, heating, requested_by
+from ..tasks import conditions_of, mistakes_with_line, start_of
+from ..values import ByPlace, Celsius, NotNegative, Positive, by_place
 
 _MOST_STEPS = 400
 
@@ -88,7 +88,7 @@ class Task:
 
     @property
     def settings(self) -> dict[str, Any]:
-        """What `TorqueMPC` is told, whatever its horizon."""
+        """Arguments of `TorqueMPC` apart from model, limits and horizon."""
         return {
             "request": self.request,
             "current_limits": self.file.current_limits or float("inf"),
@@ -106,7 +106,7 @@ def read_task(table: Mapping[str, Any], origin: str, model: Model) -> Task:
     Raises:
         InputError: something in it can't be used.
     """
-    with told_in(origin):
+    with mistakes_with_line(origin):
         file = File.model_validate(dict(table))
         request = _request(file, model, origin)
         heat = heating(model, request)
@@ -119,13 +119,13 @@ def read_task(table: Mapping[str, Any], origin: str, model: Model) -> Task:
                 place = f"phases[{number}].duration"
                 raise InputError(origin, place, f"{phase.duration:g}", f"a multiple of {period:g} s")
             _refuse_many(len(asked) + steps, period, origin)
-            levels = by_name(getattr(phase, request), heat.joints, origin, f"phases[{number}].{request}")
+            levels = by_place(getattr(phase, request), heat.joints, origin, f"phases[{number}].{request}")
             given = file.conditions | phase.conditions
             asked += [np.array([levels.get(joint, 0.0) for joint in heat.joints])] * steps
             around += [conditions_of(given, heat.conditions, origin)] * steps
-        by_name(file.limits, model.nodes, origin, "limits")
+        by_place(file.limits, model.nodes, origin, "limits")
         for name in ("current_limits", "weights", "rates"):
-            by_name(getattr(file, name), heat.joints, origin, name)
+            by_place(getattr(file, name), heat.joints, origin, name)
         repeated = file.task.repeat
         _refuse_many(len(asked) * repeated, period, origin)
         return Task(model, file.task.name, request, period, np.array(asked * repeated), np.array(around * repeated),
@@ -139,7 +139,7 @@ def _refuse_many(steps: int, period: float, origin: str) -> None:
 
 
 def _request(file: File, model: Model, origin: str) -> Request:
-    """Torque or current, whichever the phases speak of."""
+    """Torque or current, whichever the phases name."""
     torque, current = (any(getattr(phase, what) for phase in file.phases) for what in ("torque", "current"))
     if torque and current:
         raise InputError(origin, "phases", "torque and current", "one of the two in all phases")

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from lptn.basics.arrays import FloatArray
-from lptn.report.style import INK, SMALL, TEXT, dress, new_figure, plain
+from lptn.basics.style import INK, SMALL, TEXT, dress, new_figure, plain
 
 from .answer import StudyResult
 from .designs import Design

@@ -1,4 +1,4 @@
-"""`kind = "track"` for `lptn plan`: the closest admissible torques or currents over a whole task."""
+"""`kind = "track"` for `lptn plan`: the closest admissible torques or currents over a whole task, and how they show."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ import pandas as pd
 from lptn.basics.arrays import FloatArray
 from lptn.model.model import Model
 
+from ..heating import heating
 from .controller import TorqueMPC
-from .heat import heating
 from .reference import Reference
 from .settings import settle
 from .task import Task, read_task
@@ -81,7 +81,7 @@ class TrackAnswer:
         """Asked and admitted values, temperatures with their limits, slack."""
         from .figure import track_figure
 
-        return track_figure(self)
+        return track_figure(self.task, self.joints, self.admitted, self.temperatures, self.limits)
 
     def as_json(self) -> dict[str, object]:
         """The plan by joint and node, in SI and degC."""
@@ -109,7 +109,7 @@ class TrackAnswer:
 
     def text(self) -> str:
         """What was given up, what each joint gets, what limits it."""
-        lines = [f"Given up: {each}." for each in self.given_up]
+        lines = [f"Given up: {sentence}." for sentence in self.given_up]
         lines += [f"{'joint':16} {'share admitted':>14} {'least':>9} {'hottest':>10} {'limit':>7}"]
         hottest = self.temperatures.max(axis=1)
         unit = heating(self.task.model, self.task.request).unit
@@ -149,25 +149,23 @@ class TrackKind:
 
     def emit_c(self, task: Task, folder: Path) -> list[Path]:
         """The controller of the table `[controller]` as C, with a `main.c` that runs it."""
-        from .emit import emit
-
-        told = task.file.controller
-        mpc = TorqueMPC(task.model, task.file.limits, **task.settings, horizon=told.horizon, stages=told.stages,
-                        noise=told.noise, model_error=told.model_error)  # fmt: skip
-        return emit(mpc, folder, task.start, task.asked, task.conditions)
+        table = task.file.controller
+        mpc = TorqueMPC(task.model, task.file.limits, **task.settings, horizon=table.horizon, stages=table.stages,
+                        noise=table.noise, model_error=table.model_error)  # fmt: skip
+        return mpc.emit(folder, task.start, task.asked, task.conditions)
 
 
 def _by_ipopt(task: Task, settings: dict[str, Any], why: str) -> TrackAnswer:
     heat = heating(task.model, task.request)
-    told = {key: value for key, value in settings.items() if key != "request"}
-    spread = settle(heat, task.file.limits, **told, noise=0.1, model_error=0.0)
-    found = Reference(heat, spread).solve(task.start, task.asked, task.conditions)
-    given_up = () if found.converged else ("IPOPT did not converge either; this plan is not proven best",)
-    worst = {node: over for node, over in zip(spread.limits, found.slack.max(axis=0), strict=True) if over > _COUNTS}
+    given = {key: value for key, value in settings.items() if key != "request"}
+    spread = settle(heat, task.file.limits, **given, noise=0.1, model_error=0.0)
+    solution = Reference(heat, spread).solve(task.start, task.asked, task.conditions)
+    given_up = () if solution.converged else ("IPOPT did not converge either; this plan is not proven best",)
+    worst = {node: over for node, over in zip(spread.limits, solution.slack.max(axis=0), strict=True) if over > _COUNTS}
     if worst:
         where = ", ".join(f"{node} by {over:.2g} K" for node, over in worst.items())
         given_up = (f"a limit less its margin can't be met: {where}", *given_up)
-    return _answer(task, np.sqrt(found.scale) * task.asked, found.temperatures, spread.limits, found.cost,
+    return _answer(task, np.sqrt(solution.scale) * task.asked, solution.temperatures, spread.limits, solution.cost,
                    f"IPOPT, for {why}", given_up)  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""`kind = "limit"` for `lptn plan`: admissible torque now, and how far an activity can be scaled."""
+"""`kind = "limit"` for `lptn plan`: its task file, and its answer as table, figure, JSON and text."""
 
 from __future__ import annotations
 
@@ -16,13 +16,22 @@ from lptn.basics.arrays import FloatArray
 from lptn.model.file import Strict
 from lptn.model.model import Model
 
-from ..mpc.controller import requested_by
-from ..mpc.heat import Request
-from ..plan.task_file import ByPlace, Celsius, Positive, by_name, conditions_of, start_of, told_in
+from ..heating import Request, requested_by
+from ..tasks import conditions_of, mistakes_with_line, start_of
+from ..values import ByPlace, Celsius, Positive, by_place
+from .emit import emit
 from .limiter import Limiter
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+
+_NO_LIMIT = 1e6  # N*m or A; more is no limit
+_HEIGHT, _WIDE, _TALLEST = (
+    3.2,
+    0.84,
+    1.15,
+)  # of figure [inch], of a joint's bars, of the axis over the largest value
 
 
 class TaskTable(Strict):
@@ -86,10 +95,42 @@ class LimitAnswer:
         return pd.DataFrame(columns)
 
     def figure(self) -> Figure:
-        """Bars of the admissible values, the load as a line."""
-        from .figure import limit_figure
+        """Bars of the admissible values by joint and horizon, the present load as a line across them.
 
-        return limit_figure(self)
+        What nothing limits is drawn to the top.
+        """
+        from matplotlib import colormaps
+        from matplotlib.lines import Line2D
+
+        from lptn.basics.style import INK, SMALL, dress, new_figure, plain
+
+        limiter = self.task.limiter
+        figure = new_figure(_HEIGHT)
+        ax = figure.subplots()
+        count, places = len(limiter.horizons), np.arange(len(limiter.joints))
+        limited = self.admissible[self.admissible < _NO_LIMIT]
+        top = _TALLEST * max(float(limited.max(initial=0.0)), float(np.abs(self.task.load).max(initial=0.0)), 1e-9)
+        shades = colormaps["cividis"](np.linspace(0.1, 0.9, count))
+        for number, seconds in enumerate(limiter.horizons):
+            at = places + _WIDE * ((number + 0.5) / count - 0.5)
+            ax.bar(
+                at,
+                np.minimum(self.admissible[:, number], top),
+                _WIDE / count,
+                color=shades[number],
+                label=_named(seconds),
+            )
+        ax.hlines(np.abs(self.task.load), places - _WIDE / 2, places + _WIDE / 2, color=INK, linewidth=1.4)
+        ax.set_xticks(places, [plain(joint) for joint in limiter.joints], size=SMALL, rotation=30, ha="right")
+        ax.set_ylim(0, top)
+        ax.set_ylabel(f"admissible {limiter.heating.request} [{limiter.heating.unit.replace('*', '·')}]", size=SMALL)
+        handles, _ = ax.get_legend_handles_labels()
+        line = Line2D([], [], color=INK, linewidth=1.4, label="load now")
+        figure.legend(
+            handles=[*handles, line], loc="outside upper center", ncols=count + 1, fontsize=SMALL, frameon=False
+        )
+        dress(ax)
+        return figure
 
     def as_json(self) -> dict[str, object]:
         """Admissible values by joint and horizon; `for ever` under null seconds."""
@@ -128,13 +169,13 @@ class LimitKind:
         Raises:
             InputError: something in it can't be used.
         """
-        with told_in(origin):
+        with mistakes_with_line(origin):
             file = File.model_validate(dict(table))
-            by_name(file.limits, model.nodes, origin, "limits")
+            by_place(file.limits, model.nodes, origin, "limits")
             request = file.task.request or requested_by(model)
             limiter = Limiter(model, file.limits, request=request, horizons=(*sorted(set(file.task.horizons)), inf),
                               current_limits=file.current_limits or inf)  # fmt: skip
-            levels = by_name(file.load, limiter.joints, origin, "load")
+            levels = by_place(file.load, limiter.joints, origin, "load")
             load = np.array([levels.get(joint, 0.0) for joint in limiter.joints])
             around = conditions_of(file.conditions, limiter.conditions, origin)
             return Task(limiter, file.task.name, start_of(file.start, model, origin), load, around)
@@ -147,8 +188,6 @@ class LimitKind:
 
     def emit_c(self, task: Task, folder: Path) -> list[Path]:
         """The limiter as C."""
-        from .emit import emit
-
         return emit(task.limiter, folder, task.x, task.load, task.conditions)
 
 
@@ -157,7 +196,7 @@ def _named(seconds: float) -> str:
 
 
 def _short(value: float) -> str:
-    return "no limit" if isinf(value) or value > 1e6 else f"{value:.3g}"
+    return "no limit" if isinf(value) or value > _NO_LIMIT else f"{value:.3g}"
 
 
 plan_kind = LimitKind()

@@ -13,7 +13,7 @@ from lptn.model.model import Model
 from lptn.model.network import EffectInstance
 
 Request = Literal["current", "torque"]
-_RANDOM_POINTS = 5
+_RANDOM_POINTS, _TOLERANCE = 5, 1e-7  # of the check that heat goes with the square; the tolerance is relative
 
 
 @dataclass(frozen=True)
@@ -65,6 +65,11 @@ class Heating:
             ("heated rates", self.request),
             lambda: ca.Function("heated", [self.x, self.heat, self.d, self.p], [self.rates]),
         )
+
+
+def requested_by(model: Model) -> Request:
+    """What a model's log columns hold: `"current"` where one of them is a current, else `"torque"`."""
+    return "current" if any(column.startswith("current.") for column in model.inputs) else "torque"
 
 
 def heating(model: Model, request: Request) -> Heating:
@@ -149,16 +154,16 @@ def _in_squares(model: Model, rates: Any, requested: Any, square: Any, others: l
         unit = ca.SX.zeros(requested.shape)
         unit[number] = 1
         columns.append(ca.substitute(rates, requested, unit) - none)
-    found = none + ca.mtimes(ca.horzcat(*columns), square)
-    check = ca.Function("check", [requested, *others], [rates - ca.substitute(found, square, requested**2), rates])
+    squared = none + ca.mtimes(ca.horzcat(*columns), square)
+    check = ca.Function("check", [requested, *others], [rates - ca.substitute(squared, square, requested**2), rates])
     random = np.random.default_rng(0)
     for _ in range(_RANDOM_POINTS):
         point = [random.uniform(-3, 3, requested.numel())]
         point += [random.uniform(20.0, 60.0, other.numel()) for other in others[:-1]] + [model.values]
-        left, size = (np.asarray(each.full()).ravel() for each in check(*point))
-        if not np.all(np.abs(left) <= 1e-7 * (1 + np.abs(size))):
+        difference, size = (np.asarray(value.full()).ravel() for value in check(*point))
+        if not np.all(np.abs(difference) <= _TOLERANCE * (1 + np.abs(size))):
             raise InputError(
                 model.network.origin, "effects", "heat that does not go with the square of torque or current",
                 "copper_loss and stray_load_loss as the only effects of torque and current",
             )  # fmt: skip
-    return found
+    return squared

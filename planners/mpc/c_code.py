@@ -1,0 +1,155 @@
+"""The controller's C code: sizes and model by code generation, the solver as it is in `c/`, its structs in Python."""
+
+from __future__ import annotations
+
+import ctypes
+import math
+from collections.abc import Mapping
+from importlib.resources import files
+from typing import Any, NamedTuple
+
+from ..compiled import c_code, compiled
+from ..heating import Heating
+
+SOLVER = ("lptn_mpc.h", "lptn_mpc.c", "linear.c", "observe.c", "bounds.c", "newton.c", "interior.c")
+_NUMBERS_IN_A_LINE = 8
+_D, _I = ctypes.c_double, ctypes.c_int
+_GLUE = """\
+#define LPTN_WIDE
+#include "lptn_mpc.c"
+long long lptn_mpc_sizes(int which) {
+    const long long sizes[] = {sizeof(lptn_mpc_settings), sizeof(lptn_mpc_state), sizeof(lptn_mpc_result),
+                               sizeof(lptn_mpc_work)};
+    return sizes[which];
+}
+"""
+
+
+def sources(heating: Heating, limits: int, stages: int) -> dict[str, str]:
+    """Contents by file name of everything that a controller step is made of.
+
+    Args:
+        heating: the model.
+        limits: number of limited nodes.
+        stages: of the horizon.
+    """
+    function = heating.function()
+    states, joints = heating.x.numel(), len(heating.joints)
+    sizes = {
+        "NX": states,
+        "NN": len(heating.model.nodes),
+        "NU": joints,
+        "ND": len(heating.conditions),
+        "NP": heating.p.numel(),
+        "NL": limits,
+        "N": stages,
+        "W": _padded(states + joints),
+        "NXP": _padded(states),
+        "HEAT_OUT": states + states * states + states * joints + joints,
+        "HEAT_ARG": function.sz_arg(),
+        "HEAT_RES": function.sz_res(),
+        "HEAT_IW": function.sz_iw(),
+        "HEAT_W": function.sz_w(),
+    }
+    solver = {name: files("lptn.planners.mpc").joinpath("c", name).read_text(encoding="utf-8") for name in SOLVER}
+    return {"sizes.h": _header(sizes), "heat.c": _heat(c_code(function, "heat.c")), **solver}
+
+
+def python_library(made: Mapping[str, str]) -> ctypes.CDLL:
+    """These sources compiled for Python and loaded, with `lptn_mpc_sizes` to check the structs by.
+
+    Raises:
+        OSError: no C compiler.
+        subprocess.CalledProcessError: the compiler failed.
+    """
+    return compiled({**made, "glue.c": _GLUE}, "glue.c")
+
+
+def _padded(width: int) -> int:
+    """A row's width in whole vectors of four."""
+    return -(-width // 4) * 4
+
+
+def _header(sizes: Mapping[str, int]) -> str:
+    lines = [f"#define LPTN_{name} {value}" for name, value in sizes.items()]
+    return "\n".join(["/* Sizes of one model's controller. */", *lines, ""])
+
+
+def _heat(code: str) -> str:
+    hidden = "#define CASADI_SYMBOL_EXPORT static __attribute__((unused))"
+    return f"/* The model: made by CasADi from its equations. */\n{hidden}\n{code}"
+
+
+# --- structs ------------------------------------------------------------------------------------
+
+
+class Structs(NamedTuple):
+    """Classes of the structs."""
+
+    settings: type[ctypes.Structure]
+    state: type[ctypes.Structure]
+    result: type[ctypes.Structure]
+
+
+def structs(heating: Heating, limits: int, stages: int) -> Structs:
+    """Classes for one model: names and order are those of `c/lptn_mpc.h`."""
+    nodes = len(heating.model.nodes)
+    x, u, d, p = heating.x.numel(), len(heating.joints), len(heating.conditions), heating.p.numel()
+    settings = [
+        ("stage", _D * stages),
+        ("limit", _D * limits),
+        ("node", _I * limits),
+        ("owner", _I * x),
+        *((name, _D * u) for name in ("weight", "most", "rate")),
+        ("p", _D * (p + 1)),
+        *((name, _D) for name in ("recovery", "linear", "quadratic", "noise")),
+        ("doubt", _D * x),
+        *((name, _D) for name in ("gain_doubt", "tolerance")),
+        ("iterations", _I),
+    ]
+    state = [
+        ("x", _D * x),
+        ("bias", _D * x),
+        ("gain", _D * x),
+        ("spread", _D * 3 * 3 * nodes),
+        ("applied", _D * u),
+        ("conditions", _D * (d + 1)),
+        ("scale", _D * u * stages),
+        ("started", _I),
+    ]
+    result = [
+        ("admitted", _D * u),
+        ("plan", _D * u * stages),
+        ("x", _D * x * (stages + 1)),
+        ("slack", _D * limits * stages),
+        *((name, _D) for name in ("cost", "worst", "error", "gap")),
+        *((name, _I) for name in ("iterations", "linearisations", "status")),
+    ]
+    return Structs(_struct("Settings", settings), _struct("State", state), _struct("Result", result))
+
+
+def _struct(name: str, fields: list[Any]) -> type[ctypes.Structure]:
+    return type(name, (ctypes.Structure,), {"_fields_": fields})
+
+
+def settings_header(settings: ctypes.Structure) -> str:
+    """The controller's settings as a C constant."""
+    lines = []
+    for name, *_ in settings._fields_:
+        value = getattr(settings, name)
+        lines.append(f"    .{name} = {_list(list(value)) if hasattr(value, '__len__') else _number(value)},")
+    return "\n".join(
+        ["/* Limits, weights, stages and the model's parameters: lptn_mpc.h says what each is. */",
+         "static const lptn_mpc_settings lptn_mpc_default = {", *lines, "};", ""]
+    )  # fmt: skip
+
+
+def _number(value: float) -> str:
+    """An integer stays one; a double keeps all its digits."""
+    return "INFINITY" if math.isinf(value) else repr(value)
+
+
+def _list(values: list[float]) -> str:
+    words = [_number(value) for value in values]
+    rows = [", ".join(words[k : k + _NUMBERS_IN_A_LINE]) for k in range(0, len(words), _NUMBERS_IN_A_LINE)]
+    return "{" + ",\n        ".join(rows) + "}"

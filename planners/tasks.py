@@ -1,0 +1,203 @@
+"""Task files of `lptn plan`: which planner answers one, what all of them have in common, and where the answer goes.
+
+A kind of task is an object with `read` and `run`, which turn the parsed file into a task and a task into an answer. The
+answer shows itself as a table, a figure, JSON and text.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar, runtime_checkable
+
+import numpy as np
+
+from lptn.basics.arrays import FloatArray
+from lptn.basics.errors import InputError, shown
+from lptn.basics.files import write_whole
+from lptn.basics.toml import text_of, told_by_line, toml_of
+from lptn.model.model import Model
+
+from .values import by_place
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from pandas import DataFrame
+
+Task = TypeVar("Task")
+
+
+class Answer(Protocol):
+    """A solved task, or one that can't be met with what is in the way: both are answers."""
+
+    def table(self) -> DataFrame:
+        """The plan as rows of a table; units in the column names, `torque.FR_calf [N*m]`. `lptn plan -o` writes it."""
+        ...
+
+    def figure(self) -> Figure:
+        """The plan as a picture. `lptn plan --plot` writes it."""
+        ...
+
+    def as_json(self) -> dict[str, object]:
+        """The plan for programs, SI and degC; numbers that are not finite become null when it is written."""
+        ...
+
+    def text(self) -> str:
+        """Lines for the terminal; what was given up stands first."""
+        ...
+
+
+class Kind(Protocol[Task]):
+    """One kind of task, chosen by `kind = "..."` in the table `[task]` of the task file."""
+
+    def read(self, table: Mapping[str, Any], origin: str, model: Model) -> Task:
+        """A task from the whole parsed task file.
+
+        Args:
+            table: the parsed TOML document; `table["task"]["kind"]` has chosen this kind.
+            origin: the task file, for messages and for paths beside it.
+            model: the model that the task is about.
+
+        Raises:
+            InputError: something in it can't be used.
+        """
+        ...
+
+    def run(self, task: Task) -> Answer:
+        """Solve a task. What can't be met is said in the answer, it is no exception."""
+        ...
+
+
+@runtime_checkable
+class EmitsC(Protocol):
+    """A kind that can also write its step as C code for a robot (`lptn plan --emit-c DIR`)."""
+
+    def emit_c(self, task: Any, folder: Path) -> list[Path]:
+        """Write the C files into a folder, made if missing; returns the files, in the order a person reads them."""
+        ...
+
+
+_WHERE = {
+    "track": "lptn.planners.mpc.plan_kind",
+    "limit": "lptn.planners.limiter.plan_kind",
+    "mission": "lptn.planners.mission.plan_kind",
+}
+"""Kind -> the object that offers it, imported only when asked for."""
+
+KINDS = tuple(_WHERE)
+
+
+def kind_of(table: Mapping[str, Any], origin: str) -> Kind[Any]:
+    """The planner that a task file asks for.
+
+    Raises:
+        InputError: no `[task]` table with a known `kind`.
+    """
+    task = table.get("task")
+    kind = task.get("kind") if isinstance(task, Mapping) else None
+    if not isinstance(kind, str) or kind not in _WHERE:
+        found = "no such key" if kind is None else shown(kind)
+        raise InputError(origin, "task.kind", found, f"one of {', '.join(KINDS)}")
+    module, _, name = _WHERE[kind].rpartition(".")
+    planner: Kind[Any] = getattr(import_module(module), name)
+    return planner
+
+
+# --- what task files have in common --------------------------------------------------------------
+
+
+def load_task(path: Path) -> dict[str, Any]:
+    """The whole task file as plain Python values.
+
+    Raises:
+        InputError: it can't be read, or is no TOML.
+    """
+    return toml_of(path, text_of(path, "a task file"))
+
+
+@contextmanager
+def mistakes_with_line(origin: str) -> Iterator[None]:
+    """Turn mistakes that pydantic or the readers find into one line with the place in the task file.
+
+    Raises:
+        InputError: something in it can't be used.
+    """
+    path = Path(origin)
+    with told_by_line(path, text_of(path, "a task file") if path.is_file() else ""):
+        yield
+
+
+def start_of(given: Mapping[str, float], model: Model, origin: str) -> FloatArray:
+    """Temperatures of all states at the start [degC].
+
+    Raises:
+        InputError: a node is left out.
+    """
+    by_node = by_place(given, model.nodes, origin, "start")
+    missing = [node for node in model.nodes if node not in by_node]
+    if missing:
+        raise InputError(origin, "start", f"no temperature of {missing[0]}", 'one of each node, such as "*" = 25')
+    nodes = np.array([by_node[node] for node in model.nodes])
+    return np.asarray(nodes[np.array(model.owners)])
+
+
+def conditions_of(given: Mapping[str, float], names: tuple[str, ...], origin: str) -> FloatArray:
+    """The model's other inputs in order.
+
+    Raises:
+        InputError: one of them is left out.
+    """
+    by_column = by_place(given, names, origin, "conditions")
+    missing = [name for name in names if name not in by_column]
+    if missing:
+        raise InputError(origin, "conditions", f"no {missing[0]}", f"each of {', '.join(names)}; a pattern will do")
+    return np.array([by_column[name] for name in names])
+
+
+# --- where the answer goes -----------------------------------------------------------------------
+
+
+def check_table(path: Path | None) -> None:
+    """Refuse a kind of table that can't be written.
+
+    Raises:
+        InputError: the file name ends in neither .csv nor .parquet.
+    """
+    if path is not None and path.suffix.lower() not in (".csv", ".parquet"):
+        raise InputError(path, "--output", f"a file name ending in '{path.suffix}'", "one ending in .csv or .parquet")
+
+
+def write_table(table: DataFrame, path: Path) -> None:
+    """Write a plan's table, whole or not at all."""
+    if path.suffix.lower() == ".csv":
+        write_whole(path, table.to_csv(index=False))
+        return
+    content = io.BytesIO()
+    table.to_parquet(content, index=False)
+    write_whole(path, content.getvalue())
+
+
+def check_folder(folder: Path | None, kind: Kind[Any], origin: str) -> None:
+    """Refuse a folder for C code that can't be made, and a kind of task that has no C code.
+
+    Raises:
+        InputError: it is a file, or lies in no folder; or the kind has no C code.
+    """
+    if folder is None:
+        return
+    if not isinstance(kind, EmitsC):
+        raise InputError(origin, "--emit-c", "a kind of task without a controller step", 'kind = "track" or "limit"')
+    if folder.exists() and not folder.is_dir():
+        raise InputError(folder, "--emit-c", "a file", "a folder")
+    if not folder.absolute().parent.is_dir():
+        raise InputError(folder, "--emit-c", "no such folder", "a folder in one that exists")
+
+
+def write_c(kind: Kind[Any], task: Any, folder: Path) -> None:
+    """Write a kind's C code into a folder that `check_folder` has passed."""
+    if isinstance(kind, EmitsC):
+        for path in kind.emit_c(task, folder):
+            print(f"wrote {path}")
