@@ -91,6 +91,13 @@ def test_every_figure_has_its_sentence(html: str, missing: Told) -> None:
     assert all(title.startswith(start) for (_, title), start in zip(told[1:], story, strict=False))
 
 
+def test_the_effects_named_have_their_references(html: str) -> None:
+    section = html[html.index("9. References") :]
+    assert "A. E. Chen (2017). Effectiveness of Active Cooling" in section
+    assert "“Thermal Modeling … for Quadruped Robots”, eq. 3" in section
+    assert "[QuadrupedLPTN" not in html
+
+
 def test_user_text_is_escaped(html: str) -> None:
     assert "<script" not in html
     assert "<b>" not in html
