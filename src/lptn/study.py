@@ -1,0 +1,357 @@
+"""A study: a model, the runs it is fitted to and judged by, and the history of the effects that were added.
+
+The object that a person holds in a notebook; the commands and the report stand on it.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterable, Sequence
+from concurrent.futures import Executor
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import pandas as pd
+
+from lptn.basics.errors import InputError
+from lptn.basics.files import write_whole
+from lptn.diagnose.advice import Advice, advise
+from lptn.diagnose.diagnosis import Diagnosis, Finding, continued, diagnose, for_search
+from lptn.diagnose.improvement import History, Step, effects_added, improve
+from lptn.identify.comparison import Comparison, Versus, compare, versus
+from lptn.identify.data import DataSplit, Log, Segment, load_model, split_data
+from lptn.identify.fitting import Fit, finished
+from lptn.identify.validation import fit_split, holdout_errors
+from lptn.logs.run import Run
+from lptn.model.file import ModelFile, added
+from lptn.model.model import Model
+from lptn.model.network import EffectDeclaration
+
+if TYPE_CHECKING:
+    from lptn.fmu.exporter import Exported
+
+logger = logging.getLogger(__name__)
+
+Logs = Log | Run | Iterable[Log | Run]
+"""One log, or several: paths, data frames, or runs that were read before."""
+
+
+class Study:
+    """A model, its data, and what was tried on them, step by step.
+
+    Example:
+        >>> import lptn
+        >>> study = lptn.Study(model_file, fit=log, holdout_after=300)
+        >>> study.fit().rmse < 0.7  # K
+        True
+        >>> study.add("sensor_lag", at="*")
+        <Step 1: sensor_lag at *, 4 parameters, RMSE 0.505 K fitted, 3.88 K held out>
+        >>> study.undo().history["effect"].tolist()
+        ['']
+
+    Args:
+        model: the path of a model file.
+        fit: logs whose runs parameters are fitted to, and missing effects sought in.
+        holdout: logs that no fit sees; they tell apart what the fitted runs can't, and end the selection.
+        test: logs looked at once, in the report, when all is decided.
+        holdout_after: time [s, in each log's clock] from which the logs to fit are held out themselves.
+        columns: other people's column names, such as `"temperature.FR_calf=T3[degF]"`; `"guess"` to have them guessed.
+        ambient_error: how far the ambient sensor may be off in each run [K], one standard deviation.
+        executor: where refits run; here, one after the other, by default.
+
+    Raises:
+        InputError: a file can't be used, a log stands in two places, or lacks a column that the model needs.
+    """
+
+    def __init__(
+        self,
+        model: str | Path,
+        fit: Logs = (),
+        holdout: Logs = (),
+        test: Logs = (),
+        *,
+        holdout_after: float | None = None,
+        columns: Sequence[str] = (),
+        ambient_error: float = 0.0,
+        executor: Executor | None = None,
+    ) -> None:
+        self._loaded = load_model(model, columns)
+        self.ambient_error = ambient_error
+        self.executor = executor
+        groups = {name: self._read(name, logs) for name, logs in (("fit", fit), ("holdout", holdout), ("test", test))}
+        _refuse_twice(groups)
+        self.data: DataSplit = split_data(groups["fit"], groups["holdout"], groups["test"], holdout_after)
+        """The segments of the runs that are fitted, held out, and kept for the test."""
+        self._steps: list[Step] = []
+        self._undone: list[Step] = []
+        self._diagnoses: dict[int, Diagnosis] = {}  # by the number of the step
+        self._improved: History | None = None  # while the steps are just those of one forward selection
+
+    # --- what there is ------------------------------------------------------------------------
+
+    @property
+    def runs(self) -> list[Run]:
+        """All runs, each once: fitted ones, held-out ones, those for the test."""
+        segments = (*self.data.fit, *self.data.holdout, *self.data.test)
+        return list({id(segment.run): segment.run for segment in segments}.values())
+
+    @property
+    def model(self) -> Model:
+        """The model as it is now: fitted if it was, else as the file gives it."""
+        return self._steps[-1].fit.model if self._steps else self._loaded.model
+
+    @property
+    def file(self) -> ModelFile:
+        """The model file as it is now, with the effects that were added and the fitted values."""
+        if not self._steps:
+            return self._loaded.file
+        return self._loaded.file.with_effects(effects_added(self._steps)).with_fit(self._steps[-1].fit.table())
+
+    @property
+    def steps(self) -> tuple[Step, ...]:
+        """The models so far: as given and fitted, then one for each effect that was added; empty before any fit."""
+        return tuple(self._steps)
+
+    @property
+    def history(self) -> pd.DataFrame:
+        """A row for each step: effect, place, free parameters, errors [K] on fitted, held-out and test data."""
+        rows = [
+            {
+                "step": number,
+                "effect": step.effect or "",
+                "place": step.at or "",
+                "parameters": step.parameters,
+                "RMSE fitted [K]": step.fit.rmse,
+                "RMSE held out [K]": step.holdout.rmse if step.holdout else None,
+                "max held out [K]": step.holdout.max if step.holdout else None,
+                "RMSE test [K]": step.test.rmse if step.test else None,
+            }
+            for number, step in enumerate(self._steps)
+        ]
+        return pd.DataFrame(rows).dropna(axis="columns", how="all")
+
+    def __repr__(self) -> str:
+        counts = (("fitted", self.data.fit), ("held out", self.data.holdout), ("test", self.data.test))
+        runs = ", ".join(f"{len(segments)} {name}" for name, segments in counts if segments)
+        return (
+            f"<Study of {self.model.network.name}: {runs or 'no'} runs, {max(len(self._steps) - 1, 0)} effects added>"
+        )
+
+    def _repr_html_(self) -> str:
+        return f"<p>{self!r}</p>".replace("<S", "&lt;S").replace("added>", "added&gt;") + (
+            self.history.to_html(index=False, na_rep="–", border=0, float_format=lambda value: f"{value:.3g}")
+            if self._steps
+            else ""
+        )
+
+    # --- what to do ---------------------------------------------------------------------------
+
+    def fit(self, *, symmetry_penalty: float | Literal["auto"] = 0.0) -> Fit:
+        """Fit the model as it is now to the runs that are there to fit.
+
+        Args:
+            symmetry_penalty: λ of the pull of left and right parameters towards each other; `"auto"` for the one best
+                on held-out runs.
+
+        Returns:
+            The fitted model, with standard errors and warnings.
+
+        Raises:
+            InputError: there is nothing to fit, or λ can't be chosen from these runs.
+        """
+        self._needs_fit_data()
+        done, _ = fit_split(self.model, self.data, symmetry_penalty, report=logger.info)
+        last = self._steps.pop() if self._steps else Step(None, None, (), None, done, None, None)
+        self._append(last.effect, last.at, last.indistinguishable, last.declaration, done)
+        return done
+
+    def compare(self, against: Study | None = None) -> Comparison | Versus:
+        """Predict the held-out runs, or the fitted ones where none is held out, and set them against what was measured.
+
+        Args:
+            against: another study of the same runs, to compare two models.
+
+        Raises:
+            InputError: there is no run, or one lacks an input of the model.
+        """
+        if against is not None:
+            return versus(self.model, against.model, self._shown(), against._shown())
+        return compare(self.model, self._shown())
+
+    def diagnose(self) -> Diagnosis:
+        """Say which effect of the catalogue is missing, where, how sure, and what else would look the same.
+
+        Raises:
+            InputError: there is nothing to fit.
+        """
+        self._needs_fit_data()
+        number = max(len(self._steps) - 1, 0)
+        if number not in self._diagnoses:
+            self._diagnoses[number] = self._diagnosis_of(self.model)
+        return self._diagnoses[number]
+
+    def advise(self) -> Advice:
+        """What to do next: the experiment that tells rivals apart, where heat is unexplained, runs that differ."""
+        diagnosis = self.diagnose()
+        return advise(diagnosis, diagnosis.fit, for_search(self.data), logger.info)
+
+    def add(self, effect: str | Finding, at: str = "", *, run: str = "") -> Step:
+        """Add an effect to the model and refit, one step further.
+
+        Args:
+            effect: its key, such as `"forced_convection"`, or an answer of `diagnose`, which knows its place.
+            at: a node, an edge `"a~b"`, a pattern `"*_calf"`, or `"*"`.
+            run: the only run in which it acts; all by default.
+
+        Raises:
+            InputError: there is no such effect, it can't stand there, or there is nothing to fit.
+        """
+        if not self._steps:
+            self.fit()
+        last = self._steps[-1].fit
+        if isinstance(effect, str):
+            where = f"{at}@{run}" if run else at
+            declaration = added(self.file, effect, where).network.effects[-1]
+            same: tuple[tuple[str, str], ...] = ()
+        else:
+            declaration, same = effect.refit.declaration, effect.indistinguishable
+        logger.info("fitting %s at %s", declaration.effect.key, declaration.where)
+        done = finished(continued(last, last.model.network.with_effects([declaration])))
+        self._undone.clear()
+        return self._append(declaration.effect.key, declaration.where, same, declaration, done)
+
+    def undo(self) -> Study:
+        """Take the last added effect back."""
+        if len(self._steps) > 1:
+            self._diagnoses.pop(len(self._steps) - 1, None)
+            self._undone.append(self._steps.pop())
+            self._improved = None
+        return self
+
+    def redo(self) -> Study:
+        """Add again what was last taken back."""
+        if self._undone:
+            self._steps.append(self._undone.pop())
+            self._improved = None
+        return self
+
+    def improve(self, most: int = 6) -> Study:
+        """Diagnose, add, refit, step by step, until nothing beyond chance is left or nothing helps.
+
+        Args:
+            most: how many effects to add at most.
+
+        Raises:
+            InputError: there is nothing to fit.
+        """
+        self._needs_fit_data()
+        history = improve(
+            self.model,
+            self.data,
+            most=most,
+            ambient_error=self.ambient_error,
+            executor=self.executor,
+            report=logger.info,
+        )
+        before = max(len(self._steps) - 1, 0)
+        given = self._steps[-1] if self._steps else history.steps[0]
+        self._steps[before:] = [given, *history.steps[1:]]
+        self._diagnoses = {number: each for number, each in self._diagnoses.items() if number < before}
+        self._diagnoses |= {before: history.first, len(self._steps) - 1: history.last}
+        self._undone.clear()
+        self._improved = history if before == 0 else None
+        return self
+
+    # --- what to take away --------------------------------------------------------------------
+
+    def save(self, path: str | Path) -> None:
+        """Write the model file as it is now, whole or not at all."""
+        self.file.write(Path(path))
+
+    def selection(self) -> History:
+        """The steps with the verdicts on the first and on the last of them, as the report and other programs read them.
+
+        Raises:
+            InputError: there is nothing to fit.
+        """
+        if self._improved is not None:
+            return self._improved
+        if not self._steps:
+            self.fit()
+        last = self.diagnose()
+        first = self._diagnoses.get(0) or self._diagnosis_of(self._steps[0].fit.model)
+        self._diagnoses[0] = first
+        return History(first.verdict, last.verdict, tuple(self._steps), first, last, considered=1)
+
+    def report(self, path: str | Path, commands: Sequence[str] = ()) -> None:
+        """Write the whole story as one HTML file: data, fit, where it fails, what is missing, held-out errors.
+
+        Args:
+            path: of the file, written whole or not at all.
+            commands: what was typed, shown at the end of the page.
+        """
+        from lptn.report.pages import story_html
+
+        history = self.selection()
+        experiment = self.advise().experiment
+        write_whole(Path(path), story_html(history, self.data, self.model.network.name, commands, experiment))
+
+    def export_fmu(self, path: str | Path, **options: Any) -> Exported:
+        """Write the model as it is now as an FMU; `options` as for `lptn.fmu.export`."""
+        from lptn.fmu.exporter import export
+
+        return export(self.file, path, **options)
+
+    # --- inside -------------------------------------------------------------------------------
+
+    def _read(self, name: str, logs: Logs) -> list[Run]:
+        """The runs of logs, and those that were read before as they are."""
+        several = [logs] if isinstance(logs, str | Path | pd.DataFrame | Run) else list(logs)
+        runs: list[Run] = []
+        for number, log in enumerate(several, start=1):
+            runs += [log] if isinstance(log, Run) else self._loaded.runs([log], named=f"{name}{number}")
+        return runs
+
+    def _shown(self) -> Sequence[Segment]:
+        segments = self.data.holdout or tuple(predicted(segment.run) for segment in self.data.fit)
+        if not segments:
+            raise InputError("study", "fit, holdout", "no run", "one log or more")
+        return segments
+
+    def _needs_fit_data(self) -> None:
+        if not self.data.fit:
+            raise InputError("study", "fit", "no run", "one log or more to fit")
+
+    def _append(
+        self,
+        effect: str | None,
+        at: str | None,
+        same: tuple[tuple[str, str], ...],
+        declaration: EffectDeclaration | None,
+        fit: Fit,
+    ) -> Step:
+        errors = (holdout_errors(fit, segments) for segments in (self.data.holdout, self.data.test))
+        step = Step(effect, at, same, declaration, fit, *errors)
+        self._steps.append(step)
+        self._diagnoses.pop(len(self._steps) - 1, None)
+        self._improved = None
+        return step
+
+    def _diagnosis_of(self, model: Model) -> Diagnosis:
+        return diagnose(model, self.data, ambient_error=self.ambient_error, executor=self.executor, report=logger.info)
+
+
+def _refuse_twice(groups: dict[str, list[Run]]) -> None:
+    """A log that is fitted twice counts double; one that is fitted and held out proves nothing.
+
+    Raises:
+        InputError: the same data stand in two places.
+    """
+    places: dict[str, tuple[str, str]] = {}
+    for job, runs in groups.items():
+        for source, digest in {run.source: run.fingerprint for run in runs}.items():
+            if digest in places:
+                before, where = places[digest]
+                same = f"the same data as {before} ({where})"
+                raise InputError(source, job, same, "each log once: to fit, to hold out, or for the test")
+            places[digest] = source, job

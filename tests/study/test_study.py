@@ -1,0 +1,117 @@
+"""A study, held as a person holds it: fit, compare, add, undo, save."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import lptn
+from lptn.basics.errors import InputError
+from lptn.model.file import read_model_file
+
+EXAMPLE = Path(__file__).parents[2] / "examples" / "tclab"
+MODEL, LOG = EXAMPLE / "two_heaters.toml", EXAMPLE / "log.csv"
+
+
+@pytest.fixture(scope="module")
+def study() -> lptn.Study:
+    """Two heaters, fitted to the first 300 s."""
+    study = lptn.Study(str(MODEL), fit=LOG, holdout_after=300)
+    study.fit()
+    return study
+
+
+def test_the_first_step_is_the_model_as_given_and_fitted(study: lptn.Study) -> None:
+    (row,) = study.history.to_dict("records")
+    assert row["effect"] == ""
+    assert row["RMSE fitted [K]"] == pytest.approx(0.655, abs=5e-4)
+    assert row["RMSE held out [K]"] == pytest.approx(4.725, abs=5e-4)
+    assert row["max held out [K]"] == pytest.approx(9.94, abs=5e-3)
+    assert "RMSE test [K]" not in row
+
+
+def test_effects_are_added_and_taken_back(study: lptn.Study) -> None:
+    study.add("sensor_lag", at="*")
+    step = study.add("conduction", at="heater1~heater2")
+    assert step.holdout is not None
+    assert step.holdout.rmse == pytest.approx(1.0, abs=0.01)
+    assert study.history["effect"].tolist() == ["", "sensor_lag", "conduction"]
+    assert {"conduction.conductance.heater1~heater2", "sensor_lag.time_constant.*"} <= {
+        parameter.name for parameter in study.model.parameters
+    }
+    assert study.undo().history["place"].tolist() == ["", "*"]
+    assert study.redo().history["place"].tolist() == ["", "*", "heater1~heater2"]
+    assert study.undo().undo().undo().history["effect"].tolist() == [""]  # the model as given stays
+
+
+def test_what_is_saved_predicts_as_the_study_does(study: lptn.Study, tmp_path: Path) -> None:
+    study.add("conduction", at="heater1~heater2")
+    study.save(tmp_path / "better.toml")
+    study_again = lptn.Study(tmp_path / "better.toml", fit=LOG, holdout_after=300)
+    assert study_again.compare().all.rmse == pytest.approx(study.compare().all.rmse, rel=1e-4)
+    assert read_model_file(tmp_path / "better.toml").network.effects[-1].effect.key == "conduction"
+    study.undo()
+
+
+def test_a_data_frame_serves_as_a_log(study: lptn.Study) -> None:
+    frames = lptn.Study(MODEL, fit=[pd.read_csv(LOG)], holdout_after=300)
+    assert [run.name for run in frames.runs] == ["fit1"]
+    assert frames.fit().rmse == pytest.approx(study.steps[0].fit.rmse, rel=1e-6)
+
+
+def test_runs_that_were_read_before_serve_again(study: lptn.Study) -> None:
+    again = lptn.Study(MODEL, holdout=study.runs)
+    (run,) = again.runs
+    np.testing.assert_array_equal(run.time, study.runs[0].time)
+    with pytest.raises(InputError, match="one log or more to fit"):
+        again.fit()
+
+
+def test_one_log_in_two_places_is_refused() -> None:
+    with pytest.raises(InputError, match="the same data as"):
+        lptn.Study(MODEL, fit=LOG, holdout=pd.read_csv(LOG).pipe(lambda _: LOG))
+
+
+def test_a_study_without_logs_compares_nothing() -> None:
+    with pytest.raises(InputError, match="one log or more"):
+        lptn.Study(MODEL).compare()
+
+
+def test_a_comparison_is_drawn_by_itself(study: lptn.Study) -> None:
+    axes = study.compare().plot()
+    assert "°C" in axes.get_ylabel()
+    assert len(axes.get_lines()) >= 2
+
+
+@pytest.mark.parametrize("make", [lambda study: study, lambda study: study.compare(), lambda study: study.steps[0]])
+def test_results_have_a_short_line_and_a_table(study: lptn.Study, make: object) -> None:
+    assert callable(make)
+    result = make(study)
+    assert repr(result).startswith("<")
+    assert "\n" not in repr(result)
+    assert "<table" in result._repr_html_()
+
+
+@pytest.mark.long
+def test_a_diagnosis_is_a_table_and_its_best_answer_can_be_added(study: lptn.Study) -> None:
+    diagnosis = study.diagnose()
+    table = diagnosis.to_pandas()
+    assert {"effect", "place"} <= set(table.columns)
+    assert diagnosis.best is not None
+    step = study.add(diagnosis.best)
+    assert (step.effect, step.at) == (table.loc[0, "effect"], table.loc[0, "place"])
+    study.undo()
+
+
+@pytest.mark.long
+def test_improve_goes_the_whole_way(tmp_path: Path) -> None:
+    study = lptn.Study(MODEL, fit=LOG, holdout_after=300)
+    study.improve(most=2)
+    assert study.history["RMSE held out [K]"].iloc[-1] == pytest.approx(1.0, abs=0.01)
+    study.report(tmp_path / "story.html")
+    assert "</html>" in (tmp_path / "story.html").read_text(encoding="utf-8")
+    study.export_fmu(tmp_path / "heaters.fmu", platforms=[])
+    assert (tmp_path / "heaters.fmu").stat().st_size > 0
