@@ -19,7 +19,7 @@ from lptn.diagnose.advice import Advice, advise
 from lptn.diagnose.diagnosis import Diagnosis, Finding, continued, diagnose, for_search
 from lptn.diagnose.improvement import History, Step, effects_added, improve
 from lptn.identify.comparison import Comparison, Versus, compare, versus
-from lptn.identify.data import DataSplit, Log, Segment, load_model, split_data
+from lptn.identify.data import DataSplit, Log, Segment, holdout_segment, load_model, split_data
 from lptn.identify.fitting import Fit, finished
 from lptn.identify.validation import fit_split, holdout_errors
 from lptn.logs.run import Run
@@ -313,7 +313,7 @@ class Study:
         return runs
 
     def _shown(self) -> Sequence[Segment]:
-        segments = self.data.holdout or tuple(predicted(segment.run) for segment in self.data.fit)
+        segments = self.data.holdout or tuple(holdout_segment(segment.run) for segment in self.data.fit)
         if not segments:
             raise InputError("study", "fit, holdout", "no run", "one log or more")
         return segments
