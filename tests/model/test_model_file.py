@@ -283,7 +283,7 @@ def test_bounds_of_an_added_effect_are_kept() -> None:
 # old text, new text (in SMALL), line, words of the message
 MISTAKES: dict[str, tuple[str, str, str, tuple[str, ...]]] = {
     "unknown effect": ('"copper_loss"', '"coper_loss"', "line 18, effects[0].kind", ('"coper_loss"', "copper_loss (")),
-    "unknown effect unlike any": ('"copper_loss"', '"zzzz"', "line 18", ("one of copper_loss, heat_input",)),
+    "unknown effect unlike any": ('"copper_loss"', '"zzzz"', "line 18", ("one of battery_heat, computer_heat",)),
     "unknown key of an effect": ("torque_constant", "torque_const", "line 21", ("torque_const", "torque_constant")),
     "unknown key of a node": ("capacity = 300\n", "capacity = 300\nmass = 2\n", "line 7, nodes.a.mass", ("found 2",)),
     "unknown table": ("# what", "[extra]\n# what", "line 4, extra", ('no key "extra"',)),

@@ -1,4 +1,4 @@
-"""The catalogue of physical effects: one effect, one file of this folder; others come in by the entry point `lptn.effects`."""
+"""The catalogue of physical effects: one effect, one file; others come in by the entry point `lptn.effects`."""
 
 from __future__ import annotations
 
@@ -49,7 +49,9 @@ __all__ = [
     "effect_named",
 ]
 
-_LIKE = 0.6  # of difflib's ratio: typing errors pass, other words don't
+# difflib's ratio of like letters, 0 to 1:
+_TYPING_ERROR = 0.85  # `coper_loss`, `forced-convection`: only one effect can be meant
+_SIMILAR = 0.5  # `frictions_heat`: worth offering
 _SITES = get_args(Site)
 logger = logging.getLogger(__name__)
 
@@ -84,7 +86,11 @@ def effect_named(key: str, file: str | Path, place: str) -> type[Effect]:
     if key in known:
         return known[key]
     words = {word for word in key.lower().replace("-", "_").split("_") if len(word) > 2}
-    similar = [name for name in known if words & set(name.split("_"))] or get_close_matches(key, known, cutoff=_LIKE)
+    similar = (
+        get_close_matches(key, known, n=1, cutoff=_TYPING_ERROR)
+        or [name for name in known if words & set(name.split("_"))]
+        or get_close_matches(key, known, cutoff=_SIMILAR)
+    )
     hint = f"{' or '.join(similar)} (`lptn effects` lists them all)" if similar else f"one of {', '.join(known)}"
     raise InputError(file, place, f'unknown effect "{key}"', hint)
 

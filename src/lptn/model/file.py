@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -18,7 +17,7 @@ from lptn.basics.parameters import Parameter, Share
 from lptn.basics.places import is_glob
 from lptn.basics.toml import expectation, found_in, text_of, told_by_line, toml_of
 from lptn.basics.units import convert
-from lptn.effects import catalogue
+from lptn.effects import effect_named
 from lptn.logs.columns import ColumnSource, parse_columns
 from lptn.model.bodies import KINDS, Element, Shape
 from lptn.model.network import START, EffectDeclaration, LinkDeclaration, Network, NodeDeclaration
@@ -328,11 +327,7 @@ class Reader:
 
     def _effect(self, number: int, table: EffectTable) -> EffectDeclaration:
         place = f"effects[{number}]"
-        kind = catalogue().get(table.kind)
-        if kind is None:
-            near = get_close_matches(table.kind, catalogue(), n=1, cutoff=0.5)
-            hint = f"{near[0]} (`lptn effects` lists them all)" if near else f"one of {', '.join(catalogue())}"
-            raise InputError(self.path, f"{place}.kind", f'unknown effect "{table.kind}"', hint)
+        kind = effect_named(table.kind, self.path, f"{place}.kind")
         given = dict(table.model_extra or {})
         words = {name: given.pop(name) for name in kind.options if name in given}
         declared = {parameter.name: parameter for parameter in kind.parameters}
@@ -556,10 +551,7 @@ def added(file: ModelFile, key: str, at: str) -> ModelFile:
     Raises:
         InputError: no such effect, or it can't stand there.
     """
-    kind = catalogue().get(key)
-    if kind is None:
-        near = get_close_matches(key, catalogue(), n=1, cutoff=0.5)
-        raise InputError("add", "EFFECT", f"'{key}'", near[0] if near else f"one of {', '.join(catalogue())}")
+    kind = effect_named(key, "add", "EFFECT")
     share: Share = "all" if is_glob(at) or "{" in at else "each"
     parameters = tuple(replace(parameter.switched_on, share=share) for parameter in kind.parameters)
     return file.with_effects([EffectDeclaration(kind(), at, parameters)])
