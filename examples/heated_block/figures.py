@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from lptn.basics.files import write_whole
 from lptn.model.heated_block import HALVED, NEGATIVE, PLAIN, SHIFTED, HeatedBlock, Method, block_network, steady_errors
-from lptn.report.style import INK, SMALL, TEXT, dress, new_figure
+from lptn.basics.style import INK, SMALL, TEXT, dress, new_figure
 
 _RED = "#D55E00"
 _LINES: dict[str, dict[str, Any]] = {

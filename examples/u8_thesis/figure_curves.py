@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 from table import networks
 
 from lptn.basics.files import write_whole
-from lptn.report.style import BEST, GIVEN, INK, SMALL, dress, new_figure
+from lptn.basics.style import BEST, GIVEN, INK, SMALL, dress, new_figure
 
 STATED = {"color": INK, "marker": "o", "markersize": 4, "linestyle": "none"}
 WIDTHS = (2.2, 1.4, 0.8)

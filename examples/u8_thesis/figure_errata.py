@@ -17,7 +17,7 @@ from table import networks
 from textbook import wire_capacity, wire_length
 
 from lptn.basics.files import write_whole
-from lptn.report.style import BEST, GIVEN, INK, SMALL, dress, new_figure
+from lptn.basics.style import BEST, GIVEN, INK, SMALL, dress, new_figure
 
 LIMIT: dict[str, Any] = {"color": "#D55E00", "linewidth": 1.2}
 CURRENTS = np.linspace(4.0, 36.0, 641)
