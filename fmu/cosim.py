@@ -18,7 +18,8 @@ from lptn.logs.reading import read_log
 from lptn.logs.run import Run
 from lptn.model.file import parse_model, read_model_file
 from lptn.model.model import Model
-from lptn.simulate.simulation import bind, over_steps
+from lptn.simulate.bound_run import bind
+from lptn.simulate.readings import over_steps
 
 from .component import component
 from .session import Session

@@ -13,6 +13,7 @@ from lptn.effects import Effect, catalogue
 from lptn.logs.run import Run
 from lptn.model.model import Model
 from lptn.model.network import EffectDeclaration, LinkDeclaration, Network, NodeDeclaration
+from lptn.simulate.bound_run import BoundRun, bind
 
 LEG = ("FR_hip", "FR_thigh", "FR_calf")
 AMBIENT = NodeDeclaration("ambient", temperature="temperature.ambient")
@@ -86,6 +87,11 @@ def make_run(columns: Mapping[str, FloatArray], *, step: float = 1.0, averaged: 
     """A run of the given columns, from time 0 on."""
     n = len(next(iter(columns.values())))
     return Run(name, step, step * np.arange(float(n)), dict(columns), averaged, f"{name}.csv", "00")
+
+
+def bound_runs(model: Model, runs: Sequence[Run]) -> list[BoundRun]:
+    """Each of several runs bound to a model."""
+    return [bind(model, run) for run in runs]
 
 
 def random_run(

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from lptn.basics.c_library import compiler, shared_library
-from lptn.simulate.steps import stepper
+from lptn.simulate.dynamics import stepper
 from tests.builders import two_nodes
 
 SOURCES = {"one.c": "int one(void) { return 1; }\n"}

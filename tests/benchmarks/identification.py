@@ -29,7 +29,7 @@ from lptn.identify.noise import balanced_sigma, estimate_noise
 from lptn.identify.problem import Problem
 from lptn.identify.solvers import minimise
 from lptn.robots.presets import preset_text
-from lptn.simulate.simulation import BoundRun, bind
+from lptn.simulate.bound_run import BoundRun, bind
 from lptn.virtual import quadruped, quadruped_logs, write_logs
 
 Result = TypeVar("Result")

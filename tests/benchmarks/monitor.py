@@ -25,7 +25,7 @@ from lptn.online.calibration import FALSE_ALARMS, Calibration, calibrate, rare
 from lptn.online.monitoring import direct_alarms, monitor
 from lptn.online.sensor_faults import Alarm, Scene
 from lptn.robots.presets import presets
-from lptn.simulate.simulation import bind
+from lptn.simulate.bound_run import bind
 from lptn.virtual import Fault, plan, quadruped_logs, write_logs
 
 OUTINGS = 10

@@ -12,7 +12,7 @@ from lptn.basics.arrays import FloatArray
 from lptn.identify.fitting import Fit, fit
 from lptn.logs.run import Run
 from lptn.model.model import Model
-from lptn.simulate.simulation import bind
+from lptn.simulate.bound_run import bind
 from tests.builders import LEG, effect, leg, make_run
 
 WINDING, AIR, HOLD = 0.2, 20.0, 60.0  # ohm, degC, s

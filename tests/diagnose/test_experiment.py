@@ -26,7 +26,7 @@ from lptn.identify.validation import fit_segments
 from lptn.logs.run import Run
 from lptn.model.file import parse_model
 from lptn.model.model import Model
-from lptn.simulate.simulation import bind
+from lptn.simulate.bound_run import bind
 
 JOINTS = ("L_knee", "R_knee")
 CAPACITY, TO_AIR, LINK, COPPER = 300.0, 6.0, 3.0, 0.15 / 0.84**2

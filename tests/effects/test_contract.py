@@ -15,7 +15,8 @@ from lptn.effects.base import Site
 from lptn.effects.excitation import INPUTS_VARY, Excitation
 from lptn.model.model import Model
 from lptn.model.network import EffectDeclaration
-from lptn.simulate.simulation import bind, simulate
+from lptn.simulate.bound_run import bind
+from lptn.simulate.simulation import simulate
 from tests.builders import (
     base_for,
     off,

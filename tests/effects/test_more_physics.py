@@ -13,7 +13,8 @@ from lptn.effects import catalogue
 from lptn.logs.run import Run
 from lptn.model.model import Model
 from lptn.model.network import EffectDeclaration, Network, NodeDeclaration
-from lptn.simulate.simulation import bind, simulate
+from lptn.simulate.bound_run import bind
+from lptn.simulate.simulation import simulate
 from tests.builders import AMBIENT, effect, link, make_run, node, two_nodes
 
 CA, CB, RA, RB = 120.0, 250.0, 4.0, 7.0  # of `two_nodes`

@@ -14,8 +14,8 @@ from lptn.logs.run import Run
 from lptn.model.file import parse_model
 from lptn.model.model import Model
 from lptn.model.network import EffectDeclaration, Network
-from lptn.simulate.sensitivities import sensitivities
-from lptn.simulate.simulation import bind, simulate
+from lptn.simulate.bound_run import bind
+from lptn.simulate.simulation import sensitivities, simulate
 from tests.builders import base_for, effect, random_run, two_nodes
 
 KINDS = [kind for kind in catalogue().values() if kind.amplitude() is not None]

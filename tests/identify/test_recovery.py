@@ -14,7 +14,8 @@ from lptn.identify.noise import balanced_sigma, estimate_noise
 from lptn.identify.solvers import minimise
 from lptn.model.model import Model
 from lptn.model.network import Network
-from lptn.simulate.simulation import bind, bound_runs
+from lptn.simulate.bound_run import bind
+from tests.builders import bound_runs
 from tests.identify.truth import TRUTH, network, truth_run, with_garbage
 
 

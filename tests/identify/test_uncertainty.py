@@ -11,7 +11,8 @@ from lptn.identify.fitting import fit
 from lptn.identify.problem import Problem
 from lptn.logs.run import Run
 from lptn.model.model import Model
-from lptn.simulate.simulation import bind, bound_runs
+from lptn.simulate.bound_run import bind
+from tests.builders import bound_runs
 from tests.identify.truth import TRUTH, network, truth_run
 
 

@@ -13,7 +13,8 @@ from lptn.identify.data import split_data
 from lptn.model.model import Model
 from lptn.model.network import LinkDeclaration, Network, NodeDeclaration
 from lptn.report.pages import versus_html
-from lptn.simulate.simulation import bind, simulate
+from lptn.simulate.bound_run import bind
+from lptn.simulate.simulation import simulate
 from tests.builders import AMBIENT, capacity, effect, leg, make_run, random_run, resistance
 
 

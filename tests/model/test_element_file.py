@@ -11,8 +11,8 @@ from lptn.basics.errors import InputError
 from lptn.identify.fitting import fit
 from lptn.model.file import ModelFile, parse_model, read_model_file
 from lptn.model.model import Model
-from lptn.simulate.simulation import bound_runs, simulate
-from tests.builders import effect, make_run
+from lptn.simulate.simulation import simulate
+from tests.builders import bound_runs, effect, make_run
 
 FILE = Path("motor.toml")
 MOTOR = """\

@@ -17,7 +17,7 @@ from lptn.identify.fitting import Fit, fit
 from lptn.model.file import ModelFile, added, parse_model, read_model_file
 from lptn.model.model import Model
 from lptn.robots.presets import preset_text, presets, variants
-from lptn.simulate.simulation import bound_runs
+from tests.builders import bound_runs
 from tests.builders import effect
 from tests.identify.truth import TRUTH, truth_run
 

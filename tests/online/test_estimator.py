@@ -20,7 +20,7 @@ from lptn.model.model import Model
 from lptn.online.dynamics import Dynamics, ModelError
 from lptn.online.estimator import Estimate, Estimator, as_gaussian, coarse_noise, run_filter
 from lptn.robots.presets import presets
-from lptn.simulate.simulation import bind
+from lptn.simulate.bound_run import bind
 from tests.builders import leg, make_run, random_run
 from tests.identify.truth import TRUTH, network, truth_run
 

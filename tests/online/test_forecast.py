@@ -22,7 +22,7 @@ from lptn.model.network import Network
 from lptn.online.forecasting import forecast
 from lptn.online.operating_point import find_gait, operating_point, steady_seconds
 from lptn.online.present import Dynamics, Knowledge, present
-from lptn.simulate.simulation import bind
+from lptn.simulate.bound_run import bind
 from tests.builders import AMBIENT, effect, link, make_run, node
 
 AIR, CAPACITY, RESISTANCE, OHM, CONSTANT = 20.0, 300.0, 5.0, 0.15, 0.84

@@ -12,7 +12,7 @@ from lptn import fit, load_model, read_model_file
 from lptn.model.model import Model
 from lptn.planners.mission import Plan, plan_kind
 from lptn.robots.presets import preset_text
-from lptn.simulate.simulation import bound_runs
+from tests.builders import bound_runs
 from lptn.virtual import Options, Run, Segment, quadruped_logs, write_quadruped
 
 LIMIT, LOADS = 58.0, (0, 4)

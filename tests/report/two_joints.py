@@ -11,7 +11,8 @@ from lptn.identify.data import DataSplit
 from lptn.logs.run import Run
 from lptn.model.model import Model
 from lptn.model.network import EffectDeclaration, LinkDeclaration, Network, NodeDeclaration
-from lptn.simulate.simulation import bind, simulate
+from lptn.simulate.bound_run import bind
+from lptn.simulate.simulation import simulate
 
 NODES = ("thigh<b>&", "calf$a$髋")
 AMBIENT = 20.0  # degC

@@ -18,8 +18,8 @@ from lptn.model.file import parse_model, read_model_file
 from lptn.model.model import Model
 from lptn.robots.motor_drawing import parse_geometry, sample
 from lptn.robots.motor_model import model_text
-from lptn.simulate.simulation import bound_runs, simulate
-from tests.builders import make_run
+from lptn.simulate.simulation import simulate
+from tests.builders import bound_runs, make_run
 from tests.robots.truth import FLAT, LONG, Drawing, temperatures
 
 FILE = Path("drawing.toml")

@@ -9,9 +9,9 @@ import pytest
 
 from lptn.basics.arrays import FloatArray
 from lptn.model.model import Model
-from lptn.simulate import sensitivities as sensitivity
-from lptn.simulate.sensitivities import sensitivities
-from lptn.simulate.simulation import Piece, bind, pieces_read_late, read_late
+from lptn.simulate.bound_run import bind
+from lptn.simulate.readings import Piece, delayed, delayed_pieces
+from lptn.simulate.simulation import sensitivities
 from tests.builders import effect, random_run, two_nodes
 
 N = 200
@@ -33,23 +33,23 @@ def _pieces(width: int) -> Iterator[Piece]:
 @pytest.mark.parametrize("width", [1, 7, 64, N])
 def test_pieces_of_any_length_give_the_whole(width: int, late: tuple[float, float]) -> None:
     steps, by_delay = np.array(late), np.array([[0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 2.0, 0.0]])
-    (whole,) = pieces_read_late(_pieces(N), steps, by_delay, 2.0, N + 1)
-    found = list(pieces_read_late(_pieces(width), steps, by_delay, 2.0, N + 1))
+    (whole,) = delayed_pieces(_pieces(N), steps, by_delay, 2.0, N + 1)
+    found = list(delayed_pieces(_pieces(width), steps, by_delay, 2.0, N + 1))
     assert [piece.first for piece in found] == list(range(0, N, width))
     for piece in found:
         span = slice(piece.first, piece.first + piece.readings.shape[1])
         np.testing.assert_array_equal(piece.readings, whole.readings[:, span])
         np.testing.assert_array_equal(piece.derivatives, whole.derivatives[span])
-    np.testing.assert_array_equal(whole.readings, read_late(_whole()[0], steps))
+    np.testing.assert_array_equal(whole.readings, delayed(_whole()[0], steps))
 
 
 def test_late_readings_are_those_of_earlier_instants() -> None:
     readings, _ = _whole()
-    found = read_late(readings, np.array([2.0, -0.25]))
+    found = delayed(readings, np.array([2.0, -0.25]))
     np.testing.assert_array_equal(found[0, 2:], readings[0, :-2])
     np.testing.assert_array_equal(found[0, :2], readings[0, 0])
     np.testing.assert_allclose(found[1, :-1], 0.75 * readings[1, :-1] + 0.25 * readings[1, 1:], rtol=1e-12)
-    np.testing.assert_array_equal(read_late(readings, np.zeros(2)), readings)
+    np.testing.assert_array_equal(delayed(readings, np.zeros(2)), readings)
 
 
 @pytest.mark.parametrize("delay", [0.0, 7.5, -12.0])
@@ -58,7 +58,7 @@ def test_a_long_run_is_told_in_windows_as_in_one(delay: float, monkeypatch: pyte
     bound = bind(model, random_run(model, 300, seed=2, averaged=True))
     chosen = list(range(len(model.parameters)))
     whole = sensitivities(model, bound, model.values, chosen)
-    monkeypatch.setattr(sensitivity, "_WINDOW", 50)
+    monkeypatch.setattr("lptn.simulate.simulation._WINDOW", 50)
     pieces = sensitivities(model, bound, model.values, chosen)
     np.testing.assert_allclose(pieces.readings, whole.readings, rtol=1e-12)
     # Where nothing is late yet, a window's ends have the slope of one side only.

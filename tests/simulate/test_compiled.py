@@ -9,9 +9,9 @@ import pytest
 
 from lptn.basics.c_library import compiler
 from lptn.model.model import Model
-from lptn.simulate.sensitivities import sensitivities
-from lptn.simulate.simulation import BoundRun, bind, default_start, simulate
-from lptn.simulate.steps import Stepper, stepper
+from lptn.simulate.bound_run import BoundRun, bind, default_start
+from lptn.simulate.dynamics import Stepper, stepper
+from lptn.simulate.simulation import sensitivities, simulate
 from tests.builders import effect as declared
 from tests.builders import random_run, two_nodes, with_every_effect
 
@@ -49,7 +49,7 @@ def test_compiled_steps_and_derivatives_are_the_interpreters(averaged: bool) -> 
 def test_a_model_stepped_often_is_compiled_on_the_way(monkeypatch: pytest.MonkeyPatch) -> None:
     model = Model(two_nodes([declared("constant_heat")]))
     bound = bind(model, random_run(model, 300))
-    monkeypatch.setattr("lptn.simulate.steps._WORTH", 500)
+    monkeypatch.setattr("lptn.simulate.dynamics._WORTH", 500)
     sensitivities(model, bound, model.values, [0])
     assert "any kernel" not in model.made
     sensitivities(model, bound, model.values, [0])

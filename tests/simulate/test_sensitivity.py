@@ -8,8 +8,8 @@ import pytest
 from lptn.basics.arrays import FloatArray
 from lptn.effects import catalogue
 from lptn.model.model import Model
-from lptn.simulate.sensitivities import sensitivities
-from lptn.simulate.simulation import BoundRun, bind, default_start, simulate
+from lptn.simulate.bound_run import BoundRun, bind, default_start
+from lptn.simulate.simulation import sensitivities, simulate
 from tests.builders import effect as declared
 from tests.builders import off, random_run, two_nodes, with_every_effect
 

@@ -13,17 +13,10 @@ from lptn.basics.errors import InputError
 from lptn.logs.run import Run
 from lptn.model.model import Model
 from lptn.model.network import Network, NodeDeclaration
-from lptn.simulate.simulation import (
-    SimulationError,
-    bind,
-    bound_runs,
-    default_start,
-    needed_columns,
-    over_steps,
-    simulate,
-    substeps,
-)
-from tests.builders import AMBIENT, effect, leg, link, make_run, node, random_run, two_nodes
+from lptn.simulate.bound_run import bind, default_start, needed_columns
+from lptn.simulate.readings import over_steps
+from lptn.simulate.simulation import SimulationError, simulate, substeps
+from tests.builders import AMBIENT, bound_runs, effect, leg, link, make_run, node, random_run, two_nodes
 
 SIGMA = 5.670374419e-8
 

@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 
 from lptn.basics.errors import InputError
 from lptn.model.model import Model
-from lptn.simulate.linear import StateSpace, state_space
+from lptn.simulate.state_space import StateSpace, state_space
 from tests.builders import effect, leg, random_inputs, two_nodes, with_every_effect
 
 

@@ -21,8 +21,8 @@ from lptn.logs.guess import Guess, guess, missing_keys
 from lptn.logs.reading import open_log, select
 from lptn.logs.run import Run
 from lptn.model.model import Model
-from lptn.simulate.linear import state_space
-from lptn.simulate.simulation import BoundRun, bind, default_start, needed_columns
+from lptn.simulate.bound_run import BoundRun, bind, default_start, needed_columns
+from lptn.simulate.state_space import state_space
 
 # --- One log as a model sees it: its format, its columns, used and not, and the lines that would map what is missing ---
 
@@ -295,7 +295,7 @@ def check(
     from lptn.cli.terminal import progress, write_json
     from lptn.diagnose.excitation import excitation, revealed
     from lptn.identify.data import GUESS, load_model, say_absent_runs
-    from lptn.simulate.simulation import bind
+    from lptn.simulate.bound_run import bind
 
     check_outputs(json, inputs=(model, *logs))
     loaded = load_model(model, [*(map or ()), *([GUESS] if guess else [])])

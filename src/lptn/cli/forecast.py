@@ -102,7 +102,7 @@ def _knowledge(loaded: LoadedModel, run: Run) -> Knowledge:
     from lptn.identify.noise import estimate_noise
     from lptn.model.file import File
     from lptn.online.present import Knowledge
-    from lptn.simulate.simulation import bind
+    from lptn.simulate.bound_run import bind
 
     table = File.model_validate(tomlkit.parse(loaded.file.text).unwrap()).fit
     noise = estimate_noise([bind(loaded.model, run)], loaded.model.nodes)
@@ -113,7 +113,7 @@ def _gait(loaded: LoadedModel, log: Path) -> Gait:
     """The gait at the log's end, from its joint speeds with their sign and at the log's own rate."""
     from lptn.logs.reading import read_log
     from lptn.online.operating_point import find_gait
-    from lptn.simulate.simulation import needed_columns
+    from lptn.simulate.bound_run import needed_columns
 
     inputs, outputs = needed_columns(loaded.model)
     signed = [f"signed_velocity.{node}" for node in loaded.model.nodes]

@@ -30,8 +30,8 @@ from lptn.diagnose.lack_of_fit import misfits, stretches
 from lptn.identify.fitting import Fit
 from lptn.identify.problem import Problem
 from lptn.logs.run import Run
-from lptn.simulate.sensitivities import sensitivities
-from lptn.simulate.simulation import SimulationError, bind
+from lptn.simulate.bound_run import bind
+from lptn.simulate.simulation import SimulationError, sensitivities
 
 # --- How far rivals' predictions of a run lie apart after each has done what it can to agree ------
 # A rival may change its parameters as far as the old data leave them free: Gauss-Newton information of the old data

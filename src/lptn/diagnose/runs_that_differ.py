@@ -23,7 +23,8 @@ from lptn.identify.fitting import Fit
 from lptn.identify.problem import Problem
 from lptn.model.model import Model
 from lptn.model.network import Network
-from lptn.simulate.simulation import SimulationError, bind
+from lptn.simulate.bound_run import bind
+from lptn.simulate.simulation import SimulationError
 
 # --- A held-out run that differs from the fitted ones: what would explain it, in words and for programs ---
 

@@ -7,15 +7,14 @@ from dataclasses import dataclass
 from math import ceil
 
 import numpy as np
-from scipy.linalg import expm
 from scipy.stats import norm
 
 from lptn.basics.arrays import FloatArray, IntArray
 from lptn.basics.processes import one_blas_thread
 from lptn.identify.fitting import Fit
 from lptn.logs.run import Run
+from lptn.simulate.dynamics import stepper, zero_order_hold
 from lptn.simulate.simulation import simulate
-from lptn.simulate.steps import stepper
 
 # --- A fitted run in blocks of time, linear about its own trajectory, with heat at each measured node as an input ---
 
@@ -106,12 +105,17 @@ def _mean_derivatives(
     fit: Fit, x: FloatArray, u: FloatArray, values: FloatArray, size: int
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Derivatives of rates and of readings, by states and by the search's coordinates, means over each block."""
-    jacobians = stepper(fit.model, len(fit.model.states), fit.problem.free).jacobians
+    states = len(fit.model.states)
+    linearisation = stepper(fit.model, states, fit.problem.free).linearisation
     slope = _slopes(fit)
-    rates_by, rates_moved = jacobians.rates(x, u, values)
-    read_by, read_moved = jacobians.readings(x, values)
-    found = (rates_by, rates_moved * slope, read_by, read_moved * slope)
-    a, b, c, e = (each.reshape(-1, size, *each.shape[1:]).mean(axis=1) for each in found)
+    of_rates, of_readings = linearisation.rates(x, u, values), linearisation.readings(x, values)
+    derivatives = (
+        of_rates[:, :, :states],
+        of_rates[:, :, states:] * slope,
+        of_readings[:, :, :states],
+        of_readings[:, :, states:] * slope,
+    )
+    a, b, c, e = (each.reshape(-1, size, *each.shape[1:]).mean(axis=1) for each in derivatives)
     return a, b, c, e
 
 
@@ -134,15 +138,10 @@ def _slopes(fit: Fit) -> FloatArray:
 
 def _exact(a: FloatArray, b: FloatArray, rows: IntArray, capacities: FloatArray, seconds: float) -> FloatArray:
     """States after a block by states, heats and parameters before it: the exact hold, shape (n, S, S + M + F)."""
-    n, states = a.shape[0], a.shape[1]
-    heated = np.zeros((states, len(rows)))
+    heated = np.zeros((a.shape[1], len(rows)))
     heated[rows, np.arange(len(rows))] = 1.0 / capacities
-    whole = np.zeros((n, 2 * states, 2 * states))
-    whole[:, :states, :states] = a * seconds
-    whole[:, :states, states:] = np.eye(states) * seconds
-    moved = expm(whole)[:, :states]
-    held = moved[:, :, states:]
-    return np.concatenate([moved[:, :, :states], held @ heated, held @ b], axis=2)
+    transition, integral = zero_order_hold(a, seconds)
+    return np.concatenate([transition, integral @ heated, integral @ b], axis=2)
 
 
 def _by_start(top: FloatArray, c: FloatArray, e: FloatArray, late: float) -> FloatArray:

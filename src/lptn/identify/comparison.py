@@ -20,7 +20,8 @@ from lptn.identify.data import Segment
 from lptn.identify.fitting import fit_nuisances, fit_starts
 from lptn.identify.noise import Noise, balanced_sigma, estimate_noise
 from lptn.model.model import Model
-from lptn.simulate.simulation import BoundRun, bind, simulate
+from lptn.simulate.bound_run import BoundRun, bind
+from lptn.simulate.simulation import simulate
 
 _BINS = 5  # of an operating condition, with equally many readings each
 

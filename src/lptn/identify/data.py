@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import sys
+import logging
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -19,7 +19,7 @@ from lptn.model.file import ModelFile, read_model_file
 from lptn.model.heat_balance import input_column
 from lptn.model.model import Model
 from lptn.model.network import Network
-from lptn.simulate.simulation import needed_columns
+from lptn.simulate.bound_run import needed_columns
 
 # --- Which segments of which runs are fitted, held out, or test -------------------------------------
 
@@ -123,8 +123,11 @@ Log = str | Path | pd.DataFrame
 """A log: the path of a file or folder, or a data frame."""
 
 
-def _on_stderr(log: Path, note: str) -> None:
-    print(f"lptn: {log}: {note}", file=sys.stderr)
+logger = logging.getLogger(__name__)
+
+
+def _warn(log: Path, note: str) -> None:
+    logger.warning("%s: %s", log, note)
 
 
 @dataclass(frozen=True)
@@ -149,14 +152,14 @@ class LoadedModel:
         return self.file.columns | dict(parse_map_option(f"{key}={text}") for key, text in self.mapped.items())
 
     def runs(
-        self, logs: Sequence[Log], *, strict: bool = True, notify: Notify = _on_stderr, named: str = "log"
+        self, logs: Sequence[Log], *, strict: bool = True, notify: Notify = _warn, named: str = "log"
     ) -> list[Run]:
         """Every run of the logs, in order; columns that were guessed, and doubtful values, are reported.
 
         Args:
             logs: paths of logs, `a.csv+b.csv` for two of one run; or data frames.
             named: what runs of data frames are called, their number in `logs` behind it.
-            notify: called with a log and a sentence about it; by default it goes to the error stream.
+            notify: called with a log and a sentence about it; by default it is logged as a warning.
             strict: refuse values that can't be in the unit they are read in, and say what is doubtful; else both are
                 left to who looks at the runs' doubts.
 
@@ -238,10 +241,10 @@ def absent_runs(network: Network, runs: Iterable[Run]) -> list[str]:
     ]
 
 
-def say_absent_runs(network: Network, runs: Iterable[Run]) -> None:
-    """Print these warnings, a line each."""
+def warn_of_absent_runs(network: Network, runs: Iterable[Run]) -> None:
+    """Log these warnings."""
     for warning in absent_runs(network, runs):
-        print(f"Warning: {warning}.")
+        logger.warning(warning)
 
 
 def _listed(names: Sequence[str], most: int = 8) -> str:

@@ -27,7 +27,7 @@ from lptn.identify.solvers import PRECISION, Progress, Solution, minimise
 from lptn.identify.uncertainty import Uncertainty, uncertainty
 from lptn.model.file import DataTable, FitTable, FittedTable
 from lptn.model.model import Model
-from lptn.simulate.simulation import BoundRun, bind
+from lptn.simulate.bound_run import BoundRun, bind
 
 Keep = Callable[[Point], None]
 """Called with the best point so far."""
@@ -93,7 +93,9 @@ class Fit:
             parameters={
                 parameter.name: FittedTable(
                     value=parameter.value,
-                    error=self.standard_errors[parameter.name] if isfinite(self.standard_errors[parameter.name]) else None,
+                    error=self.standard_errors[parameter.name]
+                    if isfinite(self.standard_errors[parameter.name])
+                    else None,
                     unit=parameter.declared.unit,
                 )
                 for parameter in free

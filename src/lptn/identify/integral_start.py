@@ -15,7 +15,7 @@ from scipy.optimize import lsq_linear
 
 from lptn.basics.arrays import FloatArray
 from lptn.model.model import Model
-from lptn.simulate.simulation import BoundRun, default_start
+from lptn.simulate.bound_run import BoundRun, default_start
 
 _MOST_ROWS = 400  # instants of each run that enter
 _FAINT = 1e-12  # W/K; a link that conducts less is none

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lptn.basics.arrays import FloatArray
-from lptn.simulate.simulation import BoundRun
+from lptn.simulate.bound_run import BoundRun
 
 _MAD_TO_SIGMA = 1.4826  # standard deviation of normal noise over its median absolute value
 _ENOUGH = 0.1  # share of the readings that must have a second difference without a gap in it

@@ -10,8 +10,8 @@ import numpy as np
 from lptn.basics.arrays import BoolArray, FloatArray, IntArray
 from lptn.basics.parameters import Transform
 from lptn.model.model import Model
-from lptn.simulate.sensitivities import sensitivity_windows
-from lptn.simulate.simulation import BoundRun, SimulationError, default_start, simulate
+from lptn.simulate.bound_run import BoundRun, default_start
+from lptn.simulate.simulation import SimulationError, sensitivity_windows, simulate
 
 _NODE_SPREAD = 10.0  # K, prior standard deviation of a node's initial temperature: wide, its first readings hold it
 _HIDDEN_SPREAD = 5.0  # K, of a state that no sensor sees: narrower, since nothing else holds it
@@ -137,7 +137,9 @@ class Problem:
         rows, whole = [], []
         for number in range(len(self.bound_runs)):
             places, residuals, derivatives = zip(*self._windows(number, point), strict=True)
-            by_node = np.argsort(np.concatenate(places), kind="stable")  # windows hold all nodes, `residuals` one by one
+            by_node = np.argsort(
+                np.concatenate(places), kind="stable"
+            )  # windows hold all nodes, `residuals` one by one
             block = np.zeros((len(by_node), self.size))
             block[:, self._columns(number)] = np.concatenate(derivatives)[by_node]
             rows.append(np.concatenate(residuals)[by_node])

@@ -15,7 +15,7 @@ from lptn.identify.fitting import Checkpoint, Fit, fit
 from lptn.identify.problem import Point
 from lptn.identify.solvers import Progress
 from lptn.model.model import Model
-from lptn.simulate.simulation import bind
+from lptn.simulate.bound_run import bind
 
 _SEARCH_STEP = 10.0  # s; averages so long are enough to compare penalties
 _SYMMETRY_PENALTIES = (0.0, *(10.0**power for power in range(1, 7)))  # λ, from no pull to equal left and right

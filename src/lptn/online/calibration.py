@@ -22,7 +22,7 @@ from lptn.model.model import Model
 from lptn.online.dynamics import ModelError
 from lptn.online.estimator import run_filter
 from lptn.online.sensor_faults import STEP, Scene, coarse_drive, estimator_of, watch
-from lptn.simulate.simulation import BoundRun, bind
+from lptn.simulate.bound_run import BoundRun, bind
 
 # --- How wrong a model is on healthy runs: the sizes of its errors under which the innovations are likeliest ---
 

@@ -16,7 +16,7 @@ from lptn.basics.errors import InputError
 from lptn.basics.parameters import Transform
 from lptn.model.model import Model
 from lptn.online.dynamics import Dynamics, ModelError, by_node
-from lptn.simulate.simulation import BoundRun
+from lptn.simulate.bound_run import BoundRun
 
 if TYPE_CHECKING:
     from lptn.identify.fitting import Fit

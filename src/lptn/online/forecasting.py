@@ -20,7 +20,7 @@ from lptn.logs.run import Run
 from lptn.model.model import Model
 from lptn.online.operating_point import Gait, OperatingPoint, find_gait, operating_point, steady_seconds
 from lptn.online.present import Dynamics, Knowledge, Present, advance, present
-from lptn.simulate.simulation import BoundRun, bind
+from lptn.simulate.bound_run import BoundRun, bind
 
 # --- What a forecast says: time to the limit of each node, and the temperatures to come -----------
 

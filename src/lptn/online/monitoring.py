@@ -28,7 +28,7 @@ from lptn.online.sensor_faults import (
     stuck,
     watch,
 )
-from lptn.simulate.simulation import BoundRun
+from lptn.simulate.bound_run import BoundRun
 
 # --- The plain detector: measured against expected of the free-running model, and a threshold -----
 # Source: [QuadrupedLPTN, application 2].

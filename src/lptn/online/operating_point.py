@@ -9,7 +9,7 @@ import numpy as np
 
 from lptn.basics.arrays import BoolArray, FloatArray
 from lptn.logs.resampling import feature
-from lptn.simulate.simulation import BoundRun
+from lptn.simulate.bound_run import BoundRun
 
 # --- The period of the gait, from the joint speeds ------------------------------------------------
 

@@ -9,7 +9,6 @@ from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
-from scipy.linalg import expm
 
 from lptn.basics.arrays import BoolArray, FloatArray
 from lptn.basics.parameters import ParameterInstance, Transform
@@ -18,8 +17,8 @@ from lptn.identify.noise import Noise
 from lptn.logs.run import Run
 from lptn.model.file import FitTable
 from lptn.model.model import Model
-from lptn.simulate.simulation import BoundRun, bind, default_start
-from lptn.simulate.steps import Jacobians
+from lptn.simulate.bound_run import BoundRun, bind, default_start
+from lptn.simulate.dynamics import Linearisation, zero_order_hold
 
 # --- A model's motion over a time step, with derivatives by all that a forecast doubts ------------
 
@@ -67,7 +66,7 @@ class Dynamics:
         chosen = list(dict.fromkeys([*self._free, *self._outward]))
         self._outward_columns = [chosen.index(index) for index in self._outward]
         key = ("jacobians", len(model.states), tuple(chosen))
-        self._jacobians = model.made_once(key, lambda: Jacobians(model, len(model.states), chosen))
+        self._jacobians = model.made_once(key, lambda: Linearisation(model, len(model.states), chosen))
         self._by_input = model.made_once("input jacobian", self._make_by_input)
         self._capacities = [model.network.capacities[node] for node in model.nodes]
 
@@ -89,7 +88,7 @@ class Dynamics:
 
     def rates(self, x: FloatArray, u: FloatArray, p: FloatArray) -> FloatArray:
         """d rates / d states [1/s]."""
-        return np.asarray(self._jacobians.rates(x[:, None], u[:, None], p)[0][0])
+        return np.asarray(self._jacobians.rates(x[:, None], u[:, None], p)[0][:, : len(x)])
 
     def step(self, x: FloatArray, heat: FloatArray, u: FloatArray, p: FloatArray, h: float) -> Motion:
         """States after `h` seconds with everything held.
@@ -101,13 +100,11 @@ class Dynamics:
             p: all parameter values.
         """
         n, nodes = len(x), len(heat)
-        by_state, by_value = (stack[0] for stack in self._jacobians.rates(x[:, None], u[:, None], p))
+        by_state, by_value = np.split(self._jacobians.rates(x[:, None], u[:, None], p)[0], [n], axis=1)
         free = len(self._free)
         by_parameter = by_value[:, :free] * self._slope(p)
         by_air = -by_value[:, self._outward_columns] @ p[self._outward]
-        # The exponential's integral comes with it, as a block of a larger exponential [VanLoan1978].
-        block = expm(np.block([[by_state * h, np.eye(n) * h], [np.zeros((n, 2 * n))]]))
-        transition, held = block[:n, :n], block[:n, n:]
+        transition, held = zero_order_hold(by_state, h)
         parts = max(1, ceil(float(np.abs(by_state).sum(axis=1).max()) * h / _MAX_RATE))
         function, following = self.model.step("rk4"), x
         for _ in range(parts):
@@ -119,7 +116,7 @@ class Dynamics:
 
     def readings(self, x: FloatArray, p: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Expected readings [degC], and their derivative by states, heat, air and the free parameters' coordinates."""
-        by_state, by_value = (stack[0] for stack in self._jacobians.readings(x[:, None], p))
+        by_state, by_value = np.split(self._jacobians.readings(x[:, None], p)[0], [len(x)], axis=1)
         nodes, free = len(self.model.nodes), len(self._free)
         by_parameter = by_value[:, :free] * self._slope(p)
         slope = np.hstack([by_state, np.zeros((nodes, nodes + 1)), by_parameter])

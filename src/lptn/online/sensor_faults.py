@@ -17,7 +17,8 @@ from lptn.logs.run import Run
 from lptn.model.model import Model
 from lptn.online.dynamics import ModelError
 from lptn.online.estimator import Correction, Estimator, run_filter
-from lptn.simulate.simulation import BoundRun, bind, simulate
+from lptn.simulate.bound_run import BoundRun, bind
+from lptn.simulate.simulation import simulate
 
 # --- An alarm: which sensor, which kind of fault, when --------------------------------------------
 

@@ -1,4 +1,4 @@
-"""A model driven by a run: steps, linearisation, sensitivities. The only room that integrates."""
+"""A model driven by a run: bound, integrated, linearised, with sensitivities. The only room that integrates."""
 
 import lazy_loader
 

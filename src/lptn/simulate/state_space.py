@@ -1,4 +1,4 @@
-"""The network in state-space form, its exact steps, and the steps at which forward Euler fails."""
+"""The network in state-space form about an operating point, its exact steps, and the steps at which Euler fails."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
-from scipy.linalg import expm
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.model.model import Model
+from lptn.simulate.dynamics import zero_order_hold
 
-_MOST_STEPS = 20_000  # of a comparison; a model with time constants of microseconds would take days
+_MOST_STEPS = 20_000  # of a comparison, half a second; a model with time constants of microseconds would take days
 
 
 @dataclass(frozen=True)
@@ -70,11 +70,8 @@ class StateSpace:
 
         Source: [QuadrupedLPTN, eq. 11], by the exponential of a larger matrix ([VanLoan1978]).
         """
-        n, m = self.B.shape
-        whole = np.zeros((n + m, n + m))
-        whole[:n, :n], whole[:n, n:] = self.A * step, self.B * step
-        moved = expm(whole)
-        return moved[:n, :n], moved[:n, n:]
+        transition, integral = zero_order_hold(self.A, step)
+        return transition, integral @ self.B
 
     def euler(self, step: float) -> tuple[FloatArray, FloatArray]:
         """G = I + hA and H = hB, as the source approximates them.
@@ -101,12 +98,12 @@ class StateSpace:
         """
         heats = np.array([name.startswith("heat.") for name in self.inputs])
         rise = np.where(heats, self.u, 0.0) if rise is None else rise
-        (exact, held), (rough, pushed) = self.exact(step), self.euler(step)
-        true, guess, worst = np.zeros(len(self.A)), np.zeros(len(self.A)), 0.0
+        (g, h), (g_euler, h_euler) = self.exact(step), self.euler(step)
+        exact, euler, largest = np.zeros(len(self.A)), np.zeros(len(self.A)), 0.0
         for _ in range(min(max(1, round(duration / step)), _MOST_STEPS)):
-            true, guess = exact @ true + held @ rise, rough @ guess + pushed @ rise
-            worst = max(worst, float(np.abs(guess - true).max()))
-        return worst
+            exact, euler = g @ exact + h @ rise, g_euler @ euler + h_euler @ rise
+            largest = max(largest, float(np.abs(euler - exact).max()))
+        return largest
 
     def euler_step(self, error: float, duration: float = 600.0) -> float:
         """The longest Euler step [s] whose error stays below `error` [K], to 1 %.
@@ -120,8 +117,10 @@ class StateSpace:
             return high
         while high - low > 0.01 * high:
             middle = 0.5 * (low + high)
-            within = self.euler_error(middle, duration) <= error
-            low, high = (middle, high) if within else (low, middle)
+            if self.euler_error(middle, duration) <= error:
+                low = middle
+            else:
+                high = middle
         return low
 
 
@@ -133,34 +132,35 @@ def state_space(model: Model, temperatures: FloatArray, inputs: FloatArray) -> S
         temperatures: the states [degC], shape (states,).
         inputs: the model's inputs, shape (inputs,), in the order of `model.inputs`.
     """
-    function = model.made_once("state space", lambda: _derivatives(model))
-    results = (each.full() for each in function(temperatures, inputs, model.values))
-    rate, a, by_given, given, c = results
+    function = model.made_once("state space", lambda: _linearised(model))
+    results = (result.full() for result in function(temperatures, inputs, model.values))
+    rates, a, by_prescribed, prescribed, c = results
     capacities = model.values[[model.network.capacities[node] for node in model.nodes]]
-    warming = np.zeros((len(model.states), len(model.nodes)))
-    warming[: len(model.nodes)] = np.diag(1.0 / capacities)
-    heat = (rate.ravel() - a @ temperatures - by_given @ given.ravel())[: len(model.nodes)] * capacities
+    by_heat = np.zeros((len(model.states), len(model.nodes)))
+    by_heat[: len(model.nodes)] = np.diag(1.0 / capacities)
+    # What the linear part leaves of the rates is the nodes' own heat.
+    heat = (rates.ravel() - a @ temperatures - by_prescribed @ prescribed.ravel())[: len(model.nodes)] * capacities
     names = [f"heat.{node}" for node in model.nodes] + [f"temperature.{name}" for name in model.network.prescribed]
-    point = np.concatenate([heat, given.ravel()])
-    return StateSpace(a, np.hstack([warming, by_given]), c, point, tuple(model.states), tuple(names))
+    point = np.concatenate([heat, prescribed.ravel()])
+    return StateSpace(a, np.hstack([by_heat, by_prescribed]), c, point, tuple(model.states), tuple(names))
 
 
-def _derivatives(model: Model) -> ca.Function:
+def _linearised(model: Model) -> ca.Function:
     """(x, u, p) -> rates, their derivatives by states and by prescribed temperatures, those temperatures, C."""
     x, u, p, rates, readings = model.symbols
-    given = []
+    prescribed = []
     for name, source in model.network.prescribed.items():
         if isinstance(source, int):
-            given.append(p[source])
+            prescribed.append(p[source])
         else:
             column = f"temperature.{name}" if f"temperature.{name}" in model.started else source
-            given.append(u[model.inputs.index(column)])
-    by_given = [ca.densify(ca.jacobian(rates, symbol)) for symbol in given]
+            prescribed.append(u[model.inputs.index(column)])
+    by_prescribed = [ca.densify(ca.jacobian(rates, symbol)) for symbol in prescribed]
     results = [
         rates,
         ca.densify(ca.jacobian(rates, x)),
-        ca.horzcat(ca.SX(len(model.states), 0), *by_given),
-        ca.vertcat(ca.SX(0, 1), *given),
+        ca.horzcat(ca.SX(len(model.states), 0), *by_prescribed),
+        ca.vertcat(ca.SX(0, 1), *prescribed),
         ca.densify(ca.jacobian(readings, x)),
     ]
     return ca.Function("state_space", [x, u, p], results)

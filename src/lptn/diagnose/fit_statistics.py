@@ -1,0 +1,201 @@
+"""Statistics of fits: which of two is better, whether they differ beyond chance, how far residuals are beyond noise.
+
+All of them respect that residuals of a thermal model repeat each other for minutes: the information criterion counts
+independent residuals only, the randomisation test compares blocks of ten minutes, and the lack of fit looks at means
+over a minute, where noise averages out and a missing effect does not.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import log
+
+import numpy as np
+
+from lptn.basics.arrays import FloatArray, IntArray
+from lptn.identify.fitting import Fit
+from lptn.simulate.bound_run import BoundRun
+
+# --- The information criterion: which of two fits to the same runs is better, parameters paid for --
+
+
+TIE = 10.0
+"""Information criteria closer than this decide nothing ([BurnhamAnderson2002]: beyond 10, no support)."""
+_LEAST_INDEPENDENT = 3.0  # readings; keeps the logarithm of their number positive
+
+
+def criterion_difference(one: Fit, other: Fit) -> float:
+    """How much worse `one` explains the data than `other`: a difference of information criteria.
+
+    Residuals that repeat each other are not independent. The logarithm of the ratio of misfits therefore counts as
+    often as there are independent residuals in the better of the two fits, and each free parameter costs the logarithm
+    of that number (Schwarz's criterion [Schwarz1978]).
+    """
+    better = one if one.cost < other.cost else other
+    independent = independent_readings(better)
+    misfit = independent * log(max(one.cost, 1e-300) / max(other.cost, 1e-300))
+    return misfit + (len(one.problem.free) - len(other.problem.free)) * log(independent)
+
+
+def independent_readings(fit: Fit) -> float:
+    """Number of readings that are as good as independent, from the residuals' correlation in time."""
+    count = 0.0
+    for bound, error in zip(fit.problem.bound_runs, fit.residuals, strict=True):
+        for row in range(len(error)):
+            residual = error[row][bound.counted[row]]
+            if residual.size > 2:
+                count += residual.size / _correlation_time(residual)
+    return max(count, _LEAST_INDEPENDENT)
+
+
+def _correlation_time(residual: FloatArray) -> float:
+    """Samples that repeat each other: the autocorrelation summed while pairs of lags stay positive [Geyer1992]."""
+    spectrum = np.abs(np.fft.rfft(residual, 2 * residual.size)) ** 2
+    correlation = np.fft.irfft(spectrum)[: residual.size]
+    if correlation[0] <= 0:
+        return 1.0
+    correlation = correlation / correlation[0]
+    pairs = correlation[: residual.size // 2 * 2].reshape(-1, 2).sum(axis=1)
+    positive = pairs[: int(np.argmax(pairs <= 0)) if (pairs <= 0).any() else len(pairs)]
+    return max(1.0, 2.0 * float(positive.sum()) - 1.0)
+
+
+# --- The randomisation test: whether two fits differ by more than the scatter between blocks of their runs ---
+
+
+_LONG_BLOCK, _FEWEST_BLOCKS = (
+    600.0,
+    8,
+)  # s; what is left of one block says little about the next; so many a run at least
+_DRAWS, _SIGNIFICANCE = 5000, 0.01
+
+
+def block_numbers(bound: BoundRun) -> IntArray:
+    """The number of the block of ten minutes that each step of a run lies in, shape (n,); shorter in a short run."""
+    size = max(1, min(round(_LONG_BLOCK / bound.run.step), len(bound) // _FEWEST_BLOCKS))
+    return np.arange(len(bound)) // size
+
+
+def block_misfits(fit: Fit) -> FloatArray:
+    """Sum of squared weighted residuals of each block of each run, shape (blocks,)."""
+    misfits = []
+    for bound, error in zip(fit.problem.bound_runs, fit.residuals, strict=True):
+        squares = np.where(bound.counted, error / fit.problem.sigma[:, None], 0.0) ** 2
+        misfits.append(np.bincount(block_numbers(bound), squares.sum(axis=0)))
+    return np.concatenate(misfits)
+
+
+def clearly_differ(one: Fit, other: Fit) -> bool:
+    """Whether two fits to the same runs differ by more than chance: signs of the blocks' differences, drawn anew.
+
+    Fits that are equally good win as many blocks as they lose. A difference that one block makes alone proves nothing,
+    however large; one that nearly all blocks share does, however uneven.
+
+    Source: Fisher's randomisation test [Fisher1935], on blocks in place of independent observations.
+    """
+    differences = block_misfits(one) - block_misfits(other)
+    signs = np.random.default_rng(0).choice((-1.0, 1.0), (_DRAWS, len(differences)))
+    as_extreme = np.abs(signs @ differences) >= abs(differences.sum()) * (1 - 1e-12)
+    return bool(as_extreme.mean() <= _SIGNIFICANCE)
+
+
+def tied(one: Fit, other: Fit) -> bool:
+    """Whether two fits explain the data equally well: by the criterion, or within its scatter over the runs."""
+    return abs(criterion_difference(one, other)) <= TIE or not clearly_differ(one, other)
+
+
+# --- Lack of fit: how far residuals are beyond noise, node by node -------------------------------
+
+
+BLOCK = 60.0
+"""s; noise averages out over a block so long, a missing effect does not."""
+NEGLIGIBLE = 0.04
+"""K; nobody looks for an effect that leaves less on one node's one-minute means."""
+LACKING = 1.5
+"""Times what chance leaves at most, beyond which a lack of fit is no noise."""
+_SHOWS_PLAINLY = 2.0  # times the cost of noise: a misfit that single readings show
+
+
+@dataclass(frozen=True)
+class NoiseLevel:
+    """What a perfect model would leave at each node: mean squares of block means of weighted residuals.
+
+    Args:
+        mean: over many simulated logs.
+        limit: exceeded in one log of twenty, with what is negligible on top.
+    """
+
+    mean: dict[str, float]
+    limit: dict[str, float]
+
+    @classmethod
+    def of(cls, fit: Fit, noise: FloatArray) -> NoiseLevel:
+        """From simulated noise.
+
+        Args:
+            fit: whose residuals are judged.
+            noise: weighted residuals of a perfect model, shape (rows, trials), in the order of the problem's.
+        """
+        squares = _mean_squares(fit, noise)
+        sigma = dict(zip(fit.model.nodes, fit.problem.sigma, strict=True))
+        return cls(
+            {node: float(each.mean()) for node, each in squares.items()},
+            {node: float(np.quantile(each, 0.95)) + (NEGLIGIBLE / sigma[node]) ** 2 for node, each in squares.items()},
+        )
+
+
+def lack_of_fit(fit: Fit, noise: NoiseLevel, residuals: FloatArray | None = None) -> dict[str, float]:
+    """Mean square of each node's block means as a share of the most that noise leaves.
+
+    Args:
+        fit: a fit to the runs that `noise` was simulated for.
+        noise: what a perfect model would leave.
+        residuals: weighted residuals, shape (rows,); the fit's own by default.
+    """
+    residuals = fit.problem.residuals(fit.z) if residuals is None else residuals
+    squares = _mean_squares(fit, residuals[:, None])
+    return {node: float(squares[node][0] / limit) for node, limit in noise.limit.items() if node in squares}
+
+
+def explained_share(base: Fit, larger: Fit, noise: NoiseLevel) -> float:
+    """Share that a larger model removes of the misfit beyond noise.
+
+    Of single readings where these show it plainly, since a lag or a clock is over within a minute; else of block
+    means, since noise and steps of 1 K hide the rest.
+
+    Args:
+        base: the smaller model's fit.
+        larger: the larger model's fit to the same runs.
+        noise: what a perfect model would leave.
+    """
+    floor = cost_of_noise(base)
+    if base.cost > _SHOWS_PLAINLY * floor:
+        return (base.cost - larger.cost) / (base.cost - floor)
+    before, after = (_beyond_noise(fit, noise) for fit in (base, larger))
+    return (before - after) / max(before, 1e-12)
+
+
+def _beyond_noise(fit: Fit, noise: NoiseLevel) -> float:
+    squares = _mean_squares(fit, fit.problem.residuals(fit.z)[:, None])
+    return sum(float(squares[node][0]) - mean for node, mean in noise.mean.items() if node in squares)
+
+
+def cost_of_noise(fit: Fit) -> float:
+    """The misfit that the sensors' noise and steps alone would leave: half a sum of squared weighted residuals."""
+    share = (fit.noise.floor / fit.problem.sigma) ** 2
+    return 0.5 * float(sum((bound.counted.sum(axis=1) * share).sum() for bound in fit.problem.bound_runs))
+
+
+def _mean_squares(fit: Fit, residuals: FloatArray) -> dict[str, FloatArray]:
+    """Mean square of each node's block means, shape (trials,), of weighted residuals (rows, trials)."""
+    start = 0
+    squares: dict[str, list[FloatArray]] = {node: [] for node in fit.model.nodes}
+    for bound in fit.problem.bound_runs:
+        size = max(1, round(BLOCK / bound.run.step))
+        for row, node in enumerate(fit.model.nodes):
+            count = int(bound.counted[row].sum())
+            whole_blocks = residuals[start : start + count // size * size]
+            squares[node].append(whole_blocks.reshape(-1, size, residuals.shape[1]).mean(axis=1) ** 2)
+            start += count
+    stacked = {node: np.vstack(blocks) for node, blocks in squares.items()}
+    return {node: np.asarray(blocks.mean(axis=0)) for node, blocks in stacked.items() if blocks.size}

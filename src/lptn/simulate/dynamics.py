@@ -1,0 +1,329 @@
+"""A model's rates of change: linearised, held exactly over a step, and stepped by Runge-Kutta with exact derivatives.
+
+Everything that linearises a model stands on this file: the fit and its sensitivities, the state-space form, the filter
+behind forecasts and monitoring, and the search for heat that nothing explains. `kernel.c` takes the same steps in
+machine code.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Sequence
+from functools import cache
+from importlib.resources import files
+from subprocess import CalledProcessError
+
+import casadi as ca
+import numpy as np
+from scipy.linalg import expm
+
+from lptn.basics.arrays import FloatArray
+from lptn.basics.c_library import shared_library
+from lptn.model.model import Model
+
+# --- The linearised rates dx/dt = f(x, u, p) ------------------------------------------------------
+
+RATE_OF_A_STEP = 1.0
+"""Largest product of a Runge-Kutta step and the fastest rate. Then e⁻¹ comes out as 0.375, 0.7 % of a transient's jump
+too large; RK4 is stable up to 2.78."""
+
+
+class Linearisation:
+    """Derivatives of a model's rates and readings at many points of a trajectory at once.
+
+    Args:
+        model: the model to differentiate.
+        core: how many leading states count; those behind them must not act back on these.
+        chosen: indices of the parameters to differentiate by.
+    """
+
+    def __init__(self, model: Model, core: int, chosen: Sequence[int]) -> None:
+        x, u, p, rates, readings = model.symbols
+        by = ca.vertcat(x[:core], p[list(chosen)])
+        self._rates = _Stacked([x, u, p], ca.jacobian(rates[:core], by))
+        self._readings = _Stacked([x, p], ca.jacobian(readings, by))
+
+    def rates(self, x: FloatArray, u: FloatArray, p: FloatArray) -> FloatArray:
+        """[A B] at n points: d rates/dx beside d rates/dp, shape (n, core, core + chosen).
+
+        Args:
+            x: states, shape (states, n).
+            u: inputs, shape (inputs, n).
+            p: parameters, shape (m,).
+        """
+        return self._rates(x, u, np.repeat(p[:, None], x.shape[1], axis=1))
+
+    def readings(self, x: FloatArray, p: FloatArray) -> FloatArray:
+        """[C D] at n points: d readings/dx beside d readings/dp, shape (n, nodes, core + chosen)."""
+        return self._readings(x, np.repeat(p[:, None], x.shape[1], axis=1))
+
+
+class _Stacked:
+    """A sparse Jacobian evaluated over columns of arguments into a dense stack."""
+
+    def __init__(self, arguments: list[ca.SX], jacobian: ca.SX) -> None:
+        self._shape = jacobian.shape
+        self._pattern = np.array(jacobian.sparsity().get_triplet(), dtype=int).reshape(2, -1)
+        nonzeros = ca.vertcat(*jacobian.nonzeros())  # type: ignore[call-overload]
+        self._function = ca.Function("nonzeros", arguments, [ca.densify(nonzeros)])
+        self._maps: dict[int, ca.Function] = {}
+
+    def __call__(self, *arguments: FloatArray) -> FloatArray:
+        n = arguments[0].shape[1]
+        mapped = self._maps.setdefault(n, self._function.map(n))
+        stack = np.zeros((n, *self._shape))
+        rows, columns = self._pattern
+        stack[:, rows, columns] = mapped(*arguments).full().T.reshape(n, -1)
+        return stack
+
+
+def zero_order_hold(a: FloatArray, step: float) -> tuple[FloatArray, FloatArray]:
+    r"""The exact step of :math:`\dot x = A x + v` with v held: :math:`x(h) = e^{Ah} x(0) + \int_0^h e^{As} ds\, v`.
+
+    Both come from one exponential, the integral as a block of a larger matrix [VanLoan1978].
+
+    Args:
+        a: A [1/s], shape (..., n, n).
+        step: h [s].
+
+    Returns:
+        Transition and integral [s], each of A's shape.
+    """
+    n = a.shape[-1]
+    whole = np.zeros((*a.shape[:-2], 2 * n, 2 * n))
+    whole[..., :n, :n] = a * step
+    whole[..., :n, n:] = np.eye(n) * step
+    top = expm(whole)[..., :n, :]
+    return top[..., :n], top[..., n:]
+
+
+def runge_kutta_derivative(slopes: Sequence[FloatArray], step: float) -> FloatArray:
+    """Exact derivative of one RK4 step by state and parameters, shape (..., n, n + m).
+
+    Args:
+        slopes: the derivatives [A B] of the rates at each of the step's four stages, shape (..., n, n + m).
+        step: s.
+    """
+    n = slopes[0].shape[-2]
+    stage, total = slopes[0], slopes[0].copy()
+    for share, weight, slope in zip((step / 2, step / 2, step), (2.0, 2.0, 1.0), slopes[1:], strict=True):
+        stage = slope + share * (slope[..., :n] @ stage)
+        total += weight * stage
+    total *= step / 6
+    total[..., range(n), range(n)] += 1.0
+    return total
+
+
+# --- Steps and their derivatives as machine code, where a C compiler is there ---------------------
+
+_KERNEL_FLAGS = ("-O3",)  # one library for all models, kept from one process to the next
+_MODEL_FLAGS = ("-O1",)  # a model's own functions are a small part of the work, and a search compiles many models
+
+
+class _Shape(ctypes.Structure):
+    """The struct `shape` of kernel.c."""
+
+    _fields_ = [
+        ("rates", ctypes.c_void_p),
+        ("slopes", ctypes.c_void_p),
+        *((name, ctypes.c_longlong) for name in ("states", "core", "chosen", "nonzeros_a", "nonzeros_b")),
+        ("pattern", ctypes.c_void_p),
+        *((name, ctypes.c_longlong) for name in ("arguments", "results", "integers", "doubles")),
+    ]
+
+
+class Kernel:
+    """Compiled steps of one model; arguments as for `Linearisation`.
+
+    Raises:
+        OSError: no compiler, or its result can't be loaded.
+        subprocess.CalledProcessError: the compiler failed.
+    """
+
+    def __init__(self, model: Model, core: int, chosen: Sequence[int]) -> None:
+        x, u, p, rates, _ = model.symbols
+        by_state, by_parameter = ca.jacobian(rates[:core], x[:core]), ca.jacobian(rates[:core], p[list(chosen)])
+        nonzeros = [ca.densify(rates), *by_state.nonzeros(), *by_parameter.nonzeros()]
+        functions = [
+            ca.Function("rates", [x, u, p], [ca.densify(rates)]),
+            ca.Function("slopes", [x, u, p], [ca.cse(ca.densify(ca.vertcat(*nonzeros)))]),  # type: ignore[call-overload]
+        ]
+        generator = ca.CodeGenerator("model", {"with_header": False, "casadi_int": "long long"})
+        for function in functions:
+            generator.add(function)
+        source = {"model.c": str(generator.dump())}
+        self._functions = ctypes.CDLL(str(shared_library(source, "model.c", _MODEL_FLAGS)))
+        self._library = _kernel_library()
+        triplets = [np.array(each.sparsity().get_triplet(), dtype=np.int64) for each in (by_state, by_parameter)]
+        self._pattern = np.concatenate([each.ravel() for each in triplets])
+        sizes = ((each.sz_arg(), each.sz_res(), each.sz_iw(), each.sz_w()) for each in functions)
+        self._shape = _Shape(
+            ctypes.cast(self._functions.rates, ctypes.c_void_p),
+            ctypes.cast(self._functions.slopes, ctypes.c_void_p),
+            x.numel(),
+            core,
+            len(chosen),
+            by_state.nnz(),
+            by_parameter.nnz(),
+            self._pattern.ctypes.data,
+            *(max(size) for size in zip(*sizes, strict=True)),
+        )
+
+    def run(
+        self,
+        start: FloatArray,
+        inputs: FloatArray,
+        p: FloatArray,
+        step: float,
+        substeps: int,
+        derivative: FloatArray | None,
+    ) -> tuple[FloatArray, FloatArray]:
+        """States, and their derivatives, at the n + 1 ends of n steps.
+
+        Args:
+            start: initial states, shape (states,).
+            inputs: held over each step, shape (inputs, n).
+            p: parameters, shape (m,).
+            step: length of a step [s].
+            substeps: Runge-Kutta steps in each step.
+            derivative: of the initial core states, shape (core, chosen + core); `None` for the states alone.
+
+        Returns:
+            States, shape (n + 1, states), and derivatives, shape (n + 1, core, chosen + core), empty without
+            `derivative`.
+        """
+        shape, n = self._shape, inputs.shape[1]
+        states = np.empty((n + 1, shape.states))
+        states[0] = start
+        derivatives = np.empty((0 if derivative is None else n + 1, shape.core, shape.chosen + shape.core))
+        if derivative is not None:
+            derivatives[0] = derivative
+        held, parameters = np.ascontiguousarray(inputs.T), np.ascontiguousarray(p)
+        work = np.empty(int(self._library.working_doubles(ctypes.byref(shape))))
+        pointers = [(ctypes.c_void_p * max(size, 1))() for size in (shape.arguments, shape.results)]
+        integers = (ctypes.c_longlong * max(shape.integers, 1))()
+        self._library.run(
+            ctypes.byref(shape),
+            ctypes.c_longlong(n),
+            ctypes.c_longlong(substeps),
+            ctypes.c_double(step / substeps),
+            ctypes.c_longlong(inputs.shape[0]),
+            _address(held),
+            _address(parameters),
+            _address(states),
+            None if derivative is None else _address(derivatives),
+            *pointers,
+            integers,
+            _address(work),
+        )
+        return states, derivatives
+
+
+def _address(array: FloatArray) -> ctypes.c_void_p:
+    return ctypes.c_void_p(array.ctypes.data)
+
+
+@cache
+def _kernel_library() -> ctypes.CDLL:
+    source = files("lptn.simulate").joinpath("kernel.c").read_text(encoding="utf-8")
+    library = ctypes.CDLL(str(shared_library({"kernel.c": source}, "kernel.c", _KERNEL_FLAGS)))
+    library.working_doubles.restype = ctypes.c_longlong
+    library.run.restype = None
+    return library
+
+
+# --- A model stepped along its inputs, interpreted at first, in machine code once that pays -------
+
+_WORTH = 1_000  # steps with derivatives that the interpreter takes in the fifth of a second that compiling takes
+_CHUNK = 256  # steps that the interpreter differentiates at once: more need memory and are no faster
+
+
+class Stepper:
+    """Runge-Kutta steps of one model, with derivatives by the same parameters each time.
+
+    CasADi's interpreter takes the first steps. A model that is stepped often is compiled, if there is a C
+    compiler: a fit of a whole robot then runs ten times as fast.
+
+    Args:
+        model: the model.
+        core: how many leading states to differentiate; those behind them must not act back on these.
+        chosen: indices of the parameters to differentiate by.
+    """
+
+    def __init__(self, model: Model, core: int, chosen: Sequence[int]) -> None:
+        self.model, self.core, self.chosen = model, core, tuple(chosen)
+        self.linearisation = Linearisation(model, core, chosen)
+        self._steps_before_compiling: float = _WORTH
+        self._kernel: Kernel | None = None
+
+    def compile(self) -> bool:
+        """Compile now; whether there is machine code to run."""
+        self._steps_before_compiling = float("inf")  # where it fails once it would fail again
+        try:
+            self._kernel = self.model.made_once(
+                ("kernel", self.core, self.chosen), lambda: Kernel(self.model, self.core, self.chosen)
+            )
+        except (OSError, CalledProcessError):
+            return False
+        self.model.made_once("any kernel", lambda: self._kernel)
+        return True
+
+    def run(
+        self, start: FloatArray, derivative: FloatArray, inputs: FloatArray, p: FloatArray, step: float, substeps: int
+    ) -> tuple[FloatArray, FloatArray]:
+        """States, and their derivatives, at the n + 1 ends of n steps; arguments as for `Kernel.run`.
+
+        Returns:
+            Shapes (states, n + 1) and (n + 1, core, chosen + core).
+        """
+        self._steps_before_compiling -= inputs.shape[1] * substeps
+        if self._steps_before_compiling < 0:
+            self.compile()
+        if self._kernel is not None:
+            states, derivatives = self._kernel.run(start, inputs, p, step, substeps, derivative)
+            return states.T, derivatives
+        return self._interpreted(start, derivative, np.repeat(inputs, substeps, axis=1), p, step / substeps, substeps)
+
+    def _interpreted(
+        self, start: FloatArray, derivative: FloatArray, inputs: FloatArray, p: FloatArray, h: float, substeps: int
+    ) -> tuple[FloatArray, FloatArray]:
+        path = self.model.run(inputs.shape[1])(start, inputs, p, h).full()
+        states = np.hstack([start[:, None], path])
+        derivatives = np.empty((inputs.shape[1] // substeps + 1, *derivative.shape))
+        derivatives[0] = derivative
+        core, chosen = self.core, len(self.chosen)
+        for first in range(0, inputs.shape[1], _CHUNK):
+            window = slice(first, min(first + _CHUNK, inputs.shape[1]))
+            for k, of_step in enumerate(self._of_steps(states[:, window], inputs[:, window], p, h), start=first + 1):
+                derivative = of_step[:, :core] @ derivative
+                derivative[:, :chosen] += of_step[:, core:]
+                if k % substeps == 0:
+                    derivatives[k // substeps] = derivative
+        return states[:, ::substeps], derivatives
+
+    def _of_steps(self, x: FloatArray, u: FloatArray, p: FloatArray, h: float) -> FloatArray:
+        """Derivative of each of n RK4 steps by its states and by the parameters, shape (n, core, core + chosen)."""
+        rates = self.model.made_once(("rates", x.shape[1]), lambda: self.model.rhs.map(x.shape[1]))
+        repeated = np.repeat(p[:, None], x.shape[1], axis=1)
+        point, slopes = x, [self.linearisation.rates(x, u, p)]
+        for share in (h / 2, h / 2, h):
+            point = x + share * rates(point, u, repeated).full()
+            slopes.append(self.linearisation.rates(point, u, p))
+        return runge_kutta_derivative(slopes, h)
+
+
+def stepper(model: Model, core: int, chosen: Sequence[int]) -> Stepper:
+    """The stepper of a model, made once for it and all its copies at other values."""
+    return model.made_once(("stepper", core, tuple(chosen)), lambda: Stepper(model, core, chosen))
+
+
+def states_at_ends(
+    model: Model, start: FloatArray, inputs: FloatArray, p: FloatArray, step: float, substeps: int
+) -> FloatArray:
+    """States at the n + 1 ends of n steps, shape (states, n + 1); arguments as for `Kernel.run`."""
+    kernel = model.made.get("any kernel")
+    if kernel is not None:
+        return np.ascontiguousarray(kernel.run(start, inputs, p, step, substeps, None)[0].T)
+    fine = np.repeat(inputs, substeps, axis=1)
+    path = model.run(fine.shape[1])(start, fine, p, step / substeps).full()
+    return np.hstack([start[:, None], path[:, substeps - 1 :: substeps]])
