@@ -18,7 +18,7 @@ import numpy as np
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError, shown
 from lptn.basics.files import write_whole
-from lptn.basics.toml import text_of, told_by_line, toml_of
+from lptn.basics.toml import mistakes_by_line, text_of, toml_of
 from lptn.model.model import Model
 
 from .values import by_place
@@ -126,7 +126,7 @@ def mistakes_with_line(origin: str) -> Iterator[None]:
         InputError: something in it can't be used.
     """
     path = Path(origin)
-    with told_by_line(path, text_of(path, "a task file") if path.is_file() else ""):
+    with mistakes_by_line(path, text_of(path, "a task file") if path.is_file() else ""):
         yield
 
 

@@ -1,26 +1,43 @@
-"""Load sharing: how the legs of a standing robot share its weight so that the first joint to get hot lasts longest."""
+"""Load sharing: how the legs of a standing robot share its weight so that the first joint to get hot lasts longest.
+
+Torques are linear in the forces at the feet, friction cones and torque limits are convex, and the temperatures at a
+horizon grow with the squared torques: a convex program. The best sharing so far sets the horizon of the next program.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
+import casadi as ca
 import numpy as np
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
-from lptn.basics.places import matching
 from lptn.model.model import Model
 
-from .body import Body
-from .convex import Share, StanceError
-from .heating import Heating
-from .stance import Stance, Statics, statics
+from ..values import by_place
+from .body import Body, Stance, Statics, statics
+from .temperatures import StandingTemperatures
 
 How = Literal["coolest", "equal", "least_torque"]
 _ROUNDS, _GAIN = 25, 1e-4  # of the search, and the relative gain below which it ends
+_MARGIN_GAIN = 1e-3  # K, the same where no limit is reached
 _NOW = 60.0  # s, the horizon where a limit is passed already
+
+
+_FORCE = 50.0  # N, a size that makes the program's numbers about one
+_ROUND = 1e-8  # rounds off the tip of the friction cone, whose slope has no value there
+_TIDY = 1e-6  # K/(N·m)², of two sharings equally good the one with less torque is meant
+_OPTIONS: dict[str, Any] = {
+    "print_time": False,
+    "ipopt": {"print_level": 0, "sb": "yes", "tol": 1e-9, "max_iter": 200},
+}
+
+
+class StanceError(ValueError):
+    """No forces within friction cones and torque limits hold the robot."""
 
 
 @dataclass(frozen=True)
@@ -79,14 +96,13 @@ class LoadSharing:
     ) -> None:
         self.model, self.body, self.horizon = model, body, horizon
         self._limits = np.full(len(model.nodes), np.inf)
-        for pattern, most in limits.items():
-            found = matching(pattern, model.nodes)
-            if not found:
-                raise InputError("limits", pattern, "no such node", f"some of {', '.join(model.nodes)}")
-            self._limits[[model.nodes.index(node) for node in found]] = most
+        for node, most in by_place(limits, model.nodes, "load sharing", "limits").items():
+            self._limits[model.nodes.index(node)] = most
         if not np.isfinite(self._limits).any():
             raise InputError("limits", "limits", "none", "the greatest temperature of a node at least")
-        self._heating = Heating(model, body.joints, ambient=ambient, inputs=inputs, torque_constant=torque_constant)
+        self._temperatures = StandingTemperatures(
+            model, body.joints, ambient=ambient, inputs=inputs, torque_constant=torque_constant
+        )
 
     def share(self, stance: Stance, temperatures: float | Mapping[str, float]) -> Sharing:
         """The forces with which the first joint to get hot lasts longest.
@@ -103,39 +119,39 @@ class LoadSharing:
             StanceError: no forces within friction cones and torque limits hold the robot.
             ValueError: the stance doesn't fit the body.
         """
-        equations, start = statics(self.body, stance), self._heating.start(temperatures)
-        program = Share(equations, stance)
+        equations, start = statics(self.body, stance), self._temperatures.start(temperatures)
+        program = _ForceProgram(equations, stance)
         forces = program.least_torque(equations.equal())
         best, rounds = self._judged("coolest", equations, stance, start, forces, 0), 0
         for rounds in range(1, _ROUNDS + 1):
             horizon = min(best.time, self.horizon) if best.time > 0 else _NOW
             warm, gains = self._linear(start, best.torques, horizon)
             forces = program.coolest(warm, gains, self._limits, best.forces)
-            found = self._judged("coolest", equations, stance, start, forces, rounds)
-            done = not _better(found, best)
-            best = found if (found.time, found.margin) > (best.time, best.margin) else best
+            candidate = self._judged("coolest", equations, stance, start, forces, rounds)
+            done = not _better(candidate, best)
+            best = candidate if (candidate.time, candidate.margin) > (best.time, best.margin) else best
             if done:
                 break
         return best
 
     def equal(self, stance: Stance, temperatures: float | Mapping[str, float]) -> Sharing:
         """The peer: vertical forces as equal as equilibrium lets them be; cones and torque limits are not looked at."""
-        equations, start = statics(self.body, stance), self._heating.start(temperatures)
+        equations, start = statics(self.body, stance), self._temperatures.start(temperatures)
         return self._judged("equal", equations, stance, start, equations.equal(), 0)
 
     def least_torque(self, stance: Stance, temperatures: float | Mapping[str, float]) -> Sharing:
-        """The stronger peer: the least sum of squared torques, which knows nothing of temperatures.
+        """The stronger peer: the least sum of squared torques, blind to temperatures.
 
         Raises:
             StanceError: no forces within friction cones and torque limits hold the robot.
         """
-        equations, start = statics(self.body, stance), self._heating.start(temperatures)
-        forces = Share(equations, stance).least_torque(equations.equal())
+        equations, start = statics(self.body, stance), self._temperatures.start(temperatures)
+        forces = _ForceProgram(equations, stance).least_torque(equations.equal())
         return self._judged("least_torque", equations, stance, start, forces, 1)
 
     def _linear(self, start: FloatArray, torques: FloatArray, horizon: float) -> tuple[FloatArray, FloatArray]:
         """Temperatures at the horizon without torque, and what each squared torque adds, as seen from these torques."""
-        there, gains = self._heating.at(start, torques, horizon)
+        there, gains = self._temperatures.at(start, torques, horizon)
         gains = gains.clip(min=0.0)
         return there - gains @ torques**2, gains
 
@@ -143,8 +159,8 @@ class LoadSharing:
         self, how: How, equations: Statics, stance: Stance, start: FloatArray, forces: FloatArray, rounds: int
     ) -> Sharing:
         torques = equations.torques(forces)
-        time, node = self._heating.reached(start, torques, self._limits, self.horizon)
-        there, _ = self._heating.at(start, torques, min(time, self.horizon) if time > 0 else _NOW)
+        time, node = self._temperatures.reached(start, torques, self._limits, self.horizon)
+        there, _ = self._temperatures.at(start, torques, min(time, self.horizon) if time > 0 else _NOW)
         normal = forces @ equations.up
         along = np.linalg.norm(forces - np.outer(normal, equations.up), axis=1)
         stands = np.array(equations.standing)
@@ -162,11 +178,102 @@ class LoadSharing:
         )
 
 
-def _better(found: Sharing, best: Sharing) -> bool:
+def _better(candidate: Sharing, best: Sharing) -> bool:
     """Whether another round is worth it."""
-    if np.isfinite(found.time) and found.time > 0:
-        return found.time > best.time * (1 + _GAIN)
-    return found.time > best.time or found.margin > best.margin + 1e-3
+    if np.isfinite(candidate.time) and candidate.time > 0:
+        return candidate.time > best.time * (1 + _GAIN)
+    return candidate.time > best.time or candidate.margin > best.margin + _MARGIN_GAIN
 
 
-__all__ = ["How", "LoadSharing", "Sharing", "StanceError"]
+# --- the convex program ---------------------------------------------------------------------------
+
+
+class _ForceProgram:
+    """The program of one stance.
+
+    Temperatures at the horizon grow with the squares of the torques, and torques are linear in the forces; friction
+    cones and torque limits are convex. So its one optimum is the best there is.
+
+    Args:
+        statics: the equations of the stance.
+        stance: friction and least normal force.
+    """
+
+    def __init__(self, statics: Statics, stance: Stance) -> None:
+        self._statics = statics
+        legs, joints = len(statics.standing), statics.most.size
+        scaled = ca.SX.sym("f", 3 * legs)
+        worst = ca.SX.sym("worst")
+        torques = ca.DM(statics.idle) + ca.mtimes(ca.DM(statics.lever), scaled * _FORCE)
+        self._w, self._scaled, self._worst, self._torques = ca.vertcat(scaled, worst), scaled, worst, torques
+        cones, normals = self._contacts(stance)
+        self._rows = ca.vertcat((ca.mtimes(ca.DM(statics.balance), scaled * _FORCE) - statics.weight) / _FORCE, cones)
+        self._low = np.concatenate([np.zeros(6), np.full(legs, -np.inf)])
+        self._high = np.zeros(6 + legs)
+        self._normals = normals
+        self._least = np.where(statics.standing, stance.least_normal, 0.0)
+        self._joints = joints
+        self._solvers: dict[int, Any] = {}
+
+    def _contacts(self, stance: Stance) -> tuple[Any, Any]:
+        """The friction cone of each foot, at most zero, and its normal force."""
+        up, cones, normals = ca.DM(self._statics.up), [], []
+        for k, stands in enumerate(self._statics.standing):
+            force = self._scaled[3 * k : 3 * k + 3]
+            normal = ca.dot(up, force)
+            along = force - normal * up
+            cones.append(ca.sqrt(ca.sumsqr(along) + _ROUND) - stance.friction * normal if stands else ca.SX(-1))
+            normals.append(normal)
+        return ca.vertcat(*cones), ca.vertcat(*normals)
+
+    def coolest(self, warm: FloatArray, gains: FloatArray, limits: FloatArray, near: FloatArray) -> FloatArray:
+        """Forces [N], shape (legs, 3), that keep the node nearest to its limit farthest from it.
+
+        Args:
+            warm: temperatures at the horizon without any torque [degC], shape (nodes,).
+            gains: what each squared torque adds [K/(N·m)²], shape (nodes, joints), none below zero.
+            limits: shape (nodes,) [degC], infinite for none.
+            near: forces to start from [N].
+
+        Raises:
+            StanceError: no forces hold the robot.
+        """
+        counts = np.isfinite(limits)
+        p = np.concatenate([(warm - limits)[counts], gains[counts].T.ravel()])
+        return self._solve(int(counts.sum()), p, near)
+
+    def least_torque(self, near: FloatArray) -> FloatArray:
+        """Forces [N], shape (legs, 3), with the least sum of squared torques.
+
+        Raises:
+            StanceError: no forces hold the robot.
+        """
+        return self._solve(0, np.zeros(0), near)
+
+    def _solver(self, nodes: int) -> Any:
+        """The program for so many limited nodes; without any, the sum of squared torques is what counts."""
+        if nodes not in self._solvers:
+            above, gains = ca.SX.sym("above", nodes), ca.SX.sym("gains", nodes, self._joints)
+            squares = ca.sumsqr(self._torques)
+            cost = self._worst + _TIDY * squares if nodes else 1e-2 * squares + self._worst**2
+            hot = above + ca.mtimes(gains, self._torques**2) - self._worst
+            free = ca.vertcat(self._rows, self._torques, self._normals * _FORCE, hot)
+            problem = {"x": self._w, "p": ca.vertcat(above, ca.vec(gains)), "f": cost, "g": free}
+            self._solvers[nodes] = ca.nlpsol("share", "ipopt", problem, _OPTIONS)
+        return self._solvers[nodes]
+
+    def _solve(self, nodes: int, p: FloatArray, near: FloatArray) -> FloatArray:
+        most, legs = self._statics.most, len(self._statics.standing)
+        stands = np.repeat(self._statics.standing, 3)
+        reach = np.append(np.where(stands, np.inf, 0.0), np.inf)
+        low = np.concatenate([self._low, -most, self._least, np.full(nodes, -np.inf)])
+        high = np.concatenate([self._high, most, np.full(legs, np.inf), np.zeros(nodes)])
+        solver = self._solver(nodes)
+        x0 = np.append(near.ravel() / _FORCE, 0.0)
+        solution = solver(x0=x0, p=p, lbx=-reach, ubx=reach, lbg=low, ubg=high)
+        if not solver.stats()["success"]:
+            raise StanceError(
+                f"stance: no forces within friction cones and torque limits ({solver.stats()['return_status']}); "
+                "expected the centre of mass above the standing feet, and a load that the joints can bear"
+            )
+        return np.asarray(solution["x"].full().ravel()[:-1].reshape(legs, 3) * _FORCE)

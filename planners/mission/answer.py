@@ -1,28 +1,34 @@
-"""A plan shown: as a table, as lines for people, as JSON, as a figure; what `lptn plan` writes."""
+"""`kind = "mission"` for `lptn plan`: a plan as table, figure, JSON and text."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
 
-from .plan import Plan
+from lptn.basics.places import class_of
+from lptn.model.model import Model
+
+from .mission import Mission
+from .mission_file import read_mission
+from .plan import Plan, plan_mission
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_SAID = 0.5  # K between the program's few steps and the replay above which it is said
-_SHOWN = 4  # prices that a person is shown
+_COARSE = 0.5  # K between the program's few steps and the simulation above which a warning is printed
+_PRINTED = 4  # prices
 
 
 @dataclass(frozen=True)
 class MissionAnswer:
-    """The four faces of a plan.
+    """A plan as table, figure, JSON and text.
 
     Args:
-        plan: what was found.
+        plan: the plan.
     """
 
     plan: Plan
@@ -35,7 +41,7 @@ class MissionAnswer:
         ends = plan.course.states[: len(nodes), plan.course.ends]
         distance = plan.speed * plan.time
         columns: dict[str, object] = {
-            "start [s]": begins, "duration [s]": plan.time, "activity": [each.name for each in plan.segments],
+            "start [s]": begins, "duration [s]": plan.time, "activity": [segment.name for segment in plan.segments],
             "speed [m/s]": plan.speed, "load [kg]": plan.load, "distance [m]": distance,
             "hottest": [nodes[k] for k in ends.argmax(axis=0)] if plan.segments else [],
         }  # fmt: skip
@@ -72,15 +78,15 @@ class MissionAnswer:
         return "\n".join([*_verdict(plan), *_assumed(plan), *_prices(plan), "", *self._rows(), "", *_check(plan)])
 
     def _rows(self) -> list[str]:
-        shown = self.table().iloc[:, :7]
-        if shown.empty:
+        table = self.table().iloc[:, :7]
+        if table.empty:
             return ["nothing to do"]
         ends = self.plan.course.states[: len(self.plan.mission.model.nodes), self.plan.course.ends].max(axis=0)
-        shown["[degC]"] = ends
+        table["[degC]"] = ends
         formats = {"start [s]": "{:.0f}", "duration [s]": "{:.0f}", "speed [m/s]": "{:.2f}", "load [kg]": "{:.1f}",
                    "distance [m]": "{:.0f}", "[degC]": "{:.1f}"}  # fmt: skip
         return str(
-            shown.to_string(index=False, formatters={key: value.format for key, value in formats.items()})
+            table.to_string(index=False, formatters={key: value.format for key, value in formats.items()})
         ).splitlines()
 
 
@@ -96,7 +102,7 @@ def _verdict(plan: Plan) -> list[str]:
         missed = f"the deadline, missed by {_time(plan.late)}"
         return [f"{mission.name}: given up: {missed} ({total}{until})", *_wanted(plan)]
     parts = [
-        f"{activity.do} {1 + sum(each.do == activity.do for each in mission.activities[:k])} {100 * share:.1f} %"
+        f"{activity.do} {1 + sum(earlier.do == activity.do for earlier in mission.activities[:k])} {100 * share:.1f} %"
         for k, (activity, share) in enumerate(zip(mission.activities, plan.share.tolist(), strict=True))
         if share < 1 - 1e-4
     ]
@@ -112,7 +118,7 @@ def _assumed(plan: Plan) -> list[str]:
 def _why_none(plan: Plan) -> str:
     over = {node: peak for node, peak in plan.peaks.items() if peak > plan.mission.limits[node]}
     if over:
-        node = max(over, key=lambda each: over[each] - plan.mission.limits[each])
+        node = max(over, key=lambda name: over[name] - plan.mission.limits[name])
         return f"even at rest {node} gets to {over[node]:.1f} degC, its limit is {plan.mission.limits[node]:g} degC"
     return f"no plan was found that does a part of it within the limits (solver: {plan.status})"
 
@@ -120,9 +126,9 @@ def _why_none(plan: Plan) -> str:
 def _wanted(plan: Plan) -> list[str]:
     mission = plan.mission
     if mission.deadline is not None and mission.fastest > mission.deadline:
-        return [f"no rise of the limits would do: at its fastest it takes {_time(mission.fastest)}"]
+        return [f"no rise of the limits would suffice: at its fastest it takes {_time(mission.fastest)}"]
     if plan.raise_needed is None:
-        return ["no rise of the limits up to 100 K was found that would do"]
+        return ["no rise of the limits up to 100 K was found that would suffice"]
     return [f"all of it in time would need all limits {plan.raise_needed:.1f} K higher"]
 
 
@@ -132,30 +138,24 @@ def _prices(plan: Plan) -> list[str]:
     if plan.bottleneck is None:
         return ["no temperature limit holds it up"]
     more = "work" if plan.verdict == "cut" else "time saved"
-    classes = list(plan.class_prices.items())[:_SHOWN]
+    classes = list(plan.class_prices.items())[:_PRINTED]
     lines = []
     for name, price in classes:
-        tied = [node for node in plan.limit_prices if node == name or _same(node, name)]
-        each = f"{tied[0]}" if len(tied) == 1 else f"{', '.join(tied)} together"
-        lines.append(f"{each}: {price:.1f} s of {more} for 1 K more of the limit")
+        tied = [node for node in plan.limit_prices if name in (node, class_of(node))]
+        nodes = f"{tied[0]}" if len(tied) == 1 else f"{', '.join(tied)} together"
+        lines.append(f"{nodes}: {price:.1f} s of {more} for 1 K more of the limit")
     return [f"bottleneck: {lines[0]}", *(f"then {line}" for line in lines[1:])]
-
-
-def _same(node: str, name: str) -> bool:
-    from lptn.basics.places import class_of
-
-    return class_of(node) == name
 
 
 def _check(plan: Plan) -> list[str]:
     over = {node: peak - plan.mission.limits[node] for node, peak in plan.peaks.items()}
     if not over:
         return []
-    node = max(over, key=lambda each: over[each])
+    node = max(over, key=lambda name: over[name])
     lines = [f"replayed in fine steps: {node} is nearest to its limit, {plan.peaks[node]:.2f} of "
              f"{plan.mission.limits[node]:g} degC; program and replay differ by {plan.coarseness:.2f} K"]  # fmt: skip
-    if plan.coarseness > _SAID:
-        lines.append("that is much: cut the activities into more pieces")
+    if plan.coarseness > _COARSE:
+        lines.append("that is a large difference: divide the activities into more pieces")
     if plan.lowered > 0:
         lines.append(f"found with limits {plan.lowered:.2f} K lower, so that the replay keeps them")
     return lines
@@ -163,3 +163,22 @@ def _check(plan: Plan) -> list[str]:
 
 def _time(seconds: float) -> str:
     return f"{seconds:.0f} s" if seconds < 600 else f"{seconds / 60:.1f} min"
+
+
+class MissionKind:
+    """`kind = "mission"`: speeds, rests and loads, so that nothing overheats and the time is least."""
+
+    def read(self, table: Mapping[str, Any], origin: str, model: Model) -> Mission:
+        """A mission from the whole parsed task file.
+
+        Raises:
+            InputError: something in it can't be used.
+        """
+        return read_mission(table, origin, model)
+
+    def run(self, task: Mission) -> MissionAnswer:
+        """Plan it. What can't be done is said in the answer."""
+        return MissionAnswer(plan_mission(task))
+
+
+plan_kind = MissionKind()

@@ -1,29 +1,86 @@
-"""A mission's task file read: every mistake named with its line, its key, what was found and what was expected."""
+"""Task files of missions: tables and keys, checked by pydantic; mistakes said with their line and what was expected."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import TypeAdapter, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError, shown
 from lptn.basics.places import matching
-from lptn.basics.toml import text_of, told_by_line
 from lptn.logs.columns import parse_columns
+from lptn.model.file import Number, Strict
 from lptn.model.model import Model
 
-from ..values import Celsius
-from .activities import REST, Activity, Mission, Range
-from .gait import Gait
-from .gait_logs import LogPart, gait_from_logs
-from .gait_tables import gait_from_tables
-from .schema import ActivityTable, Between, File, GaitTable, TaskTable
+from ..tasks import mistakes_with_line
+from ..values import Celsius, ExtraMass, Length, NotNegative, Positive, Seconds, Speed, by_place
+from .gait import REST, Gait, LogPart, gait_from_logs, gait_from_tables
+from .mission import Activity, GivesUp, Mission, Range
 
 _WALK_PIECES = 3
+_NO_END = 3600.0  # s, the longest rest of a mission without rests and deadline that begins too hot
+
+# --- tables and keys ----------------------------------------------------------------------------
+
+
+class TaskTable(Strict):
+    kind: Literal["mission"] = "mission"
+    name: str = "mission"
+    ambient: Celsius = 25.0
+    start: Any = None  # a temperature, or one for each of some patterns of nodes
+    deadline: Seconds | None = None
+    longest_rest: Annotated[Number, Field(ge=0, le=86400)] = 900.0
+    carry: ExtraMass = 0.0
+    gives_up: GivesUp = "deadline"
+
+
+class ActivityTable(Strict):
+    do: str
+    distance: Length | None = None
+    duration: Any = None
+    speed: Any = None
+    load: Any = None
+    pieces: Annotated[int, Field(ge=1, le=12, strict=True)] | None = None
+
+
+class LogTable(Strict):
+    file: str
+    load: ExtraMass = 0.0
+    start: NotNegative = 0.0
+    end: Positive | None = None
+
+
+class GaitTable(BaseModel):
+    """Further keys are quantities (`torque`, `velocity`, `power`, …): for each pattern of places a table."""
+
+    model_config = ConfigDict(extra="allow")
+    speeds: Annotated[list[Speed], Field(min_length=1, max_length=12)] | None = None
+    loads: Annotated[list[ExtraMass], Field(min_length=1, max_length=12)] = [0.0]
+    logs: Annotated[list[LogTable], Field(min_length=1)] | None = None
+    window: Annotated[Number, Field(ge=2, le=600)] = 10.0
+
+
+class File(Strict):
+    task: TaskTable
+    limits: Annotated[dict[str, Celsius], Field(min_length=1)]
+    activities: Annotated[list[ActivityTable], Field(min_length=1, max_length=24)]
+    gaits: dict[str, GaitTable]
+    columns: dict[str, Any] = Field(default_factory=dict)
+
+
+class Between(BaseModel):
+    """A number, or the least and the greatest."""
+
+    speed: Speed | Annotated[list[Speed], Field(min_length=2, max_length=2)] | None = None
+    load: ExtraMass | Annotated[list[ExtraMass], Field(min_length=2, max_length=2)] | None = None
+    duration: Seconds | Annotated[list[NotNegative], Field(min_length=2, max_length=2)] | None = None
+
+
+# --- reading ------------------------------------------------------------------------------------
 
 
 def read_mission(table: Mapping[str, Any], origin: str, model: Model) -> Mission:
@@ -37,33 +94,28 @@ def read_mission(table: Mapping[str, Any], origin: str, model: Model) -> Mission
     Raises:
         InputError: something in it can't be used; with its line where the file is there.
     """
-    path = Path(origin)
-    text = text_of(path, "a task file") if path.is_file() else ""
-    with told_by_line(path, text):
+    with mistakes_with_line(origin):
         return _mission(File.model_validate(dict(table)), origin, model)
 
 
 def _mission(tables: File, origin: str, model: Model) -> Mission:
     task = tables.task
     gaits = {name: _gait(name, gait, tables, model, origin) for name, gait in tables.gaits.items()}
-    activities = tuple(_activity(each, f"activities[{k}]", gaits, origin) for k, each in enumerate(tables.activities))
-    limits: dict[str, float] = {}
-    for pattern, most in tables.limits.items():
-        found = matching(pattern, model.nodes)
-        if not found:
-            raise InputError(origin, f'limits."{pattern}"', "no such node", f"some of {', '.join(model.nodes)}")
-        limits |= dict.fromkeys(found, most)
+    activities = tuple(
+        _activity(activity, f"activities[{k}]", gaits, origin) for k, activity in enumerate(tables.activities)
+    )
+    limits = by_place(tables.limits, model.nodes, origin, "limits")
     start = _start(task, model, origin)
     hot = any(start[model.nodes.index(node)] > most for node, most in limits.items())
     rest = gaits.get(REST) if task.longest_rest > 0 or hot else None
     if rest is None and (task.longest_rest > 0 or hot):
         expected = f"[gaits.{REST}], or longest_rest = 0 and a start below the limits"
         raise InputError(origin, "gaits", "no gait rest", expected)
-    if task.carry > sum(each.load[1] for each in activities if each.chooses_load):
+    if task.carry > sum(activity.load[1] for activity in activities if activity.chooses_load):
         expected = "as much as the activities with load = [least, most] can take together"
         raise InputError(origin, "task.carry", f"{task.carry:g} kg", expected)
     return Mission(
-        model, activities, rest, task.longest_rest or task.deadline or 3600.0, limits, start, task.ambient,
+        model, activities, rest, task.longest_rest or task.deadline or _NO_END, limits, start, task.ambient,
         task.deadline, task.carry, task.gives_up, task.name, origin,
     )  # fmt: skip
 
@@ -74,11 +126,11 @@ def _start(task: TaskTable, model: Model, origin: str) -> FloatArray:
     single = not isinstance(task.start, Mapping) or set(task.start) == {"value", "unit"}
     given = {"*": task.ambient if task.start is None else task.start} if single else task.start
     for pattern, value in given.items():
-        found = matching(pattern, model.nodes)
-        if not found:
-            raise InputError(origin, f'task.start."{pattern}"', "no such node", f"some of {', '.join(model.nodes)}")
+        matched = matching(pattern, model.nodes)
+        if not matched:
+            raise InputError(origin, f'task.start."{pattern}"', "no such place", f"some of {', '.join(model.nodes)}")
         try:
-            nodes[[model.nodes.index(node) for node in found]] = TypeAdapter(Celsius).validate_python(value)
+            nodes[[model.nodes.index(node) for node in matched]] = TypeAdapter(Celsius).validate_python(value)
         except ValidationError as error:
             place = "task.start" if single else f'task.start."{pattern}"'
             raise InputError(origin, place, shown(value), "a temperature in degC, -80 to 500") from error

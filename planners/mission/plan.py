@@ -1,4 +1,4 @@
-"""A mission answered: the fastest plan, or what gives way; the bottleneck, its price, what would have to be."""
+"""A mission answered: the fastest plan, or what gives way; the bottleneck and its price."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ import numpy as np
 from lptn.basics.arrays import FloatArray
 from lptn.basics.places import class_of
 
-from .activities import Mission, Segment, with_known_start
+from .mission import Mission, Segment, with_complete_start
 from .program import Goal, Program, Solution
-from .replay import Course, replay
+from .simulation import Course, simulate_plan
 
 Verdict = Literal["met", "late", "cut", "none"]
 """All is done in time; all is done but later than the deadline; not all is done; nothing can be done but rest."""
@@ -43,10 +43,10 @@ class Plan:
         prices: seconds of the whole (of work done, where the verdict is "cut") for one unit more of a parameter;
             empty where no solve converged.
         raise_needed: by how much all limits together would have to rise for all to be done in time [K]; 0 where
-            nothing is missing, `None` where no rise up to 100 K was found that would do. Where the verdict is "cut" it
-            is enough, and at most a tenth too much.
-        status: IPOPT's word.
-        assumed: nodes whose temperature at the start is not known; they are taken to be at their limit.
+            nothing is missing, `None` where no rise up to 100 K was found that would suffice. Where the verdict is
+            "cut" it is enough, and at most a tenth too much.
+        status: IPOPT's return status.
+        assumed: nodes without a temperature at the start; they are taken to be at their limit.
     """
 
     mission: Mission
@@ -78,8 +78,8 @@ class Plan:
     def limit_prices(self) -> dict[str, float]:
         """Seconds gained for one kelvin more of each node's limit, dearest first; only those that count."""
         sign = 1.0 if self.verdict == "cut" else -1.0
-        found = {name.removeprefix("limit."): sign * value for name, value in self.prices.items() if "limit." in name}
-        return dict(sorted(((n, v) for n, v in found.items() if v > _COUNTS), key=lambda each: -each[1]))
+        by_node = {name.removeprefix("limit."): sign * value for name, value in self.prices.items() if "limit." in name}
+        return dict(sorted(((n, v) for n, v in by_node.items() if v > _COUNTS), key=lambda item: -item[1]))
 
     @property
     def class_prices(self) -> dict[str, float]:
@@ -87,10 +87,10 @@ class Plan:
 
         Joints that are loaded alike reach their limits together. Then one joint's own price is not unique, the sum is.
         """
-        found: dict[str, float] = {}
+        by_class: dict[str, float] = {}
         for node, price in self.limit_prices.items():
-            found[class_of(node)] = found.get(class_of(node), 0.0) + price
-        return dict(sorted(found.items(), key=lambda each: -each[1]))
+            by_class[class_of(node)] = by_class.get(class_of(node), 0.0) + price
+        return dict(sorted(by_class.items(), key=lambda item: -item[1]))
 
     @property
     def bottleneck(self) -> str | None:
@@ -116,8 +116,8 @@ def plan_mission(mission: Mission) -> Plan:
     Args:
         mission: what is asked.
     """
-    known, assumed = with_known_start(mission)
-    return replace(_planned(known), assumed=assumed)
+    complete, assumed = with_complete_start(mission)
+    return replace(_planned(complete), assumed=assumed)
 
 
 def _planned(mission: Mission) -> Plan:
@@ -136,22 +136,22 @@ def _planned(mission: Mission) -> Plan:
     return _resting(program, part)
 
 
-def _misses(mission: Mission, found: Solution) -> bool:
-    return mission.deadline is not None and found.total > mission.deadline + 1e-6 * mission.deadline
+def _misses(mission: Mission, solution: Solution) -> bool:
+    return mission.deadline is not None and solution.total > mission.deadline + 1e-6 * mission.deadline
 
 
-def _rise(program: Program, found: Solution, goal: Goal) -> float | None:
+def _rise(program: Program, solution: Solution, goal: Goal) -> float | None:
     """By how much all limits would have to rise for all to be done in time [K].
 
-    Newton's method on the prices, kept between what is known to be too little and what is known to be enough.
+    Newton's method on the prices, kept between what proved too little and what proved enough.
     """
     mission, raised, little = program.mission, 0.0, 0.0
     if mission.deadline is not None and mission.fastest > mission.deadline:
         return None
     enough: float | None = None
     for _ in range(_SEARCHES):
-        lack = _lack(mission, found, goal)
-        if lack <= _CLOSE:
+        shortfall = _shortfall(mission, solution, goal)
+        if shortfall <= _CLOSE:
             enough = raised
             if goal == "time":
                 return raised
@@ -159,30 +159,31 @@ def _rise(program: Program, found: Solution, goal: Goal) -> float | None:
             little = raised
         if enough is not None and enough - little <= max(_FINE, _FINE * enough):
             return enough
-        slope = sum(abs(price) for name, price in found.prices.items() if name.startswith("limit."))
-        raised += lack / slope if slope > _COUNTS else _FARTHEST
+        slope = sum(abs(price) for name, price in solution.prices.items() if name.startswith("limit."))
+        raised += shortfall / slope if slope > _COUNTS else _FARTHEST
         if enough is not None and not little < raised < enough - _FINE / 2:
             raised = (little + enough) / 2
         if raised > _FARTHEST:
             return None
         lifted = {node: limit + raised for node, limit in mission.limits.items()}
-        found = program.solve(goal, limits=lifted, deadline=mission.deadline if goal == "work" else None, near=found)
-        if not found.success:
+        deadline = mission.deadline if goal == "work" else None
+        solution = program.solve(goal, limits=lifted, deadline=deadline, near=solution)
+        if not solution.success:
             break
     return enough
 
 
-def _lack(mission: Mission, found: Solution, goal: Goal) -> float:
+def _shortfall(mission: Mission, solution: Solution, goal: Goal) -> float:
     """What is missing [s]: work, or time until the deadline."""
     if goal == "time":
-        return found.total - (mission.deadline or np.inf)
-    return sum(activity.work for activity in mission.activities) - found.work(mission)
+        return solution.total - (mission.deadline or np.inf)
+    return sum(activity.work for activity in mission.activities) - solution.work(mission)
 
 
-def _finished(program: Program, verdict: Verdict, found: Solution, raised: float | None) -> Plan:
+def _finished(program: Program, verdict: Verdict, solution: Solution, raised: float | None) -> Plan:
     """The plan replayed, and found again for limits a little lower where the replay passes one."""
     mission, lowered = program.mission, 0.0
-    plan = _plan(program, verdict, found, lowered, raised)
+    plan = _plan(program, verdict, solution, lowered, raised)
     for _ in range(_TIGHTENINGS):
         beyond = max((plan.peaks[node] - limit for node, limit in mission.limits.items()), default=0.0)
         if beyond <= _EXACT:
@@ -190,7 +191,7 @@ def _finished(program: Program, verdict: Verdict, found: Solution, raised: float
         lowered += beyond + _EXACT
         limits = {node: limit - lowered for node, limit in mission.limits.items()}
         goal: Goal = "work" if verdict == "cut" else "time"
-        again = program.solve(goal, limits=limits, deadline=mission.deadline if goal == "work" else None, near=found)
+        again = program.solve(goal, limits=limits, deadline=mission.deadline if goal == "work" else None, near=solution)
         if not again.success:
             break
         plan = _plan(program, verdict, again, lowered, raised)
@@ -199,25 +200,25 @@ def _finished(program: Program, verdict: Verdict, found: Solution, raised: float
     return plan
 
 
-def _plan(program: Program, verdict: Verdict, found: Solution, lowered: float, raised: float | None) -> Plan:
-    mission, kept = program.mission, np.flatnonzero(found.time > _SHORTEST)
+def _plan(program: Program, verdict: Verdict, solution: Solution, lowered: float, raised: float | None) -> Plan:
+    mission, kept = program.mission, np.flatnonzero(solution.time > _SHORTEST)
     segments = [program.segments[k] for k in kept.tolist()]
-    time, speed, load = found.time[kept], found.speed[kept], found.load[kept]
-    course = replay(mission, segments, time, speed, load)
+    time, speed, load = solution.time[kept], solution.speed[kept], solution.load[kept]
+    course = simulate_plan(mission, segments, time, speed, load)
     return Plan(
-        mission, verdict, segments, time, speed, load, found.share, course, program.peaks(found), lowered,
-        found.prices, raised, found.status,
+        mission, verdict, segments, time, speed, load, solution.share, course, program.peaks(solution), lowered,
+        solution.prices, raised, solution.status,
     )  # fmt: skip
 
 
 def _resting(program: Program, failed: Solution) -> Plan:
     """All drives off until the deadline: the safest plan there is."""
     mission = program.mission
-    rest = next((each for each in program.segments if each.gait is mission.rest), None)
+    rest = next((segment for segment in program.segments if segment.gait is mission.rest), None)
     segments = [] if rest is None else [rest]
     time = np.full(len(segments), mission.deadline or mission.longest_rest)
     still = np.zeros(len(segments))
-    course = replay(mission, segments, time, still, still)
+    course = simulate_plan(mission, segments, time, still, still)
     share = np.zeros(len(mission.activities))
     return Plan(mission, "none", segments, time, still, still, share, course, {}, 0.0, {}, None, failed.status)
 

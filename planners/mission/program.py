@@ -1,4 +1,9 @@
-"""The program of a mission handed to IPOPT: two starts, the better answer, and what each limit is worth."""
+"""A mission as one nonlinear program for IPOPT: speeds, rests, loads and all temperatures are sought together.
+
+Direct collocation with Radau IIA of order 5, a few elements for each piece of the mission: it is L-stable, so that a
+winding of seconds doesn't ask for small steps in an hour's walk. The program isn't convex: it is solved from two starts
+and the better answer is kept. Its multipliers say what each limit is worth.
+"""
 
 from __future__ import annotations
 
@@ -11,9 +16,8 @@ import numpy as np
 
 from lptn.basics.arrays import FloatArray
 
-from .activities import Mission
-from .replay import replay
-from .transcription import PARAMETERS, TIME, Transcription
+from .mission import Mission, segments_of
+from .simulation import simulate_plan
 
 Goal = Literal["time", "work"]
 """Least time; or the most work within the deadline."""
@@ -25,6 +29,140 @@ _IPOPT = {
     "mumps_permuting_scaling": 0, "mumps_scaling": 0,
 }  # fmt: skip
 _OPTIONS: dict[str, Any] = {"print_time": False, "ipopt": _IPOPT}
+ELEMENTS, DEGREE, _GRADING = 4, 3, 1.5  # the temperatures change fastest when a piece begins
+TIME, LOAD = 1000.0, 10.0  # s, kg: sizes that make the program's numbers about one
+_TIDY = 1e-7  # of plans equally fast the one with the smaller loads' squares is meant
+_HASTE = 1e-4  # of plans that do equally much the faster is meant; too little to show in a price
+_COLD, _HOT = 10.0, 1000.0  # K below and above what is given: beyond runaway the formulas have other roots
+PARAMETERS = ("ambient", "carry", "deadline")
+
+
+class Transcription:
+    """The expressions of one mission's program.
+
+    Unknowns are the temperatures at the stages, the pace of each segment (speed, or time where it stays), the load
+    and the share done of each activity. The temperatures' limits are bounds of the first.
+
+    Args:
+        mission: what is asked.
+    """
+
+    def __init__(self, mission: Mission) -> None:
+        self.mission, self.segments = mission, segments_of(mission)
+        self.states = len(mission.model.states)
+        self.stages = ELEMENTS * DEGREE * len(self.segments)
+        """Points in time at which the temperatures are sought."""
+        self._ambient, self._carry, self._deadline = (ca.MX.sym(name) for name in PARAMETERS)
+        self._start, self._for_work = ca.MX.sym("start", self.states), ca.MX.sym("for_work")
+        activities = len(mission.activities)
+        self._pace = ca.MX.sym("pace", len(self.segments))
+        self._loads, self._shares = ca.MX.sym("load", activities), ca.MX.sym("share", activities)
+        self._path()
+        self._write()
+
+    @property
+    def choices(self) -> tuple[FloatArray, FloatArray]:
+        """Least and greatest of what is chosen: paces, loads, shares; shape (segments + 2 activities,)."""
+        activities = self.mission.activities
+        bounds = [
+            activities[segment.activity].speed if segment.travels else (segment.time[0] / TIME, segment.time[1] / TIME)
+            for segment in self.segments
+        ]
+        bounds += [(low / LOAD, high / LOAD) for low, high in (activity.load for activity in activities)]
+        bounds += [(1.0, 1.0)] * len(activities)
+        return np.array([low for low, _ in bounds]), np.array([high for _, high in bounds])
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """Temperatures [degC] beyond which no solution is sought."""
+        given = [self.mission.ambient, *self.mission.start.tolist()]
+        return min(given) - _COLD, max(given) + _HOT
+
+    def ceilings(self, limits: dict[str, float]) -> FloatArray:
+        """Greatest temperature of each state at each stage [degC], shape (states, stages).
+
+        What begins too hot has to be below its limit when the rest that comes first ends.
+        """
+        mission = self.mission
+        ceilings = np.full((self.states, self.stages), self.range[1])
+        leading = next(
+            (k for k, segment in enumerate(self.segments) if segment.gait is not mission.rest), len(self.segments)
+        )
+        for node, limit in limits.items():
+            first = max(leading * ELEMENTS * DEGREE - 1, 0) if node in mission.too_hot else 0
+            ceilings[mission.model.nodes.index(node), first:] = limit
+        return ceilings
+
+    def clock(self, time: FloatArray) -> FloatArray:
+        """When the stages are [s], shape (stages,), for segments that last so long."""
+        inside = np.array(ca.collocation_points(DEGREE, "radau"))
+        shares = (_grid()[:-1, None] + np.diff(_grid())[:, None] * inside).ravel()
+        begins = np.concatenate([[0.0], np.cumsum(time)[:-1]])
+        return np.asarray((begins[:, None] + time[:, None] * shares).ravel())
+
+    # --- expressions --------------------------------------------------------------------------
+
+    def _path(self) -> None:
+        """Time, speed and load of each segment."""
+        times, speeds, loads = [], [], []
+        for k, segment in enumerate(self.segments):
+            inserted, pace = segment.activity < 0, self._pace[k]
+            share = ca.MX(1) if inserted else self._shares[segment.activity]
+            times.append(share * (segment.length / pace if segment.travels else pace * TIME))
+            speeds.append(pace if segment.travels else ca.MX(0))
+            loads.append(ca.MX(0) if inserted else self._loads[segment.activity] * LOAD)
+        self._time, self._speed, self._load = ca.vertcat(*times), ca.vertcat(*speeds), ca.vertcat(*loads)
+
+    def _inputs(self) -> Any:
+        """The model's inputs in each segment, shape (inputs, segments)."""
+        functions: dict[str, Any] = {}
+        columns = []
+        for k, segment in enumerate(self.segments):
+            gait = segment.gait
+            if gait.name not in functions:
+                v, m, air = ca.SX.sym("v"), ca.SX.sym("m"), ca.SX.sym("air")
+                u = gait.inputs(v, m)
+                for row, column in enumerate(self.mission.model.inputs):
+                    u[row] = air if column.startswith("temperature.") else v if column == "speed.base" else u[row]
+                functions[gait.name] = ca.Function("gait", [v, m, air], [u])
+            columns.append(functions[gait.name](self._speed[k], self._load[k], self._ambient))
+        return ca.horzcat(*columns)
+
+    def _element(self) -> Any:
+        """(x before, stages, inputs, length) -> how far the stages are from the heat balance."""
+        model = self.mission.model
+        x, z, h = ca.SX.sym("x", self.states), ca.SX.sym("z", self.states, DEGREE), ca.SX.sym("h")
+        u = ca.SX.sym("u", len(model.inputs))
+        derivative, _, _ = ca.collocation_coeff(ca.collocation_points(DEGREE, "radau"))
+        slopes = ca.mtimes(ca.horzcat(x, z), derivative)
+        rates = ca.horzcat(*[model.rhs(z[:, j], u, model.values) for j in range(DEGREE)])
+        return ca.Function("element", [x, ca.vec(z), u, h], [ca.vec(slopes - h * rates)])
+
+    def _write(self) -> None:
+        rows, count = self.states * DEGREE, ELEMENTS * len(self.segments)
+        stages = ca.MX.sym("stages", rows, count)
+        before = ca.horzcat(self._start, stages[rows - self.states :, :-1])
+        owner = np.repeat(np.arange(len(self.segments)), ELEMENTS).tolist()
+        lengths = ca.horzcat(*[self._time[k] * part for k in range(len(self.segments)) for part in np.diff(_grid())])
+        balance = self._element().map(count)(before, stages, self._inputs()[:, owner], lengths)
+        sought = [k for k, activity in enumerate(self.mission.activities) if activity.chooses_load]
+        carried = ca.sum1(self._loads[sought]) if sought else self._carry / LOAD
+        total = ca.sum1(self._time) / TIME
+        # Rests that were asked for are no work, but kept where they cost nothing.
+        counts = [activity.work or 2 * _HASTE * activity.least_time for activity in self.mission.activities]
+        work = ca.dot(self._shares, ca.DM(counts)) / TIME
+        cost = self._for_work * (_HASTE * total - work) + (1 - self._for_work) * total + _TIDY * ca.sumsqr(self._loads)
+        self.w = ca.vertcat(ca.vec(stages), self._pace, self._loads, self._shares)
+        self.p = ca.vertcat(self._ambient, self._carry, self._deadline, self._start, self._for_work)
+        self.f = cost
+        self.g = ca.vertcat(ca.vec(balance), total - self._deadline / TIME, self._carry / LOAD - carried)
+        """Zero, but for the last two, which are at most zero."""
+        self.look = ca.Function("look", [self.w], [self._time, self._speed, self._load, self._shares])
+
+
+def _grid() -> FloatArray:
+    """Ends of the elements as shares of a segment."""
+    return np.asarray((np.arange(ELEMENTS + 1) / ELEMENTS) ** _GRADING)
 
 
 @dataclass(frozen=True)
@@ -33,7 +171,7 @@ class Solution:
 
     Args:
         success: whether it converged; if not, nothing else means anything.
-        status: its word.
+        status: IPOPT's return status.
         time: of each segment [s].
         speed: in each segment [m/s].
         load: in each segment [kg].
@@ -103,13 +241,16 @@ class Program:
         lower, upper = self._bounds(goal, ceilings)
         if near is not None:
             return self._solve(near.raw, p, lower, upper, goal)
-        found = [self._solve(self._guess(eagerness, ceilings), p, lower, upper, goal) for eagerness in _STARTS]
-        return max(found, key=lambda each: (each.success, each.work(mission) if goal == "work" else -each.total))
+        solutions = [self._solve(self._guess(eagerness, ceilings), p, lower, upper, goal) for eagerness in _STARTS]
+        return max(
+            solutions,
+            key=lambda solution: (solution.success, solution.work(mission) if goal == "work" else -solution.total),
+        )
 
-    def peaks(self, found: Solution) -> dict[str, float]:
+    def peaks(self, solution: Solution) -> dict[str, float]:
         """Greatest temperature of each limited node at the program's stages [degC], once the first rest is over."""
         written, mission = self._written, self.mission
-        states = found.raw[: written.states * written.stages].reshape(-1, written.states).T
+        states = solution.raw[: written.states * written.stages].reshape(-1, written.states).T
         states = np.where(written.ceilings(mission.limits) < written.range[1], states, -np.inf)
         return {node: float(states[mission.model.nodes.index(node)].max()) for node in mission.limits}
 
@@ -127,21 +268,21 @@ class Program:
         mix = np.full(least.size, eagerness)
         mix[: len(self.segments)][[segment.activity < 0 for segment in self.segments]] = 1 - eagerness
         choice = least + mix * (most - least)
-        time, speed, load, _ = self._seen(np.concatenate([np.zeros(ceilings.size), choice]))
-        course = replay(self.mission, self.segments, time, speed, load)
+        time, speed, load, _ = self._choices(np.concatenate([np.zeros(ceilings.size), choice]))
+        course = simulate_plan(self.mission, self.segments, time, speed, load)
         clock = written.clock(time)
         states = np.array([np.interp(clock, course.time, row) for row in course.states])
         return np.concatenate([states.clip(written.range[0] + 1, ceilings - 1).T.ravel(), choice])
 
-    def _seen(self, point: Any) -> list[FloatArray]:
-        return [each.full().ravel() for each in self._written.look(point)]
+    def _choices(self, point: Any) -> list[FloatArray]:
+        return [value.full().ravel() for value in self._written.look(point)]
 
     def _solve(self, start: FloatArray, p: FloatArray, lower: FloatArray, upper: FloatArray, goal: Goal) -> Solution:
         rows = int(self._solver.size1_out("g"))
         least = np.concatenate([np.zeros(rows - 2), np.full(2, -np.inf)])
         done = self._solver(x0=start, p=p, lbx=lower, ubx=upper, lbg=least, ubg=np.zeros(rows))
         stats = self._solver.stats()
-        time, speed, load, share = self._seen(done["x"])
+        time, speed, load, share = self._choices(done["x"])
         return Solution(
             bool(stats["success"]),
             str(stats["return_status"]),
@@ -162,6 +303,6 @@ class Program:
         prices.pop("deadline")
         size = self._written.states * self._written.stages
         ceilings = unit * done["lam_x"].full().ravel()[:size].reshape(-1, self._written.states).clip(min=0.0)
-        each = ceilings.sum(axis=0)
+        by_state = ceilings.sum(axis=0)
         nodes = self.mission.model.nodes
-        return prices | {f"limit.{node}": float(each[nodes.index(node)]) for node in self.mission.limits}
+        return prices | {f"limit.{node}": float(by_state[nodes.index(node)]) for node in self.mission.limits}

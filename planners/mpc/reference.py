@@ -73,13 +73,13 @@ class Reference:
         lower = np.concatenate([np.ravel(_FLOOR * most), np.full(n * len(start), -ca.inf), np.zeros(n * len(nodes))])
         upper = np.concatenate([np.ravel(most), np.full(n * (len(start) + len(nodes)), ca.inf)])
         guess = np.concatenate([np.ravel(0.5 * most), np.tile(start, n), np.full(n * len(nodes), 0.1)])
-        known = [start, np.ravel(request**2), np.ravel(conditions), np.ravel(weight),
+        parameters = [start, np.ravel(request**2), np.ravel(conditions), np.ravel(weight),
                  np.zeros(len(start)) if bias is None else bias, p]  # fmt: skip
-        known.append(settings.limits_from(start[nodes]).T.ravel())
+        parameters.append(settings.limits_from(start[nodes]).T.ravel())
         bounds = np.zeros(n * (len(start) + len(nodes)))
         low = bounds.copy()
         low[n * len(start) :] = -ca.inf
-        solution = self._solver(x0=guess, lbx=lower, ubx=upper, lbg=low, ubg=bounds, p=np.concatenate(known))
+        solution = self._solver(x0=guess, lbx=lower, ubx=upper, lbg=low, ubg=bounds, p=np.concatenate(parameters))
         flat = np.asarray(solution["x"]).ravel()
         scale, states, slack = np.split(flat, [n * joints, n * (joints + len(start))])
         scale = np.clip(scale.reshape(n, joints), 0, most)

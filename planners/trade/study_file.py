@@ -13,7 +13,7 @@ from pydantic import Field, TypeAdapter, ValidationError
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError, shown
 from lptn.basics.places import matching
-from lptn.basics.toml import text_of, told_by_line, toml_of
+from lptn.basics.toml import mistakes_by_line, text_of, toml_of
 from lptn.model.file import Number, Strict, parse_model, read_model_file
 from lptn.model.network import Network
 from lptn.robots.presets import presets
@@ -163,7 +163,7 @@ def parse_study(text: str, path: Path) -> Study:
     Raises:
         InputError: with the line of the mistake.
     """
-    with told_by_line(path, text):
+    with mistakes_by_line(path, text):
         tables = File.model_validate(toml_of(path, text))
         return _study(tables, path)
 

@@ -267,7 +267,7 @@ def test_a_stance_that_cannot_be_is_named(stance: Stance, said: str) -> None:
 
 
 def test_what_does_not_fit_the_model_is_named() -> None:
-    with pytest.raises(InputError, match="no such node"):
+    with pytest.raises(InputError, match="no such place"):
         LoadSharing(model(), load_body(), {"knee": 60.0})
     with pytest.raises(InputError, match="no temperature"):
         sharing().share(POSTURES["bent"], {"FR_hip": 30.0})

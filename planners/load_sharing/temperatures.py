@@ -1,4 +1,4 @@
-"""How warm the joints get under constant torques: along time, at a horizon, and what each torque adds there."""
+"""Temperatures of a standing robot under constant torques: over time, at a horizon, and each torque's share there."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _RATE = 1.0  # greatest product of a step and the fastest rate
 _NUDGE = 1.0  # (N·m)², by which a squared torque is moved to see what it adds
 
 
-class Heating:
+class StandingTemperatures:
     """A thermal model that stands: torques are held, nothing moves.
 
     Args:
@@ -79,7 +79,9 @@ class Heating:
             by_node = np.full(len(nodes), float(temperatures))
         if not np.isfinite(by_node).all():
             node = nodes[int(np.argmin(np.isfinite(by_node)))]
-            raise InputError("temperatures", node, "no number", "a temperature [degC]; the limit where none is known")
+            raise InputError(
+                "temperatures", node, "no number", "a temperature [degC]; the limit where there is no reading"
+            )
         return np.asarray(by_node[np.array(self.model.owners)])
 
     def reached(self, start: FloatArray, torques: FloatArray, limits: FloatArray, horizon: float) -> tuple[float, int]:
@@ -102,10 +104,10 @@ class Heating:
                 k = int(passed.argmax())
                 before, after = path[:nodes, k - 1], path[:nodes, k]
                 over = after >= limits
-                part = np.full(nodes, np.inf)
-                part[over] = (limits - before)[over] / (after - before)[over]
-                found = time + h * (k - 1 + float(part.min()))
-                return (found, int(part.argmin())) if found <= horizon else (np.inf, -1)
+                share = np.full(nodes, np.inf)  # of the step, until each node is at its limit
+                share[over] = (limits - before)[over] / (after - before)[over]
+                reached = time + h * (k - 1 + float(share.min()))
+                return (reached, int(share.argmin())) if reached <= horizon else (np.inf, -1)
             x, time = path[:, -1], time + _STEPS * h
         return np.inf, -1
 

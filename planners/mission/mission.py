@@ -1,4 +1,4 @@
-"""A mission: what is to be done, what may be chosen, what must hold; times in s, temperatures in degC, all else SI."""
+"""A mission: activities, what may be chosen, what must hold; times in s, temperatures in degC, all else SI."""
 
 from __future__ import annotations
 
@@ -10,10 +10,8 @@ import numpy as np
 from lptn.basics.arrays import FloatArray
 from lptn.model.model import Model
 
-from .gait import Gait
+from .gait import REST, Gait
 
-REST = "rest"
-"""The gait with all drives off."""
 GivesUp = Literal["deadline", "distance"]
 Range = tuple[float, float]
 
@@ -70,7 +68,7 @@ class Mission:
         rest: the gait of a rest, for rests that the planner inserts; `None` where it may insert none.
         longest_rest: of each inserted rest [s].
         limits: greatest temperature by node [degC].
-        start: states at the start [degC], shape (states,); NaN where it is not known.
+        start: states at the start [degC], shape (states,); NaN where there is no reading.
         ambient: of the air [degC].
         deadline: of the whole [s], `None` for none.
         carry: least sum of the loads that are sought [kg].
@@ -103,20 +101,20 @@ class Mission:
         return [node for node, most in self.limits.items() if self.start[self.model.nodes.index(node)] > most]
 
 
-def with_known_start(mission: Mission) -> tuple[Mission, tuple[str, ...]]:
-    """The mission with a temperature for every node, and the nodes that for want of one are put at their limit.
+def with_complete_start(mission: Mission) -> tuple[Mission, tuple[str, ...]]:
+    """The mission with a temperature for every node, and the nodes that for want of a reading are put at their limit.
 
-    What has no limit is taken to be as hot as the hottest that is known.
+    A node without a limit is taken to be as hot as the hottest reading.
     """
-    unknown = ~np.isfinite(mission.start)
-    if not unknown.any():
+    unread = ~np.isfinite(mission.start)
+    if not unread.any():
         return mission, ()
-    model, known = mission.model, mission.start[~unknown]
-    hottest = float(known.max()) if known.size else max(mission.ambient, *mission.limits.values())
+    model, read = mission.model, mission.start[~unread]
+    hottest = float(read.max()) if read.size else max(mission.ambient, *mission.limits.values())
     owners = [model.nodes[owner] for owner in model.owners]
     assumed = np.array([mission.limits.get(node, hottest) for node in owners])
-    nodes = tuple(dict.fromkeys(node for node, missing in zip(owners, unknown, strict=True) if missing))
-    return replace(mission, start=np.where(unknown, assumed, mission.start)), nodes
+    nodes = tuple(dict.fromkeys(node for node, missing in zip(owners, unread, strict=True) if missing))
+    return replace(mission, start=np.where(unread, assumed, mission.start)), nodes
 
 
 @dataclass(frozen=True)
@@ -142,20 +140,20 @@ class Segment:
 
 def segments_of(mission: Mission) -> list[Segment]:
     """The pieces of a mission in order, with the rests that the planner may insert."""
-    found: list[Segment] = []
+    segments: list[Segment] = []
     for number, activity in enumerate(mission.activities):
-        named = f"{activity.do} {1 + sum(each.do == activity.do for each in mission.activities[:number])}"
+        named = f"{activity.do} {1 + sum(earlier.do == activity.do for earlier in mission.activities[:number])}"
         for part in range(activity.pieces):
-            if mission.rest is not None and not _rests(mission.rest, found, activity):
-                found.append(Segment("rest", -1, mission.rest, 0.0, False, (0.0, mission.longest_rest)))
+            if mission.rest is not None and not _rests(mission.rest, segments, activity):
+                segments.append(Segment("rest", -1, mission.rest, 0.0, False, (0.0, mission.longest_rest)))
             name = named if activity.pieces == 1 else f"{named}, part {part + 1} of {activity.pieces}"
             low, high = (limit / activity.pieces for limit in activity.duration)
             length = low if activity.distance is None else activity.distance / activity.pieces
-            found.append(Segment(name, number, activity.gait, length, activity.travels, (low, high)))
-    return found
+            segments.append(Segment(name, number, activity.gait, length, activity.travels, (low, high)))
+    return segments
 
 
-def _rests(rest: Gait, found: list[Segment], activity: Activity) -> bool:
-    """Whether a rest here would touch one that is there already, or stand before one whose time is sought."""
-    before = bool(found) and found[-1].gait is rest
+def _rests(rest: Gait, segments: list[Segment], activity: Activity) -> bool:
+    """Whether a rest here would follow another one, or precede one whose time is sought."""
+    before = bool(segments) and segments[-1].gait is rest
     return before or (activity.gait is rest and activity.duration[1] > activity.duration[0])

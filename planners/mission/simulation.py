@@ -1,4 +1,4 @@
-"""A plan driven through the model in fine steps, to check the few steps of the program that found it."""
+"""A plan simulated in fine steps, to check the few steps of the program, and to give it temperatures to start from."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from lptn.basics.arrays import FloatArray
 from lptn.model.model import Model
 
-from .activities import Mission, Segment
+from .mission import Mission, Segment
 
 _STEP = 1.0  # s
 _BLOCK = 32  # steps that one call takes
@@ -36,16 +36,18 @@ class Course:
 
 def inputs_of(mission: Mission, segment: Segment, speed: float, load: float) -> FloatArray:
     """The model's inputs in a segment, shape (inputs,)."""
-    found = segment.gait.at(speed, load)
+    inputs = segment.gait.at(speed, load)
     for row, column in enumerate(mission.model.inputs):
         if column.startswith("temperature."):
-            found[row] = mission.ambient
+            inputs[row] = mission.ambient
         elif column == "speed.base":
-            found[row] = speed
-    return found
+            inputs[row] = speed
+    return inputs
 
 
-def replay(mission: Mission, segments: list[Segment], time: FloatArray, speed: FloatArray, load: FloatArray) -> Course:
+def simulate_plan(
+    mission: Mission, segments: list[Segment], time: FloatArray, speed: FloatArray, load: FloatArray
+) -> Course:
     """Simulate a plan.
 
     Args:
@@ -59,10 +61,10 @@ def replay(mission: Mission, segments: list[Segment], time: FloatArray, speed: F
     run = model.run(_BLOCK)
     clock, states, ends = [0.0], [mission.start[:, None]], []
     count = 0
-    for segment, lasting, v, m in zip(segments, time.tolist(), speed.tolist(), load.tolist(), strict=True):
+    for segment, duration, v, m in zip(segments, time.tolist(), speed.tolist(), load.tolist(), strict=True):
         u = inputs_of(mission, segment, v, m)
-        blocks = max(1, ceil(lasting / (_BLOCK * _step(model, states[-1][:, -1], u))))
-        h = lasting / (_BLOCK * blocks)
+        blocks = max(1, ceil(duration / (_BLOCK * _step(model, states[-1][:, -1], u))))
+        h = duration / (_BLOCK * blocks)
         begin = clock[-1]
         for block in range(blocks):
             path = run(states[-1][:, -1], np.repeat(u[:, None], _BLOCK, axis=1), values, h).full()
@@ -70,7 +72,7 @@ def replay(mission: Mission, segments: list[Segment], time: FloatArray, speed: F
             clock += (begin + h * (block * _BLOCK + np.arange(1, _BLOCK + 1))).tolist()
         count += blocks * _BLOCK
         ends.append(count)
-    leading = next((k for k, each in enumerate(segments) if each.gait is not mission.rest), len(segments))
+    leading = next((k for k, segment in enumerate(segments) if segment.gait is not mission.rest), len(segments))
     return Course(np.array(clock), np.hstack(states), ends, ends[leading - 1] if leading else 0)
 
 
