@@ -230,18 +230,18 @@ def test_places_of_the_quadruped() -> None:
 @pytest.mark.parametrize(
     ("effect", "place", "robot", "message"),
     [
-        ("iron_loss", "pc", "quadruped", "place of iron_loss: moved 'pc'; expected one of FR_hip"),
-        ("conduction", "FR_hip~pc", "quadruped", "place of conduction: moved 'FR_hip~pc'; expected an edge such as"),
+        ("iron_loss", "pc", "quadruped", "place of iron_loss: found 'pc'; expected one of FR_hip"),
+        ("conduction", "FR_hip~pc", "quadruped", "place of conduction: found 'FR_hip~pc'; expected an edge such as"),
         (
             "sensor_position",
             "FL_calf~FR_calf",
             "quadruped",
             "place of sensor_position: .*; expected an edge such as .*, linked",
         ),
-        ("shared_mass", "pc", "quadruped", r"place of shared_mass: moved 'pc'; expected one of \*_hip, "),
-        ("ambient_lag", "*", "quadruped", "place of ambient_lag: moved '\\*'; expected one of ambient"),
-        ("radiation", "trunk", "quadruped", "place of radiation: moved 'trunk'"),
-        ("radiation", "FR_hip", "hexapod", "robot: moved 'hexapod'; expected one of leg, quadruped"),
+        ("shared_mass", "pc", "quadruped", r"place of shared_mass: found 'pc'; expected one of \*_hip, "),
+        ("ambient_lag", "*", "quadruped", "place of ambient_lag: found '\\*'; expected one of ambient"),
+        ("radiation", "trunk", "quadruped", "place of radiation: found 'trunk'"),
+        ("radiation", "FR_hip", "hexapod", "robot: found 'hexapod'; expected one of leg, quadruped"),
     ],
 )
 def test_unknown_place_is_refused(effect: str, place: str, robot: str, message: str) -> None:

@@ -4,13 +4,23 @@ from __future__ import annotations
 
 import inspect
 from itertools import pairwise
-from typing import get_type_hints
+from typing import Unpack, get_type_hints
 
 import numpy as np
 import pandas as pd
 import pytest
 
-from lptn.virtual import QUADRUPED_JOINTS, QUADRUPED_NODES, Hidden, Logs, Options, Run, Segment, quadruped_logs
+from lptn.virtual import (
+    QUADRUPED_JOINTS,
+    QUADRUPED_NODES,
+    Hidden,
+    Logs,
+    Options,
+    Run,
+    Segment,
+    quadruped_logs,
+    write_quadruped,
+)
 from lptn.virtual.motion import draw_motion
 from lptn.virtual.quadruped import _simulate
 from lptn.virtual.robot import Array, stream
@@ -199,12 +209,12 @@ def test_leg_and_quadruped_do_not_take_each_others_places() -> None:
 
 
 def test_both_writers_and_readers_take_the_same_options() -> None:
-    told = inspect.signature(quadruped_logs).parameters
-    done = inspect.signature(_simulate).parameters
-    assert {name: p.default for name, p in told.items() if name != "hidden"} == {
-        name: p.default for name, p in done.items() if name != "hidden"
-    }
-    assert set(get_type_hints(Options)) == set(told) - {"hidden"}
+    simulated = inspect.signature(_simulate).parameters
+    assert set(get_type_hints(Options)) == set(simulated) - {"hidden"}
+    assert [name for name, p in simulated.items() if p.default is p.empty] == ["hidden", "seed"]
+    for function in (quadruped_logs, write_quadruped):
+        assert get_type_hints(function)["options"] == Unpack[Options]
+        assert not set(inspect.signature(function).parameters) & set(get_type_hints(Options))
 
 
 @pytest.mark.parametrize(

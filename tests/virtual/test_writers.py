@@ -126,10 +126,10 @@ def test_command_writes_what_the_quadruped_s_function_makes(tmp_path: Path, caps
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ("--hidden iron_loss --at pc", "place of iron_loss: topics 'pc'; expected one of FR_hip"),
-        ("--rate 10", "rate: topics 10; expected one of 1, 100 Hz"),
-        ("--seed -4", "seed: topics -4"),
-        ("--scatter 9", "scatter: topics 9; expected 0 to 2"),
+        ("--hidden iron_loss --at pc", "place of iron_loss: found 'pc'; expected one of FR_hip"),
+        ("--rate 10", "rate: found 10; expected one of 1, 100 Hz"),
+        ("--seed -4", "seed: found -4"),
+        ("--scatter 9", "scatter: found 9; expected 0 to 2"),
     ],
 )
 def test_mistake_of_the_quadruped_is_said_in_one_line(
