@@ -13,8 +13,8 @@ checkout, *built = (Path(word) for word in sys.argv[1:])
 version = tomllib.loads((checkout / "pyproject.toml").read_text())["project"]["version"]
 said = subprocess.run(["lptn", "--version"], capture_output=True, text=True, check=True).stdout.strip()
 changes = (checkout / "CHANGELOG.md").read_text()
-told = {"lptn --version": said, "lptn.__version__": lptn.__version__}
-wrong = [name for name, found in told.items() if found != version]
+versions = {"lptn --version": said, "lptn.__version__": lptn.__version__}
+wrong = [name for name, found in versions.items() if found != version]
 wrong += [path.name for path in built if f"-{version}" not in path.name]
 wrong += [] if f"## {version}" in changes else ["CHANGELOG.md"]
 if wrong:

@@ -32,9 +32,15 @@ def test_each_package_and_its_files_are_in_the_wheel() -> None:
     assert all((place / "__init__.py").is_file() for place in places.values())
     on_disk = {path.parent for top in ("src/lptn", "fmu", "planners") for path in (ROOT / top).rglob("__init__.py")}
     assert {place.resolve() for place in places.values()} == {path.resolve() for path in on_disk}
+    data = setup["package-data"]
+    everywhere = data.get("*", [])  # setuptools' word for all packages
     carried = {
-        path for name, globs in setup["package-data"].items() for each in globs for path in places[name].glob(each)
+        path
+        for name, place in places.items()
+        for pattern in [*everywhere, *data.get(name, [])]
+        for path in place.glob(pattern)
     }
+    assert data.keys() - {"*"} <= places.keys()
     kinds = (".c", ".h", ".j2", ".css", ".pyi", ".typed", ".toml")
     tops = [places["lptn"], ROOT / "fmu", ROOT / "planners"]
     needed = {path for top in tops for path in top.rglob("*") if path.suffix in kinds or path.name == "py.typed"}
