@@ -6,26 +6,26 @@ The object that a person holds in a notebook; the commands and the report stand 
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, overload
 
 import pandas as pd
 
 from lptn.basics.errors import InputError
 from lptn.basics.files import write_whole
 from lptn.diagnose.advice import Advice, advise
-from lptn.diagnose.diagnosis import Diagnosis, Finding, continued, diagnose, for_search
-from lptn.diagnose.improvement import History, Step, effects_added, improve
+from lptn.diagnose.diagnosis import Diagnosis, Step, continued, diagnose, for_search
+from lptn.diagnose.improvement import History, effects_added, improve
 from lptn.identify.comparison import Comparison, Versus, compare, versus
-from lptn.identify.data import DataSplit, Log, Segment, holdout_segment, load_model, split_data
-from lptn.identify.fitting import Fit, finished
-from lptn.identify.validation import fit_split, holdout_errors
+from lptn.identify.data import DataSplit, Log, Segment, holdout_segment, load_model, split_data, warn_of_absent_runs
+from lptn.identify.fitting import Checkpoint, Fit, finished
+from lptn.identify.validation import SymmetryTrial, fit_split, holdout_errors
 from lptn.logs.run import Run
 from lptn.model.file import ModelFile, added
 from lptn.model.model import Model
-from lptn.model.network import EffectDeclaration
 
 if TYPE_CHECKING:
     from lptn.fmu.exporter import Exported
@@ -86,6 +86,9 @@ class Study:
         self._undone: list[Step] = []
         self._diagnoses: dict[int, Diagnosis] = {}  # by the number of the step
         self._improved: History | None = None  # while the steps are just those of one forward selection
+        self.symmetry_trials: tuple[SymmetryTrial, ...] = ()
+        """The symmetry penalties that the last fit tried, with their errors on held-out runs."""
+        warn_of_absent_runs(self._loaded.model.network, self.runs)
 
     # --- what there is ------------------------------------------------------------------------
 
@@ -146,12 +149,18 @@ class Study:
 
     # --- what to do ---------------------------------------------------------------------------
 
-    def fit(self, *, symmetry_penalty: float | Literal["auto"] = 0.0) -> Fit:
+    def fit(
+        self,
+        *,
+        symmetry_penalty: float | Literal["auto"] = 0.0,
+        checkpoint: Callable[[float], Checkpoint] | None = None,
+    ) -> Fit:
         """Fit the model as it is now to the runs that are there to fit.
 
         Args:
             symmetry_penalty: λ of the pull of left and right parameters towards each other; `"auto"` for the one best
                 on held-out runs.
+            checkpoint: where the search keeps its best point, for the λ that it uses; by default nowhere.
 
         Returns:
             The fitted model, with standard errors and warnings.
@@ -160,10 +169,18 @@ class Study:
             InputError: there is nothing to fit, or λ can't be chosen from these runs.
         """
         self._needs_fit_data()
-        done, _ = fit_split(self.model, self.data, symmetry_penalty, report=logger.info)
-        last = self._steps.pop() if self._steps else Step(None, None, (), None, done, None, None)
-        self._append(last.effect, last.at, last.indistinguishable, last.declaration, done)
+        done, trials = fit_split(
+            self.model, self.data, symmetry_penalty, checkpoint=checkpoint, report=logger.info
+        )
+        self.symmetry_trials = tuple(trials)
+        self._append(self._steps.pop() if self._steps else Step(done), done)
         return done
+
+    @overload
+    def compare(self, against: None = None) -> Comparison: ...
+
+    @overload
+    def compare(self, against: Study) -> Versus: ...
 
     def compare(self, against: Study | None = None) -> Comparison | Versus:
         """Predict the held-out runs, or the fitted ones where none is held out, and set them against what was measured.
@@ -192,10 +209,10 @@ class Study:
 
     def advise(self) -> Advice:
         """What to do next: the experiment that tells rivals apart, where heat is unexplained, runs that differ."""
-        diagnosis = self.diagnose()
-        return advise(diagnosis, diagnosis.fit, for_search(self.data), logger.info)
+        last = self.diagnose()
+        return advise(self._diagnoses.get(0, last), last.fit, for_search(self.data), logger.info)
 
-    def add(self, effect: str | Finding, at: str = "", *, run: str = "") -> Step:
+    def add(self, effect: str | Step, at: str = "", *, run: str = "") -> Step:
         """Add an effect to the model and refit, one step further.
 
         Args:
@@ -211,14 +228,11 @@ class Study:
         last = self._steps[-1].fit
         if isinstance(effect, str):
             where = f"{at}@{run}" if run else at
-            declaration = added(self.file, effect, where).network.effects[-1]
-            same: tuple[tuple[str, str], ...] = ()
-        else:
-            declaration, same = effect.refit.declaration, effect.indistinguishable
-        logger.info("fitting %s at %s", declaration.effect.key, declaration.where)
-        done = finished(continued(last, last.model.network.with_effects([declaration])))
+            effect = Step(last, added(self.file, effect, where).network.effects[-1])
+        logger.info("fitting %s at %s", effect.effect, effect.at)
+        network = last.model.network.with_effects([effect.declaration] if effect.declaration else [])
         self._undone.clear()
-        return self._append(declaration.effect.key, declaration.where, same, declaration, done)
+        return self._append(effect, finished(continued(last, network)))
 
     def undo(self) -> Study:
         """Take the last added effect back."""
@@ -322,16 +336,9 @@ class Study:
         if not self.data.fit:
             raise InputError("study", "fit", "no run", "one log or more to fit")
 
-    def _append(
-        self,
-        effect: str | None,
-        at: str | None,
-        same: tuple[tuple[str, str], ...],
-        declaration: EffectDeclaration | None,
-        fit: Fit,
-    ) -> Step:
+    def _append(self, step: Step, fit: Fit) -> Step:
         errors = (holdout_errors(fit, segments) for segments in (self.data.holdout, self.data.test))
-        step = Step(effect, at, same, declaration, fit, *errors)
+        step = replace(step, fit=fit, holdout=next(errors), test=next(errors))
         self._steps.append(step)
         self._diagnoses.pop(len(self._steps) - 1, None)
         self._improved = None

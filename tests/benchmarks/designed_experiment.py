@@ -25,9 +25,10 @@ import numpy as np
 from lptn import virtual
 from lptn.basics.places import EVERYWHERE, matching
 from lptn.diagnose.candidates import candidates
-from lptn.diagnose.diagnosis import TIE, Refit, criterion_difference, for_search, refit_all, tied
+from lptn.diagnose.diagnosis import Step, for_search, refit_all
 from lptn.diagnose.experiment import Experiment, possible_moves, propose
 from lptn.diagnose.experiment_runs import Move
+from lptn.diagnose.fit_statistics import TIE, criterion_difference, tied
 from lptn.diagnose.scores import score
 from lptn.identify.data import LoadedModel, load_model, split_data
 from lptn.identify.validation import fit_segments
@@ -159,23 +160,23 @@ def _load(ratio: float) -> float:
     return float(np.clip(ratio * (BODY + LOADED) - BODY, 0.0, MOST_LOAD))
 
 
-def lead(hidden: str, found: Sequence[Refit]) -> float:
+def lead(hidden: str, found: Sequence[Step]) -> float:
     """By how much the information criterion prefers the hidden effect to its rival; below 0 it prefers the rival."""
-    first, second = sorted(found, key=lambda each: each.candidate.effect.key != hidden)
+    first, second = sorted(found, key=lambda each: each.effect != hidden)
     return criterion_difference(second.fit, first.fit)
 
 
-def judged(hidden: str, found: Sequence[Refit]) -> str:
+def judged(hidden: str, found: Sequence[Step]) -> str:
     """Decided `right` or `wrong`, or `tied`."""
     if len(found) < 2:
         return "tied"
     first, second = found[:2]
     if tied(first.fit, second.fit):
         return "tied"
-    return "right" if first.candidate.effect.key == hidden else "wrong"
+    return "right" if first.effect == hidden else "wrong"
 
 
-def refits(loaded: LoadedModel, logs: Sequence[Path], rivals: Sequence[str], at: str) -> list[Refit]:
+def refits(loaded: LoadedModel, logs: Sequence[Path], rivals: Sequence[str], at: str) -> list[Step]:
     """The rivals fitted to these logs, the one that explains more first."""
     data = for_search(split_data(loaded.runs(logs)))
     base = fit_segments(loaded.model, data.fit)

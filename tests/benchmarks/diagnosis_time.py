@@ -13,7 +13,8 @@ import time
 from pathlib import Path
 
 from lptn.diagnose.candidates import candidates
-from lptn.diagnose.diagnosis import criterion_difference, examine, for_search, refit
+from lptn.diagnose.diagnosis import examine, for_search, refit
+from lptn.diagnose.fit_statistics import criterion_difference
 from lptn.identify.data import DataSplit, load_model, split_data
 from lptn.identify.fitting import Fit
 from lptn.identify.validation import fit_segments
@@ -63,10 +64,10 @@ def main() -> None:
     fitted = time.process_time()
     found = examine(base, coarse)
     ours = time.process_time() - fitted
-    print(f"baseline fit {fitted - start:.1f} s; diagnosis {ours:.1f} s: {found.verdict}, {found.findings[0].key}")
+    print(f"baseline fit {fitted - start:.1f} s; diagnosis {ours:.1f} s: {found.verdict}, {found.refits[0].key}")
     gains, count, spent = brute_force(base, coarse, chosen.most)
     print(f"brute force, {count} candidates: {spent:.0f} s, {spent / ours:.0f} times as long; best {gains[0][1]}")
-    print("first five: ours", [each.key for each in found.findings[:5]], "brute force", [key for _, key in gains[:5]])
+    print("first five: ours", [each.key for each in found.refits[:5]], "brute force", [key for _, key in gains[:5]])
 
 
 if __name__ == "__main__":

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lptn.diagnose.candidates import Candidate
-from lptn.diagnose.lack_of_fit import ByChance
+from lptn.diagnose.fit_statistics import NoiseLevel
 from lptn.diagnose.scores import Score, Scores, confusability
 from lptn.effects import catalogue
 
@@ -17,7 +17,7 @@ def _score(at: str, gain: float, direction: list[float]) -> Score:
 
 
 def _scores(*ranked: Score) -> Scores:
-    return Scores(list(ranked), np.ones(20), ByChance({}, {}), {}, 0.0)
+    return Scores(list(ranked), np.ones(20), NoiseLevel({}, {}), {}, 0.0)
 
 
 def test_the_matrix_holds_the_sizes_of_correlations() -> None:

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from lptn.diagnose.candidates import candidates
-from lptn.diagnose.diagnosis import diagnose, for_search, independent_readings, refit_all
+from lptn.diagnose.diagnosis import diagnose, for_search, refit_all
+from lptn.diagnose.fit_statistics import independent_readings
 from lptn.diagnose.scores import Scores, score
 from lptn.identify.validation import fit_segments
 from lptn.virtual import Hidden
@@ -21,7 +22,7 @@ from tests.diagnose.conftest import Leg
 def test_a_hidden_effect_is_named_with_its_place_and_the_held_out_error_falls(leg: Leg, hidden: Hidden) -> None:
     found = diagnose(*leg(hidden))
     assert found.verdict == "missing"
-    best = found.findings[0]
+    best = found.refits[0]
     assert best.key == (hidden.effect, hidden.at)
     assert best.p_value < 0.05
     assert found.holdout is not None
@@ -33,7 +34,7 @@ def test_a_hidden_effect_is_named_with_its_place_and_the_held_out_error_falls(le
 def test_what_differs_in_one_run_is_one_answer_with_what_differs_in_the_other_as_much(leg: Leg) -> None:
     """A large effect: refits that only rank are cut off long before they reach it; the held-out run tells which."""
     found = diagnose(*leg(Hidden("surface_scale", "FR_calf", size=3.0, run="fit1")))
-    first = found.findings[0]
+    first = found.refits[0]
     assert first.key == ("surface_scale", "FR_calf@fit1")
     assert ("surface_scale", "FR_calf@fit2") in first.indistinguishable
 
@@ -41,8 +42,8 @@ def test_what_differs_in_one_run_is_one_answer_with_what_differs_in_the_other_as
 def test_nothing_hidden_is_adequate(leg: Leg) -> None:
     found = diagnose(*leg())
     assert found.verdict == "adequate"
-    assert not found.findings
-    assert max(found.scores.lack.values()) < 1.5
+    assert not found.refits
+    assert max(found.scores.lack_of_fit.values()) < 1.5
 
 
 def test_nothing_hidden_is_adequate_on_a_sensor_of_1_k_steps(leg: Leg) -> None:
@@ -52,7 +53,7 @@ def test_nothing_hidden_is_adequate_on_a_sensor_of_1_k_steps(leg: Leg) -> None:
 def test_heat_that_no_effect_explains_is_called_unexplained(leg: Leg) -> None:
     found = diagnose(*leg(Hidden("heat_bursts", "FR_thigh")))
     assert found.verdict == "unexplained"
-    assert max(found.scores.lack, key=lambda node: found.scores.lack[node]) == "FR_thigh"
+    assert max(found.scores.lack_of_fit, key=lambda node: found.scores.lack_of_fit[node]) == "FR_thigh"
 
 
 def _scored(leg: Leg, hidden: Hidden) -> tuple[Scores, float, float]:
@@ -91,7 +92,7 @@ def test_chance_reaches_a_p_value_about_as_often_as_stated(leg: Leg) -> None:
         scores = score(base, candidates(model.network, data.fit[0].run.columns, runs))
         # Without the limit below which an effect is too small to be named, which would hide alarms.
         best = scores.ranked[0].gain
-        stated.append(float((1 + np.sum(scores.chance >= best)) / (1 + len(scores.chance))))
+        stated.append(float((1 + np.sum(scores.null_gains >= best)) / (1 + len(scores.null_gains))))
     assert sum(p < 0.1 for p in stated) <= 2
     assert max(stated) > 0.2  # nor is chance said to reach everything, or nothing
 
@@ -99,7 +100,7 @@ def test_chance_reaches_a_p_value_about_as_often_as_stated(leg: Leg) -> None:
 def test_p_values_run_from_chance_to_certainty(leg: Leg) -> None:
     scores, *_ = _scored(leg, Hidden("constant_heat", "FR_thigh"))
     assert scores.p_value(scores.negligible * 0.99) == 1.0
-    assert scores.p_value(scores.threshold * 100) == pytest.approx(1 / (1 + len(scores.chance)))
+    assert scores.p_value(scores.threshold * 100) == pytest.approx(1 / (1 + len(scores.null_gains)))
 
 
 def test_white_residuals_count_nearly_all_and_slow_ones_hardly(leg: Leg) -> None:

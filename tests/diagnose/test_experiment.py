@@ -17,8 +17,9 @@ from scipy.integrate import solve_ivp
 
 from lptn.basics.arrays import FloatArray
 from lptn.diagnose.candidates import candidates
-from lptn.diagnose.diagnosis import Refit, refit_all, tied
+from lptn.diagnose.diagnosis import Step, refit_all
 from lptn.diagnose.experiment import CLEAR, Experiment, noise_density, possible_moves, propose
+from lptn.diagnose.fit_statistics import tied
 from lptn.diagnose.scores import score
 from lptn.identify.data import split_data
 from lptn.identify.fitting import fit
@@ -115,7 +116,7 @@ def _model() -> Model:
     return Model(parse_model(MODEL, Path("knees.toml")).network)
 
 
-def _refits(runs: tuple[Run, ...], keys: tuple[tuple[str, str], ...]) -> list[Refit]:
+def _refits(runs: tuple[Run, ...], keys: tuple[tuple[str, str], ...]) -> list[Step]:
     """Both rivals refitted, the one that explains more first."""
     base = fit_segments(_model(), split_data(runs).fit)
     found = [each for each in candidates(_model().network, runs[0].columns) if each.key in keys]
@@ -133,11 +134,11 @@ class Case:
     speed: float
     minutes: int = 60
 
-    def before(self) -> tuple[Run, list[Refit]]:
+    def before(self) -> tuple[Run, list[Step]]:
         """The log, and the rivals on it."""
         return _before(self)
 
-    def after(self, experiment: Experiment) -> list[Refit]:
+    def after(self, experiment: Experiment) -> list[Step]:
         """The rivals on the log and on the proposed run, as the truth would have it."""
         log, _ = self.before()
         inputs = {
@@ -151,7 +152,7 @@ class Case:
 
 
 @cache
-def _before(case: Case) -> tuple[Run, list[Refit]]:
+def _before(case: Case) -> tuple[Run, list[Step]]:
     log = _log(case.truth, case.torque, case.speed, case.minutes)
     return log, _refits((log,), (case.name, case.rival))
 
@@ -170,7 +171,7 @@ def test_the_proposed_run_separates_what_the_log_could_not(case: Case) -> None:
     assert experiment is not None
     assert experiment.separates
     first, second = case.after(experiment)
-    assert first.candidate.key == case.name
+    assert first.key == case.name
     assert not tied(first.fit, second.fit)
 
 
@@ -238,7 +239,7 @@ def test_three_rivals_two_of_them_the_same_formula_leave_that_pair_undecided() -
     experiment = propose([*rivals, rivals[0]])
     assert experiment is not None
     assert experiment.separates
-    twice = rivals[0].candidate.key
+    twice = rivals[0].key
     assert experiment.indistinguishable == ((twice, twice),)
     assert "does not tell apart" in experiment.text()
 
@@ -252,7 +253,7 @@ def test_the_stated_deviations_are_what_an_exact_refit_shows() -> None:
     sigma = np.sqrt(noise_density(min(first.fit, second.fit, key=lambda each: each.cost)) / STEP)
     rises = []
     for true, wrong in ((first, second), (second, first)):
-        readings = experiment.predictions[true.candidate.key]
+        readings = experiment.predictions[true.key]
         inputs = {name: np.asarray(values) for name, values in experiment.run.columns.items()}
         new = bind(wrong.fit.model, _run("proposed", inputs, readings))
         alone, both = (

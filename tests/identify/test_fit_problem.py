@@ -15,8 +15,7 @@ from lptn.identify.fitting import fit
 from lptn.identify.problem import Problem
 from lptn.model.model import Model
 from lptn.model.network import EffectDeclaration, LinkDeclaration, Network, NodeDeclaration
-from tests.builders import bound_runs
-from tests.builders import AMBIENT, capacity, effect, make_run, random_run, resistance, with_every_effect
+from tests.builders import AMBIENT, bound_runs, capacity, effect, make_run, random_run, resistance, with_every_effect
 from tests.identify.truth import TRUTH, network, truth_run
 
 COARSE = 5.0  # s

@@ -10,8 +10,7 @@ import pytest
 from lptn.identify.noise import Noise, balanced_sigma, estimate_noise
 from lptn.logs.run import Run
 from lptn.model.model import Model
-from tests.builders import bound_runs
-from tests.builders import make_run, two_nodes
+from tests.builders import bound_runs, make_run, two_nodes
 
 N = 4000
 

@@ -182,7 +182,7 @@ def test_tables_hold_size_and_nodes(missing: Told) -> None:
     history, data = missing
     table = refit_table(history)
     place = table.heads.index("size / typical")
-    sizes = {finding.key: row[place] for finding, row in zip(history.first.findings, table.rows, strict=True)}
+    sizes = {finding.key: row[place] for finding, row in zip(history.first.refits, table.rows, strict=True)}
     typical = catalogue()["constant_heat"].amplitude()
     assert typical is not None
     assert float(sizes["constant_heat", NODES[0]]) == pytest.approx(HIDDEN / typical.typical, rel=0.1)

@@ -115,7 +115,7 @@ def test_ranking_on_both_scales(missing: Told, adequate: Told) -> None:
     for told in (missing, adequate):
         found = told[0].first
         figure = ranking(found, frozenset({("constant_heat", NODES[0])}))
-        assert len(figure.axes[0].patches) >= len(found.findings)
+        assert len(figure.axes[0].patches) >= len(found.refits)
 
 
 def test_two_models_are_called_by_their_names(missing: Told) -> None:

@@ -1,12 +1,10 @@
 from .candidates import Candidate as Candidate
 from .candidates import candidates as candidates
 from .diagnosis import Diagnosis as Diagnosis
-from .diagnosis import Finding as Finding
-from .diagnosis import Refit as Refit
+from .diagnosis import Step as Step
 from .diagnosis import Verdict as Verdict
 from .diagnosis import diagnose as diagnose
 from .improvement import History as History
-from .improvement import Step as Step
 from .improvement import improve as improve
 from .scores import Score as Score
 from .scores import Scores as Scores

@@ -65,10 +65,8 @@ def advise(found: Diagnosis, last: Fit, data: DataSplit, report: Report = lambda
         report: told what is being done.
     """
     report("looking for what is left, and for the next experiment")
-    named = found.findings[:1]
-    rivals = [
-        each.refit for each in found.findings if named and each.key in (named[0].key, *named[0].indistinguishable)
-    ]
+    answer = found.refits[:1]
+    rivals = [step for step in found.refits if answer and step.key in (answer[0].key, *answer[0].indistinguishable)]
     # What is missing shows in held-out runs as well: as long as it is not added, nothing is said of the runs.
     added = last is not found.fit or found.verdict != "missing"
     return Advice(

@@ -47,7 +47,7 @@ Report = Callable[[str], None]
 """Called with a sentence on what is being done."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Step:
     """A fitted model, and the effect that it has beyond the model before it.
 

@@ -13,7 +13,7 @@ import numpy as np
 from lptn.basics.arrays import FloatArray
 from lptn.basics.places import EVERYWHERE
 from lptn.basics.processes import one_blas_thread
-from lptn.diagnose.diagnosis import TIE, Refit, criterion_difference, independent_readings
+from lptn.diagnose.diagnosis import Key, Step
 from lptn.diagnose.experiment_runs import (
     STEP,
     Move,
@@ -26,7 +26,13 @@ from lptn.diagnose.experiment_runs import (
     program,
     unit_of,
 )
-from lptn.diagnose.lack_of_fit import misfits, stretches
+from lptn.diagnose.fit_statistics import (
+    TIE,
+    block_misfits,
+    block_numbers,
+    criterion_difference,
+    independent_readings,
+)
 from lptn.identify.fitting import Fit
 from lptn.identify.problem import Problem
 from lptn.logs.run import Run
@@ -87,7 +93,7 @@ class Rivals:
     def __init__(self, fits: Sequence[Fit]) -> None:
         self.fits = list(fits)
         self._density = noise_density(min(self.fits, key=lambda each: each.cost))
-        self._misfits = [misfits(each) for each in self.fits]
+        self._misfits = [block_misfits(each) for each in self.fits]
         self._priors = [self._prior(each) for each in self.fits]
 
     @property
@@ -135,7 +141,7 @@ class Rivals:
         best = self.fits[0]
         repeats = run.step / _mean_step(best)
         squares = np.sum((left / best.problem.sigma[:, None]) ** 2, axis=0) * repeats
-        new = np.bincount(stretches(bind(best.model, run)), squares)
+        new = np.bincount(block_numbers(bind(best.model, run)), squares)
         # What adapting to the new run costs on the old data shows all over them.
         seen = float(np.sum((left * weight[:, None]) ** 2))
         cost = new.sum() * max(rise - seen, 0.0) / seen if seen > 0 else 0.0
@@ -206,7 +212,7 @@ def _absorbed(
     return float(weighted @ weighted - pull @ change), left
 
 
-# --- The search among runs: single moves first, then durations, pairs and threes, then other temperatures of the air ---
+# --- The search among runs: single moves first, then durations, pairs and threes, then other air --
 
 
 _POWER = 0.84  # standard deviations that four cases of five stay above
@@ -330,10 +336,6 @@ def _worth(deviations: FloatArray) -> FloatArray:
 
 
 # --- How two rivals differ in a proposed run: by how much, where, when, and whether that decides ---
-
-
-Key = tuple[str, str]
-"""Effect and place."""
 
 
 class Difference(NamedTuple):
@@ -484,7 +486,7 @@ class Experiment:
 
 @one_blas_thread
 def propose(
-    rivals: Sequence[Refit],
+    rivals: Sequence[Step],
     *,
     minutes: float = 20.0,
     ambients: Sequence[float] | None = None,
@@ -522,16 +524,22 @@ def propose(
     return None if best is None else _experiment(rivals, search, best)
 
 
-def possible_moves(rivals: Sequence[Refit]) -> list[Move]:
+def possible_moves(rivals: Sequence[Step]) -> list[Move]:
     """The moves that a proposal is made of: joints in question, their classes, all; loaded, moving, or both.
 
     Args:
         rivals: refitted candidates of one baseline.
     """
-    return moves(_stage(rivals).logged, [place for rival in rivals for place in rival.candidate.places])
+    return moves(_stage(rivals).logged, [place for rival in rivals for place in _places(rival)])
 
 
-def _stage(rivals: Sequence[Refit]) -> Stage:
+def _places(rival: Step) -> list[str]:
+    """The single places where a rival's effect acts."""
+    instances = rival.fit.model.network.effect_instances
+    return [each.place for each in instances if (each.effect.key, each.declaration.where) == rival.key]
+
+
+def _stage(rivals: Sequence[Step]) -> Stage:
     bound_runs = rivals[0].fit.problem.bound_runs
     return Stage([rival.fit.model for rival in rivals], [bound.run for bound in bound_runs])
 
@@ -542,8 +550,8 @@ def _air(stage: Stage, ambients: Sequence[float] | None) -> list[float]:
     return [round(stage.ambient) + shift for shift in _OTHER_AIR] if ambients is None else list(ambients)
 
 
-def _experiment(rivals: Sequence[Refit], search: Search, best: Trial) -> Experiment:
-    keys = tuple(rival.candidate.key for rival in rivals)
+def _experiment(rivals: Sequence[Step], search: Search, best: Trial) -> Experiment:
+    keys = tuple(rival.key for rival in rivals)
     run = search.stage.run(best.program)
     predictions = search.rivals.predict(run)
     apart = search.rivals.apart(predictions, run)

@@ -1,11 +1,21 @@
-"""Forward selection: diagnose, add, refit, step by step, and the errors on the way down."""
+"""Forward selection: diagnose, add the missing effect, refit, step by step, and the errors on the way.
+
+Missing effects come in pairs whose first alone explains little, and short logs leave several first effects equally
+good. So all models that the fitted data can't tell apart are followed a step further, side by side:
+
+1. Each model that is followed is diagnosed; each of its refits beyond chance is a longer branch.
+2. Of these the best by misfit, and those tied with it, are fitted to the end and followed; so is what held-out data
+   prefer by more than any scatter.
+3. The search ends when a model is adequate, nothing helps, or a step has gained nothing.
+4. The held-out data decide which branch is kept, and how far; without them the information criterion does.
+5. Steps that later ones made superfluous are taken out, and each model left is fitted at full resolution.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
@@ -14,296 +24,74 @@ from lptn.diagnose.candidates import with_ambient_bias
 from lptn.diagnose.diagnosis import (
     MUCH_WORSE,
     SIGNIFICANT,
-    TIE,
     Diagnosis,
-    Finding,
+    Key,
+    Report,
+    Step,
     Verdict,
     continued,
-    criterion_difference,
     examine,
     explained_elsewhere,
     for_search,
-    tied,
     unless_interrupted,
 )
-from lptn.diagnose.lack_of_fit import explained
-from lptn.identify.comparison import Errors, Prediction, predict
+from lptn.diagnose.fit_statistics import TIE, criterion_difference, explained_share, tied
+from lptn.identify.comparison import predict
 from lptn.identify.data import DataSplit
 from lptn.identify.fitting import Fit, finished
 from lptn.identify.validation import fit_segments, holdout_errors
 from lptn.model.model import Model
 from lptn.model.network import EffectDeclaration
 
-# --- A ladder in the making: a model with some effects added, fitted on coarse data, and its held-out error ---
-
-
-WORTH = 0.01
-"""Share by which a rung must lower the held-out error."""
-
 
 @dataclass(frozen=True)
-class Selection:
-    """A ladder in the making.
+class History:
+    """The models from the given one to the best.
 
     Args:
-        fit: of the model with the effects added so far.
-        steps: the effects, in the order in which they were added.
-        data: the evidence, in the steps of the search.
+        verdict: on the model as given: adequate, missing effects that were found, or unexplained.
+        remaining: the same question asked of the last step.
+        steps: the given model first.
+        first: the diagnosis of the given model.
+        last: the diagnosis of the last step.
+        considered: how many models were followed.
     """
 
-    fit: Fit
-    steps: tuple[Finding, ...]
-    data: DataSplit
+    verdict: Verdict
+    remaining: Verdict
+    steps: tuple[Step, ...]
+    first: Diagnosis
+    last: Diagnosis
+    considered: int
 
     @property
-    def effects(self) -> frozenset[tuple[str, str]]:
-        """Effect and place of all steps."""
-        return frozenset(step.key for step in self.steps)
+    def best(self) -> Step:
+        """The last step."""
+        return self.steps[-1]
 
-    @cached_property
-    def predictions(self) -> list[Prediction]:
-        """Of the held-out runs."""
-        return [predict(self.fit.model, part, self.fit.problem.sigma) for part in self.data.holdout]
+    def declarations(self) -> list[EffectDeclaration]:
+        """The effects that were added, with the values that the last step's fit gave them."""
+        return effects_added(self.steps)
 
-    @cached_property
-    def holdout(self) -> Errors | None:
-        """Errors on the held-out runs, `None` without any."""
-        if not self.data.holdout:
-            return None
-        return Errors.of(np.concatenate([prediction.error.ravel() for prediction in self.predictions]))
-
-    @property
-    def rank(self) -> float:
-        """What orders ladders: the held-out error where there is one, else the misfit."""
-        return self.holdout.rmse if self.holdout else self.fit.cost
-
-
-# --- Ladders followed side by side as long as the fitted data can't tell them apart ---------------
-
-
-_WIDTH, _WIDTH_LATER = 4, 2  # ladders followed side by side where the fitted data can't tell them apart
-_BY_HOLDOUT = 2  # more ladders that are looked at because they do well on held-out data
-_UNOPPOSED = 1e-3  # share by which a held-out error may rise and still speak against nothing
-_ALIAS = 1e-3  # two rungs on one ladder whose misfits differ by less are one rung with two names
-
-Report = Callable[[str], None]
-
-
-class Search:
-    """Follows ladders side by side; remembers every diagnosis and every model it came by.
-
-    Args:
-        data: the evidence, in the steps of the search.
-        executor: where refits run; here, one after the other, by default.
-        report: told what is being done.
-    """
-
-    def __init__(self, data: DataSplit, executor: Executor | None, report: Report) -> None:
-        self.data, self.executor, self.report = data, executor, report
-        self.paths: list[Selection] = []
-        self._diagnoses: dict[frozenset[tuple[str, str]], Diagnosis] = {}
-
-    def climb(self, root: Selection, most: int) -> None:
-        """Follow ladders from a root until nothing is left to add or nothing helps; they end up in `paths`.
-
-        Args:
-            root: the given model, fitted.
-            most: how many effects to add at most.
-        """
-        self.paths = [root]
-        beam = [root]
-        best = root.rank
-        for depth in range(1, most + 1):
-            if any(self.diagnosis(path).verdict == "adequate" for path in beam):
-                return  # nothing is left to add; a longer ladder could only be longer
-            width = _WIDTH if depth == 1 else _WIDTH_LATER
-            beam = self._next([child for path in beam for child in self._children(path)], width)
-            if not beam:
-                return
-            self.paths += beam
-            reached = min(path.rank for path in beam)
-            self.report(f"rung {depth}: {_in_words(beam)}")
-            # The first of a pair may help nobody alone, so one rung without a gain is allowed at the start.
-            if reached > (1 - WORTH) * best and depth > 1:
-                return
-            best = min(best, reached)
-
-    def diagnosis(self, path: Selection) -> Diagnosis:
-        """What a ladder's model lacks, asked once."""
-        if path.effects not in self._diagnoses:
-            self._diagnoses[path.effects] = examine(path.fit, self.data, executor=self.executor)
-        return self._diagnoses[path.effects]
-
-    def complete(self, chosen: Selection) -> Selection:
-        """The chosen ladder, or one that leaves nothing unexplained where held-out data have nothing against it."""
-        if self.diagnosis(chosen).verdict == "adequate":
-            return chosen
-        known = [path for path in self.paths if path.effects in self._diagnoses]
-        whole = [path for path in known if self.diagnosis(path).verdict == "adequate"]
-        unopposed = [path for path in whole if path.rank <= chosen.rank * (1 + _UNOPPOSED)]
-        return min(unopposed, key=lambda path: len(path.steps), default=chosen)
-
-    def _children(self, path: Selection) -> list[Selection]:
-        children: list[Selection] = []
-        for finding in self.diagnosis(path).findings:
-            cost = finding.refit.fit.cost
-            same = any(abs(child.fit.cost - cost) < _ALIAS * cost for child in children)
-            hopeless = finding.refit.fit.status == "given up"
-            if finding.p_value < SIGNIFICANT and not same and not hopeless:
-                children.append(Selection(finding.refit.fit, (*path.steps, finding), self.data))
-        return children
-
-    def _next(self, pool: Sequence[Selection], width: int) -> list[Selection]:
-        """The best children and those that the fitted data can't tell from it, each set of effects once."""
-        unique: dict[frozenset[tuple[str, str]], Selection] = {}
-        for path in sorted(pool, key=lambda each: each.fit.cost):
-            unique.setdefault(path.effects, path)
-        paths = list(unique.values())
-        if not paths:
-            return []
-        level = [path for path in paths if tied(path.fit, paths[0].fit)]
-        # A short log may favour an alias; what held-out data prefer by more than any scatter is followed as well.
-        least = min(path.rank for path in level)
-        preferred = [path for path in paths if path in level or MUCH_WORSE * path.rank < least]
-        by_holdout = sorted(preferred, key=lambda each: each.rank)[:_BY_HOLDOUT]
-        # Fits that only ranked candidates ended early: where a valley is long, their held-out errors are accidents.
-        followed = [*level[:width], *(path for path in by_holdout if path not in level[:width])]
-        fits = (self.executor.map if self.executor else map)(finished, [path.fit for path in followed])
-        done = [replace(path, fit=unless_interrupted(fit)) for path, fit in zip(followed, fits, strict=True)]
-        best = min(done, key=lambda each: each.rank)
-        return done[:width] if best in done[:width] else [*done[:width], best]
-
-
-def _in_words(beam: Sequence[Selection]) -> str:
-    """The ladders of a rung and their errors, for progress."""
-    kind = "held out" if beam[0].holdout else "misfit"
-    unit = " K" if beam[0].holdout else ""
-    named = (f"{path.steps[-1].key[0]} at {path.steps[-1].key[1]} ({kind} {path.rank:.3g}{unit})" for path in beam)
-    return "; ".join(named)
-
-
-# --- Which of the ladders that were followed is kept, how far, and without which rungs ------------
-
-
-_BLOCK = 120.0  # s; held-out errors further apart than this count as independent
-_CLEAR = 2.0  # standard errors
-
-
-def chosen(paths: Sequence[Selection]) -> Selection:
-    """The shortest ladder that reaches the best error; of equally long ones the clearly better, else the first."""
-    if paths[0].holdout is None:
-        best = paths[0]
-        for path in paths[1:]:
-            if criterion_difference(best.fit, path.fit) > 0:
-                best = path
-        return best
-    least = min(path.rank for path in paths)
-    enough = [path for path in paths if path.rank <= least * (1 + WORTH)]
-    depth = min(len(path.steps) for path in enough)
-    level = _plausible_first([path for path in paths if len(path.steps) == depth])
-    best = next(path for path in level if path in enough)
-    near = [path for path in level if path is best or path.rank <= MUCH_WORSE * best.rank]
-    return next(path for path in near if path is best or not _clearly_worse(path, best))
-
-
-def _plausible_first(paths: Sequence[Selection]) -> list[Selection]:
-    """By misfit; of those that the fitted data can't tell from the best, typical sizes, then few parameters, first."""
-    least = min(paths, key=lambda each: each.fit.cost)
-
-    def order(path: Selection) -> tuple[bool, int, int, float]:
-        level = tied(path.fit, least.fit)
-        unusual, free = sum(step.refit.unusual for step in path.steps), len(path.fit.problem.free)
-        return (not level, unusual if level else 0, free if level else 0, path.fit.cost)
-
-    return sorted(paths, key=order)
-
-
-def _clearly_worse(path: Selection, than: Selection) -> bool:
-    """Whether held-out errors differ by more than their own scatter."""
-    differences = np.concatenate(
-        [
-            _block_squares(one) - _block_squares(other)
-            for one, other in zip(path.predictions, than.predictions, strict=True)
+    def as_json(self) -> dict[str, object]:
+        """The history as other tools read it; `ladder`, `rung` and `rmse_proof` are older names of what it holds."""
+        table = [
+            {
+                "step": number,
+                "rung": number,
+                "effect": step.effect,
+                "at": step.at,
+                "parameters": step.parameters,
+                "rmse_fit": step.fit.rmse,
+                "rmse_holdout": step.holdout.rmse if step.holdout else None,
+                "max_holdout": step.holdout.max if step.holdout else None,
+                "rmse_test": step.test.rmse if step.test else None,
+                "rmse_proof": step.test.rmse if step.test else None,
+                "indistinguishable_from": [list(key) for key in step.indistinguishable],
+            }
+            for number, step in enumerate(self.steps)
         ]
-    )
-    if differences.size < 2:
-        return path.rank > than.rank
-    scatter = float(differences.std(ddof=1)) / np.sqrt(differences.size)
-    return bool(differences.mean() > _CLEAR * scatter)
-
-
-def _block_squares(prediction: Prediction) -> FloatArray:
-    """Mean squared error of each block of held-out time that counts."""
-    size = max(1, round(_BLOCK / prediction.bound.run.step))
-    squares = prediction.error**2
-    squares = squares[:, np.isfinite(squares).any(axis=0)]
-    whole = squares.shape[1] // size * size
-    return np.asarray(np.nanmean(squares[:, :whole].reshape(len(squares), -1, size), axis=(0, 2)))
-
-
-def pruned(path: Selection, report: Callable[[str], None]) -> Selection:
-    """The ladder less the rungs that later ones made superfluous."""
-    for step in path.steps[:-1]:
-        rest = tuple(other for other in path.steps if other is not step)
-        network = path.fit.model.network.without_effect(*step.key)
-        shorter = Selection(continued(path.fit, network), rest, path.data)
-        cheaper = criterion_difference(shorter.fit, path.fit) < TIE
-        if cheaper and shorter.rank <= path.rank * (1 + WORTH):
-            report(f"{step.key[0]} at {step.key[1]} is no longer needed")
-            return pruned(shorter, report)
-    return path
-
-
-# --- The ladder: diagnose, add, refit, rung by rung, and the errors on the way down ---------------
-# Missing effects come in pairs whose first alone explains little, and short logs leave several first rungs equally
-# good. So all rungs that the fitted data can't tell apart are followed a step further, without a held-out gate, and
-# the held-out data decide at the end which ladder is kept and how far.
-
-
-_MOST = 0.5  # share of the misfit beyond noise that the ladder must remove to be what was missing
-
-
-@dataclass(frozen=True)
-class Step:
-    """One model of the ladder.
-
-    Args:
-        effect: key of the effect added, `None` for the model as it was given.
-        at: its place.
-        alike: effects and places that the fitted data could not tell from it.
-        declaration: the effect as added.
-        fit: the fitted model.
-        holdout: errors on held-out runs.
-        proof: errors on runs never looked at before.
-    """
-
-    effect: str | None
-    at: str | None
-    indistinguishable: tuple[tuple[str, str], ...]
-    declaration: EffectDeclaration | None
-    fit: Fit
-    holdout: Errors | None
-    test: Errors | None
-
-    @property
-    def parameters(self) -> int:
-        """Number of free parameters."""
-        return len(self.fit.problem.free)
-
-    def as_json(self, number: int) -> dict[str, object]:
-        """The rung as other tools read it."""
-        holdout, test = self.holdout, self.test
-        return {
-            "rung": number,
-            "effect": self.effect,
-            "at": self.at,
-            "parameters": self.parameters,
-            "rmse_fit": self.fit.rmse,
-            "rmse_holdout": holdout.rmse if holdout else None,
-            "max_holdout": holdout.max if holdout else None,
-            "rmse_proof": test.rmse if test else None,
-            "indistinguishable_from": [list(key) for key in self.indistinguishable],
-        }
+        return {"verdict": self.verdict, "remaining": self.remaining, "history": table, "ladder": table}
 
 
 def effects_added(steps: Sequence[Step]) -> list[EffectDeclaration]:
@@ -321,41 +109,6 @@ def effects_added(steps: Sequence[Step]) -> list[EffectDeclaration]:
     return effects
 
 
-@dataclass(frozen=True)
-class History:
-    """The models from the given one to the best.
-
-    Args:
-        verdict: on the model as given: adequate, missing something that was found, or unexplained.
-        remaining: the same question asked of the last rung.
-        rungs: the given model first.
-        first: the diagnosis of the given model.
-        last: the diagnosis of the last rung.
-        considered: how many ladders were followed.
-    """
-
-    verdict: Verdict
-    remaining: Verdict
-    steps: tuple[Step, ...]
-    first: Diagnosis
-    last: Diagnosis
-    considered: int
-
-    @property
-    def best(self) -> Step:
-        """The last rung."""
-        return self.steps[-1]
-
-    def declarations(self) -> list[EffectDeclaration]:
-        """The effects that were added, with the values that the last step's fit gave them."""
-        return effects_added(self.steps)
-
-    def as_json(self) -> dict[str, object]:
-        """The ladder as other tools read it."""
-        steps = [step.as_json(number) for number, step in enumerate(self.steps)]
-        return {"verdict": self.verdict, "remaining": self.remaining, "ladder": steps}
-
-
 def improve(
     model: Model,
     data: DataSplit,
@@ -367,16 +120,16 @@ def improve(
 ) -> History:
     """Diagnose, add the missing effect, refit, until nothing beyond chance is left or nothing helps.
 
-    Effects are chosen on the fitted data. Held-out data choose among ladders that the fitted data can't tell
-    apart, and say where the ladder ends; without them Schwarz's criterion does. Proof data choose nothing.
+    Effects are chosen on the fit data. Held-out data choose among models that the fit data can't tell apart, and end
+    the selection; without them Schwarz's criterion does. Test data choose nothing.
 
     Args:
         model: the model to start from.
-        data: runs to fit, to hold out, and for proof.
+        data: runs to fit, to hold out, and to test.
         most: how many effects to add at most.
         ambient_error: how far the ambient sensor may be off in each run [K], one standard deviation.
         executor: where refits run; here, one after the other, by default.
-        report: told what is being done.
+        report: called with a sentence on what is being done.
 
     Raises:
         InputError: a run lacks an input of the model.
@@ -384,41 +137,247 @@ def improve(
     coarse = for_search(data)
     model = with_ambient_bias(model, data, ambient_error)
     report("fitting the model as it stands")
-    search = Search(coarse, executor, report)
-    root = Selection(unless_interrupted(fit_segments(model, coarse.fit)), (), coarse)
-    search.climb(root, most)
-    kept = pruned(search.complete(chosen(search.paths)), report)
-    first, last = search.diagnosis(root), search.diagnosis(kept)
-    report("fitting the rungs at full resolution")
-    steps = _rungs(root, kept, data)
-    return History(_verdict(first, last, root, kept), last.verdict, steps, first, last, len(search.paths))
+    base = unless_interrupted(fit_segments(model, coarse.fit))
+    given: Branch = (Step(base, holdout=holdout_errors(base, coarse.holdout)),)
+    search = _Search(coarse, executor, report)
+    search.follow(given, most)
+    kept = _pruned(search.complete(_chosen(search.branches, coarse)), coarse, report)
+    first, last = search.diagnosis(given), search.diagnosis(kept)
+    report("fitting the steps at full resolution")
+    return History(
+        _verdict(first, last, given, kept),
+        last.verdict,
+        _at_full_resolution(kept, data),
+        first,
+        last,
+        len(search.branches),
+    )
 
 
-def _verdict(first: Diagnosis, last: Diagnosis, root: Selection, kept: Selection) -> Verdict:
+# --- Branches of models, followed side by side as long as the fit data can't tell them apart ---------
+
+
+Branch = tuple[Step, ...]
+"""The given model, then a step for each effect that was added; the last step's fit is that of them all."""
+
+WORTH = 0.01
+"""Share by which a step must lower the held-out error."""
+_WIDTH, _WIDTH_LATER = 4, 2  # branches followed side by side after the first step, and after later ones
+_BY_HOLDOUT = 2  # more branches that are looked at because they do well on held-out data
+_UNOPPOSED = 1e-3  # share by which a held-out error may rise and still speak against nothing
+_SAME = 1e-3  # two steps from one model whose misfits differ by less are one step with two names
+
+
+def _effects(branch: Branch) -> frozenset[Key]:
+    return frozenset(step.key for step in branch[1:])
+
+
+def _error(branch: Branch) -> float:
+    """What orders branches: the held-out error [K] where there is one, else the misfit."""
+    last = branch[-1]
+    return last.holdout.rmse if last.holdout else last.fit.cost
+
+
+class _Search:
+    """Follows branches side by side; remembers every branch and every diagnosis.
+
+    Args:
+        data: in the steps of the search.
+        executor: where refits run; here, one after the other, by default.
+        report: called with a sentence on what is being done.
+    """
+
+    def __init__(self, data: DataSplit, executor: Executor | None, report: Report) -> None:
+        self.data, self.executor, self.report = data, executor, report
+        self.branches: list[Branch] = []
+        self._diagnoses: dict[frozenset[Key], Diagnosis] = {}
+
+    def follow(self, given: Branch, most: int) -> None:
+        """Follow branches until nothing is left to add or nothing helps; they end up in `branches`.
+
+        Args:
+            given: the given model, fitted.
+            most: how many effects to add at most.
+        """
+        self.branches = [given]
+        beam = [given]
+        best = _error(given)
+        for depth in range(1, most + 1):
+            if any(self.diagnosis(branch).verdict == "adequate" for branch in beam):
+                return  # nothing is left to add; a longer branch could only be longer
+            width = _WIDTH if depth == 1 else _WIDTH_LATER
+            beam = self._next([longer for branch in beam for longer in self._longer(branch)], width)
+            if not beam:
+                return
+            self.branches += beam
+            reached = min(_error(branch) for branch in beam)
+            self.report(f"step {depth}: {_in_words(beam)}")
+            # The first of a pair may help nobody alone, so one step without a gain is allowed at the start.
+            if reached > (1 - WORTH) * best and depth > 1:
+                return
+            best = min(best, reached)
+
+    def diagnosis(self, branch: Branch) -> Diagnosis:
+        """What a branch's last model lacks, asked once."""
+        effects = _effects(branch)
+        if effects not in self._diagnoses:
+            self._diagnoses[effects] = examine(branch[-1].fit, self.data, executor=self.executor)
+        return self._diagnoses[effects]
+
+    def complete(self, chosen: Branch) -> Branch:
+        """The chosen branch, or one that leaves nothing unexplained where held-out data have nothing against it."""
+        if self.diagnosis(chosen).verdict == "adequate":
+            return chosen
+        diagnosed = [branch for branch in self.branches if _effects(branch) in self._diagnoses]
+        adequate = [branch for branch in diagnosed if self.diagnosis(branch).verdict == "adequate"]
+        unopposed = [branch for branch in adequate if _error(branch) <= _error(chosen) * (1 + _UNOPPOSED)]
+        return min(unopposed, key=len, default=chosen)
+
+    def _longer(self, branch: Branch) -> list[Branch]:
+        """The branch with each refit of its last model that is beyond chance, each name for one step once."""
+        longer: list[Branch] = []
+        for step in self.diagnosis(branch).refits:
+            same = any(abs(other[-1].fit.cost - step.fit.cost) < _SAME * step.fit.cost for other in longer)
+            if step.p_value < SIGNIFICANT and not same and step.fit.status != "given up":
+                longer.append((*branch, step))
+        return longer
+
+    def _next(self, pool: Sequence[Branch], width: int) -> list[Branch]:
+        """The best branch and those that tie with it on the fit data, each set of effects once, fitted to the end."""
+        unique: dict[frozenset[Key], Branch] = {}
+        for branch in sorted(pool, key=lambda branch: branch[-1].fit.cost):
+            unique.setdefault(_effects(branch), branch)
+        branches = list(unique.values())
+        if not branches:
+            return []
+        level = [branch for branch in branches if tied(branch[-1].fit, branches[0][-1].fit)]
+        # A short log may favour an alias; what held-out data prefer by more than any scatter is followed as well.
+        least = min(_error(branch) for branch in level)
+        preferred = [branch for branch in branches if branch in level or MUCH_WORSE * _error(branch) < least]
+        by_holdout = sorted(preferred, key=_error)[:_BY_HOLDOUT]
+        # Fits that only ranked candidates ended early: where a valley is long, their held-out errors are accidents.
+        followed = [*level[:width], *(branch for branch in by_holdout if branch not in level[:width])]
+        fits = (self.executor.map if self.executor else map)(finished, [branch[-1].fit for branch in followed])
+        done = [
+            _ending_in(branch, unless_interrupted(fit), self.data) for branch, fit in zip(followed, fits, strict=True)
+        ]
+        best = min(done, key=_error)
+        return done[:width] if best in done[:width] else [*done[:width], best]
+
+
+def _ending_in(branch: Branch, fit: Fit, data: DataSplit) -> Branch:
+    """The branch with another fit of its last model."""
+    return (*branch[:-1], replace(branch[-1], fit=fit, holdout=holdout_errors(fit, data.holdout)))
+
+
+def _in_words(beam: Sequence[Branch]) -> str:
+    """The branches of a step and their errors, for progress."""
+    kind, unit = ("held out", " K") if beam[0][-1].holdout else ("misfit", "")
+    return "; ".join(f"{branch[-1].effect} at {branch[-1].at} ({kind} {_error(branch):.3g}{unit})" for branch in beam)
+
+
+# --- Which of the branches is kept, how far, and without which steps ---------------------------------
+
+
+_BLOCK = 120.0  # s; held-out errors further apart than this count as independent
+_CLEARLY = 2.0  # standard errors
+
+
+def _chosen(branches: Sequence[Branch], data: DataSplit) -> Branch:
+    """The shortest branch that reaches the best error; of equally long ones the clearly better, else the first."""
+    if branches[0][-1].holdout is None:
+        best = branches[0]
+        for branch in branches[1:]:
+            if criterion_difference(best[-1].fit, branch[-1].fit) > 0:
+                best = branch
+        return best
+    least = min(_error(branch) for branch in branches)
+    enough = [branch for branch in branches if _error(branch) <= least * (1 + WORTH)]
+    length = min(len(branch) for branch in enough)
+    level = _plausible_first([branch for branch in branches if len(branch) == length])
+    best = next(branch for branch in level if branch in enough)
+    near = [branch for branch in level if branch is best or _error(branch) <= MUCH_WORSE * _error(best)]
+    return next(branch for branch in near if branch is best or not _clearly_worse(branch, best, data))
+
+
+def _plausible_first(branches: Sequence[Branch]) -> list[Branch]:
+    """By misfit; of those that the fit data can't tell from the best, typical sizes, then few parameters, first."""
+    least = min((branch[-1].fit for branch in branches), key=lambda fit: fit.cost)
+
+    def order(branch: Branch) -> tuple[bool, int, int, float]:
+        last = branch[-1]
+        level = tied(last.fit, least)
+        unusual = sum(step.unusual for step in branch)
+        return (not level, unusual if level else 0, last.parameters if level else 0, last.fit.cost)
+
+    return sorted(branches, key=order)
+
+
+def _clearly_worse(branch: Branch, than: Branch, data: DataSplit) -> bool:
+    """Whether held-out errors differ by more than their own scatter."""
+    differences = _block_squares(branch[-1].fit, data) - _block_squares(than[-1].fit, data)
+    if differences.size < 2:
+        return _error(branch) > _error(than)
+    scatter = float(differences.std(ddof=1)) / np.sqrt(differences.size)
+    return bool(differences.mean() > _CLEARLY * scatter)
+
+
+def _block_squares(fit: Fit, data: DataSplit) -> FloatArray:
+    """Mean squared error of each block of held-out time that counts [K²], shape (blocks,)."""
+    blocks = []
+    for segment in data.holdout:
+        squares = predict(fit.model, segment, fit.problem.sigma).error ** 2
+        squares = squares[:, np.isfinite(squares).any(axis=0)]
+        size = max(1, round(_BLOCK / segment.run.step))
+        whole = squares.shape[1] // size * size
+        blocks.append(np.nanmean(squares[:, :whole].reshape(len(squares), -1, size), axis=(0, 2)))
+    return np.concatenate(blocks)
+
+
+def _pruned(branch: Branch, data: DataSplit, report: Report) -> Branch:
+    """The branch without the steps that later ones made superfluous."""
+    last = branch[-1]
+    for step in branch[1:-1]:
+        fit = continued(last.fit, last.fit.model.network.without_effect(*step.key))
+        if criterion_difference(fit, last.fit) < TIE:
+            shorter = _ending_in(tuple(other for other in branch if other is not step), fit, data)
+            if _error(shorter) <= _error(branch) * (1 + WORTH):
+                report(f"{step.effect} at {step.at} is no longer needed")
+                return _pruned(shorter, data, report)
+    return branch
+
+
+# --- The verdict, and the branch that is kept at full resolution ------------------------------------
+
+
+_MOST = 0.5  # share of the misfit beyond noise that the steps must remove to be what was missing
+
+
+def _verdict(first: Diagnosis, last: Diagnosis, given: Branch, kept: Branch) -> Verdict:
     """On the model as given; effects that only the fitted runs ask for explain nothing."""
     if first.verdict == "adequate":
         return "adequate"
     if last.verdict == "adequate":
         return "missing"
-    elsewhere = explained_elsewhere(root.fit, root.holdout, kept.holdout)
-    return "missing" if explained(root.fit, kept.fit, first.scores.by_chance) > _MOST and elsewhere else "unexplained"
+    before, after = given[-1], kept[-1]
+    elsewhere = explained_elsewhere(before.fit, before.holdout, after.holdout)
+    enough = explained_share(before.fit, after.fit, first.scores.noise) > _MOST
+    return "missing" if enough and elsewhere else "unexplained"
 
 
-def _rungs(root: Selection, kept: Selection, data: DataSplit) -> tuple[Step, ...]:
-    """Each model of the ladder fitted at full resolution, with its errors."""
-    network = root.fit.model.network
-    done = _refined(root.fit, data)
-    steps = [Step(None, None, (), None, done, holdout_errors(done, data.holdout), holdout_errors(done, data.test))]
-    for step in kept.steps:
-        network = network.with_effects([step.refit.declaration])
-        last = step is kept.steps[-1]
-        done = _refined(kept.fit, data) if last else unless_interrupted(finished(continued(done, network)))
-        effect, at = step.key
-        holdout, test = holdout_errors(done, data.holdout), holdout_errors(done, data.test)
-        steps.append(Step(effect, at, step.indistinguishable, step.refit.declaration, done, holdout, test))
+def _at_full_resolution(branch: Branch, data: DataSplit) -> Branch:
+    """Each model of a branch fitted at full resolution, with its errors.
+
+    The first and the last start from their fits on coarse data, those between from the one before.
+    """
+    steps: list[Step] = []
+    network = branch[0].fit.model.network
+    for step in branch:
+        network = network.with_effects([step.declaration] if step.declaration else [])
+        if step in (branch[0], branch[-1]):
+            fit = unless_interrupted(fit_segments(step.fit.model, data.fit, step.fit.point))
+        else:
+            fit = unless_interrupted(finished(continued(steps[-1].fit, network)))
+        errors = (holdout_errors(fit, data.holdout), holdout_errors(fit, data.test))
+        steps.append(replace(step, fit=fit, holdout=errors[0], test=errors[1]))
     return tuple(steps)
-
-
-def _refined(coarse: Fit, data: DataSplit) -> Fit:
-    """The same model fitted at full resolution, from the coarse solution."""
-    return unless_interrupted(fit_segments(coarse.model, data.fit, coarse.point))

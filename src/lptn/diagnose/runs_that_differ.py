@@ -15,8 +15,8 @@ from lptn.basics.parameters import Parameter
 from lptn.basics.places import EVERYWHERE, in_run
 from lptn.basics.processes import one_blas_thread
 from lptn.diagnose.candidates import Candidate, candidates
-from lptn.diagnose.diagnosis import TIE, criterion_difference, refit
-from lptn.diagnose.lack_of_fit import BLOCK, NEGLIGIBLE, TOO_MUCH, cost_of_noise
+from lptn.diagnose.diagnosis import refit
+from lptn.diagnose.fit_statistics import BLOCK, LACKING, NEGLIGIBLE, TIE, cost_of_noise, criterion_difference
 from lptn.identify.comparison import Errors, Prediction, predict
 from lptn.identify.data import Segment
 from lptn.identify.fitting import Fit
@@ -342,7 +342,7 @@ def _stands_out(fit: Fit, before: Prediction) -> bool:
         # A sensor's steps do not average out while the temperature stands.
         noise = fit.noise.white[row] ** 2 / size + fit.noise.step[row] ** 2 / 12
         chance = noise * float(chi2.ppf(0.95, squares.size)) / squares.size
-        if squares.mean() > max(CLEARLY**2 * usual, TOO_MUCH * chance, NEGLIGIBLE**2):
+        if squares.mean() > max(CLEARLY**2 * usual, LACKING * chance, NEGLIGIBLE**2):
             return True
     return False
 

@@ -168,7 +168,7 @@ def fit(
     if values is None or (isinstance(guess, Point) and guess.averaged):
         coarse = Problem(model, [_coarse(model, bound) for bound in bound_runs], sigma, symmetry_penalty)
         z = _first_guess(coarse) if values is None else coarse.guess(values, starts)
-        keep_coarse = keep and (lambda z: keep(replace(coarse.point(z), averaged=True)))
+        keep_coarse = None if keep is None else lambda z: keep(replace(coarse.point(z), averaged=True))
         rough = minimise(coarse, z, progress, keep=keep_coarse, near=True)
         before, point = rough.iterations, coarse.point(rough.z)
         z = problem.guess(point.values, point.starts)
@@ -177,7 +177,7 @@ def fit(
     else:
         balanced = integral_start(model, bound_runs, sigma)
         z = min((problem.guess(values, starts), problem.guess(balanced, starts)), key=problem.cost)
-    keep_fine = keep and (lambda z: keep(problem.point(z)))
+    keep_fine = None if keep is None else lambda z: keep(problem.point(z))
     solution = minimise(problem, z, progress, iterations, keep=keep_fine, near=True, rival=rival, precision=precision)
     return _as_fit(problem, solution, noise, before + solution.iterations)
 

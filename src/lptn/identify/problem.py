@@ -137,9 +137,7 @@ class Problem:
         rows, whole = [], []
         for number in range(len(self.bound_runs)):
             places, residuals, derivatives = zip(*self._windows(number, point), strict=True)
-            by_node = np.argsort(
-                np.concatenate(places), kind="stable"
-            )  # windows hold all nodes, `residuals` one by one
+            by_node = np.argsort(np.concatenate(places), kind="stable")  # a window holds all nodes
             block = np.zeros((len(by_node), self.size))
             block[:, self._columns(number)] = np.concatenate(derivatives)[by_node]
             rows.append(np.concatenate(residuals)[by_node])

@@ -48,7 +48,7 @@ def fit_segments(
         symmetry_penalty=symmetry_penalty,
         guess=saved or near,
         progress=progress,
-        keep=checkpoint and (lambda point: checkpoint.offer(model, point)),
+        keep=None if checkpoint is None else lambda point: checkpoint.offer(model, point),
     )
     if checkpoint and done.status == "interrupted":
         checkpoint.save(model, done.point)

@@ -15,8 +15,8 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
-from lptn.diagnose.diagnosis import Diagnosis
-from lptn.diagnose.improvement import History, Step
+from lptn.diagnose.diagnosis import Diagnosis, Step
+from lptn.diagnose.improvement import History
 from lptn.diagnose.scores import Confusability, Detectable, Score
 from lptn.basics.style import BEST, FAINT, GIVEN, INK, SMALL, TEXT, dress, new_figure, plain
 from lptn.report.text import named, place_of, short_size, title_of, unit_text
@@ -105,7 +105,7 @@ _LEAST = 0.1  # shares of chance below this are not worth telling apart
 
 def candidates_shown(found: Diagnosis) -> list[Score]:
     """The best candidates that score at all, and every one that was refitted."""
-    refitted = {finding.key for finding in found.findings}
+    refitted = {finding.key for finding in found.refits}
     scoring = [each for each in found.scores.ranked if each.gain > 0]
     return [each for place, each in enumerate(scoring) if place < _MOST or each.candidate.key in refitted]
 
@@ -118,7 +118,7 @@ def ranking(found: Diagnosis, added: frozenset[tuple[str, str]] = frozenset()) -
         added: effects and places that the ladder took up.
     """
     shown = candidates_shown(found)
-    refitted = {finding.key for finding in found.findings}
+    refitted = {finding.key for finding in found.refits}
     shares = [sqrt(each.gain / max(found.scores.threshold, 1e-30)) for each in shown]
     wide = max(shares) > _RANKING_WIDTH * max(min(shares), _LEAST)
     figure = new_figure(0.7 + 0.2 * len(shown))

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from lptn.basics.parameters import ParameterInstance
 from lptn.diagnose.improvement import History
 from lptn.diagnose.scores import confusability, smallest
-from lptn.effects import Effect
+from lptn.effects import Effect, catalogue
 from lptn.identify.comparison import Comparison, Pair, Versus, predict
 from lptn.identify.data import DataSplit, Segment
 from lptn.identify.fitting import Fit
@@ -91,15 +91,16 @@ def refit_table(history: History) -> Table:
     """One row for each candidate that the first diagnosis refitted, best first."""
     found = history.first
     heads = ("no.", "effect", "place", "size / typical", "RMSE fitted", "RMSE held out", "by chance", "like no.")
-    order = {each.key: str(place) for place, each in enumerate(found.findings, start=1)}
+    order = {each.key: str(place) for place, each in enumerate(found.refits, start=1)}
     before = kelvin(found.holdout.rmse if found.holdout else None)
     rows = []
-    for each in found.findings:
-        effect, (_, at) = each.refit.candidate.effect, each.key
+    for each in found.refits:
+        key, at = each.key
+        effect = catalogue()[key]
         held = NOTHING if each.holdout is None else f"{before} → {kelvin(each.holdout.rmse)}"
-        errors = (f"{kelvin(found.rmse_fit)} → {kelvin(each.rmse_fit)}", held, share_by_chance(history, each))
+        errors = (f"{kelvin(found.fit.rmse)} → {kelvin(each.fit.rmse)}", held, share_by_chance(history, each))
         indistinguishable = ", ".join(sorted((order[key] for key in each.indistinguishable), key=int)) or NOTHING
-        size = short_size(each.refit.size)
+        size = short_size(each.size)
         rows.append(
             (order[each.key], effect.title, place_of(at), size, *errors, indistinguishable, experiment_for(effect))
         )

@@ -9,9 +9,9 @@ from typing import Protocol
 
 import numpy as np
 
-from lptn.diagnose.diagnosis import Finding
-from lptn.diagnose.improvement import History, Step
-from lptn.diagnose.scores import ALIKE, Confusability, Detectable
+from lptn.diagnose.diagnosis import Step
+from lptn.diagnose.improvement import History
+from lptn.diagnose.scores import INDISTINGUISHABLE, Confusability, Detectable
 from lptn.identify.comparison import Comparison, Condition
 from lptn.identify.data import DataSplit, Segment
 from lptn.identify.fitting import Fit
@@ -34,7 +34,7 @@ def how_sure(history: History) -> str:
 
 
 def _sure(history: History, number: int, step: Step) -> str:
-    found = finding_of(history, step)
+    found = refit_of(history, step)
     told = f"How sure is rung {number}, {named(step.effect or '', step.at or '')}? "
     if found is not None:
         told += f"Chance alone would score as much in {share_by_chance(history, found)} of logs. "
@@ -53,18 +53,18 @@ def _few(items: Sequence[str]) -> str:
     return listed(items) if len(items) <= _FEW else f"{', '.join(items[: _FEW - 1])} and {len(items) - _FEW + 1} others"
 
 
-def share_by_chance(history: History, found: Finding) -> str:
+def share_by_chance(history: History, found: Step) -> str:
     """How often chance alone scores as much, in percent; the number of simulated logs sets the finest answer."""
-    finest = 1.0 / (1 + len(history.first.scores.chance))
+    finest = 1.0 / (1 + len(history.first.scores.null_gains))
     at_most = "at most " if found.p_value <= finest * (1 + 1e-9) else ""
     return f"{at_most}{100 * found.p_value:.2g} %"
 
 
-def finding_of(history: History, step: Step) -> Finding | None:
+def refit_of(history: History, step: Step) -> Step | None:
     """What the first diagnosis says of a rung, where it looked at it."""
     if step is not history.steps[1]:
         return None
-    return next((each for each in history.first.findings if each.key == (step.effect, step.at)), None)
+    return next((each for each in history.first.refits if each.key == (step.effect, step.at)), None)
 
 
 def which_data(history: History, data: DataSplit) -> str:
@@ -315,7 +315,7 @@ def _where(places: str, heat: HeatStory) -> str:
 
 def _chance(history: History) -> str:
     """How often chance alone would score as the first rung does, where the diagnosis looked at it."""
-    found = finding_of(history, history.steps[1])
+    found = refit_of(history, history.steps[1])
     if found is None:
         return ""
     as_much = "as much" if len(history.steps) == 2 else "as the first of them"
@@ -399,14 +399,14 @@ def caption_of_confusion(found: Confusability) -> str:
     told = "How alike the traces are that candidates leave on the fitted runs, once the parameters have adapted."
     if not found.groups():
         return (
-            f"{told} No two of the best reach {ALIKE:g}, so these data tell them apart if the effects are large enough."
+            f"{told} No two of the best reach {INDISTINGUISHABLE:g}, so these data tell them apart if the effects are large enough."
         )
     numbers = {key: str(number) for number, key in enumerate(found.keys, start=1)}
     groups = "; ".join(
         "all of them" if len(group) == len(numbers) else listed([numbers[key] for key in group])
         for group in found.groups()
     )
-    return f"{told} Linked by {ALIKE:g} or more, so to first order one answer with several names: {groups}."
+    return f"{told} Linked by {INDISTINGUISHABLE:g} or more, so to first order one answer with several names: {groups}."
 
 
 def caption_of_detectability(found: Sequence[Detectable]) -> str:
@@ -423,7 +423,7 @@ def caption_of_ranking(history: History) -> str:
     """Under the ranking of candidates."""
     shown, whole = len(candidates_shown(history.first)), len(history.first.scores.ranked)
     told = "How far each candidate scores beyond chance; chance alone passes the dashed line once in twenty logs."
-    if history.first.findings:
+    if history.first.refits:
         told += " Filled bars were refitted."
     if len(history.steps) > 1:
         told += " Green ones stand on the ladder."

@@ -1,0 +1,141 @@
+"""The command `lptn diagnose`: which effect is missing, where, how sure, and what else would look the same."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from lptn.cli.options import (
+    AmbientError,
+    Holdout,
+    HoldoutAfter,
+    Jobs,
+    Json,
+    Map,
+    check_outputs,
+    executor_of,
+    needs_logs,
+)
+
+if TYPE_CHECKING:
+    from lptn.diagnose.advice import Advice
+    from lptn.diagnose.diagnosis import Diagnosis, Step
+    from lptn.identify.fitting import Fit
+
+
+def diagnose(
+    model: Path,
+    /,
+    *logs: Path,
+    holdout: Holdout = None,
+    holdout_after: HoldoutAfter = None,
+    ambient_error: AmbientError = 0.0,
+    json: Json = None,
+    jobs: Jobs = 1,
+    map: Map = None,  # noqa: A002 - the option's name
+) -> None:
+    """Say which effect is missing, where, how sure, and what else would look the same.
+
+    Example: lptn diagnose leg.toml monday.parquet --holdout friday.parquet --json found.json
+    """
+    from lptn.cli.terminal import progress, write_json
+    from lptn.study import Study
+
+    needs_logs(logs)
+    check_outputs(json, inputs=(model, *logs, *(holdout or ())))
+    with progress("reading"), executor_of(jobs) as executor:
+        study = Study(
+            model,
+            logs,
+            holdout or (),
+            holdout_after=holdout_after,
+            columns=map or (),
+            ambient_error=ambient_error,
+            executor=executor,
+        )
+        diagnosis, advice = study.diagnose(), study.advise()
+    show_diagnosis(diagnosis)
+    show_advice(advice)
+    write_json(json, diagnosis.as_json() | advice.as_json())
+
+
+VERDICTS = {
+    "adequate": "adequate: what is left is no more than the sensors' noise",
+    "missing": "missing something: the catalogue explains most of what the model gets wrong",
+    "unexplained": "unexplained: the model is wrong by more than noise, and the catalogue explains little of it",
+}
+_FEW = 3  # rivals named in a sentence; all of them stand in the JSON and on the page
+
+
+def show_diagnosis(diagnosis: Diagnosis) -> None:
+    """Verdict, and the candidates that were refitted."""
+    from lptn.cli.terminal import show_table
+    from lptn.report.text import kelvin
+
+    held_out = f", {kelvin(diagnosis.holdout.rmse)} on the held-out ones" if diagnosis.holdout else ""
+    step = diagnosis.fit.problem.bound_runs[0].run.step
+    lack = ", ".join(f"{node} {value:.2g}" for node, value in diagnosis.scores.lack_of_fit.items())
+    print(f"The model is {VERDICTS[diagnosis.verdict]}.")
+    print(f"RMSE {kelvin(diagnosis.fit.rmse)} on the fitted runs{held_out}, in steps of {step:g} s.")
+    print(f"Misfit over one-minute means, 1 being the most that noise would leave: {lack}.")
+    show_ambient_bias(diagnosis.fit)
+    if not diagnosis.helpful:
+        return
+    if diagnosis.verdict == "missing":
+        _show_first(diagnosis)
+    ranks = {finding.key: str(rank) for rank, finding in enumerate(diagnosis.helpful, start=1)}
+    rows = []
+    for finding in diagnosis.helpful:
+        errors = kelvin(finding.fit.rmse), kelvin(finding.holdout.rmse if finding.holdout else None)
+        chance = f"{'≤ ' if _is_finest(diagnosis, finding) else ''}{finding.p_value:.2g}"
+        same = " ".join(ranks[key] for key in finding.indistinguishable if key in ranks)
+        rows.append((ranks[finding.key], *finding.key, *errors, chance, same))
+    show_table(("rank", "effect", "at", ">fit", ">held out", ">p", "indistinguishable from"), rows)
+    print("fit, held out: RMSE once the effect is added. p: how often chance alone would score as much.")
+    one_run = any("@" in at for _, at in ranks)
+    print(f"at: * is everywhere.{' NODE@RUN is in that run alone.' if one_run else ''} The last column names ranks.")
+    if diagnosis.verdict == "missing":
+        print("To add it, fit again, and look for more: `lptn improve` with the same model and logs.")
+
+
+def _show_first(diagnosis: Diagnosis) -> None:
+    """The first answer in words: what, where, how much better, how sure."""
+    from lptn.report.text import kelvin
+
+    first = diagnosis.helpful[0]
+    text = f"Missing first of all: {in_words([first.key])}. With it the RMSE goes from {kelvin(diagnosis.fit.rmse)} to "
+    text += f"{kelvin(first.fit.rmse)} on the fitted runs"
+    if diagnosis.holdout and first.holdout:
+        text += f", from {kelvin(diagnosis.holdout.rmse)} to {kelvin(first.holdout.rmse)} on the held-out ones"
+    at_most = "at most " if _is_finest(diagnosis, first) else ""
+    text += f". Chance alone would score as much in {at_most}{100 * first.p_value:.2g} % of logs; "
+    same = f"these data can't tell it from {in_words(first.indistinguishable)}" if first.indistinguishable else ""
+    print(f"{text}{same or 'nothing else in the catalogue explains them as well'}.")
+
+
+def _is_finest(diagnosis: Diagnosis, finding: Step) -> bool:
+    """Whether none of the simulated logs scored as much, so that the share by chance is only an upper bound."""
+    return finding.p_value <= (1 + 1e-9) / (1 + len(diagnosis.scores.null_gains))
+
+
+def show_ambient_bias(fit: Fit) -> None:
+    """That each run has an error of its ambient sensor of its own, where it has."""
+    spreads = {parameter.declared.prior for parameter in fit.model.parameters if parameter.declared.prior is not None}
+    for spread in spreads:
+        print(f"Each run, held-out ones too, may have its ambient sensor off by {spread:g} K (standard deviation).")
+
+
+def show_advice(advice: Advice) -> None:
+    """What to do next, a sentence or two each."""
+    from lptn.report.text import for_people
+
+    for sentence in advice.sentences:
+        print(for_people(sentence))
+
+
+def in_words(keys: Sequence[tuple[str, str]]) -> str:
+    """Effects and their places; of many the first few."""
+    from lptn.report.text import few, named
+
+    return few([named(*key) for key in keys], _FEW)
