@@ -6,7 +6,7 @@ import re
 
 import pytest
 
-from lptn.cli.effects import catalogue_json, columns_text, docstring_text, equations, show_effects
+from lptn.cli.catalogue import catalogue_json, columns_text, docstring_text, equations, show_effects
 from lptn.effects import Effect, catalogue
 
 _LATEX = re.compile(r"\\|[{}^]|\.\. math|:math:|\[[A-Z]\w+\d{4}")

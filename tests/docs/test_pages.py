@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from lptn.cli.effects import built_in, catalogue_markdown
+from lptn.cli.catalogue import built_in, catalogue_markdown
 from lptn.cli.main import app
 from tests.docs.pages import ROOT, Page, pages
 
