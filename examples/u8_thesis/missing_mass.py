@@ -65,10 +65,10 @@ def ask(folder: Path) -> History:
 
 def main(folder: Path) -> None:
     """Write, ask, print."""
-    from lptn.cli.terminal import show_ladder
+    from lptn.cli.improve import show_history
 
     write_logs(folder)
-    show_ladder(ask(folder))
+    show_history(ask(folder))
 
 
 if __name__ == "__main__":

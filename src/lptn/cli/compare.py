@@ -1,14 +1,18 @@
-"""`lptn compare`: a model against measurements, and against another model."""
+"""The command `lptn compare`: a model against measurements, and against another model."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter as Option
 
-from lptn.cli.options import Json, Map, check_outputs, check_picture, needs_logs, write_figure
+from lptn.cli.options import Json, Map, Picture, check_outputs, check_picture, needs_logs, write_figure
+
+if TYPE_CHECKING:
+    from lptn.identify.comparison import Comparison, Versus
+
+_WORST = 5  # conditions listed
 
 
 def compare(
@@ -17,7 +21,7 @@ def compare(
     *logs: Path,
     against: Annotated[Path | None, Option(help="Another model file, to predict the same logs with.")] = None,
     json: Json = None,
-    plot: Annotated[Path | None, Option(help="Picture to write: .png, .svg or .pdf.")] = None,
+    plot: Picture = None,
     report: Annotated[Path | None, Option(help="HTML report to write.")] = None,
     map: Map = None,  # noqa: A002 - the option's name
 ) -> None:
@@ -27,60 +31,71 @@ def compare(
 
     Example: lptn compare whole-body.toml friday.parquet --against single-nodes.toml --report versus.html
     """
+    from lptn.basics.files import write_whole
+    from lptn.cli.terminal import progress, write_json
+    from lptn.report import pages
+    from lptn.report.figures import comparison_figure
+    from lptn.study import Study
+
     needs_logs(logs)
     check_outputs(json, plot, report, inputs=(model, *logs, *(() if against is None else (against,))))
     check_picture(plot)
+    with progress("comparing"):
+        study = Study(model, holdout=logs, columns=map or ())
+        if against is None:
+            comparison = study.compare()
+        else:
+            result = study.compare(Study(against, holdout=logs, columns=map or ()))
     if against is None:
-        _alone(model, logs, json, plot, report, map or [])
+        show_comparison(comparison)
+        write_json(json, comparison.as_json())
     else:
-        _versus(model, logs, against, json, plot, report, map or [])
-
-
-def _alone(
-    model: Path, logs: Sequence[Path], json: Path | None, plot: Path | None, report: Path | None, mapped: list[str]
-) -> None:
-    from lptn.basics.files import write_whole
-    from lptn.cli.terminal import progress, show_comparison, write_json
-    from lptn.identify.comparison import compare as measured
-    from lptn.identify.data import load_model, say_absent_runs, split_data
-    from lptn.report.figures import comparison_figure
-    from lptn.report.pages import comparison_html
-
-    with progress("comparing"):
-        loaded = load_model(model, mapped)
-        runs = loaded.runs(logs)
-        found = measured(loaded.model, split_data((), runs).holdout)
-    say_absent_runs(loaded.model.network, runs)
-    show_comparison(found)
-    write_json(json, found.as_json())
+        show_versus(result)
+        write_json(json, result.model.as_json() | {"against": result.as_json()})
     if plot is not None:
-        write_figure(comparison_figure(found), plot)
+        write_figure(comparison_figure(comparison) if against is None else pages.versus_figure(result), plot)
     if report is not None:
-        write_whole(report, comparison_html(found, loaded.model.network.name))
+        page = (
+            pages.comparison_html(comparison, study.model.network.name)
+            if against is None
+            else pages.versus_html(result, " against ".join(result.names))
+        )
+        write_whole(report, page)
 
 
-def _versus(
-    model: Path,
-    logs: Sequence[Path],
-    against: Path,
-    json: Path | None,
-    plot: Path | None,
-    report: Path | None,
-    mapped: list[str],
-) -> None:
-    from lptn.basics.files import write_whole
-    from lptn.cli.terminal import progress, show_versus, write_json
-    from lptn.identify.comparison import versus
-    from lptn.identify.data import load_model, split_data
-    from lptn.report.pages import versus_figure, versus_html
+def show_comparison(comparison: Comparison) -> None:
+    """Errors by run and node, and the conditions in which the model fails worst."""
+    from lptn.cli.terminal import show_table
+    from lptn.report.text import bin_text, kelvin, signed_kelvin
 
-    with progress("comparing"):
-        one, other = load_model(model, mapped), load_model(against, mapped)
-        parts = [split_data((), loaded.runs(logs)).holdout for loaded in (one, other)]
-        found = versus(one.model, other.model, *parts)
-    show_versus(found)
-    write_json(json, found.model.as_json() | {"against": found.as_json()})
-    if plot is not None:
-        write_figure(versus_figure(found), plot)
-    if report is not None:
-        write_whole(report, versus_html(found, " against ".join(found.names)))
+    rows = []
+    for prediction in comparison.predictions:
+        for node in comparison.model.nodes:
+            errors = comparison.node(node, prediction)
+            if errors.count:
+                cells = (kelvin(errors.rmse), kelvin(errors.max), signed_kelvin(errors.mean))
+                rows.append((prediction.segment.run.name, node, *cells, kelvin(comparison.floor(node))))
+    show_table(("run", "node", ">RMSE", ">max |error|", ">mean error", ">noise floor"), rows)
+    print("error = predicted − measured; noise floor: the RMSE that the sensor's noise alone would leave.")
+    print(f"All: RMSE {kelvin(comparison.all.rmse)}, max {kelvin(comparison.all.max)}.")
+    worst = sorted(comparison.conditions(), key=lambda each: -each.errors.rmse)[:_WORST]
+    if worst:
+        print("It fails worst where:")
+    for each in worst:
+        errors = each.errors
+        where = f"{each.node}, {bin_text(each.quantity, each.lower, each.upper)}"
+        print(f"  {where}: RMSE {kelvin(errors.rmse)}, mean error {signed_kelvin(errors.mean)}")
+
+
+def show_versus(result: Versus) -> None:
+    """Two models' errors by class of nodes and by run."""
+    from lptn.cli.terminal import show_table
+
+    print(f"{result.names[0]} / {result.names[1]}")
+    for what, pairs in (("nodes", result.classes), ("run", result.runs)):
+        rows = []
+        for pair in pairs:
+            mean, largest, square = (f"{mine:.2f} / {others:.2f} {unit}" for mine, others, unit in pair.figures)
+            rows.append((pair.what, mean, largest, f"{pair.reduction:.0%}", square))
+        show_table((what, ">mean |error|", ">max |error|", ">less", ">mean square"), rows)
+    print("error = predicted − measured; less: by how much the first model's largest error is below the second's.")

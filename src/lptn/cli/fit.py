@@ -2,86 +2,25 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from collections import Counter
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter as Option
 from cyclopts import validators
-from rich.table import Table
 
 from lptn.basics.errors import InputError
-from lptn.cli.options import Holdout, HoldoutAfter, Json, Map, SymmetryPenalty, check_outputs, open_by_job
-from lptn.cli.terminal import err, out
-from lptn.fleet.fleet import Fleet
-from lptn.fleet.work import Outcome
+from lptn.cli.options import Holdout, HoldoutAfter, Json, Map, SymmetryPenalty, check_outputs, needs_logs
 
-# --- What the command says of a fleet -------------------------------------------------------------
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
-
-_MOST = 20  # lines of outliers and of warnings
-
-
-def show_failure(outcome: Outcome) -> None:
-    """One line for a robot that could not be fitted, as soon as it is known."""
-    if outcome.status in ("failed", "interrupted"):
-        err.print(f"lptn: {outcome.robot}: not fitted: {outcome.message or outcome.status}", markup=False)
-
-
-def show_fleet(fleet: Fleet, folder: Path) -> None:
-    """The spread of each parameter, robots that stand apart, warnings, and one line that counts."""
-    if fleet.fitted:
-        out.print(_spread_table(fleet))
-    for line in _shortened([str(each) for each in fleet.outliers], "robots that stand apart"):
-        out.print(line, markup=False)
-    notes = Counter(note for each in fleet.fitted for note in each.result.get("notes", ()))
-    for line in _shortened([f"{_robots(count)}: {what}" for what, count in notes.most_common()], "notes on logs"):
-        out.print(line, markup=False)
-    warnings = Counter(warning for each in fleet.fitted for warning in _subjects(each)).most_common()
-    for line in _shortened([f"Warning: {what}, {_robots(count)}." for what, count in warnings], "warnings"):
-        out.print(line, markup=False)
-    out.print(_count(fleet, folder), markup=False)
-
-
-def _robots(count: int) -> str:
-    return f"{count} robot{'s' * (count != 1)}"
-
-
-def _spread_table(fleet: Fleet) -> Table:
-    table = Table(box=None, header_style="bold", pad_edge=False)
-    for column in ("parameter", "robots", "25 %", "median", "75 %", "unit"):
-        table.add_column(
-            column, justify="left" if column in ("parameter", "unit") else "right", no_wrap=True, overflow="fold"
-        )
-    for each in fleet.spread:
-        low, high = each.quartiles
-        numbers = (f"{value:.4g}" for value in (low, each.median, high))
-        table.add_row(each.what, str(each.robots), *numbers, each.unit)
-    return table
-
-
-def _subjects(outcome: Outcome) -> list[str]:
-    """A robot's warnings without its own numbers, so that like ones count together."""
-    found = [warning.partition(" (")[0] for warning in outcome.result.get("warnings", ())]
-    return found if outcome.converged else [*found, f"search {outcome.result.get('status')}"]
-
-
-def _shortened(lines: list[str], what: str) -> list[str]:
-    rest = len(lines) - _MOST
-    return lines if rest <= 0 else [*lines[:_MOST], f"... and {rest} more {what}: see --json"]
-
-
-def _count(fleet: Fleet, folder: Path) -> str:
-    before = sum(each.status == "unchanged" for each in fleet.outcomes)
-    words = f"{len(fleet.fitted)} of {len(fleet.outcomes)} robots fitted"
-    words += f", {before} of them before" if before else ""
-    words += f"; {len(fleet.failed)} not" if fleet.failed else ""
-    return f"{words}. Models, records and a table (fleet.csv, fleet.parquet) are in {folder}."
-
-
-# --- `lptn fit`: one robot, or each robot of a fleet on its own -----------------------------------
-
+    from lptn.fleet.fleet import Fleet
+    from lptn.fleet.work import Outcome
+    from lptn.identify.fitting import Checkpoint, Fit
+    from lptn.identify.validation import SymmetryTrial
 
 Each = Annotated[
     list[Path] | None,
@@ -111,13 +50,13 @@ def fit(
     symmetry_penalty: SymmetryPenalty = 0.0,
     json: Json = None,
     jobs: FitJobs = 1,
-    map: Map = None,  # noqa: A002
+    map: Map = None,  # noqa: A002 - the option's name
 ) -> None:
     """Fit the free parameters; Ctrl-C keeps the best point so far, and the same command goes on from it.
 
     With --each, one model a robot goes into the folder as it comes, then a
-    table of all. A robot that can't be fitted is told in one line, and the exit
-    status is 1. The same command goes on where it was stopped.
+    table of all. A robot that can't be fitted is named in one line, and the
+    exit status is 1. The same command goes on where it was stopped.
 
     Example: lptn fit leg.toml monday.parquet --holdout friday.parquet -o fitted.toml
 
@@ -126,52 +65,94 @@ def fit(
     if each is None:
         if jobs > 1:
             raise InputError("command line", "--jobs", "no --each beside it", "one process for one fit")
-        _fit_one(model, logs, output, holdout, holdout_after, symmetry_penalty, json, map)
+        _fit_one(model, logs, output, holdout or [], holdout_after, symmetry_penalty, json, map or [])
         return
     if logs or holdout:
-        found = "LOGS" if logs else "--holdout"
-        raise InputError("command line", "--each", f"{found} beside it", "all logs behind --each, or no --each")
-    _fit_each(model, each, output, holdout_after, symmetry_penalty, json, jobs, map)
+        beside = "LOGS" if logs else "--holdout"
+        raise InputError("command line", "--each", f"{beside} beside it", "all logs behind --each, or no --each")
+    _fit_each(model, each, output, holdout_after, symmetry_penalty, json, jobs, map or [])
+
+
+# --- one robot --------------------------------------------------------------------------------------------
 
 
 def _fit_one(
     model: Path,
     logs: tuple[Path, ...],
     output: Path | None,
-    holdout: list[Path] | None,
+    holdout: list[Path],
     holdout_after: float | None,
     symmetry_penalty: float | Literal["auto"],
     json: Path | None,
-    mapped: list[str] | None,
+    mapped: list[str],
 ) -> None:
-    from lptn.cli.terminal import out, progress, show_fit, show_holdout, show_symmetry_trials, write_json
+    from lptn.cli.terminal import progress, write_json
     from lptn.identify.fitting import Checkpoint, fingerprint_of
-    from lptn.identify.validation import fit_split, holdout_errors
+    from lptn.report.text import kelvin
+    from lptn.study import Study
 
-    check_outputs(output, json, inputs=(*logs, *(holdout or ())))
+    needs_logs(logs)
+    check_outputs(output, json, inputs=(*logs, *holdout))
     check_outputs(json, inputs=(model,))  # only the fitted model may take its place
-    loaded, data = open_by_job(model, logs, holdout, holdout_after, None, mapped)
-    if not loaded.model.free:
+    with progress("reading"):
+        study = Study(model, logs, holdout, holdout_after=holdout_after, columns=mapped)
+    given, segments = study.model, study.data.fit
+    if not given.free:
         raise InputError(model, "parameters", "none that is free", "one at least without fixed = true")
-    digests = [(part.run.name, part.run.fingerprint) for part in data.fit]
-    options = {"map": mapped or [], "holdout_after": holdout_after}
+    digests = [(segment.run.name, segment.run.fingerprint) for segment in segments]
+    text, options = study.file.text, {"map": mapped, "holdout_after": holdout_after}
 
-    def checkpoint(weight: float) -> Checkpoint:
-        kept = Checkpoint(fingerprint_of(loaded.file.text, digests, options | {"mirror_weight": weight}))
-        if kept.load(loaded.model, len(data.fit)) is not None:
-            out.print("This fit was stopped before: it goes on from the best point that was kept.")
+    def checkpoint(penalty: float) -> Checkpoint:
+        kept = Checkpoint(fingerprint_of(text, digests, options | {"mirror_weight": penalty}))
+        if kept.load(given, len(segments)) is not None:
+            print("This fit was stopped before: it goes on from the best point that was kept.")
         return kept
 
-    with progress("fitting") as report:
-        done, trials = fit_split(loaded.model, data, symmetry_penalty, checkpoint=checkpoint, report=report)
-    held = holdout_errors(done, data.holdout)
-    show_symmetry_trials(trials)
-    show_fit(done)
-    show_holdout(held)
+    with progress("fitting"):
+        done = study.fit(symmetry_penalty=symmetry_penalty, checkpoint=checkpoint)
+    held_out = study.steps[-1].holdout
+    _show_symmetry_trials(study.symmetry_trials)
+    _show_fit(done)
+    if held_out is not None:
+        print(f"Held out: RMSE {kelvin(held_out.rmse)}, max {kelvin(held_out.max)}.")
     if output is not None:
-        loaded.file.with_fit(done.table()).write(output)
-    tried = [{"weight": each.symmetry_penalty, "rmse_holdout": each.holdout.rmse} for each in trials]
-    write_json(json, done.as_json() | {"rmse_holdout": held.rmse if held else None, "mirror_weights": tried})
+        study.save(output)
+    tried = [{"weight": each.symmetry_penalty, "rmse_holdout": each.holdout.rmse} for each in study.symmetry_trials]
+    write_json(json, done.as_json() | {"rmse_holdout": held_out.rmse if held_out else None, "mirror_weights": tried})
+
+
+def _show_symmetry_trials(trials: Sequence[SymmetryTrial]) -> None:
+    """What each symmetry penalty gave on held-out runs."""
+    from lptn.cli.terminal import show_table
+    from lptn.report.text import kelvin
+
+    rows = [(f"{each.symmetry_penalty:g}", kelvin(each.fit.rmse), kelvin(each.holdout.rmse)) for each in trials]
+    if rows:
+        show_table((">symmetry penalty", ">fit", ">held out"), rows)
+
+
+def _show_fit(done: Fit) -> None:
+    """Values with standard errors, and what the data leave open."""
+    from lptn.cli.terminal import show_table
+    from lptn.report.text import kelvin
+
+    rows = []
+    for index in done.problem.free:
+        parameter = done.model.parameters[index]
+        error = done.errors[parameter.name]
+        spread = f"{error:.2g}" if math.isfinite(error) else "not determined"
+        rows.append((parameter.name, f"{parameter.value:.4g}", spread, parameter.declared.unit))
+    show_table(("parameter", ">value", "± standard error", "unit"), rows)
+    floor = ", ".join(f"{node} {value:.2g}" for node, value in zip(done.model.nodes, done.noise.floor, strict=True))
+    print(f"RMSE {kelvin(done.rmse)}; the sensors' noise alone: {floor} K. Search: {done.status}.")
+    for warning in done.uncertainty.warnings:
+        print(f"Warning: {warning}.")
+
+
+# --- each robot of a fleet --------------------------------------------------------------------------------
+
+
+_MOST = 20  # lines of outliers and of warnings
 
 
 def _fit_each(
@@ -182,25 +163,24 @@ def _fit_each(
     symmetry_penalty: float | Literal["auto"],
     json: Path | None,
     jobs: int,
-    mapped: list[str] | None,
+    mapped: list[str],
 ) -> None:
-    from lptn.cli.terminal import out, progress, write_json
+    from lptn.cli.terminal import complain, progress, write_json
     from lptn.fleet.fleet import fit_each, write_tables
     from lptn.fleet.robots import robots_of
     from lptn.identify.data import load_model
 
     folder = _folder(output)
-    loaded, robots = load_model(model, mapped or ()), robots_of(places)
+    loaded, robots = load_model(model, mapped), robots_of(places)
     check_outputs(json, inputs=(model, *(log for robot in robots for log in robot.logs)))
     if len(robots) == 1 and len(robots[0].logs) > 1:
-        out.print(
-            f"{places[0]}: {len(robots[0].logs)} logs of one robot (a robot each: --each {places[0]}/*).", markup=False
-        )
-    done: list[Outcome] = []
+        print(f"{places[0]}: {len(robots[0].logs)} logs of one robot (a robot each: --each {places[0]}/*).")
+    outcomes: list[Outcome] = []
 
     def on_outcome(outcome: Outcome) -> None:
-        done.append(outcome)
-        show_failure(outcome)
+        outcomes.append(outcome)
+        if outcome.status in ("failed", "interrupted"):
+            complain(f"{outcome.robot}: not fitted: {outcome.message or outcome.status}")
 
     try:
         with progress("fitting") as report:
@@ -215,15 +195,12 @@ def _fit_each(
                 on_outcome=on_outcome,
             )
     except KeyboardInterrupt:
-        kept = sum(each.status in ("fitted", "unchanged") for each in done)
-        print(
-            f"lptn: stopped; {kept} of {len(robots)} robots are kept in {folder}, the same command goes on from there",
-            file=sys.stderr,
-        )
+        kept = sum(each.status in ("fitted", "unchanged") for each in outcomes)
+        complain(f"stopped; {kept} of {len(robots)} robots are kept in {folder}, the same command goes on from there")
         sys.exit(130)
     write_tables(fleet, folder)
     write_json(json, fleet.as_json())
-    show_fleet(fleet, folder)
+    _show_fleet(fleet, folder)
     if fleet.failed:
         sys.exit(1)
 
@@ -236,3 +213,43 @@ def _folder(output: Path | None) -> Path:
     if not output.absolute().parent.is_dir():
         raise InputError(output, "output", "no such folder above it", "a folder in a folder that exists")
     return output
+
+
+def _show_fleet(fleet: Fleet, folder: Path) -> None:
+    """The spread of each parameter, robots that stand apart, warnings, and one line that counts."""
+    from lptn.cli.terminal import show_table
+
+    rows = []
+    for each in fleet.spread:
+        numbers = (f"{value:.4g}" for value in (each.quartiles[0], each.median, each.quartiles[1]))
+        rows.append((each.what, str(each.robots), *numbers, each.unit))
+    if fleet.fitted:
+        show_table(("parameter", ">robots", ">25 %", ">median", ">75 %", "unit"), rows)
+    notes = Counter(note for each in fleet.fitted for note in each.result.get("notes", ()))
+    warnings = Counter(warning for each in fleet.fitted for warning in _warnings_of(each))
+    _show_lines([str(each) for each in fleet.outliers], "robots that stand apart")
+    _show_lines([f"{_robots(count)}: {what}" for what, count in notes.most_common()], "notes on logs")
+    _show_lines([f"Warning: {what}, {_robots(count)}." for what, count in warnings.most_common()], "warnings")
+    before = sum(each.status == "unchanged" for each in fleet.outcomes)
+    words = f"{len(fleet.fitted)} of {len(fleet.outcomes)} robots fitted"
+    words += f", {before} of them before" if before else ""
+    words += f"; {len(fleet.failed)} not" if fleet.failed else ""
+    print(f"{words}. Models, records and a table (fleet.csv, fleet.parquet) are in {folder}.")
+
+
+def _robots(count: int) -> str:
+    return f"{count} robot{'s' * (count != 1)}"
+
+
+def _warnings_of(outcome: Outcome) -> list[str]:
+    """A robot's warnings without its own numbers, so that like ones count together."""
+    warnings = [warning.partition(" (")[0] for warning in outcome.result.get("warnings", ())]
+    return warnings if outcome.converged else [*warnings, f"search {outcome.result.get('status')}"]
+
+
+def _show_lines(lines: list[str], what: str) -> None:
+    """The first of many lines."""
+    for line in lines[:_MOST]:
+        print(line)
+    if len(lines) > _MOST:
+        print(f"... and {len(lines) - _MOST} more {what}: see --json")

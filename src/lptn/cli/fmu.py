@@ -1,21 +1,18 @@
-"""The commands `lptn fmu` and `lptn cosim`."""
+"""The command `lptn fmu`: a model as a component for other people's simulators."""
 
 from __future__ import annotations
 
-import io
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, cast
 
 from cyclopts import Parameter as Option
 
 from lptn.basics.errors import InputError
-from lptn.cli.options import Json, Map, Output, check_outputs, needs_logs
+from lptn.cli.options import Json, Output, check_outputs
 
 if TYPE_CHECKING:
     from lptn.fmu.compile import Compiler
-    from lptn.fmu.cosim import Cosimulation
     from lptn.fmu.exporter import Exported
-
 
 Platforms = Annotated[
     str | None,
@@ -44,10 +41,6 @@ CurrentLimit = Annotated[
         help="With --admissible: limit in A, of all joints or as JOINT=30; may be given again.",
         negative="",
     ),
-]
-Outputs = Annotated[
-    Path | None,
-    Option(name=["--output", "-o"], help="File to write all outputs at the ends of steps to: .csv or .parquet."),
 ]
 
 
@@ -96,42 +89,6 @@ def fmu(
     write_json(json, done.as_json())
 
 
-def cosim(
-    fmu: Path,  # the file, not the command
-    /,
-    *logs: Path,
-    model: Annotated[Path | None, Option(help="Model file to compare with; by default the one inside the FMU.")] = None,
-    ramps: Annotated[
-        bool, Option(help="The FMU's inputs go in straight lines from sample to sample; the model's hold.", negative="")
-    ] = False,
-    trust: Annotated[bool, Option(help="Run the native code of an FMU from elsewhere.", negative="")] = False,
-    output: Outputs = None,
-    json: Json = None,
-    map: Map = None,  # noqa: A002
-) -> None:
-    """Drive an FMU with logs; compare with its model and with what was measured.
-
-    Example: lptn cosim leg.fmu friday.parquet -o outputs.csv
-    """
-    from lptn.cli.terminal import progress, write_json
-    from lptn.fmu.cosim import cosimulate
-    from lptn.fmu.session import FmuError
-
-    needs_logs(logs)
-    check_outputs(output, json, inputs=(fmu, *logs, *(() if model is None else (model,))))
-    _check_table(output)
-    pairs = dict(text.partition("=")[::2] for text in map or ())
-    try:
-        with progress("co-simulating"):
-            done = cosimulate(fmu, logs, model=model, mapped=pairs, ramps=ramps, trust=trust)
-    except FmuError as error:
-        raise InputError(fmu, "FMU", str(error), "inputs that it takes") from error
-    _show_cosimulation(done)
-    write_json(json, done.as_json())
-    if output is not None:
-        _write_outputs(done, output)
-
-
 def _platforms(text: str | None) -> list[str] | None:
     if text is None:
         return None
@@ -161,58 +118,3 @@ def _show_export(done: Exported) -> None:
     print(f"Fastest time constant: {steps.fastest:.3g} s")
     for note in steps.notes:
         print(f"Note: {note}.")
-
-
-def _show_cosimulation(done: Cosimulation) -> None:
-    from rich.console import Console
-    from rich.table import Table
-
-    table = Table(
-        box=None,
-        header_style="bold",
-        pad_edge=False,
-        title="error = predicted by the FMU − measured",
-        title_justify="left",
-    )
-    for column in ("run", "node", "RMSE", "max |error|", "mean error", "max |FMU − model|"):
-        table.add_column(column, justify="left" if column in ("run", "node") else "right", overflow="fold")
-    for run in done.runs:
-        for row, node in enumerate(run.nodes):
-            errors, from_model = run.errors(row), run.from_model(row)
-            cells = ["not measured", "", ""]
-            if errors.count:
-                cells = [f"{errors.rmse:.3g} K", f"{errors.max:.3g} K", f"{errors.mean:+.3g} K"]
-            table.add_row(run.run.name, node, *cells, "" if from_model is None else f"{from_model:.2g} K")
-    out = Console()
-    out.print(table)
-    steps, seconds = sum(len(run.run) for run in done.runs), sum(run.seconds for run in done.runs)
-    simulated = sum(len(run.run) * run.run.step for run in done.runs)
-    speed = simulated / max(seconds, 1e-9)
-    out.print(f"FMI {done.fmi}: {steps} steps in {seconds:.3g} s, {speed:.3g} times as fast as the robot.")
-
-
-def _check_table(path: Path | None) -> None:
-    if path is not None and path.suffix not in (".csv", ".parquet"):
-        raise InputError(path, "--output", f"a file name ending in '{path.suffix}'", "one ending in .csv or .parquet")
-
-
-def _write_outputs(done: Cosimulation, path: Path) -> None:
-    """All outputs at the ends of steps as a log, temperatures in degC."""
-    import pandas as pd
-
-    from lptn.basics.files import write_whole
-    from lptn.fmu.variables import ZERO_CELSIUS, is_temperature, to_column
-
-    tables = []
-    for run in done.runs:
-        columns = {"time": run.run.time + run.run.step}
-        for name, values in run.outputs.items():
-            columns[to_column(name)] = values - ZERO_CELSIUS if is_temperature(name) else values
-        tables.append(pd.DataFrame(columns))
-    table = pd.concat(tables, ignore_index=True)
-    if path.suffix == ".csv":
-        write_whole(path, table.to_csv(index=False, float_format="%.9g"))
-    else:
-        buffer = io.BytesIO()
-        table.to_parquet(buffer, index=False)
-        write_whole(path, buffer.getvalue())

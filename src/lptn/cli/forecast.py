@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter as Option
 from cyclopts import validators
 
 from lptn.basics.errors import InputError
-from lptn.cli.options import Json, Map, check_outputs, check_picture, write_figure
+from lptn.cli.options import Json, Map, Picture, check_outputs, check_picture, write_figure
 
 if TYPE_CHECKING:
     from lptn.identify.data import LoadedModel
@@ -38,7 +38,7 @@ def forecast(
     cycles: Annotated[int, Option(help="Gait cycles of --window cycles.", validator=validators.Number(gte=1))] = 10,
     coverage: Annotated[float, Option(help="Of the intervals.", validator=validators.Number(gt=0, lt=1))] = 0.9,
     json: Json = None,
-    plot: Annotated[Path | None, Option(help="Picture to write: .png, .svg or .pdf.")] = None,
+    plot: Picture = None,
     map: Map = None,  # noqa: A002 - the option's name
 ) -> None:
     """Say when each joint reaches a temperature limit if the robot goes on as it does at the log's end.
@@ -47,7 +47,7 @@ def forecast(
     """
     from lptn.cli.terminal import progress, write_json
     from lptn.identify.data import load_model
-    from lptn.online.forecasting import forecast as ahead
+    from lptn.online.forecasting import forecast as forecast_of
 
     check_outputs(json, plot, inputs=(model, log))
     check_picture(plot)
@@ -56,13 +56,13 @@ def forecast(
     with progress("forecasting"):
         run = loaded.runs([log])[-1]
         trust = _knowledge(loaded, run)
-        found = ahead(loaded.model, run, limits, cycles, coverage, trust, window=chosen, gait=_gait(loaded, log))
-    _show(found)
-    write_json(json, found.as_json())
+        ahead = forecast_of(loaded.model, run, limits, cycles, coverage, trust, window=chosen, gait=_gait(loaded, log))
+    _show(ahead)
+    write_json(json, ahead.as_json())
     if plot is not None:
         from lptn.report.online_figures import forecast_figure
 
-        write_figure(forecast_figure(found), plot)
+        write_figure(forecast_figure(ahead), plot)
 
 
 def _limits(words: list[str]) -> dict[str, float]:
@@ -97,16 +97,12 @@ def _window(word: str) -> WindowChoice:
 
 def _knowledge(loaded: LoadedModel, run: Run) -> Knowledge:
     """What the model file keeps of its fit."""
-    import tomlkit
-
     from lptn.identify.noise import estimate_noise
-    from lptn.model.file import File
     from lptn.online.present import Knowledge
     from lptn.simulate.bound_run import bind
 
-    table = File.model_validate(tomlkit.parse(loaded.file.text).unwrap()).fit
     noise = estimate_noise([bind(loaded.model, run)], loaded.model.nodes)
-    return Knowledge.of_table(loaded.model, table, noise.floor)
+    return Knowledge.of_table(loaded.model, loaded.file.fit, noise.floor)
 
 
 def _gait(loaded: LoadedModel, log: Path) -> Gait:
@@ -130,28 +126,25 @@ def _gait(loaded: LoadedModel, log: Path) -> Gait:
     return find_gait([run.columns[name] for name in signed if run.has(name)], run.step)
 
 
-def _show(found: Forecast) -> None:
-    from rich.table import Table
+def _show(ahead: Forecast) -> None:
+    from lptn.cli.terminal import show_table
 
-    from lptn.cli.terminal import out
-
-    table = Table(box=None, header_style="bold", pad_edge=False)
-    for column in ("node", "now", "limit", "time to it", f"{found.coverage:.0%} interval", "settles at [°C]"):
-        justify: Literal["left", "right"] = "left" if column == "node" else "right"
-        table.add_column(column, justify=justify, no_wrap=True, overflow="fold")
-    for one in found.nodes.values():
-        table.add_row(one.node, f"{one.now:.1f}", f"{one.limit:g} °C", _time(one), _interval(one), _settled(one))
-    out.print(table)
-    window = found.window
+    rows = [
+        (one.node, f"{one.now:.1f}", f"{one.limit:g} °C", _time(one), _interval(one), _settled(one))
+        for one in ahead.nodes.values()
+    ]
+    heads = ("node", ">now", ">limit", ">time to it", f">{ahead.coverage:.0%} interval", ">settles at [°C]")
+    show_table(heads, rows)
+    window = ahead.window
     cycles = f" ({window.cycles} gait cycles of {window.period:.3g} s)" if window.cycles and window.period else ""
-    out.print(f"Taken to go on: {window.why}{cycles}.", markup=False)
-    out.print(f"Uncertainty of the model: {found.trust}.", markup=False)
+    print(f"Taken to go on: {window.why}{cycles}.")
+    print(f"Uncertainty of the model: {ahead.trust}.")
 
 
 def _time(one: NodeForecast) -> str:
     if one.time_to_limit == 0:
         return "passed"
-    return duration(one.time_to_limit) if one.reaches else "never"
+    return _duration(one.time_to_limit) if one.reaches else "never"
 
 
 def _interval(one: NodeForecast) -> str:
@@ -159,7 +152,7 @@ def _interval(one: NodeForecast) -> str:
         return ""
     if not isfinite(one.low):
         return f"never ({1 - one.chance:.0%})"
-    return f"{duration(one.low)} to {duration(one.high) if isfinite(one.high) else 'never'}"
+    return f"{_duration(one.low)} to {_duration(one.high) if isfinite(one.high) else 'never'}"
 
 
 def _settled(one: NodeForecast) -> str:
@@ -168,8 +161,8 @@ def _settled(one: NodeForecast) -> str:
     return f"{one.steady:.0f} ({one.steady_low:.0f} to {one.steady_high:.0f})"
 
 
-def duration(seconds: float) -> str:
-    """A time as people say it: 45 s, 9.2 min, 2.1 h."""
+def _duration(seconds: float) -> str:
+    """A time until something: 45 s, 9.2 min, 2.1 h."""
     if seconds < 99.5:
         return f"{seconds:.0f} s"
     return f"{seconds / 60:.1f} min" if seconds < 7200 else f"{seconds / 3600:.1f} h"

@@ -1,75 +1,23 @@
-"""The command `lptn monitor`."""
+"""The command `lptn monitor`: faults of temperature sensors in logs."""
 
 from __future__ import annotations
 
-import io
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter as Option
 from cyclopts import validators
-from rich.table import Table
 
 from lptn.basics.errors import InputError
-from lptn.cli.options import Json, Map, check_outputs, check_picture, needs_logs
-from lptn.cli.terminal import out
-from lptn.online.monitoring import Monitoring, Watched
-from lptn.online.sensor_faults import Alarm
+from lptn.cli.options import Json, Map, Picture, check_outputs, check_picture, needs_logs, write_figure
 
 if TYPE_CHECKING:
     from lptn.logs.run import Run
-    from lptn.model.file import ModelFile
     from lptn.model.model import Model
     from lptn.online.calibration import Calibration
-
-
-# --- What `lptn monitor` says ---------------------------------------------------------------------
-
-
-_UNITS = {"offset": "K", "drift": "K/s"}
-
-
-def show_monitoring(found: Monitoring) -> None:
-    """A line for each sensor with an alarm: what both detectors say of it, and when."""
-    table = Table(box=None, header_style="bold", pad_edge=False)
-    for column in ("run", "sensor", "fault", "size", "since", "statistical", f"over {found.threshold:g} K"):
-        table.add_column(column, no_wrap=True, overflow="fold")
-    for watched in found.runs:
-        for cells in _rows(watched):
-            table.add_row(*cells)
-    if table.row_count:
-        out.print(table)
-        out.print("Times are in s of each log's clock. The fault is named from some minutes behind the alarm, too.")
-    quiet = [watched for watched in found.runs if not (watched.direct or watched.statistical)]
-    for watched in quiet:
-        node = max(watched.largest, key=watched.largest.__getitem__)
-        text = f"{watched.scene.run.name}: no alarm; largest residual {watched.largest[node]:.3g} K, {node}."
-        out.print(text, markup=False)
-    calibration = found.calibration
-    if calibration.hours:
-        out.print(f"The statistical detector's limits come from {calibration.hours:.3g} h of healthy logs.")
-    else:
-        out.print(
-            "The statistical detector's limits are guesses: give the logs that the model was fitted on as --healthy."
-        )
-
-
-def _rows(watched: Watched) -> list[list[str]]:
-    direct = {alarm.node: alarm for alarm in watched.direct}
-    statistical = {alarm.node: alarm for alarm in watched.statistical}
-    rows = []
-    for node in dict.fromkeys(alarm.node for alarm in (*watched.statistical, *watched.direct)):
-        best = statistical.get(node) or direct[node]
-        size = "" if best.size is None else f"{best.size:+.2g} {_UNITS[best.kind]}"
-        times = [_time(alarms.get(node)) for alarms in (statistical, direct)]
-        rows.append([watched.scene.run.name, node, best.kind, size, f"{best.onset:.0f} s", *times])
-    return rows
-
-
-def _time(alarm: Alarm | None) -> str:
-    return "–" if alarm is None else f"{alarm.time:.0f} s"
-
+    from lptn.online.monitoring import Monitoring, Watched
+    from lptn.online.sensor_faults import Alarm
 
 Healthy = Annotated[
     list[Path] | None,
@@ -87,7 +35,7 @@ def monitor(
     /,
     *logs: Path,
     threshold: Annotated[
-        float, Option(help="Residual that the plain detector calls a fault, in K.", validator=validators.Number(gt=0))
+        float, Option(help="Error that the plain detector calls a fault, in K.", validator=validators.Number(gt=0))
     ] = 10.0,
     healthy: Healthy = None,
     false_alarms: Annotated[
@@ -99,7 +47,7 @@ def monitor(
         Option(help="File for what the healthy logs teach: written with --healthy, read without."),
     ] = None,
     json: Json = None,
-    plot: Annotated[Path | None, Option(help="Picture to write: .png, .svg or .pdf.")] = None,
+    plot: Picture = None,
     map: Map = None,  # noqa: A002 - the option's name
 ) -> None:
     """Find faults of temperature sensors: drift, offset, stuck, dropout.
@@ -114,22 +62,19 @@ def monitor(
     check_outputs(json, plot, calibration if healthy else None, inputs=(model, *logs, *(healthy or ())))
     check_picture(plot)
     loaded = load_model(model, map or ())
-    runs, good = loaded.runs(logs), loaded.runs(healthy or [])
-    _refuse_shared(runs, good)
+    runs, healthy_runs = loaded.runs(logs), loaded.runs(healthy or [])
+    _refuse_shared(runs, healthy_runs)
     with progress("reading") as report:
-        learnt = _calibration(loaded.model, good, false_alarms, calibration, report)
-        found = watch(
-            loaded.model, runs, threshold=threshold, calibration=learnt, rmse=_rmse(loaded.file), report=report
+        learnt = _calibration(loaded.model, healthy_runs, false_alarms, calibration, report)
+        result = watch(
+            loaded.model, runs, threshold=threshold, calibration=learnt, rmse=loaded.file.fit.rmse, report=report
         )
-    show_monitoring(found)
-    write_json(json, found.as_json())
+    _show_monitoring(result)
+    write_json(json, result.as_json())
     if plot is not None:
-        from lptn.basics.files import write_whole
         from lptn.report.online_figures import monitoring_figure
 
-        picture = io.BytesIO()
-        monitoring_figure(found).savefig(picture, format=plot.suffix.lower().removeprefix("."))
-        write_whole(plot, picture.getvalue())
+        write_figure(monitoring_figure(result), plot)
 
 
 def _calibration(
@@ -155,9 +100,36 @@ def _refuse_shared(runs: list[Run], healthy: list[Run]) -> None:
             raise InputError(run.source, "LOGS", found, "each log once: to learn from, or to watch")
 
 
-def _rmse(file: ModelFile) -> float | None:
-    """The error of the model's fit [K], `None` for a model that was not fitted."""
-    import tomlkit
+_UNITS = {"offset": "K", "drift": "K/s"}
 
-    rmse = tomlkit.parse(file.text).unwrap().get("fit", {}).get("rmse")
-    return None if rmse is None else float(rmse)
+
+def _show_monitoring(result: Monitoring) -> None:
+    """A line for each sensor with an alarm: what both detectors say of it, and when."""
+    from lptn.cli.terminal import show_table
+
+    rows = [cells for watched in result.runs for cells in _rows(watched)]
+    if rows:
+        show_table(("run", "sensor", "fault", "size", "since", "statistical", f"over {result.threshold:g} K"), rows)
+        print("Times are in s of each log's clock. The fault is named from some minutes behind the alarm, too.")
+    for watched in result.runs:
+        if not (watched.direct or watched.statistical):
+            node = max(watched.largest, key=watched.largest.__getitem__)
+            print(f"{watched.scene.run.name}: no alarm; largest error {watched.largest[node]:.3g} K, {node}.")
+    hours = result.calibration.hours
+    learnt = f"come from {hours:.3g} h of healthy logs"
+    guessed = "are guesses: give the logs that the model was fitted on as --healthy"
+    print(f"The statistical detector's limits {learnt if hours else guessed}.")
+
+
+def _rows(watched: Watched) -> Iterator[list[str]]:
+    direct = {alarm.node: alarm for alarm in watched.direct}
+    statistical = {alarm.node: alarm for alarm in watched.statistical}
+    for node in dict.fromkeys(alarm.node for alarm in (*watched.statistical, *watched.direct)):
+        best = statistical.get(node) or direct[node]
+        size = "" if best.size is None else f"{best.size:+.2g} {_UNITS[best.kind]}"
+        times = [_time(alarms.get(node)) for alarms in (statistical, direct)]
+        yield [watched.scene.run.name, node, best.kind, size, f"{best.onset:.0f} s", *times]
+
+
+def _time(alarm: Alarm | None) -> str:
+    return "–" if alarm is None else f"{alarm.time:.0f} s"

@@ -1,8 +1,7 @@
-"""What the commands have in common: their options, logs opened by their jobs, processes, pictures."""
+"""What the commands have in common: their options, checks before the work, processes, pictures."""
 
 from __future__ import annotations
 
-import io
 import shlex
 import sys
 from collections.abc import Iterable, Iterator
@@ -19,13 +18,13 @@ from lptn.basics.errors import InputError
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from lptn.identify.data import DataSplit, LoadedModel
-    from lptn.logs.run import Run
+# --- options; a name that an option had before stays as its second name -----------------------------------
 
 
 Output = Annotated[Path, Option(name=["--output", "-o"], help="File to write.")]
 OptionalOutput = Annotated[Path | None, Option(name=["--output", "-o"], help="File to write the model to.")]
 Json = Annotated[Path | None, Option(name="--json", help="File to write the result to, for programs.")]
+Picture = Annotated[Path | None, Option(name="--plot", help="Picture to write: .png, .svg or .pdf.")]
 Holdout = Annotated[
     list[Path] | None,
     Option(name="--holdout", help="Logs that no fit sees.", negative="", consume_multiple=True),
@@ -46,6 +45,13 @@ Map = Annotated[
         negative="",
     ),
 ]
+AmbientError = Annotated[
+    float,
+    Option(help="How far the ambient sensor may be off in each run [K].", validator=validators.Number(gte=0)),
+]
+Jobs = Annotated[
+    int, Option(name="--jobs", help="Processes that refit candidates side by side.", validator=validators.Number(gte=1))
+]
 
 
 def _not_negative(_type: object, value: float | str) -> None:
@@ -61,44 +67,20 @@ SymmetryPenalty = Annotated[
         validator=_not_negative,
     ),
 ]
-AmbientError = Annotated[
-    float,
-    Option(help="How far the ambient sensor may be off in each run [K].", validator=validators.Number(gte=0)),
-]
-Jobs = Annotated[
-    int, Option(name="--jobs", help="Processes that refit candidates side by side.", validator=validators.Number(gte=1))
-]
 
 
-def open_by_job(
-    model: Path,
-    logs: tuple[Path, ...],
-    holdout: list[Path] | None,
-    holdout_after: float | None,
-    test: list[Path] | None,
-    mapped: list[str] | None,
-) -> tuple[LoadedModel, DataSplit]:
-    """The model file, and the logs arranged by what they are for."""
-    from lptn.identify.data import load_model, say_absent_runs, split_data
-
-    needs_logs(logs)
-    loaded = load_model(model, mapped or ())
-    fitted, held, proving = (loaded.runs(group) for group in (logs, holdout or [], test or []))
-    _refuse_twice({"LOGS": fitted, "--holdout": held, "--test": proving})
-    say_absent_runs(loaded.model.network, (*fitted, *held, *proving))
-    return loaded, split_data(fitted, held, proving, holdout_after)
+def typed() -> str:
+    """The command as it was typed, for the report."""
+    return " ".join(["lptn", *(shlex.quote(word) for word in sys.argv[1:])])
 
 
-def _refuse_twice(groups: dict[str, list[Run]]) -> None:
-    """A log that is fitted twice counts double; one that is fitted and held out proves nothing."""
-    jobs: dict[str, tuple[str, str]] = {}
-    for option, runs in groups.items():
-        for source, digest in {run.source: run.fingerprint for run in runs}.items():
-            if digest in jobs:
-                before, where = jobs[digest]
-                found = f"the same data as {before} ({where})"
-                raise InputError(source, option, found, "each log once: to fit, to hold out, or for the test")
-            jobs[digest] = source, option
+# --- checks before the work -------------------------------------------------------------------------------
+
+
+def needs_logs(logs: tuple[Path, ...]) -> None:
+    """Refuse a command without a log."""
+    if not logs:
+        raise InputError("command line", "LOGS", "no log", "one log file or more after the model file")
 
 
 def check_outputs(*paths: Path | None, inputs: Iterable[Path] = ()) -> None:
@@ -113,7 +95,7 @@ def check_outputs(*paths: Path | None, inputs: Iterable[Path] = ()) -> None:
             would take the place of what is read.
     """
     given = [path for path in paths if path is not None]
-    read = {part.resolve() for path in inputs for part in _parts(path)}
+    read = {file.resolve() for path in inputs for file in _files_of(path)}
     for path in given:
         if path.is_dir():
             raise InputError(path, "output", "a folder", "a file in it")
@@ -126,7 +108,7 @@ def check_outputs(*paths: Path | None, inputs: Iterable[Path] = ()) -> None:
             raise InputError(path, "output", "one file for two results", "a file of its own for each")
 
 
-def _parts(path: Path) -> tuple[Path, ...]:
+def _files_of(path: Path) -> tuple[Path, ...]:
     """The files behind a path: of `a.csv+b.csv` both."""
     if "+" not in str(path):
         return (path,)
@@ -136,10 +118,17 @@ def _parts(path: Path) -> tuple[Path, ...]:
     return (path,) if pair is None else pair[:2]
 
 
-def needs_logs(logs: tuple[Path, ...]) -> None:
-    """Refuse a command without a log."""
-    if not logs:
-        raise InputError("command line", "LOGS", "no log", "one log file or more after the model file")
+def check_picture(path: Path | None) -> None:
+    """Refuse a kind of picture that can't be drawn.
+
+    Raises:
+        InputError: the file name ends in none of .png, .svg and .pdf.
+    """
+    if path is not None and path.suffix.lower() not in (".png", ".svg", ".pdf"):
+        raise InputError(path, "--plot", f"a file name ending in '{path.suffix}'", "one ending in .png, .svg or .pdf")
+
+
+# --- work and its results ---------------------------------------------------------------------------------
 
 
 @contextmanager
@@ -155,31 +144,11 @@ def executor_of(jobs: int) -> Iterator[Executor | None]:
 
 
 def write_figure(figure: Figure, path: Path) -> None:
-    """Write a figure into a file of the kind that its name says."""
+    """Write a figure into a file of the kind that its name says (see `check_picture`)."""
+    import io
+
     from lptn.basics.files import write_whole
 
     picture = io.BytesIO()
-    figure.savefig(picture, format=_picture_kind(path))
+    figure.savefig(picture, format=path.suffix.lower().removeprefix("."))
     write_whole(path, picture.getvalue())
-
-
-def check_picture(path: Path | None) -> None:
-    """Refuse a kind of picture that can't be drawn.
-
-    Raises:
-        InputError: the file name ends in none of .png, .svg and .pdf.
-    """
-    if path is not None:
-        _picture_kind(path)
-
-
-def _picture_kind(path: Path) -> str:
-    kind = path.suffix.lower().removeprefix(".")
-    if kind not in {"png", "svg", "pdf"}:
-        raise InputError(path, "--plot", f"a file name ending in '{path.suffix}'", "one ending in .png, .svg or .pdf")
-    return kind
-
-
-def typed() -> str:
-    """The command as it was typed, for the report."""
-    return " ".join(["lptn", *(shlex.quote(word) for word in sys.argv[1:])])

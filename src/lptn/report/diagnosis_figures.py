@@ -15,10 +15,10 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
+from lptn.basics.style import BEST, FAINT, GIVEN, INK, SMALL, TEXT, dress, new_figure, plain
 from lptn.diagnose.diagnosis import Diagnosis, Step
 from lptn.diagnose.improvement import History
 from lptn.diagnose.scores import Confusability, Detectable, Score
-from lptn.basics.style import BEST, FAINT, GIVEN, INK, SMALL, TEXT, dress, new_figure, plain
 from lptn.report.text import named, place_of, short_size, title_of, unit_text
 
 # --- The figure of the ladder: how the errors fall from rung to rung ------------------------------

@@ -17,7 +17,6 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
 
 from lptn.basics.arrays import FloatArray
-from lptn.identify.comparison import Comparison, Condition, Prediction
 from lptn.basics.style import (
     BEST,
     GIVEN,
@@ -35,6 +34,7 @@ from lptn.basics.style import (
     rmse_norm,
     time_axis,
 )
+from lptn.identify.comparison import Comparison, Condition, Prediction
 from lptn.report.text import short, significant
 
 # --- Errors by operating condition as the page shows them: long times in minutes ------------------

@@ -18,11 +18,6 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from lptn.basics.arrays import FloatArray
-from lptn.diagnose.improvement import History
-from lptn.diagnose.unexplained_heat import InputLink, Stretch, UnexplainedHeat, input_links, largest, unexplained_heat
-from lptn.identify.comparison import Comparison
-from lptn.identify.fitting import Fit
-from lptn.logs.run import Run
 from lptn.basics.style import (
     BEST,
     FAINT,
@@ -38,6 +33,11 @@ from lptn.basics.style import (
     plain,
     time_axis,
 )
+from lptn.diagnose.improvement import History
+from lptn.diagnose.unexplained_heat import HeatPeak, InputLink, UnexplainedHeat, input_links, largest, unexplained_heat
+from lptn.identify.comparison import Comparison
+from lptn.identify.fitting import Fit
+from lptn.logs.run import Run
 from lptn.report.text import for_people, listed, number
 
 # --- The figure of one node's unexplained heat over time, above the inputs that it goes with ------
@@ -73,7 +73,7 @@ class Worst:
 
     run: int
     node: str
-    stretch: Stretch | None
+    stretch: HeatPeak | None
 
 
 def worst_of(found: Sequence[UnexplainedHeat]) -> Worst:
@@ -372,14 +372,14 @@ class HeatStory:
         stays = before is not None and after is not None and abs(after.heat) > _STAYS * abs(before.heat)
         return self._place(after) if after is not None and stays else ""
 
-    def _in_words(self, stretch: Stretch | None) -> str:
+    def _in_words(self, stretch: HeatPeak | None) -> str:
         if stretch is None:
             return ""
         missing = "heat is missing" if stretch.heat > 0 else "there is too much heat"
         about = replace(stretch, heat=abs(stretch.heat)).text().removeprefix(stretch.place)
         return for_people(f"{missing} most clearly {self._place(stretch)}{about}")
 
-    def _place(self, stretch: Stretch) -> str:
+    def _place(self, stretch: HeatPeak) -> str:
         return f"{stretch.place} of run {stretch.run}" if len(self.given) > 1 else stretch.place
 
 

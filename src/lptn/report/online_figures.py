@@ -12,8 +12,6 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from lptn.online.forecasting import Forecast, NodeForecast
-from lptn.online.monitoring import Monitoring, Watched
 from lptn.basics.style import (
     BEST,
     GIVEN,
@@ -28,6 +26,8 @@ from lptn.basics.style import (
     plain,
     time_axis,
 )
+from lptn.online.forecasting import Forecast, NodeForecast
+from lptn.online.monitoring import Monitoring, Watched
 
 # --- The figure of a forecast: temperatures so far and to come, with the interval's fan and the limit ---
 

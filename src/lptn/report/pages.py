@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from lptn.basics.parameters import ParameterInstance
+from lptn.basics.style import BEST, GIVEN, SMALL, TEXT, dress, new_figure, plain
 from lptn.diagnose.improvement import History
 from lptn.diagnose.scores import confusability, smallest
 from lptn.effects import Effect, catalogue
@@ -33,19 +34,18 @@ from lptn.report.heat_figures import (
     picture,
     render,
 )
-from lptn.basics.style import BEST, GIVEN, SMALL, TEXT, dress, new_figure, plain
 from lptn.report.text import (
     NOTHING,
-    duration,
     experiment_for,
     for_people,
     kelvin,
     number,
     place_of,
     short_size,
+    time_span,
     title_of,
     unit_text,
-    within,
+    window_text,
 )
 from lptn.report.words import (
     Proposal,
@@ -204,11 +204,11 @@ def _effects_named(history: History) -> list[type[Effect]]:
 
 def _data_row(job: str, part: Segment) -> tuple[str, ...]:
     run = part.run
-    start = "the whole stretch" if part.initialisation == part.evaluation else within(part.initialisation, part)
+    start = "the whole stretch" if part.initialisation == part.evaluation else window_text(part.initialisation, part)
     notes = " ".join(run.notes) or "nothing found"
-    length = duration(len(run) * run.step)
+    length = time_span(len(run) * run.step)
     cells = (run.name, Path(run.source).name, run.fingerprint[:12], length, f"{run.step:g} s", job)
-    return (*cells, start, within(part.evaluation, part), notes)
+    return (*cells, start, window_text(part.evaluation, part), notes)
 
 
 def _value(value: float, parameter: ParameterInstance) -> str:

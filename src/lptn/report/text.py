@@ -16,9 +16,12 @@ _MINUS = re.compile(r"(?<![\w.-])-(?=\d)")
 
 def kelvin(value: float | None, digits: int = 3) -> str:
     """A temperature difference with its unit; a dash for none."""
-    if value is None or not math.isfinite(value):
-        return NOTHING
-    return f"{significant(value, digits)}\u00a0K"
+    return NOTHING if value is None or not math.isfinite(value) else f"{significant(value, digits)} K"
+
+
+def signed_kelvin(value: float) -> str:
+    """A mean error with its sign, two digits."""
+    return NOTHING if not math.isfinite(value) else f"{value:+#.2g} K".replace("-", "−").replace(". K", " K")
 
 
 def significant(value: float, digits: int) -> str:
@@ -31,51 +34,9 @@ def number(value: float, digits: int = 4) -> str:
     return f"{value:.{digits}g}" if math.isfinite(value) else NOTHING
 
 
-def title_of(effect: str) -> str:
-    """What a person calls an effect."""
-    known = catalogue().get(effect)
-    return effect if known is None else known.title
-
-
-def named(effect: str, at: str) -> str:
-    """An effect and its place, in words."""
-    place = place_of(at)
-    return f"{title_of(effect)} {place}" if place.startswith(_EVERYWHERE) else f"{title_of(effect)} at {place}"
-
-
-def place_of(at: str) -> str:
-    """A place as people call it, and the run where the effect acts in one alone."""
-    place, _, run = at.partition("@")
-    place = _EVERYWHERE if place == "*" else place
-    return f"{place} in run {run}" if run else place
-
-
-def experiment_for(effect: type[Effect]) -> str:
-    """The experiment that tells an effect from its rivals."""
-    return effect.signature.separate_by.replace("degC", "°C")
-
-
-def for_people(text: str) -> str:
-    """A sentence of the terminal as it is printed: titles for keys, `°C` for `degC`, a minus that is no hyphen."""
-    keys = "|".join(sorted(catalogue(), key=len, reverse=True))
-    text = re.sub(rf"\b({keys}) at ([^\s,;]*[^\s,;.])", lambda found: named(found[1], found[2]), text)
-    return _MINUS.sub("−", text.replace("degC", "°C").replace("N*m", "N·m"))
-
-
-def listed(items: Sequence[str], last: str = "and") -> str:
-    """`a, b and c`."""
-    return items[0] if len(items) == 1 else f"{', '.join(items[:-1])} {last} {items[-1]}"
-
-
 def short(value: float) -> str:
     """Three digits, and no exponent in the thousands."""
     return f"{value:.0f}" if 1000 <= abs(value) < 1e6 else f"{value:.3g}"
-
-
-def spanned(quantity: str, lower: float, upper: float) -> str:
-    """A bin of an operating condition: `temperature 46.7 to 54.8 °C`."""
-    name, _, unit = quantity.partition(" [")
-    return f"{name} {short(lower)} to {short(upper)} {unit.rstrip(']')}".rstrip()
 
 
 def short_size(value: float) -> str:
@@ -88,16 +49,73 @@ def unit_text(unit: str) -> str:
     return unit.replace("^2", "²").replace("*", "·").replace("ohm", "Ω")
 
 
-def duration(seconds: float) -> str:
-    """A time span in s, min or h."""
+def time_span(seconds: float) -> str:
+    """A length of time in s, min or h."""
     if seconds < 600:
         return f"{seconds:.3g} s"
     return f"{seconds / 60:.3g} min" if seconds < 36000 else f"{seconds / 3600:.3g} h"
 
 
-def within(window: Window, part: Segment) -> str:
+def bin_text(quantity: str, lower: float, upper: float) -> str:
+    """A bin of an operating condition: `temperature 46.7 to 54.8 °C`."""
+    name, _, unit = quantity.partition(" [")
+    return f"{name} {short(lower)} to {short(upper)} {unit.rstrip(']')}".rstrip()
+
+
+def window_text(window: Window, segment: Segment) -> str:
     """A window of a run, in the log's clock; "all" for the whole run."""
-    run = part.run
+    run = segment.run
     first, last = float(run.time[0]), float(run.time[-1] + run.step)
     start, stop = max(window[0], first), min(window[1], last)
     return "all" if (start, stop) == (first, last) else f"{start:g} to {stop:g} s"
+
+
+# --- effects and places ---------------------------------------------------------------------------
+
+
+def title_of(effect: str) -> str:
+    """What a person calls an effect."""
+    return catalogue()[effect].title if effect in catalogue() else effect
+
+
+def place_of(at: str) -> str:
+    """A place as people call it, and the run where the effect acts in one alone."""
+    place, _, run = at.partition("@")
+    place = _EVERYWHERE if place == "*" else place
+    return f"{place} in run {run}" if run else place
+
+
+def named(effect: str, at: str) -> str:
+    """An effect and its place, in words."""
+    place = place_of(at)
+    return f"{title_of(effect)} {place}" if place.startswith(_EVERYWHERE) else f"{title_of(effect)} at {place}"
+
+
+def experiment_for(effect: type[Effect]) -> str:
+    """The experiment that separates an effect from its rivals."""
+    return effect.signature.separate_by.replace("degC", "°C")
+
+
+# --- sentences --------------------------------------------------------------------------------------
+
+
+def listed(items: Sequence[str], last: str = "and") -> str:
+    """`a, b and c`."""
+    return items[0] if len(items) == 1 else f"{', '.join(items[:-1])} {last} {items[-1]}"
+
+
+def few(items: Sequence[str], most: int) -> str:
+    """A list that nobody has to read to its end: `a, b and 7 others` where one more than `most` is too many."""
+    return listed(items if len(items) <= most + 1 else [*items[:most], f"{len(items) - most} others"])
+
+
+def capitalised(text: str) -> str:
+    """A text as the beginning of a sentence."""
+    return text[:1].upper() + text[1:]
+
+
+def for_people(text: str) -> str:
+    """A sentence of the library as it is printed: titles for keys, `°C` for `degC`, a minus that is no hyphen."""
+    keys = "|".join(sorted(catalogue(), key=len, reverse=True))
+    text = re.sub(rf"\b({keys}) at ([^\s,;]*[^\s,;.])", lambda match: named(match[1], match[2]), text)
+    return _MINUS.sub("−", text.replace("degC", "°C").replace("N*m", "N·m"))

@@ -18,7 +18,7 @@ from lptn.identify.fitting import Fit
 from lptn.report.diagnosis_figures import candidates_shown, reaches
 from lptn.report.figures import MOST, NOISE_BAND, opening_end, views, worst
 from lptn.report.heat_figures import HeatStory, hiding
-from lptn.report.text import experiment_for, kelvin, listed, named, place_of, spanned, title_of, within
+from lptn.report.text import bin_text, experiment_for, kelvin, listed, named, place_of, title_of, window_text
 
 # --- How sure the ladder is: what chance would do, what else fits as well, which data say so ------
 
@@ -89,7 +89,7 @@ def which_data(history: History, data: DataSplit) -> str:
 
 def _runs(parts: Sequence[Segment]) -> str:
     """Runs by name, and which stretch of them counts where it is not all."""
-    stretches = [(part.run.name, within(part.evaluation, part)) for part in parts]
+    stretches = [(part.run.name, window_text(part.evaluation, part)) for part in parts]
     return _few([name if stretch == "all" else f"{name} ({stretch})" for name, stretch in stretches])
 
 
@@ -436,7 +436,7 @@ def _chosen(count: int) -> str:
 
 def _where_in_caption(cell: Condition) -> str:
     """A condition, its error, and to which side."""
-    told = f"{cell.node}, {spanned(cell.quantity, cell.lower, cell.upper)}, with {kelvin(cell.errors.rmse, 2)}"
+    told = f"{cell.node}, {bin_text(cell.quantity, cell.lower, cell.upper)}, with {kelvin(cell.errors.rmse, 2)}"
     if abs(cell.errors.mean) < _PLAIN * cell.errors.rmse:
         return told
     return f"{told}, predicted too {'hot' if cell.errors.mean > 0 else 'cold'}"

@@ -1,4 +1,4 @@
-"""Commands of the planners' room: `lptn trade` and `lptn plan`."""
+"""The command `lptn plan`: torque, speeds or loads that keep a robot within its temperature limits."""
 
 from __future__ import annotations
 
@@ -7,40 +7,8 @@ from typing import Annotated
 
 from cyclopts import Parameter as Option
 
-from lptn.cli.options import Json, check_outputs, check_picture, write_figure
-
-Result = Annotated[
-    Path | None, Option(name=["--json", "--output", "-o"], help="File to write the result to, for programs (JSON).")
-]
-Plot = Annotated[Path | None, Option(name="--plot", help="Picture to write: .png, .svg or .pdf.")]
-
-
-def trade(study: Path, /, *, json: Result = None, plot: Plot = None) -> None:
-    """Solve a cooling trade study: best designs, what limits them, Pareto front, sensitivities.
-
-    Example: lptn trade u8.toml --json result.json --plot study.png
-    """
-    from lptn.basics.errors import InputError
-    from lptn.cli.terminal import progress, write_json
-    from lptn.planners.trade import load_study, solve_study
-    from lptn.planners.trade.export import as_json, lines
-
-    check_outputs(json, plot)
-    for output in (json, plot):
-        if output is not None and output.resolve() == study.resolve():
-            raise InputError(output, "output", "the study itself", "another file, for this one would be lost")
-    check_picture(plot)
-    asked = load_study(study)
-    with progress("reading") as report:
-        result = solve_study(asked, report)
-    if not result.designs:
-        raise result.infeasible()
-    print("\n".join(lines(result)))
-    if plot is not None:
-        from lptn.planners.trade.figures import study_figure
-
-        write_figure(study_figure(result), plot)
-    write_json(json, as_json(result))
+from lptn.basics.errors import InputError
+from lptn.cli.options import Json, Picture, check_outputs, check_picture, write_figure
 
 
 def plan(
@@ -52,7 +20,7 @@ def plan(
         Path | None, Option(name=["--output", "-o"], help="Table to write the plan to: .csv or .parquet.")
     ] = None,
     json: Json = None,
-    plot: Plot = None,
+    plot: Picture = None,
     emit_c: Annotated[
         Path | None, Option(name="--emit-c", help="Folder to write the controller step to, as C for the robot.")
     ] = None,
@@ -61,7 +29,6 @@ def plan(
 
     Example: lptn plan quadruped.toml track.toml -o plan.csv --json plan.json --plot plan.png
     """
-    from lptn.basics.errors import InputError
     from lptn.cli.terminal import progress, write_json
     from lptn.model.file import read_model_file
     from lptn.model.model import Model

@@ -1,0 +1,33 @@
+"""The command `lptn add`: one more effect in a model file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter as Option
+
+from lptn.basics.errors import InputError
+from lptn.cli.options import Output
+
+
+def add(
+    model: Path,
+    effect: str,
+    /,
+    *,
+    at: Annotated[
+        str, Option(help='Node, edge "a~b", pattern such as "*_calf", or "*"; NODE@RUN as `lptn diagnose` prints it.')
+    ],
+    run: Annotated[str, Option(help="The only run in which it acts; all by default.")] = "",
+    output: Output,
+) -> None:
+    """Add an effect to a model file, at its typical size.
+
+    Example: lptn add leg.toml forced_convection --at "*" -o next.toml
+    """
+    from lptn.model.file import added, read_model_file
+
+    if run and "@" in at:
+        raise InputError("command line", "--run", f"'{run}' beside --at {at}", "the run in one place")
+    added(read_model_file(model), effect, f"{at}@{run}" if run else at).write(output)

@@ -1,0 +1,277 @@
+"""The catalogue of effects: on the terminal, for other programs, and as the page of Markdown beside the classes."""
+
+from __future__ import annotations
+
+import inspect
+import math
+import re
+from collections.abc import Iterable, Mapping
+
+from lptn.basics.equations import equation_text
+from lptn.basics.errors import InputError
+from lptn.basics.parameters import Parameter
+from lptn.cli.terminal import show_table
+from lptn.effects import Effect, catalogue
+from lptn.logs.resampling import raw_keys
+from lptn.model.heat_balance import input_column
+from lptn.references import Citation, cite, works_cited
+
+_SITES = {
+    "node": "a node",
+    "link": "a link to the surroundings",
+    "edge": 'a pair of nodes `"a~b"` that no link joins',
+    "loss": "another effect's heat at a node",
+    "sensor": "a sensor",
+    "pair": 'a sensor and a neighbour, `"a~b"`',
+    "group": "several nodes at once",
+    "boundary": "a prescribed temperature",
+}
+_OURS = "lptn.effects."
+_MATH = ".. math::"
+_ROLE = re.compile(r":math:`([^`]*)`")
+_EMPHASIS = re.compile(r"\*(\w+)\*")
+
+
+def show_effects(key: str | None) -> None:
+    """The catalogue, or one effect of it.
+
+    Raises:
+        InputError: no effect has this key.
+    """
+    effects = catalogue()
+    if key is None:
+        show_table(
+            ("effect", "what it is", "at"), ((name, effect.title, effect.site) for name, effect in effects.items())
+        )
+        return
+    if key not in effects:
+        raise InputError("effects", "KEY", f"'{key}'", f"one of {', '.join(effects)}")
+    effect = effects[key]
+    print(docstring_text(effect), "", sep="\n")
+    rows = [
+        (each.name, each.title, each.unit, f"{each.typical:g}", "" if each.off is None else f"{each.off:g}")
+        for each in effect.parameters
+    ]
+    if rows:
+        show_table(("parameter", "what it is", "unit", ">typical", ">off"), rows)
+    for line in (
+        f"Acts on: {where_text(effect)}.",
+        f"Log columns: {columns_text(effect)}.",
+        *(f"Option: {option}" for option in options_text(effect)),
+        f"Looks like: {effect.signature.looks_like}.",
+        f"Separate it by: {_sentence(effect.signature.separate_by)}",
+        *_confused(effect),
+        *_references(effect),
+    ):
+        print(line)
+
+
+def catalogue_json(key: str | None) -> dict[str, object]:
+    """The catalogue, or one effect of it, as other tools read it."""
+    return {
+        name: {
+            "title": effect.title,
+            "at": effect.site,
+            "needs": list(effect.needs),
+            "options": {option: list(words) for option, words in effect.options.items()},
+            "equations": equations(effect),
+            "looks_like": effect.signature.looks_like,
+            "separate_by": effect.signature.separate_by,
+            "source": cite(effect.source),
+            "references": [cited.reference.full for cited in works_cited(cited_by(effect))],
+            "parameters": {
+                each.name: {"title": each.title, "unit": each.unit, "typical": each.typical, "off": each.off}
+                for each in effect.parameters
+            },
+        }
+        for name, effect in catalogue().items()
+        if key in (None, name)
+    }
+
+
+def docstring_text(effect: type[Effect]) -> str:
+    """An effect's docstring for people: equations in Unicode, a line each, and sources by author and year."""
+    blocks = inspect.cleandoc(effect.__doc__ or effect.title).split("\n\n")
+    return "\n\n".join(_block_text(block) for block in blocks)
+
+
+def equations(effect: type[Effect]) -> list[str]:
+    """The equations of an effect's docstring in Unicode, such as `R(v) = R₀ / (1 + γ |v|)`."""
+    blocks = inspect.cleandoc(effect.__doc__ or "").split("\n\n")
+    latex = " ".join(block.removeprefix(_MATH) for block in blocks if block.startswith(_MATH))
+    return [equation_text(each).strip().removesuffix(",") for each in latex.split(r"\qquad") if each.strip()]
+
+
+def cited_by(effect: type[Effect]) -> tuple[str, str]:
+    """The texts in which an effect names its sources."""
+    return effect.source, effect.__doc__ or ""
+
+
+def where_text(effect: type[Effect]) -> str:
+    """Where an effect acts, in words."""
+    words = _SITES[effect.site]
+    words += "; has a state of its own" if effect.has_state else ""
+    words += "; the same for the whole robot" if effect.whole_robot else ""
+    return words + ("; also in one run" if effect.per_run else "")
+
+
+def columns_text(effect: type[Effect], place: str = "<place>") -> str:
+    """The log columns that an effect needs, as code: `torque.<place>` or `current.<place>`."""
+    said = [
+        " and ".join(f"`{column}`" for column in raw_keys(input_column(name, place)))
+        for name in effect.options.get("input", effect.needs)
+    ]
+    joined = " or ".join(said) if "input" in effect.options else " and ".join(said)
+    heat = f"; it acts on `{effect.heat_of}` at the same place" if effect.heat_of else ""
+    return (joined or "none beside the temperatures") + heat
+
+
+def options_text(effect: type[Effect]) -> list[str]:
+    """The options of an effect as the model file has them: `input = "torque" | "current"`; the first is the default."""
+    return [f"{option} = " + " | ".join(f'"{word}"' for word in words) for option, words in effect.options.items()]
+
+
+def _confused(effect: type[Effect]) -> list[str]:
+    others = effect.signature.confused_with
+    return [f"Confused with: {', '.join(others)}."] if others else []
+
+
+def _references(effect: type[Effect]) -> list[str]:
+    lines = []
+    for cited in works_cited(cited_by(effect)):
+        lines.append(f"  {cited.reference.full}")
+        lines += [f"    {place}: {cited.reference.what_stands_at(place)}." for place in cited.places]
+    return ["", "References:", *lines] if lines else []
+
+
+def _sentence(text: str) -> str:
+    return text if text.endswith("?") else f"{text}."
+
+
+def _block_text(block: str) -> str:
+    """A paragraph of a docstring, or its equations."""
+    if block.startswith(_MATH):
+        lines = block.removeprefix(_MATH).split(r"\qquad")
+        return "\n".join(f"    {equation_text(line).strip().removesuffix(',')}" for line in lines)
+    text = _ROLE.sub(lambda match: equation_text(match[1]), " ".join(block.splitlines()))
+    return cite(_EMPHASIS.sub(r"\1", text))
+
+
+# --- the page of Markdown ----------------------------------------------------------------------------
+
+HEAD = """\
+# The catalogue of effects
+
+Every effect is one file in this folder: one equation, its parameters, what its absence looks like. This page is made
+from the classes; after a change write it anew:
+
+```
+lptn effects --markdown src/lptn/effects/README.md
+```
+
+*Amplitude* is the parameter that switches an effect off: at its off-value the model is the same to the last bit. A
+*shape* (a time constant, an exponent) is tried on a small grid before it is fitted. `lptn improve` looks for each
+effect at each place where the log has what it needs; "also in one run" says that it is looked for in single runs,
+too. Sources are named in brackets and listed [at the end](#references); what is wrong in their print stands in
+[the errata](../../../examples/README.md#errata-of-the-sources).
+
+An effect of your own: [in a package of your own](PLUGIN.md).
+"""
+
+
+def catalogue_markdown(effects: Mapping[str, type[Effect]] | None = None) -> str:
+    """The page.
+
+    Args:
+        effects: by key; by default the whole catalogue with installed plug-ins.
+
+    Returns:
+        Markdown text that GitHub shows with its formulas.
+    """
+    chosen = catalogue() if effects is None else effects
+    rows = ["| effect | what it is | acts on |", "| --- | --- | --- |"]
+    rows += [f"| [`{key}`](#{key}) | {each.title} | {_SITES[each.site]} |" for key, each in chosen.items()]
+    return "\n".join([HEAD, *rows, "", *map(_section, chosen.values()), *_works(chosen.values())])
+
+
+def built_in() -> dict[str, type[Effect]]:
+    """The effects of this package, without plug-ins."""
+    return {key: each for key, each in catalogue().items() if each.__module__.startswith(_OURS)}
+
+
+def _section(effect: type[Effect]) -> str:
+    lines = [f"## {effect.key}", "", *_prose(effect), "", *_parameters(effect), "", f"- Acts on: {where_text(effect)}."]
+    lines += [f"- Log columns: {columns_text(effect)}.", *_options(effect)]
+    lines += [f"- Looks like: {effect.signature.looks_like}."]
+    lines.append(f"- Separate it by: {_sentence(effect.signature.separate_by)}")
+    if effect.signature.confused_with:
+        others = ", ".join(f"[`{key}`](#{key})" for key in effect.signature.confused_with)
+        lines.append(f"- Confused with: {others}.")
+    if effect.__module__.startswith(_OURS):
+        name = f"{effect.__module__.removeprefix(_OURS)}.py"
+        lines.append(f"- File: [{name}]({name}).")
+    return "\n".join([*lines, ""])
+
+
+def _prose(effect: type[Effect]) -> list[str]:
+    """The docstring; its formulas as blocks that GitHub sets."""
+    lines: list[str] = []
+    formula: list[str] | None = None
+    for line in inspect.cleandoc(effect.__doc__ or effect.title).splitlines():
+        if line.startswith(_MATH):
+            formula = [line.removeprefix(_MATH).strip()]
+        elif formula is not None and line.startswith(" "):
+            formula.append(line.strip())
+        else:
+            lines += _block(formula)
+            formula = None
+            lines.append(_linked(_ROLE.sub(r"$`\1`$", line)))
+    return lines + _block(formula)
+
+
+def _block(formula: list[str] | None) -> list[str]:
+    return [] if formula is None else ["```math", *formula, "```"]
+
+
+def _parameters(effect: type[Effect]) -> list[str]:
+    if not effect.parameters:
+        return ["No parameter."]
+    head = ["| parameter | what it is | unit | bounds | typical | role |", "| --- | --- | --- | --- | --- | --- |"]
+    return head + [_row(effect, each) for each in effect.parameters]
+
+
+def _row(effect: type[Effect], each: Parameter) -> str:
+    lower, upper = (("−∞" if end < 0 else "∞") if math.isinf(end) else f"{end:g}" for end in each.bounds)
+    role = []
+    if each is effect.amplitude():
+        role.append(f"amplitude, off at {each.off:g}")
+    if each.grid:
+        role.append(f"shape, tried at {', '.join(f'{value:g}' for value in each.grid)}")
+    if each.fixed:
+        role.append(f"held at {each.value:g}")
+    return f"| `{each.name}` | {each.title} | {each.unit} | {lower} to {upper} | {each.typical:g} | {'; '.join(role)} |"
+
+
+def _options(effect: type[Effect]) -> list[str]:
+    return [f"- Option: `{option}`; the first is taken unless said." for option in options_text(effect)]
+
+
+def _linked(text: str) -> str:
+    """A text whose citations lead to the list of references below."""
+
+    def link(cited: Citation) -> str:
+        key = cited.reference.key
+        return f"[[{key}](#{key.lower()})" + (f", {'; '.join(cited.places)}]" if cited.places else "]")
+
+    return cite(text, link)
+
+
+def _works(effects: Iterable[type[Effect]]) -> list[str]:
+    """The works that effects cite: a heading each, to be linked to, and what stands at the cited places."""
+    lines = ["## References", ""]
+    for cited in works_cited(text for effect in effects for text in cited_by(effect)):
+        work = cited.reference
+        lines += [f"### {work.key}", "", work.full, ""]
+        lines += [f"- {place}: {work.what_stands_at(place)}." for place in cited.places]
+        lines += [""] if cited.places else []
+    return lines

@@ -1,0 +1,103 @@
+"""The command `lptn cosim`: an FMU driven by logs, beside its model and what was measured."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter as Option
+
+from lptn.basics.errors import InputError
+from lptn.cli.options import Json, Map, check_outputs, needs_logs
+
+if TYPE_CHECKING:
+    from lptn.fmu.cosim import Cosimulation
+
+Outputs = Annotated[
+    Path | None,
+    Option(name=["--output", "-o"], help="File to write all outputs at the ends of steps to: .csv or .parquet."),
+]
+
+
+def cosim(
+    fmu: Path,  # the file, not the command
+    /,
+    *logs: Path,
+    model: Annotated[Path | None, Option(help="Model file to compare with; by default the one inside the FMU.")] = None,
+    ramps: Annotated[
+        bool, Option(help="The FMU's inputs go in straight lines from sample to sample; the model's hold.", negative="")
+    ] = False,
+    trust: Annotated[bool, Option(help="Run the native code of an FMU from elsewhere.", negative="")] = False,
+    output: Outputs = None,
+    json: Json = None,
+    map: Map = None,  # noqa: A002
+) -> None:
+    """Drive an FMU with logs; compare with its model and with what was measured.
+
+    Example: lptn cosim leg.fmu friday.parquet -o outputs.csv
+    """
+    from lptn.cli.terminal import progress, write_json
+    from lptn.fmu.cosim import cosimulate
+    from lptn.fmu.session import FmuError
+
+    needs_logs(logs)
+    check_outputs(output, json, inputs=(fmu, *logs, *(() if model is None else (model,))))
+    _check_table(output)
+    pairs = dict(text.partition("=")[::2] for text in map or ())
+    try:
+        with progress("co-simulating"):
+            done = cosimulate(fmu, logs, model=model, mapped=pairs, ramps=ramps, trust=trust)
+    except FmuError as error:
+        raise InputError(fmu, "FMU", str(error), "inputs that it takes") from error
+    _show_cosimulation(done)
+    write_json(json, done.as_json())
+    if output is not None:
+        _write_outputs(done, output)
+
+
+def _show_cosimulation(done: Cosimulation) -> None:
+    from lptn.cli.terminal import show_table
+    from lptn.report.text import kelvin, signed_kelvin
+
+    rows = []
+    for run in done.runs:
+        for row, node in enumerate(run.nodes):
+            errors, from_model = run.errors(row), run.from_model(row)
+            cells = ["not measured", "", ""]
+            if errors.count:
+                cells = [kelvin(errors.rmse), kelvin(errors.max), signed_kelvin(errors.mean)]
+            rows.append((run.run.name, node, *cells, "" if from_model is None else f"{from_model:.2g} K"))
+    heads = ("run", "node", ">RMSE", ">max |error|", ">mean error", ">max |FMU − model|")
+    show_table(heads, rows, title="error = predicted by the FMU − measured")
+    steps, seconds = sum(len(run.run) for run in done.runs), sum(run.seconds for run in done.runs)
+    simulated = sum(len(run.run) * run.run.step for run in done.runs)
+    speed = simulated / max(seconds, 1e-9)
+    print(f"FMI {done.fmi}: {steps} steps in {seconds:.3g} s, {speed:.3g} times as fast as the robot.")
+
+
+def _check_table(path: Path | None) -> None:
+    if path is not None and path.suffix not in (".csv", ".parquet"):
+        raise InputError(path, "--output", f"a file name ending in '{path.suffix}'", "one ending in .csv or .parquet")
+
+
+def _write_outputs(done: Cosimulation, path: Path) -> None:
+    """All outputs at the ends of steps as a log, temperatures in degC."""
+    import pandas as pd
+
+    from lptn.basics.files import write_whole
+    from lptn.fmu.variables import ZERO_CELSIUS, is_temperature, to_column
+
+    tables = []
+    for run in done.runs:
+        columns = {"time": run.run.time + run.run.step}
+        for name, values in run.outputs.items():
+            columns[to_column(name)] = values - ZERO_CELSIUS if is_temperature(name) else values
+        tables.append(pd.DataFrame(columns))
+    table = pd.concat(tables, ignore_index=True)
+    if path.suffix == ".csv":
+        write_whole(path, table.to_csv(index=False, float_format="%.9g"))
+    else:
+        buffer = io.BytesIO()
+        table.to_parquet(buffer, index=False)
+        write_whole(path, buffer.getvalue())

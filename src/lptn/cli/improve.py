@@ -1,0 +1,128 @@
+"""The command `lptn improve`: diagnose, add, refit, step by step."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter as Option
+from cyclopts import validators
+
+from lptn.cli.diagnose import VERDICTS, in_words, show_advice, show_ambient_bias
+from lptn.cli.options import (
+    AmbientError,
+    Holdout,
+    HoldoutAfter,
+    Jobs,
+    Json,
+    Map,
+    OptionalOutput,
+    Test,
+    check_outputs,
+    executor_of,
+    needs_logs,
+    typed,
+)
+
+if TYPE_CHECKING:
+    from lptn.diagnose.improvement import History
+
+Steps = Annotated[
+    int, Option(name=["--steps", "--rungs"], help="Effects to add at most.", validator=validators.Number(gte=0))
+]
+
+
+def improve(
+    model: Path,
+    /,
+    *logs: Path,
+    output: OptionalOutput = None,
+    holdout: Holdout = None,
+    holdout_after: HoldoutAfter = None,
+    test: Test = None,
+    steps: Steps = 6,
+    ambient_error: AmbientError = 0.0,
+    json: Json = None,
+    report: Annotated[Path | None, Option(help="HTML report to write.")] = None,
+    jobs: Jobs = 1,
+    map: Map = None,  # noqa: A002 - the option's name
+) -> None:
+    """Diagnose, add the missing effect, refit, until nothing is missing; print the history of steps.
+
+    Example: lptn improve leg.toml monday.parquet --holdout friday.parquet -o better.toml --report story.html
+    """
+    from lptn.cli.terminal import progress, show_written, write_json
+    from lptn.study import Study
+
+    needs_logs(logs)
+    check_outputs(output, json, report, inputs=(*logs, *(holdout or ()), *(test or ())))
+    check_outputs(json, report, inputs=(model,))  # only the better model may take its place
+    with progress("reading"), executor_of(jobs) as executor:
+        study = Study(
+            model,
+            logs,
+            holdout or (),
+            test or (),
+            holdout_after=holdout_after,
+            columns=map or (),
+            ambient_error=ambient_error,
+            executor=executor,
+        )
+        study.improve(steps)
+        history, advice = study.selection(), study.advise()
+    show_history(history)
+    show_advice(advice)
+    if output is not None:
+        study.save(output)
+    write_json(json, history.as_json() | advice.as_json())
+    if report is not None:
+        study.report(report, (typed(),))
+    show_written({"the best model": output, "the story; open it in a browser": report})
+
+
+_REMAINING = VERDICTS | {
+    "missing": "still wrong by more than noise; further effects fitted the fitted runs, but did not help elsewhere",
+    "unexplained": "still wrong by more than noise, and the catalogue explains little of the rest",
+}
+
+
+def show_history(history: History) -> None:
+    """The steps, from the model as given to the best."""
+    from lptn.cli.terminal import show_table
+    from lptn.report.text import kelvin
+
+    tested = any(step.test for step in history.steps)
+    rows = []
+    for number, step in enumerate(history.steps):
+        at = "* (everywhere)" if step.at == "*" else step.at or ""
+        errors = [step.fit.rmse, *((step.holdout.rmse, step.holdout.max) if step.holdout else (None, None))]
+        errors += [step.test.rmse if step.test else None] if tested else []
+        row = (str(number), step.effect or "(as given)", at, str(step.parameters), *map(kelvin, errors))
+        rows.append(row)
+    heads = ("step", "effect", "at", ">parameters", ">fit", ">held out", ">max held out")
+    show_table((*heads, ">test") if tested else heads, rows)
+    print(f"fit, held out{', test' if tested else ''}: RMSE on these data; max: the largest error.")
+    print(f"The model as given is {VERDICTS[history.verdict]}.")
+    if len(history.steps) > 1:
+        print(f"With all that was added it is {_REMAINING[history.remaining]}.")
+    print(_who_chose(history))
+    show_ambient_bias(history.best.fit)
+    for number, step in enumerate(history.steps):
+        if step.effect and step.at:
+            sentence = "nothing else in the catalogue explains the fitted data as well"
+            if step.indistinguishable:
+                sentence = f"the fitted data alone can't tell it from {in_words(step.indistinguishable)}"
+                sentence += "; the held-out data chose" if step.holdout else ""
+            print(f"Step {number}, {in_words([(step.effect, step.at)])}: {sentence}.")
+    for warning in history.best.fit.uncertainty.warnings:
+        print(f"Warning: {warning}.")
+
+
+def _who_chose(history: History) -> str:
+    """Which data chose the steps, and which only test them."""
+    text = "Effects were chosen on the fitted data."
+    if history.steps[0].holdout:
+        text += f" Held-out data chose among {history.considered} models that were tried, and where to end."
+    else:
+        text += " No data were held out: the steps end by Schwarz's criterion, and nothing tests them."
+    return text + (" Test data chose nothing." if history.steps[0].test else "")

@@ -1,0 +1,57 @@
+"""The command `lptn new`: a ready model file to begin with."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from typing import Annotated
+
+from cyclopts import Parameter as Option
+
+from lptn.cli.options import OptionalOutput
+
+
+def new(
+    preset: str | None = None,
+    /,
+    *,
+    model: Annotated[str | None, Option(help="Another model of the same robot, such as single-node.")] = None,
+    output: OptionalOutput = None,
+) -> None:
+    """Write a ready model file; without a name, list them.
+
+    Example: lptn new quadruped --model single-node -o baseline.toml
+    """
+    from lptn.basics.files import write_whole
+    from lptn.cli.terminal import show_table
+    from lptn.robots.presets import preset_text
+
+    if preset is None:
+        show_table(("preset", "what it is", ">nodes", ">parameters"), _presets())
+        return
+    text = preset_text(preset, model)
+    if output is None:
+        print(text, end="")
+    else:
+        write_whole(output, text)
+
+
+def _presets() -> Iterator[tuple[str, str, str, str]]:
+    """Each preset as it is typed, the sentence that its file begins with, and its size."""
+    from lptn.model.file import parse_model
+    from lptn.references import cite
+    from lptn.robots.presets import presets, variants
+
+    for name, text in presets().items():
+        models = {name: text} | {f"{name} --model {model}": other for model, other in variants(name).items()}
+        for typed, model_text in models.items():
+            network = parse_model(model_text, typed).network
+            what = cite(re.split(r"\.( (?=[A-Z])|$)", " ".join(_first_comment(model_text)))[0])
+            yield typed, what, str(len(network.dynamic)), str(len(network.parameters))
+
+
+def _first_comment(text: str) -> Iterator[str]:
+    for line in text.splitlines():
+        if not line.startswith("#"):
+            return
+        yield line.removeprefix("#").strip()

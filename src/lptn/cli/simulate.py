@@ -1,0 +1,24 @@
+"""The command `lptn simulate`: a log's temperatures as the model predicts them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from lptn.cli.options import Json, Map, Output, check_outputs
+
+
+def simulate(model: Path, log: Path, /, *, output: Output, json: Json = None, map: Map = None) -> None:  # noqa: A002
+    """Predict a log's temperatures and write them as a log (.csv or .parquet).
+
+    Example: lptn simulate fitted.toml friday.parquet -o predicted.csv
+    """
+    from lptn.cli.terminal import progress, write_json
+    from lptn.identify.comparison import check_ending, write_predictions
+    from lptn.study import Study
+
+    check_outputs(output, json, inputs=(model, log))
+    check_ending(output)
+    with progress("predicting"):
+        predicted = Study(model, holdout=log, columns=map or ()).compare()
+        write_predictions(predicted, output)
+    write_json(json, predicted.as_json())

@@ -1,0 +1,42 @@
+"""The command `lptn trade`: how much heat sink, which motor."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter as Option
+
+from lptn.basics.errors import InputError
+from lptn.cli.options import Picture, check_outputs, check_picture, write_figure
+
+Result = Annotated[
+    Path | None, Option(name=["--json", "--output", "-o"], help="File to write the result to, for programs (JSON).")
+]
+
+
+def trade(study: Path, /, *, json: Result = None, plot: Picture = None) -> None:
+    """Solve a cooling trade study: best designs, what limits them, Pareto front, sensitivities.
+
+    Example: lptn trade u8.toml --json result.json --plot study.png
+    """
+    from lptn.cli.terminal import progress, write_json
+    from lptn.planners.trade import load_study, solve_study
+    from lptn.planners.trade.export import as_json, lines
+
+    check_outputs(json, plot)
+    for output in (json, plot):
+        if output is not None and output.resolve() == study.resolve():
+            raise InputError(output, "output", "the study itself", "another file, for this one would be lost")
+    check_picture(plot)
+    asked = load_study(study)
+    with progress("reading") as report:
+        result = solve_study(asked, report)
+    if not result.designs:
+        raise result.infeasible()
+    print("\n".join(lines(result)))
+    if plot is not None:
+        from lptn.planners.trade.figures import study_figure
+
+        write_figure(study_figure(result), plot)
+    write_json(json, as_json(result))
