@@ -1,7 +1,7 @@
 """Designs simulated in fine steps: a check on the program's few elements, and what maps and curves are made of.
 
-Networks of a few masses take RK4. A motor made from its drawing has time constants below a second, which RK4 would have
-to follow for an hour; maps and curves of it take Rosenbrock steps, which are stable at any length.
+Networks of a few masses take RK4. A motor made from its drawing has time constants of a tenth of a second, which RK4
+would have to follow for an hour; maps and curves of it take Rosenbrock steps, which are stable at any length.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from .plant import Parameters, Plant
 from .study import Option
 
 _RATE = 0.5  # a step times the fastest rate; RK4 is then good to 1e-4
-_STIFF = 1.0  # 1/s; networks with a faster rate take implicit steps in maps and curves
+_STIFF = 3.0  # 1/s; networks with a faster rate take implicit steps in maps and curves
 _GAMMA = 1 - 0.5**0.5  # makes the two-stage Rosenbrock method L-stable
 _HOLD_STEPS = 400  # at least, in the check of a held torque
 _MAP_STEPS = 200  # at least, in a map of many designs

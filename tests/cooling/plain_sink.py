@@ -1,4 +1,4 @@
-"""The U8 with a heat sink in plain NumPy, many designs side by side: truth that shares nothing with `lptn.model.model`."""
+"""The U8 with a heat sink in plain NumPy, many designs side by side: truth that shares nothing with `lptn.model`."""
 
 from __future__ import annotations
 
