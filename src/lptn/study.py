@@ -18,7 +18,7 @@ from lptn.basics.errors import InputError
 from lptn.basics.files import write_whole
 from lptn.diagnose.advice import Advice, advise
 from lptn.diagnose.diagnosis import Diagnosis, Step, continued, diagnose, for_search
-from lptn.diagnose.improvement import History, effects_added, improve
+from lptn.diagnose.improvement import History, effects_added, improve, table_of_steps
 from lptn.identify.comparison import Comparison, Versus, compare, versus
 from lptn.identify.data import DataSplit, Log, Segment, holdout_segment, load_model, split_data, warn_of_absent_runs
 from lptn.identify.fitting import Checkpoint, Fit, finished
@@ -28,12 +28,32 @@ from lptn.model.file import ModelFile, added
 from lptn.model.model import Model
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from lptn.fmu.exporter import Exported
 
 logger = logging.getLogger(__name__)
 
 Logs = Log | Run | Iterable[Log | Run]
 """One log, or several: paths, data frames, or runs that were read before."""
+
+
+class StudyComparison(Comparison):
+    """A model against measurements, with its figure."""
+
+    def plot(self, node: str | None = None, ax: Axes | None = None) -> Axes:
+        """Draw measured and predicted temperatures [°C] of one node over time.
+
+        Args:
+            node: its name; by default the node and run with the largest RMSE.
+            ax: where to draw; a new figure of pyplot's by default.
+
+        Raises:
+            InputError: no such node, or it is measured in none of the runs.
+        """
+        from lptn.report.figures import plot_prediction
+
+        return plot_prediction(self, node, ax)
 
 
 class Study:
@@ -118,20 +138,7 @@ class Study:
     @property
     def history(self) -> pd.DataFrame:
         """A row for each step: effect, place, free parameters, errors [K] on fitted, held-out and test data."""
-        rows = [
-            {
-                "step": number,
-                "effect": step.effect or "",
-                "place": step.at or "",
-                "parameters": step.parameters,
-                "RMSE fitted [K]": step.fit.rmse,
-                "RMSE held out [K]": step.holdout.rmse if step.holdout else None,
-                "max held out [K]": step.holdout.max if step.holdout else None,
-                "RMSE test [K]": step.test.rmse if step.test else None,
-            }
-            for number, step in enumerate(self._steps)
-        ]
-        return pd.DataFrame(rows).dropna(axis="columns", how="all")
+        return table_of_steps(self._steps)
 
     def __repr__(self) -> str:
         counts = (("fitted", self.data.fit), ("held out", self.data.holdout), ("test", self.data.test))
@@ -169,20 +176,18 @@ class Study:
             InputError: there is nothing to fit, or λ can't be chosen from these runs.
         """
         self._needs_fit_data()
-        done, trials = fit_split(
-            self.model, self.data, symmetry_penalty, checkpoint=checkpoint, report=logger.info
-        )
+        done, trials = fit_split(self.model, self.data, symmetry_penalty, checkpoint=checkpoint, report=logger.info)
         self.symmetry_trials = tuple(trials)
-        self._append(self._steps.pop() if self._steps else Step(done), done)
+        self._append(replace(self._steps.pop(), fit=done) if self._steps else Step(done))
         return done
 
     @overload
-    def compare(self, against: None = None) -> Comparison: ...
+    def compare(self, against: None = None) -> StudyComparison: ...
 
     @overload
     def compare(self, against: Study) -> Versus: ...
 
-    def compare(self, against: Study | None = None) -> Comparison | Versus:
+    def compare(self, against: Study | None = None) -> StudyComparison | Versus:
         """Predict the held-out runs, or the fitted ones where none is held out, and set them against what was measured.
 
         Args:
@@ -193,7 +198,8 @@ class Study:
         """
         if against is not None:
             return versus(self.model, against.model, self._shown(), against._shown())
-        return compare(self.model, self._shown())
+        compared = compare(self.model, self._shown())
+        return StudyComparison(compared.model, compared.predictions, compared.noise)
 
     def diagnose(self) -> Diagnosis:
         """Say which effect of the catalogue is missing, where, how sure, and what else would look the same.
@@ -228,11 +234,15 @@ class Study:
         last = self._steps[-1].fit
         if isinstance(effect, str):
             where = f"{at}@{run}" if run else at
-            effect = Step(last, added(self.file, effect, where).network.effects[-1])
-        logger.info("fitting %s at %s", effect.effect, effect.at)
-        network = last.model.network.with_effects([effect.declaration] if effect.declaration else [])
+            step = Step(last, added(self.file, effect, where).network.effects[-1])
+        else:
+            step = effect
+        if step.declaration is None:
+            raise InputError("study", "add", "the model as given", "an effect's key, or an answer of diagnose()")
+        logger.info("fitting %s at %s", step.effect, step.at)
+        done = finished(continued(last, last.model.network.with_effects([step.declaration])))
         self._undone.clear()
-        return self._append(effect, finished(continued(last, network)))
+        return self._append(replace(step, fit=done))
 
     def undo(self) -> Study:
         """Take the last added effect back."""
@@ -336,13 +346,13 @@ class Study:
         if not self.data.fit:
             raise InputError("study", "fit", "no run", "one log or more to fit")
 
-    def _append(self, step: Step, fit: Fit) -> Step:
-        errors = (holdout_errors(fit, segments) for segments in (self.data.holdout, self.data.test))
-        step = replace(step, fit=fit, holdout=next(errors), test=next(errors))
-        self._steps.append(step)
+    def _append(self, step: Step) -> Step:
+        """Take a step, with its errors."""
+        holdout, test = (holdout_errors(step.fit, segments) for segments in (self.data.holdout, self.data.test))
+        self._steps.append(replace(step, holdout=holdout, test=test))
         self._diagnoses.pop(len(self._steps) - 1, None)
         self._improved = None
-        return step
+        return self._steps[-1]
 
     def _diagnosis_of(self, model: Model) -> Diagnosis:
         return diagnose(model, self.data, ambient_error=self.ambient_error, executor=self.executor, report=logger.info)

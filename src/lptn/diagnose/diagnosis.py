@@ -12,6 +12,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
@@ -19,8 +20,10 @@ from math import log2
 from typing import Literal
 
 import numpy as np
+import pandas as pd
 
 from lptn.basics.arrays import FloatArray
+from lptn.basics.tables import Tabular
 from lptn.diagnose.candidates import candidates, with_ambient_bias
 from lptn.diagnose.fit_statistics import (
     LACKING,
@@ -47,8 +50,8 @@ Report = Callable[[str], None]
 """Called with a sentence on what is being done."""
 
 
-@dataclass(frozen=True, eq=False)
-class Step:
+@dataclass(frozen=True, eq=False, repr=False)
+class Step(Tabular):
     """A fitted model, and the effect that it has beyond the model before it.
 
     A candidate that was refitted is a step that could be taken; a history is made of the steps that were.
@@ -94,13 +97,38 @@ class Step:
         return len(self.fit.problem.free)
 
     @property
+    def summary(self) -> str:
+        """Effect, place and errors in one line."""
+        what = f"{self.effect} at {self.at}" if self.declaration else "as given"
+        rmse = {"fitted": self.fit.rmse}
+        rmse |= {"held out": self.holdout.rmse} if self.holdout else {}
+        rmse |= {"test": self.test.rmse} if self.test else {}
+        errors = ", ".join(f"{value:.3g} K {data}" for data, value in rmse.items())
+        return f"{what}, {self.parameters} parameters, RMSE {errors}"
+
+    def to_pandas(self) -> pd.DataFrame:
+        """A row for each parameter: name, value, standard error (NaN where undetermined), unit, whether it is free."""
+        errors = self.fit.errors
+        rows = [
+            {
+                "parameter": parameter.name,
+                "value": parameter.value,
+                "standard error": errors.get(parameter.name, math.nan),
+                "unit": parameter.declared.unit,
+                "free": parameter.free,
+            }
+            for parameter in self.fit.model.parameters
+        ]
+        return pd.DataFrame(rows, columns=["parameter", "value", "standard error", "unit", "free"])
+
+    @property
     def unusual(self) -> int:
         """By how many factors of two the size differs from the typical one; constants of materials hardly vary."""
         return round(abs(log2(max(abs(self.size), 1e-6))))
 
 
-@dataclass(frozen=True)
-class Diagnosis:
+@dataclass(frozen=True, repr=False)
+class Diagnosis(Tabular):
     """What a fitted model lacks.
 
     Args:
@@ -127,6 +155,32 @@ class Diagnosis:
     def best(self) -> Step | None:
         """The first answer, `None` where no candidate helps."""
         return self.helpful[0] if self.helpful else None
+
+    @property
+    def summary(self) -> str:
+        """Verdict and first answer in one line."""
+        error = f"RMSE {self.fit.rmse:.3g} K fitted"
+        if self.holdout:
+            error += f", {self.holdout.rmse:.3g} K held out"
+        answer = f"; first answer {self.best.effect} at {self.best.at}" if self.best else ""
+        return f"{self.verdict}: {error}{answer}"
+
+    def to_pandas(self) -> pd.DataFrame:
+        """A row for each answer, the best first: effect, place, errors [K] with it, p-value, and its other names."""
+        rows = [
+            {
+                "effect": step.effect,
+                "place": step.at,
+                "RMSE fitted [K]": step.fit.rmse,
+                "RMSE held out [K]": step.holdout.rmse if step.holdout else math.nan,
+                "p": step.p_value,
+                "indistinguishable from": ", ".join(f"{effect} at {place}" for effect, place in step.indistinguishable),
+            }
+            for step in self.helpful
+        ]
+        columns = ["effect", "place", "RMSE fitted [K]", "RMSE held out [K]", "p", "indistinguishable from"]
+        table = pd.DataFrame(rows, columns=columns)
+        return table if self.holdout else table.drop(columns="RMSE held out [K]")
 
     def as_json(self) -> dict[str, object]:
         """The diagnosis as other tools read it."""

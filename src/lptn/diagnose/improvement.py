@@ -18,8 +18,10 @@ from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 
 import numpy as np
+import pandas as pd
 
 from lptn.basics.arrays import FloatArray
+from lptn.basics.tables import Tabular
 from lptn.diagnose.candidates import with_ambient_bias
 from lptn.diagnose.diagnosis import (
     MUCH_WORSE,
@@ -44,8 +46,8 @@ from lptn.model.model import Model
 from lptn.model.network import EffectDeclaration
 
 
-@dataclass(frozen=True)
-class History:
+@dataclass(frozen=True, repr=False)
+class History(Tabular):
     """The models from the given one to the best.
 
     Args:
@@ -73,6 +75,15 @@ class History:
         """The effects that were added, with the values that the last step's fit gave them."""
         return effects_added(self.steps)
 
+    @property
+    def summary(self) -> str:
+        """Verdicts and the last step in one line."""
+        return f"{self.verdict}, then {self.remaining}; {self.best.summary}"
+
+    def to_pandas(self) -> pd.DataFrame:
+        """A row for each step, as `table_of_steps` gives them."""
+        return table_of_steps(self.steps)
+
     def as_json(self) -> dict[str, object]:
         """The history as other tools read it; `ladder`, `rung` and `rmse_proof` are older names of what it holds."""
         table = [
@@ -92,6 +103,24 @@ class History:
             for number, step in enumerate(self.steps)
         ]
         return {"verdict": self.verdict, "remaining": self.remaining, "history": table, "ladder": table}
+
+
+def table_of_steps(steps: Sequence[Step]) -> pd.DataFrame:
+    """A row for each step: effect, place, free parameters, errors [K] on fitted, held-out and test data."""
+    rows = [
+        {
+            "step": number,
+            "effect": step.effect or "",
+            "place": step.at or "",
+            "parameters": step.parameters,
+            "RMSE fitted [K]": step.fit.rmse,
+            "RMSE held out [K]": step.holdout.rmse if step.holdout else None,
+            "max held out [K]": step.holdout.max if step.holdout else None,
+            "RMSE test [K]": step.test.rmse if step.test else None,
+        }
+        for number, step in enumerate(steps)
+    ]
+    return pd.DataFrame(rows).dropna(axis="columns", how="all")
 
 
 def effects_added(steps: Sequence[Step]) -> list[EffectDeclaration]:

@@ -16,6 +16,7 @@ from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.basics.files import write_whole
 from lptn.basics.places import class_of
+from lptn.basics.tables import Tabular
 from lptn.identify.data import Segment
 from lptn.identify.fitting import fit_nuisances, fit_starts
 from lptn.identify.noise import Noise, balanced_sigma, estimate_noise
@@ -78,8 +79,8 @@ class Condition:
     errors: Errors
 
 
-@dataclass(frozen=True)
-class Comparison:
+@dataclass(frozen=True, repr=False)
+class Comparison(Tabular):
     """A model against measurements.
 
     Args:
@@ -115,6 +116,29 @@ class Comparison:
             for quantity, values in self._quantities(row).items():
                 conditions += _binned(node, quantity, values, error)
         return conditions
+
+    @property
+    def summary(self) -> str:
+        """Errors over all readings in one line."""
+        runs = f"{len(self.predictions)} run{'s' * (len(self.predictions) != 1)}"
+        return f"{runs}, RMSE {self.all.rmse:.3g} K, largest error {self.all.max:.3g} K, mean {self.all.mean:+.3g} K"
+
+    def to_pandas(self) -> pd.DataFrame:
+        """A row for each run and node: errors, predicted minus measured, and what noise alone would leave [K]."""
+        rows = [
+            {
+                "run": prediction.segment.run.name,
+                "node": node,
+                "RMSE [K]": errors.rmse,
+                "max |error| [K]": errors.max,
+                "mean error [K]": errors.mean,
+                "noise alone [K]": self.floor(node),
+            }
+            for prediction in self.predictions
+            for node in self.model.nodes
+            if (errors := self.node(node, prediction)).count
+        ]
+        return pd.DataFrame(rows)
 
     def as_json(self) -> dict[str, object]:
         """The comparison as other tools read it, in kelvin."""

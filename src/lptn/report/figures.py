@@ -17,6 +17,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
 
 from lptn.basics.arrays import FloatArray
+from lptn.basics.errors import InputError
 from lptn.basics.style import (
     BEST,
     GIVEN,
@@ -27,6 +28,7 @@ from lptn.basics.style import (
     SMALL,
     TEXT,
     TINY,
+    WIDTH,
     decimated,
     dress,
     new_figure,
@@ -335,6 +337,42 @@ def _legend(given: Comparison, best: Comparison | None, names: tuple[str, str]) 
 
 
 # --- One figure of a model against measurements: temperatures, errors, and where it fails ---------
+
+
+def plot_prediction(comparison: Comparison, node: str | None = None, ax: Axes | None = None) -> Axes:
+    """Draw measured and predicted temperatures [°C] of one node in one run over time.
+
+    Args:
+        comparison: predictions beside measurements.
+        node: its name; by default the node and run with the largest RMSE, with a name that node's worst run.
+        ax: where to draw; a new figure of pyplot's by default.
+
+    Raises:
+        InputError: no such node, or it is measured in none of the runs.
+    """
+    if ax is None:
+        from matplotlib import pyplot
+
+        ax = pyplot.subplots(figsize=(WIDTH, _PANEL), layout="constrained")[1]
+    measured = views(comparison)
+    known = list(dict.fromkeys(comparison.model.nodes[view.row] for view in measured))
+    if node is not None and node not in known:
+        raise InputError("plot", "node", repr(node), f"a node that is measured: {', '.join(known)}")
+    view = max(
+        (view for view in measured if node in (None, comparison.model.nodes[view.row])),
+        key=lambda view: _rmse(comparison, view),
+    )
+    prediction = comparison.predictions[view.run]
+    name = comparison.model.nodes[view.row]
+    time, label = time_axis(prediction.bound.run.time)
+    _line(ax, time, prediction.bound.measured[view.row], MEASURED | {"label": "measured"})
+    _line(ax, time, prediction.readings[view.row], GIVEN | {"label": "predicted"})
+    ax.set_title(plain(f"{name}, run {prediction.segment.run.name}: RMSE {_rmse(comparison, view):.3g} K"), size=TEXT)
+    ax.set_xlabel(label, size=SMALL)
+    ax.set_ylabel("temperature [°C]", size=SMALL)
+    ax.legend(frameon=False, fontsize=SMALL)
+    dress(ax)
+    return ax
 
 
 def comparison_figure(comparison: Comparison) -> Figure:
