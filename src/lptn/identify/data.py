@@ -158,7 +158,7 @@ class LoadedModel:
 
         Args:
             logs: paths of logs, `a.csv+b.csv` for two of one run; or data frames.
-            named: what runs of data frames are called, their number in `logs` behind it.
+            named: what runs of data frames are called, with their number in `logs` behind it if there are several.
             notify: called with a log and a sentence about it; by default it is logged as a warning.
             strict: refuse values that can't be in the unit they are read in, and say what is doubtful; else both are
                 left to who looks at the runs' doubts.
@@ -172,7 +172,7 @@ class LoadedModel:
             runs = read_log(
                 log,
                 self.columns,
-                name=f"{named}{number}",
+                name=named if len(logs) == 1 else f"{named}{number}",
                 step=self.file.step,
                 inputs=inputs,
                 outputs=outputs,
