@@ -252,12 +252,13 @@ class Option:
         touched = pipe_places(network, at)
         resistance = self.study.pipes.resistance / self.pipes * len(touched)
         if sink.node in network.dynamic:
-            links = [edge(place, sink.node) for place in touched]
-            absent = [link for link in links if link not in {link.place for link in network.resistors}]
+            pipes = [edge(place, sink.node) for place in touched]
+            linked = {link.place for link in network.resistors}
+            absent = [pipe for pipe in pipes if pipe not in linked]
             if absent:
                 where = f"{sink.node} without a link to {at}"
                 raise InputError(self.study.origin, "sink.node", where, f"a link {absent[0]}")
-            return network.with_values({f"resistance.{link}": resistance for link in links})
+            return network.with_values({f"resistance.{pipe}": resistance for pipe in pipes})
         air = next(iter(network.prescribed))
         added = NodeDeclaration(sink.node, _parameter("capacity", 300.0, "J/K"))
         links = (

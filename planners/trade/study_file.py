@@ -394,4 +394,4 @@ def _sweep(table: SweepTable, study: Study, path: Path) -> Sweep:
     is_sought = {"torque": task.torque is None, "duration": task.duration is None or not task.hold}
     if is_sought.get(against, against == study.goal):
         raise InputError(path, "pareto.against", f'"{against}"', f"what a study of {study.goal} is given, not seeks")
-    return Sweep(against, tuple(np.linspace(*ends, table.points).tolist()))
+    return Sweep(against, tuple(np.linspace(ends[0], ends[1], table.points).tolist()))

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lptn import fit, load_model, read_model_file
+from lptn import fit, load_model
+from lptn.model.file import read_model_file
 from lptn.model.model import Model
 from lptn.planners.mission import Plan, plan_kind
 from lptn.robots.presets import preset_text
