@@ -108,7 +108,7 @@ class Step(Tabular):
 
     def to_pandas(self) -> pd.DataFrame:
         """A row for each parameter: name, value, standard error (NaN where undetermined), unit, whether it is free."""
-        errors = self.fit.errors
+        errors = self.fit.standard_errors
         rows = [
             {
                 "parameter": parameter.name,
