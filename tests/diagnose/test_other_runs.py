@@ -10,7 +10,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from lptn.basics.arrays import FloatArray
-from lptn.diagnose.runs_that_differ import Differing, runs_that_differ
+from lptn.diagnose.runs_that_differ import RunDifference, runs_that_differ
 from lptn.effects import catalogue
 from lptn.identify.data import split_data
 from lptn.identify.fitting import Fit
@@ -86,7 +86,7 @@ def fitted() -> Fit:
     return fit_segments(Model(held_gain()), split_data([truth("monday", 1), truth("tuesday", 2)]).fit)
 
 
-def said_of(fitted: Fit, **differs: object) -> list[Differing]:
+def said_of(fitted: Fit, **differs: object) -> list[RunDifference]:
     """What is said of one held-out run."""
     run = truth("run4", 3, **differs)  # type: ignore[arg-type]
     return runs_that_differ(fitted, split_data([], [run]).holdout)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from lptn.diagnose.runs_that_differ import Differing, runs_that_differ
+from lptn.diagnose.runs_that_differ import RunDifference, runs_that_differ
 from lptn.identify.data import load_model, split_data
 from lptn.identify.fitting import Fit
 from lptn.identify.validation import fit_segments
@@ -14,7 +14,7 @@ from lptn.identify.validation import fit_segments
 FOLDER = Path(__file__).parents[2] / "examples" / "bldc_stators"
 
 
-def _said(model: str, fitted: str, held_out: str) -> tuple[Fit, list[Differing]]:
+def _said(model: str, fitted: str, held_out: str) -> tuple[Fit, list[RunDifference]]:
     """The model fitted to some runs by their numbers, and what is said of another."""
     loaded = load_model(FOLDER / f"{model}.toml")
     runs, others = (loaded.runs([FOLDER / f"Run{number}.csv" for number in text]) for text in (fitted, held_out))

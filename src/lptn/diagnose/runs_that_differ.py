@@ -26,13 +26,6 @@ from lptn.model.network import Network
 from lptn.simulate.bound_run import bind
 from lptn.simulate.simulation import SimulationError
 
-# --- A held-out run that differs from the fitted ones: what would explain it, in words and for programs ---
-
-
-CLEARLY = 2.0
-"""Times the error on the fitted runs: no model predicts quite as well as it fits."""
-_LISTED = 3  # rivals that a sentence can carry
-
 
 @dataclass(frozen=True)
 class Cause:
@@ -42,7 +35,7 @@ class Cause:
         effect: key of the effect.
         at: its place: a node, a class, or `"*"`.
         amplitude: its amplitude, in the effect's own unit.
-        rmse: error of the run behind its opening with it [K].
+        rmse: error of the run's evaluation window with it [K].
         words: what it means, a sentence without its full stop.
     """
 
@@ -54,7 +47,7 @@ class Cause:
 
 
 @dataclass(frozen=True)
-class Differing:
+class RunDifference:
     """A held-out run that a model predicts clearly worse than it fits, and what would explain it.
 
     The amplitude was fitted on the run itself, so that `rmse_after` is the error of an explanation and
@@ -62,7 +55,7 @@ class Differing:
 
     Args:
         run: its name.
-        rmse_before: error of the prediction behind the run's opening [K].
+        rmse_before: error of the prediction in the run's evaluation window [K].
         rmse_fit: error of the model on the fitted runs [K].
         causes: what explains the run, the best first, then what these data can't tell from it; empty where no one
             parameter removes most of the error.
@@ -90,7 +83,7 @@ class Differing:
 
     @property
     def rmse_after(self) -> float | None:
-        """Error of the explained run behind its opening [K]."""
+        """Error of the explained run in its evaluation window [K]."""
         return self.causes[0].rmse if self.causes else None
 
     @property
@@ -99,7 +92,7 @@ class Differing:
         return self.causes[1:]
 
     def text(self) -> str:
-        """The finding in a few sentences."""
+        """The difference in a few sentences."""
         if not self.causes:
             return (
                 f"{self.run} is predicted with an error of {short(self.rmse_before)} K, against "
@@ -107,20 +100,24 @@ class Differing:
                 "explains half of it."
             )
         best = self.causes[0]
-        told = (
+        text = (
             f"{_sentence(best.words)} With that its error goes from {short(self.rmse_before)} to {short(best.rmse)} K "
             "(the size was fitted on this run: an explanation, not a prediction)."
         )
         if best.rmse > CLEARLY * self.rmse_fit:
-            told += f" It does not explain all: the fitted runs are met within {short(self.rmse_fit)} K."
+            text += f" It does not explain all: the fitted runs are met within {short(self.rmse_fit)} K."
         if not self.indistinguishable:
-            return told
-        others = "; or: ".join(_told(each.words) for each in self.indistinguishable[:_LISTED])
-        more = len(self.indistinguishable) - _LISTED
-        return f"{told} The run can't tell that from: {others}{f'; or {more} more' if more > 0 else ''}."
+            return text
+        others = "; or: ".join(_without_question(each.words) for each in self.indistinguishable[:_MOST_LISTED])
+        more = len(self.indistinguishable) - _MOST_LISTED
+        return f"{text} The run can't tell that from: {others}{f'; or {more} more' if more > 0 else ''}."
 
     def as_json(self) -> dict[str, object]:
-        """The finding as other tools read it; what is `null` is not known."""
+        """The difference as other tools read it; what is `null` is not known."""
+        indistinguishable = [
+            {"effect": each.effect, "at": each.at, "amplitude": each.amplitude, "rmse_after": each.rmse}
+            for each in self.indistinguishable
+        ]
         return {
             "run": self.run,
             "effect": self.effect,
@@ -129,42 +126,173 @@ class Differing:
             "rmse_before": self.rmse_before,
             "rmse_after": self.rmse_after,
             "rmse_fit": self.rmse_fit,
-            "alike": [
-                {"effect": each.effect, "at": each.at, "amplitude": each.amplitude, "rmse_after": each.rmse}
-                for each in self.indistinguishable
-            ],
+            "indistinguishable": indistinguishable,
+            "alike": indistinguishable,  # its older name
             "text": self.text(),
         }
 
 
-def short(value: float) -> str:
-    """Two digits, whole numbers from a hundred on."""
-    return f"{value:.0f}" if abs(value) >= 100 else f"{value:.2g}"
+# --- The procedure: every effect that may differ from run to run is tried in this run alone ---------
 
 
-def _sentence(words: str) -> str:
-    """A sentence that begins and ends as one; a run's name stays as it is."""
-    begun = words.replace("in ", "In ", 1) if words.startswith("in ") else words
-    return begun if begun.endswith("?") else f"{begun}."
-
-
-def _told(words: str) -> str:
-    """A sentence without the question behind it."""
-    return words.rpartition(": ")[0] if words.endswith("?") else words
-
-
-# --- The size that one effect would need in one run to explain it, everything else of a fitted model held ---
-
-
-_STEP = 0.05  # of the typical size, for the slope by the amplitude
-_TRIES = 25
-_EDGE = 1e-3  # relative; so near a bound, the size is only a limit
-_PLAIN = "in {run}{at}: {title}, {amplitude}"
-_HOPELESS = 1e3  # weighted residual of an amplitude at which the model can't be simulated
+CLEARLY = 2.0
+"""Times the error on the fitted runs: no model predicts quite as well as it fits."""
+_HALF = 0.5  # of the error beyond noise must go before a cause is named
+_COMPARABLE = 0.5  # share of the best gain below which two causes are never indistinguishable
+_EQUAL = 1.0  # difference of criteria that says nothing at all
+_PROMISING = 0.5  # share of the best promise, to first order, below which no size is searched
 
 
 @dataclass(frozen=True)
-class Search:
+class _Trial:
+    """A candidate at its best amplitude: the run's fit with it, and its error in the evaluation window [K]."""
+
+    search: CauseSearch
+    amplitude: float
+    fit: Fit
+    rmse: float
+
+
+@one_blas_thread
+def runs_that_differ(fit: Fit, segments: Sequence[Segment]) -> list[RunDifference]:
+    """For each run that a fitted model predicts clearly worse than it fits: what would have to differ in it.
+
+    Every effect that may differ from run to run is tried at each of its places, confined to that run, all other
+    parameters held. The initial states come from the run's initialisation window as in any prediction; the amplitude
+    is fitted on the whole run. Causes are compared by Schwarz's criterion [Schwarz1978], counted in independent
+    residuals; between causes that explain the run equally well, a fit of all runs together decides, all parameters
+    free.
+
+    Args:
+        fit: the fitted model.
+        segments: held-out runs; the rest of a run whose beginning was fitted is left out, since one parameter can't
+            differ within a run.
+
+    Returns:
+        The runs whose error is beyond noise and clearly beyond that of the fitted runs; others are not mentioned.
+
+    Raises:
+        InputError: a run lacks an input of the model.
+    """
+    fitted = {bound.run.source for bound in fit.problem.bound_runs}
+    step = fit.problem.bound_runs[0].run.step
+    differences = (
+        _difference(fit, segment.coarsened(step)) for segment in segments if segment.run.source not in fitted
+    )
+    return [each for each in differences if each is not None]
+
+
+def _difference(fit: Fit, segment: Segment) -> RunDifference | None:
+    before = predict(fit.model, segment, fit.problem.sigma)
+    if not _stands_out(fit, before):
+        return None
+    base = _as_fit(fit, fit.model, before, ())
+    searches = [
+        cause_search(fit.model, segment, each, fit.problem.sigma)
+        for each in possible_causes(fit.model.network, segment)
+    ]
+    least = _PROMISING * max((each.promise for each in searches), default=0.0)
+    trials = [_tried(fit, each) for each in searches if each.promise >= least]
+    causes = (_cause(each) for each in _best_and_indistinguishable(fit, before, base, trials))
+    return RunDifference(segment.run.name, Errors.of(before.error).rmse, fit.rmse, tuple(causes))
+
+
+def _stands_out(fit: Fit, before: Prediction) -> bool:
+    """Whether at some node one-minute means of the error are beyond noise and clearly beyond the fitted runs'."""
+    size = max(1, round(BLOCK / before.bound.run.step))
+    for row in range(len(fit.model.nodes)):
+        squares = _block_squares(before.error[row], size)
+        if not squares.size:
+            continue
+        of_fit = [
+            _block_squares(np.where(bound.counted, error, np.nan)[row], size)
+            for bound, error in zip(fit.problem.bound_runs, fit.residuals, strict=True)
+        ]
+        usual = float(np.concatenate(of_fit).mean()) if any(each.size for each in of_fit) else 0.0
+        # A sensor's steps do not average out while the temperature stands.
+        noise = fit.noise.white[row] ** 2 / size + fit.noise.step[row] ** 2 / 12
+        chance = noise * float(chi2.ppf(0.95, squares.size)) / squares.size
+        if squares.mean() > max(CLEARLY**2 * usual, LACKING * chance, NEGLIGIBLE**2):
+            return True
+    return False
+
+
+def _block_squares(error: FloatArray, size: int) -> FloatArray:
+    """Squared means of the error over full blocks of readings that count, shape (blocks,)."""
+    counted = error[np.isfinite(error)]
+    return np.asarray(counted[: counted.size // size * size].reshape(-1, size).mean(axis=1) ** 2)
+
+
+def _tried(fit: Fit, search: CauseSearch) -> _Trial:
+    amplitude = search.best()
+    explained = search.at(amplitude)
+    after = predict(explained, search.segment, search.sigma)
+    done = _as_fit(fit, explained, after, (search.index,))
+    return _Trial(search, amplitude, done, Errors.of(after.error).rmse)
+
+
+def _as_fit(fit: Fit, model: Model, prediction: Prediction, free: tuple[int, ...]) -> Fit:
+    """A predicted run as a fit of so many parameters to all of its readings, to be compared with others."""
+    bound = prediction.bound.count((float("-inf"), float("inf")))
+    problem = Problem(model, [bound], fit.problem.sigma, free=free)
+    error = (prediction.readings - bound.measured) / fit.problem.sigma[:, None]
+    cost = 0.5 * float(np.sum(error[bound.counted] ** 2))
+    z = problem.guess(model.values, [prediction.states[:, 0]])
+    return Fit(model, problem, z, cost, fit.noise, 0, "converged")
+
+
+def _best_and_indistinguishable(fit: Fit, before: Prediction, base: Fit, trials: Sequence[_Trial]) -> list[_Trial]:
+    """The best of those that halve the error beyond noise and pay for themselves, and what explains the run as well."""
+    noise = cost_of_noise(base)
+    most = noise + _HALF**2 * max(base.cost - noise, 0.0)
+    ranked = sorted((each for each in trials if each.fit.cost <= most), key=lambda each: each.fit.cost)
+    if not ranked or criterion_difference(base, ranked[0].fit) <= 0:
+        return []
+    best = ranked[0].fit
+    # One count of independent residuals, that of the best, for all.
+    near = min(TIE, (1 - _COMPARABLE) * criterion_difference(base, best))
+    kept = [each for each in ranked if criterion_difference(each.fit, best) <= near]
+    return kept if len(kept) == 1 else _decided_together(fit, before, kept)
+
+
+def _decided_together(fit: Fit, before: Prediction, kept: list[_Trial]) -> list[_Trial]:
+    """Causes by what they explain of all runs together, the other parameters free: those are unsure themselves."""
+    whole = _with_fitted(fit, before)
+    declared = [each.search.candidate.declaration(each.amplitude, each.search.candidate.shapes[0]) for each in kept]
+    done = [refit(whole, each) for each in declared]
+    best = min(done, key=lambda each: each.cost)
+    behind = [criterion_difference(each, best) for each in done]
+    order = sorted(zip(behind, kept, strict=True), key=lambda each: each[0])
+    # All sensors that read high by as much are a warm room: of equals, what supposes the fewest faults comes first.
+    equal = sorted((each for by, each in order if by <= _EQUAL), key=lambda each: len(each.search.candidate.places))
+    return [*equal, *(each for by, each in order if _EQUAL < by <= TIE)]
+
+
+def _with_fitted(fit: Fit, before: Prediction) -> Fit:
+    """The fitted runs and one more, at the fitted values, to be fitted further."""
+    bound = before.bound.count((float("-inf"), float("inf")))
+    problem = Problem(fit.model, [*fit.problem.bound_runs, bound], fit.problem.sigma, fit.problem.symmetry_penalty)
+    z = problem.guess(fit.model.values, [*fit.point.starts, before.states[:, 0]])
+    return Fit(fit.model, problem, z, problem.cost(z), fit.noise, 0, "converged")
+
+
+def _cause(trial: _Trial) -> Cause:
+    candidate, size = trial.search.candidate, trial.amplitude
+    return Cause(candidate.effect.key, candidate.pattern, size, trial.rmse, trial.search.in_words(size))
+
+
+# --- The size that one effect would need in one run, everything else of a fitted model held -------
+
+
+_DIFFERENCE = 0.05  # of the typical size: step of the finite difference by the amplitude
+_EVALUATIONS = 25  # at most, in the search for an amplitude
+_FAILED = 1e3  # weighted residual of an amplitude at which the model can't be simulated
+_AT_BOUND = 1e-3  # relative; so near a bound, the size is only a limit
+_PLAIN = "in {run}{at}: {title}, {amplitude}"
+
+
+@dataclass(frozen=True)
+class CauseSearch:
     """A candidate in the model, switched off: which of the model's parameters is its amplitude, and what moves.
 
     Args:
@@ -198,28 +326,28 @@ class Search:
         return self.model.with_values(values)
 
     def residuals(self, value: float) -> FloatArray:
-        """Weighted errors of the whole run at an amplitude, shape (readings,), its start found in the opening."""
+        """Weighted errors (predicted − measured) of the whole run at an amplitude, shape (readings,)."""
         try:
-            found = predict(self.at(value), self.segment, self.sigma)
+            prediction = predict(self.at(value), self.segment, self.sigma)
         except SimulationError:
-            return np.full(int(self.counted.sum()), _HOPELESS)
-        return np.asarray(((found.readings - found.bound.measured) / self.sigma[:, None])[self.counted])
+            return np.full(int(self.counted.sum()), _FAILED)
+        return np.asarray(((prediction.readings - prediction.bound.measured) / self.sigma[:, None])[self.counted])
 
     def slope(self, value: float, residuals: FloatArray) -> FloatArray:
         """Derivative by the amplitude, over a step large against what is unsure about the start, shape (readings,)."""
-        step = _STEP * abs(self.declared.typical)
+        step = _DIFFERENCE * abs(self.declared.typical)
         step = step if value + step < self.declared.bounds[1] else -step
         return np.asarray((self.residuals(value + step) - residuals) / step)
 
     @cached_property
-    def likeness(self) -> float:
-        """Squared cosine between the error and what a small amplitude removes; 0 where that has the wrong sign."""
+    def promise(self) -> float:
+        """Share of the squared error that the amplitude removes to first order; 0 where that has the wrong sign."""
         off = self.declared.off or 0.0
         error = self.residuals(off)
         slope = self.slope(off, error)
-        along, length = float(error @ slope), float(np.linalg.norm(error) * np.linalg.norm(slope))
+        product, length = float(error @ slope), float(np.linalg.norm(error) * np.linalg.norm(slope))
         one_sided = self.declared.bounds[0] == off
-        return 0.0 if length == 0 or (one_sided and along > 0) else (along / length) ** 2
+        return 0.0 if length == 0 or (one_sided and product > 0) else (product / length) ** 2
 
     def best(self) -> float:
         """The amplitude with the least misfit over the whole run."""
@@ -233,15 +361,15 @@ class Search:
             slope = self.slope(typical * float(share[0]), residuals(share))
             return np.asarray(typical * slope)[:, None]
 
-        begun = [max(_STEP, lower)]  # a one-sided amplitude can't be searched from its bound
-        solved = least_squares(residuals, begun, jac=jacobian, bounds=([lower], [upper]), max_nfev=_TRIES)
+        guess = [max(_DIFFERENCE, lower)]  # a one-sided amplitude can't be searched from its bound
+        solved = least_squares(residuals, guess, jac=jacobian, bounds=([lower], [upper]), max_nfev=_EVALUATIONS)
         return float(typical * solved.x[0])
 
     def in_words(self, size: float) -> str:
         """What an amplitude in this run means, by the effect's own sentence."""
         at, effect = self.candidate.pattern, self.candidate.effect
         lower, upper = self.declared.bounds
-        most, least = (abs(size - bound) <= _EDGE * abs(bound) for bound in (upper, lower))
+        most, least = (abs(size - bound) <= _AT_BOUND * abs(bound) for bound in (upper, lower))
         more, less = effect.in_one_run
         return ((more if size >= 0 else less) or _PLAIN).format(
             run=self.segment.run.name,
@@ -256,156 +384,40 @@ class Search:
         )
 
 
-def possible(network: Network, part: Segment) -> list[Candidate]:
+def possible_causes(network: Network, segment: Segment) -> list[Candidate]:
     """Every effect that may differ from run to run, at each of its places, in this run alone."""
-    run = part.run.name.partition("#")[0]
-    return [each for each in candidates(network, part.run.columns, ["", run]) if each.run == run]
+    run = segment.run.name.partition("#")[0]
+    return [each for each in candidates(network, segment.run.columns, ["", run]) if each.run == run]
 
 
-def search_of(fitted: Model, part: Segment, candidate: Candidate, sigma: FloatArray) -> Search:
+def cause_search(fitted: Model, segment: Segment, candidate: Candidate, sigma: FloatArray) -> CauseSearch:
     """The search for a candidate's amplitude, every parameter of a fitted model held."""
     declaration = candidate.declaration(0.0, candidate.shapes[0])
     model = Model(fitted.network.with_effects([declaration]))
     amplitude = candidate.effect.amplitude()
-    called = "" if amplitude is None else amplitude.name
-    name = in_run(f"{declaration.name}.{called}.{candidate.pattern}", candidate.run)
+    own_name = "" if amplitude is None else amplitude.name
+    name = in_run(f"{declaration.name}.{own_name}.{candidate.pattern}", candidate.run)
     index = next(number for number, each in enumerate(model.parameters) if each.name == name)
-    return Search(candidate, model, index, part, sigma)
+    return CauseSearch(candidate, model, index, segment, sigma)
 
 
-_HALF = 0.5  # of the error beyond noise must go before a cause is named
-_COMPARABLE = 0.5  # share of the best gain below which nothing makes two causes alike
-_LEVEL = 1.0  # difference of criteria that says nothing at all
-_PROMISING = 0.5  # share of the best likeness to the error, to first order, below which no size is searched
+# --- Words ----------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class _Trial:
-    """A candidate at its best amplitude: the run's fit with it, and its error behind the opening [K]."""
-
-    search: Search
-    amplitude: float
-    fit: Fit
-    rmse: float
+_MOST_LISTED = 3  # causes that a sentence can carry
 
 
-@one_blas_thread
-def runs_that_differ(fit: Fit, parts: Sequence[Segment]) -> list[Differing]:
-    """For each run that a fitted model predicts clearly worse than it fits: what would have to differ in it.
-
-    Every effect that may differ from run to run is tried at each of its places, confined to that run, all other
-    parameters held. The initial states come from the run's opening as in any prediction; the amplitude is fitted on
-    the whole run. Causes are compared by Schwarz's criterion [Schwarz1978], counted in independent residuals; between
-    rivals that explain the run alike, a fit of all runs together decides, every parameter let go.
-
-    Args:
-        fit: the fitted model.
-        parts: held-out runs; the rest of a run whose beginning was fitted is left out, since one parameter can't
-            differ within a run.
-
-    Returns:
-        The runs whose error is beyond noise and clearly beyond that of the fitted runs; others are not mentioned.
-
-    Raises:
-        InputError: a run lacks an input of the model.
-    """
-    fitted = {bound.run.source for bound in fit.problem.bound_runs}
-    step = fit.problem.bound_runs[0].run.step
-    found = (_differing(fit, part.coarsened(step)) for part in parts if part.run.source not in fitted)
-    return [each for each in found if each is not None]
+def short(value: float) -> str:
+    """Two digits, whole numbers from a hundred on."""
+    return f"{value:.0f}" if abs(value) >= 100 else f"{value:.2g}"
 
 
-def _differing(fit: Fit, part: Segment) -> Differing | None:
-    before = predict(fit.model, part, fit.problem.sigma)
-    if not _stands_out(fit, before):
-        return None
-    base = _as_fit(fit, fit.model, before, ())
-    searches = [search_of(fit.model, part, each, fit.problem.sigma) for each in possible(fit.model.network, part)]
-    least = _PROMISING * max((each.likeness for each in searches), default=0.0)
-    trials = [_tried(fit, each) for each in searches if each.likeness >= least]
-    causes = (_cause(each) for each in _best_and_alike(fit, before, base, trials))
-    return Differing(part.run.name, Errors.of(before.error).rmse, fit.rmse, tuple(causes))
+def _sentence(words: str) -> str:
+    """A sentence that begins and ends as one; a run's name stays as it is."""
+    begun = words.replace("in ", "In ", 1) if words.startswith("in ") else words
+    return begun if begun.endswith("?") else f"{begun}."
 
 
-def _stands_out(fit: Fit, before: Prediction) -> bool:
-    """Whether at some node one-minute means of the error are beyond noise and clearly beyond the fitted runs'."""
-    size = max(1, round(BLOCK / before.bound.run.step))
-    for row in range(len(fit.model.nodes)):
-        squares = _block_squares(before.error[row], size)
-        if not squares.size:
-            continue
-        of_fit = [
-            _block_squares(np.where(bound.counted, error, np.nan)[row], size)
-            for bound, error in zip(fit.problem.bound_runs, fit.residuals, strict=True)
-        ]
-        usual = float(np.concatenate(of_fit).mean()) if any(each.size for each in of_fit) else 0.0
-        # A sensor's steps do not average out while the temperature stands.
-        noise = fit.noise.white[row] ** 2 / size + fit.noise.step[row] ** 2 / 12
-        chance = noise * float(chi2.ppf(0.95, squares.size)) / squares.size
-        if squares.mean() > max(CLEARLY**2 * usual, LACKING * chance, NEGLIGIBLE**2):
-            return True
-    return False
-
-
-def _block_squares(error: FloatArray, size: int) -> FloatArray:
-    """Squared means of the error over full blocks of readings that count, shape (blocks,)."""
-    counted = error[np.isfinite(error)]
-    return np.asarray(counted[: counted.size // size * size].reshape(-1, size).mean(axis=1) ** 2)
-
-
-def _tried(fit: Fit, search: Search) -> _Trial:
-    amplitude = search.best()
-    explained = search.at(amplitude)
-    after = predict(explained, search.segment, search.sigma)
-    done = _as_fit(fit, explained, after, (search.index,))
-    return _Trial(search, amplitude, done, Errors.of(after.error).rmse)
-
-
-def _as_fit(fit: Fit, model: Model, found: Prediction, free: tuple[int, ...]) -> Fit:
-    """A predicted run as a fit of so many parameters to all of its readings, to be compared with others."""
-    bound = found.bound.count((float("-inf"), float("inf")))
-    problem = Problem(model, [bound], fit.problem.sigma, free=free)
-    error = (found.readings - bound.measured) / fit.problem.sigma[:, None]
-    cost = 0.5 * float(np.sum(error[bound.counted] ** 2))
-    z = problem.guess(model.values, [found.states[:, 0]])
-    return Fit(model, problem, z, cost, fit.noise, 0, "converged")
-
-
-def _best_and_alike(fit: Fit, before: Prediction, base: Fit, trials: Sequence[_Trial]) -> list[_Trial]:
-    """Those that halve the error beyond noise and pay for themselves: the best, and what explains the run as well."""
-    noise = cost_of_noise(base)
-    most = noise + _HALF**2 * max(base.cost - noise, 0.0)
-    ranked = sorted((each for each in trials if each.fit.cost <= most), key=lambda each: each.fit.cost)
-    if not ranked or criterion_difference(base, ranked[0].fit) <= 0:
-        return []
-    best = ranked[0].fit
-    # One count of independent residuals, that of the best, for all.
-    near = min(TIE, (1 - _COMPARABLE) * criterion_difference(base, best))
-    kept = [each for each in ranked if criterion_difference(each.fit, best) <= near]
-    return kept if len(kept) == 1 else _decided_together(fit, before, kept)
-
-
-def _decided_together(fit: Fit, before: Prediction, kept: list[_Trial]) -> list[_Trial]:
-    """Causes by what they explain of all runs together, the other parameters let go: those are unsure themselves."""
-    whole = _with_fitted(fit, before)
-    declared = [each.search.candidate.declaration(each.amplitude, each.search.candidate.shapes[0]) for each in kept]
-    done = [refit(whole, each) for each in declared]
-    best = min(done, key=lambda each: each.cost)
-    behind = [criterion_difference(each, best) for each in done]
-    order = sorted(zip(behind, kept, strict=True), key=lambda each: each[0])
-    # All sensors that read high by as much are a warm room: of equals, what supposes the fewest faults comes first.
-    level = sorted((each for by, each in order if by <= _LEVEL), key=lambda each: len(each.search.candidate.places))
-    return [*level, *(each for by, each in order if _LEVEL < by <= TIE)]
-
-
-def _with_fitted(fit: Fit, before: Prediction) -> Fit:
-    """The fitted runs and one more, at the fitted values, to be fitted further."""
-    bound = before.bound.count((float("-inf"), float("inf")))
-    problem = Problem(fit.model, [*fit.problem.bound_runs, bound], fit.problem.sigma, fit.problem.symmetry_penalty)
-    z = problem.guess(fit.model.values, [*fit.point.starts, before.states[:, 0]])
-    return Fit(fit.model, problem, z, problem.cost(z), fit.noise, 0, "converged")
-
-
-def _cause(trial: _Trial) -> Cause:
-    candidate, size = trial.search.candidate, trial.amplitude
-    return Cause(candidate.effect.key, candidate.pattern, size, trial.rmse, trial.search.in_words(size))
+def _without_question(words: str) -> str:
+    """A sentence without the question behind it."""
+    return words.rpartition(": ")[0] if words.endswith("?") else words

@@ -1,4 +1,10 @@
-"""Heat that a fitted model lacks, at each node over time, with a band, and the inputs it goes with."""
+"""Heat that a fitted model lacks, at each node over time, with a band, and the inputs it goes with.
+
+The run is cut into blocks and taken linear about its fitted trajectory, with an unknown heat at each measured node
+that wanders at random. Given all readings of the run, a Kalman filter and smoother give that heat and its standard
+deviation; how fast it wanders is what makes the readings likeliest. Heat is positive where the model lacks heat, that
+is where it predicts too cold (error = predicted − measured < 0).
+"""
 
 from __future__ import annotations
 
@@ -16,14 +22,150 @@ from lptn.logs.run import Run
 from lptn.simulate.dynamics import stepper, zero_order_hold
 from lptn.simulate.simulation import simulate
 
-# --- A fitted run in blocks of time, linear about its own trajectory, with heat at each measured node as an input ---
+
+@dataclass(frozen=True)
+class UnexplainedHeat:
+    """Heat that one run of a fit asks for beyond its model.
+
+    Where and when it is large is worth more than how large: the fitted parameters absorb part of it.
+
+    Args:
+        run: name of the run.
+        time: middle of each block in the log's clock [s], shape (n,).
+        nodes: the measured nodes.
+        heat: W, shape (nodes, n).
+        band: half-width of the 95 % band [W], shape (nodes, n).
+        seconds: length of a block.
+    """
+
+    run: str
+    time: FloatArray
+    nodes: tuple[str, ...]
+    heat: FloatArray
+    band: FloatArray
+    seconds: float
+
+    @property
+    def clear(self) -> FloatArray:
+        """By how much the heat's size exceeds zero [W] with 95 % confidence over all nodes and minutes, (nodes, n)."""
+        comparisons = len(self.nodes) * max(1.0, self.time.size * self.seconds / _INDEPENDENT)
+        widened = float(norm.isf(0.025 / comparisons)) / _WIDE
+        return np.asarray(np.maximum(np.abs(self.heat) - widened * self.band, 0.0))
 
 
-_BLOCK = 10.0  # s; heat that comes and goes faster is not told apart from noise
+@dataclass(frozen=True)
+class HeatPeak:
+    """Where and when unexplained heat is largest.
+
+    Args:
+        run: name of the run.
+        node: the node.
+        start: in the log's clock [s].
+        stop: in the log's clock [s].
+        heat: mean from start to stop [W]; negative where the model has too much.
+        band: mean half-width of the 95 % band [W].
+    """
+
+    run: str
+    node: str
+    start: float
+    stop: float
+    heat: float
+    band: float
+
+    def text(self) -> str:
+        """Such as `at FR_calf from 1200 to 1500 s, about 6 W (3 to 13 W)`."""
+        ends = f"{_rounded(self.heat - self.band)} to {_rounded(self.heat + self.band)} W"
+        return f"{self.place}, about {_rounded(self.heat)} W ({ends})"
+
+    @property
+    def place(self) -> str:
+        """Such as `at FR_calf from 1200 to 1500 s`."""
+        return f"at {self.node} from {self.start:.0f} to {self.stop:.0f} s"
+
+
+_GRID = (0.001, 0.003, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0)  # of the heat scale, wandered in a minute
+_START, _HIDDEN_START = 1.5, 5.0  # K; how far a measured node, or any other state, may start from the fit
+_PARAMETER = 0.7  # of a logarithm, a factor of two: how far missing heat may have biased the fitted parameters
+_WIDE = 1.96  # standard deviations on either side of a 95 % band
+_INDEPENDENT = 60.0  # s; estimates that lie closer count as one among the comparisons made
+_HALF = 0.5  # a peak reaches as far as the heat stays above so much of its largest value
+
+
+@one_blas_thread
+def unexplained_heat(fit: Fit) -> list[UnexplainedHeat]:
+    """The heat that each fitted run asks for beyond the model, at every measured node.
+
+    The heat wanders at random, as fast at each node as makes the readings of all runs likeliest; states and free
+    parameters may lie off the fit. Given all readings of a run this is a linear smoothing problem, since the model is
+    taken linear about its own fitted trajectory. Time grows with the length of the run, memory is bounded.
+
+    Args:
+        fit: the fitted model, with the readings that count.
+    """
+    runs = [blocks(fit, number) for number in range(len(fit.problem.bound_runs))]
+    scale = _heat_scale(runs)
+    walk = max(
+        (share * scale / np.sqrt(60.0) for share in _GRID),
+        key=lambda walk: sum(likelihood(run, _prior(fit, run, scale, walk)) for run in runs),
+    )
+    unexplained = []
+    for run, bound in zip(runs, fit.problem.bound_runs, strict=True):
+        heat, spread = smoothed(run, _prior(fit, run, scale, walk))
+        nodes = tuple(fit.model.nodes[row] for row in run.rows)
+        unexplained.append(UnexplainedHeat(bound.run.name, run.time, nodes, heat, _WIDE * spread, run.seconds))
+    return unexplained
+
+
+def largest(runs: Sequence[UnexplainedHeat]) -> HeatPeak | None:
+    """Where and when the heat exceeds zero most surely; `None` where none is beyond its band."""
+    best = max(runs, key=lambda each: float(each.clear.max(initial=0.0)), default=None)
+    if best is None or not best.clear.any():
+        return None
+    row, peak = (int(place) for place in np.unravel_index(int(best.clear.argmax()), best.clear.shape))
+    heat = best.heat[row] * np.sign(best.heat[row, peak])
+    above = heat >= _HALF * heat[peak]
+    first = peak - int(np.argmin(np.append(above[: peak + 1][::-1], False))) + 1
+    stop = peak + int(np.argmin(np.append(above[peak:], False)))
+    half = best.seconds / 2
+    return HeatPeak(
+        best.run,
+        best.nodes[row],
+        float(best.time[first] - half),
+        float(best.time[stop - 1] + half),
+        float(best.heat[row, first:stop].mean()),
+        float(best.band[row, first:stop].mean()),
+    )
+
+
+def _heat_scale(runs: Sequence[Blocks]) -> float:
+    """What heat is large [W]: that which the nodes take up as they warm, or that would hold the residual."""
+    stored = np.concatenate([run.storage.ravel() for run in runs])
+    holding = np.concatenate([(run.error * run.conductance).ravel() for run in runs])
+    return float(np.sqrt(np.mean(stored**2) + np.nanmean(holding**2)))
+
+
+def _prior(fit: Fit, run: Blocks, scale: float, walk: float) -> Prior:
+    states, nodes = len(fit.model.states), len(run.rows)
+    deviations = np.full(run.top.shape[2], _PARAMETER)
+    deviations[:states] = _HIDDEN_START
+    deviations[run.rows] = _START
+    deviations[states : states + nodes] = scale
+    return Prior(deviations, walk)
+
+
+def _rounded(value: float) -> str:
+    return f"{value:.2g}" if abs(value) < 10 else f"{value:.0f}"
+
+
+# --- The linear model: a fitted run in blocks of time, with heat at each measured node as an input --
+
+
+_BLOCK = 10.0  # s; heat that comes and goes faster can't be told from noise
 _MOST_BLOCKS = 1200  # a longer run gets longer blocks, so that 10 h need no more memory than 3 h
 _WINDOW = 2048  # steps whose derivatives are held at once
-_FAR = 4.0  # times its usual value; a parameter that ends further off was led there
-_PHASES, _LASTING = 16, 300.0  # s; what of a rounding error lasts so long can't be told from heat
+_FAR = 4.0  # times its typical value; a parameter that ends further off is biased by missing heat
+_PHASES, _SLOW = 16, 300.0  # s; the share of a rounding error that stays so long can't be told from heat
 _LEAST = 1e-3  # K; a noise-free log must not weigh infinitely
 
 
@@ -125,15 +267,15 @@ def _slopes(fit: Fit) -> FloatArray:
     Hidden heat may drive a fitted resistance to infinity, where no factor on it moves any temperature. Heat flows
     by its inverse, so there that is what changes.
     """
-    values, found = fit.point.values, fit.problem.slope(fit.point.values)
+    values, slopes = fit.point.values, fit.problem.slope(fit.point.values)
     for place, index in enumerate(fit.problem.free):
         declared = fit.model.parameters[index].declared
-        usual = abs(declared.typical)
-        if declared.unit.endswith("K/W") and declared.off is None and usual > 0:
-            found[place] = max(found[place], values[index] ** 2 / (_FAR * usual))
+        typical = abs(declared.typical)
+        if declared.unit.endswith("K/W") and declared.off is None and typical > 0:
+            slopes[place] = max(slopes[place], values[index] ** 2 / (_FAR * typical))
         else:
-            found[place] = max(found[place], usual / _FAR)
-    return found
+            slopes[place] = max(slopes[place], typical / _FAR)
+    return slopes
 
 
 def _exact(a: FloatArray, b: FloatArray, rows: IntArray, capacities: FloatArray, seconds: float) -> FloatArray:
@@ -175,34 +317,34 @@ def _variance(predicted: FloatArray, counts: FloatArray, fit: Fit, rows: IntArra
         counts: readings that each block has, shape (M, n).
     """
     white, step = fit.noise.white[rows], fit.noise.step[rows]
-    found = np.where(step > 0, white, fit.noise.floor[rows])[:, None] ** 2 / np.maximum(counts, 1)
+    variance = np.where(step > 0, white, fit.noise.floor[rows])[:, None] ** 2 / np.maximum(counts, 1)
     for row in np.flatnonzero(step > 0):
-        found[row] += _rounding(predicted[row], float(white[row]), float(step[row]), size)
-    return np.asarray(np.maximum(found, _LEAST**2))
+        variance[row] += _rounding(predicted[row], float(white[row]), float(step[row]), size)
+    return np.asarray(np.maximum(variance, _LEAST**2))
 
 
 def _rounding(predicted: FloatArray, white: float, step: float, size: int) -> float:
     """Variance of independent errors of blocks that hide a slow heat as well as rounding does [K²].
 
     A coarse sensor errs the same way until the temperature has crossed a step, so errors of neighbouring blocks
-    are one error. How much of it lasts for minutes is found by rounding the model's own readings, at many
+    are one error. How much of it stays for minutes is worked out by rounding the model's own readings, at many
     phases of the sensor's steps.
     """
     rng = np.random.default_rng(0)
     phases = step * (np.arange(_PHASES)[:, None] + 0.5) / _PHASES
     true = predicted + phases
     errors = _means(np.round((true + rng.normal(0.0, white, true.shape)) / step) * step - true, size)
-    group = max(1, min(round(_LASTING / _BLOCK), errors.shape[1] // 4))
-    lasting = _means(errors[:, : errors.shape[1] // group * group], group)
-    return float(max(np.var(errors), group * np.var(lasting)))
+    group = max(1, min(round(_SLOW / _BLOCK), errors.shape[1] // 4))
+    slow = _means(errors[:, : errors.shape[1] // group * group], group)
+    return float(max(np.var(errors), group * np.var(slow)))
 
 
-# --- Fixed-interval smoothing of the heat that a model lacks: forward filter, backward adjoint, and the likelihood ---
+# --- Fixed-interval smoothing: forward filter, backward adjoint, and the likelihood ----------------
 
 
 @dataclass(frozen=True)
 class Prior:
-    """What is known before the first reading.
+    """The distribution before the first reading.
 
     Args:
         deviations: standard deviations of states [K], heats [W] and parameters' coordinates, shape (D,).
@@ -214,7 +356,7 @@ class Prior:
 
 
 @dataclass(frozen=True)
-class _Step:
+class _Filtered:
     """What the backward pass needs of one block, before its readings are taken in."""
 
     heat: FloatArray  # (M,)
@@ -236,7 +378,7 @@ def smoothed(run: Blocks, prior: Prior) -> tuple[FloatArray, FloatArray]:
     Source: [Rauch1965], in the form of [Bierman1973], which inverts no covariance of the states: parameters that
     stay the same make that singular.
     """
-    steps: list[_Step] = []
+    steps: list[_Filtered] = []
     _forward(run, prior, steps)
     states, nodes = run.top.shape[1], len(run.rows)
     size = run.top.shape[2]
@@ -256,11 +398,11 @@ def smoothed(run: Blocks, prior: Prior) -> tuple[FloatArray, FloatArray]:
     return heat, spread
 
 
-def _forward(run: Blocks, prior: Prior, steps: list[_Step] | None) -> float:
+def _forward(run: Blocks, prior: Prior, steps: list[_Filtered] | None) -> float:
     """The filter; keeps what smoothing needs where a list is given."""
     states, nodes = run.top.shape[1], len(run.rows)
     heats = slice(states, states + nodes)
-    d, p, found = np.zeros(run.top.shape[2]), np.diag(prior.deviations**2), 0.0
+    d, p, density = np.zeros(run.top.shape[2]), np.diag(prior.deviations**2), 0.0
     gained = prior.walk**2 * run.seconds
     for k in range(len(run.time)):
         seen = np.isfinite(run.error[k])
@@ -272,13 +414,13 @@ def _forward(run: Blocks, prior: Prior, steps: list[_Step] | None) -> float:
         innovation = -run.error[k][seen] - by @ d  # measured − predicted, as filters have it
         gain = crossed @ precision
         if steps is not None:
-            steps.append(_Step(d[heats].copy(), p[heats].copy(), by, gain, precision, innovation))
-        found -= 0.5 * float(np.sum((inverse @ innovation) ** 2)) + float(np.log(np.diag(root)).sum())
+            steps.append(_Filtered(d[heats].copy(), p[heats].copy(), by, gain, precision, innovation))
+        density -= 0.5 * float(np.sum((inverse @ innovation) ** 2)) + float(np.log(np.diag(root)).sum())
         d = d + gain @ innovation
         p = p - gain @ crossed.T
         d, p = _after_step(d, p, run.top[k])
         np.einsum("ii->i", p)[heats] += gained
-    return found
+    return density
 
 
 def _after_step(d: FloatArray, p: FloatArray, top: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -302,149 +444,11 @@ def _before_step(back: FloatArray, curve: FloatArray, top: FloatArray) -> tuple[
     return transition.T @ back, transition.T @ curve @ transition
 
 
-# --- Heat that a fitted model lacks, at each node over time, with a band: where and when the misfit arises ---
+# --- Which of the log's inputs the unexplained heat correlates with -------------------------------
 
 
-_GRID = (0.001, 0.003, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0)  # of the heat scale, wandered in a minute
-_START, _HIDDEN_START = 1.5, 5.0  # K; how far a measured node, or any other state, may start from the fit
-_PARAMETER = 0.7  # of a logarithm, a factor of two: how far lacking heat may have led the fitted parameters astray
-_WIDE = 1.96  # standard deviations on either side of a 95 % band
-_APART = 60.0  # s; estimates that lie closer are as good as one
-_HALF = 0.5  # a stretch reaches as far as the heat stays above so much of its peak
-
-
-@dataclass(frozen=True)
-class UnexplainedHeat:
-    """Heat that one run of a fit asks for beyond its model.
-
-    Where and when it is large is worth more than how large: the fitted parameters absorb part of it.
-
-    Args:
-        run: name of the run.
-        time: middle of each block in the log's clock [s], shape (n,).
-        nodes: the measured nodes.
-        heat: W, shape (nodes, n).
-        band: half-width of the 95 % band [W], shape (nodes, n).
-        seconds: length of a block.
-    """
-
-    run: str
-    time: FloatArray
-    nodes: tuple[str, ...]
-    heat: FloatArray
-    band: FloatArray
-    seconds: float
-
-    @property
-    def clear(self) -> FloatArray:
-        """By how much the heat's size surely exceeds zero [W], all nodes and minutes at once, shape (nodes, n)."""
-        asked = len(self.nodes) * max(1.0, self.time.size * self.seconds / _APART)
-        sure = float(norm.isf(0.025 / asked)) / _WIDE
-        return np.asarray(np.maximum(np.abs(self.heat) - sure * self.band, 0.0))
-
-
-@dataclass(frozen=True)
-class Stretch:
-    """Where and when unexplained heat is largest.
-
-    Args:
-        run: name of the run.
-        node: the node.
-        start: of the stretch in the log's clock [s].
-        stop: its end [s].
-        heat: mean over the stretch [W]; negative where the model has too much.
-        band: mean half-width of the 95 % band [W].
-    """
-
-    run: str
-    node: str
-    start: float
-    stop: float
-    heat: float
-    band: float
-
-    def text(self) -> str:
-        """Such as `at FR_calf from 1200 to 1500 s, about 6 W (3 to 13 W)`."""
-        ends = f"{_rounded(self.heat - self.band)} to {_rounded(self.heat + self.band)} W"
-        return f"{self.place}, about {_rounded(self.heat)} W ({ends})"
-
-    @property
-    def place(self) -> str:
-        """Such as `at FR_calf from 1200 to 1500 s`."""
-        return f"at {self.node} from {self.start:.0f} to {self.stop:.0f} s"
-
-
-@one_blas_thread
-def unexplained_heat(fit: Fit) -> list[UnexplainedHeat]:
-    """The heat that each fitted run asks for beyond the model, at every measured node.
-
-    The heat wanders at random, as fast at each node as makes the readings of all runs likeliest; states and free
-    parameters may lie off the fit. Given all readings of a run this is a linear smoothing problem, since the model is
-    taken linear about its own fitted trajectory. Time grows with the length of the run, memory is bounded.
-
-    Args:
-        fit: the fitted model, with the readings that count.
-    """
-    runs = [blocks(fit, number) for number in range(len(fit.problem.bound_runs))]
-    scale = _heat_scale(runs)
-    walk = max(
-        (share * scale / np.sqrt(60.0) for share in _GRID),
-        key=lambda walk: sum(likelihood(run, _prior(fit, run, scale, walk)) for run in runs),
-    )
-    found = []
-    for run, bound in zip(runs, fit.problem.bound_runs, strict=True):
-        heat, spread = smoothed(run, _prior(fit, run, scale, walk))
-        nodes = tuple(fit.model.nodes[row] for row in run.rows)
-        found.append(UnexplainedHeat(bound.run.name, run.time, nodes, heat, _WIDE * spread, run.seconds))
-    return found
-
-
-def largest(found: Sequence[UnexplainedHeat]) -> Stretch | None:
-    """Where and when the heat exceeds zero most surely; `None` where none is beyond its band, all asked at once."""
-    best = max(found, key=lambda each: float(each.clear.max(initial=0.0)), default=None)
-    if best is None or not best.clear.any():
-        return None
-    row, peak = (int(place) for place in np.unravel_index(int(best.clear.argmax()), best.clear.shape))
-    heat = best.heat[row] * np.sign(best.heat[row, peak])
-    above = heat >= _HALF * heat[peak]
-    first = peak - int(np.argmin(np.append(above[: peak + 1][::-1], False))) + 1
-    stop = peak + int(np.argmin(np.append(above[peak:], False)))
-    half = best.seconds / 2
-    return Stretch(
-        best.run,
-        best.nodes[row],
-        float(best.time[first] - half),
-        float(best.time[stop - 1] + half),
-        float(best.heat[row, first:stop].mean()),
-        float(best.band[row, first:stop].mean()),
-    )
-
-
-def _heat_scale(runs: Sequence[Blocks]) -> float:
-    """What heat is large [W]: that which the nodes take up as they warm, or that would hold the residual."""
-    stored = np.concatenate([run.storage.ravel() for run in runs])
-    holding = np.concatenate([(run.error * run.conductance).ravel() for run in runs])
-    return float(np.sqrt(np.mean(stored**2) + np.nanmean(holding**2)))
-
-
-def _prior(fit: Fit, run: Blocks, scale: float, walk: float) -> Prior:
-    states, nodes = len(fit.model.states), len(run.rows)
-    deviations = np.full(run.top.shape[2], _PARAMETER)
-    deviations[:states] = _HIDDEN_START
-    deviations[run.rows] = _START
-    deviations[states : states + nodes] = scale
-    return Prior(deviations, walk)
-
-
-def _rounded(value: float) -> str:
-    return f"{value:.2g}" if abs(value) < 10 else f"{value:.0f}"
-
-
-# --- Which of the log's inputs the unexplained heat goes with -------------------------------------
-
-
-_STILL = 1e-6  # of its size; an input that varies by less does not vary
-_SHORT = 3  # blocks; fewer correlate by themselves
+_CONSTANT = 1e-6  # of its size; an input that varies by less does not vary
+_LEAST_BLOCKS = 3  # fewer correlate by themselves
 
 
 @dataclass(frozen=True)
@@ -469,15 +473,15 @@ class InputLink:
         return f"{self.column}²" if self.squared else self.column
 
 
-def input_links(fit: Fit, found: Sequence[UnexplainedHeat]) -> list[InputLink]:
+def input_links(fit: Fit, heat: Sequence[UnexplainedHeat]) -> list[InputLink]:
     """Correlation of each node's unexplained heat with each input column, or its square where that is closer.
 
     What the heat goes with suggests a cause and proves none: inputs go with each other, and slow series go with
     each other by chance.
 
     Args:
-        fit: the fitted model that `found` was made from.
-        found: the heat of its runs.
+        fit: the fitted model that lacks the heat.
+        heat: of its runs.
 
     Returns:
         The closest first, for columns that all runs have and that vary.
@@ -489,42 +493,42 @@ def input_links(fit: Fit, found: Sequence[UnexplainedHeat]) -> list[InputLink]:
     for column in columns:
         if column not in outputs:
             plain, squared = (
-                np.concatenate([block_means(run, each, column, square) for run, each in zip(runs, found, strict=True)])
+                np.concatenate([block_means(run, each, column, square) for run, each in zip(runs, heat, strict=True)])
                 for square in (False, True)
             )
-            links += _links(found, column, plain, squared)
+            links += _links(heat, column, plain, squared)
     return sorted(links, key=lambda link: -abs(link.correlation))
 
 
-def block_means(run: Run, found: UnexplainedHeat, column: str, squared: bool = False) -> FloatArray:
+def block_means(run: Run, heat: UnexplainedHeat, column: str, squared: bool = False) -> FloatArray:
     """Means of a column, or of its square, over the blocks of the unexplained heat, shape (n,)."""
-    size = round(found.seconds / run.step)
-    first = int(np.argmin(np.abs(run.time - (found.time[0] - found.seconds / 2))))
-    values = run.columns[column][first : first + size * found.time.size].reshape(-1, size)
+    size = round(heat.seconds / run.step)
+    first = int(np.argmin(np.abs(run.time - (heat.time[0] - heat.seconds / 2))))
+    values = run.columns[column][first : first + size * heat.time.size].reshape(-1, size)
     return np.asarray((values**2 if squared else values).mean(axis=1))
 
 
-def _links(found: Sequence[UnexplainedHeat], column: str, plain: FloatArray, squared: FloatArray) -> list[InputLink]:
+def _links(runs: Sequence[UnexplainedHeat], column: str, plain: FloatArray, squared: FloatArray) -> list[InputLink]:
     links = []
-    for node in dict.fromkeys(node for each in found for node in each.nodes):
-        heat = np.concatenate([_of_node(each, node) for each in found])
-        known = np.isfinite(heat)
-        both = [_correlation(heat[known], values[known]) for values in (plain, squared)]
+    for node in dict.fromkeys(node for each in runs for node in each.nodes):
+        heat = np.concatenate([_of_node(each, node) for each in runs])
+        finite = np.isfinite(heat)
+        both = [_correlation(heat[finite], values[finite]) for values in (plain, squared)]
         square, closest = max(enumerate(both), key=lambda pair: abs(pair[1]))
         if closest:
             links.append(InputLink(node, column, bool(square), closest))
     return links
 
 
-def _of_node(found: UnexplainedHeat, node: str) -> FloatArray:
+def _of_node(run: UnexplainedHeat, node: str) -> FloatArray:
     """A node's heat, NaN in a run that does not measure it."""
-    return found.heat[found.nodes.index(node)] if node in found.nodes else np.full(found.time.size, np.nan)
+    return run.heat[run.nodes.index(node)] if node in run.nodes else np.full(run.time.size, np.nan)
 
 
 def _correlation(one: FloatArray, other: FloatArray) -> float:
     """Pearson's, 0 where either stands still or is not known throughout."""
-    if one.size < _SHORT or not np.isfinite(other).all():
+    if one.size < _LEAST_BLOCKS or not np.isfinite(other).all():
         return 0.0
-    if np.ptp(one) == 0 or np.ptp(other) <= _STILL * np.abs(other).max():
+    if np.ptp(one) == 0 or np.ptp(other) <= _CONSTANT * np.abs(other).max():
         return 0.0
     return float(np.corrcoef(one, other)[0, 1])

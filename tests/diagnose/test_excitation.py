@@ -1,0 +1,61 @@
+"""How much happens in a run: counted by hand in runs made for it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from lptn.diagnose.excitation import excitation
+from tests.diagnose.pair_runs import run, table
+
+NODES = ("a", "b")
+
+
+def test_levels_rest_and_cool_downs_are_counted() -> None:
+    alone = table().drop(columns="torque.b")
+    seen = excitation([run(alone)], NODES)
+    assert seen.minutes == 40
+    assert seen.levels == 3  # none, 36 and 100 % of the largest heat
+    assert seen.still == pytest.approx(0.4, abs=0.03)
+    assert seen.cool_downs == 1
+    assert seen.steps == 3
+    assert seen.rise == pytest.approx(40.0, abs=1.0)
+    assert seen.spread == pytest.approx(10.0, abs=0.5)
+    assert seen.ambient == 0.0
+    assert seen.ranges["speed.base"] == pytest.approx((0.0, 0.8))
+
+
+def test_a_run_without_rest() -> None:
+    data = table(cool=False).drop(columns="torque.b")
+    seen = excitation([run(data[data["torque.a"] > 9])], NODES)
+    assert (seen.levels, seen.still, seen.cool_downs, seen.steps) == (1, 0.0, 0, 0)
+
+
+def test_speed_and_load_that_go_together() -> None:
+    data = table()
+    seen = excitation([run(data.assign(**{"velocity.a": data["torque.a"] ** 2 / 50}))], NODES)
+    assert seen.together["a"] == pytest.approx(1.0)
+    assert abs(seen.together["b"]) < 0.7
+
+
+def test_runs_without_load_temperatures_or_length() -> None:
+    bare = table(1)[["time", "temperature.a"]].assign(**{"temperature.a": np.nan})
+    seen = excitation([run(bare)], NODES)
+    assert (seen.levels, seen.rise, seen.spread, seen.cool_downs) == (0, 0.0, 0.0, 0)
+    few = pd.DataFrame({"time": np.arange(3.0), "temperature.a": 20.0, "torque.a": 1.0})
+    assert excitation([run(few)], NODES).minutes == 0.05
+    holes = table().assign(**{"temperature.a": np.nan})
+    assert excitation([run(holes)], NODES).spread == 0.0
+
+
+def test_several_runs_add_up() -> None:
+    both = excitation([run(table(), "one"), run(table(), "two")], NODES)
+    one = excitation([run(table())], NODES)
+    assert (both.runs, both.minutes, both.cool_downs) == (2, 80, 2 * one.cool_downs)
+
+
+def test_the_load_is_that_of_the_joints_and_not_of_one_computer() -> None:
+    data = table().assign(**{"power.b": 20.0})
+    seen = excitation([run(data.drop(columns="torque.b").assign(**{"torque.c": 1.0}))], ("a", "b", "c"))
+    assert seen.levels == 3
