@@ -196,7 +196,5 @@ def test_an_effect_in_a_run_that_no_log_is_is_said(
     with pytest.raises(SystemExit) as stop:
         main([command, str(tmp_path / "model.toml"), str(tmp_path / "monday.csv")])
     assert stop.value.code in (0, None)
-    line = (
-        f'Warning: constant_heat at motor acts only in run "{run}", and no log is that run (here: monday): it is off.'
-    )
-    assert (line in capsys.readouterr().out) == said
+    line = f'lptn: constant_heat at motor acts only in run "{run}", and no log is that run (here: monday): it is off\n'
+    assert (line in capsys.readouterr().err) == said

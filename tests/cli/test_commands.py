@@ -3,39 +3,21 @@
 from __future__ import annotations
 
 import json
+import re
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import pandas as pd
 import pytest
 
-from lptn.cli.main import main
 from lptn.model.file import read_model_file
+from tests.cli.conftest import Lptn
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "tclab"
 MODEL, LOG = EXAMPLE / "two_heaters.toml", EXAMPLE / "log.csv"
-
-Run = Callable[..., tuple[int, str, str]]
-
-
-@pytest.fixture
-def lptn(capsys: pytest.CaptureFixture[str]) -> Run:
-    """Runs `lptn` with words; returns exit status, standard output, error output."""
-
-    def run(*words: object) -> tuple[int, str, str]:
-        status = 0
-        try:
-            main([str(word) for word in words])
-        except SystemExit as stop:
-            status = int(stop.code or 0)
-        seen = capsys.readouterr()
-        return status, seen.out, seen.err
-
-    return run
 
 
 @pytest.fixture
@@ -47,30 +29,33 @@ def short_log(tmp_path: Path) -> Path:
     return path
 
 
-def test_presets_are_listed_and_written_and_read(lptn: Run, tmp_path: Path) -> None:
+def test_presets_are_listed_and_written_and_read(lptn: Lptn, tmp_path: Path) -> None:
     status, listed, _ = lptn("new")
     assert status == 0
-    assert "quadruped --model single-node" in listed.splitlines()
-    for number, words in enumerate(listed.splitlines()):
+    head, *rows = (re.split(" {2,}", line.strip()) for line in listed.splitlines())
+    assert head == ["preset", "nodes", "parameters", "what it is"]
+    assert ["quadruped --model single-node", "12", "64"] in [row[:3] for row in rows]
+    assert all(row[3].startswith(("A ", "One ", "The ")) for row in rows)
+    for number, (words, *_) in enumerate(rows):
         target = tmp_path / f"{number}.toml"
         assert lptn("new", *words.split(), "-o", target)[0] == 0
         assert read_model_file(target).network.dynamic
 
 
-def test_an_unknown_model_of_a_preset_is_refused(lptn: Run) -> None:
+def test_an_unknown_model_of_a_preset_is_refused(lptn: Lptn) -> None:
     status, _, said = lptn("new", "leg", "--model", "whole")
     assert status == 2
     assert said == "lptn: new: --model: found 'whole'; expected one of full, single-node\n"
 
 
-def test_check_says_what_the_log_holds(lptn: Run) -> None:
+def test_check_says_what_the_log_holds(lptn: Lptn) -> None:
     status, out, _ = lptn("check", MODEL, LOG)
     assert status == 0
     assert "heater1" in out
     assert "first readings" in out
 
 
-def test_fit_writes_values_errors_and_the_fingerprint(lptn: Run, short_log: Path, tmp_path: Path) -> None:
+def test_fit_writes_values_errors_and_the_fingerprint(lptn: Lptn, short_log: Path, tmp_path: Path) -> None:
     fitted, found = tmp_path / "fitted.toml", tmp_path / "fit.json"
     status, out, _ = lptn("fit", MODEL, short_log, "--holdout-after", 120, "-o", fitted, "--json", found)
     assert status == 0
@@ -84,7 +69,7 @@ def test_fit_writes_values_errors_and_the_fingerprint(lptn: Run, short_log: Path
     )
 
 
-def test_compare_writes_the_agreed_json_and_a_picture(lptn: Run, short_log: Path, tmp_path: Path) -> None:
+def test_compare_writes_the_agreed_json_and_a_picture(lptn: Lptn, short_log: Path, tmp_path: Path) -> None:
     found, picture = tmp_path / "compare.json", tmp_path / "compare.png"
     status, out, _ = lptn("compare", MODEL, short_log, "--json", found, "--plot", picture)
     assert status == 0
@@ -95,14 +80,14 @@ def test_compare_writes_the_agreed_json_and_a_picture(lptn: Run, short_log: Path
     assert picture.read_bytes().startswith(b"\x89PNG")
 
 
-def test_add_appends_an_effect_and_keeps_the_comments(lptn: Run, tmp_path: Path) -> None:
+def test_add_appends_an_effect_and_keeps_the_comments(lptn: Lptn, tmp_path: Path) -> None:
     target = tmp_path / "next.toml"
     assert lptn("add", MODEL, "conduction", "--at", "heater1~heater2", "-o", target)[0] == 0
     assert target.read_text().startswith(MODEL.read_text().rstrip()[:400])
     assert any(instance.effect.key == "conduction" for instance in read_model_file(target).network.effect_instances)
 
 
-def test_diagnose_writes_the_agreed_json(lptn: Run, short_log: Path, tmp_path: Path) -> None:
+def test_diagnose_writes_the_agreed_json(lptn: Lptn, short_log: Path, tmp_path: Path) -> None:
     found = tmp_path / "diagnosis.json"
     status, out, _ = lptn("diagnose", MODEL, short_log, "--holdout-after", 110, "--json", found)
     assert status == 0
@@ -124,9 +109,10 @@ def test_diagnose_writes_the_agreed_json(lptn: Run, short_log: Path, tmp_path: P
         }
 
 
-def test_improve_writes_model_ladder_and_report(lptn: Run, short_log: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("option", ["--steps", "--rungs"])  # the second is an older name
+def test_improve_writes_model_history_and_report(option: str, lptn: Lptn, short_log: Path, tmp_path: Path) -> None:
     better, history, story = tmp_path / "better.toml", tmp_path / "ladder.json", tmp_path / "story.html"
-    words = ("improve", MODEL, short_log, "--holdout-after", 110, "--rungs", 1)
+    words = ("improve", MODEL, short_log, "--holdout-after", 110, option, 1)
     status, out, _ = lptn(*words, "-o", better, "--json", history, "--report", story)
     assert status == 0
     assert "(as given)" in out
@@ -150,7 +136,7 @@ def test_improve_writes_model_ladder_and_report(lptn: Run, short_log: Path, tmp_
     assert story.read_text().startswith("<!DOCTYPE html>")
 
 
-def test_simulate_writes_a_log_that_compares_perfectly(lptn: Run, short_log: Path, tmp_path: Path) -> None:
+def test_simulate_writes_a_log_that_compares_perfectly(lptn: Lptn, short_log: Path, tmp_path: Path) -> None:
     predicted = tmp_path / "predicted.parquet"
     assert lptn("simulate", MODEL, short_log, "-o", predicted)[0] == 0
     table = pd.read_parquet(predicted)
@@ -158,12 +144,12 @@ def test_simulate_writes_a_log_that_compares_perfectly(lptn: Run, short_log: Pat
     assert len(table) > 100
 
 
-def test_effects_are_listed_and_shown(lptn: Run) -> None:
+def test_effects_are_listed_and_shown(lptn: Lptn) -> None:
     assert "forced_convection" in lptn("effects")[1]
     assert "gamma" in lptn("effects", "forced_convection")[1]
 
 
-def test_nothing_is_said_on_the_error_stream_when_nobody_watches(lptn: Run, short_log: Path) -> None:
+def test_nothing_is_said_on_the_error_stream_when_nobody_watches(lptn: Lptn, short_log: Path) -> None:
     assert lptn("fit", MODEL, short_log)[2] == ""
 
 

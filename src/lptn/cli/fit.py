@@ -139,7 +139,7 @@ def _show_fit(done: Fit) -> None:
     rows = []
     for index in done.problem.free:
         parameter = done.model.parameters[index]
-        error = done.errors[parameter.name]
+        error = done.standard_errors[parameter.name]
         spread = f"{error:.2g}" if math.isfinite(error) else "not determined"
         rows.append((parameter.name, f"{parameter.value:.4g}", spread, parameter.declared.unit))
     show_table(("parameter", ">value", "± standard error", "unit"), rows)

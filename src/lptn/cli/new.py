@@ -27,7 +27,7 @@ def new(
     from lptn.robots.presets import preset_text
 
     if preset is None:
-        show_table(("preset", "what it is", ">nodes", ">parameters"), _presets())
+        show_table(("preset", ">nodes", ">parameters", "what it is"), _presets())
         return
     text = preset_text(preset, model)
     if output is None:
@@ -37,7 +37,7 @@ def new(
 
 
 def _presets() -> Iterator[tuple[str, str, str, str]]:
-    """Each preset as it is typed, the sentence that its file begins with, and its size."""
+    """Each preset as it is typed, its size, and the sentence that its file begins with."""
     from lptn.model.file import parse_model
     from lptn.references import cite
     from lptn.robots.presets import presets, variants
@@ -47,7 +47,7 @@ def _presets() -> Iterator[tuple[str, str, str, str]]:
         for typed, model_text in models.items():
             network = parse_model(model_text, typed).network
             what = cite(re.split(r"\.( (?=[A-Z])|$)", " ".join(_first_comment(model_text)))[0])
-            yield typed, what, str(len(network.dynamic)), str(len(network.parameters))
+            yield typed, str(len(network.dynamic)), str(len(network.parameters)), what
 
 
 def _first_comment(text: str) -> Iterator[str]:

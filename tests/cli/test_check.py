@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 
-from tests.check.pair_runs import table
-
-Lptn = Callable[..., tuple[int, str, str]]
+from tests.cli.conftest import Lptn
+from tests.diagnose.pair_runs import table
 
 
 def test_one_screen_of_a_good_log(lptn: Lptn, model: Path, tmp_path: Path) -> None:

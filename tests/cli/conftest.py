@@ -1,4 +1,4 @@
-"""A model of two joints, and the command as a user runs it."""
+"""The command as a user runs it, in this process; a model of two joints."""
 
 from __future__ import annotations
 
@@ -8,28 +8,9 @@ from pathlib import Path
 import pytest
 
 from lptn.cli.main import main
+from tests.diagnose.pair_runs import MODEL
 
 Lptn = Callable[..., tuple[int, str, str]]
-MODEL = """
-[model]
-name = "pair"
-ambient = "temperature.ambient"
-
-[nodes.a]
-capacity = 300
-
-[nodes.b]
-capacity = 300
-
-[[links]]
-between = ["*", "ambient"]
-resistance = 3
-
-[[effects]]
-kind = "copper_loss"
-at = "*"
-resistance = 0.15
-"""
 
 
 @pytest.fixture

@@ -1,0 +1,89 @@
+"""The terminal: no name is cut, the library's warnings are seen, a file may be called -x.csv."""
+
+from __future__ import annotations
+
+import io
+import logging
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+import lptn
+from lptn.cli import terminal
+from lptn.cli.terminal import library_log_shown, show_table
+from tests.cli.conftest import Lptn
+from tests.diagnose.pair_runs import MODEL, table
+
+LONG = "front_right_thigh_with_a_name_that_alone_fills_half_a_line"
+ROWS = [(f"{LONG}_{number}", "constant_heat", f"{LONG}~{LONG}@monday", "1.234 K") for number in range(40)]
+
+
+@pytest.mark.parametrize("watched", [True, False])
+def test_tables_cut_nothing_at_80_columns(watched: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    written = io.StringIO()
+    monkeypatch.setattr(terminal, "out", Console(file=written, force_terminal=watched, width=80, color_system=None))
+    show_table(("node", "effect", "at", ">RMSE"), ROWS)
+    lines = written.getvalue().splitlines()
+    assert "…" not in written.getvalue()
+    if watched:  # folded: every column's letters are all there, line below line
+        assert max(map(len, lines)) <= 80
+        starts = [lines[0].index(head) for head in ("node", "effect", "at")]
+        for column, (start, stop) in enumerate(zip(starts, [*starts[1:], 74], strict=True)):
+            letters = "".join(line[start:stop].strip() for line in lines[1:])
+            assert letters == "".join(row[column] for row in ROWS)
+    else:  # one line a row
+        assert [" ".join(line.split()) for line in lines[1:]] == [" ".join(row) for row in ROWS]
+
+
+def test_a_command_into_a_pipe_of_80_columns_names_its_nodes_whole(lptn: Lptn, tmp_path: Path) -> None:
+    (tmp_path / "model.toml").write_text(MODEL.replace("nodes.a", f"nodes.{LONG}"))
+    table().rename(columns=lambda name: name.replace(".a", f".{LONG}") if name.endswith(".a") else name).to_csv(
+        tmp_path / "log.csv", index=False
+    )
+    status, out, _ = lptn("compare", tmp_path / "model.toml", tmp_path / "log.csv")
+    assert status == 0
+    assert f"log  {LONG}" in out
+
+
+def test_what_the_library_logs_is_shown(capsys: pytest.CaptureFixture[str]) -> None:
+    logger = logging.getLogger("lptn.anywhere")
+    with library_log_shown():
+        logger.info("fitting")
+        logger.warning("%s: %s", "log.csv", "a column\nwas guessed")
+    assert capsys.readouterr().err == "lptn: log.csv: a column was guessed\n"
+
+
+def test_a_file_whose_name_looks_like_an_option(lptn: Lptn, model: Path, tmp_path: Path) -> None:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(tmp_path)
+        table().to_csv("-x.csv", index=False)
+        status, _, err = lptn("check", model, "-x.csv")
+        assert status == 2
+        assert err.endswith("(a file of the name -x.csv is written ./-x.csv)\n")
+        assert err.count("\n") == 1
+        assert lptn("check", model, "--", "-x.csv")[0] == 0
+        assert lptn("check", model, "./-x.csv")[0] == 0
+        status, _, err = lptn("simulate", model, "./-x.csv", "-o", "-y.csv")
+        assert status == 2
+        assert "written ./-y.csv" in err
+        assert lptn("simulate", "-o", "./-y.csv", model, "--", "-x.csv")[0] == 0
+        assert Path("-y.csv").is_file()
+
+
+def test_the_command_works_beside_a_folder_of_its_name(tmp_path: Path) -> None:
+    """As in the folder into which somebody cloned this project."""
+    (tmp_path / "lptn" / "src").mkdir(parents=True)
+    command = shutil.which("lptn", path=f"{Path(sys.executable).parent}{os.pathsep}{os.environ.get('PATH', '')}")
+    for words in ([command, "--version"], [sys.executable, "-P", "-m", "lptn", "--version"]):
+        done = subprocess.run([str(word) for word in words], cwd=tmp_path, capture_output=True, text=True, check=False)
+        assert (done.returncode, done.stdout.strip()) == (0, lptn_version())
+
+
+def lptn_version() -> str:
+    """Of the package as imported here."""
+    return lptn.__version__
