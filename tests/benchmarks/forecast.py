@@ -24,9 +24,8 @@ import pandas as pd
 from lptn.basics.arrays import FloatArray
 from lptn.identify.data import LoadedModel, load_model, split_data
 from lptn.identify.validation import fit_segments
-from lptn.online.forecasting import Forecast, NodeForecast, forecast
+from lptn.online.forecasting import Forecast, ModelUncertainty, NodeForecast, forecast
 from lptn.online.operating_point import Gait, find_gait
-from lptn.online.present import Knowledge
 from lptn.robots.presets import presets
 from lptn.virtual import Record, Run, Segment, Sensor, plan, quadruped, quadruped_logs, rows, write_logs
 from lptn.virtual import simulate_runs as live
@@ -43,7 +42,7 @@ class Robot:
 
     seed: int
     loaded: LoadedModel
-    knowledge: Knowledge
+    uncertainty: ModelUncertainty
 
 
 @dataclass(frozen=True)
@@ -81,7 +80,7 @@ def fitted(seed: int, model: str, folder: Path) -> Robot:
     data = split_data(loaded.runs(sorted(folder.glob("*.parquet")))).coarsened(FIT_STEP)
     done = fit_segments(loaded.model, data.fit, symmetry_penalty=1.0)
     print(f"robot {seed}: fitted to {len(data.fit)} runs, RMSE {done.rmse:.3f} K, {done.status}", flush=True)
-    return Robot(seed, LoadedModel(loaded.file, done.model, loaded.mapped), Knowledge.of_fit(done))
+    return Robot(seed, LoadedModel(loaded.file, done.model, loaded.mapped), ModelUncertainty.of_fit(done))
 
 
 def planned(seed: int, number: int) -> dict[str, Run]:
@@ -125,7 +124,7 @@ def _forecast(robot: Robot, record: Record, trot: Trot, moment: str, now: int, f
     (read,) = robot.loaded.runs([log])
     gait = _gait(log, joints)
     steady, cycles = (
-        forecast(robot.loaded.model, read, LIMIT, fit=robot.knowledge, window=window, gait=gait)
+        forecast(robot.loaded.model, read, LIMIT, fit=robot.uncertainty, window=window, gait=gait)
         for window in ("steady", "cycles")
     )
     passed = [np.flatnonzero(column[now:] >= LIMIT) for column in record.sensed[:, : len(joints)].T]

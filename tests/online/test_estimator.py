@@ -14,14 +14,16 @@ from scipy.stats import norm
 import lptn
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
+from lptn.basics.parameters import Transform
 from lptn.identify.fitting import fit
 from lptn.model.file import parse_model
 from lptn.model.model import Model
-from lptn.online.dynamics import Dynamics, ModelError
-from lptn.online.estimator import Estimate, Estimator, as_gaussian, coarse_noise, run_filter
+from lptn.online.augmented_model import AugmentedModel, ModelError
+from lptn.online.estimator import Estimate, Estimator, run_filter
+from lptn.online.quantisation import as_gaussian, coarse_noise
 from lptn.robots.presets import presets
 from lptn.simulate.bound_run import bind
-from tests.builders import leg, make_run, random_run
+from tests.builders import leg, make_run, random_inputs, random_run, with_every_effect
 from tests.identify.truth import TRUTH, network, truth_run
 
 NOISE = 0.15  # K
@@ -81,23 +83,33 @@ def test_the_transition_is_the_derivative_of_the_step(length: float) -> None:
     model = Model(leg())
     error = ModelError(heat=1.0, bias=1.0, air=0.1, inputs={"temperature.ambient": 1.0})
     chosen = [0, len(model.parameters) - 1]
-    dynamics = Dynamics(model, error, chosen, np.zeros(2))
+    augmented = AugmentedModel(model, error, chosen, np.zeros(2))
     z = np.concatenate([[30.0, 45.0, 60.0], np.arange(6.0), [0.05, 0.3], np.log([280.0, 0.8])])
     u = np.array(list(inputs_of(model).values()))
     small = 1e-4
     by_hand = np.column_stack(
         [
-            (dynamics.step(z + d, u, length).states - dynamics.step(z - d, u, length).states) / (2 * small)
+            (augmented.step(z + d, u, length).states - augmented.step(z - d, u, length).states) / (2 * small)
             for d in small * np.eye(len(z))
         ]
     )
-    assert dynamics.step(z, u, length).transition == pytest.approx(by_hand, abs=2e-6 * length)
+    assert augmented.step(z, u, length).transition == pytest.approx(by_hand, abs=2e-6 * length)
 
 
 def test_without_errors_the_step_is_the_models_own(model: Model) -> None:
-    dynamics = Dynamics(model, ModelError(heat=0.0), (), np.zeros(0))
+    augmented = AugmentedModel(model, ModelError(heat=0.0), (), np.zeros(0))
     x, u = np.array([40.0, 25.0]), np.array(list(inputs_of(model).values()))
-    assert dynamics.step(x, u, 1.0).states == pytest.approx(model.step()(x, u, model.values, 1.0).full().ravel())
+    assert augmented.step(x, u, 1.0).states == pytest.approx(model.step()(x, u, model.values, 1.0).full().ravel())
+
+
+def test_doubtful_parameters_begin_at_the_models_own_values() -> None:
+    """Whatever coordinate the fit searches them by: logarithms, shares, or the hyperbolic sine of those that may be 0."""
+    model = Model(with_every_effect())
+    x, u = np.full(len(model.states), 30.0), np.array(list(random_inputs(model, np.random.default_rng(0)).values()))
+    augmented = AugmentedModel(model, ModelError(heat=0.0), model.free, np.zeros(len(model.free)))
+    coordinates = Transform([model.parameters[index] for index in model.free]).forward(model.values[model.free])
+    states = augmented.step(np.concatenate([x, coordinates]), u, 0.01).states[: len(x)]
+    assert states == pytest.approx(model.step()(x, u, model.values, 0.01).full().ravel(), rel=1e-9)
 
 
 @pytest.mark.parametrize("innovation", [-0.7, 0.0, 0.3, 1.4])

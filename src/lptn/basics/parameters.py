@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -129,6 +129,12 @@ class Transform:
         positive = np.exp(np.where(self._log, coordinates, 0.0))
         from_zero = np.sinh(np.where(self._from_zero, coordinates, 0.0))
         return np.where(self._log, positive, self._scale * np.where(self._from_zero, from_zero, coordinates))
+
+    def expression(self, place: int, coordinate: Any) -> Any:
+        """One parameter's value as an expression of its coordinate, which has methods `exp` and `sinh` as CasADi's."""
+        if self._log[place]:
+            return coordinate.exp()
+        return float(self._scale[place]) * (coordinate.sinh() if self._from_zero[place] else coordinate)
 
     def slope(self, values: FloatArray) -> FloatArray:
         """d value / d coordinate, shape (m,)."""

@@ -15,9 +15,8 @@ from lptn.cli.options import Json, Map, Picture, check_outputs, check_picture, w
 if TYPE_CHECKING:
     from lptn.identify.data import LoadedModel
     from lptn.logs.run import Run
-    from lptn.online.forecasting import Forecast, NodeForecast, WindowChoice
-    from lptn.online.operating_point import Gait
-    from lptn.online.present import Knowledge
+    from lptn.online.forecasting import Forecast, ModelUncertainty, NodeForecast
+    from lptn.online.operating_point import Gait, WindowChoice
 
 
 _FINEST = 1e-3  # s; no robot logs its joints faster
@@ -95,14 +94,14 @@ def _window(word: str) -> WindowChoice:
     return seconds
 
 
-def _knowledge(loaded: LoadedModel, run: Run) -> Knowledge:
+def _knowledge(loaded: LoadedModel, run: Run) -> ModelUncertainty:
     """What the model file keeps of its fit."""
     from lptn.identify.noise import estimate_noise
-    from lptn.online.present import Knowledge
+    from lptn.online.forecasting import ModelUncertainty
     from lptn.simulate.bound_run import bind
 
     noise = estimate_noise([bind(loaded.model, run)], loaded.model.nodes)
-    return Knowledge.of_table(loaded.model, loaded.file.fit, noise.floor)
+    return ModelUncertainty.of_table(loaded.model, loaded.file.fit, noise.floor)
 
 
 def _gait(loaded: LoadedModel, log: Path) -> Gait:

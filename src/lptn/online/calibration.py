@@ -19,7 +19,7 @@ from lptn.basics.toml import expectation, found_in, sentence
 from lptn.identify.noise import Noise, estimate_noise
 from lptn.logs.run import Run
 from lptn.model.model import Model
-from lptn.online.dynamics import ModelError
+from lptn.online.augmented_model import ModelError
 from lptn.online.estimator import run_filter
 from lptn.online.sensor_faults import STEP, Scene, coarse_drive, estimator_of, watch
 from lptn.simulate.bound_run import BoundRun, bind

@@ -1,47 +1,34 @@
-"""Time until a temperature limit, with its uncertainty, from a model and the log so far."""
+"""Time until a temperature limit, with its uncertainty, from a model and the log so far.
+
+The log is filtered up to its end by the online estimator; from there the present operating point is held. The interval
+holds what the fit left uncertain, heat that the model lacks, and the scatter of the operating point.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from math import inf, isfinite
-from typing import Literal
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from math import inf, isfinite, log
 
 import numpy as np
-from scipy.linalg import block_diag
 from scipy.special import ndtr, ndtri
 
-from lptn.basics.arrays import FloatArray
+from lptn.basics.arrays import BoolArray, FloatArray
 from lptn.basics.errors import InputError
+from lptn.basics.parameters import ParameterInstance, Transform
 from lptn.basics.places import matching
 from lptn.identify.fitting import Fit
-from lptn.identify.noise import estimate_noise
+from lptn.identify.noise import Noise, estimate_noise
 from lptn.logs.run import Run
+from lptn.model.file import FitTable
 from lptn.model.model import Model
-from lptn.online.operating_point import Gait, OperatingPoint, find_gait, operating_point, steady_seconds
-from lptn.online.present import Dynamics, Knowledge, Present, advance, present
-from lptn.simulate.bound_run import BoundRun, bind
+from lptn.online.augmented_model import AugmentedModel, ModelError
+from lptn.online.estimator import Estimator, run_filter
+from lptn.online.operating_point import Gait, OperatingPoint, WindowChoice, find_gait, present_operating_point
+from lptn.simulate.bound_run import BoundRun, bind, default_start
+from lptn.simulate.dynamics import zero_order_hold
 
-# --- What a forecast says: time to the limit of each node, and the temperatures to come -----------
-
-
-@dataclass(frozen=True)
-class Window:
-    """The end of the log that is taken to go on.
-
-    Args:
-        seconds: its length.
-        cycles: gait cycles in it, `None` where no gait was found.
-        period: of the gait [s], `None` likewise.
-        steady: how long the operating point has been unchanged [s].
-        why: what it is, in words.
-    """
-
-    seconds: float
-    cycles: int | None
-    period: float | None
-    steady: float
-    why: str
+# --- What a forecast says -------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -103,7 +90,7 @@ class Forecast:
     low: FloatArray
     high: FloatArray
     coverage: float
-    window: Window
+    window: OperatingPoint
     trust: str
     log: FloatArray
     measured: FloatArray
@@ -120,7 +107,7 @@ class Forecast:
                 "steady": self.window.steady,
                 "why": self.window.why,
             },
-            "nodes": {name: _json(each) for name, each in self.nodes.items()},
+            "nodes": {name: _json(node) for name, node in self.nodes.items()},
             "path": {
                 "time": self.time.tolist(),
                 "temperature": dict(zip(self.names, self.temperature.tolist(), strict=True)),
@@ -130,97 +117,180 @@ class Forecast:
         }
 
 
-def _json(one: NodeForecast) -> dict[str, object]:
+def _json(node: NodeForecast) -> dict[str, object]:
     numbers = {
-        "limit": one.limit,
-        "now": one.now,
-        "time_to_limit": one.time_to_limit,
-        "low": one.low,
-        "high": one.high,
-        "chance": one.chance,
-        "steady": one.steady,
-        "steady_low": one.steady_low,
-        "steady_high": one.steady_high,
+        "limit": node.limit,
+        "now": node.now,
+        "time_to_limit": node.time_to_limit,
+        "low": node.low,
+        "high": node.high,
+        "chance": node.chance,
+        "steady": node.steady,
+        "steady_low": node.steady_low,
+        "steady_high": node.steady_high,
     }
-    return {"reaches": one.reaches, **{name: value if isfinite(value) else None for name, value in numbers.items()}}
+    return {"reaches": node.reaches, **{name: value if isfinite(value) else None for name, value in numbers.items()}}
 
 
-# --- The present operating point held: temperatures to come, and how sure they are ----------------
+# --- How far a model is to be trusted -------------------------------------------------------------
 
-
-_FIRST_STEP, _LAST_STEP, _GROWTH = 5.0, 300.0, 1.05  # s
-_TIME_CONSTANTS = 5.0  # of the slowest heat flow, after which little moves
-_LONGEST = 12 * 3600.0  # s
-_HOTTEST = 500.0  # degC; beyond it nothing more is computed
+_UNKNOWN_ERROR = 1.0  # K; of a model of which nobody says how well it fitted
+_LEAST_ERROR = 0.1  # K; no model is better on a run that it never saw
+_FIT_OVERCONFIDENCE = 2.0  # times the standard errors: of another activity a fit knows less than of those that it saw
+_AT_BOUND = 1e-3  # in the fit's coordinates; nearer to a bound than this a parameter is at it
+_WIDEST = 0.5  # in the fit's coordinates; a derivative says nothing of what lies further away
 
 
 @dataclass(frozen=True)
-class Future:
-    """Expected readings.
+class ModelUncertainty:
+    """How far a model is to be trusted.
 
     Args:
-        time: s from now, shape (n,), the first 0.
-        mean: degC, shape (nodes, n).
-        spread: standard deviation [K], shape (nodes, n).
-        settled: whether the path goes on until little moves; else the temperatures run away.
+        covariance: of the free parameters in the fit's coordinates (logarithms of positive ones, else shares of
+            the typical size), shape (free, free).
+        error: how far a free-running simulation strays from noise-free readings, root mean square [K], shape (nodes,).
+        source: where this is from, in words.
+        adequate: whether the model followed what it was fitted to as well as the sensors' noise allows.
     """
 
-    time: FloatArray
-    mean: FloatArray
-    spread: FloatArray
-    settled: bool
+    covariance: FloatArray
+    error: FloatArray
+    source: str
+    adequate: bool = True
+
+    @classmethod
+    def of_fit(cls, fit: Fit) -> ModelUncertainty:
+        """Of a fit in memory: the same that its model file keeps."""
+        return cls.of_table(fit.model, fit.table(), fit.noise.floor)
+
+    @classmethod
+    def of_table(cls, model: Model, table: FitTable, floor: FloatArray) -> ModelUncertainty:
+        """Of the `[fit]` table of a model file: standard errors, and the RMSE less what the sensors leave.
+
+        Correlations are left out, though a fit knows them: they say how well the fitted runs hold combinations of
+        parameters together if the model is right. For the same reason standard errors are doubled: of virtual
+        trots' times to a limit, all joints, 90 % intervals then held 94 %, else 86 %.
+
+        Args:
+            model: the model.
+            table: as the model file holds it; without a fit, a model error of 1 K is assumed.
+            floor: RMSE that noise and steps of the sensors leave [K], shape (nodes,).
+        """
+        if table.rmse is None:
+            return cls.nothing(model)
+        free = [model.parameters[index] for index in model.free]
+        slope = np.abs(Transform(free).slope(np.array([parameter.value for parameter in free], dtype=float)))
+        # What a fit left undetermined stands there without a standard error.
+        errors = np.full(len(free), np.nan)
+        for row, parameter in enumerate(free):
+            fitted = table.parameters.get(parameter.name)
+            if fitted is not None and fitted.error is not None:
+                errors[row] = fitted.error
+        variance = (_FIT_OVERCONFIDENCE * errors / np.where(slope > 0, slope, 1.0)) ** 2
+        variance *= _WIDEST**2 / (variance + _WIDEST**2)
+        variance = np.where(np.isnan(errors) | _at_bound(free), _WIDEST**2, variance)
+        error = np.sqrt(np.maximum(table.rmse**2 - floor**2, _LEAST_ERROR**2))
+        adequate = table.rmse**2 < 2 * float(floor.max()) ** 2  # what the model adds is less than the noise
+        source = "standard errors and RMSE of its fit"
+        if not adequate:
+            source += ", which is worse than the sensors' noise: something is missing, see lptn diagnose"
+        return cls(np.diag(variance), error, source, adequate)
+
+    @classmethod
+    def nothing(cls, model: Model) -> ModelUncertainty:
+        """Of a model that nobody fitted: its parameters are taken for exact, and its error for 1 K."""
+        free = len(model.free)
+        error = np.full(len(model.nodes), _UNKNOWN_ERROR)
+        return cls(np.zeros((free, free)), error, f"no fit is known; a model error of {_UNKNOWN_ERROR:g} K is assumed")
 
 
-def future(model: Model, present: Present, point: OperatingPoint) -> Future:
-    """Carry the present forwards with the operating point held.
+def _at_bound(free: Sequence[ParameterInstance]) -> BoolArray:
+    """Parameters that a bound stopped: their standard errors don't say how far the data would have moved them."""
+    transform = Transform(free)
+    bounds = transform.forward(
+        np.array([parameter.declared.bounds for parameter in free], dtype=float).reshape(-1, 2).T
+    )
+    values = transform.forward(np.array([parameter.value for parameter in free], dtype=float))
+    return np.asarray(np.abs(bounds - values).min(axis=0, initial=np.inf) < _AT_BOUND)
 
-    The operating point is known as the mean over a window, so its error is one more unknown; besides, the inputs go
-    on to vary as they did in that window.
+
+# --- The present, estimated from the log so far ---------------------------------------------------
+
+_BLOCK = 10.0  # s; readings are averaged over it: short against a winding's minute
+_MEMORY = 3600.0  # s of the log that are looked at: some time constants of a joint
+_HEAT_TIME = 1800.0  # s over which the heat that a model lacks stays alike
+_AIR = 0.1  # relative error of all conductances to the air in one run: a draught, a load on the back
+_SCALES = (0.5, 1.0, 2.0, 4.0)  # of missing heat that are tried, times the size that the fit's errors suggest
+_USUAL_SCALE = 1.5  # on a run that it never saw a model is that much worse than where it was fitted
+_LEAST_NOISE = 0.05  # K; of a block: a sensor's own errors don't average out
+
+
+def present(model: Model, run: Run, noise: Noise, uncertainty: ModelUncertainty) -> Estimator:
+    """An estimator at the end of a log.
+
+    The parameters and the draught are estimated along, from what the fit leaves open: a trot says more of its own
+    friction than an identification with few trots. Not so for a model that lacks something, such as a second mass: it
+    would bend them to suit the log so far, so their errors only widen the uncertainty. Missing heat is of the size
+    that the fit's errors suggest, times a factor that makes this log likeliest.
+
+    Raises:
+        InputError: the log lacks an input, or measures none of the model's nodes.
     """
-    dynamics = Dynamics(model)
-    n, nodes, size, mean = len(model.states), len(model.nodes), present.mean.size, present.mean
-    covariance = block_diag(present.covariance, point.error)
-    p = dynamics.values(mean[n + nodes :])  # the unknowns behind missing heat stay as they are
-    time, step = [0.0], _FIRST_STEP
-    paths = [_shown(dynamics, mean[:n], p, covariance[:size, :size])]
-    slowest = float(np.abs(np.linalg.eigvals(dynamics.rates(mean[:n], point.inputs, p)).real).min())
-    horizon = min(_TIME_CONSTANTS / max(slowest, 1e-9), _LONGEST)
-    while time[-1] < horizon:
-        motion = dynamics.step(mean[:n], mean[n : n + nodes], point.inputs, p, step)
-        mean, covariance = advance(mean, covariance, motion, present.heat, step)
-        covariance[:n, :n] += motion.by_input @ (point.scatter / step) @ motion.by_input.T
-        if not np.isfinite(mean).all() or mean[:n].max() > _HOTTEST:
-            break
-        time.append(time[-1] + step)
-        paths.append(_shown(dynamics, mean[:n], p, covariance[:size, :size]))
-        step = min(step * _GROWTH, _LAST_STEP)
-    shown, spread = (np.array([path[part] for path in paths]).T for part in (0, 1))
-    return Future(np.array(time), shown, spread, time[-1] >= horizon)
+    blocks = _blocks(run)
+    bound = bind(model, blocks)
+    white = np.maximum(noise.white / np.sqrt(max(1.0, blocks.step / run.step)), _LEAST_NOISE)
+    learn = [model.parameters[index].name for index in model.free] if uncertainty.adequate else []
+    size = float(np.sqrt(np.mean((uncertainty.error / _warming(model, bound)) ** 2)))
+
+    def filtered(scale: float) -> tuple[float, Estimator]:
+        """Logarithm of the posterior probability of missing heat of that scale, and the estimator with it."""
+        estimator = Estimator(
+            model,
+            noise=dict(zip(model.nodes, white.tolist(), strict=True)),
+            step=dict(zip(model.nodes, noise.step.tolist(), strict=True)),
+            error=ModelError(heat=scale * size, heat_time=_HEAT_TIME, air=_AIR),
+            learn=dict.fromkeys(learn, 0.0),
+            covariance=uncertainty.covariance,
+            learn_air=uncertainty.adequate,
+            rounding="white",  # means over blocks lie between a sensor's steps
+        )
+        # A factor of two from the usual scale is one standard deviation.
+        likelihood = -0.5 * (log(scale / _USUAL_SCALE) / log(2.0)) ** 2
+        for _ in run_filter(estimator, bound):
+            likelihood += 0.0 if estimator.last is None else estimator.last.log_likelihood
+        last = dict(zip(model.inputs, bound.inputs[:, -1].tolist(), strict=True))
+        estimator.advance(last, blocks.step / 2 if blocks.averaged else blocks.step)
+        return likelihood, estimator
+
+    return max(map(filtered, _SCALES), key=lambda pair: pair[0])[1]
 
 
-def _shown(dynamics: Dynamics, x: FloatArray, p: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
-    shown, slope = dynamics.readings(x, p)
-    return shown, np.sqrt(np.maximum(np.sum((slope @ covariance) * slope, axis=1), 0.0))
+def _blocks(run: Run) -> Run:
+    """The end of a run in steps of about 10 s, none of its last seconds lost."""
+    run = run.slice(float(run.time[-1]) - _MEMORY, float("inf"))
+    factor = max(1, round(_BLOCK / run.step))
+    steps = len(run) if run.averaged else len(run) - 1
+    if factor == 1 or steps < factor:
+        return run
+    return run.slice(float(run.time[steps % factor]), float("inf")).coarsen(factor)
 
 
-def crossing(time: FloatArray, path: FloatArray, limit: float) -> float:
-    """When a path first reaches a limit [s], straight between its points; infinite where it never does."""
-    above = np.flatnonzero(path >= limit)
-    if above.size == 0:
-        return float("inf")
-    k = int(above[0])
-    if k == 0:
-        return 0.0
-    share = (limit - path[k - 1]) / (path[k] - path[k - 1])
-    return float(time[k - 1] + share * (time[k] - time[k - 1]))
+def _warming(model: Model, bound: BoundRun) -> FloatArray:
+    """Of each node by 1 W at each for as long as missing heat stays alike, added as squares [K/W]."""
+    a = model.state_jacobian(default_start(model, bound), bound.inputs.mean(axis=1), model.values).full()
+    _, integral = zero_order_hold(a, _HEAT_TIME)
+    nodes = len(model.nodes)
+    capacities = model.values[[model.network.capacities[node] for node in model.nodes]]
+    return np.asarray(np.linalg.norm(integral[:nodes, :nodes] / capacities, axis=1))
 
 
-# --- Time until a limit, from a model and the log so far ------------------------------------------
+# --- The operating point held: temperatures to come -----------------------------------------------
 
-
+_FIRST_STEP, _LAST_STEP, _GROWTH = 5.0, 300.0, 1.05  # s; fine at first, where a limit may be near
+_TIME_CONSTANTS = 5.0  # of the slowest heat flow, after which less than 1 % of the way is left
+_LONGEST = 12 * 3600.0  # s
+_HOTTEST = 500.0  # degC; beyond it nothing more is computed
 _SHORTEST = 60.0  # s of log; from less nothing can be said
-
-WindowChoice = Literal["steady", "cycles"] | float
 
 
 def forecast(
@@ -229,7 +299,7 @@ def forecast(
     limits: float | Mapping[str, float],
     cycles: int = 10,
     coverage: float = 0.9,
-    fit: Fit | Knowledge | None = None,
+    fit: Fit | ModelUncertainty | None = None,
     *,
     window: WindowChoice = "steady",
     gait: Gait | None = None,
@@ -267,87 +337,117 @@ def forecast(
     bound = bind(model, run)
     if len(bound) * run.step < _SHORTEST:
         raise InputError(run.source, "log", f"{len(bound) * run.step:g} s", f"at least {_SHORTEST:g} s")
-    wanted = _by_node(limits, bound, model)
-    noise = estimate_noise([bound], model.nodes)
-    knowledge = Knowledge.of_fit(fit) if isinstance(fit, Fit) else fit
-    knowledge = knowledge or Knowledge.nothing(model)
-    chosen = _window(bound, model, cycles, window, _gait(run) if gait is None else gait)
-    point = operating_point(bound, model.inputs, chosen.seconds, max(chosen.seconds, chosen.steady))
-    path = future(model, present(model, run, noise, knowledge), point)
-    factor = float(ndtri(0.5 + coverage / 2))
+    by_node = _limits_by_node(limits, bound, model)
+    uncertainty = ModelUncertainty.of_fit(fit) if isinstance(fit, Fit) else fit
+    uncertainty = uncertainty or ModelUncertainty.nothing(model)
+    if gait is None:
+        speeds = [values for name, values in run.columns.items() if name.startswith("velocity.")]
+        gait = find_gait(speeds, run.step)
+    point = present_operating_point(bound, model.inputs, window, cycles, gait)
+    estimator = present(model, run, estimate_noise([bound], model.nodes), uncertainty)
+    time, mean, deviation, settles = _held(estimator, point)
+    half = float(ndtri(0.5 + coverage / 2)) * deviation
+    low, high = mean - half, mean + half
+    nodes = {}
+    for node, limit in by_node.items():
+        row = model.nodes.index(node)
+        steady, coldest, hottest = (float(path[row, -1]) if settles else inf for path in (mean, low, high))
+        nodes[node] = NodeForecast(
+            node=node,
+            limit=limit,
+            now=float(mean[row, 0]),
+            time_to_limit=_crossing(time, mean[row], limit),
+            low=_crossing(time, high[row], limit),
+            high=_crossing(time, low[row], limit),
+            chance=float(ndtr((mean[row] - limit) / np.maximum(deviation[row], 1e-9)).max()),
+            steady=steady,
+            steady_low=coldest,
+            steady_high=hottest,
+        )
     return Forecast(
-        nodes={node: _node(node, limit, path, model.nodes.index(node), factor) for node, limit in wanted.items()},
+        nodes=nodes,
         names=tuple(model.nodes),
-        time=path.time,
-        temperature=path.mean,
-        low=path.mean - factor * path.spread,
-        high=path.mean + factor * path.spread,
+        time=time,
+        temperature=mean,
+        low=low,
+        high=high,
         coverage=coverage,
-        window=chosen,
-        trust=knowledge.source,
+        window=point,
+        trust=uncertainty.source,
         log=run.time - run.time[-1] - run.step,
         measured=bound.measured,
     )
 
 
-def _node(node: str, limit: float, path: Future, row: int, factor: float) -> NodeForecast:
-    mean, spread = path.mean[row], path.spread[row]
-    low, high = mean - factor * spread, mean + factor * spread
-    ends = (mean[-1], low[-1], high[-1]) if path.settled else (inf, inf, inf)
-    return NodeForecast(
-        node=node,
-        limit=limit,
-        now=float(mean[0]),
-        time_to_limit=crossing(path.time, mean, limit),
-        low=crossing(path.time, high, limit),
-        high=crossing(path.time, low, limit),
-        chance=float(ndtr((mean - limit) / np.maximum(spread, 1e-9)).max()),
-        steady=float(ends[0]),
-        steady_low=float(ends[1]),
-        steady_high=float(ends[2]),
-    )
+def _held(estimator: Estimator, point: OperatingPoint) -> tuple[FloatArray, FloatArray, FloatArray, bool]:
+    """Carry the present forwards with the operating point held.
+
+    The operating point is known as the mean over a window, so its error is one more state; besides, the inputs go
+    on to vary as they did in that window.
+
+    Returns:
+        s from now, shape (n,), the first 0; expected readings [degC] and their standard deviations [K], shape
+        (nodes, n); whether the temperatures settle, or else run away.
+    """
+    model = estimator.model
+    error = replace(estimator.error, inputs=dict.fromkeys(model.inputs, 0.0))
+    augmented = AugmentedModel(model, error, estimator.doubtful, np.zeros(len(estimator.doubtful)))
+    states, inputs = augmented.layout.states, augmented.layout.inputs
+    others = np.delete(np.arange(augmented.layout.size), inputs)
+    z, covariance = np.zeros(augmented.layout.size), np.zeros((augmented.layout.size,) * 2)
+    z[others], covariance[np.ix_(others, others)] = estimator.state()["mean"], estimator.state()["covariance"]
+    covariance[inputs, inputs] = point.error
+    slowest = float(np.abs(np.linalg.eigvals(augmented.rates_by_state(z, point.inputs)).real).min())
+    horizon = min(_TIME_CONSTANTS / max(slowest, 1e-9), _LONGEST)
+    step, time, mean, deviation = _FIRST_STEP, [0.0], [], []
+    while True:
+        readings, by_state = augmented.readings(z)
+        mean.append(readings)
+        deviation.append(np.sqrt(np.maximum(np.sum((by_state @ covariance) * by_state, axis=1), 0.0)))
+        if time[-1] >= horizon:
+            break
+        moved = augmented.step(z, point.inputs, step)
+        z = moved.states
+        if not np.isfinite(z).all() or z[states].max() > _HOTTEST:
+            break
+        covariance = moved.transition @ covariance @ moved.transition.T + moved.added
+        by_input = moved.transition[states, inputs]
+        covariance[states, states] += by_input @ (point.scatter / step) @ by_input.T
+        time.append(time[-1] + step)
+        step = min(step * _GROWTH, _LAST_STEP)
+    return np.array(time), np.array(mean).T, np.array(deviation).T, time[-1] >= horizon
 
 
-def _window(bound: BoundRun, model: Model, cycles: int, window: WindowChoice, gait: Gait) -> Window:
-    length, period = len(bound) * bound.run.step, gait.period
-    steady = steady_seconds(bound, model.inputs)
-    unseen = "" if period else f" ({gait.why_not})"
-    if not isinstance(window, str):
-        seconds = min(float(window), length)
-        return Window(seconds, None, period, steady, f"the last {seconds:.4g} s, as asked for{unseen}")
-    if window == "cycles" and period is not None:
-        count = min(cycles, int(length / period))
-        return Window(count * period, count, period, steady, f"the last {count} gait cycles")
-    whole = f"the whole log, {steady:.4g} s" if steady >= length - bound.run.step else f"the last {steady:.4g} s"
-    why = f"{whole}, over which the operating point is unchanged{unseen}"
-    if period is None or steady < period:
-        return Window(steady, None, period, steady, why)
-    count = int(steady / period)
-    return Window(count * period, count, period, steady, why)
+def _crossing(time: FloatArray, path: FloatArray, limit: float) -> float:
+    """When a path first reaches a limit [s], straight between its points; infinite where it never does."""
+    above = np.flatnonzero(path >= limit)
+    if above.size == 0:
+        return inf
+    k = int(above[0])
+    if k == 0:
+        return 0.0
+    share = (limit - path[k - 1]) / (path[k] - path[k - 1])
+    return float(time[k - 1] + share * (time[k] - time[k - 1]))
 
 
-def _gait(run: Run) -> Gait:
-    return find_gait([values for name, values in run.columns.items() if name.startswith("velocity.")], run.step)
-
-
-def _by_node(limits: float | Mapping[str, float], bound: BoundRun, model: Model) -> dict[str, float]:
-    """The limit of each node that has one; what is said later wins."""
+def _limits_by_node(limits: float | Mapping[str, float], bound: BoundRun, model: Model) -> dict[str, float]:
+    """The limit of each node that has one; the last one said wins."""
     measured = [node for node, row in zip(model.nodes, bound.measured, strict=True) if np.isfinite(row).any()]
-    moved = {
+    actuated = {
         column.partition(".")[2] for column in model.inputs if column.startswith(("torque.", "current.", "velocity"))
     }
-    joints = [node for node in measured if node in moved] or measured
+    joints = [node for node in measured if node in actuated] or measured
     if not isinstance(limits, Mapping):
         limits = {"": limits}
-    found: dict[str, float] = {}
+    by_node: dict[str, float] = {}
     for pattern, limit in limits.items():
         nodes = matching(pattern, model.nodes) if pattern else joints
         if not nodes:
             raise InputError("limits", "node", f"'{pattern}'", f"one of {', '.join(model.nodes)}, or a pattern of them")
         if not isfinite(limit):
             raise InputError("limits", pattern or "all joints", f"{limit}", "a temperature in degC")
-        found |= dict.fromkeys(nodes, float(limit))
-    return {node: found[node] for node in model.nodes if node in found}
+        by_node |= dict.fromkeys(nodes, float(limit))
+    return {node: by_node[node] for node in model.nodes if node in by_node}
 
 
 def _check(cycles: int, coverage: float, window: WindowChoice) -> None:

@@ -1,9 +1,10 @@
-"""What the robot is doing now: the period of its gait, and the stretch over which its operating point is unchanged."""
+"""What the robot is doing now: the period of its gait, how long its operating point is unchanged, its mean inputs."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
@@ -13,15 +14,14 @@ from lptn.simulate.bound_run import BoundRun
 
 # --- The period of the gait, from the joint speeds ------------------------------------------------
 
-
 _LOOKED_AT = 30.0  # s, from the end: long enough for ten cycles of a slow walk
 _STILL = 0.05  # rad/s; joints that move no faster than this, on the average, stand
 _COARSEST = 0.2  # s between samples; of rarer ones a trot at 2 Hz would look like something slower
-_LEAST_SAMPLES = 2.2  # a cycle, for the same reason
-_LEAST_CYCLES = 3.0
-_ALIKE = 0.4  # correlation of the speeds with themselves, one cycle later, that makes a gait
-_APART = 0.3  # correlation to which the speeds fall within a cycle
-_AS_GOOD = 0.92  # a peak so high beside the highest one counts, so that two cycles aren't taken for one
+_SHORTEST_PERIOD = 2.2  # samples, for the same reason: twice is Nyquist's limit
+_LEAST_CYCLES = 3.0  # in what is looked at; of fewer, any slow movement resembles itself
+_PERIODIC = 0.4  # autocorrelation of the speeds, one cycle later, that makes a gait
+_FALLEN = 0.3  # autocorrelation to which the speeds fall within a cycle
+_AS_HIGH = 0.92  # a peak so high beside the highest one counts, so that two cycles aren't taken for one
 _FINER = 8  # lags between two samples, so that a peak between them isn't missed
 
 
@@ -57,11 +57,11 @@ def find_gait(speeds: Sequence[FloatArray], step: float) -> Gait:
         return Gait(None, f"the gait can't be seen in samples {step:g} s apart")
     count = min(round(_LOOKED_AT / step), *(len(speed) for speed in speeds), len(speeds[0]))
     recent = np.array([speed[-count:] for speed in speeds], dtype=float)
-    known = np.isfinite(recent).any(axis=1)
-    recent = np.nan_to_num(recent[known] - np.nanmean(recent[known], axis=1, keepdims=True))
+    recent = recent[np.isfinite(recent).any(axis=1)]
+    recent = np.nan_to_num(recent - np.nanmean(recent, axis=1, keepdims=True))
     if recent.size == 0 or np.sqrt(np.mean(recent**2)) < _STILL:
         return Gait(None, "the joints stand")
-    period = _first_peak(_autocorrelation(recent), step / _FINER, _LEAST_SAMPLES * step)
+    period = _first_peak(_autocorrelation(recent), step / _FINER, _SHORTEST_PERIOD * step)
     return Gait(period, "" if period else "the joint speeds show no period")
 
 
@@ -76,47 +76,31 @@ def _autocorrelation(series: FloatArray) -> FloatArray:
 
 
 def _first_peak(correlation: FloatArray, step: float, least: float) -> float | None:
+    """Lag of the first peak nearly as high as the highest [s]; between samples, by the parabola through three."""
     inner = correlation[1:-1]
     peaks = 1 + np.flatnonzero((inner > correlation[:-2]) & (inner >= correlation[2:]))
-    apart = np.flatnonzero(correlation < _APART)  # before that, a slow gait only resembles what it just was
-    begin = max(float(apart[0]) if apart.size else np.inf, least / step)
+    fallen = np.flatnonzero(correlation < _FALLEN)  # before that, a slow gait only resembles what it just was
+    begin = max(float(fallen[0]) if fallen.size else np.inf, least / step)
     peaks = peaks[peaks >= begin]
-    if peaks.size == 0 or correlation[peaks].max() < _ALIKE:
+    if peaks.size == 0 or correlation[peaks].max() < _PERIODIC:
         return None
-    first = peaks[correlation[peaks] >= _AS_GOOD * correlation[peaks].max()][0]
+    first = peaks[correlation[peaks] >= _AS_HIGH * correlation[peaks].max()][0]
     left, top, right = correlation[first - 1 : first + 2]
     bend = left - 2 * top + right
     return float((first + (0.5 * (left - right) / bend if bend < 0 else 0.0)) * step)
 
 
-# --- What the robot is doing now: the stretch over which its operating point is unchanged, and its averaged inputs ---
+# --- How long the operating point has been unchanged ----------------------------------------------
 
-
-_BLOCK = 10.0  # s; means over it are compared
-_CLEAR = 4.5  # standard errors by which an operating point must have changed to count as another one
+_BLOCK = 10.0  # s; means over it are compared: some gait cycles, and short against thermal time constants
+_CLEAR = (
+    4.5  # standard errors of a change that counts: among 800 means (27 inputs, 30 times) chance makes 0.005 of them
+)
 _CORRELATED = 1.5  # neighbouring blocks resemble each other, so their differences understate the scatter
 _FLOOR = 0.03  # of an input's size in the log: changes so small are none
 _FLOOR_KELVIN = 0.5  # K; the same for temperatures, whose zero means nothing
 _LEAST_BLOCKS = 2  # on either side of a change
-_MEMORY = 40.0  # s over which inputs may resemble themselves
-
-
-@dataclass(frozen=True)
-class OperatingPoint:
-    """Averaged inputs of a window at the end of a log, and how far they are to be trusted.
-
-    Args:
-        seconds: length of the window.
-        inputs: shape (inputs,): root mean squares where heat goes with the square, else means.
-        error: covariance of these as the mean of what goes on, shape (inputs, inputs).
-        scatter: covariance of a mean over one second, for means over much longer times: divided by a duration
-            [s] it is the covariance of the mean over it, shape (inputs, inputs).
-    """
-
-    seconds: float
-    inputs: FloatArray
-    error: FloatArray
-    scatter: FloatArray
+_NORMAL_MAD = 1.4826  # standard deviation over median absolute deviation of a Gaussian
 
 
 def steady_seconds(bound: BoundRun, columns: list[str]) -> float:
@@ -126,7 +110,7 @@ def steady_seconds(bound: BoundRun, columns: list[str]) -> float:
     before and behind it in standard errors. What lies before a clear change is dropped, until there is none.
 
     Args:
-        driven: the log.
+        bound: the log.
         columns: its inputs, `<feature>.<place>`, in order.
     """
     size = max(1, round(_BLOCK / bound.run.step))
@@ -135,8 +119,8 @@ def steady_seconds(bound: BoundRun, columns: list[str]) -> float:
         return len(bound) * bound.run.step
     means = _before(bound.inputs, columns)[:, len(bound) - blocks * size :]
     means = means.reshape(len(columns), blocks, size).mean(axis=2)
-    given = np.array([column.startswith("temperature.") for column in columns], dtype=bool)
-    floor = np.where(given, _FLOOR_KELVIN, _FLOOR * np.abs(means).max(axis=1))
+    kelvin = np.array([column.startswith("temperature.") for column in columns], dtype=bool)
+    floor = np.where(kelvin, _FLOOR_KELVIN, _FLOOR * np.abs(means).max(axis=1))
     first = 0
     while (change := _clearest_change(means[:, first:], floor)) is not None:
         first += change
@@ -144,8 +128,89 @@ def steady_seconds(bound: BoundRun, columns: list[str]) -> float:
     return (len(bound) if whole else (blocks - first) * size) * bound.run.step
 
 
-def operating_point(bound: BoundRun, columns: list[str], seconds: float, scatter_seconds: float) -> OperatingPoint:
-    """The inputs averaged over the last `seconds` of a log, their scatter taken from the last `scatter_seconds`."""
+def _clearest_change(means: FloatArray, floor: FloatArray) -> int | None:
+    """The block with which another operating point begins, `None` where none is clear."""
+    count = means.shape[1]
+    if count < 2 * _LEAST_BLOCKS:
+        return None
+    scatter = np.median(np.abs(np.diff(means, axis=1)), axis=1) * _NORMAL_MAD / np.sqrt(2) * _CORRELATED
+    scatter = np.hypot(scatter, floor)
+    total = np.cumsum(means, axis=1)
+    before = np.arange(_LEAST_BLOCKS, count - _LEAST_BLOCKS + 1)
+    behind = count - before
+    difference = total[:, before - 1] / before - (total[:, -1:] - total[:, before - 1]) / behind
+    clear = np.abs(difference) / np.where(scatter > 0, scatter, np.inf)[:, None] / np.sqrt(1 / before + 1 / behind)
+    best = int(np.argmax(clear.max(axis=0)))
+    return int(before[best]) if clear.max() > _CLEAR else None
+
+
+# --- The operating point: inputs averaged over the end of the log, and how sure their means are ---
+
+_MEMORY = 40.0  # s over which inputs may resemble themselves: turns and slopes of the ground
+
+WindowChoice = Literal["steady", "cycles"] | float
+
+
+@dataclass(frozen=True)
+class OperatingPoint:
+    """The end of a log that is taken to go on: its averaged inputs, and how far they are to be trusted.
+
+    Args:
+        seconds: length of the window.
+        steady: how long the operating point has been unchanged [s].
+        inputs: shape (inputs,): root mean squares where heat goes with the square, else means.
+        error: covariance of these as the mean of what goes on, shape (inputs, inputs).
+        scatter: covariance of a mean over one second, for means over much longer times: divided by a duration
+            [s] it is the covariance of the mean over it, shape (inputs, inputs).
+        cycles: gait cycles in the window, `None` where no gait was found.
+        period: of the gait [s], `None` likewise.
+        why: what the window is, in words.
+    """
+
+    seconds: float
+    steady: float
+    inputs: FloatArray
+    error: FloatArray
+    scatter: FloatArray
+    cycles: int | None = None
+    period: float | None = None
+    why: str = ""
+
+
+def present_operating_point(
+    bound: BoundRun, columns: list[str], window: WindowChoice, cycles: int, gait: Gait
+) -> OperatingPoint:
+    """What the robot does at the end of a log, averaged over whole gait cycles where there is a gait.
+
+    Args:
+        bound: the log.
+        columns: its inputs, `<feature>.<place>`, in order.
+        window: `"steady"`, as long as the operating point has been unchanged; `"cycles"`, the last few gait cycles, as
+            [QuadrupedLPTN, application 3] does; or seconds.
+        cycles: gait cycles to average where `window` is `"cycles"`.
+        gait: of the log.
+    """
+    length, period = len(bound) * bound.run.step, gait.period
+    steady = steady_seconds(bound, columns)
+    no_gait = "" if period else f" ({gait.why_not})"
+    count: int | None = None
+    if not isinstance(window, str):
+        seconds = min(float(window), length)
+        why = f"the last {seconds:.4g} s, as asked for{no_gait}"
+    elif window == "cycles" and period is not None:
+        count = min(cycles, int(length / period))
+        seconds, why = count * period, f"the last {count} gait cycles"
+    else:
+        whole = f"the whole log, {steady:.4g} s" if steady >= length - bound.run.step else f"the last {steady:.4g} s"
+        seconds, why = steady, f"{whole}, over which the operating point is unchanged{no_gait}"
+        if period is not None and steady >= period:
+            count = int(steady / period)
+            seconds = count * period
+    return replace(operating_point(bound, columns, seconds, steady), cycles=count, period=period, why=why)
+
+
+def operating_point(bound: BoundRun, columns: list[str], seconds: float, steady: float) -> OperatingPoint:
+    """The inputs averaged over the last `seconds` of a log, their scatter taken from all that is steady [s]."""
     step, n = bound.run.step, len(bound)
     weights = np.clip(np.arange(1, n + 1) - (n - seconds / step), 0.0, 1.0)
     before = _before(bound.inputs, columns)
@@ -154,9 +219,9 @@ def operating_point(bound: BoundRun, columns: list[str], seconds: float, scatter
     inputs = np.where(squared, np.sqrt(np.maximum(mean, 0.0)), mean)
     # d input / d mean of what is averaged; an input that rests at zero is taken to stay there.
     slope = np.where(squared, 0.5 / np.where(inputs > 0, inputs, np.inf), 1.0)
-    scatter, memory = _long_run(before[:, -max(1, round(scatter_seconds / step)) :], step)
+    scatter, memory = _long_run(before[:, -max(1, round(max(seconds, steady) / step)) :], step)
     scatter = scatter * np.outer(slope, slope)
-    return OperatingPoint(seconds, inputs, scatter / max(seconds, memory), scatter)
+    return OperatingPoint(seconds, steady, inputs, scatter / max(seconds, memory), scatter)
 
 
 def _before(inputs: FloatArray, columns: list[str]) -> FloatArray:
@@ -169,24 +234,8 @@ def _squared(columns: list[str]) -> BoolArray:
     return np.array([feature(column).reduction.before(probe)[0] == 4.0 for column in columns], dtype=bool)
 
 
-def _clearest_change(means: FloatArray, floor: FloatArray) -> int | None:
-    """The block with which another operating point begins, `None` where none is clear."""
-    count = means.shape[1]
-    if count < 2 * _LEAST_BLOCKS:
-        return None
-    scatter = np.median(np.abs(np.diff(means, axis=1)), axis=1) * 1.4826 / np.sqrt(2) * _CORRELATED
-    scatter = np.hypot(scatter, floor)
-    total = np.cumsum(means, axis=1)
-    before = np.arange(_LEAST_BLOCKS, count - _LEAST_BLOCKS + 1)
-    behind = count - before
-    difference = total[:, before - 1] / before - (total[:, -1:] - total[:, before - 1]) / behind
-    clear = np.abs(difference) / np.where(scatter > 0, scatter, np.inf)[:, None] / np.sqrt(1 / before + 1 / behind)
-    best = int(np.argmax(clear.max(axis=0)))
-    return int(before[best]) if clear.max() > _CLEAR else None
-
-
 def _long_run(series: FloatArray, step: float) -> tuple[FloatArray, float]:
-    """Covariance of a mean over one second, for means over much longer times, and how long values stay alike [s].
+    """Covariance of a mean over one second, for means over much longer times, and correlation time [s].
 
     The covariances at all lags are summed with falling weights [NeweyWest1987].
     """
@@ -200,6 +249,7 @@ def _long_run(series: FloatArray, step: float) -> tuple[FloatArray, float]:
         total += (1 - lag / (lags + 1)) * (product + product.T)
     varied = np.diag(now) > 0
     memory = float(np.median(np.diag(total)[varied] / np.diag(now)[varied])) * step if varied.any() else 0.0
-    # The mean that was taken off took some slow scatter along, and few independent stretches leave it unsure.
+    # The mean that was taken off took some slow scatter with it. Of few independent samples the variance is uncertain:
+    # Student's t of so many degrees of freedom is that much wider than a Gaussian.
     freedom = max(3.0, 1.5 * count / (lags + 1))
     return total * step * count / (count - lags) * freedom / (freedom - 2), memory

@@ -15,7 +15,7 @@ from lptn.basics.arrays import BoolArray, FloatArray
 from lptn.identify.noise import Noise
 from lptn.logs.run import Run
 from lptn.model.model import Model
-from lptn.online.dynamics import ModelError
+from lptn.online.augmented_model import ModelError
 from lptn.online.estimator import Correction, Estimator, run_filter
 from lptn.simulate.bound_run import BoundRun, bind
 from lptn.simulate.simulation import simulate

@@ -1,0 +1,269 @@
+"""A model with its own errors among the states: heat that it lacks, air, inputs that are off, doubtful parameters.
+
+The filter estimates these along with the temperatures. Their steps come with the exact derivative and with the
+covariance that the errors add.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import accumulate, pairwise
+from math import ceil
+from typing import NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from lptn.basics.arrays import FloatArray
+from lptn.basics.parameters import Transform
+from lptn.model.model import Model
+from lptn.simulate.dynamics import RATE_OF_A_STEP, runge_kutta_derivative
+
+# --- How wrong a model may be ---------------------------------------------------------------------
+
+Sizes = float | Mapping[str, float]
+
+BIAS_TIME = 3600.0
+"""s; time constant of heat that is missing all along: as long as a run."""
+
+
+@dataclass(frozen=True)
+class ModelError:
+    """What an estimator allows for besides the sensors' noise: standard deviations, for all nodes or by node.
+
+    Args:
+        heat: heat that the model lacks at a node, wandering [W].
+        heat_time: time constant with which that heat wanders [s].
+        change: more of it right after a node's heat flow changes, as a share of the change: a winding
+            that is warm before its housing, where the model has one mass.
+        bias: heat that the model lacks at a node for an hour and more [W]: a mass that it doesn't know.
+        air: relative error of all conductances to prescribed temperatures, the same over a run: a draught.
+        inputs: for log columns the error that stays the same over a run, in the column's unit:
+            `{"temperature.ambient": 1.0}`.
+
+    Raises:
+        ValueError: a size that is negative or not finite, or a time constant that is not above 0.
+    """
+
+    heat: Sizes = 0.5
+    heat_time: float = 300.0
+    change: Sizes = 0.0
+    bias: Sizes = 0.0
+    air: float = 0.0
+    inputs: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for name in ("heat", "change", "bias", "air", "inputs"):
+            sizes = getattr(self, name)
+            for size in sizes.values() if isinstance(sizes, Mapping) else (sizes,):
+                if not (math.isfinite(size) and size >= 0):
+                    raise ValueError(f"{name}: found {size:g}; expected a finite size, 0 or above")
+        if not (math.isfinite(self.heat_time) and self.heat_time > 0):
+            raise ValueError(f"heat_time: found {self.heat_time:g}; expected a time above 0 s")
+
+
+def by_node(sizes: Sizes, nodes: Sequence[str]) -> FloatArray:
+    """One size a node, shape (nodes,); 0 for a node that a mapping leaves out."""
+    if isinstance(sizes, Mapping):
+        return np.array([sizes.get(node, 0.0) for node in nodes], dtype=float)
+    return np.full(len(nodes), float(sizes))
+
+
+# --- The augmented state and its rates ------------------------------------------------------------
+
+
+class Layout(NamedTuple):
+    """Where each kind of state stands in the augmented state vector z.
+
+    The model's own states [degC]; wandering and lasting heat that the model lacks at each node [W]; the logarithm of a
+    factor on all conductances to prescribed temperatures; errors of inputs; coordinates of doubtful parameters.
+    """
+
+    states: slice
+    heat: slice
+    bias: slice
+    air: slice
+    inputs: slice
+    parameters: slice
+
+    @classmethod
+    def of(cls, model: Model, error: ModelError, parameters: int) -> Layout:
+        """The layout for a model and the errors allowed; an error of size 0 takes no place, but for inputs."""
+        nodes = len(model.nodes)
+        heat = by_node(error.heat, model.nodes).any() or by_node(error.change, model.nodes).any()
+        bias = by_node(error.bias, model.nodes).any()
+        lengths = (len(model.states), nodes * heat, nodes * bias, int(error.air > 0), len(error.inputs), parameters)
+        return cls(*(slice(start, stop) for start, stop in pairwise(accumulate(map(int, lengths), initial=0))))
+
+    @property
+    def size(self) -> int:
+        """Number of states in all."""
+        return int(self.parameters.stop)
+
+
+def _functions(
+    model: Model, layout: Layout, columns: tuple[str, ...], doubtful: tuple[int, ...]
+) -> tuple[ca.Function, ca.Function, ca.Function]:
+    """RK4 stages with their Jacobians; rates with theirs; readings with theirs. Matrices are dense.
+
+    Args:
+        columns: inputs that may be off.
+        doubtful: indices of the parameters that are states.
+    """
+    x, u, p, rates, readings = model.symbols
+    z, times, h = ca.SX.sym("z", layout.size), ca.SX.sym("times", 2), ca.SX.sym("h")
+    values, shifted = _values(model, layout, doubtful, p, z), ca.SX(u)
+    for place, column in enumerate(columns):
+        shifted[model.inputs.index(column)] += z[layout.inputs.start + place]
+    balance = ca.Function("balance", [x, u, p], [rates, readings])
+    warming, read = balance(z[layout.states], shifted, values)
+    slope = ca.SX.zeros(layout.size)
+    for errors, time in ((layout.heat, times[0]), (layout.bias, times[1])):
+        heats = z[errors]
+        slope[errors] = -heats / time
+        for row in range(heats.numel()):
+            warming[row] += heats[row] / values[model.network.capacities[model.nodes[row]]]
+    slope[layout.states] = warming
+    rate = ca.Function("rate", [z, u, p, times], [ca.densify(slope), ca.densify(ca.jacobian(slope, z))])
+    k1, j1 = rate(z, u, p, times)
+    k2, j2 = rate(z + h / 2 * k1, u, p, times)
+    k3, j3 = rate(z + h / 2 * k2, u, p, times)
+    k4, j4 = rate(z + h * k3, u, p, times)
+    following = z + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+    stages = ca.Function("stages", [z, u, p, times, h], [following, j1, j2, j3, j4])
+    # What the sensors read depends neither on the air nor on inputs.
+    reading = ca.Function("reading", [z, p], [ca.densify(read), ca.densify(ca.jacobian(read, z))])
+    return stages, rate, reading
+
+
+def _values(model: Model, layout: Layout, doubtful: tuple[int, ...], p: ca.SX, z: ca.SX) -> ca.SX:
+    """Parameter values with doubtful ones and the air's factor taken from the state."""
+    values = ca.SX(p)
+    transform = Transform([model.parameters[index] for index in doubtful])
+    for place, index in enumerate(doubtful):
+        values[index] = transform.expression(place, z[layout.parameters.start + place])
+    if layout.air.stop > layout.air.start:
+        prescribed = model.network.prescribed
+        to_air = {link.resistance for link in model.network.resistors if not prescribed.keys().isdisjoint(link.ends)}
+        for index in sorted(to_air):
+            values[index] *= ca.exp(-z[layout.air.start])
+    return values
+
+
+class _BufferedCall:
+    """A CasADi function that reads and writes fixed arrays: a tenth of an ordinary call's time."""
+
+    def __init__(self, function: ca.Function, arguments: list[FloatArray], results: list[FloatArray]) -> None:
+        self._buffer, self._run = function.buffer()
+        self._kept = arguments, results  # the buffer itself holds no reference
+        for place, argument in enumerate(arguments):
+            self._buffer.set_arg(place, memoryview(argument))  # type: ignore[call-arg, arg-type]
+        for place, result in enumerate(results):
+            self._buffer.set_res(place, memoryview(result))  # type: ignore[call-arg, arg-type]
+
+    def __call__(self) -> None:
+        """Read the arguments as they are now; write the results."""
+        self._run()
+
+
+# --- Its steps ------------------------------------------------------------------------------------
+
+_LEAST_WALK = 1e-6  # K²/s, of each node's temperature: a filter that is sure of a node ceases to listen to its sensor
+
+
+class Step(NamedTuple):
+    """States after a step, shape (z,); its derivative by those before it, (z, z); covariance added, (z, z)."""
+
+    states: FloatArray
+    transition: FloatArray
+    added: FloatArray
+
+
+class AugmentedModel:
+    """Steps and readings of the augmented state, with derivatives.
+
+    Args:
+        model: the model; its values serve where no parameter is doubtful.
+        error: what may be wrong with it.
+        doubtful: indices of the parameters that are states.
+        walks: variance that each doubtful parameter's coordinate gains [1/s], shape (doubtful,).
+    """
+
+    def __init__(self, model: Model, error: ModelError, doubtful: Sequence[int], walks: FloatArray) -> None:
+        self.model = model
+        self.layout = layout = Layout.of(model, error, len(doubtful))
+        columns, places = tuple(error.inputs), tuple(doubtful)
+        key = ("augmented", tuple(where.stop for where in layout), columns, places)
+        stages, rate, reading = model.made_once(key, lambda: _functions(model, layout, columns, places))
+        n, nodes, values = layout.size, len(model.nodes), model.values
+        self.errors = np.zeros(n)
+        """Variance of each allowed error before anything was read, shape (z,); 0 for states and parameters."""
+        for where, sizes in ((layout.heat, error.heat), (layout.bias, error.bias)):
+            if where.stop > where.start:
+                self.errors[where] = by_node(sizes, model.nodes) ** 2
+        self.errors[layout.air] = error.air**2
+        self.errors[layout.inputs] = np.square(list(error.inputs.values()))
+        times = np.array([error.heat_time, BIAS_TIME])
+        self._fastest = 1 / float(times.min())
+        self._times, self._walks = np.ones(n), np.zeros(n)
+        self._times[layout.heat], self._times[layout.bias] = times
+        self._walks[:nodes], self._walks[layout.parameters] = _LEAST_WALK, walks
+        self._fading = self.errors.copy()
+        self._fading[layout.bias.stop :] = 0.0  # the others last as long as the run
+        self._z, self._u, self._h = np.zeros(n), np.zeros(len(model.inputs)), np.zeros(1)
+        self._next, self._jacobians = np.zeros(n), np.zeros((4, n, n))
+        self._slope, self._jacobian = np.zeros(n), np.zeros((n, n))
+        self._read, self._read_by = np.zeros(nodes), np.zeros((n, nodes))
+        # CasADi writes columns first, so each matrix arrives transposed.
+        self._stages = _BufferedCall(stages, [self._z, self._u, values, times, self._h], [self._next, *self._jacobians])
+        self._rate = _BufferedCall(rate, [self._z, self._u, values, times], [self._slope, self._jacobian])
+        self._reading = _BufferedCall(reading, [self._z, values], [self._read, self._read_by])
+        self._capacities = values[[model.network.capacities[node] for node in model.nodes]]
+
+    def step(self, z: FloatArray, u: FloatArray, h: float) -> Step:
+        """Advance by `h` seconds with the inputs held, in as many RK4 steps as the fastest rate asks for."""
+        # The largest row sum bounds every eigenvalue from above.
+        fastest = max(float(np.abs(self.rates_by_state(z, u)).sum(axis=1).max()), self._fastest)
+        substeps = max(1, ceil(h * fastest / RATE_OF_A_STEP))
+        h /= substeps
+        # Variance that each state gains in a substep, such that fading errors keep their size in the long run.
+        half = 0.5 * (2 * self._fading * np.tanh(h / self._times) + self._walks * h)
+        z, transition = self._runge_kutta(z, u, h)
+        added = _spread(transition, half)
+        for _ in range(substeps - 1):
+            z, by_last = self._runge_kutta(z, u, h)
+            transition = by_last @ transition
+            added = by_last @ added @ by_last.T + _spread(by_last, half)
+        return Step(z, transition, added)
+
+    def readings(self, z: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """What the sensors read [degC], shape (nodes,), and its derivative, shape (nodes, z)."""
+        self._z[:] = z
+        self._reading()
+        return self._read.copy(), self._read_by.T.copy()
+
+    def heat_flow(self, z: FloatArray, u: FloatArray) -> FloatArray:
+        """Heat that flows into each node, less what leaves it [W], shape (nodes,)."""
+        self._z[:], self._u[:] = z, u
+        self._rate()
+        return np.asarray(self._slope[: len(self._capacities)] * self._capacities)
+
+    def rates_by_state(self, z: FloatArray, u: FloatArray) -> FloatArray:
+        """Derivative of the model's own rates by its own states [1/s], shape (states, states)."""
+        self._z[:], self._u[:] = z, u
+        self._rate()
+        return self._jacobian[self.layout.states, self.layout.states].T
+
+    def _runge_kutta(self, z: FloatArray, u: FloatArray, h: float) -> tuple[FloatArray, FloatArray]:
+        self._z[:], self._u[:], self._h[0] = z, u, h
+        self._stages()
+        return self._next.copy(), runge_kutta_derivative([stage.T for stage in self._jacobians], h)
+
+
+def _spread(transition: FloatArray, half: FloatArray) -> FloatArray:
+    """Covariance gained in a step, half of the variances before it and half behind it."""
+    covariance = (transition * half) @ transition.T
+    np.einsum("ii->i", covariance)[:] += half
+    return covariance
