@@ -237,11 +237,11 @@ def test_a_rest_that_was_asked_for_yields_to_a_short_deadline() -> None:
     assert "rest 1 3.3 %" in plan_kind.run(plan.mission).text()
 
 
-def test_a_deadline_below_the_fastest_time_is_told_from_heat() -> None:
+def test_a_deadline_below_the_fastest_time_is_distinguished_from_heat() -> None:
     answer = plan_kind.run(mission([{"do": "walk", "distance": 50}], deadline=20))
     assert answer.plan.verdict == "late"
     assert answer.plan.raise_needed is None
-    assert "no rise of the limits would do: at its fastest it takes 50 s" in answer.text()
+    assert "no rise of the limits would suffice: at its fastest it takes 50 s" in answer.text()
 
 
 def test_whatever_is_asked_there_is_an_answer_and_it_is_safe() -> None:
