@@ -7,7 +7,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from lptn.diagnose.excitation import excitation, revealed
+from lptn.diagnose.excitation import excitation, identifiability
 from lptn.effects import catalogue
 from lptn.identify.data import load_model
 from tests.diagnose.pair_runs import MODEL, run, table
@@ -25,8 +25,8 @@ def reasons(model: Path, *tables: pd.DataFrame) -> dict[str, str]:
     """Effect -> why not; '' for those that could show."""
     loaded = load_model(model).model
     runs = [run(each, f"log{number}") for number, each in enumerate(tables)]
-    told = revealed(loaded, runs, excitation(runs, loaded.nodes))
-    assert all(each.could == (not each.why) for each in told)
+    told = identifiability(loaded, runs, excitation(runs, loaded.nodes))
+    assert all(each.identifiable == (not each.why) for each in told)
     return {each.effect: each.why for each in told}
 
 

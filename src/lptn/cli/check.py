@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,7 +13,7 @@ from lptn.basics.errors import InputError
 from lptn.cli.options import Json, Map, check_outputs
 
 if TYPE_CHECKING:
-    from lptn.diagnose.excitation import Excitation, Revealed
+    from lptn.diagnose.excitation import Excitation, Identifiability
     from lptn.identify.data import LoadedModel
     from lptn.logs.guess import Guess
     from lptn.logs.run import Run
@@ -38,7 +38,7 @@ def check(
     Example: lptn check leg.toml monday.parquet
     """
     from lptn.cli.terminal import progress, write_json
-    from lptn.diagnose.excitation import excitation, revealed
+    from lptn.diagnose.excitation import excitation, identifiability
     from lptn.identify.data import GUESS, load_model, warn_of_absent_runs
     from lptn.simulate.bound_run import bind
 
@@ -56,12 +56,12 @@ def check(
         bound_runs = [bind(loaded.model, run) for run in runs]
         _show_nodes(loaded.model, bound_runs)
         excited = excitation(runs, loaded.model.nodes)
-        effects = revealed(loaded.model, runs, excited)
+        effects = identifiability(loaded.model, runs, excited)
         _show_excitation(excited)
-        _show_revealed(effects)
+        _show_identifiability(effects)
         _show_steps(loaded.model, bound_runs[0])
         warn_of_absent_runs(loaded.model.network, runs)
-        result |= {"excitation": excited.as_json(), "effects": [asdict(each) for each in effects]}
+        result |= {"excitation": excited.as_json(), "effects": [each.as_json() for each in effects]}
     _refuse(contents)
     write_json(json, result)
 
@@ -282,13 +282,13 @@ def _show_excitation(excited: Excitation) -> None:
     )
 
 
-def _show_revealed(effects: Sequence[Revealed]) -> None:
+def _show_identifiability(effects: Sequence[Identifiability]) -> None:
     """Which effects could show, and which not and why."""
-    could = [each.effect for each in effects if each.could]
+    could = [each.effect for each in effects if each.identifiable]
     print(f"Could show, if it is there: {', '.join(could) or 'nothing'}.")
     reasons: dict[str, list[str]] = {}
     for each in effects:
-        if not each.could:
+        if not each.identifiable:
             reasons.setdefault(each.why, []).append(each.effect)
     if reasons:
         print("Could not:")

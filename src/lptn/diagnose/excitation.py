@@ -84,27 +84,25 @@ class _Blocks:
         self.heats = max(kinds, key=len)  # the first of those that most nodes have
         self.load: FloatArray = np.sum(list(self.heats.values()), axis=0) if self.heats else np.zeros(0)
         self.rise, self.spread = 0.0, 0.0
-        known = np.isfinite(self.temperatures)
-        if known.any():
-            around = self.means.get(_AMBIENT, float(self.temperatures[known].min()))
+        finite = np.isfinite(self.temperatures)
+        if finite.any():
+            around = self.means.get(_AMBIENT, float(self.temperatures[finite].min()))
             self.rise = float(np.nanmax(self.temperatures - around)) if np.isfinite(around).any() else 0.0
-            whole = self.temperatures[known.all(axis=1)]
+            whole = self.temperatures[finite.all(axis=1)]
             self.spread = float(np.ptp(whole - whole[:1], axis=1).max()) if len(whole) > 1 else 0.0
 
     def _mean(self, values: FloatArray) -> FloatArray:
-        parts = values[: values.size // self._size * self._size].reshape(-1, self._size)
-        known = np.isfinite(parts)
-        count = known.sum(axis=1)
-        total = np.where(known, parts, 0.0).sum(axis=1)
-        return ratio(total, count)
+        blocks = values[: values.size // self._size * self._size].reshape(-1, self._size)
+        finite = np.isfinite(blocks)
+        return ratio(np.where(finite, blocks, 0.0).sum(axis=1), finite.sum(axis=1))
 
 
 def _steady(load: FloatArray) -> FloatArray:
     """The loads of minutes that are like the one before or the one behind: no minute in which the load changed."""
     if load.size < 2:
         return load
-    alike = np.abs(np.diff(load)) < _LEVEL / 2
-    return np.asarray(load[np.concatenate((alike, [False])) | np.concatenate(([False], alike))])
+    same = np.abs(np.diff(load)) < _LEVEL / 2
+    return np.asarray(load[np.concatenate((same, [False])) | np.concatenate(([False], same))])
 
 
 def _levels(loads: FloatArray) -> int:
@@ -117,35 +115,37 @@ def _levels(loads: FloatArray) -> int:
 
 
 def _cool_downs(low: BoolArray, temperatures: FloatArray) -> int:
-    """Stretches of little load, of two minutes and more, in which some node cools."""
+    """Times of little load, of two minutes and more, in which some node cools."""
     edges = np.flatnonzero(np.diff(np.concatenate(([0], low.astype(int), [0]))))
     count = 0
     for start, stop in zip(edges[::2], edges[1::2], strict=True):
-        stretch = temperatures[:, start:stop]
-        falls = [row[0] - row[-1] for row in stretch if row.size > 1 and np.isfinite(row[[0, -1]]).all()]
+        falls = [
+            row[0] - row[-1] for row in temperatures[:, start:stop] if row.size > 1 and np.isfinite(row[[0, -1]]).all()
+        ]
         count += int(max(falls, default=0.0) >= _COOLS)
     return count
 
 
-def _range(parts: Sequence[FloatArray]) -> tuple[float, float]:
-    values = np.concatenate(parts)
+def _range(runs: Sequence[FloatArray]) -> tuple[float, float]:
+    values = np.concatenate(runs)
     values = values[np.isfinite(values)]
     return (float(values.min()), float(values.max())) if values.size else (0.0, 0.0)
 
 
 def _together(blocks: Sequence[_Blocks], nodes: Sequence[str]) -> dict[str, float]:
     """Correlation of speed and load over one-minute means, by place."""
-    found = {}
+    correlations = {}
     for node in nodes:
         own = [each for each in blocks if node in each.heats and f"velocity.{node}" in each.means]
         if not own:
             continue
         speed, load = (
-            np.concatenate(part) for part in ([e.means[f"velocity.{node}"] for e in own], [e.heats[node] for e in own])
+            np.concatenate(means)
+            for means in ([e.means[f"velocity.{node}"] for e in own], [e.heats[node] for e in own])
         )
         if speed.size > 2 and speed.std() > 0 and load.std() > 0:
-            found[node] = float(np.corrcoef(speed, load)[0, 1])
-    return found
+            correlations[node] = float(np.corrcoef(speed, load)[0, 1])
+    return correlations
 
 
 # --- Which effects of the catalogue could show in logs, and which not and why -----------------------
@@ -154,23 +154,27 @@ _NODE = "<node>"
 
 
 @dataclass(frozen=True)
-class Revealed:
+class Identifiability:
     """What logs could say of one effect.
 
     Args:
         effect: its key.
-        could: whether they could reveal it.
-        why: why not; '' where they could.
+        identifiable: whether it could show in them.
+        why: why not; '' where it could.
         places: at how many places it was looked for.
     """
 
     effect: str
-    could: bool
+    identifiable: bool
     why: str
     places: int
 
+    def as_json(self) -> dict[str, object]:
+        """For other programs; `could` is an older name."""
+        return self.__dict__ | {"could": self.identifiable}
 
-def revealed(model: Model, runs: Sequence[Run], seen: Excitation) -> list[Revealed]:
+
+def identifiability(model: Model, runs: Sequence[Run], measured: Excitation) -> list[Identifiability]:
     """Every effect of the catalogue that the model does not have everywhere, with what the runs could say of it.
 
     An effect can show where its inputs are logged and change, and where its own rule (`Effect.excitation`) is met. No
@@ -179,7 +183,7 @@ def revealed(model: Model, runs: Sequence[Run], seen: Excitation) -> list[Reveal
     Args:
         model: the model as it stands.
         runs: at least one.
-        seen: what happens in them.
+        measured: what happens in them.
     """
     columns = set.intersection(*(set(run.columns) for run in runs)) | set(model.inputs)
     by_effect: dict[str, list[Candidate]] = {}
@@ -188,30 +192,30 @@ def revealed(model: Model, runs: Sequence[Run], seen: Excitation) -> list[Reveal
     used = {instance.effect.key for instance in model.network.effect_instances}
     notes = (note.partition(": ")[0] for run in runs for note in run.notes if "has gaps, and" in note)
     left_out = {column for names in notes for column in names.split(", ")}
-    said = []
+    effects = []
     for key, effect in catalogue().items():
         if effect.amplitude() is None:
             continue
         sites = by_effect.get(key, [])
         if not sites and key in used:
             continue
-        why = _why_not(effect, sites, seen) if sites else _not_logged(effect, model, columns, left_out)
+        why = _why_not(effect, sites, measured) if sites else _not_logged(effect, model, columns, left_out)
         why = why or ("" if sites else "the model has no place for it")
-        said.append(Revealed(key, not why, why, len(_places(sites))))
-    return said
+        effects.append(Identifiability(key, not why, why, len(_places(sites))))
+    return effects
 
 
-def _why_not(effect: type[Effect], sites: Sequence[Candidate], seen: Excitation) -> str:
+def _why_not(effect: type[Effect], sites: Sequence[Candidate], measured: Excitation) -> str:
     """What is missing for an effect to show, in a few words; '' if nothing is."""
     columns = set()
     for candidate in sites:
         features = effect(**dict(candidate.words)).needed()
         ends = {end for place in candidate.places for end in place.split("~")}
         columns |= {input_column(feature, end) for feature in features for end in ends}
-    columns &= set(seen.ranges)
-    if columns and not any(seen.varies(column) for column in columns):
-        return _constant(columns, seen)
-    return effect.excitation.lacking(seen, _places(sites))
+    columns &= set(measured.ranges)
+    if columns and not any(measured.varies(column) for column in columns):
+        return _constant(columns, measured)
+    return effect.excitation.lacking(measured, _places(sites))
 
 
 def _places(sites: Sequence[Candidate]) -> set[str]:
@@ -242,9 +246,9 @@ def _at_nodes(key: str, model: Model) -> set[str]:
     return {key.replace(_NODE, node) for node in model.nodes}
 
 
-def _constant(columns: set[str], seen: Excitation) -> str:
+def _constant(columns: set[str], measured: Excitation) -> str:
     one = min(columns)
-    low, high = seen.ranges[one]
+    low, high = measured.ranges[one]
     more = " and its like" if len(columns) > 1 else ""
     if max(abs(low), abs(high)) < ZERO:
         return f"{one}{more} is 0 throughout"
