@@ -122,7 +122,7 @@ def _walked(kind: str, seconds: int, draw: random.Random) -> Segment:
 
 def segments(experiment: Experiment, at: str) -> tuple[Segment, ...]:
     """The proposed run in the virtual robot's words; where it moves all joints at once, those at `at` are as asked."""
-    table = zip(experiment.program.steps, experiment.moves, strict=True)
+    table = zip(experiment.program.phases, experiment.moves, strict=True)
     return tuple(_segment(step.move, round(step.seconds), entry["inputs"], at) for step, entry in table)
 
 

@@ -1,4 +1,13 @@
-"""The next experiment: of the runs that the logs show to be possible, the one that best tells rivals apart."""
+"""The next experiment: of the runs that the logs show to be possible, the one that best tells rivals apart.
+
+Rivals are effects that the old data can't tell apart. Each rival predicts a proposed run, and may change its parameters
+as far as the old data leave them free to meet the other's prediction: Gauss-Newton information of the old data is the
+prior, and what the new run adds is solved for together. What is left is how much worse the wrong rival would explain
+the new run, in units of the sensors' noise: the noncentrality of the likelihood ratio. Programs are searched for the
+one that makes this largest for the pair where it is smallest.
+
+Source: [AtkinsonFedorov1975] (T-optimal design for discrimination), with a prior.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +27,7 @@ from lptn.diagnose.experiment_runs import (
     STEP,
     Move,
     Program,
-    Stage,
+    ProgramRuns,
     instructions,
     listed,
     moves,
@@ -38,351 +47,6 @@ from lptn.identify.problem import Problem
 from lptn.logs.run import Run
 from lptn.simulate.bound_run import bind
 from lptn.simulate.simulation import SimulationError, sensitivities
-
-# --- How far rivals' predictions of a run lie apart after each has done what it can to agree ------
-# A rival may change its parameters as far as the old data leave them free: Gauss-Newton information of the old data
-# is the prior, and what the new run adds is solved for together. What is left is how much worse the wrong rival
-# explains the new run, in units of the sensors' noise: the noncentrality of the likelihood ratio.
-#
-# Source: [AtkinsonFedorov1975] (T-optimal design for discrimination), with a prior.
-
-
-_START_SPREAD = 5.0  # K; a state's initial temperature may lie so far from the air's
-_LOOSE = 10.0  # in the search's own scale (logarithms, typical sizes): a parameter that no data hold
-_MODEL_ERROR, _LASTS = 0.03, 600.0  # K, s: no model of a real robot is better than this, however many readings
-_EVEN = 3.3  # evidence so many times its scatter from stretch to stretch; from 3 on two fits differ clearly
-_NO_SENSOR = 1e3  # K; a node that isn't measured tells nothing
-
-
-@dataclass(frozen=True)
-class Predicted:
-    """A rival's prediction of one run.
-
-    Args:
-        readings: degC, shape (nodes, n).
-        moved: their derivatives by the rival's parameters and initial states, shape (nodes, n, unknowns).
-    """
-
-    readings: FloatArray
-    moved: FloatArray
-
-
-@dataclass(frozen=True)
-class Apart:
-    """How one rival's prediction differs from another's after the other has adapted.
-
-    Args:
-        deviations: square root of the expected rise of the sum of squared weighted residuals.
-        decisive: the same, less where few stretches of the run hold all of the evidence: what shows but once may
-            be anything, and a refit calls such rivals tied.
-        left: what is left of the difference [K], shape (nodes, n).
-    """
-
-    deviations: float
-    decisive: float
-    left: FloatArray
-
-
-class Rivals:
-    """Fits that the old data can't tell apart.
-
-    Args:
-        fits: the rivals, all of the same nodes and runs.
-    """
-
-    def __init__(self, fits: Sequence[Fit]) -> None:
-        self.fits = list(fits)
-        self._density = noise_density(min(self.fits, key=lambda each: each.cost))
-        self._misfits = [block_misfits(each) for each in self.fits]
-        self._priors = [self._prior(each) for each in self.fits]
-
-    @property
-    def pairs(self) -> list[tuple[int, int]]:
-        """Each two of them once."""
-        return list(combinations(range(len(self.fits)), 2))
-
-    def predict(self, run: Run) -> list[Predicted]:
-        """All predictions of a run.
-
-        Raises:
-            SimulationError: a model runs away.
-        """
-        return [_predicted(each, run) for each in self.fits]
-
-    def apart(self, predictions: Sequence[Predicted], run: Run) -> dict[tuple[int, int], Apart]:
-        """For each pair the less decisive of both ways round: whichever of the two is true, so much is to be seen.
-
-        Args:
-            predictions: of one run.
-            run: that run.
-        """
-        weight = np.sqrt(run.step / self._density)
-        rows = [(each.moved * weight[:, None, None]).reshape(-1, each.moved.shape[2]) for each in predictions]
-        information = [prior + each.T @ each for prior, each in zip(self._priors, rows, strict=True)]
-        found = {}
-        for pair in self.pairs:
-            difference = predictions[pair[0]].readings - predictions[pair[1]].readings
-            both = []
-            for true, wrong in self._ways(pair):
-                rise, left = _absorbed(rows[wrong], information[wrong], difference, weight)
-                before = self._misfits[wrong] - self._misfits[true]
-                both.append(self._judged(rise, left, weight, run, before))
-            found[pair] = min(both, key=lambda each: each.decisive)
-        return found
-
-    def _ways(self, pair: tuple[int, int]) -> list[tuple[int, int]]:
-        """Which of a pair may be the true one and which the wrong one: what is decided already isn't asked again."""
-        better, worse = sorted(pair, key=lambda number: self.fits[number].cost)
-        open_still = criterion_difference(self.fits[worse], self.fits[better]) <= TIE
-        return [(better, worse), (worse, better)] if open_still else [(better, worse)]
-
-    def _judged(self, rise: float, left: FloatArray, weight: FloatArray, run: Run, before: FloatArray) -> Apart:
-        """How decisive a difference is, together with what the old data say, stretch by stretch."""
-        best = self.fits[0]
-        repeats = run.step / _mean_step(best)
-        squares = np.sum((left / best.problem.sigma[:, None]) ** 2, axis=0) * repeats
-        new = np.bincount(block_numbers(bind(best.model, run)), squares)
-        # What adapting to the new run costs on the old data shows all over them.
-        seen = float(np.sum((left * weight[:, None]) ** 2))
-        cost = new.sum() * max(rise - seen, 0.0) / seen if seen > 0 else 0.0
-        split_data = np.concatenate([new, before + cost / len(before)])
-        scatter = float(np.sqrt(np.sum((split_data - split_data.mean()) ** 2)))
-        share = min(max(float(split_data.sum()) / (_EVEN * scatter), 0.0), 1.0) if scatter > 0 else 1.0
-        deviations = float(np.sqrt(max(rise, 0.0)))
-        return Apart(deviations, share * deviations, left)
-
-    def _prior(self, done: Fit) -> FloatArray:
-        """Information on parameters from the old data, on initial states from the robot's being at rest."""
-        old = done.problem
-        sigma = np.sqrt(self._density / _mean_step(done))
-        hessian = Problem(old.model, old.bound_runs, sigma, old.symmetry_penalty, old.free).normal(done.z)[1]
-        free, states = len(old.free), len(done.model.states)
-        across, starts = hessian[:free, free:], hessian[free:, free:]
-        information = np.zeros((free + states, free + states))
-        known = hessian[:free, :free] - across @ np.linalg.solve(starts, across.T)
-        information[:free, :free] = 0.5 * (known + known.T) + np.eye(free) / _LOOSE**2
-        information[free:, free:] = np.eye(states) / _START_SPREAD**2
-        return information
-
-
-def noise_density(done: Fit) -> FloatArray:
-    """Variance of each node's readings times the time after which they are new information [K²s], shape (nodes,).
-
-    The steps of a coarse sensor repeat their error for as long as the temperature stays within one: such readings
-    count as often as their residuals' correlation in time allows. A small error of the model, which lasts, is added:
-    a difference of hundredths of a kelvin is no evidence.
-    """
-    bound_runs, errors = done.problem.bound_runs, done.residuals
-    repeated = max(1.0, done.problem.readings / independent_readings(done))
-    variance = np.empty(len(done.model.nodes))
-    for row, floor in enumerate(done.noise.floor):
-        residual = np.concatenate(
-            [error[row][each.counted[row]] for error, each in zip(errors, bound_runs, strict=True)]
-        )
-        variance[row] = max(float(np.mean(residual**2)), floor**2) if residual.size else _NO_SENSOR**2
-    return np.asarray(variance * repeated * _mean_step(done) + _MODEL_ERROR**2 * _LASTS)
-
-
-def _mean_step(done: Fit) -> float:
-    """Of the runs, each counted by its readings [s]."""
-    bound_runs = done.problem.bound_runs
-    counts = [int(bound.counted.sum()) for bound in bound_runs]
-    return float(np.average([bound.run.step for bound in bound_runs], weights=counts))
-
-
-def _predicted(done: Fit, run: Run) -> Predicted:
-    model, free = done.model, done.problem.free
-    # The fit's own choice of parameters: its stepper, compiled already, is used again.
-    found = sensitivities(model, bind(model, run), model.values, free)
-    moved = found.derivatives.copy()
-    moved[:, :, : len(free)] *= done.problem.slope(model.values)
-    nodes, starts = len(model.nodes), moved[:, :, len(free) :]
-    starts[:, :, :nodes] += starts[:, :, nodes:] @ model.resting_shares
-    return Predicted(found.readings, moved)
-
-
-def _absorbed(
-    rows: FloatArray, information: FloatArray, difference: FloatArray, weight: FloatArray
-) -> tuple[float, FloatArray]:
-    """The rise of the sum of squares that no change of a rival's parameters avoids, and the difference left [K]."""
-    weighted = (difference * weight[:, None]).ravel()
-    pull = rows.T @ weighted
-    change = np.linalg.solve(information, pull)
-    left = (weighted - rows @ change).reshape(difference.shape) / weight[:, None]
-    return float(weighted @ weighted - pull @ change), left
-
-
-# --- The search among runs: single moves first, then durations, pairs and threes, then other air --
-
-
-_POWER = 0.84  # standard deviations that four cases of five stay above
-CLEAR = _POWER + sqrt(_POWER**2 + TIE)
-"""Standard deviations of a difference from which on a refit decides in four cases of five: the information
-criterion's lead, its expected square with a scatter of twice its root, must exceed what counts as a tie."""
-_ENOUGH = 3.0 * CLEAR  # beyond this a run is not worth more effort
-_NEARLY = 0.85  # share of the best that a simpler run must reach to be preferred
-_FIRST_SHARES, _MORE_SHARES, _IN_PAIRS, _IN_THREES = (0.6, 1.0), (0.2, 0.4, 0.8), 0.4, 0.3
-_KEPT_MOVES, _KEPT_PAIRS, _KEPT_PROGRAMS = 6, 4, 10
-
-
-@dataclass(frozen=True)
-class Trial:
-    """A program, and how far it decisively sets each pair of rivals apart [standard deviations]."""
-
-    program: Program
-    deviations: tuple[float, ...]
-
-    @property
-    def effort(self) -> int:
-        """What it asks of the people who do it: other air is the most trouble, then a rig that loads a moving joint."""
-        moves = [step.move for step in self.program.working]
-        rigs = sum(move.load > 0 and move.speed > 0 and move.at != EVERYWHERE for move in moves)
-        return 2 * self.program.moved_air + max(len(moves) - 1, 0) + rigs
-
-
-class Search:
-    """All programs tried so far.
-
-    Args:
-        stage: turns programs into runs.
-        rivals: the fits.
-        seconds: how long a run may last.
-        limit: highest temperature that a prediction may reach [degC].
-    """
-
-    def __init__(self, stage: Stage, rivals: Rivals, seconds: float, limit: float) -> None:
-        self.stage, self.rivals, self.seconds, self.limit = stage, rivals, seconds, limit
-        self.trials: dict[Program, Trial | None] = {}
-
-    def best(self, moves: Sequence[Move], ambients: Sequence[float]) -> Trial | None:
-        """The best program of these moves; `None` if all run too hot.
-
-        Args:
-            moves: what can be done.
-            ambients: temperatures of the air beside the logs' own [degC].
-        """
-        air = self.stage.ambient
-        self._try(self._program([(move, share)], air) for move in moves for share in _FIRST_SHARES)
-        self._try([self._program([], air)])
-        good = self._best_moves()
-        self._try(self._program([(move, share)], air) for move in good for share in _MORE_SHARES)
-        pairs = ((one, other) for one in good for other in good if one != other)
-        self._try(self._program([(one, _IN_PAIRS), (other, _IN_PAIRS)], air) for one, other in pairs)
-        self._try(self._program([(move, _IN_THREES) for move in three], air) for three in self._threes(good))
-        kept = [trial.program for trial in self._ranked()[:_KEPT_PROGRAMS]]
-        for other_air in ambients:
-            elsewhere = [self._program([(s.move, s.seconds / self.seconds) for s in p.steps], other_air) for p in kept]
-            hot = [self._program([(move, share)], other_air) for move in good for share in (*_FIRST_SHARES, 0.4)]
-            self._try([*elsewhere, *hot, self._program([], other_air)])
-        return self._chosen()
-
-    def _program(self, parts: Sequence[tuple[Move, float]], ambient: float) -> Program:
-        return program(parts, self.seconds, ambient, ambient != self.stage.ambient)
-
-    def _try(self, programs: Iterable[Program]) -> None:
-        for wanted in programs:
-            if wanted not in self.trials:
-                self.trials[wanted] = self._trial(wanted)
-
-    def _trial(self, wanted: Program) -> Trial | None:
-        try:
-            run = self.stage.run(wanted)
-            predictions = self.rivals.predict(run)
-        except SimulationError:
-            return None
-        if max(float(each.readings.max()) for each in predictions) > self.limit:
-            return None
-        apart = self.rivals.apart(predictions, run)
-        return Trial(wanted, tuple(each.decisive for each in apart.values()))
-
-    def _ranked(self) -> list[Trial]:
-        """Those that stay cool enough, the best first."""
-        done = [trial for trial in self.trials.values() if trial is not None]
-        if not done:
-            return []
-        worth = _worth(np.array([trial.deviations for trial in done]))
-        return [done[index] for index in np.argsort(-worth, kind="stable")]
-
-    def _best_moves(self) -> list[Move]:
-        working = (trial.program.working for trial in self._ranked())
-        return list(dict.fromkeys(steps[0].move for steps in working if steps))[:_KEPT_MOVES]
-
-    def _threes(self, good: Sequence[Move]) -> list[tuple[Move, ...]]:
-        """The best pairs of moves, each with a third one behind it."""
-        pairs = [trial.program.working for trial in self._ranked() if len(trial.program.working) == 2][:_KEPT_PAIRS]
-        return [(one.move, other.move, third) for one, other in pairs for third in good if third != other.move]
-
-    def _chosen(self) -> Trial | None:
-        """The simplest of those that are nearly as good as the best, or good enough."""
-        ranked = self._ranked()
-        if not ranked:
-            return None
-        worth = np.minimum(_worth(np.array([trial.deviations for trial in ranked])), _ENOUGH)
-        near = [index for index in range(len(ranked)) if worth[index] >= _NEARLY * worth[0]]
-        return ranked[min(near, key=lambda index: (ranked[index].effort, -worth[index]))]
-
-
-def _worth(deviations: FloatArray) -> FloatArray:
-    """For each program the deviations of its weakest pair, shape (programs,).
-
-    A pair that no program sets apart has no say, unless there is no other.
-
-    Args:
-        deviations: shape (programs, pairs).
-    """
-    possible = deviations.max(axis=0) >= CLEAR
-    counted = deviations[:, possible] if possible.any() else deviations
-    return np.asarray(counted.min(axis=1))
-
-
-# --- How two rivals differ in a proposed run: by how much, where, when, and whether that decides ---
-
-
-class Difference(NamedTuple):
-    """How two rivals differ in the proposed run.
-
-    Args:
-        pair: the rivals, effect and place each.
-        kelvin: the largest difference that no change of parameters takes away, mean of a minute [K].
-        as_fitted: the largest difference of the predictions as the old data leave them [K].
-        deviations: of all readings together, in standard deviations.
-        decisive: the same, less where few stretches of the run hold all the evidence.
-        node: where it is largest.
-        minute: when.
-    """
-
-    pair: tuple[Key, Key]
-    kelvin: float
-    as_fitted: float
-    deviations: float
-    decisive: float
-    node: str
-    minute: float
-
-    @property
-    def clear(self) -> bool:
-        """Whether the run decides between the two in four cases of five."""
-        return self.decisive >= CLEAR
-
-
-def difference(pair: tuple[Key, Key], apart: Apart, fitted: FloatArray, nodes: Sequence[str]) -> Difference:
-    """Where and when the two differ most.
-
-    Args:
-        pair: the rivals.
-        apart: how far their predictions lie apart.
-        fitted: difference of the predictions as the old data leave them [K], shape (nodes, n).
-        nodes: names of its rows.
-    """
-    per_minute = round(60 / STEP)
-    minutes = apart.left.shape[1] // per_minute
-    means = np.abs(apart.left[:, : minutes * per_minute].reshape(len(nodes), minutes, per_minute).mean(axis=2))
-    row, column = np.unravel_index(int(np.argmax(means)), means.shape)
-    kelvin, minute = float(means[row, column]), float(column + 1)
-    return Difference(
-        pair, kelvin, float(np.abs(fitted).max()), apart.deviations, apart.decisive, nodes[int(row)], minute
-    )
-
 
 _BEYOND = 10.0  # K above the hottest reading that a proposed run may reach
 _OTHER_AIR = (-12.0, 12.0)  # K: a cold room, a warm one
@@ -518,9 +182,9 @@ def propose(
     stage = _stage(rivals)
     hottest = max(float(np.nanmax(bound.measured)) for bound in fits[0].problem.bound_runs)
     highest = hottest + _BEYOND if limit is None else limit
-    search = Search(stage, Rivals(fits), 60.0 * minutes, highest)
-    known = possible_moves(rivals) if allowed is None else list(allowed)
-    best = search.best(known, _air(stage, ambients))
+    search = ProgramSearch(stage, Rivals(fits), 60.0 * minutes, highest)
+    considered = possible_moves(rivals) if allowed is None else list(allowed)
+    best = search.best(considered, _air(stage, ambients))
     return None if best is None else _experiment(rivals, search, best)
 
 
@@ -539,26 +203,26 @@ def _places(rival: Step) -> list[str]:
     return [each.place for each in instances if (each.effect.key, each.declaration.where) == rival.key]
 
 
-def _stage(rivals: Sequence[Step]) -> Stage:
+def _stage(rivals: Sequence[Step]) -> ProgramRuns:
     bound_runs = rivals[0].fit.problem.bound_runs
-    return Stage([rival.fit.model for rival in rivals], [bound.run for bound in bound_runs])
+    return ProgramRuns([rival.fit.model for rival in rivals], [bound.run for bound in bound_runs])
 
 
-def _air(stage: Stage, ambients: Sequence[float] | None) -> list[float]:
+def _air(stage: ProgramRuns, ambients: Sequence[float] | None) -> list[float]:
     if not stage.air_can_change:
         return []
     return [round(stage.ambient) + shift for shift in _OTHER_AIR] if ambients is None else list(ambients)
 
 
-def _experiment(rivals: Sequence[Step], search: Search, best: Trial) -> Experiment:
+def _experiment(rivals: Sequence[Step], search: ProgramSearch, best: ProgramTrial) -> Experiment:
     keys = tuple(rival.key for rival in rivals)
     run = search.stage.run(best.program)
     predictions = search.rivals.predict(run)
     apart = search.rivals.apart(predictions, run)
     nodes = tuple(search.stage.nodes)
     differences = [
-        difference((keys[one], keys[other]), found, predictions[one].readings - predictions[other].readings, nodes)
-        for (one, other), found in apart.items()
+        difference((keys[one], keys[other]), separation, predictions[one].readings - predictions[other].readings, nodes)
+        for (one, other), separation in apart.items()
     ]
     return Experiment(
         keys,
@@ -574,16 +238,356 @@ def _experiment(rivals: Sequence[Step], search: Search, best: Trial) -> Experime
     )
 
 
-def _table(program: Program, stage: Stage) -> list[dict[str, object]]:
+def _table(program: Program, stage: ProgramRuns) -> list[dict[str, object]]:
     """Each move with the values of every input that it sets."""
     return [
         {
-            "at": step.move.at,
-            "joints": list(step.move.joints),
-            "travelling": step.move.travelling,
-            "minutes": step.seconds / 60,
-            "load_unit": unit_of(stage.logged.loads(step.move)[0]),
-            "inputs": {name: stage.logged.value(name, step.move) for name in stage.logged.columns},
+            "at": phase.move.at,
+            "joints": list(phase.move.joints),
+            "travelling": phase.move.travelling,
+            "minutes": phase.seconds / 60,
+            "load_unit": unit_of(stage.logged.loads(phase.move)[0]),
+            "inputs": {name: stage.logged.value(name, phase.move) for name in stage.logged.columns},
         }
-        for step in program.steps
+        for phase in program.phases
     ]
+
+
+# --- How far rivals' predictions of a run lie apart after each has done what it can to agree ------
+
+
+_START_SPREAD = 5.0  # K; a state's initial temperature may lie so far from the air's
+_UNDETERMINED = 10.0  # prior in the search's own scale (logarithms, typical sizes) of a parameter that no data hold
+_MODEL_ERROR, _MODEL_ERROR_TIME = 0.03, 600.0  # K, s: no model of a real robot is better, however many readings
+_EVEN = 3.3  # a difference so many times its scatter from block to block; from 3 on two fits differ clearly
+_NO_SENSOR = 1e3  # K; noise of a node that isn't measured: it says nothing
+
+
+@dataclass(frozen=True)
+class RivalPrediction:
+    """A rival's prediction of one run.
+
+    Args:
+        readings: degC, shape (nodes, n).
+        moved: their derivatives by the rival's parameters and initial states, shape (nodes, n, unknowns).
+    """
+
+    readings: FloatArray
+    moved: FloatArray
+
+
+@dataclass(frozen=True)
+class Separation:
+    """How one rival's prediction differs from another's after the other has adapted.
+
+    Args:
+        deviations: square root of the expected rise of the sum of squared weighted residuals.
+        decisive: the same, less where few blocks of the run hold all of the difference: what shows but once may be
+            anything, and a refit calls such rivals tied.
+        left: what is left of the difference [K], shape (nodes, n).
+    """
+
+    deviations: float
+    decisive: float
+    left: FloatArray
+
+
+class Rivals:
+    """Fits that the old data can't tell apart.
+
+    Args:
+        fits: the rivals, all of the same nodes and runs.
+    """
+
+    def __init__(self, fits: Sequence[Fit]) -> None:
+        self.fits = list(fits)
+        self._density = noise_density(min(self.fits, key=lambda each: each.cost))
+        self._misfits = [block_misfits(each) for each in self.fits]
+        self._priors = [self._prior(each) for each in self.fits]
+
+    @property
+    def pairs(self) -> list[tuple[int, int]]:
+        """Each two of them once."""
+        return list(combinations(range(len(self.fits)), 2))
+
+    def predict(self, run: Run) -> list[RivalPrediction]:
+        """All predictions of a run.
+
+        Raises:
+            SimulationError: a model runs away.
+        """
+        return [_predicted(each, run) for each in self.fits]
+
+    def apart(self, predictions: Sequence[RivalPrediction], run: Run) -> dict[tuple[int, int], Separation]:
+        """For each pair the less decisive of both ways round: whichever of the two is true, so much is to be seen.
+
+        Args:
+            predictions: of one run.
+            run: that run.
+        """
+        weight = np.sqrt(run.step / self._density)
+        rows = [(each.moved * weight[:, None, None]).reshape(-1, each.moved.shape[2]) for each in predictions]
+        information = [prior + each.T @ each for prior, each in zip(self._priors, rows, strict=True)]
+        separations = {}
+        for pair in self.pairs:
+            difference = predictions[pair[0]].readings - predictions[pair[1]].readings
+            both = []
+            for true, wrong in self._ways(pair):
+                rise, left = _absorbed(rows[wrong], information[wrong], difference, weight)
+                before = self._misfits[wrong] - self._misfits[true]
+                both.append(self._separation(rise, left, weight, run, before))
+            separations[pair] = min(both, key=lambda each: each.decisive)
+        return separations
+
+    def _ways(self, pair: tuple[int, int]) -> list[tuple[int, int]]:
+        """Which of a pair may be the true one and which the wrong one, where the old data have not decided that."""
+        better, worse = sorted(pair, key=lambda number: self.fits[number].cost)
+        undecided = criterion_difference(self.fits[worse], self.fits[better]) <= TIE
+        return [(better, worse), (worse, better)] if undecided else [(better, worse)]
+
+    def _separation(
+        self, rise: float, left: FloatArray, weight: FloatArray, run: Run, before: FloatArray
+    ) -> Separation:
+        """How decisive a difference is, together with what the old data say, block by block."""
+        best = self.fits[0]
+        repeats = run.step / _mean_step(best)
+        squares = np.sum((left / best.problem.sigma[:, None]) ** 2, axis=0) * repeats
+        new = np.bincount(block_numbers(bind(best.model, run)), squares)
+        # What adapting to the new run costs on the old data shows all over them.
+        seen = float(np.sum((left * weight[:, None]) ** 2))
+        cost = new.sum() * max(rise - seen, 0.0) / seen if seen > 0 else 0.0
+        rises = np.concatenate([new, before + cost / len(before)])
+        scatter = float(np.sqrt(np.sum((rises - rises.mean()) ** 2)))
+        share = min(max(float(rises.sum()) / (_EVEN * scatter), 0.0), 1.0) if scatter > 0 else 1.0
+        deviations = float(np.sqrt(max(rise, 0.0)))
+        return Separation(deviations, share * deviations, left)
+
+    def _prior(self, done: Fit) -> FloatArray:
+        """Information on parameters from the old data, on initial states from the robot's being at rest."""
+        old = done.problem
+        sigma = np.sqrt(self._density / _mean_step(done))
+        hessian = Problem(old.model, old.bound_runs, sigma, old.symmetry_penalty, old.free).normal(done.z)[1]
+        free, states = len(old.free), len(done.model.states)
+        across, starts = hessian[:free, free:], hessian[free:, free:]
+        information = np.zeros((free + states, free + states))
+        schur = hessian[:free, :free] - across @ np.linalg.solve(starts, across.T)
+        information[:free, :free] = 0.5 * (schur + schur.T) + np.eye(free) / _UNDETERMINED**2
+        information[free:, free:] = np.eye(states) / _START_SPREAD**2
+        return information
+
+
+def noise_density(done: Fit) -> FloatArray:
+    """Variance of each node's readings times the time after which they are new information [K²s], shape (nodes,).
+
+    The steps of a coarse sensor repeat their error for as long as the temperature stays within one: such readings
+    count as often as their residuals' correlation in time allows. A small, slow error of the model is added: a
+    difference of hundredths of a kelvin decides nothing.
+    """
+    bound_runs, errors = done.problem.bound_runs, done.residuals
+    repeated = max(1.0, done.problem.readings / independent_readings(done))
+    variance = np.empty(len(done.model.nodes))
+    for row, floor in enumerate(done.noise.floor):
+        residual = np.concatenate(
+            [error[row][each.counted[row]] for error, each in zip(errors, bound_runs, strict=True)]
+        )
+        variance[row] = max(float(np.mean(residual**2)), floor**2) if residual.size else _NO_SENSOR**2
+    return np.asarray(variance * repeated * _mean_step(done) + _MODEL_ERROR**2 * _MODEL_ERROR_TIME)
+
+
+def _mean_step(done: Fit) -> float:
+    """Of the runs, each counted by its readings [s]."""
+    bound_runs = done.problem.bound_runs
+    counts = [int(bound.counted.sum()) for bound in bound_runs]
+    return float(np.average([bound.run.step for bound in bound_runs], weights=counts))
+
+
+def _predicted(done: Fit, run: Run) -> RivalPrediction:
+    model, free = done.model, done.problem.free
+    # The fit's own choice of parameters: its stepper, compiled already, is used again.
+    simulated = sensitivities(model, bind(model, run), model.values, free)
+    moved = simulated.derivatives.copy()
+    moved[:, :, : len(free)] *= done.problem.slope(model.values)
+    nodes, starts = len(model.nodes), moved[:, :, len(free) :]
+    starts[:, :, :nodes] += starts[:, :, nodes:] @ model.resting_shares
+    return RivalPrediction(simulated.readings, moved)
+
+
+def _absorbed(
+    rows: FloatArray, information: FloatArray, difference: FloatArray, weight: FloatArray
+) -> tuple[float, FloatArray]:
+    """The rise of the sum of squares that no change of a rival's parameters avoids, and the difference left [K]."""
+    weighted = (difference * weight[:, None]).ravel()
+    pull = rows.T @ weighted
+    change = np.linalg.solve(information, pull)
+    left = (weighted - rows @ change).reshape(difference.shape) / weight[:, None]
+    return float(weighted @ weighted - pull @ change), left
+
+
+# --- The search among runs: single moves first, then durations, pairs and threes, then other air --
+
+
+_POWER = 0.84  # standard deviations that four cases of five stay above
+CLEAR = _POWER + sqrt(_POWER**2 + TIE)
+"""Standard deviations of a difference from which on a refit decides in four cases of five: the information
+criterion's lead, its expected square with a scatter of twice its root, must exceed what counts as a tie."""
+_ENOUGH = 3.0 * CLEAR  # standard deviations beyond which a run is not worth more effort
+_NEARLY = 0.85  # share of the best that a simpler run must reach to be preferred
+_FIRST_SHARES, _MORE_SHARES, _IN_PAIRS, _IN_THREES = (0.6, 1.0), (0.2, 0.4, 0.8), 0.4, 0.3
+_KEPT_MOVES, _KEPT_PAIRS, _KEPT_PROGRAMS = 6, 4, 10
+
+
+@dataclass(frozen=True)
+class ProgramTrial:
+    """A program, and how far it decisively sets each pair of rivals apart [standard deviations]."""
+
+    program: Program
+    deviations: tuple[float, ...]
+
+    @property
+    def effort(self) -> int:
+        """What it asks of the people who do it: other air is the most trouble, then a rig that loads a moving joint."""
+        moves = [phase.move for phase in self.program.working]
+        rigs = sum(move.load > 0 and move.speed > 0 and move.at != EVERYWHERE for move in moves)
+        return 2 * self.program.moved_air + max(len(moves) - 1, 0) + rigs
+
+
+class ProgramSearch:
+    """All programs tried so far.
+
+    Args:
+        stage: turns programs into runs.
+        rivals: the fits.
+        seconds: how long a run may last.
+        limit: highest temperature that a prediction may reach [degC].
+    """
+
+    def __init__(self, stage: ProgramRuns, rivals: Rivals, seconds: float, limit: float) -> None:
+        self.stage, self.rivals, self.seconds, self.limit = stage, rivals, seconds, limit
+        self.trials: dict[Program, ProgramTrial | None] = {}
+
+    def best(self, moves: Sequence[Move], ambients: Sequence[float]) -> ProgramTrial | None:
+        """The best program of these moves; `None` if all run too hot.
+
+        Args:
+            moves: what can be done.
+            ambients: temperatures of the air beside the logs' own [degC].
+        """
+        air = self.stage.ambient
+        self._try(self._program([(move, share)], air) for move in moves for share in _FIRST_SHARES)
+        self._try([self._program([], air)])
+        good = self._best_moves()
+        self._try(self._program([(move, share)], air) for move in good for share in _MORE_SHARES)
+        pairs = ((one, other) for one in good for other in good if one != other)
+        self._try(self._program([(one, _IN_PAIRS), (other, _IN_PAIRS)], air) for one, other in pairs)
+        self._try(self._program([(move, _IN_THREES) for move in three], air) for three in self._threes(good))
+        kept = [trial.program for trial in self._ranked()[:_KEPT_PROGRAMS]]
+        for other_air in ambients:
+            elsewhere = [self._program([(s.move, s.seconds / self.seconds) for s in p.phases], other_air) for p in kept]
+            hot = [self._program([(move, share)], other_air) for move in good for share in (*_FIRST_SHARES, 0.4)]
+            self._try([*elsewhere, *hot, self._program([], other_air)])
+        return self._chosen()
+
+    def _program(self, shares: Sequence[tuple[Move, float]], ambient: float) -> Program:
+        return program(shares, self.seconds, ambient, ambient != self.stage.ambient)
+
+    def _try(self, programs: Iterable[Program]) -> None:
+        for wanted in programs:
+            if wanted not in self.trials:
+                self.trials[wanted] = self._trial(wanted)
+
+    def _trial(self, wanted: Program) -> ProgramTrial | None:
+        try:
+            run = self.stage.run(wanted)
+            predictions = self.rivals.predict(run)
+        except SimulationError:
+            return None
+        if max(float(each.readings.max()) for each in predictions) > self.limit:
+            return None
+        apart = self.rivals.apart(predictions, run)
+        return ProgramTrial(wanted, tuple(each.decisive for each in apart.values()))
+
+    def _ranked(self) -> list[ProgramTrial]:
+        """Those that stay cool enough, the best first."""
+        done = [trial for trial in self.trials.values() if trial is not None]
+        if not done:
+            return []
+        worth = _worth(np.array([trial.deviations for trial in done]))
+        return [done[index] for index in np.argsort(-worth, kind="stable")]
+
+    def _best_moves(self) -> list[Move]:
+        working = (trial.program.working for trial in self._ranked())
+        return list(dict.fromkeys(phases[0].move for phases in working if phases))[:_KEPT_MOVES]
+
+    def _threes(self, good: Sequence[Move]) -> list[tuple[Move, ...]]:
+        """The best pairs of moves, each with a third one behind it."""
+        pairs = [trial.program.working for trial in self._ranked() if len(trial.program.working) == 2][:_KEPT_PAIRS]
+        return [(one.move, other.move, third) for one, other in pairs for third in good if third != other.move]
+
+    def _chosen(self) -> ProgramTrial | None:
+        """The simplest of those that are nearly as good as the best, or good enough."""
+        ranked = self._ranked()
+        if not ranked:
+            return None
+        worth = np.minimum(_worth(np.array([trial.deviations for trial in ranked])), _ENOUGH)
+        near = [index for index in range(len(ranked)) if worth[index] >= _NEARLY * worth[0]]
+        return ranked[min(near, key=lambda index: (ranked[index].effort, -worth[index]))]
+
+
+def _worth(deviations: FloatArray) -> FloatArray:
+    """For each program the deviations of its weakest pair, shape (programs,).
+
+    A pair that no program sets apart has no say, unless there is no other.
+
+    Args:
+        deviations: shape (programs, pairs).
+    """
+    possible = deviations.max(axis=0) >= CLEAR
+    counted = deviations[:, possible] if possible.any() else deviations
+    return np.asarray(counted.min(axis=1))
+
+
+# --- How two rivals differ in a proposed run: by how much, where, when, and whether that decides ---
+
+
+class Difference(NamedTuple):
+    """How two rivals differ in the proposed run.
+
+    Args:
+        pair: the rivals, effect and place each.
+        kelvin: the largest difference that no change of parameters takes away, mean of a minute [K].
+        as_fitted: the largest difference of the predictions as the old data leave them [K].
+        deviations: of all readings together, in standard deviations.
+        decisive: the same, less where few blocks of the run hold all of the difference.
+        node: where it is largest.
+        minute: when.
+    """
+
+    pair: tuple[Key, Key]
+    kelvin: float
+    as_fitted: float
+    deviations: float
+    decisive: float
+    node: str
+    minute: float
+
+    @property
+    def clear(self) -> bool:
+        """Whether the run decides between the two in four cases of five."""
+        return self.decisive >= CLEAR
+
+
+def difference(pair: tuple[Key, Key], apart: Separation, fitted: FloatArray, nodes: Sequence[str]) -> Difference:
+    """Where and when the two differ most.
+
+    Args:
+        pair: the rivals.
+        apart: how far their predictions lie apart.
+        fitted: difference of the predictions as the old data leave them [K], shape (nodes, n).
+        nodes: names of its rows.
+    """
+    per_minute = round(60 / STEP)
+    minutes = apart.left.shape[1] // per_minute
+    means = np.abs(apart.left[:, : minutes * per_minute].reshape(len(nodes), minutes, per_minute).mean(axis=2))
+    row, column = np.unravel_index(int(np.argmax(means)), means.shape)
+    largest, as_fitted = float(means[row, column]), float(np.abs(fitted).max())
+    return Difference(pair, largest, as_fitted, apart.deviations, apart.decisive, nodes[int(row)], float(column + 1))

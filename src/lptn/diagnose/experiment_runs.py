@@ -1,4 +1,4 @@
-"""Runs that a robot can be asked to do for an experiment: loads and speeds that its logs have shown, in words."""
+"""What a proposed experiment can ask of a robot: loads and speeds that its logs have shown, as runs and in words."""
 
 from __future__ import annotations
 
@@ -13,9 +13,6 @@ from lptn.basics.places import EVERYWHERE, class_of, is_glob, matching
 from lptn.logs.run import Run
 from lptn.model.model import Model
 
-# --- What a robot can be asked to do for an experiment: loads and speeds that its own logs have shown ---
-
-
 LOADS = ("torque", "current", "torque_abs", "current_abs")
 SPEEDS = ("velocity", "velocity_rms")
 BASE = "speed.base"
@@ -27,10 +24,10 @@ _LOAD_LEVELS, _SPEED_LEVELS = (0.6, 1.0), (0.4, 1.0)  # shares of the high ordin
 
 @dataclass(frozen=True)
 class Move:
-    """One thing to do: some joints work, all other drives are off.
+    """One thing to do: some joints work, all other motors are off.
 
     Args:
-        at: a joint, a class (`"*_calf"`), or `"*"`; empty for rest with all drives off.
+        at: a joint, a class (`"*_calf"`), or `"*"`; empty for rest with all motors off.
         joints: the joints that work.
         load: share of each joint's high ordinary load, 0 to 1.
         speed: the same of its speed, and of the base's where that moves.
@@ -47,7 +44,7 @@ class Move:
 REST = Move()
 
 
-class Logged:
+class LoggedInputs:
     """What the runs show of each input: its high ordinary value, and what it is while joints work or rest.
 
     Args:
@@ -58,8 +55,8 @@ class Logged:
     def __init__(self, runs: Sequence[Run], inputs: Iterable[str]) -> None:
         self.inputs = tuple(inputs)
         # Loads and speeds that no model asks for say in words what a move is.
-        known = (name for name in runs[0].columns if _quantity(name) in (*LOADS, *SPEEDS))
-        also = (name for name in known if all(run.has(name) for run in runs))
+        described = (name for name in runs[0].columns if _quantity(name) in (*LOADS, *SPEEDS))
+        also = (name for name in described if all(run.has(name) for run in runs))
         self.columns = tuple(dict.fromkeys([*self.inputs, *also]))
         self._values = {name: np.concatenate([run.columns[name] for run in runs]) for name in self.columns}
         self._heating = self._heating_quantities()
@@ -120,26 +117,26 @@ class Logged:
     def _usual(self, column: str, working: bool) -> float:
         """Median of what all share (a computer's heat, the sun) while joints work, or while none does."""
         values = self._values[column]
-        found = values[self._works == working]
-        return float(np.median(found if found.size else values))
+        chosen = values[self._works == working]
+        return float(np.median(chosen if chosen.size else values))
 
 
-def moves(logged: Logged, places: Iterable[str]) -> list[Move]:
-    """Every move worth a thought: the joints in question, their classes, all; loaded, moving, or both.
+def moves(logged: LoggedInputs, places: Iterable[str]) -> list[Move]:
+    """Every move to be considered: the joints in question, their classes, all; loaded, moving, or both.
 
     Args:
         logged: what the logs show.
         places: what the question is about: nodes, or edges of two.
     """
-    found = []
+    proposed = []
     for at, joints in _scopes(logged.joints, places):
-        found += [Move(at, joints, load=load) for load in _LOAD_LEVELS]
+        proposed += [Move(at, joints, load=load) for load in _LOAD_LEVELS]
         if logged.moving:
-            found += [Move(at, joints, speed=speed) for speed in _SPEED_LEVELS]
-            found += [Move(at, joints, load, speed) for load, speed in product(_LOAD_LEVELS, _SPEED_LEVELS)]
+            proposed += [Move(at, joints, speed=speed) for speed in _SPEED_LEVELS]
+            proposed += [Move(at, joints, load, speed) for load, speed in product(_LOAD_LEVELS, _SPEED_LEVELS)]
         if BASE in logged.inputs and at == EVERYWHERE:
-            found += [Move(at, joints, 1.0, speed, travelling=True) for speed in _SPEED_LEVELS]
-    return found
+            proposed += [Move(at, joints, 1.0, speed, travelling=True) for speed in _SPEED_LEVELS]
+    return proposed
 
 
 def _scopes(joints: Sequence[str], places: Iterable[str]) -> list[tuple[str, tuple[str, ...]]]:
@@ -178,17 +175,18 @@ def _place(column: str) -> str:
     return column.partition(".")[2]
 
 
-# --- A proposed run: moves one after the other, from the temperature of the air, as a log's columns ---
+# --- A program: moves one after the other, from the temperature of the air, as a log's columns -----
 
 
 STEP = 10.0  # s; short against the time constants of a joint
 NAME = "experiment"
 AMBIENT = "ambient"
+_ROOM = 25.0  # degC; where no run has a first reading
 
 
 @dataclass(frozen=True)
-class Step:
-    """A move and how long it lasts [s]."""
+class Phase:
+    """A move and how long it takes [s]."""
 
     move: Move
     seconds: float
@@ -199,44 +197,44 @@ class Program:
     """Moves one after the other.
 
     Args:
-        steps: the moves.
+        phases: the moves.
         ambient: temperature of the air, and of the whole robot at the beginning [degC].
         moved_air: whether that is another than the log's.
     """
 
-    steps: tuple[Step, ...]
+    phases: tuple[Phase, ...]
     ambient: float
     moved_air: bool = field(default=False, compare=False)
 
     @property
     def seconds(self) -> float:
-        """How long it lasts [s]."""
-        return sum(step.seconds for step in self.steps)
+        """How long it takes [s]."""
+        return sum(phase.seconds for phase in self.phases)
 
     @property
-    def working(self) -> tuple[Step, ...]:
-        """The steps without rest."""
-        return tuple(step for step in self.steps if step.move.joints)
+    def working(self) -> tuple[Phase, ...]:
+        """The phases without rest."""
+        return tuple(phase for phase in self.phases if phase.move.joints)
 
 
-def program(parts: Sequence[tuple[Move, float]], seconds: float, ambient: float, moved_air: bool = False) -> Program:
+def program(shares: Sequence[tuple[Move, float]], seconds: float, ambient: float, moved_air: bool = False) -> Program:
     """Moves that take shares of the time, and rest for what is left.
 
     Args:
-        parts: each move and its share, 0 to 1.
+        shares: each move and its share, 0 to 1.
         seconds: the whole duration.
         ambient: temperature of the air [degC].
         moved_air: whether that is another than the log's.
     """
-    steps = [Step(move, round(share * seconds / STEP) * STEP) for move, share in parts]
-    left = round(seconds / STEP) * STEP - sum(step.seconds for step in steps)
+    phases = [Phase(move, round(share * seconds / STEP) * STEP) for move, share in shares]
+    left = round(seconds / STEP) * STEP - sum(phase.seconds for phase in phases)
     if left >= STEP:
-        steps.append(Step(REST, left))
-    return Program(tuple(step for step in steps if step.seconds > 0), ambient, moved_air)
+        phases.append(Phase(REST, left))
+    return Program(tuple(phase for phase in phases if phase.seconds > 0), ambient, moved_air)
 
 
-class Stage:
-    """Where programs are turned into runs for the models in question.
+class ProgramRuns:
+    """Turns programs into runs for the models in question.
 
     Args:
         models: the rivals' models.
@@ -245,7 +243,7 @@ class Stage:
 
     def __init__(self, models: Sequence[Model], runs: Sequence[Run]) -> None:
         columns = dict.fromkeys(name for model in models for name in model.inputs if name not in model.started)
-        self.logged = Logged(runs, (name for name in columns if not name.startswith("temperature.")))
+        self.logged = LoggedInputs(runs, (name for name in columns if not name.startswith("temperature.")))
         self.given = [name for name in columns if name.startswith("temperature.")]
         self.nodes = list(models[0].nodes)
         self._runs = list(runs)
@@ -263,16 +261,16 @@ class Stage:
 
     @property
     def air_can_change(self) -> bool:
-        """Whether the models know of the air's temperature."""
+        """Whether the air's temperature is an input of the models, or nothing is prescribed."""
         return self._air is not None or not self.given
 
     def run(self, wanted: Program) -> Run:
         """The program as a log: inputs, and every node at the air's temperature."""
-        counts = [round(step.seconds / STEP) for step in wanted.steps]
+        counts = [round(phase.seconds / STEP) for phase in wanted.phases]
         n = sum(counts)
 
         def held(column: str) -> FloatArray:
-            return np.repeat([self.logged.value(column, step.move) for step in wanted.steps], counts).astype(float)
+            return np.repeat([self.logged.value(column, phase.move) for phase in wanted.phases], counts).astype(float)
 
         columns = {name: held(name) for name in self.logged.columns}
         for name in self.given:
@@ -289,28 +287,28 @@ class Stage:
 
 def _first(run: Run, nodes: Sequence[str]) -> float:
     readings = np.array([run.columns[f"temperature.{node}"][0] for node in nodes if run.has(f"temperature.{node}")])
-    known = readings[np.isfinite(readings)]
-    return float(np.median(known)) if known.size else 25.0
+    finite = readings[np.isfinite(readings)]
+    return float(np.median(finite)) if finite.size else _ROOM
 
 
 # --- A proposed run in words that a technician can follow -----------------------------------------
 
 
 _UNITS = {"torque": "N*m", "torque_abs": "N*m", "current": "A", "current_abs": "A", "power": "W", "heat": "W"}
-_ALIKE = 1.1  # values whose largest is no more than so many times the least are said as one
+_ONE_VALUE = 1.1  # values whose largest is no more than so many times the least are given as one
 
 
 def unit_of(quantity: str) -> str:
-    """SI unit of a load, empty where the column's name tells none."""
+    """SI unit of a load, empty where the column's name gives none."""
     return _UNITS.get(quantity, "")
 
 
-def instructions(wanted: Program, logged: Logged) -> str:
+def instructions(wanted: Program, logged: LoggedInputs) -> str:
     """What to do, a sentence or two."""
     air = f"With the robot at rest and as warm as the air, {wanted.ambient:.0f} degC"
     air += ", which is not the temperature of the logs" if wanted.moved_air else ""
-    parts = [_step(step, logged) for step in wanted.steps]
-    return f"{air}: {', then '.join(parts)}."
+    phases = [_phase(phase, logged) for phase in wanted.phases]
+    return f"{air}: {', then '.join(phases)}."
 
 
 def named(rival: tuple[str, str]) -> str:
@@ -323,11 +321,11 @@ def listed(names: Sequence[str]) -> str:
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
 
 
-def _step(step: Step, logged: Logged) -> str:
-    return f"{_doing(step.move, logged)} for {_minutes(step.seconds)} min"
+def _phase(phase: Phase, logged: LoggedInputs) -> str:
+    return f"{_doing(phase.move, logged)} for {phase.seconds / 60:.3g} min"
 
 
-def _doing(move: Move, logged: Logged) -> str:
+def _doing(move: Move, logged: LoggedInputs) -> str:
     if not move.joints:
         return "leave it unpowered"
     quantity, loads = logged.loads(move)
@@ -355,10 +353,6 @@ def _range(values: Sequence[float], unit: str) -> str:
     if not values:
         return f"the usual {unit}"
     least, most = min(values), max(values)
-    if most <= _ALIKE * least:
+    if most <= _ONE_VALUE * least:
         return f"{sum(values) / len(values):.2g} {unit}"
     return f"{least:.2g} to {most:.2g} {unit}"
-
-
-def _minutes(seconds: float) -> str:
-    return f"{seconds / 60:.3g}"
