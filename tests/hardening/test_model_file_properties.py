@@ -46,8 +46,15 @@ def _in_order(lines: list[str], text: str) -> bool:
 
 
 def _without_fit(text: str) -> list[str]:
-    """The author's lines: all but those of `[fit]`, which a fit replaces."""
-    return text.partition("\n[fit]")[0].rstrip("\n").split("\n")
+    """The author's lines: all but those of `[fit]` and of the parameters to which a fit gives values."""
+    lines = text.partition("\n[fit]")[0].rstrip("\n").split("\n")
+    return [line for line in lines if not line.startswith(("capacity", "resistance", "conductivity", "temperature ="))]
+
+
+def _comments(text: str) -> list[str]:
+    """The author's comments at the ends of lines, which a fit keeps."""
+    lines = text.partition("\n[fit]")[0].split("\n")
+    return [line.partition("# ")[2] for line in lines if line.startswith("capacity") and line.count("#") == 1]
 
 
 @settings(max_examples=12)
@@ -56,6 +63,10 @@ def test_writing_a_fit_or_an_effect_keeps_every_line(text: str, twice: bool) -> 
     file = parse_model(text, PATH)
     fitted = _fitted(file)
     assert _in_order(_without_fit(text), fitted.text)
+    assert all(comment in fitted.text for comment in _comments(text))
+    values = {parameter.name: parameter.value for parameter in fitted.network.parameters}
+    for parameter in file.network.parameters:
+        assert values[parameter.name] == pytest.approx(parameter.value, rel=1e-5)
     more = added(fitted, "sensor_offset", fitted.network.dynamic[-1])
     assert _in_order(_without_fit(text), more.text)
     assert more.network.dynamic == file.network.dynamic

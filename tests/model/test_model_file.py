@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -14,11 +15,10 @@ from hypothesis import strategies as st
 from lptn.basics.errors import InputError
 from lptn.effects import catalogue
 from lptn.identify.fitting import Fit, fit
-from lptn.model.file import ModelFile, added, parse_model, read_model_file
+from lptn.model.file import FitTable, FittedTable, ModelFile, added, parse_model, read_model_file
 from lptn.model.model import Model
 from lptn.robots.presets import preset_text, presets, variants
-from tests.builders import bound_runs
-from tests.builders import effect
+from tests.builders import bound_runs, effect
 from tests.identify.truth import TRUTH, truth_run
 
 FILE = Path("robot.toml")
@@ -234,7 +234,13 @@ def fitted() -> Fit:
 
 def test_a_fit_is_kept_in_the_file_and_read_again(fitted: Fit) -> None:
     file = _parse(SMALL).with_fit(fitted.table())
-    assert file.text.startswith(SMALL.rstrip("\n"))
+    written = "".join(line + "\n" for line in file.text.partition("\n[fit]")[0].splitlines())
+    for author, line in zip(
+        SMALL.splitlines(), [line for line in written.splitlines() if "K/W" not in line], strict=True
+    ):
+        assert line == author or line.startswith("capacity = ")
+    assert "# the housing" in file.text
+    assert "fit.parameters" not in file.text
     again = {parameter.name: parameter.value for parameter in _parse(file.text).network.parameters}
     for parameter in fitted.model.parameters:
         assert again[parameter.name] == pytest.approx(parameter.value, rel=1e-5)
@@ -247,6 +253,83 @@ def test_a_second_fit_replaces_the_first(fitted: Fit) -> None:
     once = _parse(SMALL).with_fit(fitted.table())
     assert once.with_fit(fitted.table()).text == once.text
     assert once.text.count("[fit]") == 1
+
+
+def test_fitted_values_stand_where_their_parameters_are_declared() -> None:
+    file = _parse(LEG)
+    values = {p.name: 0.9 * p.value + 0.001 * row for row, p in enumerate(file.network.parameters) if p.free}
+    table = FitTable(rmse=0.5, parameters={name: FittedTable(value=v, error=v / 10) for name, v in values.items()})
+    fitted = file.with_fit(table)
+    assert "resistance = { value = 2.70" in fitted.text.replace("{value", "{ value")  # a class: one value
+    assert "# through the knee" in fitted.text
+    content = tomllib.loads(fitted.text)
+    capacity = content["nodes"]["*_*"]["capacity"]
+    assert capacity["value"] == {
+        name: pytest.approx(values[f"capacity.{name}"] / 1000, rel=1e-5) for name in file.network.dynamic
+    }
+    assert (capacity["unit"], capacity["bounds"]) == ("kJ/K", [0.02, 3])
+    assert content["effects"][1]["torque"] == pytest.approx(values["coulomb_friction.torque.*_calf"], rel=1e-5)
+    assert set(content["fit"]["standard_errors"]) == set(values)
+    assert "parameters" not in content["fit"]
+    assert {name: entry.error for name, entry in fitted.fit.parameters.items()} == {
+        name: pytest.approx(value / 10, rel=1e-5) for name, value in values.items()
+    }
+
+
+def test_a_file_with_fitted_values_of_an_older_version_is_read_and_brought_up_to_date() -> None:
+    old = SMALL + '\n[fit]\nrmse = 0.3\n[fit.parameters]\n"capacity.a" = { value = 222, error = 3, unit = "J/K" }\n'
+    file = _parse(old)
+    assert {p.name: p.value for p in file.network.parameters}["capacity.a"] == 222
+    new = file.with_fit(FitTable(rmse=0.2, parameters={"capacity.b": FittedTable(value=99.0, error=1.0)}))
+    assert {p.name: p.value for p in new.network.parameters}["capacity.a"] == 222
+    assert "capacity = 222.0" in new.text
+    assert "capacity = 99.0 # the housing" in new.text
+    assert "fit.parameters" not in new.text
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ("{ value = { FL_thigh = 1, FL_calf = 1, FR_thigh = 1 } }", "no value for FR_calf"),
+        ("{ value = { FL_thigh = 1, FL_calf = 1, FR_thigh = 1, FR_calf = 1, hip = 1 } }", "a value for hip"),
+        ("{ value = { FL_thigh = 1, FL_calf = 1, FR_thigh = 1, FR_calf = -1 } }", "-1 J/K for FR_calf"),
+        ("{ value = { FL_thigh = 1, FL_calf = 'x', FR_thigh = 1, FR_calf = 1 } }", "'x'; expected a number"),
+        ("{ value = {} }", "no value for FL_thigh"),
+    ],
+)
+def test_a_value_for_each_place_has_to_be_one_for_each(given: str, said: str) -> None:
+    capacity = next(line for line in LEG.splitlines() if line.startswith("capacity"))
+    with pytest.raises(InputError, match="line 13") as refused:
+        _parse(LEG.replace(capacity, f"capacity = {given}"))
+    assert said in str(refused.value)
+
+
+def test_bounds_that_leave_one_value_hold_it() -> None:
+    for bounds in ("{ bounds = [310, 310] }", "{ value = 310, bounds = [310, 310] }"):
+        network = _parse(SMALL.replace("capacity = 300\n", f"capacity = {bounds}\n")).network
+        held = {p.name: p for p in network.parameters}["capacity.a"]
+        assert (held.value, held.free) == (310.0, False)
+
+
+@pytest.mark.parametrize(
+    ("at", "run", "place", "kept"),
+    [
+        ("b", "", "b", ""),
+        ("b@monday", "", "b", "monday"),
+        ("b@mon,day", "", "b", "mon?day"),
+        ("b", "mon day", "b", "mon day"),
+        ("b@mon,day", "mon day", "b", "mon day"),
+        ("*@monday", "", "*", "monday"),
+    ],
+)
+def test_an_effect_is_added_for_one_run_as_diagnose_prints_it(at: str, run: str, place: str, kept: str) -> None:
+    declared = added(_parse(SMALL), "sensor_offset", at, run).network.effects[-1]
+    assert (declared.at, declared.run) == (place, kept)
+
+
+def test_two_runs_for_one_effect_are_refused() -> None:
+    with pytest.raises(InputError, match="another run"):
+        added(_parse(SMALL), "sensor_offset", "b@monday", "tuesday")
 
 
 def test_an_effect_can_be_added_to_a_fitted_file(fitted: Fit) -> None:

@@ -30,8 +30,8 @@ def finite(content: Any) -> Any:
 # --- Files written whole or not at all ------------------------------------------------------------
 # A file is written under another name in the same folder, forced to the disk and renamed; then the folder is forced
 # to the disk. A kill, a full disk or a power cut leaves the old file or the new one, and of two processes that write
-# one file the last wins as a whole. All that a kill can leave is `.<name>.<random>.part`, which nobody reads; who writes
-# the same file again removes those older than an hour.
+# one file the last wins as a whole. All that a kill can leave is `.<name>.<random>.part`, which nobody reads; the next
+# write of the same file removes those older than an hour.
 
 
 try:

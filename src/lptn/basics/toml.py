@@ -134,7 +134,7 @@ def _check_integers(path: Path, content: object, place: str = "") -> None:
 
 
 @contextmanager
-def told_by_line(path: Path, text: str) -> Iterator[None]:
+def mistakes_by_line(path: Path, text: str) -> Iterator[None]:
     """Turn what goes wrong while a TOML text is understood into one line that names the place.
 
     Raises:
@@ -150,13 +150,23 @@ def told_by_line(path: Path, text: str) -> Iterator[None]:
 
 def from_validation(error: ValidationError, path: Path, text: str) -> InputError:
     """The first mistake that pydantic found, in the words of this file."""
+    first = first_mistake(error)
+    place = place_of(first).lstrip(".") or "file"
+    return with_line(InputError(path, place, found_in(first), expectation(first)), path, text)
+
+
+def first_mistake(error: ValidationError) -> Any:
+    """The mistake to speak of: the first, or where that is in a table, the one that is deepest inside it."""
     first = error.errors()[0]
     if isinstance(first["input"], Mapping):  # a table was meant: what is wrong inside it says more
-        first = max(error.errors(), key=lambda each: len(each["loc"]))
+        return max(error.errors(), key=lambda mistake: len(mistake["loc"]))
+    return first
+
+
+def place_of(mistake: Any) -> str:
+    """The keys at which pydantic found a mistake: `.nodes."*_calf".capacity`."""
     # A union reports each alternative with its own name in the path; only the file's own keys are wanted.
-    keys = [part for part in first["loc"] if isinstance(part, int) or not _is_alternative(part)]
-    place = "".join(map(_step, keys)).lstrip(".") or "file"
-    return with_line(InputError(path, place, found_in(first), expectation(first)), path, text)
+    return "".join(_step(part) for part in mistake["loc"] if isinstance(part, int) or not _is_alternative(part))
 
 
 def _step(key: str | int) -> str:
@@ -166,7 +176,7 @@ def _step(key: str | int) -> str:
 
 
 def _is_alternative(part: str) -> bool:
-    return part in {"str", "float", "ParameterTable"} or part.startswith("constrained")
+    return part in {"str", "float", "ParameterTable"} or part.startswith(("constrained", "dict["))
 
 
 def expectation(error: Any) -> str:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from lptn.logs.run import Run
     from lptn.model.model import Model
     from lptn.online.calibration import Calibration
-    from lptn.online.monitoring import Monitoring, Watched
+    from lptn.online.monitoring import Monitoring
     from lptn.online.sensor_faults import Alarm
 
 Healthy = Annotated[
@@ -81,14 +81,14 @@ def _calibration(
     model: Model, healthy: list[Run], false_alarms: float, path: Path | None, report: Callable[[str], None]
 ) -> Calibration | None:
     """What healthy logs teach: learnt now and kept, or learnt before, or nothing."""
-    from lptn.online.calibration import calibrate, keep, kept
+    from lptn.online.calibration import calibrate, read_calibration, write_calibration
 
     if healthy:
         learnt = calibrate(model, healthy, false_alarms=false_alarms, report=report)
         if path is not None:
-            keep(learnt, model.nodes, path)
+            write_calibration(learnt, model.nodes, path)
         return learnt
-    return None if path is None else kept(path, model)
+    return None if path is None else read_calibration(path, model)
 
 
 def _refuse_shared(runs: list[Run], healthy: list[Run]) -> None:
@@ -112,23 +112,23 @@ def _show_monitoring(result: Monitoring) -> None:
         show_table(("run", "sensor", "fault", "size", "since", "statistical", f"over {result.threshold:g} K"), rows)
         print("Times are in s of each log's clock. The fault is named from some minutes behind the alarm, too.")
     for watched in result.runs:
-        if not (watched.direct or watched.statistical):
-            node = max(watched.largest, key=watched.largest.__getitem__)
-            print(f"{watched.scene.run.name}: no alarm; largest error {watched.largest[node]:.3g} K, {node}.")
+        if not (watched.threshold_alarms or watched.statistical_alarms):
+            node = max(watched.largest_error, key=watched.largest_error.__getitem__)
+            print(f"{watched.run.name}: no alarm; largest error {watched.largest_error[node]:.3g} K, {node}.")
     hours = result.calibration.hours
     learnt = f"come from {hours:.3g} h of healthy logs"
     guessed = "are guesses: give the logs that the model was fitted on as --healthy"
     print(f"The statistical detector's limits {learnt if hours else guessed}.")
 
 
-def _rows(watched: Watched) -> Iterator[list[str]]:
-    direct = {alarm.node: alarm for alarm in watched.direct}
-    statistical = {alarm.node: alarm for alarm in watched.statistical}
-    for node in dict.fromkeys(alarm.node for alarm in (*watched.statistical, *watched.direct)):
+def _rows(watched: MonitoredRun) -> Iterator[list[str]]:
+    direct = {alarm.node: alarm for alarm in watched.threshold_alarms}
+    statistical = {alarm.node: alarm for alarm in watched.statistical_alarms}
+    for node in dict.fromkeys(alarm.node for alarm in (*watched.statistical_alarms, *watched.threshold_alarms)):
         best = statistical.get(node) or direct[node]
         size = "" if best.size is None else f"{best.size:+.2g} {_UNITS[best.kind]}"
         times = [_time(alarms.get(node)) for alarms in (statistical, direct)]
-        yield [watched.scene.run.name, node, best.kind, size, f"{best.onset:.0f} s", *times]
+        yield [watched.run.name, node, best.kind, size, f"{best.onset:.0f} s", *times]
 
 
 def _time(alarm: Alarm | None) -> str:

@@ -14,19 +14,18 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from lptn.basics.errors import InputError, shown
 from lptn.basics.files import write_whole
 from lptn.basics.parameters import Parameter, Share
-from lptn.basics.places import is_glob
-from lptn.basics.toml import expectation, found_in, text_of, told_by_line, toml_of
+from lptn.basics.places import is_glob, run_label
+from lptn.basics.toml import expectation, first_mistake, found_in, mistakes_by_line, place_of, text_of, toml_of
 from lptn.basics.units import convert
 from lptn.effects import effect_named
 from lptn.logs.columns import ColumnSource, parse_columns
 from lptn.model.bodies import KINDS, Element, Shape
-from lptn.model.network import START, EffectDeclaration, LinkDeclaration, Network, NodeDeclaration
+from lptn.model.network import ROUNDING, START, EffectDeclaration, Key, LinkDeclaration, Network, NodeDeclaration
 
-# --- What may stand in a model file: its tables and keys, checked by pydantic ---------------------
+# --- What may stand in a model file: its tables and keys, checked by pydantic -----------------------
 
-
-_MOST = 1e15  # beyond it no quantity of a robot lies, in whatever unit, and squares would overflow
-Number = Annotated[float, Field(allow_inf_nan=False, strict=True, ge=-_MOST, le=_MOST)]
+_LARGEST = 1e15  # in any unit: no quantity of a robot is larger, and its square can still be computed with
+Number = Annotated[float, Field(allow_inf_nan=False, strict=True, ge=-_LARGEST, le=_LARGEST)]
 
 
 class Strict(BaseModel):
@@ -34,20 +33,20 @@ class Strict(BaseModel):
 
 
 class ParameterTable(Strict):
-    value: Number | None = None
+    value: Number | dict[str, Number] | None = None  # a table gives each place, or group of places, its own
     unit: str | None = None
     bounds: Annotated[list[Number], Field(min_length=2, max_length=2)] | None = None
     share: Share | None = None
     fixed: bool | None = None
 
 
-Given = Number | ParameterTable
+NumberOrTable = Number | ParameterTable
 
 
 class ModelTable(Strict):
     name: str = "model"
     joints: list[str] = []
-    ambient: str | Given | None = None
+    ambient: str | NumberOrTable | None = None
     step: Annotated[Number, Field(gt=0)] | None = None
 
 
@@ -57,14 +56,14 @@ class ElementTable(BaseModel):
 
 
 class NodeTable(Strict):
-    capacity: Given | None = None
-    temperature: str | Given | None = None
+    capacity: NumberOrTable | None = None
+    temperature: str | NumberOrTable | None = None
     element: ElementTable | None = None
 
 
 class LinkTable(Strict):
     between: Annotated[list[str], Field(min_length=2, max_length=2)]
-    resistance: Given | None = None
+    resistance: NumberOrTable | None = None
     perfect: bool = False
 
 
@@ -94,6 +93,8 @@ class FitTable(Strict):
     warnings: list[str] = []
     data: list[DataTable] = []
     parameters: dict[str, FittedTable] = {}
+    """Values, where they can't stand with the parameter's declaration; in files of older versions all of them."""
+    standard_errors: dict[str, float] = {}
 
 
 class File(Strict):
@@ -105,12 +106,11 @@ class File(Strict):
     fit: FitTable = FitTable()
 
 
-# --- The `element` table of a node in a model file: a body of a material, its dimensions in any unit ---
-
+# --- The `element` table of a node: a body of a material, its dimensions in any unit ----------------
 
 _DIMENSIONS = {
     "m": Parameter("length", 0.01, "m", (1e-6, 2.0)),
-    "rad": Parameter("angle", math.tau, "rad", (1e-3, math.tau * (1 + 1e-9))),
+    "rad": Parameter("angle", math.tau, "rad", (1e-3, math.tau * (1 + ROUNDING))),
     "1": Parameter("count", 1.0, "dimensionless", (1.0, 1e4)),
 }
 _OPTIONAL = ("angle", "count")
@@ -122,8 +122,8 @@ _CONDUCTIVITY = Parameter(
     "conductivity", 1.0, "W/(m*K)", (1e-4, 1e4), typical=1.0, title="thermal conductivity", fixed=True
 )
 _CAPACITY = Parameter("capacity", 300.0, "J/K", (1e-3, 1e6), typical=300.0, title="heat capacity", fixed=True)
-Read = Callable[[Parameter, object, str], Parameter]
-"""Reads a parameter's table: what is known of it, what the file says, where."""
+ReadParameter = Callable[[Parameter, object, str], Parameter]
+"""A parameter as the file has it: from its declaration, what the file says, and where."""
 
 
 class ElementReader:
@@ -136,7 +136,7 @@ class ElementReader:
         read: reads a parameter with its unit.
     """
 
-    def __init__(self, path: Path, table: ElementTable, place: str, read: Read) -> None:
+    def __init__(self, path: Path, table: ElementTable, place: str, read: ReadParameter) -> None:
         self.path, self.place, self.read = path, place, read
         self.given = dict(table.model_extra or {})
         kind = KINDS.get(table.kind)
@@ -193,8 +193,8 @@ class ElementReader:
         if common in self.given and set(single) & set(self.given):
             both = next(name for name in single if name in self.given)
             raise self._mistake(both, f"{both} beside {common}", f"one {common}, or {' and '.join(single)}")
-        found = {name: self._material(name) for name in dict.fromkeys(names)}
-        return {direction: found[name] for direction, name in zip(self.kind.directions, names, strict=True)}
+        read = {name: self._material(name) for name in dict.fromkeys(names)}
+        return {direction: read[name] for direction, name in zip(self.kind.directions, names, strict=True)}
 
     def _material(self, name: str) -> Parameter:
         given = self._given(name)
@@ -223,15 +223,14 @@ class ElementReader:
         return InputError(self.path, f"{self.place}.{key}", found, expected)
 
 
-# --- The checked tables of a model file turned into the declarations of a network -----------------
-
+# --- The checked tables turned into the declarations of a network -----------------------------------
 
 _NODE_CAPACITY = Parameter("capacity", 300.0, "J/K", (1e-3, 1e6), typical=300.0, title="heat capacity")
 _RESISTANCE = Parameter("resistance", 5.0, "K/W", (1e-4, 1e4), typical=5.0, title="thermal resistance")
 _TEMPERATURE = Parameter(
     "temperature", 20.0, "degC", (-80.0, 200.0), typical=10.0, title="prescribed temperature", fixed=True
 )
-_MOST_WILD = 4  # in one name: trying all ways to share out its letters takes a power of that
+_MOST_PATTERNS = 4  # of {…} and * in one name: the ways to divide its letters among them go with a power of that
 
 
 class Reader:
@@ -244,6 +243,8 @@ class Reader:
 
     def __init__(self, path: Path, tables: File) -> None:
         self.path, self.tables = path, tables
+        self._own_values: dict[str, dict[str, float]] = {}
+        """By the place of a parameter in the file: its values by owner, where it has one for each."""
 
     def network(self) -> Network:
         """The network that the tables declare.
@@ -271,13 +272,40 @@ class Reader:
         known = {parameter.name for parameter in network.parameters}
         for name in fitted:
             if name not in known:
-                raise InputError(
-                    self.path,
-                    f'fit.parameters."{name}"',
-                    "a fitted value that no part of the model uses",
-                    "none, or [fit] removed: the model was changed after the fit",
-                )
-        return network
+                found = "a fitted value that no part of the model uses"
+                expected = "none, or [fit] removed: the model was changed after the fit"
+                raise InputError(self.path, f'fit.parameters."{name}"', found, expected)
+        own = self._values_by_name(network)
+        return network.with_values(own | fitted) if own else network
+
+    def _values_by_name(self, network: Network) -> dict[str, float]:
+        """The values that places have for themselves, by the names of the parameters.
+
+        Raises:
+            InputError: a place has no value, or a value no place.
+        """
+        values: dict[str, float] = {}
+        for key, owners in network.declared_at.items():
+            place = self._place(key)
+            own = self._own_values.get(place)
+            if own is None:
+                continue
+            for owner in own:
+                if owner not in owners.values():
+                    expected = f"one of {', '.join(owners.values())}"
+                    raise InputError(self.path, f"{place}.value", f"a value for {owner}", expected)
+            for name, owner in owners.items():
+                if owner not in own:
+                    raise InputError(self.path, f"{place}.value", f"no value for {owner}", "one for each place")
+                values[name] = own[owner]
+        return values
+
+    def _place(self, key: Key) -> str:
+        """Where a key of a declaration stands in the file."""
+        if key == AMBIENT and "ambient" not in self.tables.nodes:
+            return "model.ambient"
+        kind, which, *rest = key
+        return ".".join([f'nodes."{which}"' if kind == "nodes" else f"{kind}[{which}]", *map(str, rest)])
 
     def _node(self, name: str, table: NodeTable) -> NodeDeclaration:
         place = f'nodes."{name}"'
@@ -315,8 +343,8 @@ class Reader:
         one, other = link.between
         for end in link.between:
             wild = end.count("{") + end.count("*")
-            if "{" in end and wild > _MOST_WILD:
-                expected = f"at most {_MOST_WILD}, such as {{leg}}_*"
+            if "{" in end and wild > _MOST_PATTERNS:
+                expected = f"at most {_MOST_PATTERNS}, such as {{leg}}_*"
                 raise InputError(self.path, f"links[{number}].between", f"{wild} of {{…}} and * in one name", expected)
         if link.perfect:
             if link.resistance is not None:
@@ -349,36 +377,43 @@ class Reader:
         return EffectDeclaration(effect, table.at, tuple(parameters), driven_by=driven_by, run=run)
 
     def _parameter(self, declared: Parameter, given: object, place: str) -> Parameter:
-        """A declared parameter with what the file says of it, converted to its SI unit."""
+        """A declared parameter with what the file says of it, converted to its SI unit.
+
+        Values for single places are kept for `_values_by_name`; the parameter then has the first of them.
+        """
         table = given if isinstance(given, ParameterTable) else self._table(given, place)
         unit = table.unit or declared.unit
+        numbers = table.value if isinstance(table.value, dict) else {} if table.value is None else {"": table.value}
+        bounds = declared.bounds
         try:
-            value = declared.value if table.value is None else convert(table.value, unit, declared.unit)
-            bounds = declared.bounds
+            values = {owner: convert(number, unit, declared.unit) for owner, number in numbers.items()}
             if table.bounds is not None:
-                bounds = (
-                    convert(table.bounds[0], unit, declared.unit),
-                    convert(table.bounds[1], unit, declared.unit),
-                )
+                least, greatest = table.bounds
+                bounds = convert(least, unit, declared.unit), convert(greatest, unit, declared.unit)
         except ValueError as error:
             raise InputError(self.path, f"{place}.unit", f'"{unit}"', f"a unit like {declared.unit}") from error
         if declared.bounds[0] >= 0:  # what can't be negative by nature is not made so by a file
             bounds = max(bounds[0], declared.bounds[0]), bounds[1]
-        if bounds[0] > bounds[1]:
-            found = f"a lower bound {bounds[0]:g} above the upper {bounds[1]:g}"
+        lower, upper = bounds
+        if lower > upper:
+            found = f"a lower bound {lower:g} above the upper {upper:g}"
             raise InputError(self.path, f"{place}.bounds", found, "[least, greatest]")
-        if not bounds[0] <= value <= bounds[1]:
-            if table.value is None:  # only bounds were given: start inside them
-                value = sum(bounds) / 2
-            else:
-                within = f"a value from {bounds[0]:g} to {bounds[1]:g} {declared.unit}"
-                raise InputError(self.path, f"{place}.value", f"{value:g} {declared.unit}", within)
+        for owner, value in values.items():
+            slack = 0.0 if unit == declared.unit else ROUNDING * abs(value)
+            if not lower - slack <= value <= upper + slack:
+                found = f"{value:g} {declared.unit}" + (f" for {owner}" if owner else "")
+                expected = f"a value from {lower:g} to {upper:g} {declared.unit}"
+                raise InputError(self.path, f"{place}.value", found, expected)
+            values[owner] = min(max(value, lower), upper)
+        if isinstance(table.value, dict):
+            self._own_values[place] = values
+        start = declared.value if lower <= declared.value <= upper else (lower + upper) / 2  # if only bounds are given
         return replace(
             declared,
-            value=value,
+            value=next(iter(values.values()), start),
             bounds=bounds,
             share=table.share or declared.share,
-            fixed=declared.fixed if table.fixed is None else table.fixed,
+            fixed=lower == upper or (declared.fixed if table.fixed is None else table.fixed),
         )
 
     def _table(self, given: object, place: str) -> ParameterTable:
@@ -390,10 +425,8 @@ class Reader:
         try:
             return ParameterTable.model_validate(given)
         except ValidationError as error:
-            first = error.errors()[0]
-            inner = ".".join(str(part) for part in first["loc"])
-            where = f"{place}.{inner}" if inner else place
-            raise InputError(self.path, where, found_in(first), expectation(first)) from error
+            first = first_mistake(error)
+            raise InputError(self.path, place + place_of(first), found_in(first), expectation(first)) from error
 
 
 def flat_columns(columns: Mapping[str, Any]) -> dict[str, object]:
@@ -407,9 +440,10 @@ def flat_columns(columns: Mapping[str, Any]) -> dict[str, object]:
     return flat
 
 
-# --- `model.toml` in and out: comments kept, every mistake named with its line --------------------
+# --- The file in and out: comments kept, every mistake named with its line --------------------------
 
-
+AMBIENT: Key = ("nodes", "ambient", "temperature")
+"""What `[model] ambient = …` declares."""
 _SIGNIFICANT = 6  # digits of a fitted value: more would claim what no fit knows
 
 
@@ -423,6 +457,7 @@ class ModelFile:
         network: the network that it declares, fitted values in place.
         columns: where the log columns stand under other names.
         step: sampling step that logs are brought to [s], `None` for each log's own.
+        fit: what the file says of the fit that its values come from.
     """
 
     path: Path
@@ -430,6 +465,7 @@ class ModelFile:
     network: Network
     columns: dict[str, ColumnSource]
     step: float | None
+    fit: FitTable
 
     def with_effects(self, effects: Iterable[EffectDeclaration]) -> ModelFile:
         """The file with more `[[effects]]` at its end, everything else as it stands."""
@@ -449,31 +485,25 @@ class ModelFile:
         return parse_model(tomlkit.dumps(document), self.path)
 
     def with_fit(self, fitted: FitTable) -> ModelFile:
-        """The file with a `[fit]` table: values, standard errors, warnings and the data's fingerprints."""
+        """The file with fitted values where their parameters are declared, and a `[fit]` table that says how well.
+
+        A parameter that places have for themselves gets a table of values, `value = { FR_hip = 301.2, … }`. `[fit]` has
+        the error, warnings, the data's fingerprints and the values' standard errors.
+        """
         document = tomlkit.parse(self.text)
         document.pop("fit", None)
-        table = tomlkit.table()
-        if fitted.rmse is not None:
-            table.add("rmse", _rounded(fitted.rmse))
-            table["rmse"].comment("K, over the readings that were fitted")
-        if fitted.status is not None:
-            table.add("status", fitted.status)
-        if fitted.warnings:
-            table.add("warnings", tomlkit.item(fitted.warnings).multiline(True))
-        data = tomlkit.array()
-        for entry in fitted.data:
-            data.append(entry.model_dump())
-        table.add("data", data.multiline(True))
-        bounds = {parameter.name: parameter.declared.bounds for parameter in self.network.parameters}
-        parameters = tomlkit.table()
-        for name, found in fitted.parameters.items():
-            lower, upper = bounds.get(name, (-math.inf, math.inf))
-            rounded = found.model_dump(exclude_none=True) | {"value": min(max(_rounded(found.value), lower), upper)}
-            if found.error is not None:
-                rounded["error"] = _rounded(found.error)
-            parameters.add(name, _inline(rounded))
-        table.add("parameters", parameters)
-        document.add("fit", table)
+        declared = {parameter.name: parameter.declared for parameter in self.network.parameters}
+        values = {name: parameter.value for name, parameter in declared.items()}
+        values |= {name: entry.value for name, entry in fitted.parameters.items()}
+        elsewhere = dict(fitted.parameters)
+        for key, owners in self.network.declared_at.items():
+            if owners.keys().isdisjoint(fitted.parameters.keys() | self.fit.parameters.keys()):
+                continue
+            by_owner = {owner: values[name] for name, owner in owners.items()}
+            if _set_values(document, key, by_owner, declared[next(iter(owners))]):
+                for name in owners:
+                    elsewhere.pop(name, None)
+        document.add("fit", _fit_table(fitted, declared, elsewhere))
         return parse_model(tomlkit.dumps(document), self.path)
 
     def write(self, path: Path) -> None:
@@ -499,12 +529,16 @@ def parse_model(text: str, path: Path) -> ModelFile:
     Raises:
         InputError: with the line of the mistake.
     """
-    with told_by_line(path, text):
+    with mistakes_by_line(path, text):
         content = toml_of(path, text)
         tables = File.model_validate(content)
         columns = parse_columns(flat_columns(tables.columns), path, "columns")
         network = Reader(path, tables).network()
-    return ModelFile(path, text, network, columns, tables.model.step)
+    values = {parameter.name: parameter.value for parameter in network.parameters}
+    errors = {name: error for name, error in tables.fit.standard_errors.items() if name in values}
+    entries = {name: FittedTable(value=values[name], error=error) for name, error in errors.items()}
+    fit = tables.fit.model_copy(update={"parameters": entries | tables.fit.parameters})
+    return ModelFile(path, text, network, columns, tables.model.step, fit)
 
 
 def _effect_table(effect: EffectDeclaration) -> tomlkit.items.Table:
@@ -532,6 +566,93 @@ def _effect_table(effect: EffectDeclaration) -> tomlkit.items.Table:
     return table
 
 
+def _set_values(document: Any, key: Key, values: Mapping[str, float], declared: Parameter) -> bool:
+    """Write values, by owner, where their parameter is declared; `False` if the file has no place for them."""
+    if key == AMBIENT and "ambient" not in document.get("nodes", {}):
+        table, name = document["model"], "ambient"
+    else:
+        *path, name = key
+        table = document
+        for step in path:
+            table = table[step]
+        if name == "capacity" and name not in table and "element" in table:
+            return False  # it follows from the element's material
+    old = table.get(name)
+    entry = old if isinstance(old, Mapping) else {}
+    unit = str(entry.get("unit", declared.unit))
+    lower, upper = entry.get("bounds") or [convert(bound, declared.unit, unit) for bound in declared.bounds]
+    written: dict[str, float] = {}
+    for owner, value in values.items():
+        written[owner] = min(max(_rounded(convert(value, declared.unit, unit)), float(lower)), float(upper))
+    same = len(set(written.values())) == 1
+    if same and (entry.get("value") if entry else old) == next(iter(written.values())):
+        return True  # as its author wrote it: 1, not 1.0
+    new = tomlkit.item(next(iter(written.values()))) if same else _inline(written)
+    if isinstance(old, tomlkit.items.InlineTable) and not same:  # the long one last
+        table[name] = _inline({other: entry[other] for other in entry if other != "value"} | {"value": new})
+    elif entry:
+        entry["value"] = new  # type: ignore[index]  # tomlkit's tables can be written to
+    elif old is not None:
+        table[name] = new if same else _inline({"value": new})
+    else:
+        _append(table, name, _inline({"value": new, "unit": unit}))
+    return True
+
+
+def _append(table: Any, name: str, item: Any) -> None:
+    """A new last key of a table, before the blank lines and comments that lead over to what follows."""
+    if isinstance(table, tomlkit.items.InlineTable):
+        table[name] = item
+        return
+    body = table.value.body
+    after = []
+    while body and body[-1][0] is None:
+        after.append(body.pop())
+    table.add(name, item)
+    body.extend(reversed(after))
+
+
+def _fit_table(
+    fitted: FitTable, declared: Mapping[str, Parameter], elsewhere: Mapping[str, FittedTable]
+) -> tomlkit.items.Table:
+    """`[fit]`; `elsewhere` are the values that could not be written where their parameters are declared."""
+    table = tomlkit.table()
+    if fitted.rmse is not None:
+        table.add("rmse", _rounded(fitted.rmse))
+        table["rmse"].comment("K, over the readings that were fitted")
+    if fitted.status is not None:
+        table.add("status", fitted.status)
+    if fitted.warnings:
+        table.add("warnings", tomlkit.item(fitted.warnings).multiline(True))
+    data = tomlkit.array()
+    for entry in fitted.data:
+        data.append(entry.model_dump())
+    table.add("data", data.multiline(True))
+    table.add("standard_errors", _errors_table(fitted, declared, elsewhere))
+    if elsewhere:
+        parameters = tomlkit.table()
+        for name, found in elsewhere.items():
+            number = _rounded(found.value)
+            if name in declared:
+                number = min(max(number, declared[name].bounds[0]), declared[name].bounds[1])
+            error = {} if found.error is None else {"error": _rounded(found.error)}
+            parameters.add(name, _inline({"value": number} | error))
+        table.add("parameters", parameters)
+    return table
+
+
+def _errors_table(
+    fitted: FitTable, declared: Mapping[str, Parameter], elsewhere: Mapping[str, FittedTable]
+) -> tomlkit.items.Table:
+    table = tomlkit.table()
+    table.comment("of the fitted values, which stand where their parameters are declared")
+    for name, found in fitted.parameters.items():
+        if found.error is not None and name not in elsewhere:
+            table.add(name, _rounded(found.error))
+            table[name].comment(declared[name].unit)
+    return table
+
+
 def _inline(entries: Mapping[str, object]) -> tomlkit.items.InlineTable:
     table = tomlkit.inline_table()
     table.update(entries)
@@ -542,16 +663,30 @@ def _rounded(value: float) -> float:
     return float(f"{value:.{_SIGNIFICANT}g}")
 
 
-# --- An effect added to a model file, at the size at which it is usually met ----------------------
+# --- An effect added to a model file, at the size at which it is usually met ------------------------
 
 
-def added(file: ModelFile, key: str, at: str) -> ModelFile:
+def added(file: ModelFile, key: str, at: str, run: str = "") -> ModelFile:
     """The model file with one more effect; where `at` is a pattern, its places share the parameters.
 
+    Args:
+        file: the model file.
+        key: the effect's.
+        at: a node, an edge `"a~b"`, a pattern, or `"*"`; perhaps with the run behind it as `lptn diagnose` prints it,
+            `"FR_thigh@fit2"`.
+        run: name of the only run in which it acts, or a pattern of such names; every run by default.
+
     Raises:
-        InputError: no such effect, or it can't stand there.
+        InputError: no such effect, it can't stand there, or two runs are named.
     """
     kind = effect_named(key, "add", "EFFECT")
+    names = {*file.network.dynamic, *file.network.prescribed}
+    place, separator, printed = (at, "", "") if at in names else at.rpartition("@")
+    if separator and run and printed != run_label(run):
+        raise InputError("add", "--run", f'run "{run}" for a place "{at}" of another run', f'"{place}", or no --run')
+    if separator:
+        # A printed name has commas for characters that a name can't have; a pattern finds the run they stood in.
+        at, run = place, run or printed.replace(",", "?")
     share: Share = "all" if is_glob(at) or "{" in at else "each"
     parameters = tuple(replace(parameter.switched_on, share=share) for parameter in kind.parameters)
-    return file.with_effects([EffectDeclaration(kind(), at, parameters)])
+    return file.with_effects([EffectDeclaration(kind(), at, parameters, run=run)])

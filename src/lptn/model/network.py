@@ -210,7 +210,8 @@ class Network:
         layout: nodes and links, worked out.
         effect_instances: every effect at every place where it acts.
         parameters: all parameters of the model, free and fixed.
-        declared_at: for each key of a declaration, such as `("nodes", "*_calf", "capacity")`, its parameters' names.
+        declared_at: for each key of a declaration, such as `("nodes", "*_calf", "capacity")`, the names of its
+            parameters, and the place or group of places that owns each.
         runs: for each run, or glob of runs, that an effect is confined to, the index of its indicator.
 
     Raises:
@@ -227,7 +228,7 @@ class Network:
     layout: Layout = field(init=False, repr=False, compare=False)
     effect_instances: list[EffectInstance] = field(init=False, repr=False, compare=False)
     parameters: list[ParameterInstance] = field(init=False, repr=False, compare=False)
-    declared_at: dict[Key, list[str]] = field(init=False, repr=False, compare=False)
+    declared_at: dict[Key, dict[str, str]] = field(init=False, repr=False, compare=False)
     runs: dict[str, int] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -297,7 +298,7 @@ class Network:
 Key = tuple[str | int, ...]
 """A key of a declaration: `("nodes", "*_calf", "capacity")`, `("effects", 2, "gamma")`."""
 _NO_NAME = re.compile(r"[\s.~{}]|^$")
-_ROUNDING = 1e-9  # of a value: it may lie so far outside its bounds, as numbers do that were printed and read
+ROUNDING = 1e-9  # of a value: it may lie so far outside its bounds, as numbers do that were printed and read
 
 
 class _WorkedOut(NamedTuple):
@@ -306,7 +307,7 @@ class _WorkedOut(NamedTuple):
     layout: Layout
     effect_instances: list[EffectInstance]
     parameters: list[ParameterInstance]
-    declared_at: dict[Key, list[str]]
+    declared_at: dict[Key, dict[str, str]]
     runs: dict[str, int]
 
 
@@ -349,16 +350,14 @@ class _Parameters:
     def __init__(self, origin: str, values: Mapping[str, float]) -> None:
         self.origin, self.values = origin, values
         self.instances: list[ParameterInstance] = []
-        self.declared_at: dict[Key, list[str]] = {}
+        self.declared_at: dict[Key, dict[str, str]] = {}
         self._index: dict[str, int] = {}
 
     def index(self, key: Key, prefix: str, place: str, pattern: str, declared: Parameter, run: str = "") -> int:
         """The number of a declared parameter at a place, which it may have in common with others."""
         owner = {"class": class_of(place), "all": pattern}.get(declared.share, place)
         name = in_run(f"{prefix}.{owner}", run)
-        names = self.declared_at.setdefault(key, [])
-        if name not in names:
-            names.append(name)
+        self.declared_at.setdefault(key, {})[name] = owner
         if name not in self._index:
             other = mirrored(place) if declared.share == "sides" else None
             mirror = None if other is None else in_run(f"{prefix}.{other}", run)
@@ -370,7 +369,7 @@ class _Parameters:
 
     def _revalued(self, name: str, declared: Parameter, value: float) -> Parameter:
         lower, upper = declared.bounds
-        slack = _ROUNDING * max(abs(value), 1.0)
+        slack = ROUNDING * max(abs(value), 1.0)
         if not lower - slack <= value <= upper + slack:
             expected = f"a value from {lower!r} to {upper!r}"
             raise InputError(self.origin, f'fit.parameters."{name}"', f"{value!r}", expected)

@@ -13,7 +13,7 @@ from typing import Annotated, Literal
 from pydantic import BeforeValidator, Field
 
 from lptn.basics.errors import InputError
-from lptn.basics.toml import text_of, told_by_line, toml_of
+from lptn.basics.toml import text_of, mistakes_by_line, toml_of
 from lptn.basics.units import convert
 from lptn.model.file import Strict
 
@@ -340,7 +340,7 @@ def parse_geometry(text: str, path: Path) -> Geometry:
     Raises:
         InputError: with the line of the mistake.
     """
-    with told_by_line(path, text):
+    with mistakes_by_line(path, text):
         geometry = Geometry(path, GeometryFile.model_validate(toml_of(path, text)))
         geometry.check()
     return geometry
