@@ -1,4 +1,4 @@
-"""Every catalogue effect at every place where it can stand, in all runs or in one; nuisances of single logs."""
+"""Candidates: every effect of the catalogue at every place where it can stand; the ambient bias of single runs."""
 
 from __future__ import annotations
 
@@ -14,9 +14,6 @@ from lptn.identify.data import DataSplit
 from lptn.model.heat_balance import input_column
 from lptn.model.model import Model
 from lptn.model.network import EffectDeclaration, Network
-
-# --- Every catalogue effect at every place where it can stand, in every run or in one -------------
-
 
 _FEWEST = 3  # nodes that share an unseen mass
 Words = tuple[tuple[str, str], ...]
@@ -109,7 +106,7 @@ class Candidate:
 
 
 def candidates(network: Network, columns: Collection[str], runs: Sequence[str] = ()) -> list[Candidate]:
-    """Every effect of the catalogue at every place where the network lacks it and the log can drive it.
+    """Every effect of the catalogue at every place where the network lacks it and the log has its inputs.
 
     Args:
         network: the network as it stands.
@@ -117,18 +114,18 @@ def candidates(network: Network, columns: Collection[str], runs: Sequence[str] =
         runs: names of the fitted runs. With two or more of them, effects that may well differ from run to run
             are proposed for each run alone as well.
     """
-    found = []
+    proposed = []
     limits = ("", *separate_runs(runs))
     for effect, run in product(catalogue().values(), limits):
         if effect.amplitude() is not None and (effect.per_run or not run):
-            found += _of_effect(network, effect, columns, run)
-    return sorted(found, key=lambda candidate: limits.index(candidate.run))
+            proposed += _of_effect(network, effect, columns, run)
+    return sorted(proposed, key=lambda candidate: limits.index(candidate.run))
 
 
-def sites(found: Iterable[Candidate]) -> list[Site]:
+def sites(candidates: Iterable[Candidate]) -> list[Site]:
     """The single places, at each shape of the grid, that candidates are made of."""
-    each = (site for candidate in found for shape in candidate.shapes for site in candidate.sites(shape))
-    return list(dict.fromkeys(each))
+    all_sites = (site for candidate in candidates for shape in candidate.shapes for site in candidate.sites(shape))
+    return list(dict.fromkeys(all_sites))
 
 
 def separate_runs(names: Sequence[str]) -> list[str]:
@@ -138,12 +135,12 @@ def separate_runs(names: Sequence[str]) -> list[str]:
         names: of runs; pieces of a split log are `monday#1`, `monday#2`.
     """
     logs = list(dict.fromkeys(name.partition("#")[0] for name in names))
-    found = logs if len(logs) > 1 else list(dict.fromkeys(names))
-    return found if len(found) > 1 else []
+    separate = logs if len(logs) > 1 else list(dict.fromkeys(names))
+    return separate if len(separate) > 1 else []
 
 
 def _of_effect(network: Network, effect: type[Effect], columns: Collection[str], run: str) -> list[Candidate]:
-    """One effect at all places, with the first of its options that the log can drive anywhere."""
+    """One effect at all places, with the first of its options whose inputs the log has anywhere."""
     for words in _wordings(effect):
         places = _free_places(network, effect, words, columns, run)
         if effect.one_place_a_pattern:
@@ -229,35 +226,36 @@ def _shaped(parameter: Parameter, shape: float | None) -> Parameter:
     return replace(parameter, value=shape) if parameter.grid and shape is not None else parameter
 
 
-# --- What differs from log to log and is no part of the robot: granted to a fit, so that no effect stands in for it ---
+# --- Nuisance parameters: an ambient bias in each run, so that no effect stands in for it ---------
 
 
 def with_ambient_bias(model: Model, data: DataSplit, spread: float) -> Model:
-    """The model, granted an error of the ambient sensor in each run.
+    """The model with a bias of the ambient sensor in each run, a nuisance parameter with a prior.
 
-    An error of half a kelvin in each run moves all nodes for hours; without this, constant heat or a sensor's offset
-    in one run is named for it, and a held-out run judges its own sensor in place of the model. Errors of fitted runs
-    are fitted with the rest; those of other runs whenever one is predicted. One run alone has no error that differs.
+    A bias of half a kelvin in each run moves all nodes for hours; without this, constant heat or a sensor's offset
+    in one run is named for it, and a held-out run judges its own sensor in place of the model. Biases of fitted runs
+    are fitted with the rest; those of other runs whenever one is predicted. With one run alone the bias can't be told
+    from the model's own parameters, and is left out.
 
     Args:
         model: the model.
-        data: whose runs are granted errors.
-        spread: their standard deviation [K]; 0 grants none.
+        data: the runs.
+        spread: standard deviation of the biases [K]; 0 for none.
     """
-    fitted = [part.run.name for part in data.fit]
-    runs = separate_runs([*fitted, *(part.run.name for part in (*data.holdout, *data.test))])
+    fitted = [segment.run.name for segment in data.fit]
+    runs = separate_runs([*fitted, *(segment.run.name for segment in (*data.holdout, *data.test))])
     if spread <= 0 or not runs:
         return model
     places = [name for name, source in model.network.prescribed.items() if not isinstance(source, int)]
     (offset,) = AmbientOffset.parameters
     free = replace(offset, value=0.0, prior=spread)
     held = replace(free, fixed=True)
-    granted = [
+    biases = [
         EffectDeclaration(AmbientOffset(), place, (free if _is_one_of(run, fitted) else held,), run=run)
         for place in places
         for run in runs
     ]
-    return Model(model.network.with_effects(granted))
+    return Model(model.network.with_effects(biases))
 
 
 def _is_one_of(run: str, names: Sequence[str]) -> bool:

@@ -51,7 +51,7 @@ class History(Tabular):
     """The models from the given one to the best.
 
     Args:
-        verdict: on the model as given: adequate, missing effects that were found, or unexplained.
+        verdict: on the model as given: adequate, missing effects that were identified, or unexplained.
         remaining: the same question asked of the last step.
         steps: the given model first.
         first: the diagnosis of the given model.

@@ -304,9 +304,9 @@ def _by_start(top: FloatArray, c: FloatArray, e: FloatArray, late: float) -> Flo
 def _means(error: FloatArray, size: int) -> FloatArray:
     """Mean of each block, NaN without any reading, along the last axis."""
     split = error.reshape(*error.shape[:-1], -1, size)
-    known = np.isfinite(split).sum(axis=-1)
+    count = np.isfinite(split).sum(axis=-1)
     total = np.where(np.isfinite(split), split, 0.0).sum(axis=-1)
-    return np.asarray(np.where(known > 0, total / np.maximum(known, 1), np.nan))
+    return np.asarray(np.where(count > 0, total / np.maximum(count, 1), np.nan))
 
 
 def _variance(predicted: FloatArray, counts: FloatArray, fit: Fit, rows: IntArray, size: int) -> FloatArray:
@@ -526,7 +526,7 @@ def _of_node(run: UnexplainedHeat, node: str) -> FloatArray:
 
 
 def _correlation(one: FloatArray, other: FloatArray) -> float:
-    """Pearson's, 0 where either stands still or is not known throughout."""
+    """Pearson's, 0 where either is constant or has gaps."""
     if one.size < _LEAST_BLOCKS or not np.isfinite(other).all():
         return 0.0
     if np.ptp(one) == 0 or np.ptp(other) <= _CONSTANT * np.abs(other).max():

@@ -167,7 +167,7 @@ class LoadedModel:
             InputError: a log can't be used, or lacks a column that the model needs.
         """
         inputs, outputs = needed_columns(self.model)
-        found = []
+        all_runs: list[Run] = []
         for number, log in enumerate(logs, start=1):
             runs = read_log(
                 log,
@@ -183,8 +183,8 @@ class LoadedModel:
             doubts = [doubt.sentence for doubt in runs[0].doubts] if strict else []
             for note in [*(note for note in runs[0].notes if note.startswith(GUESSED)), *doubts]:
                 notify(Path(runs[0].source), note)
-            found += runs
-        return found
+            all_runs += runs
+        return all_runs
 
 
 def load_model(path: str | Path, mapped: Sequence[str] = ()) -> LoadedModel:

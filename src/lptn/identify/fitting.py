@@ -215,7 +215,7 @@ def fit_starts(model: Model, bound_runs: Sequence[BoundRun], sigma: FloatArray) 
     """Initial states of runs from their counted readings, the parameters being held.
 
     Raises:
-        KeyboardInterrupt: Ctrl-C was pressed; half-found initial states are worth nothing.
+        KeyboardInterrupt: Ctrl-C was pressed; initial states from half a search are worth nothing.
     """
     starts = []
     for bound in bound_runs:
@@ -267,8 +267,8 @@ def fingerprint_of(text: str, logs: Iterable[tuple[str, str]], options: Mapping[
         logs: name and SHA-256 of each.
         options: whatever else changes the result; JSON must be able to hold it.
     """
-    parts = [text, [list(log) for log in logs], dict(options)]
-    return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
+    content = [text, [list(log) for log in logs], dict(options)]
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
 class Checkpoint:

@@ -89,7 +89,7 @@ def polish(
     """Step from `z` until nothing is left to gain; the evaluator keeps the best point.
 
     An interior-point search shrinks its barrier to the last digit, at a full evaluation each time. Near the optimum
-    the quadratic model is good and its bounded optimum is found in milliseconds: a few steps do. Where the valley is
+    the quadratic model is good and its bounded optimum takes milliseconds: a few steps do. Where the valley is
     curved, damping keeps them short.
 
     Args:
@@ -106,7 +106,7 @@ def polish(
     """
     lower, upper = evaluator.problem.bounds()
     damping = 0.0
-    for taken in range(most):
+    for number in range(most):
         if stopped():
             return "stopped"
         gradient, hessian = evaluator.derivatives(z)
@@ -117,7 +117,7 @@ def polish(
         predicted, before = _predicted_gain(gradient, hessian, free), evaluator.cost(z)
         if predicted < enough:
             return "converged"
-        if taken >= _TRIED and before - _HOPE * predicted > rival:
+        if number >= _TRIED and before - _HOPE * predicted > rival:
             return "given up"
         following, damping = _downhill(evaluator, z, (gradient, hessian), free, damping)
         if following is None:  # rounding in the simulation hides what is left, or the model is no guide here
