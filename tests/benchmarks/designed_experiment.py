@@ -180,7 +180,7 @@ def refits(loaded: LoadedModel, logs: Sequence[Path], rivals: Sequence[str], at:
     """The rivals fitted to these logs, the one that explains more first."""
     data = for_search(split_data(loaded.runs(logs)))
     base = fit_segments(loaded.model, data.fit)
-    columns = set.intersection(*(set(part.run.columns) for part in data.fit))
+    columns = set.intersection(*(set(segment.run.columns) for segment in data.fit))
     # All that can have the effect: every node, or every joint.
     names = ("*", "*_*") if at == EVERYWHERE else (at,)
     known = candidates(loaded.model.network, columns)
@@ -202,9 +202,9 @@ def trial(number: int, seed: int) -> Outcome:
         (folder / "quadruped.toml").write_text(preset_text("quadruped", "coupled"))
         loaded = load_model(folder / "quadruped.toml")
 
-        def log(what: str, parts: tuple[Segment, ...], ambient: float) -> Path:
+        def log(what: str, segments: tuple[Segment, ...], ambient: float) -> Path:
             effect = Hidden(hidden, at, pair[3], "quadruped")
-            runs = {what: virtual.Run(parts, ambient, cutout=None)}
+            runs = {what: virtual.Run(segments, ambient, cutout=None)}
             options = {"seed": seed, "physics": "plain", "noise": NOISE, "quantisation": STEPS, "columns": "all"}
             return virtual.write_quadruped(folder, [effect], runs=runs, **options)[0]  # type: ignore[arg-type]
 

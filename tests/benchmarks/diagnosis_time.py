@@ -36,8 +36,8 @@ def hour(effect: str, at: str, seed: int) -> tuple[Model, DataSplit]:
 
 def brute_force(base: Fit, data: DataSplit, most: int | None) -> tuple[list[tuple[float, tuple[str, str]]], int, float]:
     """Each candidate's gain, best first; how many there are; and the CPU time for all, from those that were run."""
-    columns = set.intersection(*(set(part.run.columns) for part in data.fit))
-    found = candidates(base.model.network, columns, [part.run.name for part in data.fit])
+    columns = set.intersection(*(set(segment.run.columns) for segment in data.fit))
+    found = candidates(base.model.network, columns, [segment.run.name for segment in data.fit])
     picked = found if most is None else found[:: max(1, len(found) // most)]
     start = time.process_time()
     gains = []

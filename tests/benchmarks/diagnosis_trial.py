@@ -41,7 +41,7 @@ BACKGROUND = (
 """What the rough tier has besides what is hidden, at shares of the typical sizes."""
 AMBIENT_ERROR = 0.5
 """K; what the rough tier's user says of the ambient sensor."""
-RUNGS = 3
+STEPS = 3
 """Within so many the rough tier wants the hidden effect."""
 IN_ONE_RUN = ("surface_scale", "loss_scale")
 """Effects that a free parameter imitates unless they act in one run only."""
@@ -83,15 +83,15 @@ class Case:
 
 @dataclass(frozen=True)
 class Result:
-    """What the ladder said of a case.
+    """What the forward selection said of a case.
 
     Args:
         case: the case.
         verdict: on the model as given.
-        remaining: on the last rung.
-        rungs: effect and place of each rung.
-        group: names that the first rung can't be told from, itself included.
-        holdout: held-out RMSE of each rung, the given model first [K].
+        remaining: on the last step.
+        steps: effect and place of each step.
+        group: names that the first step can't be told from, itself included.
+        holdout: held-out RMSE of each step, the given model first [K].
         p_value: of the best candidate: how often chance alone would score as much.
         off: fitted minus true amplitude in standard errors, where the one hidden effect was named and both share it.
         seconds: CPU time of the search.
@@ -130,7 +130,7 @@ def truths(case: Case) -> list[Key]:
 
 
 def run(case: Case) -> Result:
-    """Make the logs, read them back, climb the ladder."""
+    """Make the logs, read them back, select effects step by step."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         noise, step = NOISES[case.noise]
@@ -156,7 +156,7 @@ def run(case: Case) -> Result:
         data = split_data(fitted, loaded.runs([folder / "holdout.parquet"]))
     start = time.process_time()
     if case.tier == "rough":
-        history = improve(loaded.model, data, most=RUNGS, ambient_error=AMBIENT_ERROR)
+        history = improve(loaded.model, data, most=STEPS, ambient_error=AMBIENT_ERROR)
     else:
         history = improve(loaded.model, data)
     return _result(case, history, time.process_time() - start)
@@ -225,7 +225,7 @@ def _drawn(effect: str, seed: int, noise: str) -> tuple[str, ...]:
 
 
 def judged(done: Result) -> tuple[bool, bool, bool]:
-    """Named first; in the first answer group; exactly the right rungs and nothing else."""
+    """Named first; in the first answer group; exactly the right steps and nothing else."""
     wanted = [covered(key) for key in truths(done.case)]
     if not wanted or wanted[0][0] in BEYOND:
         right = done.verdict == ("unexplained" if wanted else "adequate")
@@ -265,7 +265,7 @@ def summary(results: Sequence[Result]) -> str:
         lines.append(
             f"{kind}: {n} cases; first {shares[0]:.2f}, in the first group {shares[1]:.2f}, "
             f"exactly it {shares[2]:.2f}; all of it found {both / n:.2f}; "
-            f"within three rungs {third / n:.2f}; called unexplained {unexplained:.2f}"
+            f"within three steps {third / n:.2f}; called unexplained {unexplained:.2f}"
         )
     return "\n".join([*lines, _calibration(results)])
 
@@ -287,7 +287,9 @@ def _read(out: Path) -> list[Result]:
     for line in out.read_text(encoding="utf-8").splitlines():
         table = json.loads(line)
         case = table["case"] | {"hidden": tuple(table["case"]["hidden"])}
-        keys = {name: [(one, other) for one, other in table[name]] for name in ("rungs", "group")}
+        if "rungs" in table:  # the name of steps in older files
+            table["steps"] = table.pop("rungs")
+        keys = {name: [(one, other) for one, other in table[name]] for name in ("steps", "group")}
         found.append(Result(**(table | keys | {"case": Case(**case)})))
     return found
 
@@ -307,7 +309,7 @@ def main() -> None:
     done = {result.case: result for result in _read(chosen.out)}
     wanted = cases(chosen)
     missing = [case for case in dict.fromkeys(wanted) if case not in done]
-    print("| hidden | seed | sensors | verdict | ladder | answer | held out before, K | after, K | CPU s |")
+    print("| hidden | seed | sensors | verdict | history | answer | held out before, K | after, K | CPU s |")
     print("| --- | --- | --- | --- | --- | --- | --- | --- | --- |")
     for case in wanted:
         if case in done:

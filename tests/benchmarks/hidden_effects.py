@@ -24,7 +24,7 @@ CATALOGUE = tuple(effect for effect in EFFECTS if effect not in BEYOND)
 
 @dataclass(frozen=True)
 class Trial:
-    """One virtual leg: what was hidden (nothing: `None`), what the ladder found, and how long it took."""
+    """One virtual leg: what was hidden (nothing: `None`), the history, and how long it took."""
 
     hidden: Hidden | None
     seed: int
@@ -33,13 +33,13 @@ class Trial:
 
     @property
     def named(self) -> tuple[str, str] | None:
-        """Effect and place of the first rung."""
+        """Effect and place of the first step."""
         first = self.history.steps[1] if len(self.history.steps) > 1 else None
         return None if first is None or first.effect is None or first.at is None else (first.effect, first.at)
 
     @property
     def right(self) -> str:
-        """Whether the first rung is the hidden effect at its place."""
+        """Whether the first step is the hidden effect at its place."""
         if self.hidden is None or self.hidden.effect in BEYOND:
             wanted = "adequate" if self.hidden is None else "unexplained"
             return "yes" if self.history.verdict == wanted else "no"
@@ -51,7 +51,7 @@ class Trial:
 
 
 def trial(hidden: Hidden | None, seed: int, noise: float, quantisation: float, rough: bool) -> Trial:
-    """Make the logs, read them back, climb the ladder."""
+    """Make the logs, read them back, select effects step by step."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         wanted = [] if hidden is None else [hidden]
@@ -78,7 +78,8 @@ def row(done: Trial) -> str:
     hidden = "nothing" if done.hidden is None else f"{done.hidden.effect} at {done.hidden.at}"
     history = ", ".join(f"{step.effect} at {step.at}" for step in done.history.steps[1:]) or "–"
     errors = f"{before.rmse:.3f} | {after.rmse:.3f}" if before and after else "– | –"
-    return f"| {hidden} | {done.seed} | {done.history.verdict} | {history} | {done.right} | {errors} | {done.seconds:.0f} |"
+    answer = f"{done.history.verdict} | {history} | {done.right}"
+    return f"| {hidden} | {done.seed} | {answer} | {errors} | {done.seconds:.0f} |"
 
 
 def main() -> None:
@@ -90,7 +91,7 @@ def main() -> None:
     parser.add_argument("--quantisation", type=float, default=0.0)
     parser.add_argument("--rough", action="store_true")
     chosen = parser.parse_args()
-    print("| hidden | seed | verdict | ladder | right first | held out before, K | after, K | s |")
+    print("| hidden | seed | verdict | history | right first | held out before, K | after, K | s |")
     print("| --- | --- | --- | --- | --- | --- | --- | --- |")
     counted: dict[str, int] = {}
     for hidden, seed in cases(chosen.effects, chosen.seeds):

@@ -77,7 +77,8 @@ def recovered(seed: int) -> None:
     relative = np.median([abs(found[name] / truth[name] - 1) for name in off])
     hours = sum(len(each) * each.run.step for each in bound_runs) / 3600
     print(
-        f"robot {seed}: {len(done.standard_errors)} parameters, {hours:.1f} h at {bound_runs[0].run.step:g} s, {seconds:.1f} s; "
+        f"robot {seed}: {len(done.standard_errors)} parameters, {hours:.1f} h at {bound_runs[0].run.step:g} s, "
+        f"{seconds:.1f} s; "
         f"{inside:.0%} of {len(off)} true values inside 95 % intervals; median error {relative:.2%}"
     )
     for kind in ("capacity", "resistance", "drive_heat"):
@@ -180,7 +181,7 @@ def _timed_build(problem: Problem, start: FloatArray) -> tuple[ca.Function, dict
     options = {"ipopt.print_level": 0, "print_time": False, "ipopt.sb": "yes"}
     solver = ca.nlpsol("simultaneous", "ipopt", nlp, options)  # type: ignore[arg-type]
     lower, upper = problem.bounds()
-    size = sum(len(part) for part in guess) - count
+    size = sum(len(each) for each in guess) - count
     arguments = {
         "x0": np.concatenate(guess),
         "lbx": np.concatenate([lower[:count], np.full(size, -np.inf)]),

@@ -37,7 +37,7 @@ def truth_run(seed: int, hidden: Heat, *, length: float = 3600.0, noise: float =
     rng = np.random.default_rng(seed)
     torques = rng.uniform(0.0, 7.0, (3, int(length / HOLD)))
     torques[:, rng.uniform(size=torques.shape[1]) < 0.3] = 0.0
-    state, parts = np.full(3, AIR), []
+    state, segments = np.full(3, AIR), []
     for number, torque in enumerate(torques.T):
         time = np.arange(number * HOLD, (number + 1) * HOLD + 0.5)
 
@@ -47,9 +47,9 @@ def truth_run(seed: int, hidden: Heat, *, length: float = 3600.0, noise: float =
             return np.asarray((copper + hidden(t) - (y - AIR) / TO_AIR + passed) / CAPACITIES)
 
         path = solve_ivp(rates, (time[0], time[-1]), state, t_eval=time, max_step=5.0, rtol=1e-8, atol=1e-8).y
-        parts.append(path[:, :-1])
+        segments.append(path[:, :-1])
         state = path[:, -1]
-    readings = np.hstack(parts)
+    readings = np.hstack(segments)
     readings += noise * rng.standard_normal(readings.shape)
     if steps:
         readings = np.round(readings / steps) * steps

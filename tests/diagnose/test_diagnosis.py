@@ -88,7 +88,7 @@ def test_chance_reaches_a_p_value_about_as_often_as_stated(leg: Leg) -> None:
     for seed in range(31, 39):
         model, data = leg(seed=seed)
         base = fit_segments(model, for_search(data).fit)
-        runs = [part.run.name for part in data.fit]
+        runs = [segment.run.name for segment in data.fit]
         scores = score(base, candidates(model.network, data.fit[0].run.columns, runs))
         # Without the limit below which an effect is too small to be named, which would hide alarms.
         best = scores.ranked[0].gain

@@ -1,4 +1,4 @@
-"""The ladder: effects added until nothing is missing."""
+"""Forward selection: effects added until nothing is missing."""
 
 from __future__ import annotations
 
@@ -17,23 +17,23 @@ TWO = (Hidden("forced_convection", "FR_thigh"), Hidden("sensor_offset", "FR_hip"
 
 
 @pytest.fixture(scope="module")
-def climbed(leg: Leg) -> tuple[Model, DataSplit, History]:  # noqa: F811
-    """A leg with two effects hidden, and its ladder; the held-out run serves as proof too."""
+def improved(leg: Leg) -> tuple[Model, DataSplit, History]:  # noqa: F811
+    """A leg with two effects hidden, and its history; the held-out run serves as test too."""
     model, data = leg(*TWO)
     data = DataSplit(data.fit, data.holdout, data.holdout)
     return model, data, improve(model, data)
 
 
-def test_two_hidden_effects_are_both_found_and_nothing_else(climbed: tuple[Model, DataSplit, History]) -> None:
-    history = climbed[2]
+def test_two_hidden_effects_are_both_found_and_nothing_else(improved: tuple[Model, DataSplit, History]) -> None:
+    history = improved[2]
     found = {(step.effect, step.at) for step in history.steps[1:]}
     assert found == {(hidden.effect, hidden.at) for hidden in TWO}
     assert history.verdict == "missing"
     assert history.remaining == "adequate"
 
 
-def test_the_held_out_error_falls_to_the_noise(climbed: tuple[Model, DataSplit, History]) -> None:
-    history = climbed[2]
+def test_the_held_out_error_falls_to_the_noise(improved: tuple[Model, DataSplit, History]) -> None:
+    history = improved[2]
     errors = [step.holdout.rmse for step in history.steps if step.holdout]
     assert errors[-1] < 0.2  # K; the sensors' noise is 0.15 K
     assert errors[-1] < 0.6 * errors[0]
@@ -42,19 +42,21 @@ def test_the_held_out_error_falls_to_the_noise(climbed: tuple[Model, DataSplit, 
     assert history.best.test.rmse == pytest.approx(history.best.holdout.rmse, rel=1e-9)
 
 
-def test_json_has_the_agreed_fields(climbed: tuple[Model, DataSplit, History]) -> None:
-    written = climbed[2].as_json()
+def test_json_has_the_agreed_fields(improved: tuple[Model, DataSplit, History]) -> None:
+    written = improved[2].as_json()
     assert written["verdict"] == "missing"
-    steps = written["ladder"]
+    steps = written["history"]
     assert isinstance(steps, list)
-    assert [step["rung"] for step in steps] == list(range(len(steps)))
-    assert {"rung", "effect", "at", "parameters", "rmse_fit", "rmse_holdout", "max_holdout"} <= set(steps[0])
+    assert written["ladder"] == steps  # their older names
+    assert all(step["rung"] == step["step"] and step["rmse_proof"] == step["rmse_test"] for step in steps)
+    assert [step["step"] for step in steps] == list(range(len(steps)))
+    assert {"step", "effect", "at", "parameters", "rmse_fit", "rmse_holdout", "max_holdout"} <= set(steps[0])
     assert (steps[0]["effect"], steps[0]["at"]) == (None, None)
     assert steps[-1]["parameters"] > steps[0]["parameters"]
 
 
-def test_declarations_rebuild_the_last_rung(climbed: tuple[Model, DataSplit, History]) -> None:
-    model, _, history = climbed
+def test_declarations_rebuild_the_last_step(improved: tuple[Model, DataSplit, History]) -> None:
+    model, _, history = improved
     again = Model(model.network.with_effects(history.declarations()))
     added = {parameter.name: parameter.value for parameter in again.parameters if parameter.name.startswith("forced")}
     fitted = {parameter.name: parameter.value for parameter in history.best.fit.model.parameters}
@@ -63,31 +65,31 @@ def test_declarations_rebuild_the_last_rung(climbed: tuple[Model, DataSplit, His
         assert value == fitted[name]
 
 
-def test_an_adequate_model_keeps_one_rung(leg: Leg) -> None:  # noqa: F811
+def test_an_adequate_model_keeps_one_step(leg: Leg) -> None:  # noqa: F811
     history = improve(*leg())
     assert len(history.steps) == 1
     assert history.verdict == history.remaining == "adequate"
 
 
-def test_without_held_out_data_the_criterion_ends_the_ladder(leg: Leg) -> None:  # noqa: F811
+def test_without_held_out_data_the_criterion_ends_the_selection(leg: Leg) -> None:  # noqa: F811
     model, data = leg(Hidden("forced_convection", "FR_thigh"))
-    history = improve(model, split_data([part.run for part in data.fit]))
+    history = improve(model, split_data([segment.run for segment in data.fit]))
     assert [(step.effect, step.at) for step in history.steps[1:]] == [("forced_convection", "FR_thigh")]
     assert history.best.holdout is None
 
 
-def test_models_travel_between_processes(climbed: tuple[Model, DataSplit, History]) -> None:
-    history = climbed[2]
+def test_models_travel_between_processes(improved: tuple[Model, DataSplit, History]) -> None:
+    history = improved[2]
     again = pickle.loads(pickle.dumps(history.best.fit))
     assert again.cost == history.best.fit.cost
     assert again.problem.cost(again.z) == pytest.approx(history.best.fit.cost, rel=1e-12)
 
 
 @pytest.mark.slow
-def test_two_processes_climb_the_same_ladder(leg: Leg, climbed: tuple[Model, DataSplit, History]) -> None:  # noqa: F811
+def test_two_processes_select_the_same_effects(leg: Leg, improved: tuple[Model, DataSplit, History]) -> None:  # noqa: F811
     model, data = leg(*TWO)
     with ProcessPoolExecutor(2) as pool:
         history = improve(model, data, executor=pool)
-    alone = climbed[2]
+    alone = improved[2]
     assert [(step.effect, step.at) for step in history.steps] == [(step.effect, step.at) for step in alone.steps]
     assert history.best.fit.cost == pytest.approx(alone.best.fit.cost, rel=1e-9)

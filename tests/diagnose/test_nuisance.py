@@ -15,8 +15,10 @@ from lptn.virtual import Hidden
 from tests.diagnose.conftest import Leg
 
 
-def _named(parts: Sequence[Segment], names: Sequence[str]) -> tuple[Segment, ...]:
-    return tuple(replace(part, run=replace(part.run, name=name)) for part, name in zip(parts, names, strict=True))
+def _named(segments: Sequence[Segment], names: Sequence[str]) -> tuple[Segment, ...]:
+    return tuple(
+        replace(segment, run=replace(segment.run, name=name)) for segment, name in zip(segments, names, strict=True)
+    )
 
 
 @pytest.mark.parametrize("names", [("fit1", "fit2", "holdout"), ("log#1", "log#2", "log#3")], ids=["logs", "pieces"])
@@ -24,8 +26,8 @@ def test_a_held_out_run_with_a_wrong_ambient_does_not_judge_the_model_for_it(leg
     model, data = leg(Hidden("ambient_offset", "ambient", size=0.4, run="holdout"))
     data = replace(data, fit=_named(data.fit, names[:2]), holdout=_named(data.holdout, names[2:]))
     coarse, errors = for_search(data), []
-    for granted in (model, with_ambient_bias(model, data, 0.5)):
-        held = holdout_errors(fit_segments(granted, coarse.fit), coarse.holdout)
+    for with_bias in (model, with_ambient_bias(model, data, 0.5)):
+        held = holdout_errors(fit_segments(with_bias, coarse.fit), coarse.holdout)
         assert held is not None
         errors.append(held.rmse)
     assert errors[0] > 0.2  # K
@@ -35,14 +37,14 @@ def test_a_held_out_run_with_a_wrong_ambient_does_not_judge_the_model_for_it(leg
 def test_a_grant_does_not_hide_what_the_model_lacks(leg: Leg) -> None:
     model, data = leg(Hidden("forced_convection", "FR_thigh"))
     coarse, errors = for_search(data), []
-    for granted in (model, with_ambient_bias(model, data, 0.5)):
-        held = holdout_errors(fit_segments(granted, coarse.fit), coarse.holdout)
+    for with_bias in (model, with_ambient_bias(model, data, 0.5)):
+        held = holdout_errors(fit_segments(with_bias, coarse.fit), coarse.holdout)
         assert held is not None
         errors.append(held.rmse)
     assert errors[1] > 0.5 * errors[0]
 
 
-def test_one_log_alone_is_granted_nothing(leg: Leg) -> None:
+def test_one_log_alone_gets_no_bias(leg: Leg) -> None:
     model, data = leg()
     alone = type(data)(data.fit[:1])
     assert with_ambient_bias(model, alone, 0.5) is model

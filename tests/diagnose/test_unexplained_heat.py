@@ -52,12 +52,12 @@ def test_bursts_at_their_node_in_their_minutes(burst_fit: Fit) -> None:
         assert 3.0 < inside[1] < 8.0
         assert np.abs(inside[[0, 2]]).max() < 1.2
         assert (found.clear[1, _between(found, start + 30, stop - 30)] > 0).any()
-    stretch = largest([found])
-    assert stretch is not None
-    assert stretch.node == "FR_thigh"
+    peak = largest([found])
+    assert peak is not None
+    assert peak.node == "FR_thigh"
     near = [(1200.0, 1500.0), (2400.0, 2520.0)]
-    assert any(abs(stretch.start - a) <= 30 and abs(stretch.stop - b) <= 30 for a, b in near)
-    assert stretch.text().startswith("at FR_thigh from ")
+    assert any(abs(peak.start - a) <= 30 and abs(peak.stop - b) <= 30 for a, b in near)
+    assert peak.text().startswith("at FR_thigh from ")
 
 
 def test_zero_elsewhere_within_the_band(burst_fit: Fit) -> None:
@@ -74,11 +74,11 @@ def test_coarse_sensors_and_gaps_still_show_the_node(steps: float) -> None:
     columns["temperature.FR_thigh"][600:900] = np.nan
     columns["temperature.FR_hip"][np.random.default_rng(0).uniform(size=3600) < 0.2] = np.nan
     (found,) = unexplained_heat(fitted(replace(run, columns=columns)))
-    stretch = largest([found])
-    assert stretch is not None
-    assert stretch.node == "FR_thigh"
-    assert stretch.start < 1500
-    assert stretch.stop > 1200
+    peak = largest([found])
+    assert peak is not None
+    assert peak.node == "FR_thigh"
+    assert peak.start < 1500
+    assert peak.stop > 1200
     assert np.isfinite(found.heat).all()
 
 
@@ -93,9 +93,9 @@ def test_heat_of_one_of_several_runs_is_placed_in_that_run() -> None:
     done = fitted(truth_run(21, nothing, length=1800.0), truth_run(22, bursts, length=1800.0))
     found = unexplained_heat(done)
     assert [each.run for each in found] == ["run21", "run22"]
-    stretch = largest(found)
-    assert stretch is not None
-    assert (stretch.run, stretch.node) == ("run22", "FR_thigh")
+    peak = largest(found)
+    assert peak is not None
+    assert (peak.run, peak.node) == ("run22", "FR_thigh")
 
 
 def test_smoothing_is_the_least_squares_answer(burst_fit: Fit) -> None:
@@ -123,8 +123,8 @@ def test_smoothing_is_the_least_squares_answer(burst_fit: Fit) -> None:
     target = (-run.error.ravel() / np.sqrt(run.variance.ravel()))[known]
     covariance = np.linalg.inv(information)
     solution = covariance @ (weighted[known].T @ target)
-    expected = np.array([part @ solution for part in at]).T
-    deviations = np.array([np.sqrt(np.diag(part @ covariance @ part.T)) for part in at]).T
+    expected = np.array([state @ solution for state in at]).T
+    deviations = np.array([np.sqrt(np.diag(state @ covariance @ state.T)) for state in at]).T
     np.testing.assert_allclose(heat, expected, atol=1e-6)
     np.testing.assert_allclose(spread, deviations, rtol=1e-5)
     loads = weighted[known] * np.sqrt(run.variance.ravel()[known])[:, None]
@@ -176,10 +176,10 @@ def test_a_node_without_a_sensor_gets_no_heat_of_its_own() -> None:
     columns = {name: values for name, values in run.columns.items() if name != "temperature.FR_hip"}
     (found,) = unexplained_heat(fitted(replace(run, columns=columns)))
     assert found.nodes == ("FR_thigh", "FR_calf")
-    stretch = largest([found])
-    assert stretch is not None
-    assert stretch.node == "FR_thigh"
-    assert abs(stretch.start - 1200) <= 60
+    peak = largest([found])
+    assert peak is not None
+    assert peak.node == "FR_thigh"
+    assert abs(peak.start - 1200) <= 60
 
 
 def test_the_input_that_heat_follows_comes_first() -> None:

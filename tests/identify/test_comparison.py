@@ -41,20 +41,20 @@ def test_a_perfect_model_errs_by_the_noise(perfect: Comparison) -> None:
         assert perfect.node(name).rmse == pytest.approx(perfect.floor(name), rel=0.15)
 
 
-def test_nothing_counts_within_the_opening(perfect: Comparison) -> None:
+def test_nothing_counts_within_the_initialisation_window(perfect: Comparison) -> None:
     for prediction in perfect.predictions:
-        opening = prediction.segment.run.time < prediction.segment.initialisation[1]
-        assert np.isnan(prediction.error[:, opening]).all()
-        assert np.isfinite(prediction.error[:, ~opening]).all()
+        initialising = prediction.segment.run.time < prediction.segment.initialisation[1]
+        assert np.isnan(prediction.error[:, initialising]).all()
+        assert np.isfinite(prediction.error[:, ~initialising]).all()
     assert perfect.all.count == 2 * (1350 + 810)
 
 
-def test_the_start_is_found_from_the_opening_alone(true_model: Model, held_out: DataSplit) -> None:
-    part = held_out.holdout[0]
-    spoilt = replace(part.run, columns={name: values.copy() for name, values in part.run.columns.items()})
-    spoilt.columns["temperature.a"][part.run.time >= part.initialisation[1]] += 50.0
-    (prediction,) = compare(true_model, [replace(part, run=spoilt)]).predictions
-    (before,) = compare(true_model, [part]).predictions
+def test_the_start_comes_from_the_initialisation_window_alone(true_model: Model, held_out: DataSplit) -> None:
+    segment = held_out.holdout[0]
+    spoilt = replace(segment.run, columns={name: values.copy() for name, values in segment.run.columns.items()})
+    spoilt.columns["temperature.a"][segment.run.time >= segment.initialisation[1]] += 50.0
+    (prediction,) = compare(true_model, [replace(segment, run=spoilt)]).predictions
+    (before,) = compare(true_model, [segment]).predictions
     np.testing.assert_allclose(prediction.readings, before.readings, atol=0.05)
 
 
@@ -93,18 +93,18 @@ def test_json_has_the_agreed_keys(perfect: Comparison) -> None:
 
 
 def test_json_leaves_out_a_node_that_is_not_measured(true_model: Model, held_out: DataSplit) -> None:
-    part = held_out.holdout[0]
-    columns = {name: values for name, values in part.run.columns.items() if name != "temperature.b"}
-    found = compare(true_model, [replace(part, run=replace(part.run, columns=columns))]).as_json()
+    segment = held_out.holdout[0]
+    columns = {name: values for name, values in segment.run.columns.items() if name != "temperature.b"}
+    found = compare(true_model, [replace(segment, run=replace(segment.run, columns=columns))]).as_json()
     text = json.dumps(found, allow_nan=False)
     assert set(json.loads(text)["runs"]["run1"]["nodes"]) == {"a"}
 
 
 def test_json_keeps_two_runs_of_the_same_name(true_model: Model, held_out: DataSplit) -> None:
-    part = held_out.holdout[0]
-    runs = compare(true_model, [part, replace(part, run=replace(part.run, source="elsewhere/run1.csv"))]).as_json()[
-        "runs"
-    ]
+    segment = held_out.holdout[0]
+    runs = compare(
+        true_model, [segment, replace(segment, run=replace(segment.run, source="elsewhere/run1.csv"))]
+    ).as_json()["runs"]
     assert isinstance(runs, dict)
     assert len(runs) == 2
 

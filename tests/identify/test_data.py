@@ -1,4 +1,4 @@
-"""Which stretches of which runs fit, choose and prove a model."""
+"""Which segments of which runs are fitted, held out, or test."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ def _run(n: int, step: float = 1.0, name: str = "run") -> Run:
 
 def test_fitted_runs_count_as_a_whole() -> None:
     found = split_data([_run(100), _run(200)])
-    assert [(part.initialisation, part.evaluation) for part in found.fit] == [(ALWAYS, ALWAYS)] * 2
+    assert [(segment.initialisation, segment.evaluation) for segment in found.fit] == [(ALWAYS, ALWAYS)] * 2
     assert found.holdout == found.test == ()
 
 
-def test_held_out_runs_are_predicted_behind_their_opening() -> None:
+def test_held_out_runs_are_predicted_behind_their_initialisation_window() -> None:
     found = split_data([_run(100)], [_run(2000)], [_run(3000)])
-    for part, border in ((found.holdout[0], 200.0), (found.test[0], 300.0)):
-        assert part.initialisation == (float("-inf"), border)
-        assert part.evaluation == (border, float("inf"))
+    for segment, border in ((found.holdout[0], 200.0), (found.test[0], 300.0)):
+        assert segment.initialisation == (float("-inf"), border)
+        assert segment.evaluation == (border, float("inf"))
 
 
 @pytest.mark.parametrize(
@@ -35,19 +35,21 @@ def test_held_out_runs_are_predicted_behind_their_opening() -> None:
     [(1000, 1.0, 100.0), (300, 1.0, 60.0), (100, 10.0, 100.0), (80, 1.0, 40.0), (12, 10.0, 60.0)],
     ids=["a tenth", "at least a minute", "at least ten steps", "half of a short run", "half of a few steps"],
 )
-def test_an_opening_is_a_tenth_but_long_enough_and_never_over_half(n: int, step: float, border: float) -> None:
-    part = holdout_segment(_run(n, step))
-    assert part.initialisation[1] == part.evaluation[0] == pytest.approx(border)
+def test_an_initialisation_window_is_a_tenth_but_long_enough_and_never_over_half(
+    n: int, step: float, border: float
+) -> None:
+    segment = holdout_segment(_run(n, step))
+    assert segment.initialisation[1] == segment.evaluation[0] == pytest.approx(border)
 
 
-def test_an_opening_counts_from_the_start_of_the_log() -> None:
+def test_an_initialisation_window_counts_from_the_start_of_the_log() -> None:
     run = _run(2000).slice(500.0, 1500.0)
     assert holdout_segment(run).initialisation[1] == pytest.approx(600.0)
 
 
 def test_holding_out_the_end_of_each_log_starts_from_where_the_fit_ended() -> None:
     found = split_data([_run(1000), _run(400)], holdout_after=600.0)
-    assert [part.evaluation for part in found.fit] == [(float("-inf"), 600.0)] * 2
+    assert [segment.evaluation for segment in found.fit] == [(float("-inf"), 600.0)] * 2
     (later,) = found.holdout  # the short log has nothing after it
     assert later.run is found.fit[0].run
     assert later.initialisation == (float("-inf"), 600.0)
@@ -63,7 +65,7 @@ def test_logs_that_begin_later_are_not_fitted() -> None:
 
 def test_whole_held_out_runs_join_those_behind_the_border() -> None:
     found = split_data([_run(1000)], [_run(2000, name="other")], holdout_after=600.0)
-    assert [part.run.name for part in found.holdout] == ["run", "other"]
+    assert [segment.run.name for segment in found.holdout] == ["run", "other"]
 
 
 @pytest.mark.parametrize("border", [0.0, 5.0, 995.0, 5000.0])
@@ -75,11 +77,11 @@ def test_a_border_that_leaves_nothing_on_one_side_is_refused(border: float) -> N
 
 def test_coarsening_spares_short_runs() -> None:
     coarse = split_data([_run(6000), _run(700), _run(400)], [_run(4000)]).coarsened(10.0)
-    assert [part.run.step for part in coarse.fit] == [10.0, 2.0, 1.0]
+    assert [segment.run.step for segment in coarse.fit] == [10.0, 2.0, 1.0]
     assert coarse.holdout[0].run.step == 10.0
     assert coarse.holdout[0].evaluation == (400.0, float("inf"))
 
 
 def test_coarsening_to_a_finer_step_changes_nothing() -> None:
-    part = Segment(_run(1000, 5.0), ALWAYS, ALWAYS)
-    assert part.coarsened(1.0) is part
+    segment = Segment(_run(1000, 5.0), ALWAYS, ALWAYS)
+    assert segment.coarsened(1.0) is segment

@@ -46,12 +46,12 @@ def test_a_coarse_sensor_widens_the_intervals() -> None:
     assert np.mean(wider) > 1.3
 
 
-def test_gradients_of_all_stretches_add_up_to_the_gradient() -> None:
+def test_gradients_of_all_blocks_add_up_to_the_gradient() -> None:
     model = Model(network())
     runs = [bind(model, truth_run(900.0, seed=seed)) for seed in (0, 1)]
     problem = Problem(model, runs, np.array([0.1, 0.2]))
     z = problem.guess(model.values)
     gradient, _ = problem.normal(z)
-    parts = problem.block_gradients(z, 120.0)
-    assert len(parts) == 2 * 2 * 8  # runs, nodes, stretches
-    np.testing.assert_allclose(parts.sum(axis=0), gradient, rtol=1e-9, atol=1e-6)  # at the guess no prior pulls
+    segments = problem.block_gradients(z, 120.0)
+    assert len(segments) == 2 * 2 * 8  # runs, nodes, blocks
+    np.testing.assert_allclose(segments.sum(axis=0), gradient, rtol=1e-9, atol=1e-6)  # at the guess no prior pulls

@@ -42,7 +42,7 @@ def truth_run(length: float = 1800.0, *, step: float = 1.0, noise: float = 0.1, 
     torques = rng.uniform(0.0, 14.0, int(length / HOLD) + 1)
     c_a, c_b, r_ab, r_b = TRUTH.values()
     air = 18.0 + 2.0 * seed
-    x, parts = np.array([air, air]), []
+    x, segments = np.array([air, air]), []
     for number, torque in enumerate(torques):
         time = np.arange(number * HOLD, min((number + 1) * HOLD, length) + step / 2, step)
 
@@ -53,9 +53,9 @@ def truth_run(length: float = 1800.0, *, step: float = 1.0, noise: float = 0.1, 
         if len(time) < 2:
             break
         path = solve_ivp(rates, (time[0], time[-1]), x, t_eval=time, rtol=1e-9, atol=1e-9).y
-        parts.append(path[:, :-1])
+        segments.append(path[:, :-1])
         x = path[:, -1]
-    states = np.hstack(parts)
+    states = np.hstack(segments)
     n = states.shape[1]
     readings = states + noise * rng.standard_normal(states.shape)
     columns = {
