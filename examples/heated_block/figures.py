@@ -10,8 +10,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from exact_block import HALVED, NEGATIVE, PLAIN, SHIFTED, HeatedBlock, Method, block_network, steady_errors
 from lptn.basics.files import write_whole
-from lptn.model.heated_block import HALVED, NEGATIVE, PLAIN, SHIFTED, HeatedBlock, Method, block_network, steady_errors
 from lptn.basics.style import INK, SMALL, TEXT, dress, new_figure
 
 _RED = "#D55E00"

@@ -16,10 +16,8 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
-from figures import steady_figure, transient_figure
 
-from lptn.model.file import parse_model
-from lptn.model.heated_block import (
+from exact_block import (
     HALVED,
     NEGATIVE,
     PEAK,
@@ -31,6 +29,8 @@ from lptn.model.heated_block import (
     order,
     steady_errors,
 )
+from figures import steady_figure, transient_figure
+from lptn.model.file import parse_model
 from lptn.model.model import Model
 
 Row = tuple[str, ...]

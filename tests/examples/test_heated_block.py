@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import minimize_scalar
 
-from lptn.model.heated_block import (
+from exact_block import (
     HALVED,
     NEGATIVE,
     PEAK,

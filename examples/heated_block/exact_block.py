@@ -6,11 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from lptn.basics.arrays import FloatArray
 
-# --- A solid block heated evenly throughout, its ends held at two temperatures: the exact answer, steady and in time ---
+# --- The block, its ends held at two temperatures: the exact answer, steady and in time --------------
 # Source: [BlockLPTN, eq. 2 to 8]. Equation 5 is printed wrong: the maximum lies at L/2 + k (T2 - T1)/(q L), or at the
 # hotter end.
 
@@ -94,8 +95,6 @@ class HeatedBlock:
 
         The block starts in the steady state that it has without heat. Plain SciPy; nothing of the networks is in it.
         """
-        from scipy.integrate import solve_ivp
-
         width = self.length / n
         between = self.conductivity / width
         inertia = self.density * self.specific_heat * width
@@ -106,7 +105,7 @@ class HeatedBlock:
         given[-1] += 2.0 * between * self.right
         x = (np.arange(n) + 0.5) * width
         start = self.left + (self.right - self.left) * x / self.length
-        found = solve_ivp(
+        path = solve_ivp(
             lambda _, T: (bands @ T + given) / inertia,
             (0.0, float(times[-1])),
             start,
@@ -116,10 +115,10 @@ class HeatedBlock:
             rtol=1e-8,
             atol=1e-8,
         )
-        return np.asarray(found.y.T, dtype=float)
+        return np.asarray(path.y.T, dtype=float)
 
 
-# --- The heated block as a chain of n T-networks: plain, with a halved source, with a resistance in the foot ---
+# --- The block as a chain of n T-networks: plain, with a halved source, with a resistance in the foot ---
 # A cell is two resistances L/(2kA) in a row. Their star point carries source and capacity, or it is massless and a
 # foot resistance leads from it to the node that carries them. Source:
 # [BlockLPTN, sec. 2.1; eq. 9; sec. 2.3]: half the source, with the node shifted; foot -L/(6kA); n nodes.
@@ -193,8 +192,7 @@ class BlockNetwork:
 
     def rates(self) -> FloatArray:
         """Eigenvalues [1/s]; a positive one grows without end."""
-        found = np.linalg.eigvals(-self.matrix / self.capacity[:, None])
-        return np.sort(found.real)
+        return np.asarray(np.sort(np.linalg.eigvals(-self.matrix / self.capacity[:, None]).real))
 
     def after(self, times: FloatArray) -> FloatArray:
         """Temperatures after the heat is switched on, equally spaced times from 0, shape (len(times), n).
@@ -296,12 +294,12 @@ class SteadyErrors:
 
 def steady_errors(network: BlockNetwork) -> SteadyErrors:
     """How far a network's steady state is from the block's."""
-    block, found = network.block, network.steady()
-    off = found - block.temperature(network.places)
+    block, nodes = network.block, network.steady()
+    errors = nodes - block.temperature(network.places)
     return SteadyErrors(
-        float(off[np.abs(off).argmax()]),
-        float(found.max()) - block.maximum,
-        float(found.mean()) - block.mean,
+        float(errors[np.abs(errors).argmax()]),
+        float(nodes.max()) - block.maximum,
+        float(nodes.mean()) - block.mean,
         float(network.heat_to_ends().sum()) / block.power,
     )
 
