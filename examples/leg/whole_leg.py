@@ -9,67 +9,60 @@ import sys
 import tempfile
 from pathlib import Path
 
-from lptn.diagnose.advice import advise
-from lptn.diagnose.diagnosis import diagnose, for_search
-from lptn.diagnose.improvement import improve
-from lptn.identify.comparison import compare
-from lptn.identify.data import load_model, split_data
-from lptn.identify.validation import fit_segments, holdout_errors
-from lptn.online.forecasting import forecast
-from lptn.report.diagnosis_figures import ladder_curve
-from lptn.report.figures import comparison_figure, predictions_figure
-from lptn.report.online_figures import forecast_figure
-from lptn.basics.style import show
-from lptn.report.words import noise_alone
+import pandas as pd
+
+import lptn
 from lptn.robots.presets import preset_text
 from lptn.virtual import Hidden, leg_logs, write_logs
 
-FAST = "--fast" in sys.argv
 folder = Path(tempfile.mkdtemp(prefix="whole-leg-"))
-
 
 # %% A virtual robot's logs: two to fit, one to hold out. Its truth shares no code with the model
 write_logs(folder, leg_logs([Hidden("forced_convection", "FR_thigh")], seed=3, rate=1.0))
-(folder / "leg.toml").write_text(preset_text("leg"))
-loaded = load_model(folder / "leg.toml")
-fitted, held = ([*sorted(folder.glob(f"{kind}*.parquet"))] for kind in ("fit", "holdout"))
-data = split_data(loaded.runs(fitted), loaded.runs(held))
-if FAST:
-    data = data.coarsened(5.0)
-for part in (*data.fit, *data.holdout):
-    print(
-        f"{part.run.name}: {len(part.run) * part.run.step / 60:.0f} min, {', '.join(part.run.notes) or 'nothing found'}"
-    )
+coarse = "[model]\nstep = 5" if "--fast" in sys.argv else "[model]"
+(folder / "leg.toml").write_text(preset_text("leg").replace("[model]", coarse, 1))
+
+# %% A model and its data: paths or data frames, some to fit, some that no fit sees
+study = lptn.Study(
+    folder / "leg.toml",
+    fit=[folder / "fit1.parquet", pd.read_parquet(folder / "fit2.parquet")],
+    holdout=folder / "holdout.parquet",
+)
+for run in study.runs:
+    print(f"{run.name}: {len(run) * run.step / 60:.0f} min, {', '.join(run.notes) or 'nothing wrong with it'}")
 
 # %% The model as it is given, fitted: right where it was fitted, wrong where it wasn't?
-given = fit_segments(loaded.model, data.fit)
-print(f"as given: {given.rmse:.2f} K fitted, {holdout_errors(given, data.holdout).rmse:.2f} K held out")
-show(comparison_figure(compare(given.model, data.holdout)))
+study.fit()
+compared = study.compare()
+print(compared)
+compared.plot()
 
-# %% What is missing, and where? Each name with the error that it leaves on the held-out run
-found = diagnose(loaded.model, data)
-print(f"verdict: {found.verdict}")
-for each in found.helpful[:3]:
-    print(f"  {each.key[0]} at {each.key[1]}: {each.holdout.rmse:.2f} K held out, p = {each.p_value:.2g}")
+# %% What is missing, and where? Each answer with the error that it leaves on the held-out run
+diagnosis = study.diagnose()
+print(f"verdict: {diagnosis.verdict}")
+for answer in diagnosis.helpful[:3]:
+    print(f"  {answer.effect} at {answer.at}: {answer.holdout.rmse:.2f} K held out, p = {answer.p_value:.2g}")
 
-# %% The ladder: add it, refit, ask again, until nothing is missing
-history = improve(loaded.model, data)
-for step in history.steps:
-    print(f"{step.effect or 'as given'} {step.at or ''}: {step.holdout.rmse:.2f} K held out")
-show(ladder_curve(history, noise_alone(history.best.fit)))
+# %% Add the first answer and refit: the error falls on the run that the fit never saw
+study.add(diagnosis.best)
+print(study.history)
+study.compare().plot("FR_thigh")
 
-# %% Proof: the held-out run, predicted by both
-both = (compare(step.fit.model, data.holdout) for step in (history.steps[0], history.best))
-show(predictions_figure(*both))
-
-# %% What to do next
-print("nothing is missing any more" if history.remaining == "adequate" else "something is left")
-for sentence in advise(history.first, history.last.fit, for_search(data)).sentences:
+# %% Anything else? `improve` goes the same way by itself, step by step
+study.undo().improve()
+print("nothing is missing any more" if study.selection().remaining == "adequate" else "something is left")
+for sentence in study.advise().sentences:
     print(sentence)
 
+# %% What to take away: the model, the story, an FMU for a simulator
+study.save(folder / "better.toml")
+study.report(folder / "story.html")
+study.export_fmu(folder / "leg.fmu", platforms=[])
+print(*sorted(path.name for path in folder.iterdir()))
+
 # %% Ten minutes into the held-out run: if the robot went on as it does, when would a joint reach 60 degC?
-ahead = forecast(history.best.fit.model, data.holdout[0].run.slice(0.0, 600.0), 60.0, fit=history.best.fit)
+walk = study.data.holdout[0].run.slice(0.0, 600.0)
+ahead = lptn.forecast(study.model, walk, 60.0, fit=study.steps[-1].fit)
 for node in ahead.nodes.values():
     when = f"in {node.time_to_limit / 60:.0f} min" if node.reaches else f"never; it settles at {node.steady:.0f} degC"
     print(f"{node.node}: {when}")
-show(forecast_figure(ahead))
