@@ -11,7 +11,7 @@ import pytest
 
 from lptn.cli.main import main
 from lptn.logs.columns import ColumnSource, parse_columns, parse_map_option
-from lptn.logs.guess import guess, recognised
+from lptn.logs.guess import guess, format_note
 from lptn.logs.reading import open_table, read_log
 from lptn.robots.presets import presets
 
@@ -139,7 +139,7 @@ def test_an_opensourceleg_log(write: Write) -> None:
     both = guessed(path, ("current.winding",), ("temperature.winding", "temperature.housing"))
     assert both["temperature.winding"] == "Winding Temperature|"
     assert both["temperature.housing"] == "Case Temperature|"
-    assert "its winding temperature is its own estimate" in recognised(open_table(path))
+    assert "its winding temperature is its own estimate" in format_note(open_table(path))
     (run,) = read_log(path, inputs=["current.motor"], outputs=["temperature.motor"], guessing=True)
     assert run.columns["current.motor"][59] == pytest.approx(2.95)
     assert any(note.startswith("guessed: ") and "mA" in note for note in run.notes)

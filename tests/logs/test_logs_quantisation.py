@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lptn.logs.run import quantisation_step
+from lptn.logs.quality import quantisation_step
 
 rng = np.random.default_rng(3)
 SMOOTH = 25 + 15 * (1 - np.exp(-np.arange(3000) / 800)) + 0.05 * rng.normal(size=3000)

@@ -56,7 +56,7 @@ def test_a_unit_that_can_not_be_is_refused_and_its_mend_mends(
     np.testing.assert_allclose(only(path, mended(said)).columns[key], truth, rtol=1e-9)
     # The user's word for the unit as it stands is taken.
     unit = {"temperature.a": "degC", "current.a": "A", "velocity.a": "rad/s"}[key]
-    assert not only(path, {key: ColumnSource((key,), unit)}).doubts
+    assert not only(path, {key: ColumnSource((key,), unit)}).issues
 
 
 @pytest.mark.parametrize(
@@ -98,25 +98,25 @@ def test_time_in_another_unit(write: Write, refuse: Refuse, name: str, factor: f
 
 def test_long_steps_of_whole_numbers_are_doubted_only(write: Write) -> None:
     path = write({"time": [100 * k for k in range(2000)], "temperature.a": [20 + k % 7 for k in range(2000)]})
-    (doubt,) = only(path).doubts
-    assert (doubt.key, doubt.sure) == ("time", False)
-    assert "ms" in doubt.mend
+    (issue,) = only(path).issues
+    assert (issue.key, issue.certain) == ("time", False)
+    assert "ms" in issue.remedy
 
 
 def test_surroundings_like_a_room_in_fahrenheit_are_doubted(write: Write) -> None:
     path = write({"time": TIME, "temperature.a": WARMING, "temperature.ambient": [72.0] * 100})
-    (doubt,) = only(path).doubts
-    assert doubt.key == "temperature.ambient"
-    assert "degF" in doubt.found
-    assert only(path, mended(doubt.sentence)).columns["temperature.ambient"][0] == pytest.approx(22.22, abs=0.01)
+    (issue,) = only(path).issues
+    assert issue.key == "temperature.ambient"
+    assert "degF" in issue.problem
+    assert only(path, mended(issue.sentence)).columns["temperature.ambient"][0] == pytest.approx(22.22, abs=0.01)
 
 
 def test_motors_in_fahrenheit_beside_a_room_in_celsius_are_doubted(write: Write) -> None:
     fahrenheit = [1.8 * value + 32 for value in WARMING]
     path = write({"time": TIME, "temperature.a": fahrenheit, "temperature.ambient": [20.0] * 100})
-    (doubt,) = only(path).doubts
-    assert doubt.key == "temperature.a"
-    assert mended(doubt.sentence)["temperature.a"].unit == "degF"
+    (issue,) = only(path).issues
+    assert issue.key == "temperature.a"
+    assert mended(issue.sentence)["temperature.a"].unit == "degF"
 
 
 def test_a_time_counter_of_16_bit(write: Write, refuse: Refuse) -> None:
@@ -159,27 +159,27 @@ def test_a_fault_code_is_said_and_missing_only_when_told(write: Write) -> None:
         readings[row] = 850.0
     path = write({"time": TIME, "temperature.a": readings, "power.b": TIME})
     run = only(path)
-    (doubt,) = run.doubts
-    assert doubt.found.startswith("3 readings of exactly 850 degC")
-    assert doubt.sentence in run.notes
+    (issue,) = run.issues
+    assert issue.problem.startswith("3 readings of exactly 850 degC")
+    assert issue.sentence in run.notes
     assert run.temperature("a")[10] == 850.0
-    run = only(path, mended(doubt.sentence))
+    run = only(path, mended(issue.sentence))
     assert np.flatnonzero(np.isnan(run.temperature("a"))).tolist() == [10, 11, 40]
     assert "temperature.a: 3 of 100 numbers are no readings, by its entry in [columns]." in run.notes
-    assert not run.doubts
+    assert not run.issues
 
 
 @pytest.mark.parametrize("code", [-127.0, 0.0, 85.0])
 def test_what_a_thermometer_gives_when_it_fails(write: Write, code: float) -> None:
     readings = list(WARMING)
     readings[50] = code
-    (doubt,) = only(write({"time": TIME, "temperature.a": readings})).doubts
-    assert f"invalid = [{code:g}]" in doubt.mend
+    (issue,) = only(write({"time": TIME, "temperature.a": readings})).issues
+    assert f"invalid = [{code:g}]" in issue.remedy
 
 
 def test_a_motor_that_passes_85_degrees_is_no_fault(write: Write) -> None:
     readings = [40 + 0.5 * k for k in range(100)]
-    assert not only(write({"time": TIME, "temperature.a": readings})).doubts
+    assert not only(write({"time": TIME, "temperature.a": readings})).issues
 
 
 def test_a_range_of_valid_readings(write: Write) -> None:
@@ -195,15 +195,15 @@ def test_a_sensor_that_is_stuck_is_said(write: Write) -> None:
     stuck = moving.copy()
     stuck[500:1500] = stuck[500]
     path = write({"time": list(range(2000)), "temperature.a": moving.tolist(), "temperature.b": stuck.tolist()})
-    (doubt,) = only(path).doubts
-    assert doubt.key == "temperature.b"
-    assert "for 1000 s from 500 s on" in doubt.found
+    (issue,) = only(path).issues
+    assert issue.key == "temperature.b"
+    assert "for 1000 s from 500 s on" in issue.problem
 
 
 def test_coarse_sensors_and_quiet_rooms_are_not_stuck(write: Write) -> None:
     coarse = [float(round(20 + 0.002 * k)) for k in range(4000)]
     path = write({"time": list(range(4000)), "temperature.a": coarse, "temperature.ambient": [21.0] * 4000})
-    assert not only(path).doubts
+    assert not only(path).issues
 
 
 def test_a_product_of_voltage_and_current(write: Write) -> None:
@@ -215,7 +215,7 @@ def test_a_product_of_voltage_and_current(write: Write) -> None:
 def test_doubts_do_not_stop_a_reader_who_only_looks(write: Write) -> None:
     path = write({"time": TIME, "temperature.a": [value + 273.15 for value in WARMING]})
     run = only(path, strict=False)
-    assert [doubt.sure for doubt in run.doubts] == [True]
+    assert [issue.certain for issue in run.issues] == [True]
 
 
 @pytest.mark.parametrize(
@@ -271,9 +271,9 @@ def test_a_wrong_word_in_an_option_is_named(refuse: Refuse, text: str) -> None:
 def test_a_sensor_that_never_moves_while_others_do(write: Write) -> None:
     warm = [20 + 0.01 * k for k in range(700)]
     table: dict[str, list[object]] = {"time": list(range(700)), "temperature.a": [25.0] * 700}
-    assert not only(write(table)).doubts
-    (doubt,) = only(write(table | {"temperature.b": list(warm)})).doubts
-    assert doubt.found == "reads 25 degC throughout, 699 s"
+    assert not only(write(table)).issues
+    (issue,) = only(write(table | {"temperature.b": list(warm)})).issues
+    assert issue.problem == "reads 25 degC throughout, 699 s"
 
 
 def test_what_is_doubtful_is_said_by_every_command(

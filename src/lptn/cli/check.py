@@ -75,8 +75,8 @@ def _refuse(contents: list[LogContent]) -> None:
     for content in contents:
         if content.refused is not None:
             raise content.refused
-        for doubt in (doubt for run in content.runs for doubt in run.doubts if doubt.sure):
-            raise InputError(content.path, f"column '{doubt.column}'", doubt.found, doubt.mend)
+        for issue in (issue for run in content.runs for issue in run.issues if issue.certain):
+            raise InputError(content.path, *issue.error)
 
 
 # --- one log as a model sees it ---------------------------------------------------------------------------
@@ -111,7 +111,7 @@ class LogContent:
     @property
     def wrong(self) -> list[str]:
         """What can't be right, a sentence each, with the line that would mend it."""
-        return list(dict.fromkeys(doubt.sentence for run in self.runs for doubt in run.doubts))
+        return list(dict.fromkeys(issue.sentence for run in self.runs for issue in run.issues))
 
     @property
     def notes(self) -> list[str]:
@@ -121,15 +121,21 @@ class LogContent:
 
     def as_json(self) -> dict[str, object]:
         """For other programs."""
-        doubts = self.runs[0].doubts if self.runs else ()
+        issues = self.runs[0].issues if self.runs else ()
         return {
             "log": str(self.path),
             "format": self.kind,
             "used": {key: list(columns) for key, columns in self.used.items()},
             "unused": list(self.unused),
             "wrong": [
-                {"quantity": each.key, "column": each.column, "found": each.found, "mend": each.mend, "sure": each.sure}
-                for each in doubts
+                {
+                    "quantity": issue.key,
+                    "column": issue.column,
+                    "found": issue.problem,
+                    "mend": issue.remedy,
+                    "sure": issue.certain,
+                }
+                for issue in issues
             ],
             "notes": self.notes,
             "guesses": [
@@ -158,7 +164,7 @@ def _content(loaded: LoadedModel, log: Path) -> LogContent:
     """
     from lptn.identify.data import optional_columns
     from lptn.logs.guess import guess, missing_keys
-    from lptn.logs.reading import open_log, select
+    from lptn.logs.reading import choose_columns, open_log
     from lptn.simulate.bound_run import needed_columns
 
     inputs, outputs = needed_columns(loaded.model)
@@ -173,7 +179,7 @@ def _content(loaded: LoadedModel, log: Path) -> LogContent:
     runs: Sequence[Run] = ()
     refused = None
     try:
-        chosen = select(table, columns, inputs, outputs, optional_columns(loaded.model))
+        chosen = choose_columns(table, columns, inputs, outputs, optional_columns(loaded.model))
         used = {key: source.columns for key, source in chosen.sources.items()}
         runs = loaded.runs([log], strict=False)
     except InputError as error:

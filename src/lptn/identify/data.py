@@ -88,6 +88,13 @@ def split_data(
 
     Raises:
         InputError: `holdout_after` leaves nothing to fit, or nothing to hold out.
+
+    Example:
+        >>> import lptn
+        >>> loaded = lptn.load_model("examples/tclab/two_heaters.toml")
+        >>> data = lptn.split_data(loaded.runs(["examples/tclab/log.csv"]), holdout_after=300)
+        >>> [segment.evaluation for segment in data.holdout]
+        [(300, inf)]
     """
     later = tuple(holdout_segment(run) for run in holdout)
     at_the_end = tuple(holdout_segment(run) for run in test)
@@ -161,7 +168,7 @@ class LoadedModel:
             named: what runs of data frames are called, with their number in `logs` behind it if there are several.
             notify: called with a log and a sentence about it; by default it is logged as a warning.
             strict: refuse values that can't be in the unit they are read in, and say what is doubtful; else both are
-                left to who looks at the runs' doubts.
+                left to who looks at the runs' issues.
 
         Raises:
             InputError: a log can't be used, or lacks a column that the model needs.
@@ -180,8 +187,8 @@ class LoadedModel:
                 strict=strict,
                 guessing=self.guessing,
             )
-            doubts = [doubt.sentence for doubt in runs[0].doubts] if strict else []
-            for note in [*(note for note in runs[0].notes if note.startswith(GUESSED)), *doubts]:
+            issues = [issue.sentence for issue in runs[0].issues] if strict else []
+            for note in [*(note for note in runs[0].notes if note.startswith(GUESSED)), *issues]:
                 notify(Path(runs[0].source), note)
             all_runs += runs
         return all_runs
@@ -197,6 +204,14 @@ def load_model(path: str | Path, mapped: Sequence[str] = ()) -> LoadedModel:
 
     Raises:
         InputError: the file or an option can't be used.
+
+    Example:
+        >>> import lptn
+        >>> loaded = lptn.load_model("examples/tclab/two_heaters.toml")
+        >>> loaded.model
+        <Model >
+        >>> [run.name for run in loaded.runs(["examples/tclab/log.csv"])]
+        ['log']
     """
     pairs = dict(_pair(text) for text in mapped if text.strip() != GUESS)
     file = read_model_file(Path(path))

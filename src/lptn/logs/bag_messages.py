@@ -1,10 +1,9 @@
-"""Numbers in ROS 2 messages: where they stand among the bytes, their names, and the quantities that they are."""
+"""Numbers in ROS 2 messages: their names, the quantities that they are, and a quick way to read many."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass
-from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -13,10 +12,128 @@ from numpy.typing import NDArray
 from lptn.basics.arrays import BoolArray, FloatArray, IntArray
 from lptn.logs.columns import ColumnSource, is_key, words_of
 
-# --- Where the numbers of a ROS 2 message stand among its bytes: CDR, little-endian, as one message is laid out ---
+# --- The numbers of a message, and their names -----------------------------------------------------
 
 
-_TYPES = {
+COMMON_TYPES = {  # that do not come with ROS 2 itself: ros-controls/control_msgs, Apache-2.0
+    "control_msgs/msg/InterfaceValue": "string[] interface_names\nfloat64[] values\n",
+    "control_msgs/msg/DynamicJointState": (
+        "std_msgs/Header header\nstring[] joint_names\ncontrol_msgs/InterfaceValue[] interface_values\n"
+    ),
+}
+_LONGEST = 64  # entries of an array; longer ones are pictures and clouds
+
+
+def numbers_in(message: Any) -> Iterator[tuple[str, float]]:
+    """Each number in a message and its name: `twist.linear.x`, `motor_state[3].temperature`, `effort[FR_calf]`."""
+    return ((name, value) for name, _, value in _named(message, ""))
+
+
+def _named(message: Any, prefix: str) -> Iterator[tuple[str, str, float]]:
+    """Name, path and value of each number; they differ where joints have names."""
+    names = getattr(message, "joint_names", None) or getattr(message, "name", None)
+    if hasattr(message, "interface_values") and names is not None:
+        for row, (joint, entry) in enumerate(zip(names, message.interface_values, strict=False)):
+            for column, (what, value) in enumerate(zip(entry.interface_names, entry.values, strict=False)):
+                yield f"{prefix}{joint}.{what}", f"{prefix}interface_values[{row}].values[{column}]", float(value)
+        return
+    labels = names if isinstance(names, list) and hasattr(message, "effort") else None
+    for member in fields(message):
+        if member.name != "header" and not member.name.startswith("_"):
+            path = f"{prefix}{member.name}"
+            yield from _of_value(getattr(message, member.name), path, path, labels)
+
+
+def _of_value(value: Any, name: str, path: str, labels: Sequence[str] | None) -> Iterator[tuple[str, str, float]]:
+    if isinstance(value, bool | int | float | np.number):
+        yield name, path, float(value)
+    elif isinstance(value, np.ndarray | list) and len(value) <= _LONGEST:
+        marks = labels if labels is not None and len(labels) == len(value) else range(len(value))
+        for number, (mark, entry) in enumerate(zip(marks, value, strict=True)):
+            yield from _of_value(entry, f"{name}[{mark}]", f"{path}[{number}]", None)
+    elif is_dataclass(value):
+        yield from _named(value, f"{path}.")
+
+
+# --- The quantities that messages of well-known types hold -----------------------------------------
+
+
+_JOINT_STATE = {"velocity": "velocity", "effort": "torque", "position": "position"}
+_INTERFACES = {
+    "temperature": "temperature",
+    "motor_temperature": "temperature",
+    "winding_temperature": "temperature",
+    "effort": "torque",
+    "torque": "torque",
+    "current": "current",
+    "motor_current": "current",
+    "velocity": "velocity",
+    "powered": "powered",
+    "power": "power",
+    "torque_abs": "torque_abs",
+    "mechanical_power": "mechanical_power",
+}
+# Words of topics that say what was wanted, and not what was.
+_COMMANDED = {"cmd", "command", "commands", "desired", "target", "ref", "reference", "setpoint"}
+
+
+def quantities(topics: Mapping[str, Sequence[str]], kinds: Mapping[str, str]) -> dict[str, ColumnSource]:
+    """Where quantities stand in messages of well-known types; of two topics that give one, the first by type.
+
+    Args:
+        topics: for each topic the names of its numbers.
+        kinds: for each topic its messages' type.
+    """
+    sources: dict[str, ColumnSource] = {}
+    for kind, rule in _RULES.items():
+        for topic, names in topics.items():
+            if kinds[topic].endswith(f"/{kind}") and not _COMMANDED.intersection(words_of(topic)):
+                for key, columns in rule(topic, names):
+                    if is_key(key):
+                        sources.setdefault(key, ColumnSource(tuple(f"{topic}.{name}" for name in columns)))
+    return sources
+
+
+def _joint_state(_: str, names: Sequence[str]) -> Iterator[tuple[str, tuple[str, ...]]]:
+    for name in names:
+        field, _, joint = name.removesuffix("]").partition("[")
+        if field in _JOINT_STATE and joint:
+            yield f"{_JOINT_STATE[field]}.{joint}", (name,)
+
+
+def _dynamic(_: str, names: Sequence[str]) -> Iterator[tuple[str, tuple[str, ...]]]:
+    for name in names:
+        joint, _, what = name.rpartition(".")
+        if what in _INTERFACES:
+            yield f"{_INTERFACES[what]}.{joint}", (name,)
+
+
+def _temperature(topic: str, names: Sequence[str]) -> Iterator[tuple[str, tuple[str, ...]]]:
+    words = [word for word in topic.split("/") if word and word not in {"temperature", "temp"}]
+    place = "_".join(words).removesuffix("_temperature").removesuffix("_temp").removeprefix("temperature_")
+    if "temperature" in names and place:
+        yield f"temperature.{place}", ("temperature",)
+
+
+def _base(_: str, names: Sequence[str]) -> Iterator[tuple[str, tuple[str, ...]]]:
+    columns = tuple(name for name in names if name.endswith(("twist.linear.x", "twist.linear.y", "twist.linear.z")))
+    if len(columns) == 3:
+        yield "speed.base", columns
+
+
+_RULES = {
+    "JointState": _joint_state,
+    "DynamicJointState": _dynamic,
+    "Temperature": _temperature,
+    "Odometry": _base,
+    "TwistStamped": _base,
+}
+
+
+# --- Where the numbers of a message stand among its bytes: CDR, little-endian, as one message is laid out ---
+
+
+_NUMPY_TYPES = {
     "bool": "u1",
     "byte": "u1",
     "char": "u1",
@@ -32,6 +149,8 @@ _TYPES = {
     "float64": "<f8",
 }
 _HEAD = 4  # bytes that say how a message is encoded
+_LITTLE_ENDIAN = 1  # the second of them
+_PADDED = 4  # bytes, to a multiple of which a message may be filled up
 _BASE, _NAME, _ARRAY, _SEQUENCE = 1, 2, 3, 4  # kinds of types, as rosbags numbers them
 
 
@@ -57,9 +176,9 @@ class Layout:
         Raises:
             KeyError: a type that is no number, text or message.
         """
-        made = cls()
-        made._fields(store, kind, message, "", longest)
-        return made
+        layout = cls()
+        layout._fields(store, kind, message, "", longest)
+        return layout
 
     def _fields(self, store: Any, kind: str, message: Any, prefix: str, longest: int) -> None:
         for name, described in store.fielddefs[kind][1]:
@@ -78,8 +197,8 @@ class Layout:
 
     def _many(self, store: Any, described: Any, values: Any, path: str, longest: int) -> None:
         form, inner = described
-        if form == _BASE and inner[0] in _TYPES and len(values) > longest:
-            size = int(_TYPES[inner[0]][-1])
+        if form == _BASE and inner[0] in _NUMPY_TYPES and len(values) > longest:
+            size = int(_NUMPY_TYPES[inner[0]][-1])
             self._align(size)
             self.end += size * len(values)
             return
@@ -93,9 +212,9 @@ class Layout:
             self.fixed.append((self.end, self.end + length))
             self.end += length
             return
-        size = int(_TYPES[kind][-1])
+        size = int(_NUMPY_TYPES[kind][-1])
         self._align(size)
-        self.numbers[path] = self.end, _TYPES[kind]
+        self.numbers[path] = self.end, _NUMPY_TYPES[kind]
         self.end += size
 
     def _count(self) -> None:
@@ -107,118 +226,10 @@ class Layout:
         self.end += -(self.end - _HEAD) % size
 
 
-# --- Numbers in ROS 2 messages: their names, the quantities that they are, and a quick way to read many ---
+# --- Many messages read at once --------------------------------------------------------------------
 
 
-COMMON = {  # not among the types that come with ROS 2 itself: ros-controls/control_msgs, Apache-2.0
-    "control_msgs/msg/InterfaceValue": "string[] interface_names\nfloat64[] values\n",
-    "control_msgs/msg/DynamicJointState": (
-        "std_msgs/Header header\nstring[] joint_names\ncontrol_msgs/InterfaceValue[] interface_values\n"
-    ),
-}
-_LONGEST = 64  # entries of an array; longer ones are pictures and clouds
-_BATCH = 4096
-_LAYOUTS = 8
-_JOINT_STATE = {"velocity": "velocity", "effort": "torque", "position": "position"}
-_INTERFACES = {
-    "temperature": "temperature",
-    "motor_temperature": "temperature",
-    "winding_temperature": "temperature",
-    "effort": "torque",
-    "torque": "torque",
-    "current": "current",
-    "motor_current": "current",
-    "velocity": "velocity",
-    "powered": "powered",
-    "power": "power",
-    "torque_abs": "torque_abs",
-    "mechanical_power": "mechanical_power",
-}
-_WANTED = {"cmd", "command", "commands", "desired", "target", "ref", "reference", "setpoint"}
-
-
-def numbers_in(message: Any) -> Iterator[tuple[str, float]]:
-    """Each number in a message and its name: `twist.linear.x`, `motor_state[3].temperature`, `effort[FR_calf]`."""
-    return ((name, value) for name, _, value in _named(message, ""))
-
-
-def _named(message: Any, prefix: str) -> Iterator[tuple[str, str, float]]:
-    """Name, path and value of each number; they differ where joints have names."""
-    names = getattr(message, "joint_names", None) or getattr(message, "name", None)
-    if hasattr(message, "interface_values") and names is not None:
-        for row, (joint, entry) in enumerate(zip(names, message.interface_values, strict=False)):
-            for column, (what, value) in enumerate(zip(entry.interface_names, entry.values, strict=False)):
-                yield f"{prefix}{joint}.{what}", f"{prefix}interface_values[{row}].values[{column}]", float(value)
-        return
-    labels = names if isinstance(names, list) and hasattr(message, "effort") else None
-    for part in fields(message):
-        if part.name != "header" and not part.name.startswith("_"):
-            path = f"{prefix}{part.name}"
-            yield from _of_value(getattr(message, part.name), path, path, labels)
-
-
-def _of_value(value: Any, name: str, path: str, labels: Sequence[str] | None) -> Iterator[tuple[str, str, float]]:
-    if isinstance(value, bool | int | float | np.number):
-        yield name, path, float(value)
-    elif isinstance(value, np.ndarray | list) and len(value) <= _LONGEST:
-        marks = labels if labels is not None and len(labels) == len(value) else range(len(value))
-        for number, (mark, each) in enumerate(zip(marks, value, strict=True)):
-            yield from _of_value(each, f"{name}[{mark}]", f"{path}[{number}]", None)
-    elif is_dataclass(value):
-        yield from _named(value, f"{path}.")
-
-
-def quantities(shown: Mapping[str, Sequence[str]], kinds: Mapping[str, str]) -> dict[str, ColumnSource]:
-    """Where quantities stand in messages of well-known types; of two topics that give one, the first by type.
-
-    Args:
-        shown: for each topic the names of its numbers.
-        kinds: for each topic its messages' type.
-    """
-    found: dict[str, ColumnSource] = {}
-    for kind, rule in _RULES.items():
-        for topic, names in shown.items():
-            if kinds[topic].endswith(f"/{kind}") and not _WANTED.intersection(words_of(topic)):
-                for key, columns in rule(topic, names):
-                    if is_key(key):
-                        found.setdefault(key, ColumnSource(tuple(f"{topic}.{name}" for name in columns)))
-    return found
-
-
-def _joint_state(_: str, names: Sequence[str]) -> Iterator[tuple[str, tuple[str, ...]]]:
-    for name in names:
-        field, _, joint = name.removesuffix("]").partition("[")
-        if field in _JOINT_STATE and joint:
-            yield f"{_JOINT_STATE[field]}.{joint}", (name,)
-
-
-def _dynamic(_: str, names: Sequence[str]) -> Iterator[tuple[str, tuple[str, ...]]]:
-    for name in names:
-        joint, _, what = name.rpartition(".")
-        if what in _INTERFACES:
-            yield f"{_INTERFACES[what]}.{joint}", (name,)
-
-
-def _temperature(topic: str, names: Sequence[str]) -> Iterator[tuple[str, tuple[str, ...]]]:
-    parts = [part for part in topic.split("/") if part and part not in {"temperature", "temp"}]
-    place = "_".join(parts).removesuffix("_temperature").removesuffix("_temp").removeprefix("temperature_")
-    if "temperature" in names and place:
-        yield f"temperature.{place}", ("temperature",)
-
-
-def _base(_: str, names: Sequence[str]) -> Iterator[tuple[str, tuple[str, ...]]]:
-    columns = tuple(name for name in names if name.endswith(("twist.linear.x", "twist.linear.y", "twist.linear.z")))
-    if len(columns) == 3:
-        yield "speed.base", columns
-
-
-_RULES = {
-    "JointState": _joint_state,
-    "DynamicJointState": _dynamic,
-    "Temperature": _temperature,
-    "Odometry": _base,
-    "TwistStamped": _base,
-}
+_LAYOUTS = 8  # of a type that are read by their bytes
 
 
 class Decoder:
@@ -236,7 +247,7 @@ class Decoder:
     def __init__(self, store: Any, kind: str, wanted: Sequence[str]) -> None:
         self._store, self._kind, self._wanted = store, kind, wanted
         self.templates: list[_Template] = []
-        self._known = True
+        self._learns = True
 
     def read(self, raws: Sequence[bytes]) -> tuple[IntArray, FloatArray]:
         """Header stamps, (n,) ns and 0 where there is none, and values, (n, wanted), NaN where a message lacks one."""
@@ -244,7 +255,7 @@ class Decoder:
         values = np.full((len(raws), len(self._wanted)), np.nan)
         rest = np.arange(len(raws))
         for number in range(_LAYOUTS):
-            if not rest.size or not self._learned(number, raws[int(rest[0])]):
+            if not rest.size or not self._has_template(number, raws[int(rest[0])]):
                 break
             rows, like = self.templates[number].like([raws[row] for row in rest.tolist()])
             stamps[rest[like]], values[rest[like]] = self.templates[number].read(rows)
@@ -257,12 +268,12 @@ class Decoder:
                 stamps[row] = header.stamp.sec * 10**9 + header.stamp.nanosec
         return stamps, values
 
-    def _learned(self, number: int, raw: bytes) -> bool:
-        """Whether there is a layout of this number, after a look at a message that none of the others fits."""
-        if number == len(self.templates) and self._known:
-            made = _Template.of(self._store, self._kind, raw, self._wanted)
-            self._known = made is not None
-            self.templates += [made] if made is not None else []
+    def _has_template(self, number: int, raw: bytes) -> bool:
+        """Whether there is a template of this number, after a look at a message that none of the others fits."""
+        if number == len(self.templates) and self._learns:
+            template = _Template.of(self._store, self._kind, raw, self._wanted)
+            self._learns = template is not None
+            self.templates += [template] if template is not None else []
         return number < len(self.templates)
 
 
@@ -277,7 +288,7 @@ class _Template:
 
     @classmethod
     def of(cls, store: Any, kind: str, raw: bytes, wanted: Sequence[str]) -> _Template | None:
-        """`None` where the message is laid out in a way that is not known."""
+        """`None` where the message is laid out in another way than `Layout` reads it."""
         message = store.deserialize_cdr(raw, kind)
         try:
             layout = Layout.of(store, kind, message, _LONGEST)
@@ -285,16 +296,16 @@ class _Template:
             return None
         paths = {name: path for name, path, _ in _named(message, "")}
         at = tuple(layout.numbers.get(paths.get(name, ""), (0, "")) for name in wanted)
-        if raw[1] != 1 or not 0 <= len(raw) - layout.end <= 3:
+        if raw[1] != _LITTLE_ENDIAN or not 0 <= len(raw) - layout.end < _PADDED:
             return None
         fixed = np.array([place for start, stop in layout.fixed for place in range(start, stop)], np.int64)
-        clock = (f"header.stamp.{part}" for part in ("sec", "nanosec"))
-        stamp = tuple(layout.numbers[part] for part in clock if part in layout.numbers)
-        made = cls(np.frombuffer(raw, np.uint8), fixed, at, stamp)
-        values = made.read(made.raw[None])[1][0]
+        clock = ("header.stamp.sec", "header.stamp.nanosec")
+        stamp = tuple(layout.numbers[path] for path in clock if path in layout.numbers)
+        template = cls(np.frombuffer(raw, np.uint8), fixed, at, stamp)
+        values = template.read(template.raw[None])[1][0]
         numbers = dict(numbers_in(message))
-        read = [numbers.get(name, np.nan) for name in wanted]
-        return made if np.array_equal(values, read, equal_nan=True) else None
+        expected = [numbers.get(name, np.nan) for name in wanted]
+        return template if np.array_equal(values, expected, equal_nan=True) else None
 
     def like(self, raws: Sequence[bytes]) -> tuple[NDArray[np.uint8], BoolArray]:
         """The messages laid out like this one as rows of bytes, and which they are, (n,)."""
@@ -320,26 +331,3 @@ def _column(rows: NDArray[np.uint8], place: tuple[int, str]) -> NDArray[Any]:
     if not kind:
         return np.full(len(rows), np.nan)
     return np.ascontiguousarray(rows[:, start : start + int(kind[-1])]).view(kind)[:, 0]
-
-
-@dataclass(frozen=True, eq=False)
-class Stream:
-    """A topic's messages: header stamps and times of reception, (n,) ns, and values, (n, names)."""
-
-    topic: str
-    names: Sequence[str]
-    stamps: IntArray
-    received: IntArray
-    values: FloatArray
-
-    @classmethod
-    def of(cls, topic: str, names: Sequence[str], decoder: Decoder, messages: Iterable[tuple[int, bytes]]) -> Stream:
-        """Read all messages, given as time of reception and bytes; a few thousand are held at a time."""
-        stamps, received, values = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)], [np.zeros((0, len(names)))]
-        rest = iter(messages)
-        while batch := list(islice(rest, _BATCH)):
-            own, numbers = decoder.read([raw for _, raw in batch])
-            stamps.append(own)
-            received.append(np.array([when for when, _ in batch], np.int64))
-            values.append(numbers)
-        return cls(topic, names, np.concatenate(stamps), np.concatenate(received), np.concatenate(values))

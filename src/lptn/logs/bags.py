@@ -6,8 +6,9 @@ import hashlib
 import re
 import shutil
 import tempfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from functools import partial
 from importlib.util import find_spec
 from itertools import islice
@@ -18,94 +19,209 @@ from typing import Any, BinaryIO
 import numpy as np
 import pandas as pd
 
-from lptn.basics.arrays import IntArray
+from lptn.basics.arrays import FloatArray, IntArray
 from lptn.basics.errors import InputError
 from lptn.basics.files import fingerprint
-from lptn.logs.bag_messages import COMMON, Decoder, Stream, numbers_in, quantities
+from lptn.logs.bag_messages import COMMON_TYPES, Decoder, numbers_in, quantities
 from lptn.logs.resampling import on_one_time
-from lptn.logs.tables import Table, check_size
+from lptn.logs.tables import Table, broken, check_size
 
-# --- Compressed bags decompressed within bounds: a few kilobytes must not fill the memory or the disk ---
+# --- A bag opened ----------------------------------------------------------------------------------
 
 
-_MOST = 1 << 30  # bytes of a chunk, or of a message; recorders make chunks of some megabytes
-_SHARE = 0.5  # of the disk's free space that a bag may take while it is read
-_PIECE = 1 << 20
-_WAYS = ("lz4", "zstd")
+_FIRST = 20  # messages of a topic that are looked at for names: joints may come in several messages
+_WIDEST = 4000  # columns of one topic
+_BATCH = 4096  # messages that are held at a time
+_KIND = re.compile(r"[A-Za-z]\w*(/[A-Za-z]\w*)+", re.ASCII)
+_MEMBER = re.compile(r"[A-Za-z]\w*", re.ASCII)
 
-Decompress = Callable[[bytes, int], bytes]
+
+def open_bag(path: Path) -> Table:
+    """Open a bag: one column for each number that its messages hold, such as `/joint_states.effort[FR_calf]`.
+
+    What JointState, DynamicJointState, Temperature, Odometry and TwistStamped messages hold is known by its quantity
+    too (`torque.FR_calf`, `temperature.FR_calf`, `speed.base`). Time is that of the header's stamps, or where there are
+    none the time of reception.
+
+    Raises:
+        InputError: the package rosbags is not installed, or the bag can't be read.
+    """
+    if find_spec("rosbags") is None:
+        raise InputError(path, "log", "a ROS 2 bag, and no package to read it", "pip install 'lptn[ros]'")
+    with _errors_as_one_line(path), _reader(path) as reader:
+        store = _store(reader.connections)
+        kinds, of_opening = _kinds(reader, store)
+        decoded = {topic: _first_numbers(reader, store, topic, kind) for topic, kind in kinds.items()}
+    undecoded = [topic for topic, numbers in decoded.items() if numbers is None]
+    of_opening += [f"{topic}: its messages do not decode as {kinds[topic]}; left out." for topic in undecoded]
+    topics = {topic: numbers for topic, numbers in decoded.items() if numbers}
+    if not topics:
+        raise InputError(path, "log", "no topic whose messages hold numbers", "a bag with joint states or the like")
+    names = ("time", *(f"{topic}.{name}" for topic, numbers in topics.items() for name in numbers))
+    notes = [*of_opening]
+    times: list[float] = []
+
+    def read(wanted: Sequence[str]) -> pd.DataFrame:
+        asked = {topic: [name for name in numbers if f"{topic}.{name}" in wanted] for topic, numbers in topics.items()}
+        asked = {topic: numbers for topic, numbers in asked.items() if numbers} or {next(iter(topics)): []}
+        with _errors_as_one_line(path), _reader(path) as again:
+            streams = [_stream(again, store, topic, kinds[topic], numbers) for topic, numbers in asked.items()]
+        stamps, of_clock = one_clock(streams)
+        notes[:] = [*of_opening, *of_clock]
+        check_size(path, sum(own.size for own in stamps), len(wanted))
+        frame = _merged(streams, stamps)
+        times[:] = frame["time"].tolist()
+        return frame[list(wanted)]
+
+    def where(row: int) -> str:
+        return f"at {times[row]:.6f} s"
+
+    defaults = quantities(topics, kinds)
+    return Table(path, names, read, where, "ROS 2 bag", True, defaults, notes, partial(_digest, path))
+
+
+def _stream(reader: Any, store: Any, topic: str, kind: str, wanted: list[str]) -> Stream:
+    """All of a topic's messages of one type, the wanted numbers of each."""
+    decoder = Decoder(store, kind, wanted)
+    messages = reader.messages(_connections(reader, topic, kind))
+    stamps, received, values = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)], [np.zeros((0, len(wanted)))]
+    while batch := list(islice(messages, _BATCH)):
+        own, numbers = decoder.read([bytes(raw) for _, _, raw in batch])
+        stamps.append(own)
+        received.append(np.array([when for _, when, _ in batch], np.int64))
+        values.append(numbers)
+    return Stream(topic, wanted, np.concatenate(stamps), np.concatenate(received), np.concatenate(values))
+
+
+def _connections(reader: Any, topic: str, kind: str) -> list[Any]:
+    return [channel for channel in reader.connections if channel.topic == topic and channel.msgtype == kind]
+
+
+def _merged(streams: Sequence[Stream], stamps: Sequence[Any]) -> pd.DataFrame:
+    """The streams on the union of their times; empty where a topic has no message at a time."""
+    sources = [
+        (own, {f"{stream.topic}.{name}": stream.values[:, number] for number, name in enumerate(stream.names)})
+        for stream, own in zip(streams, stamps, strict=True)
+    ]
+    time, columns = on_one_time(sources)
+    return pd.DataFrame({"time": time / 1e9} | columns, copy=False)
+
+
+def _kinds(reader: Any, store: Any) -> tuple[dict[str, str], list[str]]:
+    """The type of each topic's messages, and what is left out, a sentence each."""
+    kinds: dict[str, str] = {}
+    notes = []
+    for channel in sorted(reader.connections, key=lambda channel: (channel.topic, channel.id)):
+        topic, kind = channel.topic, channel.msgtype
+        if kind not in store.fielddefs:
+            notes.append(f"{topic}: the bag does not define the type of its messages; left out.")
+        elif kinds.setdefault(topic, kind) != kind:
+            notes.append(f"{topic}: of several types; only messages of {kinds[topic]} are read.")
+    return kinds, list(dict.fromkeys(notes))
+
+
+def _first_numbers(reader: Any, store: Any, topic: str, kind: str) -> list[str] | None:
+    """What a topic's first messages hold: names of their numbers; `None` where one does not decode."""
+    from rosbags.serde import SerdeError
+
+    names: dict[str, None] = {}
+    for connection in _connections(reader, topic, kind):
+        for _, _, raw in islice(reader.messages([connection]), _FIRST):
+            try:
+                message = store.deserialize_cdr(raw, kind)
+            except SerdeError:  # of another version of its type
+                return None
+            names.update(dict.fromkeys(name for name, _ in islice(numbers_in(message), _WIDEST)))
+    return list(names)[:_WIDEST]
+
+
+def _store(connections: Sequence[Any]) -> Any:
+    """Types of ROS 2 itself, those of joint states, and those that the bag defines."""
+    from rosbags.interfaces import MessageDefinitionFormat
+    from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
+
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    for name, text in COMMON_TYPES.items():
+        store.register(get_types_from_msg(text, name))
+    for connection in connections:
+        definition = connection.msgdef
+        if connection.msgtype in store.fielddefs or definition.format == MessageDefinitionFormat.NONE:
+            continue
+        # A type that the library can't read costs its own topics and no others.
+        with suppress(Exception):
+            if definition.format == MessageDefinitionFormat.IDL:
+                types = get_types_from_idl(definition.data)
+            else:
+                types = get_types_from_msg(definition.data, connection.msgtype)
+            types = {name: fields for name, fields in types.items() if name not in store.fielddefs}
+            if _plain(types):
+                store.register(types)
+    return store
+
+
+def _plain(types: Mapping[str, Any]) -> bool:
+    """Whether all names are names: the library makes Python code of them, and a log must not bring code of its own."""
+    for kind, (constants, members) in types.items():
+        used = [*(name for name, *_ in constants), *(name for name, _ in members)]
+        if not _KIND.fullmatch(kind) or not all(map(_MEMBER.fullmatch, used)):
+            return False
+        texts = [text for _, described in members for text in _texts(described)]
+        if not all(_KIND.fullmatch(text) or _MEMBER.fullmatch(text) for text in texts):
+            return False
+        if not all(isinstance(value, bool | int | float | str) for *_, value in constants):
+            return False
+    return True
+
+
+def _texts(described: Any) -> Iterator[str]:
+    """All names in the description of a type."""
+    if isinstance(described, str):
+        yield described
+    elif isinstance(described, tuple):
+        for entry in described:
+            yield from _texts(entry)
 
 
 @contextmanager
-def bounded() -> Iterator[None]:
-    """Within it rosbags decompresses no chunk beyond the size that it declares, and nothing beyond 1 GiB.
+def _reader(path: Path) -> Iterator[Any]:
+    from rosbags.rosbag2 import Reader
 
-    The library has no such option; its own functions are put back afterwards.
-    """
-    from rosbags.rosbag2 import reader, storage_mcap
+    with bounded(), Reader(path) as reader:
+        yield reader
 
-    chunks: dict[str, Any] = storage_mcap.DECOMPRESSORS
-    usual = {way: chunks[way] for way in _WAYS}
-    zstd = getattr(reader, "zstd", None)  # older versions use another package: only their lz4 is bounded
-    chunks["lz4"] = _lz4
-    if zstd is not None:
-        chunks["zstd"] = lambda data, size: _within(zstd.ZstdDecompressor(), data, size)
-        vars(reader)["zstd"] = SimpleNamespace(
-            decompress=lambda data: _within(zstd.ZstdDecompressor(), data, _MOST),
-            open=lambda stream, mode: _File(zstd.open(stream, mode)),
-        )
+
+@contextmanager
+def _errors_as_one_line(path: Path) -> Iterator[None]:
+    """Whatever a broken bag makes the library raise becomes an InputError."""
     try:
         yield
-    finally:
-        chunks.update(usual)
-        if zstd is not None:
-            vars(reader)["zstd"] = zstd
+    except InputError:
+        raise
+    except Exception as error:
+        expected = "a whole ROS 2 bag; one that was not closed is mended by `mcap recover` or `ros2 bag reindex`"
+        raise broken(path, error, expected) from error
 
 
-def _lz4(data: bytes, size: int) -> bytes:
-    from lz4.frame import LZ4FrameDecompressor  # type: ignore[import-untyped]
-
-    return _within(LZ4FrameDecompressor(), data, size)
-
-
-def _within(decompressor: Any, data: bytes, size: int) -> bytes:
-    """Data decompressed, one frame of at most `size` bytes.
-
-    Raises:
-        ValueError: it is more, or ends before the frame does.
-    """
-    if not 0 <= size <= _MOST:
-        raise ValueError(f"{size} bytes in one piece, of which {_MOST} at most are taken")
-    found: bytes = decompressor.decompress(bytes(data), max_length=size + 1)
-    if len(found) > size:
-        raise ValueError(f"a piece of more than the {size} bytes that it may have")
-    if not decompressor.eof:
-        raise ValueError("a compressed piece that is cut off")
-    return found
-
-
-class _File:
-    """A compressed file that is read up to half of the disk's free space."""
-
-    def __init__(self, stream: BinaryIO) -> None:
-        self._stream = stream
-        self._left = int(_SHARE * shutil.disk_usage(Path(tempfile.gettempdir())).free)
-
-    def __enter__(self) -> _File:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._stream.close()
-
-    def read(self, size: int = _PIECE) -> bytes:
-        piece = self._stream.read(size)
-        self._left -= len(piece)
-        if self._left < 0:
-            raise ValueError("a compressed file of more than half of the disk's free space")
-        return piece
+def _digest(path: Path) -> str:
+    """The SHA-256 of a bag: of a folder, that of its files' digests in order of their names."""
+    if path.is_file():
+        return fingerprint(path)
+    lines = (f"{file.name} {fingerprint(file)}" for file in sorted(path.iterdir()) if file.is_file())
+    return hashlib.sha256("\n".join(lines).encode()).hexdigest()
 
 
 # --- One clock for the topics of a bag: header stamps where there are any, times of reception else ---
+
+
+@dataclass(frozen=True, eq=False)
+class Stream:
+    """A topic's messages: header stamps and times of reception, (n,) ns, and values, (n, names)."""
+
+    topic: str
+    names: Sequence[str]
+    stamps: IntArray
+    received: IntArray
+    values: FloatArray
 
 
 _APART = 1_000_000_000  # ns; no message is under way for so long
@@ -151,174 +267,79 @@ def _listed(streams: Sequence[Stream]) -> str:
     return ", ".join(stream.topic for stream in streams)
 
 
-_FIRST = 20  # messages of a topic that are looked at for names: joints may come in several messages
-_WIDEST = 4000  # columns of one topic
-_KIND = re.compile(r"[A-Za-z]\w*(/[A-Za-z]\w*)+", re.ASCII)
-_MEMBER = re.compile(r"[A-Za-z]\w*", re.ASCII)
+# --- Compressed bags decompressed within bounds: a few kilobytes must not fill the memory or the disk ---
 
 
-def open_bag(path: Path) -> Table:
-    """Open a bag: one column for each number that its messages hold, such as `/joint_states.effort[FR_calf]`.
+_MOST = 1 << 30  # bytes of a chunk, or of a message; recorders make chunks of some megabytes
+_SHARE = 0.5  # of the disk's free space that a bag may take while it is read
+_PIECE = 1 << 20  # bytes that are read at a time
+_METHODS = ("lz4", "zstd")
 
-    What JointState, DynamicJointState, Temperature, Odometry and TwistStamped messages hold is known by its quantity
-    too (`torque.FR_calf`, `temperature.FR_calf`, `speed.base`). Time is that of the header's stamps, or where there are
-    none the time of reception.
 
-    Raises:
-        InputError: the package rosbags is not installed, or the bag can't be read.
+@contextmanager
+def bounded() -> Iterator[None]:
+    """Within it rosbags decompresses no chunk beyond the size that it declares, and nothing beyond 1 GiB.
+
+    The library has no such option; its own functions are put back afterwards.
     """
-    if find_spec("rosbags") is None:
-        raise InputError(path, "log", "a ROS 2 bag, and no package to read it", "pip install 'lptn[ros]'")
-    with _told(path), _reader(path) as reader:
-        store = _store(reader.connections)
-        kinds, opened = _kinds(reader, store)
-        found = {topic: _first_numbers(reader, store, topic, kind) for topic, kind in kinds.items()}
-    undecoded = [topic for topic, numbers in found.items() if numbers is None]
-    opened += [f"{topic}: its messages do not decode as {kinds[topic]}; left out." for topic in undecoded]
-    shown = {topic: numbers for topic, numbers in found.items() if numbers}
-    if not shown:
-        raise InputError(path, "log", "no topic whose messages hold numbers", "a bag with joint states or the like")
-    names = ("time", *(f"{topic}.{name}" for topic, given in shown.items() for name in given))
-    notes = [*opened]
-    times: list[float] = []
+    from rosbags.rosbag2 import reader, storage_mcap
 
-    def read(wanted: Sequence[str]) -> pd.DataFrame:
-        topics = {topic: [name for name in given if f"{topic}.{name}" in wanted] for topic, given in shown.items()}
-        topics = {topic: given for topic, given in topics.items() if given} or {next(iter(shown)): []}
-        with _told(path), _reader(path) as again:
-            streams = [_stream(again, store, topic, kinds[topic], given) for topic, given in topics.items()]
-        stamps, said = one_clock(streams)
-        notes[:] = [*opened, *said]
-        check_size(path, sum(own.size for own in stamps), len(wanted))
-        frame = _merged(streams, stamps)
-        times[:] = frame["time"].tolist()
-        return frame[list(wanted)]
-
-    def where(row: int) -> str:
-        return f"at {times[row]:.6f} s"
-
-    kind = "ROS 2 bag"
-    return Table(path, names, read, where, kind, quantities(shown, kinds), notes, partial(_digest, path))
-
-
-def _stream(reader: Any, store: Any, topic: str, kind: str, wanted: list[str]) -> Stream:
-    """All of a topic's messages of one type, the wanted numbers of each."""
-    messages = ((when, bytes(raw)) for _, when, raw in reader.messages(_connections(reader, topic, kind)))
-    return Stream.of(topic, wanted, Decoder(store, kind, wanted), messages)
-
-
-def _connections(reader: Any, topic: str, kind: str) -> list[Any]:
-    return [each for each in reader.connections if each.topic == topic and each.msgtype == kind]
-
-
-def _merged(streams: Sequence[Stream], stamps: Sequence[Any]) -> pd.DataFrame:
-    """The streams on the union of their times; empty where a topic has no message at a time."""
-    parts = [
-        (own, {f"{stream.topic}.{name}": stream.values[:, number] for number, name in enumerate(stream.names)})
-        for stream, own in zip(streams, stamps, strict=True)
-    ]
-    time, columns = on_one_time(parts)
-    return pd.DataFrame({"time": time / 1e9} | columns, copy=False)
-
-
-def _kinds(reader: Any, store: Any) -> tuple[dict[str, str], list[str]]:
-    """The type of each topic's messages, and what is left out, a sentence each."""
-    kinds: dict[str, str] = {}
-    notes = []
-    for each in sorted(reader.connections, key=lambda each: (each.topic, each.id)):
-        if each.msgtype not in store.fielddefs:
-            notes.append(f"{each.topic}: the bag does not define the type of its messages; left out.")
-        elif kinds.setdefault(each.topic, each.msgtype) != each.msgtype:
-            notes.append(f"{each.topic}: of several types; only messages of {kinds[each.topic]} are read.")
-    return kinds, list(dict.fromkeys(notes))
-
-
-def _first_numbers(reader: Any, store: Any, topic: str, kind: str) -> list[str] | None:
-    """What a topic's first messages hold: names of their numbers; `None` where one does not decode."""
-    from rosbags.serde import SerdeError
-
-    found: dict[str, None] = {}
-    for connection in _connections(reader, topic, kind):
-        for _, _, raw in islice(reader.messages([connection]), _FIRST):
-            try:
-                message = store.deserialize_cdr(raw, kind)
-            except SerdeError:  # of another version of its type
-                return None
-            found.update(dict.fromkeys(name for name, _ in islice(numbers_in(message), _WIDEST)))
-    return list(found)[:_WIDEST]
-
-
-def _store(connections: Sequence[Any]) -> Any:
-    """Types of ROS 2 itself, those of joint states, and those that the bag defines."""
-    from rosbags.interfaces import MessageDefinitionFormat
-    from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
-
-    store = get_typestore(Stores.ROS2_HUMBLE)
-    for name, text in COMMON.items():
-        store.register(get_types_from_msg(text, name))
-    for connection in connections:
-        definition = connection.msgdef
-        if connection.msgtype in store.fielddefs or definition.format == MessageDefinitionFormat.NONE:
-            continue
-        # A type that the library can't read costs its own topics and no others.
-        with suppress(Exception):
-            if definition.format == MessageDefinitionFormat.IDL:
-                types = get_types_from_idl(definition.data)
-            else:
-                types = get_types_from_msg(definition.data, connection.msgtype)
-            types = {name: fields for name, fields in types.items() if name not in store.fielddefs}
-            if _plain(types):
-                store.register(types)
-    return store
-
-
-def _plain(types: Mapping[str, Any]) -> bool:
-    """Whether all names are names: the library makes Python code of them, and a log must not bring code of its own."""
-    for kind, (constants, members) in types.items():
-        used = [*(name for name, *_ in constants), *(name for name, _ in members)]
-        if not _KIND.fullmatch(kind) or not all(map(_MEMBER.fullmatch, used)):
-            return False
-        texts = [text for _, described in members for text in _texts(described)]
-        if not all(_KIND.fullmatch(text) or _MEMBER.fullmatch(text) for text in texts):
-            return False
-        if not all(isinstance(value, bool | int | float | str) for *_, value in constants):
-            return False
-    return True
-
-
-def _texts(described: Any) -> Iterator[str]:
-    """All names in the description of a type."""
-    if isinstance(described, str):
-        yield described
-    elif isinstance(described, tuple):
-        for each in described:
-            yield from _texts(each)
-
-
-@contextmanager
-def _reader(path: Path) -> Iterator[Any]:
-    from rosbags.rosbag2 import Reader
-
-    with bounded(), Reader(path) as reader:
-        yield reader
-
-
-@contextmanager
-def _told(path: Path) -> Iterator[None]:
-    """Whatever a broken bag makes the library say, said as one line."""
+    chunks: dict[str, Any] = storage_mcap.DECOMPRESSORS
+    usual = {method: chunks[method] for method in _METHODS}
+    zstd = getattr(reader, "zstd", None)  # older versions use another package: only their lz4 is bounded
+    chunks["lz4"] = _lz4
+    if zstd is not None:
+        chunks["zstd"] = lambda data, size: _within(zstd.ZstdDecompressor(), data, size)
+        vars(reader)["zstd"] = SimpleNamespace(
+            decompress=lambda data: _within(zstd.ZstdDecompressor(), data, _MOST),
+            open=lambda stream, mode: _File(zstd.open(stream, mode)),
+        )
     try:
         yield
-    except InputError:
-        raise
-    except Exception as error:
-        reason = str(error) or type(error).__name__
-        expected = "a whole ROS 2 bag; one that was not closed is mended by `mcap recover` or `ros2 bag reindex`"
-        raise InputError(path, "log", f"a broken file ({reason[:200]})", expected) from error
+    finally:
+        chunks.update(usual)
+        if zstd is not None:
+            vars(reader)["zstd"] = zstd
 
 
-def _digest(path: Path) -> str:
-    """The SHA-256 of a bag: of a folder, that of its files' digests in order of their names."""
-    if path.is_file():
-        return fingerprint(path)
-    parts: Mapping[str, str] = {each.name: fingerprint(each) for each in sorted(path.iterdir()) if each.is_file()}
-    return hashlib.sha256("\n".join(f"{name} {digest}" for name, digest in parts.items()).encode()).hexdigest()
+def _lz4(data: bytes, size: int) -> bytes:
+    from lz4.frame import LZ4FrameDecompressor  # type: ignore[import-untyped]
+
+    return _within(LZ4FrameDecompressor(), data, size)
+
+
+def _within(decompressor: Any, data: bytes, size: int) -> bytes:
+    """Data decompressed, one frame of at most `size` bytes.
+
+    Raises:
+        ValueError: it is more, or ends before the frame does.
+    """
+    if not 0 <= size <= _MOST:
+        raise ValueError(f"{size} bytes in one piece, of which {_MOST} at most are taken")
+    unpacked: bytes = decompressor.decompress(bytes(data), max_length=size + 1)
+    if len(unpacked) > size:
+        raise ValueError(f"a piece of more than the {size} bytes that it may have")
+    if not decompressor.eof:
+        raise ValueError("a compressed piece that is cut off")
+    return unpacked
+
+
+class _File:
+    """A compressed file that is read up to half of the disk's free space."""
+
+    def __init__(self, stream: BinaryIO) -> None:
+        self._stream = stream
+        self._left = int(_SHARE * shutil.disk_usage(Path(tempfile.gettempdir())).free)
+
+    def __enter__(self) -> _File:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stream.close()
+
+    def read(self, size: int = _PIECE) -> bytes:
+        piece = self._stream.read(size)
+        self._left -= len(piece)
+        if self._left < 0:
+            raise ValueError("a compressed file of more than half of the disk's free space")
+        return piece

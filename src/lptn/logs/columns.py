@@ -1,4 +1,4 @@
-"""Columns of other people's logs: units, names, the `[columns]` table, the option `--map`, and back to text."""
+"""Columns of other people's logs: where a quantity stands, in which unit, how that is written, and what names say."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NoReturn
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from lptn.basics.units import registry
 # --- Units that people write, turned into SI (temperatures into degC) -----------------------------
 
 
-_TARGETS = {
+_SI = {  # of a quantity, and what a unit of it is called in a message
     "time": ("s", "time, such as s"),
     "temperature": ("degC", "temperature, such as degC"),
     "torque": ("N*m", "torque, such as N*m"),
@@ -38,23 +39,10 @@ _SPELLINGS = {"Nm": "N*m", "mNm": "mN*m", "kNm": "kN*m", "rev/min": "turn/min", 
 _TURNS = {"Hz": "turn/s", "1/min": "turn/min", "min^-1": "turn/min"}
 
 
-def check_unit(unit: str, quantity: str, file: str | Path, place: str) -> None:
-    """Refuse a unit that is unknown or of the wrong dimension for `quantity`.
-
-    Raises:
-        InputError: with `file` and `place` as given.
-    """
-    try:
-        to_si(np.zeros(1), quantity, unit)
-    except Exception as error:  # pint raises a dozen kinds of its own and Python's for a text that is no unit
-        wanted = _TARGETS[quantity][1] if quantity in _TARGETS else "its quantity, such as V"
-        raise InputError(file, place, f"unit '{unit}'", f"a unit of {wanted}") from error
-
-
 def to_si(values: FloatArray, quantity: str, unit: str | None) -> FloatArray:
     """`values` in `unit` converted to the SI unit of `quantity`, degC for temperatures.
 
-    No unit: unchanged. A quantity that is not known is converted to SI base units.
+    No unit: unchanged. A quantity that is not in the list is converted to SI base units.
     """
     if unit is None:
         return values
@@ -62,133 +50,19 @@ def to_si(values: FloatArray, quantity: str, unit: str | None) -> FloatArray:
     if quantity.startswith("velocity"):
         name = _TURNS.get(unit, name)
     measured = registry().Quantity(values, registry().parse_units(name))
-    target = _TARGETS.get(quantity)
-    converted = measured.to(target[0]) if target else measured.to_base_units()
+    converted = measured.to(_SI[quantity][0]) if quantity in _SI else measured.to_base_units()
     return np.asarray(converted.magnitude, dtype=np.float64)
 
 
-# --- Column names taken apart: words, indices, and the unit that a name ends in -------------------
-
-
-def _set(words: str) -> frozenset[str]:
-    return frozenset(words.split())
-
-
-_BRACKETED = re.compile(r"[\[(]\s*([^\[\]()]+?)\s*[\])]\s*$")
-_WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+|°|µ|%")
-
-UNITS: Mapping[str, Mapping[str, str]] = {
-    "time": {
-        "s": "s", "sec": "s", "secs": "s", "seconds": "s", "ms": "ms", "msec": "ms", "millis": "ms",
-        "milliseconds": "ms", "us": "us", "usec": "us", "micros": "us", "microseconds": "us", "µ s": "us", "ns": "ns",
-        "nsec": "ns", "nanos": "ns", "nanoseconds": "ns", "min": "min", "minutes": "min",
-    },
-    "temperature": {
-        "c": "degC", "degc": "degC", "deg c": "degC", "° c": "degC", "celsius": "degC", "f": "degF", "degf": "degF",
-        "deg f": "degF", "° f": "degF", "fahrenheit": "degF", "k": "K", "degk": "K", "kelvin": "K",
-    },
-    "torque": {
-        "nm": "N*m", "n m": "N*m", "mnm": "mN*m", "m nm": "mN*m", "m n m": "mN*m", "ncm": "N*cm", "knm": "kN*m",
-    },
-    "current": {"a": "A", "amp": "A", "amps": "A", "ampere": "A", "ma": "mA", "m a": "mA", "milliamps": "mA"},
-    "velocity": {
-        "rad s": "rad/s", "rads": "rad/s", "radps": "rad/s", "rpm": "rpm", "1 min": "rpm", "deg s": "deg/s",
-        "degps": "deg/s", "dps": "deg/s", "rps": "turn/s", "rev s": "turn/s",
-    },
-    "speed": {"m s": "m/s", "mps": "m/s", "ms": "m/s", "km h": "km/h", "kmh": "km/h", "kph": "km/h", "mm s": "mm/s"},
-    "power": {"w": "W", "watt": "W", "watts": "W", "mw": "mW", "m w": "mW", "kw": "kW", "k w": "kW"},
-}  # fmt: skip
-"""What names end in, by quantity, in lower case with words apart, and the unit that it means."""
-
-ELECTRICAL = ("erpm", "e rpm")
-"""Speeds in electrical turns: the number of pole pairs, which no log says, makes them mechanical."""
-
-
-@dataclass(frozen=True)
-class NameParts:
-    """A column's name taken apart.
-
-    Args:
-        words: in lower case, letters and digits apart, `FR_calfTemp2` being fr, calf, temp, 2.
-        bracket: what stands in a bracket at the end, such as a unit or an index; '' if nothing does.
-    """
-
-    words: tuple[str, ...]
-    bracket: str
-
-    def unit(self, quantity: str) -> str:
-        """The unit that the name ends in, or has in a bracket; '' where it has none that `quantity` could have."""
-        known = UNITS.get(quantity, {})
-        if (inside := " ".join(words_of(self.bracket))) in known:
-            return known[inside]
-        for count in (3, 2, 1):
-            ending = " ".join(self.words[-count:])
-            # A letter alone is a unit only behind something that it is the unit of.
-            if len(self.words) > count and ending in known:
-                return known[ending]
-        return ""
-
-    @property
-    def electrical(self) -> bool:
-        """Whether it is a speed in electrical turns."""
-        return " ".join(self.words).endswith(ELECTRICAL) or "erpm" in self.words
-
-
-def words_of(name: str) -> tuple[str, ...]:
-    """The words of a name, in lower case."""
-    return tuple(word.lower() for word in _WORD.findall(name))
-
-
-def parts_of(name: str) -> NameParts:
-    """A name taken apart; what stands in a bracket and is no unit are words of it."""
-    match = _BRACKETED.search(name)
-    if match is None:
-        return NameParts(words_of(name), "")
-    before, inside = name[: match.start()], match[1]
-    words = words_of(inside)
-    is_unit = not inside.isdigit() and any(" ".join(words) in known for known in UNITS.values())
-    return NameParts((*words_of(before), *(() if is_unit else words)), inside)
-
-
-QUANTITIES: Mapping[str, frozenset[str]] = {
-    "time": _set("time t timestamp stamp ts clock elapsed"),
-    "temperature": _set("temperature temperatures temp temps tmp t thermistor ntc pt therm thermocouple"),
-    "torque": _set("torque torques tau effort trq tq moment"),
-    "current": _set("current currents i cur curr iq amps amp"),
-    "velocity": _set("velocity velocities vel omega speed dq qd qdot rpm w"),
-    "speed": _set("speed velocity vel v vx"),
-    "power": _set("power watt watts p"),
-    "powered": _set("powered enabled enable"),
-    "fan": _set("fan duty"),
-    "irradiance": _set("irradiance sun solar"),
-}
-"""Words that say which quantity a column holds."""
-
-PLACES: Mapping[str, frozenset[str]] = {
-    "ambient": _set("ambient amb room air env environment lab surroundings"),
-    "base": _set("base body trunk robot com"),
-    "battery": _set("battery batt bat"),
-    "pc": _set("pc computer cpu onboard"),
-    "winding": _set("winding windings coil copper"),
-    "housing": _set("housing case casing body shell"),
-    "calf": _set("calf knee shank"),
-}
-"""Words that say which place, where it is not called by its own name."""
-
-NOT_MEASURED = _set(
-    "cmd command commanded des desired target ref reference goal limit max min set setpoint error err status flag "
-    "count fault warning id mode"
-)
-"""Words of columns that hold what was wanted, or something about a quantity, and not the quantity."""
-
-
-# --- Other people's column names: the `[columns]` table and the option `--map` --------------------
+# --- Where a quantity stands in a log --------------------------------------------------------------
 
 
 _KEY = re.compile(r"time|[A-Za-z_]\w*\.[^\s.]+")
-_OPTION = re.compile(r"(?P<key>[^=]+)=(?P<column>.+?)(?:\[(?P<unit>[^\[\]]*)\])?")
-_COLUMNS = ("column", "norm", "product")
-_ALLOWED = (*_COLUMNS[:2], "unit", "scale", "offset", "product", "wrap", "invalid", "valid")
+
+
+def is_key(name: str) -> bool:
+    """Whether `name` is `time` or `<quantity>.<place>`."""
+    return _KEY.fullmatch(name) is not None
 
 
 @dataclass(frozen=True)
@@ -219,12 +93,12 @@ class ColumnSource:
     def values(self, key: str, raw: Mapping[str, FloatArray]) -> FloatArray:
         """The quantity `key` in SI (degC), (n,), from the file's columns `raw`, (n,) each; NaN where invalid."""
         quantity = key.partition(".")[0]
-        parts = [self._unwrapped(self._readings(raw[name]), quantity) for name in self.columns]
-        x = parts[0]
+        columns = [self._unwrapped(self._readings(raw[name]), quantity) for name in self.columns]
+        x = columns[0]
         if self.product:
-            x = np.prod(parts, axis=0)
-        elif len(parts) > 1:
-            x = np.sqrt(np.sum(np.square(parts), axis=0))
+            x = np.prod(columns, axis=0)
+        elif len(columns) > 1:
+            x = np.sqrt(np.sum(np.square(columns), axis=0))
         return to_si(self.scale * x + self.offset, quantity, self.unit)
 
     def missing(self, raw: Mapping[str, FloatArray]) -> int:
@@ -238,18 +112,21 @@ class ColumnSource:
         return np.where(np.isin(x, self.invalid) | (x < low) | (x > high), np.nan, x)
 
     def _unwrapped(self, x: FloatArray, quantity: str) -> FloatArray:
-        known = np.isfinite(x)
-        if not self.wrap or not known.any():
+        finite = np.isfinite(x)
+        if not self.wrap or not finite.any():
             return x
         whole = x.copy()
-        whole[known] = np.unwrap(x[known], period=self.wrap)
-        turns = 0.0 if quantity == "time" else np.round(np.median(whole[known]) / self.wrap)
+        whole[finite] = np.unwrap(x[finite], period=self.wrap)
+        turns = 0.0 if quantity == "time" else np.round(np.median(whole[finite]) / self.wrap)
         return np.asarray(whole - turns * self.wrap)
 
 
-def is_key(name: str) -> bool:
-    """Whether `name` is `time` or `<quantity>.<place>`."""
-    return _KEY.fullmatch(name) is not None
+# --- Where it stands, read: the `[columns]` table and the option `--map` ---------------------------
+
+
+_OPTION = re.compile(r"(?P<key>[^=]+)=(?P<column>.+?)(?:\[(?P<unit>[^\[\]]*)\])?")
+_COLUMN_ENTRIES = ("column", "norm", "product")
+_ENTRIES = ("column", "norm", "unit", "scale", "offset", "product", "wrap", "invalid", "valid")
 
 
 def parse_columns(table: Mapping[str, object], file: str | Path, place: str) -> dict[str, ColumnSource]:
@@ -266,7 +143,7 @@ def parse_columns(table: Mapping[str, object], file: str | Path, place: str) -> 
     Raises:
         InputError: a key, name, unit or number that can't be used.
     """
-    return {str(key): _entry(str(key), entry, file, f"{place} {key}") for key, entry in table.items()}
+    return {str(key): _Entry(str(key), entry, file, f"{place} {key}").source() for key, entry in table.items()}
 
 
 def parse_map_option(text: str, option: str = "--map") -> tuple[str, ColumnSource]:
@@ -281,100 +158,20 @@ def parse_map_option(text: str, option: str = "--map") -> tuple[str, ColumnSourc
     match = _OPTION.fullmatch(text.strip())
     if match is None:
         raise InputError(option, "its value", f"'{text}'", "<quantity>.<place>=COLUMN or …=COLUMN[UNIT]")
-    key, (unit, *more) = match["key"].strip(), [word.strip() for word in (match["unit"] or "").split(";")]
+    key, (unit, *settings) = match["key"].strip(), [word.strip() for word in (match["unit"] or "").split(";")]
     entry: dict[str, object] = {"column": match["column"].strip()}
     if "=" in unit:
-        unit, more = "", [unit, *more]
+        unit, settings = "", [unit, *settings]
     if unit:
         entry["unit"] = unit
-    for word in filter(None, more):
-        name, _, value = (part.strip() for part in word.partition("="))
-        numbers = [_as_number(part) for part in value.split(",")]
+    for setting in filter(None, settings):
+        name, _, value = (word.strip() for word in setting.partition("="))
+        numbers = [_number_or_text(word) for word in value.split(",")]
         entry[name] = numbers if name in {"invalid", "valid"} else numbers[0] if len(numbers) == 1 else value
-    return key, _entry(key, entry, option, key)
+    return key, _Entry(key, entry, option, key).source()
 
 
-def _entry(key: str, entry: object, file: str | Path, place: str) -> ColumnSource:
-    if not is_key(key):
-        raise InputError(file, place, f"key '{key}'", "time or <quantity>.<place>, such as torque.FR_calf")
-    if isinstance(entry, str):
-        entry = {"column": entry}
-    if not isinstance(entry, Mapping):
-        raise InputError(file, place, shown(entry), 'a column\'s name or a table such as { column = "T1" }')
-    unknown = [str(name) for name in entry if name not in _ALLOWED]
-    if unknown:
-        raise InputError(file, place, f"key '{unknown[0]}'", f"one of {', '.join(_ALLOWED)}")
-    low, high = _numbers(entry, "valid", (-math.inf, math.inf), file, place)[:2]
-    return ColumnSource(
-        _names(entry, file, place),
-        _unit(entry, key.partition(".")[0], file, place),
-        _number(entry, "scale", 1.0, file, place),
-        _number(entry, "offset", 0.0, file, place),
-        "product" in entry,
-        _number(entry, "wrap", 0.0, file, place),
-        _numbers(entry, "invalid", (), file, place),
-        (low, high),
-    )
-
-
-def _names(entry: Mapping[str, object], file: str | Path, place: str) -> tuple[str, ...]:
-    ways = [way for way in _COLUMNS if way in entry]
-    if len(ways) != 1:
-        found = f"both {ways[0]} and {ways[1]}" if ways else "neither column nor norm"
-        raise InputError(file, place, found, 'one of them: column = "T1" or norm = ["i_d", "i_q"]')
-    way, given = ways[0], entry[ways[0]]
-    if way == "column":
-        if isinstance(given, str) and given:
-            return (str(given),)
-        raise InputError(file, f"{place} column", shown(given), "the name of a column")
-    if isinstance(given, Sequence) and not isinstance(given, str) and len(given) > 1:
-        names = [str(name) for name in given if isinstance(name, str) and name]
-        if len(names) == len(given):
-            return tuple(names)
-    example = '["i_d", "i_q"]' if way == "norm" else '["u_dc", "i_dc"]'
-    raise InputError(file, f"{place} {way}", shown(given), f"two or more column names, such as {example}")
-
-
-def _unit(entry: Mapping[str, object], quantity: str, file: str | Path, place: str) -> str | None:
-    if "unit" not in entry:
-        return None
-    unit = entry["unit"]
-    if not isinstance(unit, str) or not unit.strip():
-        raise InputError(file, f"{place} unit", shown(unit), 'the name of a unit, such as "degC"')
-    check_unit(unit.strip(), quantity, file, place)
-    return unit.strip()
-
-
-def _number(entry: Mapping[str, object], name: str, default: float, file: str | Path, place: str) -> float:
-    value = entry.get(name, default)
-    given = name in entry
-    if not _usable(value) or (name == "scale" and value == 0) or (name == "wrap" and given and not value > 0):  # type: ignore[operator]
-        more = {"scale": " but 0", "wrap": " above 0"}.get(name, "")
-        raise InputError(file, f"{place} {name}", shown(value), "a finite number" + more)
-    return float(value)  # type: ignore[arg-type]
-
-
-def _numbers(
-    entry: Mapping[str, object], name: str, default: tuple[float, ...], file: str | Path, place: str
-) -> tuple[float, ...]:
-    if name not in entry:
-        return default
-    given = entry[name]
-    listed = [given] if name == "invalid" and _usable(given) else given
-    numbers: list[float] = []
-    if isinstance(listed, Sequence) and not isinstance(listed, str) and all(map(_usable, listed)):
-        numbers = [float(number) for number in listed]
-    if not numbers or (name == "valid" and not (len(numbers) == 2 and numbers[0] < numbers[1])):
-        example = "numbers, such as [850, -127]" if name == "invalid" else "least and greatest, such as [-40, 200]"
-        raise InputError(file, f"{place} {name}", shown(given), example)
-    return tuple(numbers)
-
-
-def _usable(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
-
-
-def _as_number(text: str) -> object:
+def _number_or_text(text: str) -> object:
     """A number that stands in an option; the text itself where it is none, for the message."""
     try:
         return float(text)
@@ -382,20 +179,129 @@ def _as_number(text: str) -> object:
         return text
 
 
-# --- Where a column stands, written as the line that a user pastes: of `[columns]`, or an option `--map` ---
+class _Entry:
+    """One entry of `[columns]`, checked as it is read.
+
+    Args:
+        key: the quantity that it is for.
+        entry: a name, or a table.
+        file: the file, or option, that holds it.
+        place: where it stands there.
+
+    Raises:
+        InputError: a wrong key, an entry that is neither name nor table, or one with an unknown setting.
+    """
+
+    def __init__(self, key: str, entry: object, file: str | Path, place: str) -> None:
+        self.key, self.file, self.place = key, file, place
+        if not is_key(key):
+            self.refuse("", f"key '{key}'", "time or <quantity>.<place>, such as torque.FR_calf")
+        if isinstance(entry, str):
+            entry = {"column": entry}
+        if not isinstance(entry, Mapping):
+            self.refuse("", shown(entry), 'a column\'s name or a table such as { column = "T1" }')
+        self.table: Mapping[str, object] = entry
+        for name in entry:
+            if name not in _ENTRIES:
+                self.refuse("", f"key '{name}'", f"one of {', '.join(_ENTRIES)}")
+
+    def refuse(self, name: str, found: str, expected: str) -> NoReturn:
+        raise InputError(self.file, f"{self.place} {name}" if name else self.place, found, expected)
+
+    def source(self) -> ColumnSource:
+        """What the entry says.
+
+        Raises:
+            InputError: a name, unit or number that can't be used.
+        """
+        low, high = self.numbers("valid", (-math.inf, math.inf))[:2]
+        return ColumnSource(
+            self.columns(),
+            self.unit(),
+            self.number("scale", 1.0),
+            self.number("offset", 0.0),
+            "product" in self.table,
+            self.number("wrap", 0.0),
+            self.numbers("invalid", ()),
+            (low, high),
+        )
+
+    def columns(self) -> tuple[str, ...]:
+        names = [name for name in _COLUMN_ENTRIES if name in self.table]
+        if len(names) != 1:
+            problem = f"both {names[0]} and {names[1]}" if names else "neither column nor norm"
+            self.refuse("", problem, 'one of them: column = "T1" or norm = ["i_d", "i_q"]')
+        name, value = names[0], self.table[names[0]]
+        if name == "column":
+            if isinstance(value, str) and value:
+                return (str(value),)
+            self.refuse(name, shown(value), "the name of a column")
+        listed = value if isinstance(value, Sequence) and not isinstance(value, str) else ()
+        columns = tuple(str(column) for column in listed if isinstance(column, str) and column)
+        if len(columns) < 2 or len(columns) < len(listed):
+            example = '["i_d", "i_q"]' if name == "norm" else '["u_dc", "i_dc"]'
+            self.refuse(name, shown(value), f"two or more column names, such as {example}")
+        return columns
+
+    def unit(self) -> str | None:
+        if "unit" not in self.table:
+            return None
+        unit = self.table["unit"]
+        if not isinstance(unit, str) or not unit.strip():
+            self.refuse("unit", shown(unit), 'the name of a unit, such as "degC"')
+        unit, quantity = unit.strip(), self.key.partition(".")[0]
+        try:
+            to_si(np.zeros(1), quantity, unit)
+        except Exception as error:  # pint raises a dozen kinds of its own and Python's for a text that is no unit
+            wanted = _SI[quantity][1] if quantity in _SI else "its quantity, such as V"
+            raise InputError(self.file, self.place, f"unit '{unit}'", f"a unit of {wanted}") from error
+        return unit
+
+    def number(self, name: str, default: float) -> float:
+        value = self.table.get(name, default)
+        zero = {"scale": " but 0", "wrap": " above 0"}.get(name, "")
+        usable = _is_finite_number(value)
+        if usable and name in self.table:
+            usable = {"scale": value != 0, "wrap": value > 0}.get(name, True)  # type: ignore[operator]
+        if not usable:
+            self.refuse(name, shown(value), "a finite number" + zero)
+        return float(value)  # type: ignore[arg-type]
+
+    def numbers(self, name: str, default: tuple[float, ...]) -> tuple[float, ...]:
+        if name not in self.table:
+            return default
+        value = self.table[name]
+        listed = [value] if name == "invalid" and _is_finite_number(value) else value
+        numbers: list[float] = []
+        if isinstance(listed, Sequence) and not isinstance(listed, str) and all(map(_is_finite_number, listed)):
+            numbers = [float(number) for number in listed]
+        if not numbers or (name == "valid" and not (len(numbers) == 2 and numbers[0] < numbers[1])):
+            example = "numbers, such as [850, -127]" if name == "invalid" else "least and greatest, such as [-40, 200]"
+            self.refuse(name, shown(value), example)
+        return tuple(numbers)
+
+
+def _is_finite_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
+# --- Where it stands, written: the line that a user pastes into `[columns]`, or an option `--map` ---
 
 
 def toml_line(key: str, source: ColumnSource) -> str:
     """A line of `[columns]`, such as `"temperature.a" = { column = "T1", unit = "degF" }`."""
     name = key if key == "time" else json.dumps(key, ensure_ascii=False)
     columns = [json.dumps(column, ensure_ascii=False) for column in source.columns]
-    unit = [f'unit = "{source.unit}"'] if source.unit else []
-    more = [*unit, *(f"{word} = {_listed(word, numbers)}" for word, numbers in _numbers_as_toml(source))]
-    if len(columns) == 1 and not more:
+    settings = [f'unit = "{source.unit}"'] if source.unit else []
+    settings += [
+        f"{word} = [{', '.join(numbers)}]" if word in {"invalid", "valid"} else f"{word} = {numbers[0]}"
+        for word, numbers in _settings(source)
+    ]
+    if len(columns) == 1 and not settings:
         return f"{name} = {columns[0]}"
     several = f"{'product' if source.product else 'norm'} = [{', '.join(columns)}]"
     where = several if len(columns) > 1 else f"column = {columns[0]}"
-    return f"{name} = {{ {', '.join([where, *more])} }}"
+    return f"{name} = {{ {', '.join([where, *settings])} }}"
 
 
 def map_option(key: str, source: ColumnSource) -> str:
@@ -403,34 +309,107 @@ def map_option(key: str, source: ColumnSource) -> str:
     if len(source.columns) != 1:
         return ""
     column = source.columns[0]
-    inside = "; ".join(
-        [source.unit or "", *(f"{word}={','.join(numbers)}" for word, numbers in _numbers_as_toml(source))]
-    )
-    inside = inside.removeprefix("; ")
+    settings = [f"{word}={','.join(numbers)}" for word, numbers in _settings(source)]
+    inside = "; ".join([source.unit, *settings] if source.unit else settings)
     bracket = f"[{inside}]" if inside or column.endswith("]") else ""
     return f'--map "{key}={column}{bracket}"'
 
 
-def either(key: str, source: ColumnSource) -> str:
+def as_line_or_option(key: str, source: ColumnSource) -> str:
     """Both, for a message of one line."""
     option = map_option(key, source)
     return f"{toml_line(key, source)} in [columns]" + (f", or {option}" if option else "")
 
 
-def _numbers_as_toml(source: ColumnSource) -> list[tuple[str, list[str]]]:
-    given: list[tuple[str, list[float]]] = []
+def _settings(source: ColumnSource) -> list[tuple[str, list[str]]]:
+    """The settings of a source that are numbers, and not as they are by default."""
+    settings: list[tuple[str, list[float]]] = []
     if source.scale != 1.0:
-        given.append(("scale", [source.scale]))
+        settings.append(("scale", [source.scale]))
     if source.offset:
-        given.append(("offset", [source.offset]))
+        settings.append(("offset", [source.offset]))
     if source.wrap:
-        given.append(("wrap", [source.wrap]))
+        settings.append(("wrap", [source.wrap]))
     if source.invalid:
-        given.append(("invalid", list(source.invalid)))
+        settings.append(("invalid", list(source.invalid)))
     if source.valid != (-math.inf, math.inf):
-        given.append(("valid", list(source.valid)))
-    return [(word, [f"{number:.12g}" for number in numbers]) for word, numbers in given]
+        settings.append(("valid", list(source.valid)))
+    return [(word, [f"{number:.12g}" for number in numbers]) for word, numbers in settings]
 
 
-def _listed(word: str, numbers: list[str]) -> str:
-    return f"[{', '.join(numbers)}]" if word in {"invalid", "valid"} else numbers[0]
+# --- What a column's name says: its words, and the unit that it ends in ----------------------------
+
+
+_UNITS: Mapping[str, Mapping[str, str]] = {
+    "time": {
+        "s": "s", "sec": "s", "secs": "s", "seconds": "s", "ms": "ms", "msec": "ms", "millis": "ms",
+        "milliseconds": "ms", "us": "us", "usec": "us", "micros": "us", "microseconds": "us", "µ s": "us", "ns": "ns",
+        "nsec": "ns", "nanos": "ns", "nanoseconds": "ns", "min": "min", "minutes": "min",
+    },
+    "temperature": {
+        "c": "degC", "degc": "degC", "deg c": "degC", "° c": "degC", "celsius": "degC", "f": "degF", "degf": "degF",
+        "deg f": "degF", "° f": "degF", "fahrenheit": "degF", "k": "K", "degk": "K", "kelvin": "K",
+    },
+    "torque": {
+        "nm": "N*m", "n m": "N*m", "mnm": "mN*m", "m nm": "mN*m", "m n m": "mN*m", "ncm": "N*cm", "knm": "kN*m",
+    },
+    "current": {"a": "A", "amp": "A", "amps": "A", "ampere": "A", "ma": "mA", "m a": "mA", "milliamps": "mA"},
+    "velocity": {
+        "rad s": "rad/s", "rads": "rad/s", "radps": "rad/s", "rpm": "rpm", "1 min": "rpm", "deg s": "deg/s",
+        "degps": "deg/s", "dps": "deg/s", "rps": "turn/s", "rev s": "turn/s",
+    },
+    "speed": {"m s": "m/s", "mps": "m/s", "ms": "m/s", "km h": "km/h", "kmh": "km/h", "kph": "km/h", "mm s": "mm/s"},
+    "power": {"w": "W", "watt": "W", "watts": "W", "mw": "mW", "m w": "mW", "kw": "kW", "k w": "kW"},
+}  # fmt: skip
+"""What names end in, by quantity, in lower case with words apart, and the unit that it means."""
+
+_BRACKETED = re.compile(r"[\[(]\s*([^\[\]()]+?)\s*[\])]\s*$")
+_WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+|°|µ|%")
+_ELECTRICAL = ("erpm", "e rpm")
+"""Speeds in electrical turns: the number of pole pairs, which no log says, makes them mechanical."""
+
+
+def words_of(name: str) -> tuple[str, ...]:
+    """The words of a name, in lower case, letters and digits apart: `FR_calfTemp2` is fr, calf, temp, 2."""
+    return tuple(word.lower() for word in _WORD.findall(name))
+
+
+@dataclass(frozen=True)
+class ColumnName:
+    """A column's name taken apart.
+
+    Attributes:
+        words: as of `words_of`.
+        bracket: what stands in a bracket at the end, such as a unit or an index; '' if nothing does.
+    """
+
+    words: tuple[str, ...]
+    bracket: str
+
+    @classmethod
+    def of(cls, name: str) -> ColumnName:
+        """A name taken apart; what stands in a bracket and is no unit are words of it."""
+        match = _BRACKETED.search(name)
+        if match is None:
+            return cls(words_of(name), "")
+        before, inside = name[: match.start()], match[1]
+        words = words_of(inside)
+        is_unit = not inside.isdigit() and any(" ".join(words) in endings for endings in _UNITS.values())
+        return cls((*words_of(before), *(() if is_unit else words)), inside)
+
+    def unit(self, quantity: str) -> str:
+        """The unit that the name ends in, or has in a bracket; '' where it has none that `quantity` could have."""
+        endings = _UNITS.get(quantity, {})
+        if (inside := " ".join(words_of(self.bracket))) in endings:
+            return endings[inside]
+        for count in (3, 2, 1):
+            ending = " ".join(self.words[-count:])
+            # A letter alone is a unit only behind something that it is the unit of.
+            if len(self.words) > count and ending in endings:
+                return endings[ending]
+        return ""
+
+    @property
+    def electrical(self) -> bool:
+        """Whether it is a speed in electrical turns."""
+        return " ".join(self.words).endswith(_ELECTRICAL) or "erpm" in self.words

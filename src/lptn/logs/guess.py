@@ -1,38 +1,33 @@
-"""Which of other people's columns may be meant: proposed from their names and values, never taken without a word."""
+"""Which of other people's columns may be meant: proposed from their names and values, never taken without a word.
+
+For each quantity that a model needs and a log seems to lack, `guess` looks for a column whose name says the place and
+the quantity. Where names say less it looks, in this order, at their last words (in a model of one leg), at their
+numbers (as many as there are nodes), and for the only column of its kind (in a model of one node). Each column is
+proposed but once.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from lptn.basics.errors import InputError
-from lptn.logs.columns import (
-    NOT_MEASURED,
-    PLACES,
-    QUANTITIES,
-    ColumnSource,
-    NameParts,
-    map_option,
-    parts_of,
-    toml_line,
-    words_of,
-)
-from lptn.logs.quality import suspect_time, suspect_units
+from lptn.logs.columns import ColumnName, ColumnSource, map_option, toml_line, words_of
+from lptn.logs.quality import suspect_unit
 from lptn.logs.resampling import raw_keys
-from lptn.logs.tables import Table, known_columns
+from lptn.logs.tables import Table, column_sources
 
-_OSL = ({"case", "temperature"}, {"motor", "current"})  # words of columns that opensourceleg's examples log
-_MOST_WORDS = 24  # of a name; a line of a million characters is none
-_FREE = {"joint", "joints", "motor", "actuator", "leg", "sensor", "measured", "state", "states", "q", "est", "deg"}
+Names = Mapping[str, ColumnName]  # the columns that are left to propose, by their names
+Choice = dict[str, tuple[str, str]]  # by quantity the column that may hold it, and what speaks for it
 
 
 @dataclass(frozen=True)
 class Guess:
     """A column that may hold a quantity.
 
-    Args:
+    Attributes:
         key: the quantity, `temperature.FR_calf`.
         source: the column, and its unit.
         why: what speaks for it.
@@ -56,9 +51,9 @@ class Guess:
 def missing_keys(
     table: Table, columns: Mapping[str, ColumnSource], inputs: Collection[str], outputs: Collection[str]
 ) -> list[str]:
-    """The raw columns that a model needs, or predicts, and that nothing in the log is known to hold, in order."""
-    known = known_columns(table, columns)
-    there = {key for key, source in known.items() if set(source.columns) <= set(table.names)}
+    """The raw columns that a model needs, or predicts, and that the log does not seem to hold, in order."""
+    sources = column_sources(table, columns)
+    there = {key for key, source in sources.items() if set(source.columns) <= set(table.names)}
     wanted = ["time", *(key for column in (*inputs, *outputs) for key in raw_keys(column, there))]
     return [key for key in dict.fromkeys(wanted) if key not in there and key not in columns]
 
@@ -75,29 +70,35 @@ def guess(
         outputs: temperature columns that the model predicts.
     """
     missing = missing_keys(table, columns, inputs, outputs)
-    known = known_columns(table, columns)
-    wanted = {"time", *(key for column in (*inputs, *outputs) for key in raw_keys(column, known)), *columns}
-    used = {name for key, source in known.items() if key in wanted for name in source.columns}
-    names = [name for name in table.names if name not in used and table.names.count(name) == 1]
-    parts = {name: parts_of(name) for name in names}
+    sources = column_sources(table, columns)
+    wanted = {"time", *(key for column in (*inputs, *outputs) for key in raw_keys(column, sources)), *columns}
+    taken = {name for key, source in sources.items() if key in wanted for name in source.columns}
+    free = [name for name in table.names if name not in taken and table.names.count(name) == 1]
+    names = {name: ColumnName.of(name) for name in free}
     places = [key.partition(".")[2] for key in (*outputs, *inputs) if key.startswith("temperature.")]
     places = [place for place in dict.fromkeys(places) if place != "ambient"]
-    chosen: dict[str, tuple[str, str]] = {}  # column and reason, by key
-    if "time" in missing and (name := _time(parts)):
-        chosen["time"] = name, "its name"
+    choice: Choice = {}
+    if "time" in missing and (name := _time(names)):
+        choice["time"] = name, "its name"
     for key in missing:
-        if key != "time" and (name := _by_place(key, parts, places)):
-            chosen[key] = name, "its name"
+        if key != "time" and (name := _by_place(key, names, places)):
+            choice[key] = name, "its name"
     for method in (_by_last_word, _by_number, _by_being_alone):
-        rest = [key for key in missing if key not in chosen and key != "time"]
-        taken = {column for column, _ in chosen.values()}
-        chosen |= method(rest, {name: words for name, words in parts.items() if name not in taken}, places)
-    guesses = (_with_unit(table, key, *chosen[key]) for key in missing if key in chosen)
+        rest = [key for key in missing if key not in choice and key != "time"]
+        chosen = {column for column, _ in choice.values()}
+        choice |= method(rest, {name: parts for name, parts in names.items() if name not in chosen}, places)
+    guesses = (_with_unit(table, key, *choice[key]) for key in missing if key in choice)
     return [guess for guess in guesses if guess is not None]
 
 
-def recognised(table: Table) -> str:
-    """What is known of a log by its columns' names, a sentence; '' where nothing is."""
+# --- Logs of opensourceleg, by the columns that its examples log -----------------------------------
+
+
+_OPENSOURCELEG = ({"case", "temperature"}, {"motor", "current"})  # words of two columns' names
+
+
+def format_note(table: Table) -> str:
+    """What the columns' names say of the program that wrote a log, a sentence; '' where they say nothing."""
     if not _of_opensourceleg(table):
         return ""
     text = "log: columns as opensourceleg logs them: motor current in mA, temperatures in degC"
@@ -108,7 +109,7 @@ def recognised(table: Table) -> str:
 
 def _of_opensourceleg(table: Table) -> bool:
     words = [set(words_of(name)) for name in table.names]
-    return all(any(wanted <= each for each in words) for wanted in _OSL)
+    return all(any(wanted <= of_column for of_column in words) for wanted in _OPENSOURCELEG)
 
 
 def _with_unit(table: Table, key: str, column: str, why: str) -> Guess | None:
@@ -121,146 +122,187 @@ def _with_unit(table: Table, key: str, column: str, why: str) -> Guess | None:
         return None
     if not np.isfinite(values).any():
         return None
-    if unit := parts_of(column).unit(quantity):
+    if unit := ColumnName.of(column).unit(quantity):
         return Guess(key, replace(source, unit=unit), f"{why}, unit and all")
     if quantity == "current" and _of_opensourceleg(table):
         return Guess(key, replace(source, unit="mA"), f"{why}; opensourceleg logs mA")
-    doubts = suspect_time(source, values) if key == "time" else suspect_units(key, source, values)
-    mended = next((doubt.mended for doubt in doubts if doubt.mended), None)
-    return Guess(key, mended, f"{why}; {doubts[0].found}") if mended else Guess(key, source, why)
+    for issue in suspect_unit(key, source, values):
+        if issue.corrected:
+            return Guess(key, issue.corrected, f"{why}; {issue.problem}")
+    return Guess(key, source, why)
 
 
-def _time(parts: Mapping[str, NameParts]) -> str:
-    """The column whose name begins or ends with a word for time, and has no more than a unit besides."""
+# --- What words in a column's name say -------------------------------------------------------------
+
+
+def _set(words: str) -> frozenset[str]:
+    return frozenset(words.split())
+
+
+_QUANTITIES: Mapping[str, frozenset[str]] = {
+    "time": _set("time t timestamp stamp ts clock elapsed"),
+    "temperature": _set("temperature temperatures temp temps tmp t thermistor ntc pt therm thermocouple"),
+    "torque": _set("torque torques tau effort trq tq moment"),
+    "current": _set("current currents i cur curr iq amps amp"),
+    "velocity": _set("velocity velocities vel omega speed dq qd qdot rpm w"),
+    "speed": _set("speed velocity vel v vx"),
+    "power": _set("power watt watts p"),
+    "powered": _set("powered enabled enable"),
+    "fan": _set("fan duty"),
+    "irradiance": _set("irradiance sun solar"),
+}
+"""Words that say which quantity a column holds."""
+
+_PLACES: Mapping[str, frozenset[str]] = {
+    "ambient": _set("ambient amb room air env environment lab surroundings"),
+    "base": _set("base body trunk robot com"),
+    "battery": _set("battery batt bat"),
+    "pc": _set("pc computer cpu onboard"),
+    "winding": _set("winding windings coil copper"),
+    "housing": _set("housing case casing body shell"),
+    "calf": _set("calf knee shank"),
+}
+"""Words that say which place, where it is not called by its own name."""
+
+_NOT_MEASURED = _set(
+    "cmd command commanded des desired target ref reference goal limit max min set setpoint error err status flag "
+    "count fault warning id mode"
+)
+"""Words of columns that hold what was wanted, or something about a quantity, and not the quantity."""
+
+_NEUTRAL = _set("joint joints motor actuator leg sensor measured state states q est deg")
+"""Words that say nothing of place or quantity."""
+
+_MOST_WORDS = 24  # of a name; a line of a million characters is none
+_SHORT = 2  # letters: a word such as t, i or vx may stand for anything
+
+
+def _spellings(place: str) -> set[str]:
+    """A place's name without its separators, and other words for it."""
+    return {"".join(words_of(place)), *_PLACES.get(place, ())}
+
+
+def _words_besides(name: ColumnName, quantity: str, spellings: set[str]) -> int | None:
+    """How many words a name has besides place, quantity and unit; `None` where it lacks one or is no measurement."""
+    words = list(name.words)
+    if len(words) > _MOST_WORDS or _NOT_MEASURED.intersection(words):
+        return None
+    ends = [(i, j) for i in range(len(words)) for j in range(i + 1, len(words) + 1)]
+    spans = [(i, j) for i, j in ends if "".join(words[i:j]) in spellings]
+    if not spans:
+        return None
+    i, j = max(spans, key=lambda span: span[1] - span[0])
+    rest = words[:i] + words[j:]
+    if quantity == "temperature" and spellings >= _PLACES["ambient"] and set(rest) <= _NEUTRAL:
+        return len(rest)  # a room has nothing else that is logged
+    own = _QUANTITIES.get(quantity, frozenset())
+    unit_says_it = name.unit(quantity) and 0 < len(rest) <= 2
+    if not unit_says_it and not any(word in (own or {quantity}) for word in rest):
+        return None
+    others = {w for other, words in _QUANTITIES.items() if other != quantity for w in words if len(w) > _SHORT}
+    if not own.intersection(rest) and others.intersection(rest):
+        return None
+    return sum(word not in _NEUTRAL and word not in own for word in rest)
+
+
+# --- The ways in which a column may be meant -------------------------------------------------------
+
+
+def _time(names: Names) -> str:
+    """The column whose name begins or ends with a word for time, and has no more than a unit besides; '' for none."""
     ranked: list[tuple[int, int, str]] = []
-    for name, each in parts.items():
-        words = [word for word in each.words if not NOT_MEASURED.intersection([word])]
-        hits = [word for word in words if word in QUANTITIES["time"]]
-        if hits and (words[0] in hits or words[-1] in hits or each.unit("time")):
-            ranked.append((len(words) - len(hits) - bool(each.unit("time")) + (hits == ["t"]), len(ranked), name))
+    for column, name in names.items():
+        words = [word for word in name.words if word not in _NOT_MEASURED]
+        for_time = [word for word in words if word in _QUANTITIES["time"]]
+        unit = bool(name.unit("time"))
+        if for_time and (words[0] in for_time or words[-1] in for_time or unit):
+            # A t alone may be a temperature's.
+            ranked.append((len(words) - len(for_time) - unit + (for_time == ["t"]), len(ranked), column))
     return min(ranked)[2] if ranked else ""
 
 
-def _by_place(key: str, parts: Mapping[str, NameParts], places: Sequence[str]) -> str:
+def _by_place(key: str, names: Names, places: Sequence[str]) -> str:
     """The column that names the place and the quantity with the fewest words besides; '' if two are as good."""
     quantity, _, place = key.partition(".")
-    others = [_spellings(other) for other in places if other != place]
     mine = _spellings(place)
+    # `FR_calf_upper` is another place where the model has one of that name.
+    longer = [other for other in map(_spellings, places) if other != mine and len(min(other)) > len(min(mine))]
     ranked: list[tuple[int, str]] = []
-    for name, each in parts.items():
-        extra = _words_besides(each, quantity, mine)
-        # `FR_calf_upper` is another place where the model has one of that name.
-        longer = any(_words_besides(each, quantity, spelling) is not None and len(min(spelling)) > len(min(mine))
-                     for spelling in others)  # fmt: skip
-        if extra is not None and not longer:
-            ranked.append((extra, name))
+    for column, name in names.items():
+        besides = _words_besides(name, quantity, mine)
+        if besides is not None and all(_words_besides(name, quantity, other) is None for other in longer):
+            ranked.append((besides, column))
     ranked.sort()
     if len(ranked) > 1 and ranked[0][0] == ranked[1][0]:
         return ""
     return ranked[0][1] if ranked else ""
 
 
-def _spellings(place: str) -> set[str]:
-    """A place's name without its separators, and other words for it."""
-    return {"".join(words_of(place)), *PLACES.get(place, ())}
-
-
-def _words_besides(parts: NameParts, quantity: str, spellings: set[str]) -> int | None:
-    """How many words a name has besides place, quantity and unit; `None` where it lacks one or is no measurement."""
-    words = list(parts.words)
-    if len(words) > _MOST_WORDS or NOT_MEASURED.intersection(words):
-        return None
-    spans = [
-        (i, j) for i in range(len(words)) for j in range(i + 1, len(words) + 1) if "".join(words[i:j]) in spellings
-    ]
-    if not spans:
-        return None
-    i, j = max(spans, key=lambda span: span[1] - span[0])
-    rest = words[:i] + words[j:]
-    unit = bool(parts.unit(quantity))
-    if quantity == "temperature" and spellings >= PLACES["ambient"] and set(rest) <= _FREE:
-        return len(rest)  # a room has nothing else that is logged
-    if not any(word in QUANTITIES.get(quantity, {quantity}) for word in rest) and not (
-        unit and len(rest) <= 2 and rest
-    ):
-        return None
-    others = {word for name, known in QUANTITIES.items() if name != quantity for word in known if len(word) > 2}
-    if not QUANTITIES.get(quantity, frozenset()).intersection(rest) and others.intersection(rest):
-        return None
-    return sum(word not in _FREE and word not in QUANTITIES.get(quantity, ()) for word in rest)
-
-
-def _by_last_word(
-    missing: Sequence[str], parts: Mapping[str, NameParts], places: Sequence[str]
-) -> dict[str, tuple[str, str]]:
+def _by_last_word(missing: Sequence[str], names: Names, places: Sequence[str]) -> Choice:
     """`hip temp` for FR_hip, in a model of one leg: names of a last word alone, if there is one for each node."""
     last = {place: words_of(place)[-1] for place in places if len(words_of(place)) > 1}
     if len(places) < 2 or len(set(last.values())) < len(places):
         return {}
-    found: dict[str, tuple[str, str]] = {}
+    choice: Choice = {}
     for quantity in dict.fromkeys(key.partition(".")[0] for key in missing):
         fitting = {}
         for place, word in last.items():
-            spelt = {word, *PLACES.get(word, ())}
-            fitting[place] = [name for name, each in parts.items() if _words_besides(each, quantity, spelt) == 0]
-        keys = {place: f"{quantity}.{place}" for place in places}
-        if all(len(names) == 1 for names in fitting.values()) and set(keys.values()) <= set(missing):
-            found |= {keys[place]: (names[0], "the end of its name: check that") for place, names in fitting.items()}
-    return found
+            spellings = {word, *_PLACES.get(word, ())}
+            fitting[f"{quantity}.{place}"] = [
+                column for column, name in names.items() if _words_besides(name, quantity, spellings) == 0
+            ]
+        if all(len(columns) == 1 for columns in fitting.values()) and fitting.keys() <= set(missing):
+            choice |= {key: (columns[0], "the end of its name: check that") for key, columns in fitting.items()}
+    return choice
 
 
-def _by_number(
-    missing: Sequence[str], parts: Mapping[str, NameParts], places: Sequence[str]
-) -> dict[str, tuple[str, str]]:
+def _by_number(missing: Sequence[str], names: Names, places: Sequence[str]) -> Choice:
     """Numbered columns, `motor_temperature[3]`, taken in the order of the model's nodes if there are as many."""
-    found: dict[str, tuple[str, str]] = {}
+    choice: Choice = {}
     for quantity in dict.fromkeys(key.partition(".")[0] for key in missing):
         wanted = [f"{quantity}.{place}" for place in places]
-        families = _families(quantity, parts, places)
-        fitting = [family for family in families if len(family) == len(wanted) > 1]
-        if len(fitting) == 1 and set(wanted) <= set(missing):
-            for key, number in zip(wanted, sorted(fitting[0]), strict=True):
-                found[key] = fitting[0][number], f"number {number}, in the order of the model's nodes: check that"
-    return found
+        families = [family for family in _families(quantity, names, places) if len(family) == len(wanted) > 1]
+        if len(families) == 1 and set(wanted) <= set(missing):
+            for key, (number, column) in zip(wanted, sorted(families[0].items()), strict=True):
+                choice[key] = column, f"number {number}, in the order of the model's nodes: check that"
+    return choice
 
 
-def _families(quantity: str, parts: Mapping[str, NameParts], places: Sequence[str]) -> list[dict[int, str]]:
+def _families(quantity: str, names: Names, places: Sequence[str]) -> list[dict[int, str]]:
     """Columns of one quantity that differ in their number alone, and name none of the places."""
     families: dict[tuple[str, ...], dict[int, str]] = {}
-    for name, each in parts.items():
-        numbers = [word for word in each.words if word.isdigit()]
-        rest = tuple(word for word in each.words if not word.isdigit())
-        of_quantity = QUANTITIES.get(quantity, frozenset()).intersection(rest) and not NOT_MEASURED.intersection(rest)
-        if len(numbers) == 1 and of_quantity:
-            families.setdefault(rest, {})[int(numbers[0])] = name
+    for column, name in names.items():
+        numbers = [word for word in name.words if word.isdigit()]
+        rest = tuple(word for word in name.words if not word.isdigit())
+        if len(numbers) == 1 and _measures(quantity, rest):
+            families.setdefault(rest, {})[int(numbers[0])] = column
     spelled = {"".join(words_of(place)) for place in places}
     return [family for rest, family in families.items() if not any(place in "".join(rest) for place in spelled)]
 
 
-def _by_being_alone(
-    missing: Sequence[str], parts: Mapping[str, NameParts], places: Sequence[str]
-) -> dict[str, tuple[str, str]]:
+def _by_being_alone(missing: Sequence[str], names: Names, places: Sequence[str]) -> Choice:
     """For a model of one node the one column of a quantity that names no other place."""
     if len(places) != 1:
         return {}
-    elsewhere: Callable[[NameParts], bool] = lambda each: any(  # noqa: E731
-        PLACES[place].intersection(each.words) for place in ("ambient", "battery", "pc", "base")
-    )
-    found = {}
+    elsewhere = frozenset[str]().union(*(_PLACES[place] for place in ("ambient", "battery", "pc", "base")))
+    choice: Choice = {}
     for key in missing:
         quantity, _, place = key.partition(".")
         if place != places[0]:
             continue
         fitting = [
-            name
-            for name, each in parts.items()
-            if QUANTITIES.get(quantity, frozenset()).intersection(each.words)
-            and not NOT_MEASURED.intersection(each.words)
-            and not elsewhere(each)
+            column
+            for column, name in names.items()
+            if _measures(quantity, name.words) and not elsewhere.intersection(name.words)
         ]
-        # Of opensourceleg's two the case's is measured.
-        measured = [name for name in fitting if "winding" not in words_of(name)]
-        chosen = fitting if len(fitting) == 1 else measured
-        if len(chosen) == 1:
-            found[key] = chosen[0], "the only one of its kind"
-    return found
+        if len(fitting) > 1:  # of opensourceleg's two temperatures the case's is measured
+            fitting = [column for column in fitting if "winding" not in words_of(column)]
+        if len(fitting) == 1:
+            choice[key] = fitting[0], "the only one of its kind"
+    return choice
+
+
+def _measures(quantity: str, words: Sequence[str]) -> bool:
+    """Whether words of a name are of the quantity, and of a reading of it."""
+    own = _QUANTITIES.get(quantity, frozenset())
+    return not own.isdisjoint(words) and _NOT_MEASURED.isdisjoint(words)

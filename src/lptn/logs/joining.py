@@ -1,4 +1,7 @@
-"""Two logs of one run with clocks of their own, joined by the onset of heating: `a.csv+b.csv`."""
+"""Two logs of one run with clocks of their own, `a.csv+b.csv`, joined by the onset of heating.
+
+One log has the temperatures, the other what heats: a motor that warms says when its heat was switched on.
+"""
 
 from __future__ import annotations
 
@@ -13,25 +16,197 @@ import pandas as pd
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.logs.columns import ColumnSource
-from lptn.logs.quality import check_time, suspect_time
+from lptn.logs.quality import AMBIENT, check_time, suspect_unit
 from lptn.logs.resampling import on_one_time
-from lptn.logs.tables import Table, check_size, known_columns
+from lptn.logs.tables import Table, check_size, column_sources
+
+# --- Two logs made one table -----------------------------------------------------------------------
+
+
+SECOND_TIME = "time.2"
+"""What the second log's time column is mapped as."""
+_HEAT = {"power": 1, "current": 2, "current_abs": 2, "torque": 2, "torque_abs": 2}  # exponent that makes it a heat
+_FEWEST_VALUES = 10  # of a column, to align on it
+_APART = 5.0  # s, beyond which shifts that other columns give are worth a word
+
+
+def join(
+    path: Path, first: Table, second: Table, shift: float | None, columns: Mapping[str, ColumnSource]
+) -> tuple[Table, dict[str, ColumnSource]]:
+    """Join two logs, the second on the clock of the first; each keeps its own rate.
+
+    Args:
+        path: what the user wrote.
+        first: one log.
+        second: the other; where both have a column of one name, this one's is called `NAME:2`.
+        shift: s to add to the second's clock; `None` to find it from the onset of heating.
+        columns: where the quantities stand in either; `time.2` is the second's time.
+
+    Returns:
+        the table, whose time is in s, and the mapping without the time columns.
+
+    Raises:
+        InputError: a log has no usable time, or there is no onset of heating.
+    """
+    rest = {key: source for key, source in columns.items() if key not in {"time", SECOND_TIME}}
+    time_key = {key: columns[key] for key in ("time",) if key in columns}
+    one = _Timed(first, column_sources(first, time_key).get("time"), "time")
+    own = columns.get(SECOND_TIME) or column_sources(second, time_key).get("time")
+    other = _Timed(second, own, SECOND_TIME)
+    if shift is None:
+        seconds, note = _aligned(path, one, other, rest)
+    else:
+        seconds, note = shift, f"{second.path.name}: its clock set forward by {shift:.6g} s, as given."
+    renamed = {name: f"{name}:2" if name in first.names else name for name in second.names if name != other.column}
+    names = ("time", *(name for name in first.names if name not in {one.column, "time"}), *renamed.values())
+    notes = [note, *first.notes, *second.notes]
+    doubled = [name for name, new in renamed.items() if new != name]
+    if doubled:
+        notes.append(f"{', '.join(doubled)}: in both files; the second's is called {renamed[doubled[0]]}.")
+
+    def read(wanted: Sequence[str]) -> pd.DataFrame:
+        originals = {new: name for name, new in renamed.items() if new in wanted}
+        mine = [name for name in wanted if name not in originals and name != "time"]
+        check_size(path, one.time.size + other.time.size, len(wanted))
+        return _merged(one, other, seconds, mine, originals, wanted)
+
+    table = Table(
+        path,
+        names,
+        read,
+        where=lambda row: f"row {row + 1} of both",
+        kind=f"{first.kind} joined with {second.kind}",
+        mixed=True,
+        defaults=dict(second.defaults) | dict(first.defaults),
+        notes=notes,
+        digest=lambda: hashlib.sha256(f"{first.digest()} {second.digest()}".encode()).hexdigest(),
+    )
+    return table, rest
+
+
+class _Timed:
+    """A log with its times, s, and the rows that have one of their own."""
+
+    def __init__(self, table: Table, source: ColumnSource | None, key: str) -> None:
+        self.table = table
+        missing = source is None or any(name not in table.names for name in source.columns)
+        if source is None or missing:
+            problem = f"no such column; the log has: {', '.join(table.names[:30])}"
+            raise InputError(table.path, f"column {key}", problem, f"a line in [columns] / --map {key}=YOURNAME")
+        self.column = source.columns[0]
+        time = source.values("time", table.numbers(source.columns))
+        for issue in suspect_unit("time", source, time):
+            if issue.certain:
+                remedy = issue.remedy.replace('"time=', f'"{key}=').replace("write time =", f'write "{key}" =')
+                raise InputError(table.path, f"column '{issue.column}'", issue.problem, remedy)
+        self.rows, _ = check_time(table, self.column, time)
+        self.time = time[self.rows]
+
+    def values(self, sources: Mapping[str, ColumnSource], quantities: Sequence[str]) -> dict[str, FloatArray]:
+        """The columns of some quantities that this log has, (n,) each."""
+        columns = {
+            key: source.values(key, self.table.numbers(source.columns))[self.rows]
+            for key, source in sources.items()
+            if key.partition(".")[0] in quantities and set(source.columns) <= set(self.table.names)
+        }
+        return {key: values for key, values in columns.items() if np.isfinite(values).sum() > _FEWEST_VALUES}
+
+
+def _aligned(path: Path, one: _Timed, other: _Timed, columns: Mapping[str, ColumnSource]) -> tuple[float, str]:
+    """The shift of the second log's clock, and what is said of it."""
+    both = [(log, column_sources(log.table, columns)) for log in (one, other)]
+    warm = [log.values(sources, ["temperature"]) for log, sources in both]
+    warm = [{key: values for key, values in temperatures.items() if key != AMBIENT} for temperatures in warm]
+    heat = [log.values(sources, list(_HEAT)) for log, sources in both]
+    if warm[0] and heat[1]:
+        sign, pairs = 1.0, _pairs(one, warm[0], other, heat[1])
+    elif warm[1] and heat[0]:
+        sign, pairs = -1.0, _pairs(other, warm[1], one, heat[0])
+    else:
+        problem = "no temperature in one of the logs, or no torque, current or power in the other"
+        raise InputError(path, "join", problem, f"lines in [columns] for them, or the shift: {path}@SECONDS")
+    shifts: dict[str, Shift] = {}
+    reasons = []
+    for name, pair in pairs.items():
+        try:
+            shifts[name] = shift_of(*pair)
+        except NoOnsetError as reason:
+            reasons.append(str(reason))
+    if not shifts:
+        expected = f"logs that begin before the heating does, or the shift: {path}@SECONDS"
+        raise InputError(path, "join", f"no onset of heating to align on ({reasons[0]})", expected)
+    best = min(shifts, key=lambda name: shifts[name].error)
+    seconds, error = sign * shifts[best].seconds, shifts[best].error
+    note = f"{other.table.path.name}: its clock set forward by {seconds:.2f} ± {error:.2g} s, so that the onset of "
+    note += f"heating fits ({best}); a sensor's own lag is in it."
+    apart = [
+        f"{name} {sign * shift.seconds:.1f} s"
+        for name, shift in shifts.items()
+        if abs(shift.seconds - shifts[best].seconds) > _APART
+    ]
+    return seconds, note + (f" Others say otherwise: {', '.join(apart)}." if apart else "")
+
+
+Pair = tuple[FloatArray, FloatArray, FloatArray, FloatArray]  # times and temperatures, times and heat
+
+
+def _pairs(
+    warm: _Timed, temperatures: Mapping[str, FloatArray], hot: _Timed, inputs: Mapping[str, FloatArray]
+) -> dict[str, Pair]:
+    """Each temperature with the heat at its own place, or where there is none with the sum of all of one kind."""
+    heats = {key: np.abs(values) ** _HEAT[key.partition(".")[0]] for key, values in inputs.items()}
+    kind = next(quantity for quantity in _HEAT if any(key.startswith(f"{quantity}.") for key in heats))
+    total = np.sum([np.nan_to_num(values) for key, values in heats.items() if key.startswith(f"{kind}.")], axis=0)
+    pairs = {}
+    for key, readings in temperatures.items():
+        place = key.partition(".")[2]
+        own = next((f"{quantity}.{place}" for quantity in _HEAT if f"{quantity}.{place}" in heats), "")
+        heat = heats.get(own, total)
+        read, fed = np.isfinite(readings), np.isfinite(heat)
+        name = f"{key} against {own or f'all {kind}s'}"
+        pairs[name] = (warm.time[read], readings[read], hot.time[fed], heat[fed])
+    return pairs
+
+
+def _merged(
+    one: _Timed, other: _Timed, shift: float, mine: Sequence[str], others: Mapping[str, str], wanted: Sequence[str]
+) -> pd.DataFrame:
+    """Both logs' columns on the union of their times; empty where the other log has a row."""
+    sources = []
+    for log, time, names in (
+        (one, one.time, {name: name for name in mine}),
+        (other, other.time + shift, others),
+    ):
+        numbers = log.table.numbers(names.values())
+        sources.append((time, {new: numbers[name][log.rows] for new, name in names.items()}))
+    time, columns = on_one_time(sources)
+    columns["time"] = time
+    return pd.DataFrame({name: columns[name] for name in wanted}, copy=False)
+
 
 # --- The shift between two clocks, from the onset of heating: heat in one log, what it warms in the other ---
 
 
+# When the heat begins, in shares of its high level, its 95th percentile.
+_EARLY = 2.0  # s, of the heat's log
+_REST = 0.25  # the mean heat in the first seconds of a log that begins before the heating does
+_LOW = 0.2  # above, a controller that logs from its start on is no longer at rest
+_ON = 0.3  # above, the heat is on
+_CLEAR = 1.25  # times the most before, what the heat then stays above, for 2.5 times the early seconds
+
+# Which of the temperature's readings the heat is fitted to.
 _RISE = 8.0  # K: the first of the rise, before what else is warm matters
 _SHARE = 0.35  # of the whole rise, where that is less
-_FEWEST = 12  # readings in the window
-_EARLY = 2.0  # s
-_REST, _ON, _LOW = (
-    0.25,
-    0.3,
-    0.2,
-)  # shares of the high level of heat: below, at the beginning, it is rest; above it is on
+_FEWEST = 12  # readings
+_LEAST_RISE = 1.0  # K
+_LEAST_RISE_OVER_NOISE = 10.0
+_CLEAR_OF_NOISE = 5.0  # times the noise, by which a reading is above the rest
+
+# The shift of least cost.
+_COARSE, _FINE, _REFINEMENTS = 800, 41, 3  # shifts tried at first, and between the neighbours of the best, so often
+_MISFIT = 0.1  # of the temperature's scatter: the heat does not explain it if more is left
 _WIDTH = 9.0  # rise of the cost, in its own scatter, at three standard errors
-_MOST = 10.0  # s, standard error beyond which nothing is known
-_COARSE = 800  # shifts tried at first
+_LARGEST_ERROR = 10.0  # s, standard error beyond which the shift is left open
 
 
 class NoOnsetError(ValueError):
@@ -64,13 +239,13 @@ def shift_of(warm_time: FloatArray, temperature: FloatArray, heat_time: FloatArr
         NoOnsetError: heating begins before one of the logs does, or nothing warms, or the shift is left open.
     """
     on = _begun(heat_time, heat)
-    found = _fitted(on, warm_time, temperature, heat_time, heat, 1.0)
+    whole = _fitted(on, warm_time, temperature, heat_time, heat, 1.0)
     try:
         half = _fitted(on, warm_time, temperature, heat_time, heat, 0.5)
     except NoOnsetError:  # too noisy for half the rise
-        return Shift(found.seconds, 2 * found.error)
+        return Shift(whole.seconds, 2 * whole.error)
     # What the equation leaves out shows in how far half the rise says otherwise.
-    return Shift(found.seconds, float(np.hypot(found.error, half.seconds - found.seconds)))
+    return Shift(whole.seconds, float(np.hypot(whole.error, half.seconds - whole.seconds)))
 
 
 def _fitted(
@@ -87,52 +262,57 @@ def _fitted(
         put_in = np.interp(own, heat_time, energy)
         # Behind the log's last row the energy stays.
         gone = np.interp(own, heat_time, lost) + energy[-1] * np.maximum(0.0, own - heat_time[-1])
-        return _residual(readings, put_in, gone)
+        return _sum_of_squares(readings, put_in, gone)
 
     tried = np.linspace(time[0] - on, time[-1] - on, _COARSE)
     costs = np.array([cost(shift) for shift in tried])
-    for _ in range(3):
+    for _ in range(_REFINEMENTS):
         best = int(costs.argmin())
         low, high = tried[max(best - 2, 0)], tried[min(best + 2, tried.size - 1)]
-        more = np.linspace(low, high, 41)
+        more = np.linspace(low, high, _FINE)
         order = np.argsort(np.concatenate([tried, more]))
         costs = np.concatenate([costs, [cost(shift) for shift in more]])[order]
         tried = np.concatenate([tried, more])[order]
-    return _judged(tried, costs, readings, time, heat_time)
+    return _least(tried, costs, readings, time, heat_time)
 
 
-def _judged(
+def _least(
     tried: FloatArray, costs: FloatArray, readings: FloatArray, time: FloatArray, heat_time: FloatArray
 ) -> Shift:
-    """The shift of least cost and how far it may be off, if that can be said."""
+    """The shift of least cost, with its standard error.
+
+    Raises:
+        NoOnsetError: the heat does not explain the rise, or leaves the shift open.
+    """
     best = int(costs.argmin())
     flat = float(np.sum((readings - readings.mean()) ** 2))
-    if costs[best] > 0.1 * flat:
+    if costs[best] > _MISFIT * flat:
         raise NoOnsetError("the temperature does not rise as the heat would have it")
-    # Model error makes neighbouring residuals alike; one a second, at most, counts as its own.
+    # What the equation leaves out correlates neighbouring errors; one a second, at most, counts as its own. Three
+    # coefficients and the shift are fitted to them.
     count = max(3.0, min(float(readings.size), float(time[-1] - time[0])) - 4.0)
     floor = max(costs[best], 1e-12 * flat)
     inside = tried[costs <= floor * (1 + _WIDTH / count)]
     if inside[0] <= tried[0] or inside[-1] >= tried[-1]:
         raise NoOnsetError("the temperature's log begins too late, or shows too little of the rise")
-    spread = (inside[-1] - inside[0]) / 6
-    periods = (float(np.median(np.diff(each))) for each in (time, heat_time))
-    error = float(np.sqrt(spread**2 + sum(period**2 / 12 for period in periods)))
-    if error > _MOST:
+    spread = (inside[-1] - inside[0]) / 6  # from three standard errors below to three above
+    periods = (float(np.median(np.diff(stamps))) for stamps in (time, heat_time))
+    error = float(np.sqrt(spread**2 + sum(period**2 / 12 for period in periods)))  # a stamp is uniform in its period
+    if error > _LARGEST_ERROR:
         raise NoOnsetError(f"the rise is too gradual: the shift is known to ± {error:.2g} s only")
     return Shift(float(tried[best]), error)
 
 
-def _residual(readings: FloatArray, put_in: FloatArray, gone: FloatArray) -> float:
+def _sum_of_squares(readings: FloatArray, put_in: FloatArray, gone: FloatArray) -> float:
     """Sum of squares that a level, the heat put in and what is lost of it leave; of the level alone if heat cools."""
     basis = [np.ones_like(readings), put_in, gone]
     scales = [float(np.abs(column).max()) or 1.0 for column in basis]
     scaled = np.column_stack([column / scale for column, scale in zip(basis, scales, strict=True)])
     for columns in (3, 2):
         matrix = scaled[:, :columns]
-        found = np.linalg.lstsq(matrix, readings, rcond=None)[0]
-        if found[1] > 0 and (columns == 2 or found[2] <= 0):
-            return float(np.sum((readings - matrix @ found) ** 2))
+        coefficients = np.linalg.lstsq(matrix, readings, rcond=None)[0]
+        if coefficients[1] > 0 and (columns == 2 or coefficients[2] <= 0):
+            return float(np.sum((readings - matrix @ coefficients) ** 2))
     return float(np.sum((readings - readings.mean()) ** 2))
 
 
@@ -149,7 +329,7 @@ def _begun(time: FloatArray, heat: FloatArray) -> float:
     # A controller that logs from its start on has a few low rows; a swinging torque is low again and again.
     low = int((heat > _LOW * high).argmax())
     soon = heat[low:][time[low:] <= time[low] + 2.5 * _EARLY]
-    starts = low > 0 and float(soon.min()) > 1.25 * float(heat[:low].max())
+    starts = low > 0 and float(soon.min()) > _CLEAR * float(heat[:low].max())
     if float(early.mean()) > _REST * high and not starts:
         raise NoOnsetError("the heat is on from the first row")
     return float(time[int((heat > _ON * high).argmax())])
@@ -163,171 +343,11 @@ def _first_rise(temperature: FloatArray, share: float) -> int:
     """
     smooth = np.convolve(temperature, np.ones(3) / 3, mode="valid")
     rest = float(np.median(temperature[:_FEWEST]))
+    # From the median of second differences, which a rise leaves alone: 1.4826 makes it a standard deviation, six times
+    # the noise's variance is theirs.
     noise = 1.4826 * float(np.median(np.abs(np.diff(temperature, 2)))) / np.sqrt(6.0) if temperature.size > 3 else 0.0
     whole = float(smooth.max() - rest) if smooth.size else 0.0
-    if whole < max(1.0, 10 * noise):
+    if whole < max(_LEAST_RISE, _LEAST_RISE_OVER_NOISE * noise):
         raise NoOnsetError("no temperature rises by 1 K and ten times its noise")
-    reached = smooth > rest + max(share * min(_RISE, _SHARE * whole), 5 * noise)
+    reached = smooth > rest + max(share * min(_RISE, _SHARE * whole), _CLEAR_OF_NOISE * noise)
     return max(int(reached.argmax()) + 2, min(_FEWEST, temperature.size))
-
-
-# --- Two logs of one run with clocks of their own, joined to one table: `a.csv+b.csv` -------------
-
-
-SECOND_TIME = "time.2"
-"""What the second log's time column is mapped as."""
-_HEAT = {"power": 1, "current": 2, "current_abs": 2, "torque": 2, "torque_abs": 2}  # exponent that makes it a heat
-_AGREE = 5.0  # s
-
-
-def join(
-    path: Path, first: Table, second: Table, shift: float | None, columns: Mapping[str, ColumnSource]
-) -> tuple[Table, dict[str, ColumnSource]]:
-    """Join two logs, the second on the clock of the first; each keeps its own rate.
-
-    Args:
-        path: what the user wrote.
-        first: one log.
-        second: the other; where both have a column of one name, this one's is called `NAME:2`.
-        shift: s to add to the second's clock; `None` to find it from the onset of heating.
-        columns: where the quantities stand in either; `time.2` is the second's time.
-
-    Returns:
-        the table, whose time is in s, and the mapping without the time columns.
-
-    Raises:
-        InputError: a log has no usable time, or there is no onset of heating.
-    """
-    rest = {key: source for key, source in columns.items() if key not in {"time", SECOND_TIME}}
-    time_key = {key: columns[key] for key in ("time",) if key in columns}
-    one = _Timed(first, known_columns(first, time_key).get("time"), "time")
-    own = columns.get(SECOND_TIME) or known_columns(second, time_key).get("time")
-    other = _Timed(second, own, SECOND_TIME)
-    if shift is None:
-        seconds, note = _found(path, one, other, rest)
-    else:
-        seconds, note = shift, f"{second.path.name}: its clock set forward by {shift:.6g} s, as given."
-    renamed = {name: f"{name}:2" if name in first.names else name for name in second.names if name != other.column}
-    names = ("time", *(name for name in first.names if name not in {one.column, "time"}), *renamed.values())
-    notes = [note, *first.notes, *second.notes]
-    doubled = [name for name, new in renamed.items() if new != name]
-    if doubled:
-        notes.append(f"{', '.join(doubled)}: in both files; the second's is called {renamed[doubled[0]]}.")
-
-    def read(wanted: Sequence[str]) -> pd.DataFrame:
-        originals = {new: name for name, new in renamed.items() if new in wanted}
-        mine = [name for name in wanted if name not in originals and name != "time"]
-        check_size(path, one.time.size + other.time.size, len(wanted))
-        return _merged(one, other, seconds, mine, originals, wanted)
-
-    def where(row: int) -> str:
-        return f"row {row + 1} of both"
-
-    defaults = dict(second.defaults) | dict(first.defaults)
-    kind = f"{first.kind} joined with {second.kind}"
-    return Table(path, names, read, where, kind, defaults, notes, lambda: _digest(first, second)), rest
-
-
-class _Timed:
-    """A log with its times, s, and the rows that have one of their own."""
-
-    def __init__(self, table: Table, source: ColumnSource | None, key: str) -> None:
-        self.table = table
-        missing = source is None or any(name not in table.names for name in source.columns)
-        if source is None or missing:
-            found = f"no such column; the log has: {', '.join(table.names[:30])}"
-            raise InputError(table.path, f"column {key}", found, f"a line in [columns] / --map {key}=YOURNAME")
-        self.column = source.columns[0]
-        time = source.values("time", table.numbers(source.columns))
-        for doubt in suspect_time(source, time):
-            if doubt.sure:
-                mend = doubt.mend.replace('"time=', f'"{key}=').replace("write time =", f'write "{key}" =')
-                raise InputError(table.path, f"column '{doubt.column}'", doubt.found, mend)
-        self.rows, _ = check_time(table, self.column, time)
-        self.time = time[self.rows]
-
-    def values(self, known: Mapping[str, ColumnSource], quantities: Sequence[str]) -> dict[str, FloatArray]:
-        """The columns of some quantities that this log has, (n,) each."""
-        found = {}
-        for key, source in known.items():
-            if key.partition(".")[0] in quantities and set(source.columns) <= set(self.table.names):
-                found[key] = source.values(key, self.table.numbers(source.columns))[self.rows]
-        return {key: values for key, values in found.items() if np.isfinite(values).sum() > 10}
-
-
-def _found(path: Path, one: _Timed, other: _Timed, columns: Mapping[str, ColumnSource]) -> tuple[float, str]:
-    """The shift of the second log's clock, and what is said of it."""
-    both = [(each, known_columns(each.table, columns)) for each in (one, other)]
-    warm = [
-        {k: v for k, v in each.values(known, ["temperature"]).items() if k != "temperature.ambient"}
-        for each, known in both
-    ]
-    heat = [each.values(known, list(_HEAT)) for each, known in both]
-    if warm[0] and heat[1]:
-        sign, pairs = 1.0, _pairs(one, warm[0], other, heat[1])
-    elif warm[1] and heat[0]:
-        sign, pairs = -1.0, _pairs(other, warm[1], one, heat[0])
-    else:
-        found = "no temperature in one of the logs, or no torque, current or power in the other"
-        raise InputError(path, "join", found, f"lines in [columns] for them, or the shift: {path}@SECONDS")
-    shifts: dict[str, Shift] = {}
-    reasons = []
-    for name, pair in pairs.items():
-        try:
-            shifts[name] = shift_of(*pair)
-        except NoOnsetError as reason:
-            reasons.append(str(reason))
-    if not shifts:
-        expected = f"logs that begin before the heating does, or the shift: {path}@SECONDS"
-        raise InputError(path, "join", f"no onset of heating to align on ({reasons[0]})", expected)
-    best = min(shifts, key=lambda name: shifts[name].error)
-    seconds, error = sign * shifts[best].seconds, shifts[best].error
-    note = f"{other.table.path.name}: its clock set forward by {seconds:.2f} ± {error:.2g} s, so that the onset of "
-    note += f"heating fits ({best}); a sensor's own lag is in it."
-    apart = {
-        name: sign * each.seconds for name, each in shifts.items() if abs(each.seconds - shifts[best].seconds) > _AGREE
-    }
-    if apart:
-        note += f" Not alike: {', '.join(f'{name} {value:.1f} s' for name, value in apart.items())}."
-    return seconds, note
-
-
-Pair = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
-
-
-def _pairs(
-    warm: _Timed, temperatures: Mapping[str, FloatArray], hot: _Timed, inputs: Mapping[str, FloatArray]
-) -> dict[str, Pair]:
-    """Each temperature with the heat at its own place, or where there is none with the sum of all of one kind."""
-    heats = {key: np.abs(values) ** _HEAT[key.partition(".")[0]] for key, values in inputs.items()}
-    kind = next(each for each in _HEAT if any(key.startswith(f"{each}.") for key in heats))
-    total = np.sum([np.nan_to_num(values) for key, values in heats.items() if key.startswith(f"{kind}.")], axis=0)
-    pairs = {}
-    for key, readings in temperatures.items():
-        place = key.partition(".")[2]
-        own = next((f"{each}.{place}" for each in _HEAT if f"{each}.{place}" in heats), "")
-        heat = heats.get(own, total)
-        known, fed = np.isfinite(readings), np.isfinite(heat)
-        name = f"{key} against {own or f'all {kind}s'}"
-        pairs[name] = (warm.time[known], readings[known], hot.time[fed], heat[fed])
-    return pairs
-
-
-def _merged(
-    one: _Timed, other: _Timed, shift: float, mine: Sequence[str], others: Mapping[str, str], wanted: Sequence[str]
-) -> pd.DataFrame:
-    """Both logs' columns on the union of their times; empty where the other log has a row."""
-    parts = []
-    for each, own, names in (
-        (one, one.time, {name: name for name in mine}),
-        (other, other.time + shift, others),
-    ):
-        numbers = each.table.numbers(names.values())
-        parts.append((own, {new: numbers[name][each.rows] for new, name in names.items()}))
-    time, columns = on_one_time(parts)
-    columns["time"] = time
-    return pd.DataFrame({name: columns[name] for name in wanted}, copy=False)
-
-
-def _digest(first: Table, second: Table) -> str:
-    return hashlib.sha256(f"{first.digest()} {second.digest()}".encode()).hexdigest()

@@ -1,4 +1,9 @@
-"""What is wrong, or looks wrong, in a log's time, values and units."""
+"""What is wrong with a log's time and values: refused where it can't be used, else an issue with what would correct it.
+
+`check_time` and `check_values` refuse, with the line of the file, what no run can be made of. `issues_of` looks for
+what is suspicious and can be read all the same: another unit, a counter that wraps, a dead sensor. Each of its checks
+gives a list of `Issue`; a new check is one more function and its call in `issues_of`.
+"""
 
 from __future__ import annotations
 
@@ -10,331 +15,58 @@ import numpy.typing as npt
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
-from lptn.logs.columns import ColumnSource, either, parts_of
+from lptn.logs.columns import ColumnName, ColumnSource, as_line_or_option
 from lptn.logs.tables import Table
 
-# --- Values that look like another unit, or a counter that wrapped: what they are, and the line that mends it ---
-
-
-_HOTTEST = 1000.0  # degC, of the middle value: no motor or board survives that
-_WORDS = {  # endings that mean nothing else; "c" or "s" at a name's end may
-    "time": {"ms", "us", "ns", "min"},
-    "temperature": {"degF", "K"},
-    "torque": {"mN*m"},
-    "current": {"mA"},
-    "velocity": {"rpm", "deg/s", "turn/s"},
-    "power": {"mW", "kW"},
-}
-_HALF_A_DAY = 43200.0  # s
 AMBIENT = "temperature.ambient"
 
 
 @dataclass(frozen=True)
-class Suspicion:
+class Issue:
     """Something about a column that can't be right, or hardly.
 
-    Args:
+    Attributes:
         key: the quantity, `temperature.FR_calf`.
         column: its name in the file.
-        found: what is odd.
-        mend: what to write, or to do.
-        sure: it can't be right as it is read.
-        mended: the entry of [columns] that the mend proposes, if it proposes one.
+        problem: what is odd.
+        remedy: what to write, or to do.
+        certain: it can't be right as it is read.
+        corrected: the entry of [columns] that the remedy proposes, if it proposes one.
     """
 
     key: str
     column: str
-    found: str
-    mend: str
-    sure: bool
-    mended: ColumnSource | None = None
+    problem: str
+    remedy: str
+    certain: bool
+    corrected: ColumnSource | None = None
 
     @property
     def sentence(self) -> str:
         """As a note of a run."""
-        return f"{self.key}: {self.found}; {self.mend}."
+        return f"{self.key}: {self.problem}; {self.remedy}."
+
+    @property
+    def error(self) -> tuple[str, str, str]:
+        """Place, found and expected of the InputError that refuses the column."""
+        return f"column '{self.column}'", self.problem, self.remedy
 
 
-def suspect_units(key: str, source: ColumnSource, values: FloatArray) -> list[Suspicion]:
-    """Another unit than SI, by the column's name or its values; nothing where the mapping names a unit.
-
-    Args:
-        key: `<quantity>.<place>`, or `time`.
-        source: where the values come from.
-        values: (n,) as read, in SI or degC if `source` says nothing else; NaN where missing.
-    """
-    known = values[np.isfinite(values)]
-    if source.unit is not None or len(source.columns) > 1 or known.size == 0:
-        return []
-    quantity = key.partition(".")[0]
-    column = source.columns[0]
-    named = parts_of(column).unit(quantity)
-    if named in _WORDS.get(quantity, ()) and source.scale == 1 and not (named == "K" and np.median(known) < 150):
-        found = f"no unit is given for '{column}', whose name says {named}"
-        return [_unit(key, source, named, found, True)]
-    if key == AMBIENT:
-        return suspect_temperature(key, source, known) or _fahrenheit(key, source, known)
-    rule = {"temperature": suspect_temperature, "current": _current, "velocity": _velocity}.get(quantity)
-    return rule(key, source, known) if rule else []
+def _correctable(key: str, problem: str, corrected: ColumnSource, certain: bool, remedy: str = "write {}") -> Issue:
+    """An issue whose remedy is an entry of [columns], put into the text `remedy`."""
+    return Issue(
+        key, corrected.columns[0], problem, remedy.format(as_line_or_option(key, corrected)), certain, corrected
+    )
 
 
-def suspect_temperature(key: str, source: ColumnSource, known: FloatArray) -> list[Suspicion]:
-    """Kelvin, or tenths, hundredths or thousandths of a degree."""
-    low, middle, high = (float(value) for value in (known.min(), np.median(known), known.max()))
-    if middle > _HOTTEST:
-        scale = 0.001 if middle > 10 * _HOTTEST else 0.01
-        words = "thousandths" if scale == 0.001 else "hundredths"
-        return [_scale(key, source, scale, f"values around {middle:.4g}", words, True)]
-    if middle > 200 and low >= 200 and high <= 500:
-        return [_unit(key, source, "K", f"values {low:.4g} … {high:.4g}, which look like kelvin", True)]
-    if 240 < middle < 450 and float((known > 240).mean()) > 0.9:
-        return [_unit(key, source, "K", f"most values around {middle:.4g}, which look like kelvin", False)]
-    if middle > 200:
-        return [_scale(key, source, 0.1, f"values around {middle:.4g}", "tenths", False)]
-    return []
-
-
-def suspect_time(source: ColumnSource, time: FloatArray) -> list[Suspicion]:
-    """Time in another unit than s; `time` is (n,) s."""
-    if source.unit is not None or source.scale != 1.0 or time.size < 2 or not np.isfinite(time).all():
-        return []
-    first, period = float(abs(time[0])), float(np.median(np.abs(np.diff(time))))
-    span = float(abs(time[-1] - time[0]))
-    since_1970 = [
-        unit for unit, low, high in (("ms", 3e11, 1e13), ("us", 3e14, 1e16), ("ns", 3e17, 1e19)) if low < first < high
-    ]
-    if since_1970:
-        found = f"times around {first:.4g}, which look like {since_1970[0]} since 1970"
-        return [_unit("time", source, since_1970[0], found, True)]
-    named = parts_of(source.columns[0]).unit("time")
-    if named in _WORDS["time"]:
-        found = f"no unit is given for '{source.columns[0]}', whose name says {named}"
-        return [_unit("time", source, named, found, True)]
-    whole = bool((np.round(time) == time).all())
-    if whole and period >= 20 and span > _HALF_A_DAY:
-        unit = next((name for name, factor in (("ms", 1e3), ("us", 1e6)) if period / factor <= 10), "ns")
-        found = f"{period:.4g} s from row to row over {span / 3600:.3g} h, which looks like {unit}"
-        return [_unit("time", source, unit, found, False)]
-    return []
-
-
-def suspect_wrap(key: str, source: ColumnSource, raw: FloatArray) -> list[Suspicion]:
-    """A counter of 16 or 32 bit that jumps from one end of its range to the other; `raw` is (n,) as in the file."""
-    known = raw[np.isfinite(raw)]
-    if source.wrap or len(source.columns) > 1 or known.size < 2 or not (np.round(known) == known).all():
-        return []
-    jumps = np.abs(np.diff(known))
-    jumped = -np.diff(known) if key == "time" else jumps  # time that leaps ahead is a gap
-    for bits in (16, 32):
-        turn = float(2**bits)
-        inside = (known.min() >= 0 and known.max() < turn) or (known.min() >= -turn / 2 and known.max() < turn / 2)
-        wrapped = int((jumped > 0.75 * turn).sum())
-        # A signal about 0 jumps at every change of sign: short are its steps the other way round.
-        if inside and wrapped and np.median(np.minimum(jumps, turn - jumps)) < 0.1 * turn:
-            found = f"{wrapped} jumps of some {turn:.0f}: a counter of {bits} bit that wraps"
-            mended = replace(source, wrap=turn)
-            return [Suspicion(key, source.columns[0], found, write_instead(key, mended), True, mended)]
-    return []
-
-
-def _fahrenheit(key: str, source: ColumnSource, known: FloatArray) -> list[Suspicion]:
-    middle = float(np.median(known))
-    found = f"surroundings at {middle:.4g} degC, which look like degF"
-    return [_unit(key, source, "degF", found, False)] if 55 < middle < 120 else []
-
-
-def suspect_fahrenheit(sources: Mapping[str, ColumnSource], values: Mapping[str, FloatArray]) -> list[Suspicion]:
-    """Fahrenheit, by the whole log: no temperature that a room can have, or a start in degF where the room's is then.
-
-    Args:
-        sources: where the quantities stand.
-        values: (n,) each, as read.
-    """
-    keys = [key for key in sources if key.startswith("temperature.") and np.isfinite(values[key]).any()]
-    if not keys or any(sources[key].unit for key in keys):
-        return []
-    coldest = min(float(np.nanmin(values[key])) for key in keys)
-    if 48 < coldest < 120:
-        found = f"no temperature of the whole log is below {coldest:.4g} degC, which looks like degF"
-        return [_unit(keys[0], sources[keys[0]], "degF", found, False)]
-    doubts = []
-    room = _first(values[AMBIENT]) if AMBIENT in keys else np.nan
-    for key in keys:
-        first = _first(values[key])
-        if key != AMBIENT and first > room + 30 and abs(first - (1.8 * room + 32)) < 6:
-            found = f"begins at {first:.4g} degC where the surroundings have {room:.4g} degC, which looks like degF"
-            doubts.append(_unit(key, sources[key], "degF", found, False))
-    return doubts
-
-
-def _first(values: FloatArray) -> float:
-    return float(values[np.isfinite(values)][0])
-
-
-def _current(key: str, source: ColumnSource, known: FloatArray) -> list[Suspicion]:
-    high = float(np.percentile(np.abs(known), 99))
-    sure = high > 1000
-    if sure or (high > 250 and (np.round(known) == known).all()):
-        return [_unit(key, source, "mA", f"values up to {high:.4g}, which look like mA", sure)]
-    return []
-
-
-def _velocity(key: str, source: ColumnSource, known: FloatArray) -> list[Suspicion]:
-    if parts_of(source.columns[0]).electrical:
-        mended = replace(source, unit="rpm", scale=1 / 14)
-        mend = f"for 14 pole pairs, say, {write_instead(key, mended)}"
-        return [Suspicion(key, source.columns[0], "electrical turns, by the column's name", mend, True)]
-    high = float(np.percentile(np.abs(known), 99))
-    sure = high > 2000
-    if sure or (high > 300 and (np.round(known) == known).all()):
-        return [_unit(key, source, "rpm", f"values up to {high:.4g}, which look like rpm", sure)]
-    return []
-
-
-def _unit(key: str, source: ColumnSource, unit: str, found: str, sure: bool) -> Suspicion:
-    si = {"time": "s", "temperature": "degC", "torque": "N*m", "current": "A", "velocity": "rad/s", "power": "W"}
-    own = si.get(key.partition(".")[0], "")
-    mended = replace(source, unit=unit)
-    mend = f"{write_instead(key, mended)}; if it is {own} all the same, say so as its unit"
-    return Suspicion(key, source.columns[0], found, mend, sure, mended)
-
-
-def _scale(key: str, source: ColumnSource, scale: float, found: str, words: str, sure: bool) -> Suspicion:
-    mended = replace(source, scale=source.scale * scale)
-    return Suspicion(key, source.columns[0], found, f"for {words} {write_instead(key, mended)}", sure, mended)
-
-
-def write_instead(key: str, source: ColumnSource) -> str:
-    """What to write, as an imperative."""
-    return f"write {either(key, source)}"
-
-
-# --- Temperature sensors that are dead: fault codes among the readings, and readings that do not move ---
-
-
-_CODES = (0.0, -127.0, 85.0, -999.0, 999.0, 255.0, 65535.0, 32767.0, -32768.0)
-_APART = 30.0  # K, from the readings on both sides: no sensor on a motor moves so far from row to row
-_LEAST = 10.0  # K, the same for a number that sensors are known to give when they fail
-_STUCK = 600.0  # s
-
-
-def suspect_readings(
-    key: str, source: ColumnSource, time: FloatArray, raw: FloatArray, values: FloatArray, moving: bool
-) -> list[Suspicion]:
-    """Fault codes among the readings of a temperature sensor, and one that does not move.
-
-    Args:
-        key: `temperature.<place>`.
-        source: where the readings come from.
-        time: (n,) s.
-        raw: (n,) as in the file.
-        values: (n,) degC.
-        moving: whether another temperature of the log moves.
-    """
-    found = []
-    known = np.flatnonzero(np.isfinite(values))
-    codes = _codes(values[known])
-    if codes and len(source.columns) == 1:
-        marked = [float(np.median(raw[known][values[known] == code])) for code in codes]
-        count = int(np.isin(values[known], codes).sum())
-        listed = " and ".join(f"{code:.6g}" for code in codes)
-        said = f"{count} reading{'s' * (count > 1)} of exactly {listed} degC, far from those around"
-        mended = replace(source, invalid=(*source.invalid, *marked))
-        found.append(
-            Suspicion(key, source.columns[0], f"{said}: a fault code", write_instead(key, mended), False, mended)
-        )
-    rest = known[~np.isin(values[known], codes)]
-    return found + _stuck(key, source, time[rest], values[rest], moving)
-
-
-def _codes(readings: FloatArray) -> list[float]:
-    """Values that stand exactly alike, and each time far from the readings on both sides."""
-    if readings.size < 3:
-        return []
-    starts = np.flatnonzero(np.concatenate(([True], np.diff(readings) != 0)))
-    levels = readings[starts]
-    before = np.abs(np.diff(levels, prepend=np.nan))
-    after = np.abs(np.diff(levels, append=np.nan))
-    far = np.fmin(before, after)
-    codes = []
-    for level in np.unique(levels[far > _LEAST]):
-        distances = far[levels == level]
-        limit = _LEAST if level in _CODES else _APART
-        if (distances > limit).all() and (level in _CODES or abs(level) > 150 or distances.size > 1):
-            codes.append(float(level))
-    # A minority: of a sensor that reads nothing else, nothing tells which is the code.
-    return codes if np.isin(readings, codes).mean() < 0.5 and len(codes) <= 4 else []
-
-
-def _stuck(key: str, source: ColumnSource, time: FloatArray, values: FloatArray, moving: bool) -> list[Suspicion]:
-    """One value for ten minutes, of a sensor that otherwise moves by less than a tenth of a kelvin at a time."""
-    if time.size < 3:
-        return []
-    changes = np.flatnonzero(np.diff(values) != 0)
-    if changes.size == 0:
-        long = float(time[-1] - time[0])
-        odd = long >= _STUCK and moving and key != AMBIENT  # people write one number for the room
-        found = f"reads {values[0]:.6g} degC throughout, {long:.4g} s" if odd else ""
-    else:
-        ends = np.concatenate(([0], changes + 1, [time.size - 1]))
-        spans = np.diff(time[ends])
-        longest = int(spans.argmax())
-        usual = float(np.median(np.abs(np.diff(values)[changes])))
-        odd = spans[longest] >= _STUCK and usual < 0.1 and spans[longest] > 20 * np.median(spans)
-        found = (
-            f"reads {values[ends[longest]]:.6g} degC for {spans[longest]:.4g} s from {time[ends[longest]]:.6g} s on"
-            if odd
-            else ""
-        )
-    mend = "if the sensor was stuck, write invalid = [that number] in its entry of [columns]"
-    return [Suspicion(key, source.columns[0], found, mend, False)] if found else []
-
-
-# --- All that looks wrong in a log's columns ------------------------------------------------------
-
-
-_MOVES = 3.0  # K
-
-
-def doubts_of(
-    sources: Mapping[str, ColumnSource], numbers: Mapping[str, FloatArray], values: Mapping[str, FloatArray]
-) -> tuple[Suspicion, ...]:
-    """What looks wrong in a log's columns: another unit, a counter that wraps, a sensor that is dead.
-
-    Args:
-        sources: where the quantities stand, time among them.
-        numbers: the file's columns, (n,) each, as they stand there.
-        values: the quantities, (n,) each, in SI and degC.
-    """
-    time = values["time"]
-    found = suspect_wrap("time", sources["time"], numbers[sources["time"].columns[0]])
-    found = found or suspect_time(sources["time"], time)
-    moved = {key: np.ptp(values[key][np.isfinite(values[key])]) for key in values if _is_read(key, values[key])}
-    for key, source in sources.items():
-        if key == "time":
-            continue
-        raw = numbers[source.columns[0]]
-        odd = suspect_wrap(key, source, raw) or suspect_units(key, source, values[key])
-        if not odd and key.startswith("temperature."):
-            moving = any(moved[other] > _MOVES for other in moved if other != key)
-            odd = suspect_readings(key, source, time, raw, values[key], moving)
-        found += odd
-    if not any(doubt.key.startswith("temperature.") for doubt in found):
-        found += suspect_fahrenheit(sources, values)
-    return tuple(found)
-
-
-def _is_read(key: str, values: FloatArray) -> bool:
-    return key.startswith("temperature.") and bool(np.isfinite(values).any())
-
-
-# --- What can't be right in a log's time and values, refused with the line it stands on -----------
+# --- What can't be used at all, refused with the line that it stands on ---------------------------
 
 
 _FEWEST_ROWS = 10
-_DAY = 86400.0  # s
-_LATEST = 1e20  # s, or in whatever unit was meant
-_LARGEST = 1e12  # of any quantity in SI, so that its square is still a number
+_LONGEST_PERIOD = 86400.0  # s, a day: nothing thermal is logged once a day
+_LATEST = 1e20  # s, or in whatever unit was meant: times since 1970 in ns are below 2e18
+_LARGEST = 1e12  # of any quantity in SI, so that the sum of its squares is still a number
+_ABSOLUTE_ZERO = -273.15  # degC
 
 
 def check_time(table: Table, name: str, time: FloatArray) -> tuple[npt.NDArray[np.intp], tuple[str, ...]]:
@@ -348,7 +80,7 @@ def check_time(table: Table, name: str, time: FloatArray) -> tuple[npt.NDArray[n
     Raises:
         InputError: time is missing somewhere, runs backwards, or is too short or too coarse to be in s.
     """
-    _enough(table, time.size)
+    _require_rows(table, time.size)
     usable = np.abs(time) < _LATEST
     if not usable.all():
         row = int(np.argmin(usable))
@@ -356,17 +88,25 @@ def check_time(table: Table, name: str, time: FloatArray) -> tuple[npt.NDArray[n
     steps = np.diff(time)
     if (steps < 0).any():
         row = int((steps < 0).argmax()) + 1
-        found = f"{time[row]:.12g} s after {time[row - 1]:.12g} s"
-        table.refuse(row, name, found, f"time that runs forwards{_restart(time, row)}")
+        expected = "time that runs forwards"
+        if abs(time[row]) <= 0.1 * abs(time[row - 1]):  # the clock starts again from about 0
+            expected += "; a counter that overflows is written as wrap = 65536, or whatever it counts to, in its entry"
+            expected += " of [columns]"
+        table.refuse(row, name, f"{time[row]:.12g} s after {time[row - 1]:.12g} s", expected)
     keep = np.flatnonzero(np.concatenate(([True], steps > 0)))
-    _enough(table, keep.size)
+    _require_rows(table, keep.size)
     period = float(np.median(np.diff(time[keep])))
-    if period > _DAY:
+    if period > _LONGEST_PERIOD:
         expected = f'seconds; for another unit write time = {{ column = "{name}", unit = "ns" }} in [columns]'
         raise InputError(table.path, f"column '{name}'", f"{period:.3g} s from row to row", expected)
     dropped = time.size - keep.size
     note = f"time: {dropped} of {time.size} rows repeat a time stamp; the first of each is kept."
     return keep, (note,) if dropped else ()
+
+
+def _require_rows(table: Table, rows: int) -> None:
+    if rows < _FEWEST_ROWS:
+        raise InputError(table.path, "log", f"{rows} rows", f"at least {_FEWEST_ROWS} at different times")
 
 
 def check_values(table: Table, key: str, source: ColumnSource, values: FloatArray) -> None:
@@ -389,22 +129,348 @@ def check_values(table: Table, key: str, source: ColumnSource, values: FloatArra
     if huge.any():
         row = int(huge.argmax())
         table.refuse(row, name, f"{values[row]:.3g}", f"a number within ±{_LARGEST:.0e}, in SI")
-    if not key.startswith("temperature.") or np.isnan(values).all():
-        return
-    impossible = values < -273.15
-    if impossible.any():
+    impossible = values < _ABSOLUTE_ZERO
+    if key.startswith("temperature.") and impossible.any():
         row = int(impossible.argmax())
-        mend = "; a code for no reading is written as invalid = [NUMBER] in [columns]"
-        table.refuse(row, name, f"{values[row]:.6g} degC", f"a temperature above -273.15 degC{mend}")
+        expected = f"a temperature above {_ABSOLUTE_ZERO} degC"
+        expected += "; a code for no reading is written as invalid = [NUMBER] in [columns]"
+        table.refuse(row, name, f"{values[row]:.6g} degC", expected)
 
 
-def _enough(table: Table, rows: int) -> None:
-    if rows < _FEWEST_ROWS:
-        raise InputError(table.path, "log", f"{rows} rows", f"at least {_FEWEST_ROWS} at different times")
+# --- Another unit than SI: by the column's name, or by values that the quantity can't have ---------
 
 
-def _restart(time: FloatArray, row: int) -> str:
-    """What else it may be where a clock starts again from about 0."""
-    if abs(time[row]) > 0.1 * abs(time[row - 1]):
+_UNAMBIGUOUS = {  # units that nothing else at a name's end means; "c" or "s" may
+    "time": {"ms", "us", "ns", "min"},
+    "temperature": {"degF", "K"},
+    "torque": {"mN*m"},
+    "current": {"mA"},
+    "velocity": {"rpm", "deg/s", "turn/s"},
+    "power": {"mW", "kW"},
+}
+_COLDEST_KELVIN = 150.0  # a column T_K whose middle value is below was converted to degC, and kept its name
+
+
+def suspect_unit(key: str, source: ColumnSource, values: FloatArray) -> list[Issue]:
+    """Another unit than SI, by the column's name or its values; nothing where the mapping names a unit.
+
+    Args:
+        key: `time` or `<quantity>.<place>`.
+        source: where the values come from.
+        values: (n,) as read, in SI or degC if `source` says nothing else; NaN where missing.
+    """
+    readings = values[np.isfinite(values)]
+    if source.unit is not None or len(source.columns) > 1 or readings.size == 0:
+        return []
+    if key == "time":
+        return _suspect_time_unit(source, values)
+    quantity = key.partition(".")[0]
+    name = ColumnName.of(source.columns[0])
+    named = name.unit(quantity)
+    converted = named == "K" and np.median(readings) < _COLDEST_KELVIN
+    if named in _UNAMBIGUOUS.get(quantity, ()) and source.scale == 1 and not converted:
+        return [_in_unit(key, source, named, f"no unit is given for '{source.columns[0]}', whose name says {named}")]
+    match quantity:
+        case "temperature":
+            return _suspect_temperature_unit(key, source, readings)
+        case "current":
+            return _suspect_size(key, source, readings, "mA", _LARGEST_CURRENT, _LARGEST_WHOLE_CURRENT)
+        case "velocity" if name.electrical:
+            corrected = replace(source, unit="rpm", scale=1 / _EXAMPLE_POLE_PAIRS)
+            remedy = f"for {_EXAMPLE_POLE_PAIRS} pole pairs, say, write {{}}"
+            return [_correctable(key, "electrical turns, by the column's name", corrected, True, remedy)]
+        case "velocity":
+            return _suspect_size(key, source, readings, "rpm", _LARGEST_VELOCITY, _LARGEST_WHOLE_VELOCITY)
+    return []
+
+
+def _in_unit(key: str, source: ColumnSource, unit: str, problem: str, certain: bool = True) -> Issue:
+    """The issue that a column seems to be in `unit`."""
+    si = {"time": "s", "temperature": "degC", "torque": "N*m", "current": "A", "velocity": "rad/s", "power": "W"}
+    remedy = f"write {{}}; if it is {si.get(key.partition('.')[0], '')} all the same, say so as its unit"
+    return _correctable(key, problem, replace(source, unit=unit), certain, remedy)
+
+
+_SINCE_1970 = (("ms", 3e11, 1e13), ("us", 3e14, 1e16), ("ns", 3e17, 1e19))  # first times from 1979 to 2286
+_LONG_PERIOD = 20.0  # s: a log of whole numbers this far apart …
+_HALF_A_DAY = 43200.0  # s: … that lasts longer than this is rather one in a smaller unit
+_LONG_PERIOD_AS_MEANT = 10.0  # s, the most that the rows are then taken to be apart
+
+
+def _suspect_time_unit(source: ColumnSource, time: FloatArray) -> list[Issue]:
+    if source.scale != 1.0 or time.size < 2 or not np.isfinite(time).all():
+        return []
+    first, period = float(abs(time[0])), float(np.median(np.abs(np.diff(time))))
+    for unit, low, high in _SINCE_1970:
+        if low < first < high:
+            return [_in_unit("time", source, unit, f"times around {first:.4g}, which look like {unit} since 1970")]
+    named = ColumnName.of(source.columns[0]).unit("time")
+    if named in _UNAMBIGUOUS["time"]:
+        problem = f"no unit is given for '{source.columns[0]}', whose name says {named}"
+        return [_in_unit("time", source, named, problem)]
+    span = float(abs(time[-1] - time[0]))
+    if period >= _LONG_PERIOD and span > _HALF_A_DAY and bool((np.round(time) == time).all()):
+        per_second = {"ms": 1e3, "us": 1e6}
+        unit = next((name for name, n in per_second.items() if period / n <= _LONG_PERIOD_AS_MEANT), "ns")
+        problem = f"{period:.4g} s from row to row over {span / 3600:.3g} h, which looks like {unit}"
+        return [_in_unit("time", source, unit, problem, certain=False)]
+    return []
+
+
+# Middle values of a temperature column, degC, beyond which nobody logs a robot in degC.
+_HOTTEST = 1000.0  # no motor or board survives that: 10 … 100 degC in hundredths of a degree
+_THOUSANDTHS = 10_000.0  # 10 … 100 degC in thousandths
+_TENTHS = 200.0  # 20 degC in tenths
+_KELVIN = (200.0, 500.0)  # all of a robot's temperatures, K
+_MOSTLY_KELVIN = (240.0, 450.0)  # the middle one, where a few readings are codes: -33 … 177 degC
+_MOSTLY = 0.9  # share of the readings above the lower of these
+_ROOM_FAHRENHEIT = (55.0, 120.0)  # surroundings of 13 … 49 degC, degF
+
+
+def _suspect_temperature_unit(key: str, source: ColumnSource, readings: FloatArray) -> list[Issue]:
+    """Kelvin, tenths, hundredths or thousandths of a degree, and surroundings in Fahrenheit."""
+    low, middle, high = float(readings.min()), float(np.median(readings)), float(readings.max())
+    in_parts = None
+    if middle > _HOTTEST:
+        in_parts = (0.001, "thousandths", True) if middle > _THOUSANDTHS else (0.01, "hundredths", True)
+    elif middle > _TENTHS and _KELVIN[0] <= low and high <= _KELVIN[1]:
+        return [_in_unit(key, source, "K", f"values {low:.4g} … {high:.4g}, which look like kelvin")]
+    elif _MOSTLY_KELVIN[0] < middle < _MOSTLY_KELVIN[1] and float((readings > _MOSTLY_KELVIN[0]).mean()) > _MOSTLY:
+        return [_in_unit(key, source, "K", f"most values around {middle:.4g}, which look like kelvin", certain=False)]
+    elif middle > _TENTHS:
+        in_parts = (0.1, "tenths", False)
+    if in_parts:
+        scale, words, certain = in_parts
+        corrected = replace(source, scale=source.scale * scale)
+        return [_correctable(key, f"values around {middle:.4g}", corrected, certain, f"for {words} write {{}}")]
+    if key == AMBIENT and _ROOM_FAHRENHEIT[0] < middle < _ROOM_FAHRENHEIT[1]:
+        problem = f"surroundings at {middle:.4g} degC, which look like degF"
+        return [_in_unit(key, source, "degF", problem, certain=False)]
+    return []
+
+
+_LARGEST_CURRENT = 1000.0  # A: no robot's joint takes more
+_LARGEST_WHOLE_CURRENT = 250.0  # A, doubted where all are whole numbers
+_LARGEST_VELOCITY = 2000.0  # rad/s, 19,000 rpm: no joint's motor turns faster
+_LARGEST_WHOLE_VELOCITY = 300.0  # rad/s, 2900 rpm, doubted where all are whole numbers
+_EXAMPLE_POLE_PAIRS = 14  # in the line that is proposed: a common number for robots' outrunners
+
+
+def _suspect_size(
+    key: str, source: ColumnSource, readings: FloatArray, unit: str, largest: float, largest_whole: float
+) -> list[Issue]:
+    """Values so large that they are rather in `unit`; one reading in a hundred may be an outlier."""
+    high = float(np.percentile(np.abs(readings), 99))
+    certain = high > largest
+    if certain or (high > largest_whole and (np.round(readings) == readings).all()):
+        return [_in_unit(key, source, unit, f"values up to {high:.4g}, which look like {unit}", certain)]
+    return []
+
+
+_COLDEST_FAHRENHEIT = (48.0, 120.0)  # degF, 9 … 49 degC: the coldest reading of a log in a room
+_OVER_ROOM = 30.0  # K over the room at the first reading: hardly any log begins so warm
+_SAME_START = 6.0  # degF, how close the first reading then is to the room's in degF
+
+
+def suspect_fahrenheit(sources: Mapping[str, ColumnSource], values: Mapping[str, FloatArray]) -> list[Issue]:
+    """Fahrenheit, by the whole log: no temperature that a room can have, or a start in degF where the room's is then.
+
+    Args:
+        sources: where the quantities stand.
+        values: (n,) each, as read.
+    """
+    keys = [key for key in sources if _is_read_temperature(key, values[key])]
+    if not keys or any(sources[key].unit for key in keys):
+        return []
+    coldest = min(float(np.nanmin(values[key])) for key in keys)
+    if _COLDEST_FAHRENHEIT[0] < coldest < _COLDEST_FAHRENHEIT[1]:
+        problem = f"no temperature of the whole log is below {coldest:.4g} degC, which looks like degF"
+        return [_in_unit(keys[0], sources[keys[0]], "degF", problem, certain=False)]
+    first = {key: float(values[key][np.isfinite(values[key])][0]) for key in keys}
+    room = first.get(AMBIENT, np.nan)
+    return [
+        _in_unit(
+            key,
+            sources[key],
+            "degF",
+            f"begins at {start:.4g} degC where the surroundings have {room:.4g} degC, which looks like degF",
+            certain=False,
+        )
+        for key, start in first.items()
+        if key != AMBIENT and start > room + _OVER_ROOM and abs(start - (1.8 * room + 32)) < _SAME_START
+    ]
+
+
+# --- Counters of 16 or 32 bit that jump from one end of their range to the other -------------------
+
+
+_JUMP = 0.75  # of the range: what counts as a jump from one end to the other
+_SHORT = 0.1  # of the range: the usual step, taken the shorter way round
+
+
+def suspect_wrap(key: str, source: ColumnSource, raw: FloatArray) -> list[Issue]:
+    """A counter that wraps; `raw` is (n,) as in the file."""
+    counts = raw[np.isfinite(raw)]
+    if source.wrap or len(source.columns) > 1 or counts.size < 2 or not (np.round(counts) == counts).all():
+        return []
+    steps = np.abs(np.diff(counts))
+    jumps = -np.diff(counts) if key == "time" else steps  # time that leaps ahead is a gap
+    low, high = counts.min(), counts.max()
+    for bits in (16, 32):
+        turn = float(2**bits)
+        in_range = (low >= 0 and high < turn) or (low >= -turn / 2 and high < turn / 2)
+        wraps = int((jumps > _JUMP * turn).sum())
+        # A signal about 0 jumps at every change of sign: short are its steps the other way round.
+        if in_range and wraps and np.median(np.minimum(steps, turn - steps)) < _SHORT * turn:
+            problem = f"{wraps} jumps of some {turn:.0f}: a counter of {bits} bit that wraps"
+            return [_correctable(key, problem, replace(source, wrap=turn), True)]
+    return []
+
+
+# --- Temperature sensors: fault codes among the readings, readings that do not move, and their resolution ---
+
+
+# degC that failing sensors are known to give: DS18B20 at power-up (85) and disconnected (-127), codes of drives and of
+# converters of 8 and 16 bit.
+_FAULT_CODES = (0.0, -127.0, 85.0, -999.0, 999.0, 255.0, 65535.0, 32767.0, -32768.0)
+_FAR = 30.0  # K, from the readings on both sides: no sensor on a motor moves so far from row to row
+_FAR_OF_CODE = 10.0  # K, the same for a number that is among the fault codes
+_TOO_HOT = 150.0  # degC: a number beyond, or below its negative, may be a code though it occurs but once
+_MOST_CODES = 4  # of one sensor; with more of them it is noise
+_STUCK = 600.0  # s
+_FINE = 0.1  # K, the usual change of a sensor fine enough to be expected to move
+_LONGER = 20.0  # times its median, for how long a stuck reading stands
+_MOVES = 3.0  # K, by which another temperature moves while this one is stuck throughout
+
+
+def suspect_sensor(
+    key: str, source: ColumnSource, time: FloatArray, raw: FloatArray, values: FloatArray, others_move: bool
+) -> list[Issue]:
+    """Fault codes among the readings of a temperature sensor, and one that does not move.
+
+    Args:
+        key: `temperature.<place>`.
+        source: where the readings come from.
+        time: (n,) s.
+        raw: (n,) as in the file.
+        values: (n,) degC.
+        others_move: whether another temperature of the log moves.
+    """
+    issues = []
+    there = np.flatnonzero(np.isfinite(values))
+    codes = _fault_codes(values[there])
+    coded = np.isin(values[there], codes)
+    if codes and len(source.columns) == 1:
+        in_file = [float(np.median(raw[there][values[there] == code])) for code in codes]
+        count = int(coded.sum())
+        listed = " and ".join(f"{code:.6g}" for code in codes)
+        problem = f"{count} reading{'s' * (count > 1)} of exactly {listed} degC, far from those around: a fault code"
+        issues.append(_correctable(key, problem, replace(source, invalid=(*source.invalid, *in_file)), False))
+    rest = there[~coded]
+    if problem := _stuck(time[rest], values[rest], others_move and key != AMBIENT):
+        remedy = "if the sensor was stuck, write invalid = [that number] in its entry of [columns]"
+        issues.append(Issue(key, source.columns[0], problem, remedy, False))
+    return issues
+
+
+def _fault_codes(readings: FloatArray) -> list[float]:
+    """Values that stand exactly the same, and each time far from the readings on both sides."""
+    if readings.size < 3:
+        return []
+    starts = np.flatnonzero(np.concatenate(([True], np.diff(readings) != 0)))
+    levels = readings[starts]
+    distance = np.fmin(np.abs(np.diff(levels, prepend=np.nan)), np.abs(np.diff(levels, append=np.nan)))
+    codes = []
+    for level in np.unique(levels[distance > _FAR_OF_CODE]):
+        distances = distance[levels == level]
+        listed = level in _FAULT_CODES
+        far = (distances > (_FAR_OF_CODE if listed else _FAR)).all()
+        if far and (listed or abs(level) > _TOO_HOT or distances.size > 1):
+            codes.append(float(level))
+    # A minority: of a sensor that reads nothing else, nothing tells which is the code.
+    return codes if np.isin(readings, codes).mean() < 0.5 and len(codes) <= _MOST_CODES else []
+
+
+def _stuck(time: FloatArray, values: FloatArray, expected_to_move: bool) -> str:
+    """What is odd about a sensor that gives one value for ten minutes, fine as it is; '' where nothing is.
+
+    Args:
+        time: (n,) s.
+        values: (n,) degC, without NaN.
+        expected_to_move: whether one value throughout is odd; people write one number for the room.
+    """
+    if time.size < 3:
         return ""
-    return "; a counter that overflows is written as wrap = 65536, or whatever it counts to, in its entry of [columns]"
+    changes = np.flatnonzero(np.diff(values) != 0)
+    if changes.size == 0:
+        span = float(time[-1] - time[0])
+        return f"reads {values[0]:.6g} degC throughout, {span:.4g} s" if span >= _STUCK and expected_to_move else ""
+    ends = np.concatenate(([0], changes + 1, [time.size - 1]))
+    spans = np.diff(time[ends])
+    longest = int(spans.argmax())
+    usual_change = float(np.median(np.abs(np.diff(values)[changes])))
+    if spans[longest] >= _STUCK and usual_change < _FINE and spans[longest] > _LONGER * np.median(spans):
+        value, start = values[ends[longest]], time[ends[longest]]
+        return f"reads {value:.6g} degC for {spans[longest]:.4g} s from {start:.6g} s on"
+    return ""
+
+
+_FINEST, _COARSEST = 0.02, 5.0  # K; finer is the file's rounding, coarser is a fault code such as 85 or 0
+_RETURNS = 3  # times that each level returns on average, before a grid is believed
+_OFF_GRID = 0.02  # of the step, by which a level may lie beside the grid
+
+
+def quantisation_step(values: FloatArray) -> float:
+    """The step, K, of the regular grid on which raw readings sit; 0.0 if there is none.
+
+    A grid is believed when each level returns three times on average, and all levels fit it within 2 %.
+
+    Args:
+        values: (n,) raw readings, K or degC; NaN is left out.
+    """
+    readings = values[np.isfinite(values)]
+    levels = np.unique(np.round(readings, 4))  # float32 and unit conversion blur the last digits
+    if levels.size < 2 or readings.size < _RETURNS * levels.size:
+        return 0.0
+    gaps = np.diff(levels)
+    step = float(np.median(gaps[gaps < 1.5 * gaps.min()]))
+    counts = np.round(gaps / step)
+    step = float(gaps.sum() / counts.sum())
+    regular = np.abs(gaps - counts * step).max() <= _OFF_GRID * step
+    return float(f"{step:.4g}") if regular and _FINEST <= step <= _COARSEST else 0.0
+
+
+# --- All that looks wrong in a log -----------------------------------------------------------------
+
+
+def issues_of(
+    sources: Mapping[str, ColumnSource], numbers: Mapping[str, FloatArray], values: Mapping[str, FloatArray]
+) -> tuple[Issue, ...]:
+    """What looks wrong in a log's columns: another unit, a counter that wraps, a sensor that is dead.
+
+    Of a column the first check that finds something speaks: a counter that wraps has values in no unit, and readings in
+    another unit look like fault codes.
+
+    Args:
+        sources: where the quantities stand, time first.
+        numbers: the file's columns, (n,) each, as they stand there.
+        values: the quantities, (n,) each, in SI and degC.
+    """
+    ranges = {
+        key: np.ptp(values[key][np.isfinite(values[key])]) for key in values if _is_read_temperature(key, values[key])
+    }
+    issues: list[Issue] = []
+    for key, source in sources.items():
+        raw = numbers[source.columns[0]]
+        of_column = suspect_wrap(key, source, raw) or suspect_unit(key, source, values[key])
+        if not of_column and key.startswith("temperature."):
+            others_move = any(moved > _MOVES for other, moved in ranges.items() if other != key)
+            of_column = suspect_sensor(key, source, values["time"], raw, values[key], others_move)
+        issues += of_column
+    if not any(issue.key.startswith("temperature.") for issue in issues):
+        issues += suspect_fahrenheit(sources, values)
+    return tuple(issues)
+
+
+def _is_read_temperature(key: str, values: FloatArray) -> bool:
+    return key.startswith("temperature.") and bool(np.isfinite(values).any())

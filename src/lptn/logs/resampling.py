@@ -1,4 +1,4 @@
-"""Raw samples put on a uniform grid: model inputs from raw quantities, gaps, means and holds."""
+"""Raw samples put on a uniform grid: features from raw quantities, gaps, inputs held, temperatures averaged."""
 
 from __future__ import annotations
 
@@ -12,15 +12,11 @@ from numpy.typing import NDArray
 
 from lptn.basics.arrays import FloatArray
 
-# --- Which model inputs arise from which raw quantities, and how samples are reduced with no integral lost ---
+SEVERAL = 1.5  # sampling periods: two samples this far apart are no neighbours, and a step this long holds several
+_HELD = 2.5  # of its own periods, for which an input that is logged more seldom than the rest holds: one may be lost
+ROUNDING = 1e-6  # of a step: what the rounding of a time stamp may make, and must not decide
 
-
-def _same(values: FloatArray) -> FloatArray:
-    return values
-
-
-def _magnitude(values: FloatArray) -> FloatArray:
-    return np.abs(values)
+# --- Features: what a model is driven by, formed from raw quantities and reduced with no integral lost ---
 
 
 @dataclass(frozen=True)
@@ -31,22 +27,22 @@ class Reduction:
     after: Callable[[FloatArray], FloatArray]
 
 
-MEAN = Reduction(_same, _same)
-MEAN_ABS = Reduction(_magnitude, _same)
+MEAN = Reduction(np.positive, np.positive)
+MEAN_ABS = Reduction(np.abs, np.positive)
 RMS = Reduction(np.square, np.sqrt)
 
 
 @dataclass(frozen=True)
 class Feature:
-    """A model input: the raw quantities whose product it is formed from, and how a block of it is reduced."""
+    """A model's input: the raw quantities whose product it is, and how a block of samples is reduced to one value."""
 
     needs: tuple[str, ...]
     reduction: Reduction
 
 
-# Copper loss goes with the square of torque or current, so these keep their RMS; a drive's loss goes with |current|.
-# Friction goes with |speed| and with its square, so velocity gives two features. Any quantity that is not listed keeps
-# its plain mean.
+# Copper loss goes with the square of torque or current, so these keep their RMS; the loss of a motor's drive goes with
+# |current|. Friction goes with |speed| and with its square, so velocity gives two features. Any quantity that is not
+# listed keeps its plain mean.
 FEATURES: Mapping[str, Feature] = {
     "temperature": Feature(("temperature",), MEAN),
     "torque": Feature(("torque",), RMS),
@@ -58,7 +54,6 @@ FEATURES: Mapping[str, Feature] = {
     "mechanical_power": Feature(("torque", "velocity"), MEAN_ABS),
     "speed": Feature(("speed",), MEAN_ABS),
 }
-
 
 # Of no use to a model, which has no sense of direction; who looks for a gait asks for it by name.
 _ON_REQUEST: Mapping[str, Feature] = {"signed_velocity": Feature(("velocity",), MEAN)}
@@ -128,13 +123,13 @@ def ratio(total: FloatArray, count: npt.NDArray[np.integer]) -> FloatArray:
 # --- Where a log can be used without a break: short gaps are bridged, long ones split it ----------
 
 
-Span = tuple[float, float]
+Span = tuple[float, float]  # start and stop, s
 
 
 def find_stretches(
     time: FloatArray, period: float, inputs: Mapping[str, FloatArray], max_gap: float
 ) -> tuple[list[Span], list[str]]:
-    """The stretches [start, stop), s, in which every input is known or bridged, and notes on the gaps.
+    """The stretches [start, stop), s, in which every input has a value or is bridged, and notes on the gaps.
 
     Args:
         time: (n,) s, strictly increasing.
@@ -143,13 +138,52 @@ def find_stretches(
         max_gap: s, the longest time between two samples of an input that is bridged. An input that is logged more
             seldom than the rest holds for 2.5 of its own periods at least.
     """
-    blocked, notes = _gaps("time", time, np.zeros(time.size), period, max_gap)
+    missing, notes = _gaps("time", time, np.zeros(time.size), period, max_gap)
     for name, values in inputs.items():
         if np.isnan(values).any():
-            more, said = _gaps(name, time, values, period, max_gap)
-            blocked += more
-            notes += said
-    return _complement(blocked, time[0], time[-1] + period), notes
+            spans, more_notes = _gaps(name, time, values, period, max_gap)
+            missing += spans
+            notes += more_notes
+    stretches, start, end = [], time[0], time[-1] + period
+    for low, high in sorted(missing):
+        if low > start:
+            stretches.append((start, min(low, end)))
+        start = max(start, high)
+    return stretches, notes
+
+
+def _gaps(
+    name: str, time: FloatArray, values: FloatArray, period: float, max_gap: float
+) -> tuple[list[Span], list[str]]:
+    """Where an input has no value and is not bridged, s, the log's two ends among them; and notes."""
+    rows = np.flatnonzero(~np.isnan(values))
+    stamps = time[rows]
+    apart = np.diff(stamps)
+    notes = []
+    usual = float(np.median(apart)) if apart.size else period
+    slow = usual > SEVERAL * period
+    if slow:
+        notes.append(f"{name}: logged every {usual:.4g} s, held in between.")
+        period, max_gap = usual, max(max_gap, _HELD * usual)
+    long = apart > max_gap
+    # In a column only its own gaps are counted: those where rows stand without a value.
+    own = (np.diff(rows) > 1) & (apart > SEVERAL * usual) if name != "time" else apart > SEVERAL * period
+    short = own & ~long
+    if short.any():
+        notes.append(f"{name}: {_count(short)} up to {apart[short].max():.4g} s, bridged by holding the last value.")
+    if (own & long).any():
+        longest = f"over {max_gap:.4g} s, the longest {apart[long].max():.4g} s"
+        notes.append(f"{name}: {_count(own & long)} {longest}; the log is split there.")
+    lead, trail = stamps[0] - time[0], time[-1] - stamps[-1]
+    if max(lead, trail) > (usual if slow else 0.0):
+        notes.append(f"{name}: no value in the first {lead:.4g} s and the last {trail:.4g} s; cut off.")
+    ends = [(-np.inf, float(stamps[0])), (float(stamps[-1] + period), np.inf)]
+    return ends + list(zip((stamps[:-1] + period)[long].tolist(), stamps[1:][long].tolist(), strict=True)), notes
+
+
+def _count(gaps: npt.NDArray[np.bool_]) -> str:
+    count = int(gaps.sum())
+    return f"{count} gap{'s' * (count > 1)}"
 
 
 def would_cut(
@@ -167,57 +201,14 @@ def would_cut(
     stamps = {name: time[~np.isnan(values)] for name, values in inputs.items() if np.isnan(values).any()}
     limits = [(own[0], own[-1]) for name, own in stamps.items() if name in needed and own.size]
     first, last = max([time[0], *(low for low, _ in limits)]), min([time[-1], *(high for _, high in limits)])
-    found = set()
+    gappy = set()
     for name, own in stamps.items():
         usual = float(np.median(np.diff(own))) if own.size > 1 else 0.0
-        bridged = 2.5 * usual
+        bridged = _HELD * usual
         whole = own.size > 1 and own[0] <= first + bridged and own[-1] >= last - bridged
-        if (usual <= 1.5 * period and not mixed) or not whole or np.diff(own).max() > bridged:
-            found.add(name)
-    return found
-
-
-def _gaps(
-    name: str, time: FloatArray, values: FloatArray, period: float, max_gap: float
-) -> tuple[list[Span], list[str]]:
-    known = np.flatnonzero(~np.isnan(values))
-    stamps = time[known]
-    apart = np.diff(stamps)
-    notes = []
-    usual = float(np.median(apart)) if apart.size else period
-    slow = usual > 1.5 * period
-    if slow:
-        notes.append(f"{name}: logged every {usual:.4g} s, held in between.")
-        period, max_gap = usual, max(max_gap, 2.5 * usual)
-    long = apart > max_gap
-    # In a column only its own gaps are counted: those where rows stand without a value.
-    own = (np.diff(known) > 1) & (apart > 1.5 * usual) if name != "time" else apart > 1.5 * period
-    short = own & ~long
-    if short.any():
-        treated = "bridged by holding the last value"
-        notes.append(f"{name}: {_count(int(short.sum()))} up to {apart[short].max():.4g} s, {treated}.")
-    if (own & long).any():
-        longest = f"over {max_gap:.4g} s, the longest {apart[long].max():.4g} s"
-        notes.append(f"{name}: {_count(int((own & long).sum()))} {longest}; the log is split there.")
-    lead, trail = stamps[0] - time[0], time[-1] - stamps[-1]
-    if max(lead, trail) > (usual if slow else 0.0):
-        notes.append(f"{name}: no value in the first {lead:.4g} s and the last {trail:.4g} s; cut off.")
-    blocked = [(-np.inf, float(stamps[0])), (float(stamps[-1] + period), np.inf)]
-    blocked += zip((stamps[:-1] + period)[long].tolist(), stamps[1:][long].tolist(), strict=True)
-    return blocked, notes
-
-
-def _count(gaps: int) -> str:
-    return f"{gaps} gap{'s' * (gaps > 1)}"
-
-
-def _complement(blocked: list[Span], first: float, last: float) -> list[Span]:
-    free, start = [], first
-    for low, high in sorted(blocked):
-        if low > start:
-            free.append((start, min(low, last)))
-        start = max(start, high)
-    return free
+        if (usual <= SEVERAL * period and not mixed) or not whole or np.diff(own).max() > bridged:
+            gappy.add(name)
+    return gappy
 
 
 # --- Raw samples put on a uniform grid: held inputs, mean or interpolated temperatures ------------
@@ -235,47 +226,51 @@ class Samples:
         """The usual time between samples, s."""
         return float(np.median(np.diff(self.time)))
 
+    def averaged(self, step: float) -> bool:
+        """Whether a step of so many seconds holds several samples, so that a temperature is their mean."""
+        return step >= SEVERAL * self.period
+
 
 def grid(start: float, step: float, n: int) -> FloatArray:
     """`n` times `step` seconds apart from `start`, (n,) s."""
     return start + step * np.arange(n, dtype=np.float64)
 
 
-def driven(held: Samples, columns: Collection[str], start: float, step: float, n: int) -> dict[str, FloatArray]:
-    """Input features on `n` bins of `step` s from `start`, (n,) each, from samples without NaN there."""
+def inputs_on_grid(held: Samples, columns: Collection[str], start: float, step: float, n: int) -> dict[str, FloatArray]:
+    """Features on `n` bins of `step` s from `start`, (n,) each, from samples without NaN there."""
     bins = Bins(held.time, start, step, n)
-    result = {}
-    for column in columns:
-        # A prescribed temperature is read off as the measured ones are where steps and samples are alike.
-        if column.startswith("temperature.") and step < 1.5 * held.period:
-            at = grid(start, step, n)
-            result[column] = interpolate(held.time, held.raw[column], at, np.inf)
-        else:
-            result[column] = bins.reduce(column, sample_values(column, held.raw))
-    return result
+    averaged = held.averaged(step)
+    return {
+        # A prescribed temperature is read off as the measured ones are where steps and samples are about as long.
+        column: interpolate(held.time, held.raw[column], grid(start, step, n), np.inf)
+        if column.startswith("temperature.") and not averaged
+        else bins.reduce(column, sample_values(column, held.raw))
+        for column in columns
+    }
 
 
-def measured(
+def temperatures_on_grid(
     samples: Samples, columns: Collection[str], start: float, step: float, n: int, max_gap: float
 ) -> dict[str, FloatArray]:
     """Temperatures at each bin's start or, of several samples, their mean, (n,) each, NaN where missing."""
-    if step < 1.5 * samples.period:
+    if not samples.averaged(step):
         at = grid(start, step, n)
         return {name: interpolate(samples.time, samples.raw[name], at, max_gap) for name in columns}
-    return {name: _averaged(samples.time, samples.raw[name], start, step, n, max_gap) for name in columns}
+    return {name: _averages(samples.time, samples.raw[name], start, step, n, max_gap) for name in columns}
 
 
-def _averaged(time: FloatArray, values: FloatArray, start: float, step: float, n: int, max_gap: float) -> FloatArray:
+def _averages(time: FloatArray, values: FloatArray, start: float, step: float, n: int, max_gap: float) -> FloatArray:
     """Means over bins; of a sensor that gives about one reading a bin, its readings' straight line at the middles.
 
     The mean of one reading early in a bin would come half a step too soon. Bins without a reading stay empty.
     """
     means = mean_in_bins(time, values, start, step, n)
-    known = ~np.isnan(values)
-    if known.sum() < 2 or np.median(np.diff(time[known])) < step / 1.5:
+    there = ~np.isnan(values)
+    if there.sum() < 2 or np.median(np.diff(time[there])) < step / SEVERAL:
         return means
-    middles = interpolate(time[known], values[known], grid(start, step, n) + 0.5 * step, max(max_gap, 1.5 * step))
-    return np.where(np.isnan(means) | np.isnan(middles), means, middles)
+    middles = grid(start, step, n) + 0.5 * step
+    joined = interpolate(time[there], values[there], middles, max(max_gap, SEVERAL * step))
+    return np.where(np.isnan(means) | np.isnan(joined), means, joined)
 
 
 class Bins:
@@ -307,7 +302,7 @@ class Bins:
 def mean_in_bins(time: FloatArray, values: FloatArray, start: float, step: float, n: int) -> FloatArray:
     """Plain mean of the samples that fall in each of `n` bins, (n,); NaN where there is none."""
     # A stamp such as 2.9999999999 belongs to the bin that starts at 3.
-    index = np.floor((time - start) / step + 1e-6).astype(np.int64)
+    index = np.floor((time - start) / step + ROUNDING).astype(np.int64)
     inside = (index >= 0) & (index < n) & ~np.isnan(values)
     total = np.bincount(index[inside], weights=values[inside], minlength=n).astype(np.float64)
     return ratio(total, np.bincount(index[inside], minlength=n))
@@ -326,7 +321,7 @@ def interpolate(time: FloatArray, values: FloatArray, at: FloatArray, max_gap: f
     between = (1 - weight) * values[left] + weight * values[right]
     between[width > max_gap] = np.nan
     # Rounding of a time stamp must not drag a NaN neighbour in.
-    return np.where(weight < 1e-6, values[left], np.where(weight > 1 - 1e-6, values[right], between))
+    return np.where(weight < ROUNDING, values[left], np.where(weight > 1 - ROUNDING, values[right], between))
 
 
 def hold(values: FloatArray) -> FloatArray:
@@ -339,19 +334,19 @@ def hold(values: FloatArray) -> FloatArray:
 
 
 def on_one_time(
-    parts: Sequence[tuple[NDArray[Any], Mapping[str, FloatArray]]],
+    sources: Sequence[tuple[NDArray[Any], Mapping[str, FloatArray]]],
 ) -> tuple[NDArray[Any], dict[str, FloatArray]]:
     """All times, (m,) increasing, and each column on them, (m,), NaN at the times of others.
 
-    Where a part has several values of a column at one time the first counts: messages of one stamp may hold a part of
+    Where a source has several values of a column at one time the first counts: messages of one stamp may hold some of
     the joints each.
 
     Args:
-        parts: times, (n,), and columns by name, (n,) each; all times in the same unit.
+        sources: times, (n,), and columns by name, (n,) each; all times in the same unit.
     """
-    time = np.unique(np.concatenate([own for own, _ in parts]))
+    time = np.unique(np.concatenate([own for own, _ in sources]))
     columns: dict[str, FloatArray] = {}
-    for own, values in parts:
+    for own, values in sources:
         at = np.searchsorted(time, own)
         for name, column in values.items():
             backwards = np.flatnonzero(~np.isnan(column))[::-1]

@@ -9,33 +9,8 @@ import numpy as np
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
-from lptn.logs.quality import Suspicion
+from lptn.logs.quality import Issue
 from lptn.logs.resampling import reduce_blocks
-
-# --- The step of a coarse temperature sensor, found from its readings -----------------------------
-
-
-_SMALLEST, _LARGEST = 0.02, 5.0  # K; finer is the file's rounding, coarser is a fault code such as 85 or 0
-
-
-def quantisation_step(values: FloatArray) -> float:
-    """The step, K, of the regular grid on which raw readings sit; 0.0 if there is none.
-
-    A grid is believed when each level returns three times on average, and all levels fit it within 2 %.
-
-    Args:
-        values: (n,) raw readings, K or degC; NaN is left out.
-    """
-    readings = values[np.isfinite(values)]
-    levels = np.unique(np.round(readings, 4))  # float32 and unit conversion blur the last digits
-    if levels.size < 2 or readings.size < 3 * levels.size:
-        return 0.0
-    jumps = np.diff(levels)
-    step = float(np.median(jumps[jumps < 1.5 * jumps.min()]))
-    counts = np.round(jumps / step)
-    step = float(jumps.sum() / counts.sum())
-    regular = np.abs(jumps - counts * step).max() <= 0.02 * step
-    return float(f"{step:.4g}") if regular and _SMALLEST <= step <= _LARGEST else 0.0
 
 
 @dataclass(frozen=True)
@@ -52,8 +27,8 @@ class Run:
         fingerprint: SHA-256 of the file's bytes.
         beginning: the log's first readings, degC, by temperature column; all pieces of a split log share them.
         resolution: for a temperature column whose sensor moves in steps, the step in K.
-        notes: what was found in the file and how it was treated, a sentence each.
-        doubts: those of the notes that name something wrong, with the line that would mend it.
+        notes: what is noteworthy about the file and how it was treated, a sentence each.
+        issues: those of the notes that name something wrong, with the line that would correct it.
     """
 
     name: str
@@ -66,7 +41,7 @@ class Run:
     notes: tuple[str, ...] = ()
     resolution: Mapping[str, float] = field(default_factory=dict)
     beginning: Mapping[str, float] = field(default_factory=dict)
-    doubts: tuple[Suspicion, ...] = ()
+    issues: tuple[Issue, ...] = ()
 
     def __len__(self) -> int:
         return int(self.time.size)
@@ -94,12 +69,12 @@ class Run:
             InputError: no interval begins there.
         """
         # Grid points carry rounding errors; a millionth of a step must not decide.
-        chosen = (self.time >= start - 1e-6 * self.step) & (self.time < stop - 1e-6 * self.step)
-        if not chosen.any():
+        inside = (self.time >= start - 1e-6 * self.step) & (self.time < stop - 1e-6 * self.step)
+        if not inside.any():
             span = f"{self.time[0]:g} to {self.time[-1] + self.step:g} s" if len(self) else "a run with data"
             raise InputError(self.source, f"time window {start:g} to {stop:g} s", "no data in it", span)
-        columns = {name: values[chosen] for name, values in self.columns.items()}
-        return replace(self, time=self.time[chosen], columns=columns)
+        columns = {name: values[inside] for name, values in self.columns.items()}
+        return replace(self, time=self.time[inside], columns=columns)
 
     def coarsen(self, factor: int) -> Run:
         """Blocks of `factor` steps made one: RMS where the feature is an RMS, else means; a rest is dropped.

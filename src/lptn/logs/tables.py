@@ -1,4 +1,4 @@
-"""CSV files, Parquet files and data frames opened as tables of named number columns."""
+"""An open log is a table of named number columns; here CSV files, Parquet files and data frames are opened as such."""
 
 from __future__ import annotations
 
@@ -23,8 +23,9 @@ from lptn.basics.files import fingerprint
 from lptn.logs.columns import ColumnSource, is_key
 
 _MOST_NUMBERS = 500_000_000  # 4 GB; a day of twelve joints at 100 Hz has 400 million
-_PIECES = "cut the log into pieces"
 _LONGEST_LINE = 1 << 20  # characters; binary files may have no line end at all
+_LONGEST_REASON = 200  # characters of another library's error that go into a message
+_LONGEST_CELL = 100  # characters of a cell that go into a message
 
 
 @dataclass(frozen=True)
@@ -35,10 +36,11 @@ class Table:
         path: its file or folder.
         names: of its columns.
         read: gives some of them.
-        where: a row's place in the file, in words.
+        where: a row's place in the file, in words; rows count from 0.
         kind: its format, in words.
+        mixed: its rows come from several sources, each at a rate of its own.
         defaults: where quantities stand in a format that says so itself; a user's mapping wins.
-        notes: what was found while it was opened and read, a sentence each.
+        notes: what opening and reading it brought up, a sentence each.
         digest: SHA-256 of all its bytes.
     """
 
@@ -47,14 +49,10 @@ class Table:
     read: Callable[[Sequence[str]], pd.DataFrame]
     where: Callable[[int], str]
     kind: str = "CSV"
+    mixed: bool = False
     defaults: Mapping[str, ColumnSource] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
     digest: Callable[[], str] = str
-
-    @property
-    def mixed(self) -> bool:
-        """Whether its rows come from several sources, each at a rate of its own."""
-        return self.kind not in {"CSV", "Parquet", "DataFrame"}
 
     def numbers(self, names: Iterable[str]) -> dict[str, FloatArray]:
         """The columns `names` as floats, (n,) each, NaN where empty; dates in s since 1970, durations in s.
@@ -74,33 +72,60 @@ class Table:
         raise InputError(self.path, f"{self.where(row)}, column '{name}'", found, expected)
 
     def _floats(self, name: str, series: pd.Series) -> FloatArray:
-        if not _is_number_or_date(series):
+        kinds = pd.api.types
+        if not (kinds.is_numeric_dtype(series) or _is_time(series)):
             numbers = pd.to_numeric(series, errors="coerce")
             text = (numbers.isna() & series.notna()).to_numpy()
             dates = _dates(series) if text.all() else None
             if text.any() and dates is None:
                 row = int(text.argmax())
-                self.refuse(row, name, repr(str(series.iloc[row])[:100]), "a number or an empty cell")
+                self.refuse(row, name, repr(str(series.iloc[row])[:_LONGEST_CELL]), "a number or an empty cell")
             series = numbers if dates is None else dates
-        if pd.api.types.is_datetime64_any_dtype(series.dtype):
+        if kinds.is_datetime64_any_dtype(series):
             series = pd.to_datetime(series, utc=True) - pd.Timestamp(0, tz="UTC")
-        if pd.api.types.is_timedelta64_dtype(series.dtype):
+        if kinds.is_timedelta64_dtype(series):
             return np.asarray(series.dt.total_seconds(), dtype=np.float64)
         return series.to_numpy(dtype=np.float64, na_value=np.nan)
 
 
-def _is_number_or_date(series: pd.Series) -> bool:
-    kinds = pd.api.types
-    return any(
-        is_kind(series.dtype)
-        for is_kind in (kinds.is_numeric_dtype, kinds.is_datetime64_any_dtype, kinds.is_timedelta64_dtype)
-    )
+def _is_time(values: pd.Series | pd.Index) -> bool:
+    """Whether these are dates or durations."""
+    return pd.api.types.is_datetime64_any_dtype(values) or pd.api.types.is_timedelta64_dtype(values)
 
 
 def _dates(series: pd.Series) -> pd.Series | None:
     """Text in which every cell is a date as ISO 8601 writes it, in UTC if it names no zone; `None` for other text."""
     dates = pd.to_datetime(series, errors="coerce", utc=True, format="ISO8601")
     return dates if len(dates) and not dates.isna().any() else None
+
+
+def column_sources(table: Table, columns: Mapping[str, ColumnSource]) -> dict[str, ColumnSource]:
+    """Where each quantity stands: by its own name, by the format's own rules, or, above both, by the mapping."""
+    own = {name: ColumnSource((name,)) for name in table.names if is_key(name)}
+    return own | dict(table.defaults) | dict(columns)
+
+
+def check_size(path: Path, rows: int, columns: int) -> None:
+    """Refuse a table that would fill the memory.
+
+    Raises:
+        InputError: it holds more than 500 million numbers.
+    """
+    if rows * columns > _MOST_NUMBERS:
+        raise _too_large(path, f"{rows} rows of {columns} columns")
+
+
+def _too_large(path: Path, size: str) -> InputError:
+    return InputError(path, "log", size, f"at most {_MOST_NUMBERS:.0e} numbers; cut the log into pieces")
+
+
+def broken(path: Path, error: Exception, expected: str) -> InputError:
+    """What to raise for a file that a library can't read."""
+    reason = (str(error) or type(error).__name__)[:_LONGEST_REASON]
+    return InputError(path, "log", f"a broken file ({reason})", expected)
+
+
+# --- Data frames, CSV files and Parquet files ------------------------------------------------------
 
 
 def table_of(frame: pd.DataFrame, name: str) -> Table:
@@ -119,8 +144,7 @@ def table_of(frame: pd.DataFrame, name: str) -> Table:
     if frame.empty:
         raise InputError(path, "log", "an empty data frame", "a column of times and at least 10 rows")
     labelled = frame.set_axis([str(column) for column in frame.columns], axis="columns").reset_index(drop=True)
-    dates = pd.api.types.is_datetime64_any_dtype(frame.index) or pd.api.types.is_timedelta64_dtype(frame.index)
-    if "time" not in labelled and (dates or frame.index.name == "time"):
+    if "time" not in labelled and (_is_time(frame.index) or frame.index.name == "time"):
         labelled.insert(0, "time", frame.index.to_series().reset_index(drop=True))
 
     def digest() -> str:
@@ -131,23 +155,6 @@ def table_of(frame: pd.DataFrame, name: str) -> Table:
         return labelled[list(wanted)]
 
     return Table(path, tuple(labelled.columns), read, lambda row: f"row {row + 1}", "DataFrame", digest=digest)
-
-
-def known_columns(table: Table, columns: Mapping[str, ColumnSource]) -> dict[str, ColumnSource]:
-    """Where each quantity stands: by its own name, by the format's own rules, or, above both, by the mapping."""
-    own = {name: ColumnSource((name,)) for name in table.names if is_key(name)}
-    return own | dict(table.defaults) | dict(columns)
-
-
-def check_size(path: Path, rows: int, columns: int) -> None:
-    """Refuse a table that would fill the memory.
-
-    Raises:
-        InputError: it holds more than 500 million numbers.
-    """
-    if rows * columns > _MOST_NUMBERS:
-        found = f"{rows} rows of {columns} columns"
-        raise InputError(path, "log", found, f"at most {_MOST_NUMBERS:.0e} numbers; {_PIECES}")
 
 
 def open_csv(path: Path) -> Table:
@@ -170,8 +177,8 @@ def open_csv(path: Path) -> Table:
         raise InputError(path, "header", f"numbers ({', '.join(names[:3])})", "a line of column names")
     first = next(csv.reader(head[1:], delimiter=separator), [])
     if len(first) > len(names) + 1 or any(first[len(names) :]):
-        found = f"{len(first)} values in the first row under {len(names)} names"
-        raise InputError(path, "header", found, "a name for each column, and numbers with a decimal point")
+        problem = f"{len(first)} values in the first row under {len(names)} names"
+        raise InputError(path, "header", problem, "a name for each column, and numbers with a decimal point")
     # Where ; separates, a comma in the first row can only be a decimal comma.
     decimal = "," if separator == ";" and "," in "".join(head[1:]) else "."
 
@@ -192,9 +199,9 @@ def open_csv(path: Path) -> Table:
                 nrows=most,
             )
         except (OSError, EOFError, zlib.error, ValueError, OverflowError, MemoryError) as error:
-            raise InputError(path, "log", f"a broken file ({_short(error)})", "rows as long as the header") from error
+            raise broken(path, error, "rows as long as the header") from error
         if len(frame) >= most:
-            raise InputError(path, "log", f"{most} rows or more", f"at most {_MOST_NUMBERS:.0e} numbers; {_PIECES}")
+            raise _too_large(path, f"{most} rows or more")
         return frame.iloc[:, [names.index(name) for name in wanted]].set_axis(list(wanted), axis="columns")
 
     def where(row: int) -> str:
@@ -214,14 +221,14 @@ def open_parquet(path: Path) -> Table:
         with pq.ParquetFile(path) as file:
             names, rows = tuple(file.schema_arrow.names), int(file.metadata.num_rows)
     except Exception as error:  # of broken bytes the library makes errors of many kinds
-        raise InputError(path, "log", f"a broken file ({_short(error)})", "a whole Parquet file") from error
+        raise broken(path, error, "a whole Parquet file") from error
 
     def read(wanted: Sequence[str]) -> pd.DataFrame:
         check_size(path, rows, len(wanted))  # such a number of rows takes few bytes to write
         try:
             frame: pd.DataFrame = pq.read_table(path, columns=list(wanted)).to_pandas(ignore_metadata=True)
         except Exception as error:
-            raise InputError(path, "log", f"a broken file ({_short(error)})", "a whole Parquet file") from error
+            raise broken(path, error, "a whole Parquet file") from error
         return frame
 
     return Table(path, names, read, lambda row: f"row {row + 1}", "Parquet", digest=partial(fingerprint, path))
@@ -235,10 +242,6 @@ def _lines(path: Path) -> Iterator[tuple[int, str]]:
             text = line.split("#")[0].strip()
             if text:
                 yield number, text
-
-
-def _short(error: Exception) -> str:
-    return (str(error) or type(error).__name__)[:200]
 
 
 def _is_number(text: str) -> bool:

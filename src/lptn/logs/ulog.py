@@ -18,7 +18,7 @@ from lptn.basics.errors import InputError
 from lptn.basics.files import fingerprint
 from lptn.logs.columns import ColumnSource
 from lptn.logs.resampling import on_one_time
-from lptn.logs.tables import Table, check_size
+from lptn.logs.tables import Table, broken, check_size
 
 _ESC = re.compile(r"(?P<topic>esc_status|esc_report)\.esc\[(?P<number>\d+)\]\.(?P<field>esc_\w+)")
 _ESC_FIELDS = {
@@ -27,7 +27,7 @@ _ESC_FIELDS = {
     "esc_rpm": ("velocity", "rpm"),
 }
 _MOST_FIELDS = 20_000  # of one topic: a definition that unfolds to more is no log's
-_DEEPEST = 16
+_DEEPEST = 16  # types within types
 _HEADER = 3  # bytes of a message's head: with nothing more the file ends well
 
 
@@ -43,10 +43,8 @@ def open_ulog(path: Path) -> Table:
     if find_spec("pyulog") is None:
         raise InputError(path, "log", "a PX4 ULog, and no package to read it", "pip install 'lptn[ulog]'")
     topics = _topics(path)
-    names = (
-        "time",
-        *(f"{topic}.{field}" for topic, fields in topics.items() for field in fields if field != "timestamp"),
-    )
+    columns = (f"{topic}.{field}" for topic, fields in topics.items() for field in fields if field != "timestamp")
+    names = ("time", *columns)
     if len(names) == 1:
         raise InputError(path, "log", "no topic with numbers", "a ULog with esc_status or the like")
     defaults = _defaults(names, topics)
@@ -55,7 +53,9 @@ def open_ulog(path: Path) -> Table:
     times: list[float] = []
 
     def read(wanted: Sequence[str]) -> pd.DataFrame:
-        asked = {topic: fields for topic, fields in topics.items() if _asked(topic, fields, wanted)}
+        asked = {
+            topic: fields for topic, fields in topics.items() if any(f"{topic}.{field}" in wanted for field in fields)
+        }
         check_size(path, sum(len(fields["timestamp"]) for fields in asked.values()), len(wanted))
         frame = _merged(asked or topics, wanted)
         times[:] = frame["time"].tolist()
@@ -64,7 +64,7 @@ def open_ulog(path: Path) -> Table:
     def where(row: int) -> str:
         return f"at {times[row]:.6f} s"
 
-    return Table(path, names, read, where, "PX4 ULog", defaults, notes, partial(fingerprint, path))
+    return Table(path, names, read, where, "PX4 ULog", True, defaults, notes, partial(fingerprint, path))
 
 
 def _topics(path: Path) -> dict[str, Mapping[str, Any]]:
@@ -72,24 +72,23 @@ def _topics(path: Path) -> dict[str, Mapping[str, Any]]:
     noise = io.StringIO()  # the library prints what it finds odd
     try:
         with path.open("rb") as stream, redirect_stdout(noise):
-            log = _careful()(stream)
+            log = _bounded_reader()(stream)
     except Exception as error:
-        reason = str(error) or type(error).__name__
-        raise InputError(path, "log", f"a broken file ({reason[:200]})", "a whole PX4 ULog") from error
-    found: dict[str, Mapping[str, Any]] = {}
+        raise broken(path, error, "a whole PX4 ULog") from error
+    topics: dict[str, Mapping[str, Any]] = {}
     for data in log.data_list:
         stamps = data.data.get("timestamp")
         if stamps is not None and np.asarray(stamps).size:
             fields = {name: values for name, values in data.data.items() if "_padding" not in name}
-            found[data.name + (f":{data.multi_id}" if data.multi_id else "")] = fields
-    return found
+            topics[data.name + (f":{data.multi_id}" if data.multi_id else "")] = fields
+    return topics
 
 
-def _careful() -> Any:
+def _bounded_reader() -> Any:
     """The library's reader, with a bound on what one definition may unfold to: a broken one would fill the memory."""
     from pyulog import ULog
 
-    class Added(ULog._MessageAddLogged):  # type: ignore[misc]
+    class BoundedMessage(ULog._MessageAddLogged):  # type: ignore[misc]
         def _parse_nested_type(self, prefix: str, name: str, formats: Any) -> None:
             sizes = [size for _, size, _ in formats[name].fields]
             if (
@@ -99,8 +98,8 @@ def _careful() -> Any:
                 raise ValueError("a definition that unfolds to too many fields")
             super()._parse_nested_type(prefix, name, formats)
 
-    class Careful(ULog):  # type: ignore[misc]
-        _MessageAddLogged = Added
+    class Bounded(ULog):  # type: ignore[misc]
+        _MessageAddLogged = BoundedMessage
 
         def _read_file_definitions(self) -> None:
             whole: Any = self._file_handle
@@ -108,7 +107,7 @@ def _careful() -> Any:
             super()._read_file_definitions()
             self._file_handle = whole
 
-    return Careful
+    return Bounded
 
 
 class _Definitions:
@@ -118,29 +117,29 @@ class _Definitions:
         self.tell, self.seek, self._stream = stream.tell, stream.seek, stream
 
     def read(self, size: int) -> bytes:
-        found = self._stream.read(size)
-        if len(found) < size and (found or size != _HEADER):
+        content = self._stream.read(size)
+        if len(content) < size and (content or size != _HEADER):
             raise EOFError("it ends among its definitions")
-        return found
+        return content
 
 
 def _defaults(names: Sequence[str], topics: Mapping[str, Mapping[str, Any]]) -> dict[str, ColumnSource]:
     """Where quantities stand by PX4's names; slots of controllers that are not there are left out."""
-    found: dict[str, ColumnSource] = {}
+    sources: dict[str, ColumnSource] = {}
     for name in names:
         match = _ESC.fullmatch(name)
-        if match and match["field"] in _ESC_FIELDS and _is_there(topics[match["topic"]], int(match["number"])):
+        if match and match["field"] in _ESC_FIELDS and _has_controller(topics[match["topic"]], int(match["number"])):
             quantity, unit = _ESC_FIELDS[match["field"]]
-            found[f"{quantity}.esc{match['number']}"] = ColumnSource((name,), unit)
+            sources[f"{quantity}.esc{match['number']}"] = ColumnSource((name,), unit)
     several = {
         "power.battery": ColumnSource(("battery_status.voltage_v", "battery_status.current_a"), product=True),
         "temperature.battery": ColumnSource(("battery_status.temperature",), "degC"),
         "speed.base": ColumnSource(tuple(f"vehicle_local_position.v{axis}" for axis in "xyz")),
     }
-    return found | {key: source for key, source in several.items() if set(source.columns) <= set(names)}
+    return sources | {key: source for key, source in several.items() if set(source.columns) <= set(names)}
 
 
-def _is_there(topic: Mapping[str, Any], number: int) -> bool:
+def _has_controller(topic: Mapping[str, Any], number: int) -> bool:
     count = topic.get("esc_count")
     if count is not None:
         return number < int(np.max(count))
@@ -148,23 +147,18 @@ def _is_there(topic: Mapping[str, Any], number: int) -> bool:
     return readings is None or bool(np.any(np.asarray(readings) != 0))
 
 
-def _asked(topic: str, fields: Mapping[str, Any], wanted: Sequence[str]) -> bool:
-    return any(f"{topic}.{field}" in wanted for field in fields)
-
-
 def _merged(topics: Mapping[str, Mapping[str, Any]], wanted: Sequence[str]) -> pd.DataFrame:
     """The topics on the union of their times, s; empty where a topic has no message at a time."""
-    time, columns = on_one_time(
-        [
-            (
-                np.asarray(fields["timestamp"], np.float64) / 1e6,
-                {
-                    f"{topic}.{field}": np.asarray(values, np.float64)
-                    for field, values in fields.items()
-                    if f"{topic}.{field}" in wanted
-                },
-            )
-            for topic, fields in topics.items()
-        ]
-    )
+    sources = [
+        (
+            np.asarray(fields["timestamp"], np.float64) / 1e6,  # us
+            {
+                f"{topic}.{field}": np.asarray(values, np.float64)
+                for field, values in fields.items()
+                if f"{topic}.{field}" in wanted
+            },
+        )
+        for topic, fields in topics.items()
+    ]
+    time, columns = on_one_time(sources)
     return pd.DataFrame({"time": time} | columns, copy=False)
