@@ -6,7 +6,7 @@ import sys
 INSIDE_CASADI = """
 import os, signal
 import casadi as ca
-from lptn.interrupts import heard_interrupts
+from lptn.basics.processes import heard_interrupts
 
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
@@ -34,7 +34,7 @@ except KeyboardInterrupt:
 
 ELSEWHERE = """
 import os, signal
-from lptn.interrupts import heard_interrupts
+from lptn.basics.processes import heard_interrupts
 
 signal.signal(signal.SIGINT, signal.default_int_handler)
 try:

@@ -36,7 +36,7 @@ from pathlib import Path
 import numpy as np
 from pythonfmu import Fmi2Causality, Fmi2Slave, Fmi2Variability, Real
 from lptn.model import Model
-from lptn.model_file import parse_model
+from lptn.model.file import parse_model
 from lptn.robots import presets
 
 MODEL = Model(parse_model(presets()["quadruped"], Path("quadruped.toml")).network)

@@ -10,7 +10,7 @@ import time
 
 SCRIPT = """
 import os, time
-from lptn.workers import pool_of
+from lptn.basics.processes import pool_of
 
 def work(_):
     os.write(1, f"{os.getpid()}\\n".encode())  # in one piece

@@ -23,14 +23,17 @@ def compiler() -> str | None:
 
 
 def shared_library(sources: Mapping[str, str], main: str, options: Sequence[str]) -> Path:
-    """A shared library, from the cache or built anew.
+    """A shared library, from the cache or compiled anew.
 
     The cache is native code that is loaded without a question, so its folder is the user's alone.
 
     Args:
         sources: contents by file name.
-        main: the one to compile; it takes in the others.
+        main: the one to compile; it includes the others.
         options: of the compiler.
+
+    Returns:
+        The library's path; its name is a hash of all that it was made from.
 
     Raises:
         OSError: no C compiler, or the cache can't be written, or others can write to it.
@@ -39,16 +42,16 @@ def shared_library(sources: Mapping[str, str], main: str, options: Sequence[str]
     command = compiler()
     if command is None:
         raise OSError("no C compiler")
-    told = "\n".join([command, *options, main, *(f"{name}\n{text}" for name, text in sorted(sources.items()))])
-    path = _own_folder() / f"{hashlib.sha256(told.encode()).hexdigest()[:32]}.so"
+    content = "\n".join([command, *options, main, *(f"{name}\n{text}" for name, text in sorted(sources.items()))])
+    path = _own_folder() / f"{hashlib.sha256(content.encode()).hexdigest()[:32]}.so"
     if not path.exists():
         with tempfile.TemporaryDirectory() as name:
             folder = Path(name)
             for file, text in sources.items():
                 (folder / file).write_text(text, encoding="utf-8")
-            words = [command, *options, "-shared", "-fPIC", main, "-o", "made.so", "-lm"]
-            subprocess.run(words, cwd=folder, check=True, capture_output=True)
-            write_whole(path, (folder / "made.so").read_bytes())
+            compile_it = [command, *options, "-shared", "-fPIC", main, "-o", "library.so", "-lm"]
+            subprocess.run(compile_it, cwd=folder, check=True, capture_output=True)
+            write_whole(path, (folder / "library.so").read_bytes())
     return path
 
 
@@ -63,7 +66,7 @@ def _own_folder() -> Path:
     folder = cache / "native"
     folder.mkdir(mode=0o700, exist_ok=True)
     if hasattr(os, "getuid"):  # Windows keeps a user's folders to the user
-        found = folder.stat()
-        if found.st_uid != os.getuid() or found.st_mode & 0o022:
+        status = folder.stat()
+        if status.st_uid != os.getuid() or status.st_mode & 0o022:
             raise PermissionError(f"{folder}: others can write to it, so no native code is loaded from there")
     return folder

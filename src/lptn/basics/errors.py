@@ -1,11 +1,13 @@
-"""What is said when a user's input can't be used: one line, four facts."""
+"""The message for input that can't be used: one line with file, place, what was found and what was expected."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
 
-_LONGEST = {"file": 300, "place": 200, "found": 300, "expected": 900}  # characters of each part
+# Characters of each part of a message: a line that can be read, whatever a broken file holds.
+_LONGEST = {"file": 300, "place": 200, "found": 300, "expected": 900}
+_LONGEST_VALUE = 60  # characters of a value that is quoted
 
 
 def one_line(text: object) -> str:
@@ -41,9 +43,8 @@ def _short(text: str, most: int) -> str:
 
 
 def shown(found: object) -> str:
-    """What was found, as TOML would have it, cut to a length that fits a line."""
-    text = _as_toml(found)
-    return text if len(text) <= 60 else text[:57] + "…"
+    """A value from a file as TOML would have it, cut to a length that fits a line."""
+    return _short(_as_toml(found), _LONGEST_VALUE)
 
 
 def _as_toml(found: object) -> str:

@@ -39,8 +39,8 @@ try:
 except ImportError:  # Windows
     fcntl = None  # type: ignore[assignment]
 
-_LEFT_BEHIND = 3600.0  # s; no writer takes so long between making its file and renaming it
-_MOST_OF_A_NAME = 48  # characters of it in the other name, which must stay below 255 bytes
+_ABANDONED = 3600.0  # s; no writer takes so long between making its file and renaming it
+_LONGEST_STEM = 48  # characters of a name in its temporary one: four bytes each at most, and 255 are allowed
 
 
 def write_whole(path: Path, content: str | bytes) -> None:
@@ -64,10 +64,10 @@ def write_whole(path: Path, content: str | bytes) -> None:
         except BaseException:
             part.unlink(missing_ok=True)
             raise
-        _settle(target.parent)
+        _force_to_disk(target.parent)
     except OSError as error:
-        raise _refusal(path, error) from error
-    _sweep(target)
+        raise _cannot_write(path, error) from error
+    _remove_abandoned(target)
 
 
 def write_folder(folder: Path, contents: Mapping[str, str | bytes]) -> list[Path]:
@@ -89,16 +89,16 @@ def write_folder(folder: Path, contents: Mapping[str, str | bytes]) -> list[Path
     data = {name: _bytes(content) for name, content in contents.items()}
     try:
         target = _real(folder)
-        if target.exists() or not _appears(target, data):
+        if target.exists() or not _make_folder(target, data):
             _fill(target, data)
     except OSError as error:
-        raise _refusal(folder, error) from error
+        raise _cannot_write(folder, error) from error
     return [folder / name for name in contents]
 
 
-def _appears(folder: Path, contents: Mapping[str, bytes]) -> bool:
+def _make_folder(folder: Path, contents: Mapping[str, bytes]) -> bool:
     """Make a folder whole under another name; `False` if somebody else has made one of its name meanwhile."""
-    fresh = folder.parent / _other_name(folder.name)
+    fresh = folder.parent / _temporary_name(folder.name)
     fresh.mkdir()
     try:
         _fill(fresh, contents)
@@ -110,7 +110,7 @@ def _appears(folder: Path, contents: Mapping[str, bytes]) -> bool:
             return False
     finally:
         shutil.rmtree(fresh, ignore_errors=True)  # unless it has its name
-    _settle(folder.parent)
+    _force_to_disk(folder.parent)
     return True
 
 
@@ -120,17 +120,17 @@ def _fill(folder: Path, contents: Mapping[str, bytes]) -> None:
     try:
         for name, data in contents.items():
             parts[name] = _part(folder / name, data)
-        with _alone_in(folder):
+        with _locked(folder):
             for name, part in parts.items():
                 part.replace(folder / name)
     finally:
         for part in parts.values():
             part.unlink(missing_ok=True)
-    _settle(folder)
+    _force_to_disk(folder)
 
 
 @contextmanager
-def _alone_in(folder: Path) -> Iterator[None]:
+def _locked(folder: Path) -> Iterator[None]:
     """Within it other processes that fill the folder wait, where the system has such locks; they end with a process."""
     if fcntl is None:
         yield
@@ -161,7 +161,7 @@ def _real(path: Path) -> Path:
 
 def _part(target: Path, data: bytes) -> Path:
     """The content on the disk under another name, with the permissions that it will have."""
-    part = target.parent / _other_name(target.name)
+    part = target.parent / _temporary_name(target.name)
     handle = os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o666)
     try:
         with os.fdopen(handle, "wb") as stream:
@@ -176,15 +176,15 @@ def _part(target: Path, data: bytes) -> Path:
     return part
 
 
-def _other_name(name: str) -> str:
+def _temporary_name(name: str) -> str:
     return f"{_beginning(name)}{secrets.token_hex(6)}.part"
 
 
 def _beginning(name: str) -> str:
-    return f".{name[:_MOST_OF_A_NAME]}."
+    return f".{name[:_LONGEST_STEM]}."
 
 
-def _settle(folder: Path) -> None:
+def _force_to_disk(folder: Path) -> None:
     """Force a folder's names to the disk, where the system can."""
     with suppress(OSError):
         handle = os.open(folder, os.O_RDONLY)
@@ -194,16 +194,16 @@ def _settle(folder: Path) -> None:
             os.close(handle)
 
 
-def _sweep(target: Path) -> None:
+def _remove_abandoned(target: Path) -> None:
     """Remove what killed processes left of the same file."""
     beginning = _beginning(target.name)
     with suppress(OSError):
         for path in target.parent.iterdir():
             left = path.name.startswith(beginning) and path.name.endswith(".part")
-            if left and len(path.name) == len(beginning) + 17 and time.time() - path.stat().st_mtime > _LEFT_BEHIND:
+            if left and len(path.name) == len(beginning) + 17 and time.time() - path.stat().st_mtime > _ABANDONED:
                 path.unlink()
 
 
-def _refusal(path: Path, error: OSError) -> InputError:
+def _cannot_write(path: Path, error: OSError) -> InputError:
     expected = "a file that can be written, in a folder that exists"
     return InputError(path, "output", error.strerror or str(error), expected)

@@ -45,7 +45,7 @@ def one_blas_thread(function: Callable[Arguments, Result]) -> Callable[Arguments
 # --- Processes that work for this one, and end with it --------------------------------------------
 
 
-_LOOKS = 1.0  # s between two looks at whether the parent is still there
+_PARENT_CHECK = 1.0  # s between two checks that the parent still lives
 
 
 def pool_of(jobs: int) -> ProcessPoolExecutor:
@@ -65,19 +65,17 @@ def _begin(parent: int) -> None:
 
 def _end_with(parent: int) -> None:
     while os.getppid() == parent:
-        time.sleep(_LOOKS)
+        time.sleep(_PARENT_CHECK)
     os._exit(1)
 
 
-# --- Ctrl-C where it can be heard -----------------------------------------------------------------
+# --- Ctrl-C, but never inside CasADi ---------------------------------------------------------------
 # CasADi's Python layer takes any exception that rises while it converts its arguments for a mismatch of types: it
 # drops a `KeyboardInterrupt` and returns nonsense. So an interrupt that arrives inside CasADi is held back until
 # control is with this package again.
 
 
-_AGAIN = 0.005  # s
-_DEAF = "casadi"
-_OURS = "lptn"
+_RETRY = 0.005  # s; CasADi's conversion of arguments takes less, and a person notices nothing
 _held_back = threading.Event()
 
 
@@ -103,7 +101,7 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
         raise KeyboardInterrupt
     if not _held_back.is_set():  # one is enough, however often it was pressed
         _held_back.set()
-        again = threading.Timer(_AGAIN, _press_again, [number])
+        again = threading.Timer(_RETRY, _press_again, [number])
         again.daemon = True
         again.start()
 
@@ -116,8 +114,8 @@ def _press_again(number: int) -> None:
 def _inside_casadi(frame: FrameType | None) -> bool:
     """Whether CasADi was called more recently than this package, as it is while it converts what it was given."""
     while frame is not None:
-        room = str(frame.f_globals.get("__name__", "")).partition(".")[0]
-        if room in (_DEAF, _OURS):
-            return room == _DEAF
+        package = str(frame.f_globals.get("__name__", "")).partition(".")[0]
+        if package in ("casadi", "lptn"):
+            return package == "casadi"
         frame = frame.f_back
     return False

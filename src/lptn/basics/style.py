@@ -26,6 +26,8 @@ WIDTH = 9.0  # inch; fills a laptop's page and still prints legibly on A4
 TEXT, SMALL, TINY = 9.0, 8.0, 6.5  # pt
 INK, FAINT = "black", "0.55"
 OPENING, NOISE = "0.93", "0.85"
+ERROR = "error [K]:\npredicted\n− measured"
+"""The label of every axis of errors."""
 LIMIT = "#CC0000"  # of limits and alarms, and of nothing else
 RMSE_MAP: Colormap = colormaps["cividis_r"]  # light is good, dark is bad, on a grey printer too
 
@@ -45,6 +47,17 @@ def new_figure(height: float) -> Figure:
         height: in inch.
     """
     return Figure(figsize=(WIDTH, height), dpi=150, layout="constrained")
+
+
+def new_axes(height: float) -> Axes:
+    """Axes of their own, as wide as the page, in a figure of `pyplot`, which a notebook or `pyplot.show()` shows.
+
+    Args:
+        height: in inch.
+    """
+    from matplotlib import pyplot  # documents, which may be made in any thread, do without it
+
+    return pyplot.subplots(figsize=(WIDTH, height), layout="constrained")[1]
 
 
 def dress(ax: Axes) -> None:

@@ -68,7 +68,7 @@ def _common(one: list[str], other: list[str]) -> int:
 # --- Mistakes in a TOML file of the user, each said with its line, its key, what was found and what was expected ---
 
 
-_GREATEST = 2**63 - 1
+_LARGEST_INTEGER = 2**63 - 1  # TOML promises 64 bits
 _KINDS = {
     "float_type": "a number",
     "finite_number": "a finite number",
@@ -128,7 +128,7 @@ def _check_integers(path: Path, content: object, place: str = "") -> None:
     elif isinstance(content, list):
         for number, inner in enumerate(content):
             _check_integers(path, inner, f"{place}[{number}]")
-    elif isinstance(content, int) and abs(content) > _GREATEST:
+    elif isinstance(content, int) and abs(content) > _LARGEST_INTEGER:
         found = f"a whole number of {len(hex(content)) * 4 // 13} digits"
         raise InputError(path, place.lstrip("."), found, "one of 18 digits at most")
 

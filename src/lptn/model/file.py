@@ -571,9 +571,8 @@ def _set_values(document: Any, key: Key, values: Mapping[str, float], declared: 
     if key == AMBIENT and "ambient" not in document.get("nodes", {}):
         table, name = document["model"], "ambient"
     else:
-        *path, name = key
-        table = document
-        for step in path:
+        table, name = document, str(key[-1])
+        for step in key[:-1]:
             table = table[step]
         if name == "capacity" and name not in table and "element" in table:
             return False  # it follows from the element's material
