@@ -2,7 +2,8 @@
 
 Run it with ``python tests/benchmarks/monitor.py --seeds 101``; some minutes a seed. The truth comes from
 `lptn.virtual`, which shares no code with the model. The model is fitted on other logs of the same robot: the
-protocol and tests of [QuadrupedLPTN], and ten healthy outings of an earlier day. The same logs calibrate the statistical detector.
+protocol and tests of [QuadrupedLPTN], and ten healthy outings of an earlier day. The same logs calibrate the statistical
+detector.
 """
 
 from __future__ import annotations
@@ -22,8 +23,8 @@ from lptn.identify.fitting import fit
 from lptn.logs.run import Run
 from lptn.model.model import Model
 from lptn.online.calibration import FALSE_ALARMS, Calibration, calibrate, rare
-from lptn.online.monitoring import direct_alarms, monitor
-from lptn.online.sensor_faults import Alarm, Scene
+from lptn.online.monitoring import alarms_by_threshold, monitor
+from lptn.online.sensor_faults import Alarm, MonitoredRun
 from lptn.robots.presets import presets
 from lptn.simulate.bound_run import bind
 from lptn.virtual import Fault, plan, quadruped_logs, write_logs
@@ -95,9 +96,9 @@ def _fair(model: Model, healthy: Sequence[Run]) -> float:
     """The plain threshold [K] that gives as few false alarms, found as the statistical detector's limits are."""
     maxima: list[FloatArray] = []
     for run in healthy:
-        residual = np.abs(np.nan_to_num(Scene.of(model, run).residual))
+        error = np.abs(np.nan_to_num(MonitoredRun.of(model, run).error))
         blocks = max(1, round(len(run) * run.step / HALF_HOUR))
-        maxima += [block.max(axis=1) for block in np.array_split(residual, blocks, axis=1)]
+        maxima += [block.max(axis=1) for block in np.array_split(error, blocks, axis=1)]
     hours = sum(len(run) * run.step for run in healthy) / 3600
     return rare(np.concatenate(maxima), FALSE_ALARMS * hours / len(maxima) / len(model.nodes))
 
@@ -110,11 +111,11 @@ def watch(seed: int, robot: Robot, folder: Path, count: int) -> list[Watch]:
     for name, path in zip(logs, write_logs(folder, logs), strict=True):
         found = monitor(robot.model, robot.loaded.runs([path]), threshold=THRESHOLD, calibration=robot.calibration)
         (each,) = found.runs
-        fair = tuple(direct_alarms(each.scene, robot.fair))
+        fair = alarms_by_threshold(each, robot.fair)
         alarms: dict[str, Sequence[Alarm]] = {
-            "plain": each.direct,
+            "plain": each.threshold_alarms,
             "fair": fair,
-            "statistical": each.statistical,
+            "statistical": each.statistical_alarms,
         }
         fault = next(iter(runs[name].faults), None)
         moved = 0.0

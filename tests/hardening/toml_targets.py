@@ -87,6 +87,6 @@ CALIBRATION = """\
 def read_calibration(path: Path, _: Random) -> None:
     """A calibration kept in a file."""
     from lptn.model.file import parse_model
-    from lptn.online.calibration import kept
+    from lptn.online.calibration import read_calibration
 
-    kept(path, Model(parse_model(presets()["leg"], Path("leg.toml")).network))
+    read_calibration(path, Model(parse_model(presets()["leg"], Path("leg.toml")).network))

@@ -103,7 +103,7 @@ def test_without_errors_the_step_is_the_models_own(model: Model) -> None:
 
 
 def test_doubtful_parameters_begin_at_the_models_own_values() -> None:
-    """Whatever coordinate the fit searches them by: logarithms, shares, or the hyperbolic sine of those that may be 0."""
+    """Whatever coordinate the fit searches them by: logarithm, share, or the hyperbolic sine of one that may be 0."""
     model = Model(with_every_effect())
     x, u = np.full(len(model.states), 30.0), np.array(list(random_inputs(model, np.random.default_rng(0)).values()))
     augmented = AugmentedModel(model, ModelError(heat=0.0), model.free, np.zeros(len(model.free)))

@@ -16,9 +16,10 @@ from lptn.basics.errors import InputError
 from lptn.cli.main import main
 from lptn.logs.run import Run
 from lptn.model.model import Model
-from lptn.online.calibration import Calibration, calibrate, keep, kept, rare
-from lptn.online.monitoring import Monitoring, Watched, monitor
-from lptn.online.sensor_faults import DRIFT, OFFSET, STEP, Alarm, Scene, coarse_drive, estimator_of, watch
+from lptn.online.calibration import Calibration, calibrate, rare, read_calibration, write_calibration
+from lptn.online.fault_likelihood import DRIFT, OFFSET, STEP, coarsely_bound, fault_statistics, gaussian_estimator
+from lptn.online.monitoring import Monitoring, monitor
+from lptn.online.sensor_faults import Alarm, MonitoredRun
 from lptn.report.online_figures import monitoring_figure
 from tests.identify.truth import TRUTH, network, truth_run
 
@@ -66,7 +67,7 @@ def calibration(model: Model) -> Calibration:
     return found
 
 
-def seen(model: Model, calibration: Calibration, run: Run) -> Watched:
+def seen(model: Model, calibration: Calibration, run: Run) -> MonitoredRun:
     """What both detectors say of one run."""
     return monitor(model, [run], calibration=calibration).runs[0]
 
@@ -81,14 +82,14 @@ def only(alarms: tuple[Alarm, ...]) -> Alarm:
 @pytest.mark.parametrize("seed", [0, 4, 5])
 def test_a_healthy_log_gives_no_alarm(model: Model, calibration: Calibration, seed: int) -> None:
     watched = seen(model, calibration, log(seed))
-    assert watched.direct == watched.statistical == ()
-    assert 0.5 < max(watched.largest.values()) < 10.0
+    assert watched.threshold_alarms == watched.statistical_alarms == ()
+    assert 0.5 < max(watched.largest_error.values()) < 10.0
 
 
 @pytest.mark.parametrize("rate", [FASTEST, -0.015])
 def test_a_drift_is_called_long_before_the_threshold(model: Model, calibration: Calibration, rate: float) -> None:
     watched = seen(model, calibration, log(4, drift(rate)))
-    early, late = only(watched.statistical), only(watched.direct)
+    early, late = only(watched.statistical_alarms), only(watched.threshold_alarms)
     ideal = 10.0 / abs(rate)
     assert late.time - BEGIN == pytest.approx(ideal, rel=0.3)
     assert 0 < early.time - BEGIN < 0.6 * (late.time - BEGIN)
@@ -100,7 +101,7 @@ def test_a_drift_is_called_long_before_the_threshold(model: Model, calibration: 
 
 def test_an_offset_below_the_threshold_is_called_at_once(model: Model, calibration: Calibration) -> None:
     watched = seen(model, calibration, log(4, lambda since, readings: readings + 6.0 * (since > 0)))
-    alarm = only(watched.statistical)
+    alarm = only(watched.statistical_alarms)
     assert alarm.kind == "offset"
     assert 0 < alarm.time - BEGIN <= 3 * STEP
     assert alarm.size == pytest.approx(6.0, abs=1.0)
@@ -108,12 +109,13 @@ def test_an_offset_below_the_threshold_is_called_at_once(model: Model, calibrati
 
 def test_a_stuck_sensor_is_told_from_one_that_stands_still(model: Model, calibration: Calibration) -> None:
     watched = seen(model, calibration, log(4, stuck))
-    alarm = only(watched.statistical)
+    alarm = only(watched.statistical_alarms)
     assert alarm.kind == "stuck"
     assert alarm.onset <= BEGIN < alarm.time
-    scene = watched.scene
-    since_fault = scene.after(BEGIN)
-    moved = np.abs(scene.expected[0, since_fault : scene.after(alarm.time)] - scene.expected[0, since_fault]).max()
+    since_fault = watched.index_at(BEGIN)
+    moved = np.abs(
+        watched.predicted[0, since_fault : watched.index_at(alarm.time)] - watched.predicted[0, since_fault]
+    ).max()
     assert moved > 1.0
 
 
@@ -122,12 +124,12 @@ def test_a_reading_that_stands_still_with_its_node_is_healthy(model: Model, cali
     columns = {f"temperature.{place}": np.full(len(run), 21.0) for place in ("ambient", "a", "b")}
     quiet = replace(run, columns=columns | {"torque.a": np.zeros(len(run))})
     watched = seen(model, calibration, quiet)
-    assert watched.statistical == watched.direct == ()
+    assert watched.statistical_alarms == watched.threshold_alarms == ()
 
 
 def test_a_dropout_is_called_after_ten_seconds(model: Model, calibration: Calibration) -> None:
     watched = seen(model, calibration, log(4, lambda since, readings: np.where(since > 0, np.nan, readings)))
-    for alarms in (watched.statistical, watched.direct):
+    for alarms in (watched.statistical_alarms, watched.threshold_alarms):
         alarm = only(alarms)
         assert alarm.kind == "dropout"
         assert alarm.onset == BEGIN + 1
@@ -137,15 +139,15 @@ def test_a_dropout_is_called_after_ten_seconds(model: Model, calibration: Calibr
 def test_error_codes_count_as_missing_and_scattered_gaps_do_not(model: Model, calibration: Calibration) -> None:
     luck = np.random.default_rng(3).uniform(size=3000)
     gappy = log(4, lambda _, readings: np.where(luck < 0.1, np.nan, readings))
-    assert seen(model, calibration, gappy).statistical == ()
+    assert seen(model, calibration, gappy).statistical_alarms == ()
     coded = log(4, lambda since, readings: np.where(since > 0, 999.0, readings))
-    assert only(seen(model, calibration, coded).statistical).kind == "dropout"
+    assert only(seen(model, calibration, coded).statistical_alarms).kind == "dropout"
 
 
 def test_the_size_of_a_drift_is_estimated_right(model: Model, calibration: Calibration) -> None:
-    bound = coarse_drive(model, log(4, drift(FASTEST)), STEP)
-    estimator = estimator_of(model, calibration.noise, calibration.error)
-    last = [best for time, best in watch(estimator, bound, bound.measured) if time < BEGIN + 600][-1]
+    bound = coarsely_bound(model, log(4, drift(FASTEST)), STEP)
+    estimator = gaussian_estimator(model, calibration.noise, calibration.error)
+    last = [best for time, best in fault_statistics(estimator, bound, bound.measured) if time < BEGIN + 600][-1]
     assert last.size[DRIFT, 0] == pytest.approx(FASTEST, rel=0.2)
     assert last.weight[DRIFT, 0] > last.weight[OFFSET, 0] > 0
     assert last.weight[DRIFT, 0] > last.weight[DRIFT, 1]
@@ -157,9 +159,9 @@ def test_a_very_long_log_keeps_its_suspicions(model: Model, calibration: Calibra
     n = len(columns["torque.a"])
     # Ambients and temperatures jump where the runs meet; only that nothing breaks is asked here.
     run = replace(parts[0], columns=columns, time=np.arange(float(n)))
-    bound = coarse_drive(model, run, STEP)
-    estimator = estimator_of(model, calibration.noise, calibration.error)
-    weights = [best.weight for _, best in watch(estimator, bound, bound.measured)]
+    bound = coarsely_bound(model, run, STEP)
+    estimator = gaussian_estimator(model, calibration.noise, calibration.error)
+    weights = [best.weight for _, best in fault_statistics(estimator, bound, bound.measured)]
     assert len(weights) == len(bound) == n // 10 - 1
     assert np.isfinite(weights).all()
 
@@ -173,7 +175,7 @@ def test_the_tail_of_an_exponential_is_found() -> None:
 def test_without_healthy_logs_it_guesses_and_says_so(model: Model) -> None:
     found = monitor(model, [log(4, drift(0.05))])
     assert found.calibration.hours == 0.0
-    assert only(found.runs[0].statistical).kind == "drift"
+    assert only(found.runs[0].statistical_alarms).kind == "drift"
     with pytest.raises(ValueError, match="threshold"):
         monitor(model, [], threshold=0.0)
     with pytest.raises(ValueError, match="healthy"):
@@ -184,15 +186,15 @@ def test_a_kept_calibration_is_the_same_and_belongs_to_its_model(
     model: Model, calibration: Calibration, tmp_path: Path
 ) -> None:
     file = tmp_path / "calibration.json"
-    keep(calibration, model.nodes, file)
-    again = kept(file, model)
+    write_calibration(calibration, model.nodes, file)
+    again = read_calibration(file, model)
     assert again.as_json(model.nodes) == calibration.as_json(model.nodes)
     content = json.loads(file.read_text())
     spoilt: object
     for spoilt in (content | {"nodes": ["a", "c"]}, content | {"still": [1.0]}, content | {"more": 1}, []):
         file.write_text(json.dumps(spoilt))
         with pytest.raises(InputError, match="calibration"):
-            kept(file, model)
+            read_calibration(file, model)
 
 
 def test_the_picture_shows_the_faulty_sensor(model: Model, calibration: Calibration) -> None:
@@ -203,13 +205,13 @@ def test_the_picture_shows_the_faulty_sensor(model: Model, calibration: Calibrat
     assert "no alarm" in quiet.axes[0].get_title(loc="left")
 
 
-def test_scenes_know_how_long_a_reading_stands() -> None:
+def test_a_run_knows_how_long_a_reading_stands() -> None:
     run = replace(truth_run(100.0), resolution={})
     readings = np.array([[1.0, 1.0, np.nan, 1.0, 2.0, 2.0]])
     expected = np.array([[0.0, 1.0, 2.0, 3.0, 3.0, 5.0]])
-    scene = Scene(run.slice(0.0, 6.0), ("a",), readings, expected)
-    assert scene.moved.tolist() == [[0.0, 1.0, 0.0, 3.0, 0.0, 2.0]]
-    assert [scene.stands_since(0, at) for at in (3, 5)] == [0, 4]
+    watched = MonitoredRun(run.slice(0.0, 6.0), ("a",), readings, expected)
+    assert watched.moved.tolist() == [[0.0, 1.0, 0.0, 3.0, 0.0, 2.0]]
+    assert [watched.stands_since(0, at) for at in (3, 5)] == [0, 4]
 
 
 # --- the command --------------------------------------------------------------------------------------
@@ -274,6 +276,7 @@ def test_the_command_shows_both_detectors(folder: Path, capsys: pytest.CaptureFi
     assert set(early) == {"node", "kind", "time", "onset", "size"}
     assert BEGIN < early["time"] < late["time"]
     assert both["threshold"]["largest_residual"]["a"] > written["threshold"] == 10
+    assert both["threshold"]["largest_error"] == both["threshold"]["largest_residual"]
     assert picture.read_bytes().startswith(b"\x89PNG")
     assert run_command(*words, "--calibration", kept_file) == 0
     assert json.loads(found.read_text())["runs"] == written["runs"]

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from lptn.model.model import Model
     from lptn.online.calibration import Calibration
     from lptn.online.monitoring import Monitoring
-    from lptn.online.sensor_faults import Alarm
+    from lptn.online.sensor_faults import Alarm, MonitoredRun
 
 Healthy = Annotated[
     list[Path] | None,

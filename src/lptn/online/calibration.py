@@ -1,4 +1,7 @@
-"""What is usual on healthy logs: how wrong the model is there, and how much suspicion it raises by itself."""
+"""What is usual on healthy logs: how wrong the model is there, and how much it looks like a fault by chance.
+
+A calibration is kept in a file, so that healthy logs need to be studied only once.
+"""
 
 from __future__ import annotations
 
@@ -21,98 +24,29 @@ from lptn.logs.run import Run
 from lptn.model.model import Model
 from lptn.online.augmented_model import ModelError
 from lptn.online.estimator import run_filter
-from lptn.online.sensor_faults import STEP, Scene, coarse_drive, estimator_of, watch
+from lptn.online.fault_likelihood import STEP, coarsely_bound, fault_statistics, gaussian_estimator
+from lptn.online.sensor_faults import MonitoredRun
 from lptn.simulate.bound_run import BoundRun, bind
 
-# --- How wrong a model is on healthy runs: the sizes of its errors under which the innovations are likeliest ---
-
-
-Report = Callable[[str], None]
-Sizes = dict[str, float]
-
-_FACTOR = 2.0
-_GAIN = 2e-3  # of log-likelihood a reading; less than that is not worth another trial
-_SAID = "learning what is healthy: sizes of the model's errors, trial"
-_BEGIN = {"heat": 0.5, "change": 0.5, "bias": 0.5}
-
-
-def likeliest(
-    model: Model, noise: Noise, bound_runs: Sequence[BoundRun], report: Report = lambda _: None
-) -> ModelError:
-    """The model errors under which the innovations on healthy runs are likeliest, to a factor of two.
-
-    Nodes of a class (all calves) share their sizes: a model is as wrong about one as about the other.
-    """
-    classes = {node: class_of(node) for node in model.nodes}
-    air = [column for column in model.inputs if column.startswith("temperature.")]
-
-    def error(sizes: Sizes) -> ModelError:
-        def of(kind: str) -> Sizes:
-            return {node: sizes[f"{kind} {name}"] for node, name in classes.items()}
-
-        inputs = {column: sizes[column] for column in air}
-        return ModelError(of("heat"), sizes["heat_time"], of("change"), of("bias"), sizes["air"], inputs)
-
-    best = {"heat_time": 100.0, "air": 0.1, **dict.fromkeys(air, 1.0)}
-    for name in dict.fromkeys(classes.values()):
-        best |= {f"{kind} {name}": size for kind, size in _BEGIN.items()}
-    tried: dict[tuple[float, ...], float] = {}
-
-    def value(sizes: Sizes) -> float:
-        key = tuple(sizes.values())
-        if key not in tried:
-            report(f"{_SAID} {len(tried) + 1}")
-            tried[key] = mean_log_likelihood(model, noise, error(sizes), bound_runs)
-        return tried[key]
-
-    while (better := _round(best, value)) != best:
-        best = better
-    return error(best)
-
-
-def mean_log_likelihood(model: Model, noise: Noise, error: ModelError, bound_runs: Sequence[BoundRun]) -> float:
-    """Logarithm of the innovations' likelihood, per reading, up to a constant."""
-    total, count = 0.0, 0
-    for bound in bound_runs:
-        estimator = estimator_of(model, noise, error)
-        for _ in run_filter(estimator, bound):
-            met = estimator.last
-            if met is not None:
-                root = np.linalg.cholesky(met.covariance)
-                white = np.linalg.solve(root, met.innovation)
-                total -= 0.5 * float(white @ white) + float(np.log(np.diag(root)).sum())
-                count += len(white)
-    return total / max(count, 1)
-
-
-def _round(best: Sizes, value: Callable[[Sizes], float]) -> Sizes:
-    """Each size in turn made larger or smaller, as far as that helps."""
-    for name in best:
-        for times in (_FACTOR, 1 / _FACTOR):
-            while value(trial := best | {name: best[name] * times}) > value(best) + _GAIN:
-                best = trial
-    return best
-
-
 FALSE_ALARMS = 0.01
-"""False alarms an hour that are put up with, all sensors of a robot together."""
-_SEARCH_STEP = 30.0  # s
+"""False alarms an hour that are put up with, all sensors of a robot together: one in a hundred hours."""
+_SEARCH_STEP = 30.0  # s; model errors wander over minutes, so coarser steps than the detector's show them as well
 _SEARCH_RUNS = 8
-_BLOCK = 1800.0  # s; the largest suspicion is taken over stretches of about so long
-_TAIL, _LEAST_TAIL = 0.1, 20  # share, and number, of the largest suspicions that the tail is fitted to
-_MARGIN = 1.1  # on the limits: healthy logs to come hold what those before did not
+_BLOCK = 1800.0  # s; the largest weight is taken over blocks of about so long, beyond a joint's time constant
 _LEAST_LIMIT = 4.5  # standard deviations; a quieter log is luck
 _UNTRIED = 9.0  # standard deviations; the limit where no healthy log was given
 _LEAST_MOVE = 2.5  # K, beyond the sensor's step: so far a free-running model may go astray by itself
 
+Report = Callable[[str], None]
+
 
 @dataclass(frozen=True)
 class Calibration:
-    """What the statistical detector goes by.
+    """What the statistical detector goes by; arrays have one entry for each node of the model, in order.
 
     Args:
         noise: of the sensors.
-        error: what the model lacks, as found on healthy logs.
+        error: what the model lacks on healthy logs.
         limits: weight that calls an offset, a drift [standard deviations], shape (2, nodes).
         still: predicted change [K] over which a healthy reading never stands still, shape (nodes,).
         hours: length of the healthy logs; 0 where there were none.
@@ -143,13 +77,14 @@ def calibrate(
     """Learn from healthy logs, best those that the model was fitted on, what a healthy log looks like.
 
     The sizes of the model's errors are those under which the filter's innovations are likeliest. The limits
-    follow from the largest suspicion at each sensor in each half hour: the tail of these maxima says what is passed
-    as rarely as was asked for, and a margin is added. What the healthy logs don't hold (a gait, a load) is not in it.
+    follow from the largest weight of a fault at each sensor in each half hour: the tail of these maxima says what is
+    passed as rarely as was asked for, and a margin is added. What the healthy logs don't hold (a gait, a load) is not
+    in it.
 
     Args:
         runs: healthy runs.
         false_alarms: how many a robot may give in an hour, all sensors and kinds together.
-        report: told what is being done.
+        report: gets a line on what is being done.
 
     Raises:
         ValueError: no run, or a rate that is not above 0.
@@ -157,16 +92,19 @@ def calibrate(
     if not runs or not false_alarms > 0:
         raise ValueError("calibrate: expected one healthy run or more, and a rate of false alarms above 0")
     noise = estimate_noise([bind(model, run) for run in runs], model.nodes)
-    error = likeliest(model, noise, [coarse_drive(model, run, _SEARCH_STEP) for run in _spread(runs)], report)
+    some = np.unique(np.linspace(0, len(runs) - 1, min(len(runs), _SEARCH_RUNS)).round().astype(int))
+    error = likeliest(model, noise, [coarsely_bound(model, runs[index], _SEARCH_STEP) for index in some], report)
     weights, moved = [], []
     for number, run in enumerate(runs, start=1):
         report(f"learning what is healthy: log {number} of {len(runs)}")
-        weights += block_maxima(model, coarse_drive(model, run, STEP), noise, error)
-        moved += _blocks(Scene.of(model, run).moved.T, run.step)
+        bound = coarsely_bound(model, run, STEP)
+        followed = fault_statistics(gaussian_estimator(model, noise, error), bound, bound.measured)
+        weights += _block_maxima(np.array([statistics.weight for _, statistics in followed]), bound.run.step)
+        moved += _block_maxima(MonitoredRun.of(model, run).moved.T, run.step)
     hours = sum(len(run) * run.step for run in runs) / 3600
     share = false_alarms * hours / len(weights) / (2 * len(model.nodes))
-    limits = [rare_by_class(np.array(weights)[:, kind], model.nodes, share) for kind in (0, 1)]
-    still = np.maximum(rare_by_class(np.array(moved), model.nodes, share), noise.step + _LEAST_MOVE)
+    limits = [_rare_by_class(np.array(weights)[:, kind], model.nodes, share) for kind in (0, 1)]
+    still = np.maximum(_rare_by_class(np.array(moved), model.nodes, share), noise.step + _LEAST_MOVE)
     return Calibration(noise, error, np.maximum(limits, _LEAST_LIMIT), still, hours)
 
 
@@ -180,36 +118,37 @@ def uncalibrated(model: Model, runs: Sequence[Run], rmse: float | None) -> Calib
     noise = estimate_noise([bind(model, run) for run in runs], model.nodes)
     size = max(1.0, rmse or 1.0)
     air = [column for column in model.inputs if column.startswith("temperature.")]
-    error = ModelError(size, 100.0, 0.5, size, 0.2, dict.fromkeys(air, 2.0))
+    # Twice what the search on healthy logs begins with, and heat of a watt for each kelvin that the fit errs.
+    error = ModelError(size, _FIRST_HEAT_TIME, _FIRST_SIZES["change"], size, 2 * _FIRST_AIR, dict.fromkeys(air, 2.0))
     limits = np.full((2, len(model.nodes)), _UNTRIED)
     return Calibration(noise, error, limits, noise.step + 3 * size, 0.0)
 
 
-def block_maxima(model: Model, bound: BoundRun, noise: Noise, error: ModelError) -> list[FloatArray]:
-    """The largest weight of each kind at each sensor, shape (2, nodes), in each stretch of about half an hour."""
-    weights = [best.weight for _, best in watch(estimator_of(model, noise, error), bound, bound.measured)]
-    return _blocks(np.array(weights), bound.run.step)
+# --- Limits that healthy logs pass rarely ---------------------------------------------------------
+
+_TAIL, _LEAST_TAIL = 0.1, 20  # share, and number, of the largest maxima that the tail is fitted to
+_MARGIN = 1.1  # on the limits: healthy logs to come hold what those before did not
 
 
-def _blocks(values: FloatArray, step: float) -> list[FloatArray]:
-    """The largest along the first axis in each stretch of about half an hour."""
+def _block_maxima(values: FloatArray, step: float) -> list[FloatArray]:
+    """The largest along the first axis in each block of about half an hour."""
     count = max(1, round(len(values) * step / _BLOCK))
     return [np.max(block, axis=0) for block in np.array_split(values, count)]
 
 
-def rare_by_class(maxima: FloatArray, nodes: Sequence[str], share: float) -> FloatArray:
+def _rare_by_class(maxima: FloatArray, nodes: Sequence[str], share: float) -> FloatArray:
     """What a healthy sensor of each node passes so rarely, shape (nodes,), by its class and by all, with a margin.
 
     Args:
-        maxima: of each stretch at each node, shape (stretches, nodes).
+        maxima: of each block at each node, shape (blocks, nodes).
         nodes: their names.
         share: of the maxima that may pass.
     """
     classes = [class_of(node) for node in nodes]
-    indistinguishable = {name: [place for place, each in enumerate(classes) if each == name] for name in classes}
+    columns = {name: [column for column, other in enumerate(classes) if other == name] for name in classes}
     # A class that is modelled worse than the others is hidden in the tail of all; one of few logs has little tail.
-    all_ = rare(maxima.ravel(), share)
-    return np.array([_MARGIN * max(all_, rare(maxima[:, indistinguishable[name]].ravel(), share)) for name in classes])
+    of_all = rare(maxima.ravel(), share)
+    return np.array([_MARGIN * max(of_all, rare(maxima[:, columns[name]].ravel(), share)) for name in classes])
 
 
 def rare(maxima: FloatArray, share: float) -> float:
@@ -224,17 +163,73 @@ def rare(maxima: FloatArray, share: float) -> float:
     return float(max(border + slope * np.log(tail / min(share, tail)), maxima.max()))
 
 
-def _spread(runs: Sequence[Run]) -> list[Run]:
-    """Some of the runs, from first to last."""
-    chosen = np.unique(np.linspace(0, len(runs) - 1, min(len(runs), _SEARCH_RUNS)).round().astype(int))
-    return [runs[index] for index in chosen]
+# --- How wrong a model is on healthy runs: the errors under which the innovations are likeliest ---
+
+_FACTOR = 2.0  # from one size tried to the next
+_GAIN = 2e-3  # of log-likelihood a reading; less than that is not worth another trial
+_FIRST_SIZES = {"heat": 0.5, "change": 0.5, "bias": 0.5}  # W, share, W
+_FIRST_HEAT_TIME, _FIRST_AIR, _FIRST_INPUT = 100.0, 0.1, 1.0  # s; share; K
 
 
-# --- A calibration kept in a file, so that healthy logs need to be studied only once --------------
+def likeliest(
+    model: Model, noise: Noise, bound_runs: Sequence[BoundRun], report: Report = lambda _: None
+) -> ModelError:
+    """The model errors under which the innovations on healthy runs are likeliest, to a factor of two.
+
+    Nodes of a class (all calves) share their sizes: a model is as wrong about one as about the other.
+    """
+    classes = {node: class_of(node) for node in model.nodes}
+    air = [column for column in model.inputs if column.startswith("temperature.")]
+
+    def error(sizes: dict[str, float]) -> ModelError:
+        def of(kind: str) -> dict[str, float]:
+            return {node: sizes[f"{kind} {name}"] for node, name in classes.items()}
+
+        inputs = {column: sizes[column] for column in air}
+        return ModelError(of("heat"), sizes["heat_time"], of("change"), of("bias"), sizes["air"], inputs)
+
+    best = {"heat_time": _FIRST_HEAT_TIME, "air": _FIRST_AIR, **dict.fromkeys(air, _FIRST_INPUT)}
+    for name in dict.fromkeys(classes.values()):
+        best |= {f"{kind} {name}": size for kind, size in _FIRST_SIZES.items()}
+    tried: dict[tuple[float, ...], float] = {}
+
+    def value(sizes: dict[str, float]) -> float:
+        key = tuple(sizes.values())
+        if key not in tried:
+            report(f"learning what is healthy: sizes of the model's errors, trial {len(tried) + 1}")
+            tried[key] = mean_log_likelihood(model, noise, error(sizes), bound_runs)
+        return tried[key]
+
+    while (better := _improved(best, value)) != best:
+        best = better
+    return error(best)
 
 
-Size = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-Time = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+def mean_log_likelihood(model: Model, noise: Noise, error: ModelError, bound_runs: Sequence[BoundRun]) -> float:
+    """Logarithm of the innovations' likelihood, per reading, up to a constant."""
+    total, count = 0.0, 0
+    for bound in bound_runs:
+        estimator = gaussian_estimator(model, noise, error)
+        for _ in run_filter(estimator, bound):
+            if estimator.last is not None:
+                total += estimator.last.log_likelihood
+                count += len(estimator.last.innovation)
+    return total / max(count, 1)
+
+
+def _improved(best: dict[str, float], value: Callable[[dict[str, float]], float]) -> dict[str, float]:
+    """Each size in turn made larger or smaller, as far as that helps."""
+    for name in best:
+        for times in (_FACTOR, 1 / _FACTOR):
+            while value(trial := best | {name: best[name] * times}) > value(best) + _GAIN:
+                best = trial
+    return best
+
+
+# --- The file -------------------------------------------------------------------------------------
+
+_Size = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+_Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 
 class _Strict(BaseModel):
@@ -242,46 +237,46 @@ class _Strict(BaseModel):
 
 
 class _Limits(_Strict):
-    offset: list[Time]
-    drift: list[Time]
+    offset: list[_Positive]
+    drift: list[_Positive]
 
 
 class _Noise(_Strict):
-    white: list[Size]
-    step: list[Size]
+    white: list[_Size]
+    step: list[_Size]
 
 
 class _Error(_Strict):
-    heat: Size | dict[str, Size]
-    heat_time: Time
-    change: Size | dict[str, Size]
-    bias: Size | dict[str, Size]
-    air: Size
-    inputs: dict[str, Size]
+    heat: _Size | dict[str, _Size]
+    heat_time: _Positive
+    change: _Size | dict[str, _Size]
+    bias: _Size | dict[str, _Size]
+    air: _Size
+    inputs: dict[str, _Size]
 
 
 class _File(_Strict):
     nodes: list[str]
-    healthy_hours: Size
+    healthy_hours: _Size
     limits: _Limits
-    still: list[Size]
+    still: list[_Size]
     noise: _Noise
     model_error: _Error
 
 
-def keep(calibration: Calibration, nodes: Sequence[str], path: Path) -> None:
+def write_calibration(calibration: Calibration, nodes: Sequence[str], path: Path) -> None:
     """Write a calibration as JSON, whole or not at all."""
     write_whole(path, json.dumps(calibration.as_json(nodes), indent=2) + "\n")
 
 
-def kept(path: Path, model: Model) -> Calibration:
+def read_calibration(path: Path, model: Model) -> Calibration:
     """Read a calibration of a model.
 
     Raises:
         InputError: the file can't be read, is not a calibration, or is one of another model.
     """
     try:
-        found = _File.model_validate_json(path.read_bytes())
+        file = _File.model_validate_json(path.read_bytes())
     except OSError as error:
         expected = "a file written with --healthy before"
         raise InputError(path, "calibration", error.strerror or "no file", expected) from error
@@ -291,15 +286,15 @@ def kept(path: Path, model: Model) -> Calibration:
         stands = sentence(first["msg"]) if first["type"] == "json_invalid" else found_in(first)
         expected = "JSON" if first["type"] == "json_invalid" else expectation(first)
         raise InputError(path, place, stands, f"{expected}, as `lptn monitor --healthy` writes it") from error
-    lists = (found.still, found.noise.white, found.noise.step, found.limits.offset, found.limits.drift)
-    same = all(len(each) == len(model.nodes) for each in lists)
-    if found.nodes != model.nodes or not same or not set(found.model_error.inputs) <= set(model.inputs):
+    lists = (file.still, file.noise.white, file.noise.step, file.limits.offset, file.limits.drift)
+    same = all(len(values) == len(model.nodes) for values in lists)
+    if file.nodes != model.nodes or not same or not set(file.model_error.inputs) <= set(model.inputs):
         expected = f"those of the model: {', '.join(model.nodes)}"
-        raise InputError(path, "nodes", ", ".join(found.nodes) or "none", expected)
+        raise InputError(path, "nodes", ", ".join(file.nodes) or "none", expected)
     return Calibration(
-        Noise(np.array(found.noise.white), np.array(found.noise.step)),
-        ModelError(**found.model_error.model_dump()),
-        np.array([found.limits.offset, found.limits.drift]),
-        np.array(found.still),
-        found.healthy_hours,
+        Noise(np.array(file.noise.white), np.array(file.noise.step)),
+        ModelError(**file.model_error.model_dump()),
+        np.array([file.limits.offset, file.limits.drift]),
+        np.array(file.still),
+        file.healthy_hours,
     )

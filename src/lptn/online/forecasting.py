@@ -332,6 +332,15 @@ def forecast(
         ValueError: a coverage, number of cycles or window out of range.
 
     Source: [QuadrupedLPTN, application 3].
+
+    Example:
+        >>> import lptn
+        >>> loaded = lptn.load_model("examples/tclab/two_heaters.toml")
+        >>> (run,) = loaded.runs(["examples/tclab/log.csv"])
+        >>> fitted = lptn.fit(loaded.model, [run])
+        >>> ahead = lptn.forecast(fitted.model, run, 70.0, fit=fitted)
+        >>> {name: node.reaches for name, node in ahead.nodes.items()}
+        {}
     """
     _check(cycles, coverage, window)
     bound = bind(model, run)

@@ -1,4 +1,4 @@
-"""Sensor faults in logs, found in two ways: by a threshold on the error, and by a filter's innovations."""
+"""Sensor faults in logs, detected in two ways: by a threshold on the error, and by a filter's innovations."""
 
 from __future__ import annotations
 
@@ -12,165 +12,62 @@ from lptn.basics.arrays import FloatArray
 from lptn.logs.run import Run
 from lptn.model.model import Model
 from lptn.online.calibration import Calibration, uncalibrated
-from lptn.online.sensor_faults import (
+from lptn.online.fault_likelihood import (
     DRIFT,
     STEP,
+    FaultStatistics,
+    coarsely_bound,
+    fault_statistics,
+    gaussian_estimator,
+)
+from lptn.online.sensor_faults import (
     Alarm,
-    Best,
-    Kind,
-    Scene,
+    MonitoredRun,
     believable,
-    coarse_drive,
     dropouts,
-    earliest,
-    estimator_of,
-    shaped,
-    stuck,
-    watch,
+    first_at_each_sensor,
+    offset_or_drift,
+    or_stuck,
 )
 from lptn.simulate.bound_run import BoundRun
-
-# --- The plain detector: measured against expected of the free-running model, and a threshold -----
-# Source: [QuadrupedLPTN, application 2].
-
-
-def direct_alarms(scene: Scene, threshold: float) -> list[Alarm]:
-    """The first time at each sensor that measured and expected lie apart, or that readings are missing.
-
-    Args:
-        threshold: K.
-    """
-    alarms = dropouts(scene)
-    for row, residual in enumerate(scene.residual):
-        apart = np.flatnonzero(np.abs(np.nan_to_num(residual)) > threshold)
-        if apart.size:
-            alarms.append(_named(scene, row, int(apart[0])))
-    return earliest(alarms)
-
-
-def _named(scene: Scene, row: int, at: int) -> Alarm:
-    alarm = shaped(scene, row, at)
-    stands = stuck(scene, row, at)
-    return alarm if stands is None else replace(alarm, kind="stuck", onset=stands, size=None)
-
-
-# --- The statistical detector: a Kalman filter's innovations, and what a fault of each kind would do to them ---
-
-
-_SETTLED = 240.0  # s behind an alarm: by then offset and drift can be told apart
-
-
-def statistical_alarms(model: Model, scene: Scene, calibration: Calibration) -> list[Alarm]:
-    """The first alarm at each sensor.
-
-    Once a sensor is called faulty, the filter does without it from the fault's onset on, and the search for others
-    starts again: else its error would spread over its neighbours.
-    """
-    alarms = [*_standing(scene, calibration), *dropouts(scene)]
-    coarse = coarse_drive(model, scene.run, STEP)
-    measured = believable(coarse.measured)
-    distrusted: dict[str, float] = {}
-    while (alarm := _first(model, coarse, _without(measured, model, coarse, distrusted), calibration)) is not None:
-        distrusted[alarm.node] = alarm.onset - coarse.run.step
-        alarms.append(_renamed(scene, alarm))
-    return earliest(alarms)
-
-
-def _standing(scene: Scene, calibration: Calibration) -> list[Alarm]:
-    """Sensors whose reading stands still while the model moves further than it ever did when all was well."""
-    alarms = []
-    for row in range(len(scene.nodes)):
-        far = np.flatnonzero(scene.moved[row] > calibration.still[row])
-        if far.size:
-            alarms.append(_renamed(scene, shaped(scene, row, int(far[0]))))
-    return alarms
-
-
-def _first(model: Model, coarse: BoundRun, measured: FloatArray, calibration: Calibration) -> Alarm | None:
-    """The first alarm among sensors that still count; its kind as it looks some minutes later."""
-    called: Alarm | None = None
-    row = 0
-    for time, best in watch(estimator_of(model, calibration.noise, calibration.error), coarse, measured):
-        if called is None:
-            excess = best.weight / calibration.limits
-            if excess.max() > 1:
-                row = int(excess.max(axis=0).argmax())
-                called = _alarm(model.nodes[row], best, row, calibration, time)
-        elif time <= called.time + _SETTLED:
-            called = _alarm(model.nodes[row], best, row, calibration, called.time)
-        else:
-            break
-    return called
-
-
-def _alarm(node: str, best: Best, row: int, calibration: Calibration, time: float) -> Alarm:
-    which = int((best.weight[:, row] / calibration.limits[:, row]).argmax())
-    kind: Kind = "drift" if which == DRIFT else "offset"
-    return Alarm(node, kind, time, float(best.onset[which, row]), float(best.size[which, row]))
-
-
-def _renamed(scene: Scene, alarm: Alarm) -> Alarm:
-    row = scene.nodes.index(alarm.node)
-    stands = stuck(scene, row, scene.after(alarm.time))
-    return alarm if stands is None else replace(alarm, kind="stuck", onset=stands, size=None)
-
-
-def _without(measured: FloatArray, model: Model, coarse: BoundRun, distrusted: dict[str, float]) -> FloatArray:
-    since = np.array([distrusted.get(node, inf) for node in model.nodes])
-    return np.where(coarse.run.time >= since[:, None], np.nan, measured)
-
-
-# --- Sensor faults in logs, found in two ways: by a threshold on the residual, and by a filter's innovations ---
-
 
 THRESHOLD = 10.0
 """K; the threshold of [QuadrupedLPTN, application 2]."""
 
 
 @dataclass(frozen=True)
-class Watched:
-    """One run and the alarms of both detectors, each in order of time."""
-
-    scene: Scene
-    direct: tuple[Alarm, ...]
-    statistical: tuple[Alarm, ...]
-
-    @property
-    def largest(self) -> dict[str, float]:
-        """Largest distance of measured from expected [K] at each node that is measured."""
-        return {
-            node: float(np.nanmax(np.abs(residual)))
-            for node, residual in zip(self.scene.nodes, self.scene.residual, strict=True)
-            if np.isfinite(residual).any()
-        }
-
-
-@dataclass(frozen=True)
 class Monitoring:
-    """What both detectors found in several runs."""
+    """What both detectors say of several runs.
+
+    Args:
+        threshold: of the plain detector [K].
+        calibration: of the statistical one.
+        runs: with their alarms.
+    """
 
     threshold: float
     calibration: Calibration
-    runs: tuple[Watched, ...]
+    runs: tuple[MonitoredRun, ...]
 
     def as_json(self) -> dict[str, object]:
-        """The findings as other tools read them; times in s of each log's clock."""
-        found: dict[str, object] = {}
+        """The alarms as other tools read them; times in s of each log's clock, errors without sign in K."""
+        runs: dict[str, object] = {}
         for watched in self.runs:
-            run = watched.scene.run
+            run = watched.run
             # Logs of one name from two folders must not hide each other.
-            name = run.name if run.name not in found else f"{run.name} ({run.source})"
-            found[name] = {
+            name = run.name if run.name not in runs else f"{run.name} ({run.source})"
+            runs[name] = {
                 "start": float(run.time[0]),
                 "end": float(run.time[-1] + run.step),
                 "threshold": {
-                    "alarms": [alarm.as_json() for alarm in watched.direct],
-                    "largest_residual": watched.largest,
+                    "alarms": [alarm.as_json() for alarm in watched.threshold_alarms],
+                    "largest_error": watched.largest_error,
+                    "largest_residual": watched.largest_error,  # the former name, for programs that read it
                 },
-                "statistical": {"alarms": [alarm.as_json() for alarm in watched.statistical]},
+                "statistical": {"alarms": [alarm.as_json() for alarm in watched.statistical_alarms]},
             }
-        nodes = self.runs[0].scene.nodes
-        return {"threshold": self.threshold, "calibration": self.calibration.as_json(nodes), "runs": found}
+        nodes = self.runs[0].nodes
+        return {"threshold": self.threshold, "calibration": self.calibration.as_json(nodes), "runs": runs}
 
 
 def monitor(
@@ -206,7 +103,81 @@ def monitor(
     watched = []
     for number, run in enumerate(runs, start=1):
         report(f"watching log {number} of {len(runs)}")
-        scene = Scene.of(model, run)
-        direct, statistical = direct_alarms(scene, threshold), statistical_alarms(model, scene, calibration)
-        watched.append(Watched(scene, tuple(direct), tuple(statistical)))
+        one = MonitoredRun.of(model, run)
+        by_threshold, by_statistics = alarms_by_threshold(one, threshold), alarms_by_statistics(model, one, calibration)
+        watched.append(replace(one, threshold_alarms=by_threshold, statistical_alarms=by_statistics))
     return Monitoring(threshold, calibration, tuple(watched))
+
+
+# --- The plain detector: the free-running model's error, and a threshold --------------------------
+
+
+def alarms_by_threshold(watched: MonitoredRun, threshold: float) -> tuple[Alarm, ...]:
+    """The first time at each sensor that its absolute error is over a threshold [K], or that readings are missing.
+
+    Source: [QuadrupedLPTN, application 2].
+    """
+    alarms = dropouts(watched)
+    for row, error in enumerate(watched.error):
+        over = np.flatnonzero(np.abs(np.nan_to_num(error)) > threshold)
+        if over.size:
+            alarms.append(or_stuck(watched, offset_or_drift(watched, row, int(over[0]))))
+    return first_at_each_sensor(alarms)
+
+
+# --- The statistical detector: what a fault of each kind would do to a filter's innovations -------
+
+_SETTLED = 240.0  # s behind an alarm: by then offset and drift can be told apart
+
+
+def alarms_by_statistics(model: Model, watched: MonitoredRun, calibration: Calibration) -> tuple[Alarm, ...]:
+    """The first alarm at each sensor.
+
+    Once a sensor is called faulty, the filter does without it from the fault's onset on, and the search for others
+    starts again: else its error would spread over its neighbours.
+    """
+    alarms = [*_standing(watched, calibration), *dropouts(watched)]
+    coarse = coarsely_bound(model, watched.run, STEP)
+    measured = believable(coarse.measured)
+    faulty_since = np.full(len(model.nodes), inf)
+    while True:
+        trusted = np.where(coarse.run.time >= faulty_since[:, None], np.nan, measured)
+        alarm = _first(model, coarse, trusted, calibration)
+        if alarm is None:
+            return first_at_each_sensor(alarms)
+        faulty_since[model.nodes.index(alarm.node)] = alarm.onset - coarse.run.step
+        alarms.append(or_stuck(watched, alarm))
+
+
+def _standing(watched: MonitoredRun, calibration: Calibration) -> list[Alarm]:
+    """Sensors whose reading stands still while the model moves further than it ever did when all was well."""
+    alarms = []
+    for row, still in enumerate(calibration.still):
+        far = np.flatnonzero(watched.moved[row] > still)
+        if far.size:
+            alarms.append(or_stuck(watched, offset_or_drift(watched, row, int(far[0]))))
+    return alarms
+
+
+def _first(model: Model, coarse: BoundRun, measured: FloatArray, calibration: Calibration) -> Alarm | None:
+    """The first alarm among sensors that still count; its kind as it looks some minutes later."""
+    alarm: Alarm | None = None
+    row = 0
+    estimator = gaussian_estimator(model, calibration.noise, calibration.error)
+    for time, statistics in fault_statistics(estimator, coarse, measured):
+        if alarm is None:
+            excess = statistics.weight / calibration.limits
+            if excess.max() > 1:
+                row = int(excess.max(axis=0).argmax())
+                alarm = _alarm(model.nodes[row], statistics, row, calibration, time)
+        elif time <= alarm.time + _SETTLED:
+            alarm = _alarm(model.nodes[row], statistics, row, calibration, alarm.time)
+        else:
+            break
+    return alarm
+
+
+def _alarm(node: str, statistics: FaultStatistics, row: int, calibration: Calibration, time: float) -> Alarm:
+    kind = int((statistics.weight[:, row] / calibration.limits[:, row]).argmax())
+    name = "drift" if kind == DRIFT else "offset"
+    return Alarm(node, name, time, float(statistics.onset[kind, row]), float(statistics.size[kind, row]))
