@@ -16,10 +16,9 @@ from lptn.diagnose.unexplained_heat import largest, unexplained_heat
 from lptn.identify.comparison import compare
 from lptn.identify.data import load_model, split_data
 from lptn.identify.validation import fit_segments, holdout_errors
-from lptn.report.diagnosis_figures import ladder_curve
-from lptn.report.figures import comparison_figure, predictions_figure
+from lptn.report.diagnosis_figures import plot_history
+from lptn.report.comparison_figures import comparison_figure, predictions_figure
 from lptn.basics.style import show
-from lptn.report.words import noise_alone
 
 here = Path(__file__).parent if "__file__" in globals() else Path.cwd()  # a notebook runs in its folder
 loaded = load_model(here / "two_heaters.toml")
@@ -54,7 +53,7 @@ for step in history.steps:
     print(step.effect or "as given", step.at or "", f"{step.holdout.rmse:.2f} K held out")
 for sentence in advise(history.first, history.last.fit, coarse).sentences:
     print(sentence)
-show(ladder_curve(history, noise_alone(history.best.fit)))
+_ = plot_history(history)
 show(predictions_figure(*(compare(step.fit.model, data.holdout) for step in (history.steps[0], history.best))))
 
 # %% Second thoughts: the last model without its first rung

@@ -51,23 +51,34 @@ class StudyComparison(Comparison):
         Raises:
             InputError: no such node, or it is measured in none of the runs.
         """
-        from lptn.report.figures import plot_prediction
+        from lptn.report.comparison_figures import plot_temperatures
 
-        return plot_prediction(self, node, ax)
+        return plot_temperatures(self, node, ax=ax)
 
 
 class Study:
     """A model, its data, and what was tried on them, step by step.
 
     Example:
-        >>> import lptn
-        >>> study = lptn.Study(model_file, fit=log, holdout_after=300)
-        >>> study.fit().rmse < 0.7  # K
-        True
+        >>> import lptn, pandas
+        >>> frame = pandas.read_csv("examples/tclab/log.csv")  # a path does as well
+        >>> study = lptn.Study("examples/tclab/two_heaters.toml", fit=[frame], holdout_after=300)
+        >>> study.fit()
+        <Fit: >
+        >>> study.compare()
+        <StudyComparison: >
+        >>> axes = study.compare().plot()
+        >>> study.diagnose()
+        <Diagnosis: >
         >>> study.add("sensor_lag", at="*")
-        <Step 1: sensor_lag at *, 4 parameters, RMSE 0.505 K fitted, 3.88 K held out>
-        >>> study.undo().history["effect"].tolist()
-        ['']
+        <Step: >
+        >>> study.add("conduction", at="heater1~heater2")
+        <Step: >
+        >>> study.history[["effect", "place", "parameters"]]
+        <>
+        >>> study.undo()
+        <Study >
+        >>> study.save("better.toml"); study.report("story.html")
 
     Args:
         model: the path of a model file.
@@ -106,6 +117,7 @@ class Study:
         self._undone: list[Step] = []
         self._diagnoses: dict[int, Diagnosis] = {}  # by the number of the step
         self._improved: History | None = None  # while the steps are just those of one forward selection
+        self._advice: tuple[Diagnosis, Advice] | None = None  # the last one, and what it follows from
         self.symmetry_trials: tuple[SymmetryTrial, ...] = ()
         """The symmetry penalties that the last fit tried, with their errors on held-out runs."""
         warn_of_absent_runs(self._loaded.model.network, self.runs)
@@ -216,7 +228,10 @@ class Study:
     def advise(self) -> Advice:
         """What to do next: the experiment that tells rivals apart, where heat is unexplained, runs that differ."""
         last = self.diagnose()
-        return advise(self._diagnoses.get(0, last), last.fit, for_search(self.data), logger.info)
+        if self._advice is None or self._advice[0] is not last:
+            first = self._diagnoses.get(0, last)
+            self._advice = last, advise(first, last.fit, for_search(self.data), logger.info)
+        return self._advice[1]
 
     def add(self, effect: str | Step, at: str = "", *, run: str = "") -> Step:
         """Add an effect to the model and refit, one step further.

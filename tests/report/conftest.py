@@ -1,4 +1,4 @@
-"""One ladder that finds missing heat, one that finds nothing."""
+"""One forward selection that finds missing heat, one that finds nothing."""
 
 from __future__ import annotations
 

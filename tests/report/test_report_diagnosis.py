@@ -8,26 +8,18 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
+from lptn.basics.style import new_figure
 from lptn.diagnose.improvement import History
 from lptn.diagnose.scores import Confusability, Detectable, confusability, smallest
 from lptn.diagnose.unexplained_heat import InputLink, UnexplainedHeat
 from lptn.effects import catalogue
 from lptn.identify.comparison import compare
 from lptn.report import words
-from lptn.report.diagnosis_figures import confusion, detectability, reaches
-from lptn.report.heat_figures import (
-    HeatStory,
-    chosen_links,
-    error_fields,
-    heat_fields,
-    heat_line_picture,
-    heat_map_picture,
-    heat_story,
-    node_time_map,
-    worst_of,
-    worst_runs,
-)
-from lptn.report.pages import node_table, refit_table, story_html
+from lptn.report.diagnosis_figures import plot_collinearity, plot_detectability, reaches
+from lptn.report.heat_figures import error_fields, fields_figure, heat_fields, worst_runs
+from lptn.report.heat_story import HeatStory, chosen_links, heat_line_picture, heat_map_picture, worst_of
+from lptn.report.pages import story_html
+from lptn.report.tables import node_table, refit_table
 from lptn.report.text import for_people, named
 from lptn.report.words import in_short
 from tests.report.two_joints import NODES, STEP, Told
@@ -44,7 +36,7 @@ class Advice:
 
 @pytest.fixture(scope="module")
 def heat(missing: Told) -> HeatStory:
-    return heat_story(missing[0])
+    return HeatStory.of(missing[0])
 
 
 def _labels(figure: Figure) -> set[str]:
@@ -73,7 +65,7 @@ def test_errors_by_node_and_time_are_the_means_of_the_errors(missing: Told) -> N
     size = round(field.seconds / STEP)
     block = slice(counted[0] + 2 * size, counted[0] + 3 * size)
     np.testing.assert_allclose(field.values[:, 2], error[:, block].mean(axis=1))
-    figure = node_time_map([field], [field], "error [K]", 0.1)
+    figure = fields_figure([field], [field], "error [K]", 0.1)
     assert _labels(figure) == {"time [s]", "error [K]"}
     drawn = figure.axes[0].images[0]
     assert drawn.norm.vmax == pytest.approx(-drawn.norm.vmin)  # type: ignore[operator]
@@ -96,7 +88,7 @@ def test_the_worst_runs_are_drawn_in_their_order(heat: HeatStory) -> None:
 
 def test_the_line_has_the_heat_and_the_inputs(heat: HeatStory, missing: Told) -> None:
     made = [_bursting(each, 4.0) for each in heat.given]
-    story = replace(heat, given=made, best=[], worst=replace(heat.worst, node=NODES[1]))
+    story = replace(heat, given=made, best=[], node=NODES[1])
     drawn = heat_line_picture(story)
     text = str(drawn.drawings[0])
     assert "unexplained heat [W]" in text
@@ -108,8 +100,8 @@ def test_the_line_has_the_heat_and_the_inputs(heat: HeatStory, missing: Told) ->
     assert not chosen_links(kinds, NODES[0])
 
 
-def test_heat_without_a_stretch_has_no_map(adequate: Told) -> None:
-    story = heat_story(adequate[0])
+def test_heat_without_a_burst_has_no_map(adequate: Told) -> None:
+    story = HeatStory.of(adequate[0])
     assert story.where == ""
     assert heat_map_picture(story) is None
     assert "No node asks for heat beyond chance" in heat_line_picture(story).caption
@@ -125,7 +117,7 @@ def test_the_opening_paragraph_of_a_missing_effect(missing: Told, heat: HeatStor
     assert told["What is missing"] == "Constant heat."
     assert told["Where"].startswith(NODES[0].capitalize()[:1])
     assert "in at most 0.5 % of logs" in told["How sure"]
-    assert "The RMSE on the proof runs goes from" in told["How sure"]
+    assert "The RMSE on the test runs goes from" in told["How sure"]
     assert told["What to do"].endswith("Use the best model.")
 
 
@@ -133,36 +125,38 @@ def test_a_proposal_is_what_to_do(missing: Told, heat: HeatStory) -> None:
     told = _short(missing[0], heat, Advice())
     assert "Hold 2 N*m at thigh for 8.5 min. Section 7 says what that shows." in told["What to do"]
     html = story_html(*missing, "story", (), Advice())
-    assert "At 4 min the two predictions differ by 3 K." in html
+    assert "At 4\u00a0min the two predictions differ by 3\u00a0K." in html
     assert "No run was worked out" not in html
 
 
 def test_heat_that_stays_is_said_and_asked_about(missing: Told, heat: HeatStory) -> None:
-    stretch = replace(heat, given=[_bursting(each, 4.0) for each in heat.given])
-    stretch = replace(stretch, worst=worst_of(stretch.given))
-    stays = replace(stretch, best=[_bursting(each, 3.0) for each in heat.given])
+    given = [_bursting(each, 4.0) for each in heat.given]
+    run, node, peak = worst_of(given)
+    burst = replace(heat, given=given, run=run, node=node, peak=peak)
+    stays = replace(burst, best=[_bursting(each, 3.0) for each in heat.given])
     told = _short(missing[0], stays)
     assert "what was added does not explain that" in told["How sure"]
     assert told["What to do"].startswith(f"Ask what happened at {NODES[1]} from 150 to 300 s")
-    gone = replace(stretch, best=[_bursting(each, 0.0) for each in heat.given])
+    gone = replace(burst, best=[_bursting(each, 0.0) for each in heat.given])
     assert "Ask what happened" not in _short(missing[0], gone)["What to do"]
     unexplained = replace(missing[0], verdict="unexplained", steps=missing[0].steps[:1])
-    told = _short(unexplained, replace(stretch, best=[]))
+    told = _short(unexplained, replace(burst, best=[]))
     assert "the catalogue does not hold" in told["What is missing"]
     assert f"heat is missing most clearly at {NODES[1]} from 150 to 300 s, about 4 W (3.5 to 4.5 W)" in told["Where"]
 
 
 def test_confusion_shows_every_pair(missing: Told) -> None:
     found = confusability(missing[0].first.scores, 5)
-    figure = confusion(found)
-    assert len(figure.axes[0].texts) == len(found.keys) ** 2
-    assert "likeness of traces [1]" in _labels(figure)
+    ax = plot_collinearity(found, new_figure(3.0).add_subplot())
+    assert len(ax.texts) == len(found.keys) ** 2
+    assert isinstance(ax.figure, Figure)
+    assert "|correlation| [1]" in _labels(ax.figure)
     keys = tuple(("constant_heat", name) for name in "abcd")
     matrix = np.eye(4)
     matrix[0, 2] = matrix[2, 0] = 0.99
-    told = words.caption_of_confusion(Confusability(keys, matrix))
+    told = words.caption_of_collinearity(Confusability(keys, matrix))
     assert told.endswith("one answer with several names: 1 and 3.")
-    assert "tell them apart" in words.caption_of_confusion(Confusability(keys, np.eye(4)))
+    assert "tell them apart" in words.caption_of_collinearity(Confusability(keys, np.eye(4)))
 
 
 def test_detectability_has_a_row_for_each_effect(missing: Told) -> None:
@@ -171,7 +165,9 @@ def test_detectability_has_a_row_for_each_effect(missing: Told) -> None:
     assert len(rows) == len({each.effect for each in found})
     shares = [each.easiest.share for each in rows]
     assert shares == sorted(shares)
-    assert _labels(detectability(found)) == {"smallest size that would show, as a share of the typical size [1]"}
+    figure = new_figure(3.0)
+    plot_detectability(found, figure.add_subplot())
+    assert _labels(figure) == {"smallest size that would show, as a share of the typical size [1]"}
     pair = [Detectable("radiation", at, size, "m^2", size / 0.02) for at, size in (("a", 0.01), ("b", 0.5))]
     (one,) = reaches(pair)
     assert (one.easiest.at, one.hardest.at) == ("a", "b")
@@ -190,7 +186,7 @@ def test_tables_hold_size_and_nodes(missing: Told) -> None:
     both = node_table(given, best)
     assert [row[0] for row in both.rows] == list(NODES)
     assert float(both.rows[0][2].split()[0]) < float(both.rows[0][1].split()[0])
-    assert node_table(given, None).heads == ("node", "RMSE", "largest", "noise alone")
+    assert node_table(given, None).heads == ("node", "RMSE", "max |error|", "noise alone")
 
 
 def test_a_place_in_one_run_is_said_in_words() -> None:
@@ -209,6 +205,6 @@ def test_too_cold_is_hatched_so_that_grey_shows_it(missing: Told) -> None:
     comparison = compare(missing[0].steps[0].fit.model, missing[1].holdout)
     (field,) = error_fields(comparison)
     cold = replace(field, values=np.where(np.arange(field.values.shape[1]) % 4 == 1, -1.0, 1.0) * [[1.0], [0.1]])
-    drawn = node_time_map([cold], [], "error [K]", 0.1).axes[0]
+    drawn = fields_figure([cold], [], "error [K]", 0.1).axes[0]
     assert {patch.get_y() for patch in drawn.patches} == {0.0}  # type: ignore[attr-defined]
     assert len(drawn.patches) == int((cold.values[0] < 0).sum())

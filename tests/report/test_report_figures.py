@@ -3,24 +3,43 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator
 from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from matplotlib import pyplot
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from lptn.basics.errors import InputError
+from lptn.basics.style import ERROR, decimated, new_figure, show
 from lptn.identify.comparison import Comparison, compare
 from lptn.identify.data import holdout_segment
-from lptn.report.diagnosis_figures import ladder_curve, ranking
-from lptn.report.figures import comparison_figure, conditions_of, error_maps, predictions_figure, views, worst_views
-from lptn.basics.style import decimated, show
+from lptn.report.comparison_figures import (
+    comparison_figure,
+    condition_figures,
+    plot_conditions,
+    plot_errors,
+    plot_temperatures,
+    predictions_figure,
+    views,
+    worst_views,
+)
+from lptn.report.diagnosis_figures import plot_history, plot_ranking
+from lptn.report.tables import conditions_of
 from tests.report.two_joints import NODES, Told, make_run, robot
 
 
 def _labels(figure: Figure) -> set[str]:
     axes = [ax for ax in figure.axes if ax.axison]
     return {label for ax in axes for label in (ax.get_xlabel(), ax.get_ylabel()) if label}
+
+
+def _figure(ax: Axes) -> Figure:
+    assert isinstance(ax.figure, Figure)
+    return ax.figure
 
 
 def _comparison(told: Told) -> Comparison:
@@ -52,19 +71,53 @@ def test_decimation_keeps_gaps_and_short_lines() -> None:
 def test_every_axis_has_its_unit(missing: Told) -> None:
     history, _ = missing
     given = _comparison(missing)
-    assert _labels(predictions_figure(given, given)) == {"temperature [°C]", "error [K]", "time [s]"}
-    assert _labels(ladder_curve(history, 0.05)) == {"RMSE [K]"}
-    assert _labels(ranking(history.first)) == {"score as a multiple of the chance threshold [1]"}
-    (maps,) = error_maps(given, given)
+    assert _labels(predictions_figure(given, given)) == {"temperature [°C]", ERROR, "time [s]"}
+    assert _labels(_figure(plot_history(history))) == {"RMSE [K]"}
+    assert _labels(_figure(plot_ranking(history.first))) == {"score as a multiple of the chance threshold [1]"}
+    (maps,) = condition_figures(given, given)
     assert "RMSE [K]" in _labels(maps)
     titles = [ax.get_title(loc="left") for ax in maps.axes if ax.get_title(loc="left")]
     assert titles
     assert all("[" in title for title in titles)
 
 
+@pytest.fixture(autouse=True)
+def _closed() -> Iterator[None]:
+    """What a test drew of its own is put away."""
+    yield
+    pyplot.close("all")
+
+
+def test_figures_take_and_return_axes(missing: Told) -> None:
+    history, _ = missing
+    given = _comparison(missing)
+    drawn = [
+        lambda ax: plot_temperatures(given, ax=ax),
+        lambda ax: plot_temperatures(given, NODES[1], 0, given, ax),
+        lambda ax: plot_errors(given, ax=ax),
+        lambda ax: plot_conditions(given, "temperature [°C]", ax),
+        lambda ax: plot_history(history, ax),
+        lambda ax: plot_ranking(history.first, ax=ax),
+    ]
+    for draw in drawn:
+        ax = new_figure(3.0).add_subplot()
+        assert draw(ax) is ax
+        assert ax.has_data()
+        assert draw(None) is not ax
+    with pytest.raises(InputError, match="a node that is measured"):
+        plot_temperatures(given, "nowhere")
+
+
+def test_the_worst_node_is_drawn_unless_another_is_named(missing: Told) -> None:
+    given = _comparison(missing)
+    worst = max(NODES, key=lambda node: given.node(node).rmse)
+    assert worst.replace("$", r"\$") in plot_temperatures(given).get_title(loc="left")
+    assert NODES[1].replace("$", r"\$") in plot_temperatures(given, NODES[1]).get_title(loc="left")
+
+
 def test_maps_name_every_node_once_on_the_left(missing: Told) -> None:
     given = _comparison(missing)
-    (maps,) = error_maps(given, given)
+    (maps,) = condition_figures(given, given)
     left = [label.get_text() for label in maps.axes[0].get_yticklabels()]
     assert left == [NODES[0], NODES[1].replace("$", r"\$")]
     assert {cell.quantity for cell in given.conditions()} == {
@@ -88,7 +141,7 @@ def test_the_worst_views_are_chosen_in_order(missing: Told) -> None:
     comparison = compare(history.steps[0].fit.model, [holdout_segment(run) for run in (*runs, *runs)])
     chosen = worst_views(comparison, 3)
     assert len(views(comparison)) == 12
-    assert chosen == sorted(chosen, key=lambda view: (view.run, view.row))
+    assert chosen == sorted(chosen, key=lambda view: (view[0], NODES.index(view[1])))
     drawn = [ax for ax in predictions_figure(comparison).axes if ax.axison]
     assert len(drawn) == 2 * 6
 
@@ -107,15 +160,15 @@ def test_an_unmeasured_node_is_left_out(missing: Told) -> None:
     run = missing[1].holdout[0].run
     columns = {name: values for name, values in run.columns.items() if name != f"temperature.{NODES[1]}"}
     comparison = compare(model, [holdout_segment(replace(run, columns=columns))])
-    assert [view.row for view in views(comparison)] == [0]
+    assert views(comparison) == [(0, NODES[0])]
     assert comparison_figure(comparison).axes
 
 
 def test_ranking_on_both_scales(missing: Told, adequate: Told) -> None:
     for told in (missing, adequate):
         found = told[0].first
-        figure = ranking(found, frozenset({("constant_heat", NODES[0])}))
-        assert len(figure.axes[0].patches) >= len(found.refits)
+        ax = plot_ranking(found, {("constant_heat", NODES[0])})
+        assert len(ax.patches) >= len(found.refits)
 
 
 def test_two_models_are_called_by_their_names(missing: Told) -> None:
@@ -127,7 +180,7 @@ def test_two_models_are_called_by_their_names(missing: Told) -> None:
 def test_a_figure_is_shown_where_a_notebook_runs(missing: Told, monkeypatch: pytest.MonkeyPatch) -> None:
     shown: list[bytes] = []
     display = SimpleNamespace(Image=lambda data, width: data, display=shown.append)
-    figure = ladder_curve(missing[0], 0.05)
+    figure = _figure(plot_history(missing[0]))
     show(figure)
     monkeypatch.setitem(sys.modules, "ipykernel", display)
     monkeypatch.setitem(sys.modules, "IPython.display", display)

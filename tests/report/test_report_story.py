@@ -87,7 +87,7 @@ def test_every_figure_has_its_sentence(html: str, missing: Told) -> None:
     assert Page(html).tags.count("figure") == 9
     told = re.findall(r"<h2>(\d)\. ([^<]*)</h2>", html)
     assert [number for number, _ in told] == [str(number) for number in range(1, 10)]
-    story = ["The log", "The fit", "Where it fails", "What is missing", "Proof", "What to do next"]
+    story = ["The log", "The fit", "Where it fails", "What is missing", "Test", "What to do next"]
     assert all(title.startswith(start) for (_, title), start in zip(told[1:], story, strict=False))
 
 
@@ -125,7 +125,7 @@ def test_words_missing(missing: Told) -> None:
     assert f"Missing: constant heat at {NODES[0]}." in told
     assert "Chance alone would score as much in at most 0.5 % of logs" in told
     assert "Held out: two (60 to 600 s)" in told
-    assert "Proof: three (60 to 600 s). It chose nothing" in told
+    assert "Test: three (60 to 600 s). It chose nothing" in told
     assert next_step(history) == "use the best model."
 
 
@@ -145,13 +145,13 @@ def test_words_unexplained(missing: Told) -> None:
     assert "the catalogue does not explain it" in told
     assert "Do not read what was added as physics." in told
     assert "How sure" not in told
-    alone = " ".join(story_in_words(_without_rungs(history, "unexplained"), data))
+    alone = " ".join(story_in_words(_without_steps(history, "unexplained"), data))
     assert "No effect of the catalogue was worth adding." in alone
 
 
 def test_words_missing_but_nothing_helped(missing: Told) -> None:
     history, data = missing
-    told = " ".join(story_in_words(_without_rungs(history, "missing"), data))
+    told = " ".join(story_in_words(_without_steps(history, "missing"), data))
     assert "none was added" in told
 
 
@@ -174,12 +174,12 @@ def test_without_held_out_data_the_page_says_so(missing: Told) -> None:
     steps = tuple(replace(step, holdout=None, test=None) for step in history.steps)
     html = story_html(replace(history, steps=steps), DataSplit(data.fit), "fit only")
     page = Page(html)
-    assert "nothing proves the result" in page.text
-    assert "so this is no proof" in page.text
+    assert "nothing tests the result" in page.text
+    assert "so this is no test" in page.text
     assert not page.wrong
 
 
-def _without_rungs(history: History, verdict: str) -> History:
+def _without_steps(history: History, verdict: str) -> History:
     return replace(history, verdict=verdict, steps=history.steps[:1])  # type: ignore[arg-type]
 
 

@@ -13,7 +13,8 @@ from lptn.basics.errors import InputError
 from lptn.cli.options import Json, Map, check_outputs
 
 if TYPE_CHECKING:
-    from lptn.diagnose.excitation import Excitation, Identifiability
+    from lptn.diagnose.excitation import Identifiability
+    from lptn.effects.excitation import Excitation
     from lptn.identify.data import LoadedModel
     from lptn.logs.guess import Guess
     from lptn.logs.run import Run

@@ -11,6 +11,7 @@ from lptn.cli.options import Json, Map, Picture, check_outputs, check_picture, n
 
 if TYPE_CHECKING:
     from lptn.identify.comparison import Comparison, Versus
+    from lptn.study import Study
 
 _WORST = 5  # conditions listed
 
@@ -31,52 +32,66 @@ def compare(
 
     Example: lptn compare whole-body.toml friday.parquet --against single-nodes.toml --report versus.html
     """
-    from lptn.basics.files import write_whole
-    from lptn.cli.terminal import progress, write_json
-    from lptn.report import pages
-    from lptn.report.figures import comparison_figure
+    from lptn.cli.terminal import progress
     from lptn.study import Study
 
     needs_logs(logs)
     check_outputs(json, plot, report, inputs=(model, *logs, *(() if against is None else (against,))))
     check_picture(plot)
-    with progress("comparing"):
+    with progress("reading"):
         study = Study(model, holdout=logs, columns=map or ())
-        if against is None:
-            comparison = study.compare()
-        else:
-            result = study.compare(Study(against, holdout=logs, columns=map or ()))
-    if against is None:
-        show_comparison(comparison)
-        write_json(json, comparison.as_json())
+        other = None if against is None else Study(against, holdout=logs, columns=map or ())
+    if other is None:
+        _compare(study, json, plot, report)
     else:
-        show_versus(result)
-        write_json(json, result.model.as_json() | {"against": result.as_json()})
+        _compare_with(study, other, json, plot, report)
+
+
+def _compare(study: Study, json: Path | None, plot: Path | None, report: Path | None) -> None:
+    from lptn.basics.files import write_whole
+    from lptn.cli.terminal import progress, write_json
+
+    with progress("comparing"):
+        comparison = study.compare()
+    _show_comparison(comparison)
+    write_json(json, comparison.as_json())
     if plot is not None:
-        write_figure(comparison_figure(comparison) if against is None else pages.versus_figure(result), plot)
+        from lptn.report.comparison_figures import comparison_figure
+
+        write_figure(comparison_figure(comparison), plot)
     if report is not None:
-        page = (
-            pages.comparison_html(comparison, study.model.network.name)
-            if against is None
-            else pages.versus_html(result, " against ".join(result.names))
-        )
-        write_whole(report, page)
+        from lptn.report.pages import comparison_html
+
+        write_whole(report, comparison_html(comparison, study.model.network.name))
 
 
-def show_comparison(comparison: Comparison) -> None:
+def _compare_with(study: Study, other: Study, json: Path | None, plot: Path | None, report: Path | None) -> None:
+    from lptn.basics.files import write_whole
+    from lptn.cli.terminal import progress, write_json
+
+    with progress("comparing"):
+        result = study.compare(other)
+    _show_versus(result)
+    write_json(json, result.model.as_json() | {"against": result.as_json()})
+    if plot is not None:
+        from lptn.report.comparison_figures import versus_figure
+
+        write_figure(versus_figure(result), plot)
+    if report is not None:
+        from lptn.report.pages import versus_html
+
+        write_whole(report, versus_html(result, " against ".join(result.names)))
+
+
+def _show_comparison(comparison: Comparison) -> None:
     """Errors by run and node, and the conditions in which the model fails worst."""
     from lptn.cli.terminal import show_table
+    from lptn.report.tables import error_table
     from lptn.report.text import bin_text, kelvin, signed_kelvin
 
-    rows = []
-    for prediction in comparison.predictions:
-        for node in comparison.model.nodes:
-            errors = comparison.node(node, prediction)
-            if errors.count:
-                cells = (kelvin(errors.rmse), kelvin(errors.max), signed_kelvin(errors.mean))
-                rows.append((prediction.segment.run.name, node, *cells, kelvin(comparison.floor(node))))
-    show_table(("run", "node", ">RMSE", ">max |error|", ">mean error", ">noise floor"), rows)
-    print("error = predicted − measured; noise floor: the RMSE that the sensor's noise alone would leave.")
+    table = error_table(comparison)
+    show_table(table.columns, table.rows)
+    print("error = predicted − measured; noise alone: the RMSE that the sensor's noise alone would leave.")
     print(f"All: RMSE {kelvin(comparison.all.rmse)}, max {kelvin(comparison.all.max)}.")
     worst = sorted(comparison.conditions(), key=lambda each: -each.errors.rmse)[:_WORST]
     if worst:
@@ -87,7 +102,7 @@ def show_comparison(comparison: Comparison) -> None:
         print(f"  {where}: RMSE {kelvin(errors.rmse)}, mean error {signed_kelvin(errors.mean)}")
 
 
-def show_versus(result: Versus) -> None:
+def _show_versus(result: Versus) -> None:
     """Two models' errors by class of nodes and by run."""
     from lptn.cli.terminal import show_table
 

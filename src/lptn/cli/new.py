@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter as Option
@@ -45,7 +46,7 @@ def _presets() -> Iterator[tuple[str, str, str, str]]:
     for name, text in presets().items():
         models = {name: text} | {f"{name} --model {model}": other for model, other in variants(name).items()}
         for typed, model_text in models.items():
-            network = parse_model(model_text, typed).network
+            network = parse_model(model_text, Path(typed)).network
             what = cite(re.split(r"\.( (?=[A-Z])|$)", " ".join(_first_comment(model_text)))[0])
             yield typed, str(len(network.dynamic)), str(len(network.parameters)), what
 

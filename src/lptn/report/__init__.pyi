@@ -1,16 +1,22 @@
-from .diagnosis_figures import confusion as confusion
-from .diagnosis_figures import detectability as detectability
-from .diagnosis_figures import ladder_curve as ladder_curve
-from .diagnosis_figures import ranking as ranking
-from .figures import comparison_figure as comparison_figure
-from .figures import error_maps as error_maps
-from .figures import predictions_figure as predictions_figure
-from .heat_figures import heat_line as heat_line
-from .heat_figures import node_time_map as node_time_map
+from .comparison_figures import comparison_figure as comparison_figure
+from .comparison_figures import plot_conditions as plot_conditions
+from .comparison_figures import plot_errors as plot_errors
+from .comparison_figures import plot_temperatures as plot_temperatures
+from .comparison_figures import predictions_figure as predictions_figure
+from .comparison_figures import versus_figure as versus_figure
+from .diagnosis_figures import plot_collinearity as plot_collinearity
+from .diagnosis_figures import plot_detectability as plot_detectability
+from .diagnosis_figures import plot_history as plot_history
+from .diagnosis_figures import plot_ranking as plot_ranking
+from .heat_figures import heat_figure as heat_figure
+from .heat_figures import plot_field as plot_field
+from .heat_figures import plot_heat as plot_heat
+from .online_figures import forecast_figure as forecast_figure
+from .online_figures import monitoring_figure as monitoring_figure
+from .online_figures import plot_forecast as plot_forecast
+from .online_figures import plot_monitored as plot_monitored
 from .pages import comparison_html as comparison_html
 from .pages import story_html as story_html
-from .pages import versus_figure as versus_figure
 from .pages import versus_html as versus_html
-from .words import Proposal as Proposal
 
 __all__: list[str]

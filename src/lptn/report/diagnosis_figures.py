@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from math import sqrt
 from typing import Any
@@ -10,60 +10,57 @@ from typing import Any
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
-from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
-from lptn.basics.style import BEST, FAINT, GIVEN, INK, SMALL, TEXT, dress, new_figure, plain
-from lptn.diagnose.diagnosis import Diagnosis, Step
+from lptn.basics.style import BEST, FAINT, GIVEN, INK, SMALL, TEXT, dress, new_axes, plain
+from lptn.diagnose.diagnosis import Diagnosis, Key, Step
 from lptn.diagnose.improvement import History
 from lptn.diagnose.scores import Confusability, Detectable, Score
+from lptn.identify.fitting import Fit
 from lptn.report.text import named, place_of, short_size, title_of, unit_text
 
-# --- The figure of the ladder: how the errors fall from rung to rung ------------------------------
+# --- the history: how the errors fall from step to step -----------------------------------------------------
 
 
+HISTORY_HEIGHT = 3.2  # inch
 _WIDE = 8.0  # ratio of errors above which only a logarithmic axis shows them all
 _STYLES: dict[str, dict[str, Any]] = {
-    "fitted runs": {"color": FAINT, "linestyle": "--", "marker": "o"},
-    "held-out runs": {"color": INK, "linestyle": "-", "marker": "s"},
-    "proof runs": {"color": INK, "linestyle": ":", "marker": "^", "markerfacecolor": "white"},
+    "fit data": {"color": FAINT, "linestyle": "--", "marker": "o"},
+    "held-out data": {"color": INK, "linestyle": "-", "marker": "s"},
+    "test data": {"color": INK, "linestyle": ":", "marker": "^", "markerfacecolor": "white"},
 }
 
 
-def ladder_curve(history: History, noise: float) -> Figure:
-    """RMSE [K] of each rung on fitted, held-out and proof runs.
+def plot_history(history: History, ax: Axes | None = None) -> Axes:
+    """RMSE [K] of each step on fit, held-out and test data, above what the sensors' noise alone would leave.
 
     Args:
-        ladder: the ladder.
-        noise: the RMSE that the sensors' noise alone would leave [K].
+        history: the steps of a forward selection.
+        ax: where to draw; by default new axes.
     """
-    figure = new_figure(3.2)
-    ax = figure.add_subplot()
+    ax = new_axes(HISTORY_HEIGHT) if ax is None else ax
+    noise, best = noise_alone(history.best.fit), len(history.steps) - 1
     shown = [noise]
     for name, style in _STYLES.items():
-        errors = [_error(step, name) for step in history.steps]
-        found = [(place, error) for place, error in enumerate(errors) if error is not None]
-        if found:
-            ax.plot(*zip(*found, strict=True), label=name, linewidth=1.4, markersize=6, **style)
-            _mark_models(ax, found, history.steps.index(history.best), style)
-            shown += [error for _, error in found]
+        points = [(place, rmse) for place, step in enumerate(history.steps) if (rmse := _rmse(step, name)) is not None]
+        if not points:
+            continue
+        ax.plot(*zip(*points, strict=True), label=name, linewidth=1.4, markersize=6, **style)
+        # The model as given and the best one in the colours that they have in every other figure.
+        for place, rmse in points:
+            if best and place in (0, best):
+                colour = BEST["color"] if place == best else GIVEN["color"]
+                ax.plot(place, rmse, linestyle="", marker=style["marker"], markersize=8, color=colour, zorder=4)
+        shown += [rmse for _, rmse in points]
     ax.axhline(noise, color=FAINT, linewidth=0.8)
-    ax.text(
-        1.0,
-        noise,
-        "sensor noise alone",
-        transform=ax.get_yaxis_transform(),
-        ha="right",
-        va="bottom",
-        size=SMALL,
-    )
+    across = ax.get_yaxis_transform()
+    ax.text(1.0, noise, "sensor noise alone", transform=across, ha="right", va="bottom", size=SMALL)
     if max(shown) > _WIDE * min(shown):
         ax.set_yscale("log")
-        ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        ax.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
-        ax.yaxis.set_minor_formatter(NullFormatter())
+        _plain_numbers(ax.yaxis, (1.0, 2.0, 5.0))
     else:
         ax.set_ylim(bottom=0.0)
     ax.set_xticks(range(len(history.steps)), [_label(number, step) for number, step in enumerate(history.steps)])
@@ -71,21 +68,19 @@ def ladder_curve(history: History, noise: float) -> Figure:
     ax.set_ylabel("RMSE [K]", size=TEXT)
     ax.legend(frameon=False, fontsize=SMALL)
     dress(ax)
-    return figure
+    return ax
 
 
-def _mark_models(ax: Axes, found: Sequence[tuple[int, float]], best: int, style: dict[str, Any]) -> None:
-    """The model as given and the best one in the colours that they have in every other figure."""
-    for place, error in found:
-        colour = BEST["color"] if place == best else GIVEN["color"]
-        if best and place in (0, best):
-            ax.plot(place, error, linestyle="", marker=style["marker"], markersize=8, color=colour, zorder=4)
+def noise_alone(fit: Fit) -> float:
+    """The RMSE that the noise of the measured nodes' sensors alone would leave [K]."""
+    measured = np.any([bound.counted.any(axis=1) for bound in fit.problem.bound_runs], axis=0)
+    return sqrt(float(np.mean(fit.noise.floor[measured] ** 2)))
 
 
-def _error(step: Step, data: str) -> float | None:
-    if data == "fitted runs":
+def _rmse(step: Step, data: str) -> float | None:
+    if data == "fit data":
         return step.fit.rmse
-    errors = step.holdout if data == "held-out runs" else step.test
+    errors = step.holdout if data == "held-out data" else step.test
     return None if errors is None else errors.rmse
 
 
@@ -95,34 +90,46 @@ def _label(number: int, step: Step) -> str:
     return f"{number}\n+ {title_of(step.effect)}\n{plain(place_of(step.at))}"
 
 
-# --- The figure of all candidates: how far each scores beyond chance ------------------------------
+def _plain_numbers(axis: Axis, ticks: Sequence[float]) -> None:
+    """A logarithmic axis that says 0.2 and 50, not powers of ten."""
+    axis.set_major_locator(LogLocator(subs=ticks))
+    axis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    axis.set_minor_formatter(NullFormatter())
+
+
+# --- the ranking: how far each candidate scores beyond chance -----------------------------------------------
 
 
 _MOST = 20
-_RANKING_WIDTH = 20.0  # ratio of scores above which only a logarithmic axis shows them all
+_WIDE_RANKING = 20.0  # ratio of scores above which only a logarithmic axis shows them all
 _LEAST = 0.1  # shares of chance below this are not worth telling apart
 
 
-def candidates_shown(found: Diagnosis) -> list[Score]:
+def candidates_shown(diagnosis: Diagnosis) -> list[Score]:
     """The best candidates that score at all, and every one that was refitted."""
-    refitted = {finding.key for finding in found.refits}
-    scoring = [each for each in found.scores.ranked if each.gain > 0]
+    refitted = {step.key for step in diagnosis.refits}
+    scoring = [each for each in diagnosis.scores.ranked if each.gain > 0]
     return [each for place, each in enumerate(scoring) if place < _MOST or each.candidate.key in refitted]
 
 
-def ranking(found: Diagnosis, added: frozenset[tuple[str, str]] = frozenset()) -> Figure:
+def ranking_height(diagnosis: Diagnosis) -> float:
+    """Height of `plot_ranking` [inch]."""
+    return 0.7 + 0.2 * len(candidates_shown(diagnosis))
+
+
+def plot_ranking(diagnosis: Diagnosis, added: Collection[Key] = (), ax: Axes | None = None) -> Axes:
     """Score of each candidate as a multiple of what chance alone exceeds once in twenty logs.
 
     Args:
-        found: the diagnosis; some candidate must score (see `candidates_shown`).
-        added: effects and places that the ladder took up.
+        diagnosis: some candidate of which must score (see `candidates_shown`).
+        added: effects and places that were added.
+        ax: where to draw; by default new axes.
     """
-    shown = candidates_shown(found)
-    refitted = {finding.key for finding in found.refits}
-    shares = [sqrt(each.gain / max(found.scores.threshold, 1e-30)) for each in shown]
-    wide = max(shares) > _RANKING_WIDTH * max(min(shares), _LEAST)
-    figure = new_figure(0.7 + 0.2 * len(shown))
-    ax = figure.add_subplot()
+    ax = new_axes(ranking_height(diagnosis)) if ax is None else ax
+    shown = candidates_shown(diagnosis)
+    refitted = {step.key for step in diagnosis.refits}
+    shares = [sqrt(each.gain / max(diagnosis.scores.threshold, 1e-30)) for each in shown]
+    wide = max(shares) > _WIDE_RANKING * max(min(shares), _LEAST)
     for row, (each, share) in enumerate(zip(shown, shares, strict=True)):
         key = each.candidate.key
         colour = BEST["color"] if key in added else "0.35"
@@ -134,53 +141,58 @@ def ranking(found: Diagnosis, added: frozenset[tuple[str, str]] = frozenset()) -
     if wide:
         ax.set_xscale("log")
         ax.set_xlim(left=0.7 * _LEAST)
-        ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        ax.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
-        ax.xaxis.set_minor_formatter(NullFormatter())
+        _plain_numbers(ax.xaxis, (1.0, 2.0, 5.0))
     ax.set_xlabel("score as a multiple of the chance threshold [1]", size=TEXT)
     dress(ax)
     ax.tick_params(axis="y", labelsize=SMALL, length=0)
-    return figure
+    return ax
 
 
-# --- The figure of candidates that leave the same trace: what these data can't tell apart ---------
+# --- candidates that leave the same trace: what these data can't tell apart ---------------------------------
 
 
 _ROW, _FRAME = 0.3, 0.75  # inch
 _MAP, _DARK = colormaps["cividis_r"], 0.6  # correlation above which writing must be white
 
 
-def confusion(found: Confusability) -> Figure:
-    """Size of the correlation of the candidates' traces, 1 for two that these data can't tell apart at all."""
-    count = len(found.keys)
-    figure = new_figure(_FRAME + _ROW * count)
-    ax = figure.add_subplot()
+def collinearity_height(result: Confusability) -> float:
+    """Height of `plot_collinearity` [inch]."""
+    return _FRAME + _ROW * len(result.keys)
+
+
+def plot_collinearity(result: Confusability, ax: Axes | None = None) -> Axes:
+    """Absolute correlation of the candidates' traces, 1 for two that these data can't tell apart at all.
+
+    Args:
+        result: of `lptn.diagnose.scores.confusability`.
+        ax: where to draw; by default new axes.
+    """
+    ax = new_axes(collinearity_height(result)) if ax is None else ax
+    count = len(result.keys)
     norm = Normalize(0.0, 1.0)
-    ax.imshow(found.matrix, cmap=_MAP, norm=norm, aspect="auto", interpolation="nearest")
+    ax.imshow(result.matrix, cmap=_MAP, norm=norm, aspect="auto", interpolation="nearest")
     for row in range(count):
         for column in range(count):
-            value = float(found.matrix[row, column])
+            value = float(result.matrix[row, column])
             ink = "white" if value > _DARK else "black"
             text = "–" if row == column else f"{value:.2f}"
             ax.text(column, row, text, ha="center", va="center", size=SMALL, color=ink)
     ax.set_xticks(range(count), [str(number) for number in range(1, count + 1)])
-    ax.set_yticks(
-        range(count),
-        [f"{plain(named(*key))}\u2002{number}" for number, key in enumerate(found.keys, start=1)],
-    )
+    names = [f"{plain(named(*key))}\u2002{number}" for number, key in enumerate(result.keys, start=1)]
+    ax.set_yticks(range(count), names)
     ax.xaxis.tick_top()
     ax.tick_params(length=0, labelsize=SMALL)
     ax.spines[:].set_visible(False)
-    bar = figure.colorbar(ScalarMappable(norm, _MAP), ax=ax, fraction=0.025, pad=0.01, aspect=20)
-    bar.set_label("likeness of traces [1]", size=TEXT)
+    bar = ax.figure.colorbar(ScalarMappable(norm, _MAP), ax=ax, fraction=0.025, pad=0.01, aspect=20)
+    bar.set_label("|correlation| [1]", size=TEXT)
     bar.ax.tick_params(labelsize=SMALL)
-    return figure
+    return ax
 
 
-# --- The figure of what the data could have shown: the smallest size of each effect that they would reveal ---
+# --- what the data could have shown: the smallest size of each effect that they would reveal ----------------
 
 
-_REACH_ROW, _REACH_FRAME = 0.2, 0.75  # inch
+_REACH_ROW = 0.2  # inch
 _LEAST_REACH, _MOST_REACH = 1e-3, 1e3  # shares of the typical size beyond which nobody asks for more
 _HIDDEN = 1.0  # share of the typical size from which an effect could hide
 
@@ -193,23 +205,29 @@ class Reach:
     hardest: Detectable
 
 
-def reaches(found: Sequence[Detectable]) -> list[Reach]:
+def reaches(sizes: Sequence[Detectable]) -> list[Reach]:
     """One for each effect, the easiest to see first."""
     effects: dict[str, list[Detectable]] = {}
-    for each in found:
+    for each in sizes:
         effects.setdefault(each.effect, []).append(each)
-    both = [
-        Reach(min(places, key=lambda each: each.share), max(places, key=lambda each: each.share))
-        for places in effects.values()
-    ]
-    return sorted(both, key=lambda each: each.easiest.share)
+    by_share = (sorted(places, key=lambda each: each.share) for places in effects.values())
+    return sorted((Reach(places[0], places[-1]) for places in by_share), key=lambda each: each.easiest.share)
 
 
-def detectability(found: Sequence[Detectable]) -> Figure:
-    """Smallest size that would be revealed, as a share of the typical one, from the easiest place to the hardest."""
-    rows = reaches(found)
-    figure = new_figure(_REACH_FRAME + _REACH_ROW * len(rows))
-    ax = figure.add_subplot()
+def detectability_height(sizes: Sequence[Detectable]) -> float:
+    """Height of `plot_detectability` [inch]."""
+    return _FRAME + _REACH_ROW * len(reaches(sizes))
+
+
+def plot_detectability(sizes: Sequence[Detectable], ax: Axes | None = None) -> Axes:
+    """Smallest size that would show, as a share of the typical one, from the easiest place to the hardest.
+
+    Args:
+        sizes: of `lptn.diagnose.scores.smallest`.
+        ax: where to draw; by default new axes.
+    """
+    ax = new_axes(detectability_height(sizes)) if ax is None else ax
+    rows = reaches(sizes)
     for row, each in enumerate(rows):
         low, high = np.clip([each.easiest.share, each.hardest.share], _LEAST_REACH, _MOST_REACH)
         ax.plot([low, high], [row, row], color=FAINT, linewidth=1.2, zorder=1)
@@ -217,17 +235,15 @@ def detectability(found: Sequence[Detectable]) -> Figure:
         ax.plot(low, row, "o", color=INK, markerfacecolor=face, markersize=5, zorder=2)
         ax.plot(high, row, "|", color=FAINT, markersize=7, zorder=2)
         size = f"{short_size(each.easiest.amplitude)} {unit_text(each.easiest.unit)}".removesuffix(" 1")
-        where = f"{size}, {place_of(each.easiest.at)}"
-        ax.text(1.01, row, plain(where), transform=ax.get_yaxis_transform(), va="center", size=SMALL)
+        where = plain(f"{size}, {place_of(each.easiest.at)}")
+        ax.text(1.01, row, where, transform=ax.get_yaxis_transform(), va="center", size=SMALL)
     ax.axvline(_HIDDEN, color=INK, linewidth=1.2, linestyle="--")
     ax.set_xscale("log")
-    ax.xaxis.set_major_locator(LogLocator())
-    ax.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
-    ax.xaxis.set_minor_formatter(NullFormatter())
+    _plain_numbers(ax.xaxis, (1.0,))
     ax.set_ylim(len(rows) - 0.4, -0.6)
     ax.set_yticks(range(len(rows)), [plain(title_of(each.easiest.effect)) for each in rows])
     ax.set_xlabel("smallest size that would show, as a share of the typical size [1]", size=TEXT)
     ax.set_title("smallest, and where", size=SMALL, loc="right", pad=3)
     dress(ax)
     ax.tick_params(axis="y", labelsize=SMALL, length=0)
-    return figure
+    return ax

@@ -1,0 +1,142 @@
+"""Unexplained heat as the page tells it: where it is clearest, a map, and one node's line above its inputs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from lptn.diagnose.improvement import History
+from lptn.diagnose.unexplained_heat import HeatPeak, InputLink, UnexplainedHeat, input_links, largest, unexplained_heat
+from lptn.identify.fitting import Fit
+from lptn.report.document import Picture, picture
+from lptn.report.heat_figures import MOST_INPUTS, MOST_RUNS, fields_figure, heat_fields, heat_figure
+from lptn.report.text import for_people, listed, number
+
+_STAYS = 0.5  # share of the heat from which it is called unexplained by what was added
+_CLOSE = 0.5  # correlation from which an input is worth a word
+_PALE = 2.0  # the colour scale reaches so many times the usual band at least
+
+
+@dataclass(frozen=True)
+class HeatStory:
+    """The heat that the given model lacks on the fitted runs, and the best one still.
+
+    Args:
+        fit: of the given model.
+        given: its unexplained heat, one a run.
+        best: the best model's; empty where no effect was added.
+        run: number of the run whose heat is drawn.
+        node: the node whose heat is drawn: where it is clearest, or comes nearest to its band.
+        peak: where its heat is largest, `None` where none is beyond its band.
+        links: inputs that the node's heat goes with, closest first.
+    """
+
+    fit: Fit
+    given: list[UnexplainedHeat]
+    best: list[UnexplainedHeat]
+    run: int
+    node: str
+    peak: HeatPeak | None
+    links: list[InputLink]
+
+    @classmethod
+    def of(cls, history: History) -> HeatStory:
+        """Work it out for the first and the last step."""
+        fit = history.steps[0].fit
+        given = unexplained_heat(fit)
+        best = unexplained_heat(history.best.fit) if len(history.steps) > 1 else []
+        run, node, peak = worst_of(given)
+        return cls(fit, given, best, run, node, peak, chosen_links(input_links(fit, given), node))
+
+    @property
+    def where(self) -> str:
+        """Where and when heat is missing, in words; empty where none is beyond chance."""
+        return self._in_words(self.peak)
+
+    @property
+    def left(self) -> str:
+        """Where and when the best model still lacks heat; empty where none is beyond chance."""
+        return self._in_words(largest(self.best))
+
+    @property
+    def event(self) -> str:
+        """Run, node and time at which most of the heat stays missing with the best model, too; empty without one."""
+        if not self.best:
+            return self._place(self.peak) if self.peak else ""
+        after = largest(self.best)
+        stays = self.peak is not None and after is not None and abs(after.heat) > _STAYS * abs(self.peak.heat)
+        return self._place(after) if after is not None and stays else ""
+
+    @property
+    def hiding(self) -> str:
+        """How much heat could hide in the bands, in words."""
+        widest = max(float(np.median(row)) for each in self.given for row in each.band)
+        return f"no node asks for heat beyond chance; its 95 % band is ±{number(widest, 2)} W where it is widest"
+
+    def _in_words(self, peak: HeatPeak | None) -> str:
+        if peak is None:
+            return ""
+        what = "heat is missing" if peak.heat > 0 else "there is too much heat"
+        about = replace(peak, heat=abs(peak.heat)).text().removeprefix(peak.place)
+        return for_people(f"{what} most clearly {self._place(peak)}{about}")
+
+    def _place(self, peak: HeatPeak) -> str:
+        return f"{peak.place} of run {peak.run}" if len(self.given) > 1 else peak.place
+
+
+def worst_of(runs: Sequence[UnexplainedHeat]) -> tuple[int, str, HeatPeak | None]:
+    """Run, node and peak where the heat is clearest; where none is, run and node where it comes nearest to its band."""
+    peak = largest(runs)
+    if peak is not None:
+        return [each.run for each in runs].index(peak.run), peak.node, peak
+    shares = [(np.abs(each.heat) / np.maximum(each.band, 1e-12)).max(axis=1) for each in runs]
+    run = max(range(len(runs)), key=lambda place: float(shares[place].max()))
+    return run, runs[run].nodes[int(shares[run].argmax())], None
+
+
+def chosen_links(links: Sequence[InputLink], node: str) -> list[InputLink]:
+    """The inputs that the node's heat goes with most closely, one of each kind before a second of any."""
+    mine = [link for link in links if link.node == node]
+    kinds: dict[str, InputLink] = {}
+    for link in mine:
+        kinds.setdefault(link.column.partition(".")[0], link)
+    first = list(kinds.values())
+    return [*first, *(link for link in mine if link not in first)][:MOST_INPUTS]
+
+
+def heat_map_picture(story: HeatStory) -> Picture | None:
+    """The map of nodes by time; none where no heat is beyond chance."""
+    if story.peak is None:
+        return None
+    least = _PALE * float(np.median(np.concatenate([each.band.ravel() for each in story.given])))
+    figure = fields_figure(heat_fields(story.given), heat_fields(story.best), "unexplained heat [W]", least)
+    text = "Heat that the model lacks (red) or has too much of (blue, hatched); white where zero lies within the 95 % "
+    text += f"band. With the model as given {story.where}"
+    text += f"; with the best one {story.left or 'none stands out'}." if story.best else "."
+    text += " Trust where and when more than the watts: the fitted parameters absorb part."
+    if len(story.given) > MOST_RUNS:
+        text += f" Shown are the {MOST_RUNS} of {len(story.given)} runs that lack most."
+    return picture(text, figure)
+
+
+def heat_line_picture(story: HeatStory) -> Picture:
+    """The worst node's heat in its run, above the inputs that it goes with."""
+    best = story.best[story.run] if story.best else None
+    run = story.fit.problem.bound_runs[story.run].run
+    figure = heat_figure(run, story.given[story.run], story.node, best, story.peak, story.links)
+    text = f"The heat that {story.node} asks for; shaded where it is clearest."
+    if story.peak is None:
+        text = f"No node asks for heat beyond chance; {story.node} comes nearest to it."
+    return picture(f"{text} {_inputs(story.links)}", figure)
+
+
+def _inputs(links: Sequence[InputLink]) -> str:
+    close = [link for link in links if abs(link.correlation) >= _CLOSE]
+    if not links:
+        return "The log holds no input that varies."
+    if not close:
+        return f"It follows no input closely: the closest, {links[0].what}, correlates by {links[0].correlation:+.2f}."
+    inputs = listed([f"{link.what} ({link.correlation:+.2f})" for link in close])
+    return for_people(f"It goes with {inputs}, which suggests a cause and proves none.")

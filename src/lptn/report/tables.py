@@ -1,0 +1,215 @@
+"""The tables of reports and of the terminal, as rows of text."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from lptn.basics.parameters import ParameterInstance
+from lptn.diagnose.diagnosis import Diagnosis, Step
+from lptn.diagnose.improvement import History
+from lptn.effects import Effect, catalogue
+from lptn.identify.comparison import Comparison, Condition, Pair
+from lptn.identify.data import Segment
+from lptn.identify.fitting import Fit
+from lptn.references import cite, works_cited
+from lptn.report.text import (
+    NOTHING,
+    experiment_for,
+    kelvin,
+    number,
+    place_of,
+    short_size,
+    signed_kelvin,
+    time_span,
+    title_of,
+    unit_text,
+    window_text,
+)
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table of text.
+
+    Args:
+        columns: heads; those of columns of numbers begin with ">".
+        rows: the cells.
+    """
+
+    columns: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+
+    @property
+    def heads(self) -> tuple[str, ...]:
+        """The heads as they are shown."""
+        return tuple(column.removeprefix(">") for column in self.columns)
+
+
+# --- a comparison -----------------------------------------------------------------------------------------
+
+
+_WORST = 12  # conditions listed
+_LONG = 600.0  # s; longer times are in minutes, as in the figures
+
+
+def error_table(comparison: Comparison) -> Table:
+    """Errors of one model by run and node."""
+    rows = []
+    for prediction in comparison.predictions:
+        for node in comparison.model.nodes:
+            errors = comparison.node(node, prediction)
+            if errors.count:
+                cells = (kelvin(errors.rmse), kelvin(errors.max), signed_kelvin(errors.mean))
+                rows.append((prediction.segment.run.name, node, *cells, kelvin(comparison.floor(node), 2)))
+    return Table(("run", "node", ">RMSE", ">max |error|", ">mean error", ">noise alone"), tuple(rows))
+
+
+def condition_table(comparison: Comparison) -> Table:
+    """The conditions in which a model fails worst, worst first."""
+    rows = []
+    for each in sorted(conditions_of(comparison), key=lambda each: -each.errors.rmse)[:_WORST]:
+        errors = each.errors
+        ends = (number(each.lower, 3), number(each.upper, 3))
+        cells = (kelvin(errors.rmse), kelvin(errors.max), signed_kelvin(errors.mean), str(errors.count))
+        rows.append((each.node, each.quantity, *ends, *cells))
+    heads = ("node", "condition", ">from", ">to", ">RMSE", ">max |error|", ">mean error", ">readings")
+    return Table(heads, tuple(rows))
+
+
+def conditions_of(comparison: Comparison) -> list[Condition]:
+    """`Comparison.conditions` with times in the unit in which a person reads them."""
+    conditions = comparison.conditions()
+    longest = max((each.upper for each in conditions if each.quantity.endswith("[s]")), default=0.0)
+    if longest <= _LONG:
+        return conditions
+    return [
+        replace(each, quantity=each.quantity[:-3] + "[min]", lower=each.lower / 60, upper=each.upper / 60)
+        if each.quantity.endswith("[s]")
+        else each
+        for each in conditions
+    ]
+
+
+def worst_condition(comparison: Comparison) -> Condition | None:
+    """The condition in which a model fails worst, `None` where nothing can be binned."""
+    return max(conditions_of(comparison), key=lambda each: each.errors.rmse, default=None)
+
+
+def node_table(given: Comparison, best: Comparison | None) -> Table:
+    """Errors of each node over all runs, with the model as given and with the best one."""
+    rows = []
+    for node in given.model.nodes:
+        before, after = given.node(node), best.node(node) if best else None
+        if before.count:
+            cells = (before.rmse, after.rmse, before.max, after.max) if after else (before.rmse, before.max)
+            rows.append((node, *map(kelvin, cells), kelvin(given.floor(node), 2)))
+    heads = (">RMSE before", ">RMSE after", ">max |error| before", ">max |error| after")
+    return Table(("node", *(heads if best else (">RMSE", ">max |error|")), ">noise alone"), tuple(rows))
+
+
+def versus_table(what: str, pairs: Sequence[Pair]) -> Table:
+    """Two models' errors by class of nodes or by run."""
+    both = (">of the other", ">less")
+    heads = (what, ">mean |error|", both[0], ">max |error|", *both, ">mean square [K²]", *both)
+    rows = tuple(
+        (
+            pair.what,
+            *map(kelvin, (*pair.mean, *pair.max)),
+            f"{pair.reduction:.0%}",
+            *(f"{value:.2f}" for value in pair.square),
+            f"{pair.square_reduction:.0%}",
+        )
+        for pair in pairs
+    )
+    return Table(heads, rows)
+
+
+def data_table(jobs: Mapping[str, Sequence[Segment]]) -> Table:
+    """One row for each segment: its run, and what it was used for."""
+    rows = []
+    for job, segments in jobs.items():
+        for segment in segments:
+            run = segment.run
+            whole = segment.initialisation == segment.evaluation
+            start = "all that counts" if whole else window_text(segment.initialisation, segment)
+            size = time_span(len(run) * run.step), f"{run.step:g} s"
+            names = run.name, Path(run.source).name, run.fingerprint[:12]
+            notes = " ".join(run.notes) or "none"
+            rows.append((*names, *size, job, start, window_text(segment.evaluation, segment), notes))
+    heads = ("run", "file", "fingerprint", ">length", ">step", "used as", "start from", "errors counted", "notes")
+    return Table(heads, tuple(rows))
+
+
+# --- a forward selection ----------------------------------------------------------------------------------
+
+
+def history_table(history: History) -> Table:
+    """One row for each step, the model as given first."""
+    tested = any(step.test for step in history.steps)
+    rows = []
+    for place, step in enumerate(history.steps):
+        errors = [step.fit.rmse, *((step.holdout.rmse, step.holdout.max) if step.holdout else (None, None))]
+        errors += [step.test.rmse if step.test else None] if tested else []
+        what = title_of(step.effect) if step.effect else "as given"
+        rows.append((str(place), what, place_of(step.at or ""), str(step.parameters), *map(kelvin, errors)))
+    heads = ("step", "effect", "place", ">free parameters", ">RMSE fit", ">RMSE held out", ">max |error| held out")
+    return Table((*heads, ">RMSE test") if tested else heads, tuple(rows))
+
+
+def refit_table(history: History) -> Table:
+    """One row for each candidate that the first diagnosis refitted, best first."""
+    first = history.first
+    order = {step.key: str(place) for place, step in enumerate(first.refits, start=1)}
+    before = kelvin(first.holdout.rmse if first.holdout else None)
+    rows = []
+    for step in first.refits:
+        key, at = step.key
+        effect = catalogue()[key]
+        held_out = NOTHING if step.holdout is None else f"{before} → {kelvin(step.holdout.rmse)}"
+        errors = f"{kelvin(first.fit.rmse)} → {kelvin(step.fit.rmse)}", held_out, share_by_chance(first, step)
+        same = ", ".join(sorted((order[other] for other in step.indistinguishable), key=int)) or NOTHING
+        what = order[step.key], effect.title, place_of(at), short_size(step.size)
+        rows.append((*what, *errors, same, experiment_for(effect)))
+    heads = ("no.", "effect", "place", ">size / typical", ">RMSE fit", ">RMSE held out", ">by chance")
+    return Table((*heads, "indistinguishable from", "experiment that separates"), tuple(rows))
+
+
+def share_by_chance(diagnosis: Diagnosis, step: Step) -> str:
+    """How often chance alone scores as much, in percent; the number of simulated logs sets the finest answer."""
+    finest = 1.0 / (1 + len(diagnosis.scores.null_gains))
+    at_most = "at most " if step.p_value <= finest * (1 + 1e-9) else ""
+    return f"{at_most}{100 * step.p_value:.2g} %"
+
+
+_ZERO = 1e-9  # share of the typical size; what a search leaves of a zero
+
+
+def parameter_table(best: Fit, given: Fit | None = None) -> Table:
+    """Free parameters with their standard errors, beside their values in the model as given, once fitted."""
+    before = {}
+    if given is not None:
+        parameters = (given.model.parameters[index] for index in given.problem.free)
+        before = {parameter.name: _value(parameter.value, parameter) for parameter in parameters}
+    rows = []
+    for index in best.problem.free:
+        parameter = best.model.parameters[index]
+        error = best.standard_errors[parameter.name]
+        spread = short_size(error) if math.isfinite(error) else "not determined"
+        what = parameter.name, parameter.declared.title or NOTHING, _value(parameter.value, parameter)
+        row = (*what, spread, unit_text(parameter.declared.unit))
+        rows.append(row if given is None else (*row, before.get(parameter.name, "new")))
+    heads = ("parameter", "what it is", ">value", ">± standard error", "unit")
+    return Table(heads if given is None else (*heads, ">in the model as given, fitted"), tuple(rows))
+
+
+def _value(value: float, parameter: ParameterInstance) -> str:
+    return number(0.0 if abs(value) < _ZERO * parameter.declared.typical else value)
+
+
+def source_table(effects: Sequence[type[Effect]]) -> Table:
+    """Where the equations come from: one row for each effect that cites a work."""
+    rows = ((effect.title, cite(effect.source)) for effect in effects if works_cited([effect.source]))
+    return Table(("effect", "source"), tuple(rows))
