@@ -34,6 +34,14 @@ class Parameter:
         grid: shapes at which the effect is scored before one is fitted (time constants, exponents).
         prior: standard deviation about 0 that a fit grants it, for what is a nuisance of the logs and no part of the
             model; `None` where only the data speak.
+
+    Raises:
+        ValueError: bounds in the wrong order, or a value outside them.
+
+    Example:
+        >>> import lptn
+        >>> lptn.Parameter("capacity", 300.0, "J/K", bounds=(20.0, 3000.0), share="class").value
+        300.0
     """
 
     name: str
@@ -74,7 +82,7 @@ _NEAR_ZERO = 0.1  # of the typical size: below it a parameter that may be 0 is s
 
 @dataclass(frozen=True)
 class ParameterInstance:
-    """One scalar of an assembled model: a parameter at the place, or group of places, that owns it.
+    """One number of a model: a parameter at the place, or group of places, that owns it.
 
     Its `name` is `"<parameter>.<owner>"`, for an effect `"<effect>.<parameter>.<owner>"`.
     """
@@ -100,14 +108,14 @@ class ParameterInstance:
 
 
 class Transform:
-    """Between parameter values and the fit's unbounded-looking, well-scaled coordinates.
+    """Between parameter values and the well-scaled coordinates in which a fit searches.
 
     A positive parameter is searched by its logarithm, one that may be 0 by the inverse hyperbolic sine, which goes
     over into the logarithm far above it, any other by its share of the typical size. Multiplying all capacitances,
     conductances and heat by one factor changes hardly a temperature: along logarithms that valley is straight.
 
     Args:
-        unknowns: the m parameters, in order.
+        parameters: the m parameters, in order.
     """
 
     def __init__(self, parameters: Sequence[ParameterInstance]) -> None:

@@ -12,7 +12,8 @@ from typing import ClassVar
 from lptn.basics.errors import InputError
 from lptn.basics.parameters import Parameter
 
-# --- Conduction along one axis of a body that generates heat: conductances between its mean and its two faces ---
+# --- Conduction along one axis: conductances between the mean of a body and its two faces ------------
+#
 # Along one axis the steady temperature is that of pure conduction plus that of a uniform source. With
 # :math:`w` the weight of each face in the mean of pure conduction, :math:`\rho` the rise of the mean for each watt
 # between faces held at zero, and :math:`G` the conductance from face to face, the same numbers follow from three
@@ -29,7 +30,7 @@ from lptn.basics.parameters import Parameter
 # was not available.
 
 
-_SERIES = 0.05  # below it coth x - 1/x loses digits; the series is exact to 1e-15 there
+_SMALL = 0.05  # below it coth x - 1/x loses digits; the series is exact to 1e-15 there
 
 
 @dataclass(frozen=True)
@@ -72,7 +73,7 @@ def rod_axis(face: str, angle: float, length: float) -> Axis:
 
 def langevin(x: float) -> float:
     """Langevin's function coth x - 1/x for x > 0."""
-    if x < _SERIES:
+    if x < _SMALL:
         square = x * x
         return x / 3.0 * (1.0 - square / 15.0 * (1.0 - square * 2.0 / 21.0 * (1.0 - square / 10.0)))
     return 1.0 / math.tanh(x) - 1.0 / x
@@ -98,8 +99,9 @@ def slab_peak(power: float, length: float, conductivity: float, area: float, coo
     return power * length / ((24.0 if cooled == 2 else 6.0) * conductivity * area)
 
 
-# --- The bodies: cuboid, ring or arc of one, cylinder; their volume, faces and the conductances along each axis ---
-# Along each axis an element is exact as in `lptn.model.bodies`; the axes share the mean temperature. Where the heat
+# --- The bodies: cuboid, ring or arc of one, cylinder ---------------------------------------------
+#
+# Along each axis a body is exact as above; the axes share the mean temperature. Where the heat
 # through each face is spread evenly over it, mean temperature and heat flows are exact in all axes at once. Where faces
 # of two or three axes are held at uniform temperatures side by side, the heat crowds at their common edges and
 # the mean rise by a source comes out too high: a long square bar 18.6 %, a cube 37.7 %. Films and contacts
@@ -266,7 +268,7 @@ class Element:
     conductivity: Mapping[str, Parameter]
 
 
-# --- The elements of a network: their faces, which of them touch perfectly, and the conduction inside ---
+# --- The bodies of a network: their faces, which of them touch perfectly, and the conduction inside ---
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""A fan that switches itself on when its motor is warm, and that no log tells of."""
+"""A fan that switches itself on when its motor is warm, and that no log records."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import casadi as ca
 from lptn.basics.parameters import Parameter
 from lptn.effects import LinkEffect, Signature
 from lptn.effects.base import Symbol
+from lptn.effects.excitation import hot
 
 WIDTH = 5.0  # K; the fan speeds up over some kelvin, and a fit wants a slope
 
@@ -36,6 +37,7 @@ class ThermostatFan(LinkEffect):
         separate_by="heat slowly to the limit and cool down again: does the slope break at one temperature?",
         confused_with=("natural_convection", "radiation"),
     )
+    excitation = hot(rise=20.0)  # K above the surroundings, so that the fan comes on
     source = "definition"
 
     def conductance_factor(
