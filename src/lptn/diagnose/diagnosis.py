@@ -107,19 +107,8 @@ class Step(Tabular):
         return f"{what}, {self.parameters} parameters, RMSE {errors}"
 
     def to_pandas(self) -> pd.DataFrame:
-        """A row for each parameter: name, value, standard error (NaN where undetermined), unit, whether it is free."""
-        errors = self.fit.standard_errors
-        rows = [
-            {
-                "parameter": parameter.name,
-                "value": parameter.value,
-                "standard error": errors.get(parameter.name, math.nan),
-                "unit": parameter.declared.unit,
-                "free": parameter.free,
-            }
-            for parameter in self.fit.model.parameters
-        ]
-        return pd.DataFrame(rows, columns=["parameter", "value", "standard error", "unit", "free"])
+        """The model's parameters, as `Fit.to_pandas` gives them."""
+        return self.fit.to_pandas()
 
     @property
     def unusual(self) -> int:
@@ -215,7 +204,7 @@ SIGNIFICANT = 0.05
 """A score that chance alone reaches less often than this is beyond chance."""
 _SEARCH_STEP = 5.0  # s; effects are sought on means over so long, which loses little and saves most of the time
 _MOST_STEPS = 4000  # of all fitted runs together: days of data get longer means, so that memory stays bounded
-_MOST_REFITS = 6
+_MOST_REFITS = 6  # the best by score; the best places of further effects come on top
 _HELPS = 1e-3  # share of the misfit that a refit must remove to be worth a line
 
 
@@ -295,8 +284,7 @@ def examine(
 # --- Refits: the score is a first-order guess, the refit is what counts ---------------------------
 
 
-# Enough to rank candidates; the step that is kept is fitted to the end.
-_ITERATIONS, _PRECISION = 25, 3e-4
+_ITERATIONS, _PRECISION = 25, 3e-4  # of the cost: enough to rank; the step that is kept is fitted to the end
 _SAME_EFFECT_SHARE = 0.2  # the best place of an effect is refitted if it scores so much of the best gain
 _HOPELESS = 1.5  # times the misfit of the most promising candidate
 _NEAR = 1.3  # times the least misfit; a fit that was cut off so near to it may yet reach it

@@ -432,8 +432,9 @@ CLEAR = _POWER + sqrt(_POWER**2 + TIE)
 criterion's lead, its expected square with a scatter of twice its root, must exceed what counts as a tie."""
 _ENOUGH = 3.0 * CLEAR  # standard deviations beyond which a run is not worth more effort
 _NEARLY = 0.85  # share of the best that a simpler run must reach to be preferred
-_FIRST_SHARES, _MORE_SHARES, _IN_PAIRS, _IN_THREES = (0.6, 1.0), (0.2, 0.4, 0.8), 0.4, 0.3
-_KEPT_MOVES, _KEPT_PAIRS, _KEPT_PROGRAMS = 6, 4, 10
+_FIRST_SHARES, _MORE_SHARES = (0.6, 1.0), (0.2, 0.4, 0.8)  # of the time for a single move, first and for good ones
+_IN_PAIRS, _IN_THREES = 0.4, 0.3  # of the time for each of two or three moves; rest is left at the end
+_KEPT_MOVES, _KEPT_PAIRS, _KEPT_PROGRAMS = 6, 4, 10  # followed further: some 150 programs in all
 
 
 @dataclass(frozen=True)

@@ -63,11 +63,10 @@ def _correlation_time(residual: FloatArray) -> float:
 # --- The randomisation test: whether two fits differ by more than the scatter between blocks of their runs ---
 
 
-_LONG_BLOCK, _FEWEST_BLOCKS = (
-    600.0,
-    8,
-)  # s; what is left of one block says little about the next; so many a run at least
-_DRAWS, _SIGNIFICANCE = 5000, 0.01
+_LONG_BLOCK = 600.0  # s; so long that what is left of one block says little about the next
+_FEWEST_BLOCKS = 8  # a run; fewer have too few patterns of signs for a test
+_DRAWS = 5000  # patterns of signs: a share of 0.01 is met within a seventh
+_SIGNIFICANCE = 0.01  # strict, since many pairs of fits are compared
 
 
 def block_numbers(bound: BoundRun) -> IntArray:
