@@ -59,6 +59,7 @@ def show_effects(key: str | None) -> None:
         f"Log columns: {columns_text(effect)}.",
         *(f"Option: {option}" for option in options_text(effect)),
         f"Looks like: {effect.signature.looks_like}.",
+        f"A log shows it with: {effect.excitation.needs}.",
         f"Separate it by: {_sentence(effect.signature.separate_by)}",
         *_confused(effect),
         *_references(effect),
@@ -76,6 +77,7 @@ def catalogue_json(key: str | None) -> dict[str, object]:
             "options": {option: list(words) for option, words in effect.options.items()},
             "equations": equations(effect),
             "looks_like": effect.signature.looks_like,
+            "excitation": effect.excitation.needs,
             "separate_by": effect.signature.separate_by,
             "source": cite(effect.source),
             "references": [cited.reference.full for cited in works_cited(cited_by(effect))],
@@ -203,6 +205,7 @@ def _section(effect: type[Effect]) -> str:
     lines = [f"## {effect.key}", "", *_prose(effect), "", *_parameters(effect), "", f"- Acts on: {where_text(effect)}."]
     lines += [f"- Log columns: {columns_text(effect)}.", *_options(effect)]
     lines += [f"- Looks like: {effect.signature.looks_like}."]
+    lines += [f"- A log shows it with: {effect.excitation.needs}."]
     lines.append(f"- Separate it by: {_sentence(effect.signature.separate_by)}")
     if effect.signature.confused_with:
         others = ", ".join(f"[`{key}`](#{key})" for key in effect.signature.confused_with)
