@@ -1,7 +1,7 @@
 from .basics.errors import InputError as InputError
+from .basics.parameters import Parameter as Parameter
 from .diagnose.improvement import improve as improve
 from .identify.comparison import compare as compare
-from .identify.comparison import predict as predict
 from .identify.data import load_model as load_model
 from .identify.data import split_data as split_data
 from .identify.fitting import fit as fit

@@ -9,6 +9,7 @@ import logging
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, overload
 
@@ -64,20 +65,23 @@ class Study:
         >>> frame = pandas.read_csv("examples/tclab/log.csv")  # a path does as well
         >>> study = lptn.Study("examples/tclab/two_heaters.toml", fit=[frame], holdout_after=300)
         >>> study.fit()
-        <Fit: >
+        <Fit: converged, 3 free parameters, RMSE 0.655 K>
         >>> study.compare()
-        <StudyComparison: >
+        <StudyComparison: 1 run, RMSE 4.73 K, largest error 9.94 K, mean +3.93 K>
         >>> axes = study.compare().plot()
         >>> study.diagnose()
-        <Diagnosis: >
+        <Diagnosis: unexplained: RMSE 0.655 K fitted, 4.73 K held out; first answer sensor_lag at heater1>
         >>> study.add("sensor_lag", at="*")
-        <Step: >
+        <Step: sensor_lag at *, 4 parameters, RMSE 0.505 K fitted, 3.88 K held out>
         >>> study.add("conduction", at="heater1~heater2")
-        <Step: >
+        <Step: conduction at heater1~heater2, 5 parameters, RMSE 0.405 K fitted, 1 K held out>
         >>> study.history[["effect", "place", "parameters"]]
-        <>
+               effect            place  parameters
+        0                                        3
+        1  sensor_lag                *           4
+        2  conduction  heater1~heater2           5
         >>> study.undo()
-        <Study >
+        <Study of two heaters: runs: 1 fitted, 1 held out; effects added: 1>
         >>> study.save("better.toml"); study.report("story.html")
 
     Args:
@@ -153,18 +157,13 @@ class Study:
         return table_of_steps(self._steps)
 
     def __repr__(self) -> str:
-        counts = (("fitted", self.data.fit), ("held out", self.data.holdout), ("test", self.data.test))
-        runs = ", ".join(f"{len(segments)} {name}" for name, segments in counts if segments)
-        return (
-            f"<Study of {self.model.network.name}: {runs or 'no'} runs, {max(len(self._steps) - 1, 0)} effects added>"
-        )
+        data = (("fitted", self.data.fit), ("held out", self.data.holdout), ("test", self.data.test))
+        runs = ", ".join(f"{len(segments)} {job}" for job, segments in data if segments) or "none"
+        return f"<Study of {self.model.network.name}: runs: {runs}; effects added: {max(len(self._steps) - 1, 0)}>"
 
     def _repr_html_(self) -> str:
-        return f"<p>{self!r}</p>".replace("<S", "&lt;S").replace("added>", "added&gt;") + (
-            self.history.to_html(index=False, na_rep="–", border=0, float_format=lambda value: f"{value:.3g}")
-            if self._steps
-            else ""
-        )
+        rows = self.history.to_html(index=False, na_rep="–", border=0, float_format=lambda value: f"{value:.3g}")
+        return f"<p>{escape(repr(self))}</p>\n{rows if self._steps else ''}"
 
     # --- what to do ---------------------------------------------------------------------------
 

@@ -26,6 +26,11 @@ class InputError(ValueError):
         place: where in it: a line, a column, a key.
         found: what stands there.
         expected: what would have been right, with the mend where there is one.
+
+    Example:
+        >>> import lptn
+        >>> str(lptn.InputError("leg.toml", "line 7, nodes.hip.capacity", "-3 J/K", "a value above 0"))
+        'leg.toml: line 7, nodes.hip.capacity: found -3 J/K; expected a value above 0'
     """
 
     def __init__(self, file: str | Path, place: str, found: str, expected: str) -> None:

@@ -162,6 +162,14 @@ def improve(
 
     Raises:
         InputError: a run lacks an input of the model.
+
+    Example:
+        >>> import lptn
+        >>> loaded = lptn.load_model("examples/tclab/two_heaters.toml")
+        >>> data = lptn.split_data(loaded.runs(["examples/tclab/log.csv"]), holdout_after=300)
+        >>> history = lptn.improve(loaded.model, data, most=2)
+        >>> [(step.effect, step.at) for step in history.steps]
+        [(None, None), ('sensor_lag', '*'), ('conduction', 'heater1~heater2')]
     """
     coarse = for_search(data)
     model = with_ambient_bias(model, data, ambient_error)

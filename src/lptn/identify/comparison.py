@@ -17,9 +17,10 @@ from lptn.basics.errors import InputError
 from lptn.basics.files import write_whole
 from lptn.basics.places import class_of
 from lptn.basics.tables import Tabular
-from lptn.identify.data import Segment
+from lptn.identify.data import Segment, holdout_segment
 from lptn.identify.fitting import fit_nuisances, fit_starts
 from lptn.identify.noise import Noise, balanced_sigma, estimate_noise
+from lptn.logs.run import Run
 from lptn.model.model import Model
 from lptn.simulate.bound_run import BoundRun, bind
 from lptn.simulate.simulation import simulate
@@ -195,12 +196,26 @@ def predict(model: Model, segment: Segment, sigma: FloatArray) -> Prediction:
     return Prediction(segment, bound.count(segment.evaluation), path.readings, path.states)
 
 
-def compare(model: Model, segments: Sequence[Segment]) -> Comparison:
+def compare(model: Model, runs: Sequence[Run | Segment]) -> Comparison:
     """Predict each run and set the prediction against what was measured.
+
+    Args:
+        model: at the values that it is to predict with.
+        runs: the runs, each with a first tenth that finds its start; or segments, which say what finds it.
 
     Raises:
         InputError: a run lacks an input, or measures none of the model's nodes.
+
+    Example:
+        >>> import lptn
+        >>> loaded = lptn.load_model("examples/tclab/two_heaters.toml")
+        >>> comparison = lptn.compare(loaded.model, loaded.runs(["examples/tclab/log.csv"]))
+        >>> comparison
+        <Comparison: 1 run, RMSE 12.1 K, largest error 20.8 K, mean -10.5 K>
+        >>> comparison.to_pandas()["node"].tolist()
+        ['heater1', 'heater2']
     """
+    segments = [run if isinstance(run, Segment) else holdout_segment(run) for run in runs]
     bound_runs = [bind(model, segment.run) for segment in segments]
     noise = estimate_noise(bound_runs, model.nodes)
     sigma = balanced_sigma(bound_runs, noise)

@@ -209,7 +209,7 @@ def load_model(path: str | Path, mapped: Sequence[str] = ()) -> LoadedModel:
         >>> import lptn
         >>> loaded = lptn.load_model("examples/tclab/two_heaters.toml")
         >>> loaded.model
-        <Model >
+        <Model two heaters: 2 states, 3 inputs, 3 free parameters>
         >>> [run.name for run in loaded.runs(["examples/tclab/log.csv"])]
         ['log']
     """

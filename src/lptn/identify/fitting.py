@@ -13,6 +13,7 @@ from math import isfinite
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import platformdirs
 
 from lptn.basics.arrays import FloatArray
@@ -20,11 +21,13 @@ from lptn.basics.errors import InputError
 from lptn.basics.files import write_whole
 from lptn.basics.places import in_run
 from lptn.basics.processes import one_blas_thread
+from lptn.basics.tables import Tabular
 from lptn.identify.integral_start import integral_start
 from lptn.identify.noise import Noise, balanced_sigma, estimate_noise
 from lptn.identify.problem import Point, Problem
 from lptn.identify.solvers import PRECISION, Progress, Solution, minimise
 from lptn.identify.uncertainty import Uncertainty, uncertainty
+from lptn.logs.run import Run
 from lptn.model.file import DataTable, FitTable, FittedTable
 from lptn.model.model import Model
 from lptn.simulate.bound_run import BoundRun, bind
@@ -36,8 +39,8 @@ _COARSE_STEP = 10.0  # s; the first search is on averages so long: a tenth of th
 _LEAST_COARSE = 150  # steps that a run must keep for such averages
 
 
-@dataclass(frozen=True)
-class Fit:
+@dataclass(frozen=True, repr=False)
+class Fit(Tabular):
     """A fitted model.
 
     Args:
@@ -79,6 +82,26 @@ class Fit:
         bound_runs = self.problem.bound_runs
         counted = [error[bound.counted] for error, bound in zip(self.residuals, bound_runs, strict=True)]
         return float(np.sqrt(np.mean(np.concatenate(counted) ** 2)))
+
+    @property
+    def summary(self) -> str:
+        """How the search ended, and the error that is left, in one line."""
+        return f"{self.status}, {len(self.problem.free)} free parameters, RMSE {self.rmse:.3g} K"
+
+    def to_pandas(self) -> pd.DataFrame:
+        """A row for each parameter: name, value, standard error (NaN where undetermined), unit, whether it is free."""
+        errors = self.standard_errors
+        rows = [
+            {
+                "parameter": parameter.name,
+                "value": parameter.value,
+                "standard error": errors.get(parameter.name, float("nan")),
+                "unit": parameter.declared.unit,
+                "free": parameter.free,
+            }
+            for parameter in self.model.parameters
+        ]
+        return pd.DataFrame(rows, columns=["parameter", "value", "standard error", "unit", "free"])
 
     def table(self) -> FitTable:
         """The result as a model file keeps it, without infinite standard errors and nuisance parameters of the logs."""
@@ -130,7 +153,7 @@ class Fit:
 @one_blas_thread
 def fit(
     model: Model,
-    bound_runs: Sequence[BoundRun],
+    runs: Sequence[Run | BoundRun],
     *,
     symmetry_penalty: float = 0.0,
     sigma: FloatArray | None = None,
@@ -148,7 +171,7 @@ def fit(
 
     Args:
         model: the model.
-        bound_runs: the runs, with the readings that count.
+        runs: the runs; all their readings count, unless they are bound to the model with those that do.
         symmetry_penalty: λ of the penalty on left-right differences.
         sigma: standard deviation that weighs each node [K], shape (nodes,); by default balanced between nodes with
             large and small excursions.
@@ -159,7 +182,20 @@ def fit(
         keep: called after each iteration with the best point so far.
         rival: a cost to beat; a fit from a `guess` that has no hope of it ends, with status `"given up"`.
         precision: share of the cost that is not worth another step of the last search.
+
+    Raises:
+        InputError: a run lacks an input, or measures none of the model's nodes.
+
+    Example:
+        >>> import lptn
+        >>> loaded = lptn.load_model("examples/tclab/two_heaters.toml")
+        >>> fitted = lptn.fit(loaded.model, loaded.runs(["examples/tclab/log.csv"]))
+        >>> fitted
+        <Fit: converged, 3 free parameters, RMSE 1.27 K>
+        >>> fitted.to_pandas().loc[0, "parameter"]
+        'capacity.heater*'
     """
+    bound_runs = [run if isinstance(run, BoundRun) else bind(model, run) for run in runs]
     noise = estimate_noise(bound_runs, model.nodes)
     sigma = balanced_sigma(bound_runs, noise) if sigma is None else sigma
     problem = Problem(model, bound_runs, sigma, symmetry_penalty)

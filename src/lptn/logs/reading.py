@@ -302,7 +302,7 @@ def read_log(
         >>> frame = pandas.DataFrame({"time": range(60), "current.knee": 2.0, "temperature.knee": 21.5})
         >>> (run,) = lptn.read_log(frame, name="monday")
         >>> run
-        <Run >
+        <Run monday: 60 steps of 1 s, 3 columns>
     """
     path = Path(name) if isinstance(log, pd.DataFrame) else Path(log)
     for setting, value in (("step", step), ("max_gap", max_gap)):

@@ -29,6 +29,14 @@ class Run:
         resolution: for a temperature column whose sensor moves in steps, the step in K.
         notes: what is noteworthy about the file and how it was treated, a sentence each.
         issues: those of the notes that name something wrong, with the line that would correct it.
+
+    Example:
+        >>> import lptn
+        >>> (run,) = lptn.load_model("examples/tclab/two_heaters.toml").runs(["examples/tclab/log.csv"])
+        >>> run.slice(0, 60)
+        <Run log: 60 steps of 1 s, 4 columns>
+        >>> run.temperature("heater1").shape
+        (599,)
     """
 
     name: str
@@ -45,6 +53,9 @@ class Run:
 
     def __len__(self) -> int:
         return int(self.time.size)
+
+    def __repr__(self) -> str:
+        return f"<Run {self.name}: {len(self)} steps of {self.step:g} s, {len(self.columns)} columns>"
 
     def has(self, column: str) -> bool:
         """Whether the run holds `<feature>.<place>`."""

@@ -1,4 +1,4 @@
-"""The assembled model: one symbolic heat balance and the CasADi functions made from it."""
+"""The model: one symbolic heat balance, and the CasADi functions made from it."""
 
 from __future__ import annotations
 
@@ -16,12 +16,14 @@ from lptn.model.network import Network
 
 Made = TypeVar("Made")
 Method = Literal["rk4", "euler", "zoh"]
-_SQUARINGS = 12  # scaling-and-squaring steps of the symbolic matrix exponential: exact up to h |λ| of some 2000
+# The symbolic matrix exponential, by scaling and squaring: up to h |λ| of some 2000 the scaled matrix stays below 1/2,
+# where the first term of Taylor's series that is left out is below 1e-10.
+_SQUARINGS = 12
 _TAYLOR_ORDER = 10
 
 
 class Symbols(NamedTuple):
-    """States, inputs, parameters; rates of the states and readings of the sensors."""
+    """States x, inputs u and parameters p; rates of the states [K/s] and readings of the sensors [degC]."""
 
     x: ca.SX
     u: ca.SX
@@ -39,9 +41,17 @@ class Model:
     the states of effects that have one.
 
     Args:
-        network: what to assemble.
+        network: what to make the model of.
 
     Source: [QuadrupedLPTN, eq. 4, 5], with the sign that lets heat flow from hot to cold.
+
+    Example:
+        >>> import lptn
+        >>> model = lptn.load_model("examples/tclab/two_heaters.toml").model
+        >>> model.states, model.inputs
+        (['heater1', 'heater2'], ['temperature.ambient', 'power.heater1', 'power.heater2'])
+        >>> model.rhs  # dx/dt
+        Function(rhs:(x[2],u[3],p[4])->(xdot[2]) SXFunction)
     """
 
     def __init__(self, network: Network) -> None:
@@ -89,6 +99,11 @@ class Model:
         if key not in self.made:
             self.made[key] = make()
         return cast(Made, self.made[key])
+
+    def __repr__(self) -> str:
+        sizes = {"states": self.states, "inputs": self.inputs, "free parameters": self.free}
+        counts = ", ".join(f"{len(things)} {what[:-1] if len(things) == 1 else what}" for what, things in sizes.items())
+        return f"<Model {self.network.name}: {counts}>"
 
     @property
     def free(self) -> list[int]:

@@ -34,6 +34,11 @@ class NodeDeclaration:
             parameter [degC].
         element: for a dynamic node its body; links attach to the faces, `"stator.outer"`, and the node's
             temperature is the body's mean.
+
+    Example:
+        >>> import lptn
+        >>> lptn.NodeDeclaration("ambient", temperature="temperature.ambient").pattern
+        'ambient'
     """
 
     pattern: str
@@ -47,6 +52,15 @@ class LinkDeclaration:
     """Thermal resistance [K/W] between places; `{leg}` in both patterns means the same leg.
 
     A resistance of `None` is perfect contact: a face has the temperature of what it touches.
+
+    Args:
+        between: two nodes, faces of bodies, or patterns.
+        resistance: K/W.
+
+    Example:
+        >>> import lptn
+        >>> lptn.LinkDeclaration(("rotor.outer", "housing"), None).between
+        ('rotor.outer', 'housing')
     """
 
     between: tuple[str, str]
@@ -66,6 +80,12 @@ class EffectDeclaration:
             every piece of the winding.
         run: name of the only run in which the effect acts, or a glob of such names; every run by default. A log
             that was split into pieces `monday#1`, `monday#2` is meant as a whole by `monday`.
+
+    Example:
+        >>> import lptn
+        >>> from lptn.effects import catalogue
+        >>> lptn.EffectDeclaration(catalogue()["fan"](), "*_calf", run="monday").where
+        '*_calf@monday'
     """
 
     effect: Effect
@@ -216,6 +236,23 @@ class Network:
 
     Raises:
         InputError: a place matches nothing, two declarations claim one place, a node is isolated.
+
+    Example:
+        >>> import lptn
+        >>> from lptn.effects import catalogue
+        >>> network = lptn.Network(
+        ...     "motor",
+        ...     nodes=(
+        ...         lptn.NodeDeclaration("motor", capacity=lptn.Parameter("capacity", 300.0, "J/K", (1.0, 1e5))),
+        ...         lptn.NodeDeclaration("ambient", temperature="temperature.ambient"),
+        ...     ),
+        ...     links=(
+        ...         lptn.LinkDeclaration(("motor", "ambient"), lptn.Parameter("resistance", 2.0, "K/W", (0.01, 100.0))),
+        ...     ),
+        ...     effects=(lptn.EffectDeclaration(catalogue()["copper_loss"](), "motor"),),
+        ... )
+        >>> lptn.Model(network)
+        <Model motor: 1 state, 2 inputs, 2 free parameters>
     """
 
     name: str

@@ -116,6 +116,16 @@ class Estimator:
     Raises:
         InputError: an unknown node, parameter or column; a start that is infinite.
         ValueError: a size that is negative or not finite, or a covariance of the wrong shape.
+
+    Example:
+        >>> import lptn
+        >>> loaded = lptn.load_model("examples/tclab/two_heaters.toml")
+        >>> (run,) = loaded.runs(["examples/tclab/log.csv"])
+        >>> estimator = lptn.Estimator(loaded.model, noise=0.1)
+        >>> powers = {"power.heater1": 0.5, "power.heater2": 0.0}
+        >>> for reading in (23.1, 23.2, 23.4):
+        ...     estimate = estimator.update(powers, {"heater1": reading}, dt=1.0)
+        >>> temperature, deviation = estimate.temperature("heater1")
     """
 
     def __init__(

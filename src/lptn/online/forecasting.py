@@ -340,7 +340,7 @@ def forecast(
         >>> fitted = lptn.fit(loaded.model, [run])
         >>> ahead = lptn.forecast(fitted.model, run, 70.0, fit=fitted)
         >>> {name: node.reaches for name, node in ahead.nodes.items()}
-        {}
+        {'heater1': False, 'heater2': False}
     """
     _check(cycles, coverage, window)
     bound = bind(model, run)

@@ -96,6 +96,14 @@ def monitor(
     Raises:
         InputError: a run lacks an input, or measures none of the model's nodes.
         ValueError: a threshold that is not above 0.
+
+    Example:
+        >>> import lptn
+        >>> loaded = lptn.load_model("examples/tclab/two_heaters.toml")
+        >>> runs = loaded.runs(["examples/tclab/log.csv"])
+        >>> watched = lptn.monitor(lptn.fit(loaded.model, runs).model, runs, threshold=10.0)
+        >>> watched.runs[0].run.name
+        'log'
     """
     if not threshold > 0:
         raise ValueError(f"threshold: found {threshold:g}; expected a number of kelvin above 0")
