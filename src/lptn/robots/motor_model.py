@@ -9,61 +9,15 @@ from lptn.basics.errors import InputError
 from lptn.model.file import parse_model
 from lptn.robots.motor_drawing import Geometry, Material
 
-# --- The losses in a motor's model file: copper by volume of winding, iron by volume of teeth and yoke ---
-
-
-def loss_tables(geometry: Geometry) -> list[str]:
-    """Lines of the file's effects; one motor's current, or torque, and speed drive all pieces."""
-    shares, end = geometry.copper_shares
-    lines = []
-    for name, share in zip(geometry.names("winding"), shares, strict=True):
-        lines += _copper(geometry, f"{name}_z*", share / geometry.given.pieces.axial)
-    lines += _copper(geometry, "end_winding_*", end)
-    lines += ["[[effects]]", 'kind = "resistance_rise"', 'at = "*winding_*"', 'share = "all"']
-    lines += ["alpha = { value = 0.00393, fixed = true }", ""]
-    return lines + (_iron(geometry) if geometry.given.losses.iron_gain else [])
-
-
-def _copper(geometry: Geometry, at: str, share: float) -> list[str]:
-    winding = geometry.given.winding
-    lines = [
-        f"[[effects]]  # {share:.2%} of the copper each",
-        'kind = "copper_loss"',
-        f'at = "{at}"',
-        'driven_by = "motor"',
-        f'input = "{winding.input}"',
-        'share = "all"',
-        f"resistance = {winding.resistance * share:.6g}",
-    ]
-    return [*lines, *([f"torque_constant = {winding.torque_constant:.6g}"] if winding.input == "torque" else []), ""]
-
-
-def _iron(geometry: Geometry) -> list[str]:
-    """Speed-dependent loss, spread over teeth and yoke by volume."""
-    losses, motor = geometry.given.losses, geometry.given.motor
-    volumes = {
-        name: motor.slots * motor.tooth_width * layer.depth
-        for name, layer in zip(geometry.names("tooth"), geometry.slot_layers, strict=True)
-    }
-    rings = zip(geometry.names("yoke"), geometry.layers("yoke"), strict=True)
-    volumes |= {name: math.pi * (outer**2 - inner**2) for name, (inner, outer) in rings}
-    lines: list[str] = []
-    for name, volume in volumes.items():
-        gain = losses.iron_gain * volume / sum(volumes.values()) / geometry.given.pieces.axial
-        lines += ["[[effects]]", 'kind = "iron_loss"', f'at = "{name}_z*"', 'driven_by = "motor"', 'share = "all"']
-        exponent = f"{{ value = {losses.iron_exponent:.6g}, bounds = [1, 2], fixed = true }}"
-        lines += [f"gain = {gain:.6g}", f"exponent = {exponent}", ""]
-    return lines
-
-
-# --- The model file of a motor: its parts as elements, cut along axis and radius, linked where they touch ---
+# --- Its parts as elements, cut along axis and radius, linked where they touch ---------------------
+#
 # Slots and teeth are cuboids (x along the circumference, y outwards, z along the axis), as many side by side as there
 # are slots; all else are rings. Simplifications, said in the file as well: the teeth have parallel sides, slots the
 # width at the middle of their layer; end faces of iron, magnets and shaft pass no heat but where a mount or bearing
 # is; the gap's air stands still.
 
 
-_FITS = {("yoke", "housing"), ("shaft", "yoke")}
+_FITS = {("yoke", "housing"), ("shaft", "yoke")}  # joints of two parts; all other neighbours are one piece, or bonded
 
 
 def model_text(geometry: Geometry) -> str:
@@ -103,7 +57,7 @@ class _Writer:
         for inner, outer in pairwise(self.geometry.order):
             self._between(inner, outer)
         self._outside()
-        return "\n".join([*self._head(), *self.nodes, *self.links, *loss_tables(self.geometry)])
+        return "\n".join([*self._head(), *self.nodes, *self.links, *_loss_tables(self.geometry)])
 
     def _head(self) -> list[str]:
         names = [f"{name}_z{i}" for name in self.stacked for i in range(1, self.axial + 1)]
@@ -271,3 +225,52 @@ class _Writer:
 def _plain(text: str) -> str:
     """A name that stands between quotes."""
     return text.replace("\\", "").replace('"', "'").replace("\n", " ")
+
+
+# --- Its losses: copper by volume of winding, iron by volume of teeth and yoke ----------------------
+
+_COPPER_RISE = 0.00393  # 1/K; temperature coefficient of copper's resistance (IEC 60028)
+
+
+def _loss_tables(geometry: Geometry) -> list[str]:
+    """Lines of the file's effects; one motor's current, or torque, and speed drive all pieces."""
+    shares, end = geometry.copper_shares
+    lines = []
+    for name, share in zip(geometry.names("winding"), shares, strict=True):
+        lines += _copper(geometry, f"{name}_z*", share / geometry.given.pieces.axial)
+    lines += _copper(geometry, "end_winding_*", end)
+    lines += ["[[effects]]", 'kind = "resistance_rise"', 'at = "*winding_*"', 'share = "all"']
+    lines += [f"alpha = {{ value = {_COPPER_RISE}, fixed = true }}", ""]
+    return lines + (_iron(geometry) if geometry.given.losses.iron_gain else [])
+
+
+def _copper(geometry: Geometry, at: str, share: float) -> list[str]:
+    winding = geometry.given.winding
+    lines = [
+        f"[[effects]]  # {share:.2%} of the copper each",
+        'kind = "copper_loss"',
+        f'at = "{at}"',
+        'driven_by = "motor"',
+        f'input = "{winding.input}"',
+        'share = "all"',
+        f"resistance = {winding.resistance * share:.6g}",
+    ]
+    return [*lines, *([f"torque_constant = {winding.torque_constant:.6g}"] if winding.input == "torque" else []), ""]
+
+
+def _iron(geometry: Geometry) -> list[str]:
+    """Speed-dependent loss, spread over teeth and yoke by volume."""
+    losses, motor = geometry.given.losses, geometry.given.motor
+    volumes = {
+        name: motor.slots * motor.tooth_width * layer.depth
+        for name, layer in zip(geometry.names("tooth"), geometry.slot_layers, strict=True)
+    }
+    rings = zip(geometry.names("yoke"), geometry.layers("yoke"), strict=True)
+    volumes |= {name: math.pi * (outer**2 - inner**2) for name, (inner, outer) in rings}
+    lines: list[str] = []
+    for name, volume in volumes.items():
+        gain = losses.iron_gain * volume / sum(volumes.values()) / geometry.given.pieces.axial
+        lines += ["[[effects]]", 'kind = "iron_loss"', f'at = "{name}_z*"', 'driven_by = "motor"', 'share = "all"']
+        exponent = f"{{ value = {losses.iron_exponent:.6g}, bounds = [1, 2], fixed = true }}"
+        lines += [f"gain = {gain:.6g}", f"exponent = {exponent}", ""]
+    return lines
