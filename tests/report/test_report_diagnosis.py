@@ -104,10 +104,10 @@ def test_heat_without_a_burst_has_no_map(adequate: Told) -> None:
     story = HeatStory.of(adequate[0])
     assert story.where == ""
     assert heat_map_picture(story) is None
-    assert "No node asks for heat beyond chance" in heat_line_picture(story).caption
+    assert "No node lacks heat beyond chance" in heat_line_picture(story).caption
     told = _short(adequate[0], story)
     assert told["What is missing"].startswith("Nothing")
-    assert told["Where"].startswith("Nowhere: no node asks for heat beyond chance; its 95 % band")
+    assert told["Where"].startswith("Nowhere: no node lacks heat beyond chance; the 95 % band")
     assert told["What to do"].startswith("Use the model.")
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -91,7 +91,7 @@ def _closed() -> Iterator[None]:
 def test_figures_take_and_return_axes(missing: Told) -> None:
     history, _ = missing
     given = _comparison(missing)
-    drawn = [
+    drawn: list[Callable[[Axes | None], Axes]] = [
         lambda ax: plot_temperatures(given, ax=ax),
         lambda ax: plot_temperatures(given, NODES[1], 0, given, ax),
         lambda ax: plot_errors(given, ax=ax),

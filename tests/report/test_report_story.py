@@ -123,7 +123,7 @@ def test_words_missing(missing: Told) -> None:
     assert (history.best.effect, history.best.at) == ("constant_heat", NODES[0])
     told = " ".join(story_in_words(*missing))
     assert f"Missing: constant heat at {NODES[0]}." in told
-    assert "Chance alone would score as much in at most 0.5 % of logs" in told
+    assert "Chance alone would score as high in at most 0.5 % of logs" in told
     assert "Held out: two (60 to 600 s)" in told
     assert "Test: three (60 to 600 s). It chose nothing" in told
     assert next_step(history) == "use the best model."

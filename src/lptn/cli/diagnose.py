@@ -92,7 +92,7 @@ def show_diagnosis(diagnosis: Diagnosis) -> None:
         same = " ".join(ranks[key] for key in finding.indistinguishable if key in ranks)
         rows.append((ranks[finding.key], *finding.key, *errors, chance, same))
     show_table(("rank", "effect", "at", ">fit", ">held out", ">p", "indistinguishable from"), rows)
-    print("fit, held out: RMSE once the effect is added. p: how often chance alone would score as much.")
+    print("fit, held out: RMSE once the effect is added. p: how often chance alone would score as high.")
     one_run = any("@" in at for _, at in ranks)
     print(f"at: * is everywhere.{' NODE@RUN is in that run alone.' if one_run else ''} The last column names ranks.")
     if diagnosis.verdict == "missing":
@@ -109,7 +109,7 @@ def _show_first(diagnosis: Diagnosis) -> None:
     if diagnosis.holdout and first.holdout:
         text += f", from {kelvin(diagnosis.holdout.rmse)} to {kelvin(first.holdout.rmse)} on the held-out ones"
     at_most = "at most " if _is_finest(diagnosis, first) else ""
-    text += f". Chance alone would score as much in {at_most}{100 * first.p_value:.2g} % of logs; "
+    text += f". Chance alone would score as high in {at_most}{100 * first.p_value:.2g} % of logs; "
     same = f"these data can't tell it from {in_words(first.indistinguishable)}" if first.indistinguishable else ""
     print(f"{text}{same or 'nothing else in the catalogue explains them as well'}.")
 

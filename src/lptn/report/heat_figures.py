@@ -145,7 +145,7 @@ def fields_figure(given: Sequence[Field], best: Sequence[Field], label: str, lea
             for ax, heading, style in zip(axes, ("model as given", "best model"), (GIVEN, BEST), strict=True):
                 ax.set_title(heading, size=SMALL, loc="right", pad=3, color=style["color"], weight="bold")
     bar = figure.colorbar(ScalarMappable(norm, _BOTH), ax=grid, fraction=0.025, pad=0.01, aspect=20)
-    bar.set_label(label, size=TEXT)
+    bar.set_label(label, size=SMALL)
     bar.ax.tick_params(labelsize=SMALL)
     return figure
 

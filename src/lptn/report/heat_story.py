@@ -73,7 +73,7 @@ class HeatStory:
     def hiding(self) -> str:
         """How much heat could hide in the bands, in words."""
         widest = max(float(np.median(row)) for each in self.given for row in each.band)
-        return f"no node asks for heat beyond chance; its 95 % band is ±{number(widest, 2)} W where it is widest"
+        return f"no node lacks heat beyond chance; the 95 % band is ±{number(widest, 2)} W where it is widest"
 
     def _in_words(self, peak: HeatPeak | None) -> str:
         if peak is None:
@@ -126,9 +126,9 @@ def heat_line_picture(story: HeatStory) -> Picture:
     best = story.best[story.run] if story.best else None
     run = story.fit.problem.bound_runs[story.run].run
     figure = heat_figure(run, story.given[story.run], story.node, best, story.peak, story.links)
-    text = f"The heat that {story.node} asks for; shaded where it is clearest."
+    text = f"The heat that {story.node} lacks over time; shaded where it is clearest."
     if story.peak is None:
-        text = f"No node asks for heat beyond chance; {story.node} comes nearest to it."
+        text = f"No node lacks heat beyond chance; {story.node} comes nearest to it."
     return picture(f"{text} {_inputs(story.links)}", figure)
 
 

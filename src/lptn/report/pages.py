@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from lptn.basics.style import new_figure
+from lptn.basics.style import ERROR, new_figure
 from lptn.diagnose.improvement import History
 from lptn.diagnose.scores import confusability, smallest
 from lptn.effects import Effect
@@ -157,7 +157,7 @@ def _conditions(given: Comparison, best: Comparison | None, which: str) -> Pictu
 def _errors(given: Comparison, best: Comparison | None, which: str) -> Picture:
     noise = max(given.floor(node) for node in given.model.nodes)
     fields = error_fields(given), error_fields(best) if best else []
-    figure = fields_figure(*fields, "error [K], predicted − measured", _PALE * noise)
+    figure = fields_figure(*fields, ERROR, _PALE * noise)
     return picture(words.caption_of_errors(which), figure)
 
 

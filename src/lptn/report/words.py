@@ -127,8 +127,8 @@ def _short_missing(history: History, heat: HeatStory) -> tuple[str, str, str]:
     where = "; ".join(f"{place} ({listed(effects)})" if len(places) > 1 else place for place, effects in places.items())
     sure = f"{_short_errors(history)}."
     if refit := _first_refit(history):
-        as_much = "as much" if len(history.steps) == 2 else "as the first of them"
-        sure = f"Chance alone would score {as_much} in {share_by_chance(history.first, refit)} of logs. {sure}"
+        as_high = "as high" if len(history.steps) == 2 else "as high as the first of these"
+        sure = f"Chance alone would score {as_high} in {share_by_chance(history.first, refit)} of logs. {sure}"
     rivals = list(dict.fromkeys(named(*key) for step in added for key in step.indistinguishable))
     if rivals:
         sure += f" On the fitted runs alone, {few(rivals, _FEW)} would do about as well."
@@ -258,7 +258,7 @@ def _sure(history: History, number: int, step: Step) -> str:
     text = f"How sure is step {number}, {named(*step.key)}? "
     refit = _first_refit(history) if number == 1 else None
     if refit is not None:
-        text += f"Chance alone would score as much in {share_by_chance(history.first, refit)} of logs. "
+        text += f"Chance alone would score as high in {share_by_chance(history.first, refit)} of logs. "
     if not step.indistinguishable:
         return text + "Nothing else in the catalogue explains the fitted runs about as well."
     verb = "explains" if len(step.indistinguishable) == 1 else "explain"
@@ -275,7 +275,7 @@ def _which_data(history: History, data: DataSplit) -> str:
     if not data.holdout:
         text += " No data were held out: the steps end where a further effect does not pay for its parameters."
     else:
-        among = f"chose among the {history.considered} models that were followed, and "
+        among = f"chose among the {history.considered} models that were tried, and "
         among = "" if history.considered == 1 else among
         text += f" Held out: {_runs(data.holdout)}. No parameter was fitted to it; it {among}says where the steps end."
     if data.test:
@@ -357,7 +357,7 @@ def caption_of_collinearity(result: Confusability) -> str:
     names = "; ".join(
         "all of them" if len(group) == len(numbers) else listed([numbers[key] for key in group]) for group in groups
     )
-    return f"{text} Linked by {INDISTINGUISHABLE:g} or more, so to first order one answer with several names: {names}."
+    return f"{text} Correlated by {INDISTINGUISHABLE:g} or more, and so one answer with several names: {names}."
 
 
 def caption_of_detectability(sizes: Sequence[Detectable]) -> str:
