@@ -1,11 +1,16 @@
-"""Column tables and --map: what is read, converted and refused."""
+"""Where quantities stand: column tables and --map read, converted, refused, and written as lines to paste."""
 
 from __future__ import annotations
+
+import tomllib
+from collections.abc import Callable
 
 import numpy as np
 import pytest
 
-from lptn.logs.columns import ColumnSource, parse_columns, parse_map_option
+from lptn.logs.columns import ColumnSource, map_option, parse_columns, parse_map_option, toml_line
+
+Refuse = Callable[..., str]
 
 
 @pytest.mark.parametrize(
@@ -100,4 +105,57 @@ def test_map_options_are_read(text: str, key: str, source: ColumnSource) -> None
 @pytest.mark.parametrize("text", ["temperature.a", "=T1", "temperature.a=", "a=T1", "torque.a=M[degC]"])
 def test_a_wrong_map_option_is_named(refuse: object, text: str) -> None:
     assert callable(refuse)
+    refuse("--map", parse_map_option, text)
+
+
+# --- Lines to paste ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        ColumnSource(("T1",)),
+        ColumnSource(("T[3]",)),
+        ColumnSource(("Motor temp [degC]",), "degC"),
+        ColumnSource(("T",), "K", 2.0, -1.5, False, 65536.0, (850.0, -127.0), (-40.0, 2000.0)),
+        ColumnSource(('a "quoted" name',), "K"),
+    ],
+)
+def test_lines_to_paste_are_read_as_they_are_meant(source: ColumnSource) -> None:
+    line = toml_line("temperature.a", source)
+    assert parse_columns(tomllib.loads(line), "m.toml", "[columns]") == {"temperature.a": source}
+    option = map_option("temperature.a", source).removeprefix('--map "').removesuffix('"')
+    assert parse_map_option(option) == ("temperature.a", source)
+
+
+@pytest.mark.parametrize("way", ["norm", "product"])
+def test_lines_of_several_columns(way: str) -> None:
+    source = ColumnSource(("i_d", "i_q"), "mA", product=way == "product")
+    assert parse_columns(tomllib.loads(toml_line("current.a", source)), "m", "[columns]") == {"current.a": source}
+    assert map_option("current.a", source) == ""
+
+
+@pytest.mark.parametrize(
+    ("entry", "found"),
+    [
+        ({"column": "T", "wrap": -1}, "-1"),
+        ({"column": "T", "wrap": 0}, "0"),
+        ({"column": "T", "invalid": "850"}, "'850'"),
+        ({"column": "T", "invalid": []}, "[]"),
+        ({"column": "T", "invalid": [True]}, "[true]"),
+        ({"column": "T", "valid": [3, 1]}, "[3, 1]"),
+        ({"column": "T", "valid": 3}, "3"),
+        ({"column": "T", "product": ["a", "b"]}, "both column and product"),
+        ({"product": ["a"]}, "['a']"),
+    ],
+)
+def test_a_wrong_setting_is_named(refuse: Refuse, entry: dict[str, object], found: str) -> None:
+    assert f"found {found};" in refuse("m.toml", parse_columns, {"temperature.a": entry}, "m.toml", "[columns]")
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["temperature.a=T[degC; invalid=x]", "temperature.a=T[wrap=]", "temperature.a=T[a=1]", "current.a=I[scale=1,5]"],
+)
+def test_a_wrong_word_in_an_option_is_named(refuse: Refuse, text: str) -> None:
     refuse("--map", parse_map_option, text)

@@ -11,7 +11,7 @@ import pytest
 
 from lptn.cli.main import main
 from lptn.logs.columns import ColumnSource, parse_columns, parse_map_option
-from lptn.logs.guess import guess, format_note
+from lptn.logs.guess import format_note, guess
 from lptn.logs.reading import open_table, read_log
 from lptn.robots.presets import presets
 

@@ -1,4 +1,4 @@
-"""Values in another unit, counters that wrap and dead sensors: said with the line that mends it, mended only by it."""
+"""What is wrong with a log: another unit, counters that wrap, dead or coarse sensors; said with what corrects it."""
 
 from __future__ import annotations
 
@@ -10,9 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lptn.logs.columns import ColumnSource, map_option, parse_columns, parse_map_option, toml_line
+from lptn.cli.main import main
+from lptn.logs.columns import ColumnSource, parse_columns, parse_map_option
+from lptn.logs.quality import quantisation_step
 from lptn.logs.reading import read_log
 from lptn.logs.run import Run
+from lptn.robots.presets import presets
 
 Write = Callable[..., Path]
 Refuse = Callable[..., str]
@@ -21,7 +24,7 @@ TIME: list[object] = [float(k) for k in range(100)]
 WARMING = [round(20 + 0.1 * k, 3) for k in range(100)]
 
 
-def mended(said: str) -> dict[str, ColumnSource]:
+def proposed(said: str) -> dict[str, ColumnSource]:
     """The entry that a message proposes, read as the model file's and as the option: both have to be the same."""
     line = re.search(r"write (\S+ = .+?) in \[columns\]", said)
     option = re.search(r'--map "([^"]+)"', said)
@@ -47,13 +50,13 @@ def only(path: Path, columns: dict[str, ColumnSource] | None = None, **options: 
         ("velocity.a", np.array(WARMING) * 100, "rpm", np.array(WARMING) * 100 * np.pi / 30),
     ],
 )
-def test_a_unit_that_can_not_be_is_refused_and_its_mend_mends(
+def test_a_unit_that_can_not_be_is_refused_and_its_remedy_corrects_it(
     write: Write, refuse: Refuse, key: str, values: np.ndarray, looks_like: str, truth: np.ndarray
 ) -> None:
     path = write({"time": TIME, key: values.tolist(), "power.b": TIME})
     said = refuse(path, read_log, path)
     assert looks_like in said
-    np.testing.assert_allclose(only(path, mended(said)).columns[key], truth, rtol=1e-9)
+    np.testing.assert_allclose(only(path, proposed(said)).columns[key], truth, rtol=1e-9)
     # The user's word for the unit as it stands is taken.
     unit = {"temperature.a": "degC", "current.a": "A", "velocity.a": "rad/s"}[key]
     assert not only(path, {key: ColumnSource((key,), unit)}).issues
@@ -72,14 +75,14 @@ def test_a_name_that_says_another_unit_is_heard(write: Write, refuse: Refuse, ke
     path = write({"time": TIME, name: WARMING, "power.b": TIME})
     said = refuse(path, read_log, path, {key: ColumnSource((name,))})
     assert f"whose name says {unit}" in said
-    assert mended(said) == {key: ColumnSource((name,), unit)}
+    assert proposed(said) == {key: ColumnSource((name,), unit)}
 
 
 def test_electrical_turns_are_not_taken_for_the_shaft_s(write: Write, refuse: Refuse) -> None:
     path = write({"time": TIME, "erpm": [1400.0 * k for k in range(100)], "temperature.a": WARMING})
     said = refuse(path, read_log, path, {"velocity.a": ColumnSource(("erpm",))})
     assert "electrical turns, by the column's name" in said
-    run = only(path, mended(said))  # as proposed, for 14 pole pairs
+    run = only(path, proposed(said))  # as proposed, for 14 pole pairs
     assert run.columns["velocity.a"][60] == pytest.approx(60 * 100 * np.pi / 30)
 
 
@@ -91,38 +94,38 @@ def test_time_in_another_unit(write: Write, refuse: Refuse, name: str, factor: f
     path = write({name: [start + factor * k for k in range(100)], "temperature.a": WARMING})
     columns = {} if name == "time" else {"time": ColumnSource((name,))}
     said = refuse(path, read_log, path, columns)
-    assert mended(said) == {"time": ColumnSource((name,), unit)}
-    run = only(path, mended(said))
+    assert proposed(said) == {"time": ColumnSource((name,), unit)}
+    run = only(path, proposed(said))
     assert run.step == pytest.approx(1.0, rel=1e-3)
 
 
-def test_long_steps_of_whole_numbers_are_doubted_only(write: Write) -> None:
+def test_long_steps_of_whole_numbers_are_an_uncertain_issue(write: Write) -> None:
     path = write({"time": [100 * k for k in range(2000)], "temperature.a": [20 + k % 7 for k in range(2000)]})
     (issue,) = only(path).issues
     assert (issue.key, issue.certain) == ("time", False)
     assert "ms" in issue.remedy
 
 
-def test_surroundings_like_a_room_in_fahrenheit_are_doubted(write: Write) -> None:
+def test_surroundings_like_a_room_in_fahrenheit_are_an_issue(write: Write) -> None:
     path = write({"time": TIME, "temperature.a": WARMING, "temperature.ambient": [72.0] * 100})
     (issue,) = only(path).issues
     assert issue.key == "temperature.ambient"
     assert "degF" in issue.problem
-    assert only(path, mended(issue.sentence)).columns["temperature.ambient"][0] == pytest.approx(22.22, abs=0.01)
+    assert only(path, proposed(issue.sentence)).columns["temperature.ambient"][0] == pytest.approx(22.22, abs=0.01)
 
 
-def test_motors_in_fahrenheit_beside_a_room_in_celsius_are_doubted(write: Write) -> None:
+def test_motors_in_fahrenheit_beside_a_room_in_celsius_are_an_issue(write: Write) -> None:
     fahrenheit = [1.8 * value + 32 for value in WARMING]
     path = write({"time": TIME, "temperature.a": fahrenheit, "temperature.ambient": [20.0] * 100})
     (issue,) = only(path).issues
     assert issue.key == "temperature.a"
-    assert mended(issue.sentence)["temperature.a"].unit == "degF"
+    assert proposed(issue.sentence)["temperature.a"].unit == "degF"
 
 
 def test_a_time_counter_of_16_bit(write: Write, refuse: Refuse) -> None:
     path = write({"t": [(5000 + 1000 * k) % 65536 for k in range(100)], "temperature.a": WARMING})
     said = refuse(path, read_log, path, {"time": ColumnSource(("t",), "ms")})
-    source = mended(said)["time"]
+    source = proposed(said)["time"]
     assert (source.wrap, source.unit) == (65536.0, "ms")
     run = only(path, {"time": source})
     np.testing.assert_allclose(run.time, 5.0 + np.arange(100))
@@ -141,7 +144,7 @@ def test_a_current_in_counts_of_16_bit(write: Write, refuse: Refuse) -> None:
     columns = {"current.a": ColumnSource(("c",), "mA")}
     said = refuse(path, read_log, path, columns)
     assert "a counter of 16 bit that wraps" in said
-    run = only(path, mended(said))
+    run = only(path, proposed(said))
     np.testing.assert_allclose(run.columns["current.a"], np.abs(truth) / 1000)
 
 
@@ -150,10 +153,10 @@ def test_counts_that_change_their_sign_from_row_to_row(write: Write, refuse: Ref
     path = write({"time": TIME, "c": [value % 65536 for value in truth], "temperature.a": WARMING})
     said = refuse(path, read_log, path, {"current.a": ColumnSource(("c",), "mA")})
     assert "a counter of 16 bit that wraps" in said
-    np.testing.assert_allclose(only(path, mended(said)).columns["current.a"], np.abs(truth) / 1000)
+    np.testing.assert_allclose(only(path, proposed(said)).columns["current.a"], np.abs(truth) / 1000)
 
 
-def test_a_fault_code_is_said_and_missing_only_when_told(write: Write) -> None:
+def test_a_fault_code_is_noted_and_missing_only_when_mapped(write: Write) -> None:
     readings = list(WARMING)
     for row in (10, 11, 40):
         readings[row] = 850.0
@@ -163,7 +166,7 @@ def test_a_fault_code_is_said_and_missing_only_when_told(write: Write) -> None:
     assert issue.problem.startswith("3 readings of exactly 850 degC")
     assert issue.sentence in run.notes
     assert run.temperature("a")[10] == 850.0
-    run = only(path, mended(issue.sentence))
+    run = only(path, proposed(issue.sentence))
     assert np.flatnonzero(np.isnan(run.temperature("a"))).tolist() == [10, 11, 40]
     assert "temperature.a: 3 of 100 numbers are no readings, by its entry in [columns]." in run.notes
     assert not run.issues
@@ -189,7 +192,7 @@ def test_a_range_of_valid_readings(write: Write) -> None:
     assert np.flatnonzero(np.isnan(run.temperature("a"))).tolist() == [50, 51]
 
 
-def test_a_sensor_that_is_stuck_is_said(write: Write) -> None:
+def test_a_sensor_that_is_stuck(write: Write) -> None:
     rng = np.random.default_rng(1)
     moving = np.round(30 + 0.01 * np.arange(2000) + rng.normal(0, 0.03, 2000), 3)
     stuck = moving.copy()
@@ -212,60 +215,10 @@ def test_a_product_of_voltage_and_current(write: Write) -> None:
     np.testing.assert_allclose(only(path, columns).columns["power.a"], 0.048 * np.arange(100))
 
 
-def test_doubts_do_not_stop_a_reader_who_only_looks(write: Write) -> None:
+def test_issues_do_not_stop_a_reader_who_only_looks(write: Write) -> None:
     path = write({"time": TIME, "temperature.a": [value + 273.15 for value in WARMING]})
     run = only(path, strict=False)
     assert [issue.certain for issue in run.issues] == [True]
-
-
-@pytest.mark.parametrize(
-    "source",
-    [
-        ColumnSource(("T1",)),
-        ColumnSource(("T[3]",)),
-        ColumnSource(("Motor temp [degC]",), "degC"),
-        ColumnSource(("T",), "K", 2.0, -1.5, False, 65536.0, (850.0, -127.0), (-40.0, 2000.0)),
-        ColumnSource(('a "quoted" name',), "K"),
-    ],
-)
-def test_lines_to_paste_are_read_as_they_are_meant(source: ColumnSource) -> None:
-    line = toml_line("temperature.a", source)
-    assert parse_columns(tomllib.loads(line), "m.toml", "[columns]") == {"temperature.a": source}
-    option = map_option("temperature.a", source).removeprefix('--map "').removesuffix('"')
-    assert parse_map_option(option) == ("temperature.a", source)
-
-
-@pytest.mark.parametrize("way", ["norm", "product"])
-def test_lines_of_several_columns(way: str) -> None:
-    source = ColumnSource(("i_d", "i_q"), "mA", product=way == "product")
-    assert parse_columns(tomllib.loads(toml_line("current.a", source)), "m", "[columns]") == {"current.a": source}
-    assert map_option("current.a", source) == ""
-
-
-@pytest.mark.parametrize(
-    ("entry", "found"),
-    [
-        ({"column": "T", "wrap": -1}, "-1"),
-        ({"column": "T", "wrap": 0}, "0"),
-        ({"column": "T", "invalid": "850"}, "'850'"),
-        ({"column": "T", "invalid": []}, "[]"),
-        ({"column": "T", "invalid": [True]}, "[true]"),
-        ({"column": "T", "valid": [3, 1]}, "[3, 1]"),
-        ({"column": "T", "valid": 3}, "3"),
-        ({"column": "T", "product": ["a", "b"]}, "both column and product"),
-        ({"product": ["a"]}, "['a']"),
-    ],
-)
-def test_a_wrong_entry_is_named(refuse: Refuse, entry: dict[str, object], found: str) -> None:
-    assert f"found {found};" in refuse("m.toml", parse_columns, {"temperature.a": entry}, "m.toml", "[columns]")
-
-
-@pytest.mark.parametrize(
-    "text",
-    ["temperature.a=T[degC; invalid=x]", "temperature.a=T[wrap=]", "temperature.a=T[a=1]", "current.a=I[scale=1,5]"],
-)
-def test_a_wrong_word_in_an_option_is_named(refuse: Refuse, text: str) -> None:
-    refuse("--map", parse_map_option, text)
 
 
 def test_a_sensor_that_never_moves_while_others_do(write: Write) -> None:
@@ -276,18 +229,57 @@ def test_a_sensor_that_never_moves_while_others_do(write: Write) -> None:
     assert issue.problem == "reads 25 degC throughout, 699 s"
 
 
-def test_what_is_doubtful_is_said_by_every_command(
-    write: Write, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    from lptn.identify.data import load_model
-    from lptn.robots.presets import presets
-
+def test_every_command_warns_of_issues(write: Write, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     readings = [*WARMING[:50], 850.0, *WARMING[51:]]
     path = write(
         {"time": TIME, "temperature.motor": readings, "torque.motor": TIME, "temperature.ambient": [20.0] * 100}
     )
-    (tmp_path / "model.toml").write_text(presets()["single-motor"])
-    load_model(tmp_path / "model.toml").runs([path])
+    model = tmp_path / "model.toml"
+    model.write_text(presets()["single-motor"])
+    with pytest.raises(SystemExit) as stop:
+        main(["compare", str(model), str(path)])
+    assert not stop.value.code
     said = capsys.readouterr().err
     assert said.count("\n") == 1
     assert said.startswith(f"lptn: {path}: temperature.motor: 1 reading of exactly 850 degC")
+
+
+# --- The step of a coarse sensor is found where there is one, and only there ------------------------------------------
+
+
+rng = np.random.default_rng(3)
+SMOOTH = 25 + 15 * (1 - np.exp(-np.arange(3000) / 800)) + 0.05 * rng.normal(size=3000)
+
+
+@pytest.mark.parametrize("step", [1.0, 0.5, 0.0625, 0.1, 5 / 9])
+def test_a_step_is_found(step: float) -> None:
+    assert quantisation_step(np.round(SMOOTH / step) * step) == pytest.approx(step, rel=1e-3)
+
+
+def test_nan_and_float32_do_not_hide_a_step() -> None:
+    values = (np.round(SMOOTH / 0.0625) * 0.0625 - 273.15 + 273.15).astype(np.float32).astype(np.float64)
+    values[::7] = np.nan
+    assert quantisation_step(values) == pytest.approx(0.0625, rel=1e-3)
+
+
+def test_a_rounded_step_is_found_or_not_but_never_wrong() -> None:
+    adc = 3.3 / 4096 * 400
+    found = quantisation_step(np.round(np.round(SMOOTH / adc) * adc, 2))
+    assert found == 0.0 or found == pytest.approx(adc, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        SMOOTH,
+        np.round(SMOOTH, 2),
+        20 + 0.1 * np.arange(200),
+        np.full(100, 25.0),
+        np.full(100, np.nan),
+        np.array([]),
+        np.repeat([25.0, 85.0], 50),
+    ],
+    ids=["smooth", "two decimals", "ramp", "constant", "nan", "none", "fault code"],
+)
+def test_no_step_where_there_is_none(values: np.ndarray) -> None:
+    assert quantisation_step(values) == 0.0
