@@ -101,8 +101,8 @@ class Model:
         return cast(Made, self.made[key])
 
     def __repr__(self) -> str:
-        sizes = {"states": self.states, "inputs": self.inputs, "free parameters": self.free}
-        counts = ", ".join(f"{len(things)} {what[:-1] if len(things) == 1 else what}" for what, things in sizes.items())
+        sizes = {"state": len(self.states), "input": len(self.inputs), "free parameter": len(self.free)}
+        counts = ", ".join(f"{count} {what}{'s' * (count != 1)}" for what, count in sizes.items())
         return f"<Model {self.network.name}: {counts}>"
 
     @property
