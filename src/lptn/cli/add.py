@@ -30,4 +30,4 @@ def add(
 
     if run and "@" in at:
         raise InputError("command line", "--run", f"'{run}' beside --at {at}", "the run in one place")
-    added(read_model_file(model), effect, f"{at}@{run}" if run else at).write(output)
+    added(read_model_file(model), effect, at, run).write(output)
