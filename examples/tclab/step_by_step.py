@@ -56,7 +56,7 @@ for sentence in advise(history.first, history.last.fit, coarse).sentences:
 _ = plot_history(history)
 show(predictions_figure(*(compare(step.fit.model, data.holdout) for step in (history.steps[0], history.best))))
 
-# %% Second thoughts: the last model without its first rung
+# %% Second thoughts: the last model without its first step
 first = history.steps[1]
 without = continued(history.last.fit, history.last.fit.model.network.without_effect(first.effect, first.at))
 print(f"without {first.effect}: {holdout_errors(without, coarse.holdout).rmse:.2f} K held out")

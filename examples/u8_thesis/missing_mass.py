@@ -1,6 +1,6 @@
 """What the thesis's one-node circuit lacks: logs of a consistent network, its circuit as baseline, `lptn` asked why.
 
-`python examples/u8_thesis/missing_mass.py FOLDER` writes the logs and the improved model there and prints the ladder.
+`python examples/u8_thesis/missing_mass.py FOLDER` writes the logs and the improved model there and prints the steps.
 The logs come from `scipy.integrate.solve_ivp` on the two-node network that meets the thesis's unaltered facts.
 """
 
@@ -55,7 +55,7 @@ def write_logs(folder: Path) -> None:
 
 
 def ask(folder: Path) -> History:
-    """The ladder from the thesis's structure on the logs in a folder; as `lptn improve` climbs it."""
+    """The steps from the thesis's structure, found on the logs in a folder as `lptn improve` finds them."""
     loaded = load_model(Path(__file__).parent / "one_node.toml")
     runs, held = (loaded.runs([folder / f"{name}.csv"]) for name in ("fit", "holdout"))
     history = improve(loaded.model, split_data(runs, held))

@@ -14,7 +14,7 @@ import pytest
 from tests.docs.pages import ROOT
 
 EXAMPLES = ROOT / "examples"
-NOTEBOOKS = ("leg/whole_leg", "tclab/step_by_step", "tclab/ladder_picture")
+NOTEBOOKS = ("leg/whole_leg", "tclab/step_by_step", "tclab/history_picture")
 
 
 def test_a_whole_leg_from_logs_to_forecast(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
@@ -30,9 +30,9 @@ def test_a_whole_leg_from_logs_to_forecast(capsys: pytest.CaptureFixture[str], m
 
 @pytest.mark.slow
 def test_the_picture_of_the_front_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    drawn = tmp_path / "ladder.png"
-    monkeypatch.setattr(sys, "argv", ["ladder_picture.py", str(drawn)])
-    runpy.run_path(str(EXAMPLES / "tclab" / "ladder_picture.py"))
+    drawn = tmp_path / "history.png"
+    monkeypatch.setattr(sys, "argv", ["history_picture.py", str(drawn)])
+    runpy.run_path(str(EXAMPLES / "tclab" / "history_picture.py"))
     assert 10_000 < drawn.stat().st_size < 60_000
 
 

@@ -1,8 +1,8 @@
 # %% [markdown]
-# # The picture of the ladder falling, as the README shows it
+# # The picture of the errors falling, as the README shows it
 #
 # Two heaters fitted on 300 s and predicted for 300 s more, as given and with what `lptn improve` adds; beside it the
-# held-out error, rung by rung. Run it as `python ladder_picture.py ladder.png`, or open it as a notebook.
+# held-out error, step by step. Run it as `python history_picture.py history.png`, or open it as a notebook.
 
 # %%
 import sys
@@ -27,7 +27,7 @@ NODE = 1  # heater2, whose model lacks its neighbour
 
 
 def draw(history: History, given: Prediction, best: Prediction) -> Figure:
-    """Two panels: temperatures in time, errors by rung."""
+    """Two panels: temperatures in time, errors by step."""
     figure = Figure(figsize=(9.0, 3.0), dpi=100, layout="constrained")
     left, right = figure.subplots(1, 2, width_ratios=[1.25, 1.0])
     time = given.bound.run.time
