@@ -8,24 +8,13 @@ import re
 from collections.abc import Iterable, Mapping
 
 from lptn.basics.equations import equation_text
-from lptn.basics.errors import InputError
 from lptn.basics.parameters import Parameter
 from lptn.cli.terminal import show_table
-from lptn.effects import Effect, catalogue
+from lptn.effects import Effect, catalogue, effect_named
 from lptn.logs.resampling import raw_keys
 from lptn.model.heat_balance import input_column
 from lptn.references import Citation, cite, works_cited
 
-_SITES = {
-    "node": "a node",
-    "link": "a link to the surroundings",
-    "edge": 'a pair of nodes `"a~b"` that no link joins',
-    "loss": "another effect's heat at a node",
-    "sensor": "a sensor",
-    "pair": 'a sensor and a neighbour, `"a~b"`',
-    "group": "several nodes at once",
-    "boundary": "a prescribed temperature",
-}
 _OURS = "lptn.effects."
 _MATH = ".. math::"
 _ROLE = re.compile(r":math:`([^`]*)`")
@@ -38,15 +27,11 @@ def show_effects(key: str | None) -> None:
     Raises:
         InputError: no effect has this key.
     """
-    effects = catalogue()
     if key is None:
-        show_table(
-            ("effect", "what it is", "at"), ((name, effect.title, effect.site) for name, effect in effects.items())
-        )
+        rows = ((name, effect.title, effect.site) for name, effect in catalogue().items())
+        show_table(("effect", "what it is", "at"), rows)
         return
-    if key not in effects:
-        raise InputError("effects", "KEY", f"'{key}'", f"one of {', '.join(effects)}")
-    effect = effects[key]
+    effect = effect_named(key, "effects", "KEY")
     print(docstring_text(effect), "", sep="\n")
     rows = [
         (each.name, each.title, each.unit, f"{each.typical:g}", "" if each.off is None else f"{each.off:g}")
@@ -111,7 +96,7 @@ def cited_by(effect: type[Effect]) -> tuple[str, str]:
 
 def where_text(effect: type[Effect]) -> str:
     """Where an effect acts, in words."""
-    words = _SITES[effect.site]
+    words = SITES[effect.site]
     words += "; has a state of its own" if effect.has_state else ""
     words += "; the same for the whole robot" if effect.whole_robot else ""
     return words + ("; also in one run" if effect.per_run else "")
@@ -192,7 +177,7 @@ def catalogue_markdown(effects: Mapping[str, type[Effect]] | None = None) -> str
     """
     chosen = catalogue() if effects is None else effects
     rows = ["| effect | what it is | acts on |", "| --- | --- | --- |"]
-    rows += [f"| [`{key}`](#{key}) | {each.title} | {_SITES[each.site]} |" for key, each in chosen.items()]
+    rows += [f"| [`{key}`](#{key}) | {each.title} | {SITES[each.site]} |" for key, each in chosen.items()]
     return "\n".join([HEAD, *rows, "", *map(_section, chosen.values()), *_works(chosen.values())])
 
 

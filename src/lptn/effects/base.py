@@ -18,6 +18,17 @@ from lptn.basics.places import EVERYWHERE, class_of, edge, expand_pair, matching
 from lptn.effects.excitation import INPUTS_VARY, ExcitationRule
 
 Site = Literal["node", "link", "edge", "loss", "sensor", "pair", "group", "boundary"]
+SITES: Mapping[Site, str] = {
+    "node": "a node",
+    "link": "a link to the surroundings",
+    "edge": 'a pair of nodes `"a~b"` that no link joins',
+    "loss": "another effect's heat at a node",
+    "sensor": "a sensor",
+    "pair": 'a sensor and a neighbour, `"a~b"`',
+    "group": "several nodes at once",
+    "boundary": "a prescribed temperature",
+}
+"""What an effect can act on, in words for people."""
 Symbol = Any
 """A symbolic scalar (`casadi.SX`) or a plain number: an equation is written once for both."""
 Place = tuple[str, tuple[str, ...]]
