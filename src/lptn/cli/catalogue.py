@@ -11,6 +11,7 @@ from lptn.basics.equations import equation_text
 from lptn.basics.parameters import Parameter
 from lptn.cli.terminal import show_table
 from lptn.effects import Effect, catalogue, effect_named
+from lptn.effects.base import SITES
 from lptn.logs.resampling import raw_keys
 from lptn.model.heat_balance import input_column
 from lptn.references import Citation, cite, works_cited
