@@ -49,8 +49,8 @@ torque_constant = 1.0
 # Writes at every better point, and takes its time between them.
 SLOW = """
 import sys, time
-import lptn.checkpoint as checkpoint
-from lptn.cli import main
+import lptn.identify.fitting as checkpoint
+from lptn.cli.main import main
 
 checkpoint._EVERY = 0.0
 keep = checkpoint.Checkpoint.save
