@@ -14,7 +14,7 @@ from tests.hardening.target import command
 
 COMMANDS = (
     "fit {model} {log} -o {out}.toml --json {out}.json",
-    "fit {model} {log} --holdout-after 80 --mirror-weight auto",
+    "fit {model} {log} --holdout-after 80 --symmetry-penalty auto",
     "compare {model} {log} --report {out}.html --plot {out}.png",
     "compare {model} {log} --against {other}",
     "simulate {model} {log} -o {out}.parquet",

@@ -42,12 +42,12 @@ class Tally:
     Args:
         read: cases that were read as good files.
         refused: cases that were refused in one line.
-        found: cases that did anything else, by exception and place.
+        exceptions: cases that did anything else, by exception and place.
     """
 
     read: int = 0
     refused: int = 0
-    found: Counter[str] = field(default_factory=Counter)
+    exceptions: Counter[str] = field(default_factory=Counter)
     examples: dict[str, bytes] = field(default_factory=dict)
     details: dict[str, str] = field(default_factory=dict)
     slowest: float = 0.0
@@ -55,7 +55,7 @@ class Tally:
     @property
     def cases(self) -> int:
         """All cases."""
-        return self.read + self.refused + sum(self.found.values())
+        return self.read + self.refused + sum(self.exceptions.values())
 
 
 def case(target: Target, seed: int, number: int) -> tuple[str, bytes]:
@@ -107,7 +107,7 @@ def _key(kind: str) -> str:
 
 
 def _note(tally: Tally, key: str, content: bytes, detail: str) -> None:
-    tally.found[key] += 1
+    tally.exceptions[key] += 1
     if key not in tally.examples or len(content) < len(tally.examples[key]):
         tally.examples[key], tally.details[key] = content, detail
 
@@ -123,7 +123,7 @@ def run(
             warnings.simplefilter("error")
             end, number = time.monotonic() + seconds, 0
             while number < cases and time.monotonic() < end:
-                before = len(tally.found)
+                before = len(tally.exceptions)
                 signal.setitimer(signal.ITIMER_REAL, _LONGEST, 1.0)  # again and again: IPOPT swallows one
                 try:
                     try_case(target, seed, number, Path(name), tally)
@@ -131,8 +131,8 @@ def run(
                     pass
                 finally:
                     signal.setitimer(signal.ITIMER_REAL, 0)
-                if len(tally.found) > before:
-                    say(f"case {number}: {list(tally.found)[-1]}")
+                if len(tally.exceptions) > before:
+                    say(f"case {number}: {list(tally.exceptions)[-1]}")
                 number += 1
     finally:
         signal.signal(signal.SIGALRM, usual)
@@ -149,7 +149,7 @@ def main() -> None:
     parser.add_argument("--what", choices=[*TARGETS, "all"], default="all")
     parser.add_argument("--minutes", type=float, default=10.0, help="in all")
     parser.add_argument("--seed", type=int, default=time.time_ns() % 10**6)
-    parser.add_argument("--keep", type=Path, help="folder for the cases that were found")
+    parser.add_argument("--keep", type=Path, help="folder for the cases that raise anything else")
     parser.add_argument("--case", type=int, help="only this case: write it to standard output")
     asked = parser.parse_args()
     if asked.case is not None:
@@ -157,21 +157,21 @@ def main() -> None:
         return
     chosen = list(TARGETS) if asked.what == "all" else [asked.what]
     print(f"seed {asked.seed}", flush=True)
-    found = 0
+    exceptions = 0
     for what in chosen:
         tally = run(
             what, asked.seed, seconds=60 * asked.minutes / len(chosen), say=lambda text: print(text, flush=True)
         )
-        counts = f"{tally.cases} cases, {tally.read} read, {tally.refused} refused, {len(tally.found)} exceptions"
+        counts = f"{tally.cases} cases, {tally.read} read, {tally.refused} refused, {len(tally.exceptions)} exceptions"
         print(f"{what}: {counts}, slowest {tally.slowest:.1f} s", flush=True)
-        for number, (key, times) in enumerate(tally.found.most_common()):
+        for number, (key, times) in enumerate(tally.exceptions.most_common()):
             print(f"  {times} x {key}", flush=True)
             if asked.keep is not None:
                 asked.keep.mkdir(parents=True, exist_ok=True)
                 (asked.keep / f"{what}-{number}").write_bytes(tally.examples[key])
                 (asked.keep / f"{what}-{number}.txt").write_text(json.dumps(key) + "\n" + tally.details[key])
-        found += len(tally.found)
-    sys.exit(1 if found else 0)
+        exceptions += len(tally.exceptions)
+    sys.exit(1 if exceptions else 0)
 
 
 if __name__ == "__main__":

@@ -55,7 +55,7 @@ class Command:
 
 
 @dataclass
-class Told:
+class KillTally:
     """What became of the kills of one command."""
 
     kills: int = 0
@@ -169,7 +169,7 @@ def run(command: Command, folder: Path) -> float:
     return time.monotonic() - begun
 
 
-def kill_once(command: Command, folder: Path, after: float, aimed: bool, told: Told) -> None:
+def kill_once(command: Command, folder: Path, after: float, aimed: bool, tally: KillTally) -> None:
     """Kill it some seconds after its start, or after a file changed; then look at what is there."""
     for name in command.fresh:
         shutil.rmtree(folder / name, ignore_errors=True)
@@ -178,17 +178,17 @@ def kill_once(command: Command, folder: Path, after: float, aimed: bool, told: T
         if aimed:
             _wait_for_change(process, folder)
         time.sleep(after)
-        told.ended_before += process.poll() is not None
+        tally.ended_before += process.poll() is not None
         if process.poll() is None:
             os.killpg(process.pid, signal.SIGKILL)
         process.communicate()
-    told.kills += 1
+    tally.kills += 1
     new = _seen(command, folder)
     changed = [name for name in new if new[name] != old.get(name)]
-    told.states["old" if not changed else "new" if len(changed) == len(new) else "some new"] += 1
-    told.wrong += [f"{name} is gone" for name in old if name not in new]
-    told.wrong += [f"{name}: {wrong}" for name, wrong in _broken(command, folder).items()]
-    _clear(folder, told)
+    tally.states["old" if not changed else "new" if len(changed) == len(new) else "some new"] += 1
+    tally.wrong += [f"{name} is gone" for name in old if name not in new]
+    tally.wrong += [f"{name}: {wrong}" for name, wrong in _broken(command, folder).items()]
+    _clear(folder, tally)
 
 
 def _wait_for_change(process: subprocess.Popen[bytes], folder: Path) -> None:
@@ -199,15 +199,15 @@ def _wait_for_change(process: subprocess.Popen[bytes], folder: Path) -> None:
 
 def _names(folder: Path) -> list[tuple[str, int]]:
     places = [folder, *(each for each in folder.iterdir() if each.is_dir() and not each.name.startswith("."))]
-    found = []
+    times = []
     for place in places:
         with os.scandir(place) as entries:
             for entry in entries:
                 try:
-                    found.append((entry.path, entry.stat().st_mtime_ns if entry.is_file() else 0))
+                    times.append((entry.path, entry.stat().st_mtime_ns if entry.is_file() else 0))
                 except FileNotFoundError:
-                    found.append((entry.path, -1))
-    return sorted(found)
+                    times.append((entry.path, -1))
+    return sorted(times)
 
 
 def _seen(command: Command, folder: Path) -> dict[str, int]:
@@ -217,40 +217,40 @@ def _seen(command: Command, folder: Path) -> dict[str, int]:
 
 
 def _broken(command: Command, folder: Path) -> dict[str, str]:
-    found = {}
+    broken = {}
     for pattern, check in command.outputs.items():
         for path in folder.glob(pattern):
             try:
                 if not LEFT.fullmatch(path.name):
                     check(path)
             except Exception as error:
-                found[path.name] = repr(error)
-    return found
+                broken[path.name] = repr(error)
+    return broken
 
 
-def _clear(folder: Path, told: Told) -> None:
+def _clear(folder: Path, tally: KillTally) -> None:
     """Count and remove what the kill left; an hour later the commands would do it."""
     for path in [*folder.rglob(".*.part")]:
         if LEFT.fullmatch(path.name):
-            told.leftovers += 1
+            tally.leftovers += 1
             shutil.rmtree(path) if path.is_dir() else path.unlink()
 
 
-def trial(name: str, kills: int, random: Random, folder: Path) -> Told:
+def trial(name: str, kills: int, random: Random, folder: Path) -> KillTally:
     """Kill one command several times; then let it end."""
-    command, told = COMMANDS[name], Told()
+    command, tally = COMMANDS[name], KillTally()
     took = run(command, folder)
     expected = command.figure(folder)
-    told.wrong += [f"{each}: {wrong}" for each, wrong in _broken(command, folder).items()]
+    tally.wrong += [f"{each}: {wrong}" for each, wrong in _broken(command, folder).items()]
     for number in range(kills):
         aimed = number % 2 == 1
-        kill_once(command, folder, random.uniform(0.0, _AFTER if aimed else took), aimed, told)
+        kill_once(command, folder, random.uniform(0.0, _AFTER if aimed else took), aimed, tally)
     run(command, folder)
-    found = command.figure(folder)
-    if abs(found - expected) > 1e-3 * abs(expected):
-        told.wrong.append(f"{found:g} after the kills, {expected:g} without")
-    told.wrong += [f"at last {each}: {wrong}" for each, wrong in _broken(command, folder).items()]
-    return told
+    figure = command.figure(folder)
+    if abs(figure - expected) > 1e-3 * abs(expected):
+        tally.wrong.append(f"{figure:g} after the kills, {expected:g} without")
+    tally.wrong += [f"at last {each}: {wrong}" for each, wrong in _broken(command, folder).items()]
+    return tally
 
 
 def main() -> None:
@@ -266,12 +266,12 @@ def main() -> None:
         share = len(range(number, asked.kills, len(asked.only)))
         with tempfile.TemporaryDirectory(prefix="lptn-kill-") as place:
             prepare(Path(place), name)
-            told = trial(name, share, random, Path(place))
-        states = ", ".join(f"{state} {count}" for state, count in sorted(told.states.items()))
-        counts = f"{told.kills:5} {told.ended_before:13}  {states}  {told.leftovers}  {len(told.wrong)}"
+            tally = trial(name, share, random, Path(place))
+        states = ", ".join(f"{state} {count}" for state, count in sorted(tally.states.items()))
+        counts = f"{tally.kills:5} {tally.ended_before:13}  {states}  {tally.leftovers}  {len(tally.wrong)}"
         print(f"{name:10} {counts}", flush=True)
-        print(*(f"  {each}" for each in told.wrong), sep="\n", end="\n" if told.wrong else "")
-        wrong += len(told.wrong)
+        print(*(f"  {each}" for each in tally.wrong), sep="\n", end="\n" if tally.wrong else "")
+        wrong += len(tally.wrong)
     sys.exit(1 if wrong else 0)
 
 

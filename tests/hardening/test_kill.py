@@ -12,10 +12,10 @@ from tests.hardening.kill import COMMANDS, prepare, trial
 
 def _killed(name: str, kills: int, folder: Path) -> None:
     prepare(folder, name)
-    told = trial(name, kills, Random(1), folder)
-    assert told.wrong == []
-    assert told.kills == kills
-    assert told.ended_before < kills
+    tally = trial(name, kills, Random(1), folder)
+    assert tally.wrong == []
+    assert tally.kills == kills
+    assert tally.ended_before < kills
 
 
 def test_logs_of_a_virtual_robot_that_was_killed_are_whole(tmp_path: Path) -> None:
