@@ -87,6 +87,32 @@ def test_add_appends_an_effect_and_keeps_the_comments(lptn: Lptn, tmp_path: Path
     assert any(instance.effect.key == "conduction" for instance in read_model_file(target).network.effect_instances)
 
 
+def test_add_takes_the_place_as_diagnose_prints_it(lptn: Lptn, tmp_path: Path) -> None:
+    ways = (("--at", "heater1@monday"), ("--at", "heater1", "--run", "monday"))
+    texts = []
+    for number, words in enumerate(ways):
+        target = tmp_path / f"{number}.toml"
+        assert lptn("add", MODEL, "constant_heat", *words, "-o", target)[0] == 0
+        (effect,) = (each for each in read_model_file(target).network.effects if each.effect.key == "constant_heat")
+        assert (effect.at, effect.run) == ("heater1", "monday")
+        texts.append(target.read_text())
+    assert texts[0] == texts[1]
+    status, _, said = lptn("add", MODEL, "constant_heat", *ways[0], "--run", "friday", "-o", tmp_path / "x.toml")
+    assert (status, said) == (
+        2,
+        "lptn: command line: --run: found 'friday' beside --at heater1@monday; expected the run in one place\n",
+    )
+
+
+@pytest.mark.parametrize(
+    "words", [("add", MODEL, "convection", "--at", "*", "-o", "x.toml"), ("effects", "convection")]
+)
+def test_effects_of_a_like_name_are_offered(words: tuple[object, ...], lptn: Lptn) -> None:
+    status, _, said = lptn(*words)
+    assert status == 2
+    assert "forced_convection or natural_convection" in said
+
+
 def test_diagnose_writes_the_agreed_json(lptn: Lptn, short_log: Path, tmp_path: Path) -> None:
     found = tmp_path / "diagnosis.json"
     status, out, _ = lptn("diagnose", MODEL, short_log, "--holdout-after", 110, "--json", found)
