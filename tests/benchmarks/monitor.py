@@ -2,8 +2,8 @@
 
 Run it with ``python tests/benchmarks/monitor.py --seeds 101``; some minutes a seed. The truth comes from
 `lptn.virtual`, which shares no code with the model. The model is fitted on other logs of the same robot: the
-protocol and tests of [QuadrupedLPTN], and ten healthy outings of an earlier day. The same logs calibrate the statistical
-detector.
+protocol and tests of [QuadrupedLPTN], and ten healthy outings of an earlier day. The same logs calibrate the
+statistical detector.
 """
 
 from __future__ import annotations

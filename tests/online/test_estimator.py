@@ -96,6 +96,18 @@ def test_the_transition_is_the_derivative_of_the_step(length: float) -> None:
     assert augmented.step(z, u, length).transition == pytest.approx(by_hand, abs=2e-6 * length)
 
 
+def test_a_long_step_of_a_linear_model_is_that_of_many_short_ones(model: Model) -> None:
+    """Up to the missing heat, which a long step holds: it fades by 3 % in 30 s of 900 s."""
+    augmented = AugmentedModel(model, ModelError(heat=1.0, heat_time=900.0), (), np.zeros(0))
+    z, u = np.array([40.0, 25.0, 1.0, -1.0]), np.array(list(inputs_of(model).values()))
+    one, other = augmented.long_step(z, u, 30.0), augmented.step(z, u, 30.0)
+    assert one.states == pytest.approx(other.states, rel=2e-4)
+    assert one.transition == pytest.approx(other.transition, rel=0.02, abs=1e-4)
+    assert one.added == pytest.approx(other.added, rel=0.1, abs=1e-3)
+    still = np.array([40.0, 25.0, 0.0, 0.0])
+    assert augmented.long_step(still, u, 30.0).states == pytest.approx(augmented.step(still, u, 30.0).states, rel=1e-4)
+
+
 def test_without_errors_the_step_is_the_models_own(model: Model) -> None:
     augmented = AugmentedModel(model, ModelError(heat=0.0), (), np.zeros(0))
     x, u = np.array([40.0, 25.0]), np.array(list(inputs_of(model).values()))

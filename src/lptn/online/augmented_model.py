@@ -19,7 +19,7 @@ import numpy as np
 from lptn.basics.arrays import FloatArray
 from lptn.basics.parameters import Transform
 from lptn.model.model import Model
-from lptn.simulate.dynamics import RATE_OF_A_STEP, runge_kutta_derivative
+from lptn.simulate.dynamics import RATE_OF_A_STEP, runge_kutta_derivative, zero_order_hold
 
 # --- How wrong a model may be ---------------------------------------------------------------------
 
@@ -228,8 +228,7 @@ class AugmentedModel:
         fastest = max(float(np.abs(self.rates_by_state(z, u)).sum(axis=1).max()), self._fastest)
         substeps = max(1, ceil(h * fastest / RATE_OF_A_STEP))
         h /= substeps
-        # Variance that each state gains in a substep, such that fading errors keep their size in the long run.
-        half = 0.5 * (2 * self._fading * np.tanh(h / self._times) + self._walks * h)
+        half = 0.5 * self._gained(h)
         z, transition = self._runge_kutta(z, u, h)
         added = _spread(transition, half)
         for _ in range(substeps - 1):
@@ -237,6 +236,21 @@ class AugmentedModel:
             transition = by_last @ transition
             added = by_last @ added @ by_last.T + _spread(by_last, half)
         return Step(z, transition, added)
+
+    def long_step(self, z: FloatArray, u: FloatArray, h: float) -> Step:
+        """Advance by a step longer than the fastest time constant, by the exact hold of the linearisation at its start.
+
+        Errors are held over the step, and fade behind it. Of a nonlinear model the states are right to second order.
+        """
+        a = self.rates_by_state(z, u)
+        states = self.layout.states
+        transition, integral = zero_order_hold(a, h)
+        fading = np.where(self._fading > 0, np.exp(-h / self._times), 1.0)
+        whole, following = np.diag(fading), fading * z
+        whole[states] = integral @ self._jacobian.T[states]
+        whole[states, states] = transition
+        following[states] = z[states] + integral @ self._slope[states]
+        return Step(following, whole, _spread(whole, 0.5 * self._gained(h)))
 
     def readings(self, z: FloatArray) -> tuple[FloatArray, FloatArray]:
         """What the sensors read [degC], shape (nodes,), and its derivative, shape (nodes, z)."""
@@ -255,6 +269,11 @@ class AugmentedModel:
         self._z[:], self._u[:] = z, u
         self._rate()
         return self._jacobian[self.layout.states, self.layout.states].T
+
+    def _gained(self, h: float) -> FloatArray:
+        """Variance that each state gains in `h` seconds, such that fading errors keep their size in the long run."""
+        gained: FloatArray = 2 * self._fading * np.tanh(h / self._times) + self._walks * h
+        return gained
 
     def _runge_kutta(self, z: FloatArray, u: FloatArray, h: float) -> tuple[FloatArray, FloatArray]:
         self._z[:], self._u[:], self._h[0] = z, u, h

@@ -415,7 +415,7 @@ def _held(estimator: Estimator, point: OperatingPoint) -> tuple[FloatArray, Floa
         deviation.append(np.sqrt(np.maximum(np.sum((by_state @ covariance) * by_state, axis=1), 0.0)))
         if time[-1] >= horizon:
             break
-        moved = augmented.step(z, point.inputs, step)
+        moved = augmented.long_step(z, point.inputs, step)
         z = moved.states
         if not np.isfinite(z).all() or z[states].max() > _HOTTEST:
             break
