@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
+from lptn.basics.style import BEST, FAINT, GIVEN, INK, MEASURED, OPENING, dress, show
 from lptn.diagnose.improvement import History, improve
 from lptn.identify.comparison import Prediction, compare
 from lptn.identify.data import load_model, split_data
-from lptn.basics.style import BEST, FAINT, GIVEN, INK, MEASURED, OPENING, dress, show
 from lptn.report.text import place_of, title_of
 
 here = Path(__file__).parent if "__file__" in globals() else Path.cwd()

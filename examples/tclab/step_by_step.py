@@ -7,6 +7,7 @@
 # %%
 from pathlib import Path
 
+from lptn.basics.style import show
 from lptn.diagnose.advice import advise
 from lptn.diagnose.candidates import candidates
 from lptn.diagnose.diagnosis import continued, for_search, refit
@@ -16,9 +17,8 @@ from lptn.diagnose.unexplained_heat import largest, unexplained_heat
 from lptn.identify.comparison import compare
 from lptn.identify.data import load_model, split_data
 from lptn.identify.validation import fit_segments, holdout_errors
-from lptn.report.diagnosis_figures import plot_history
 from lptn.report.comparison_figures import comparison_figure, predictions_figure
-from lptn.basics.style import show
+from lptn.report.diagnosis_figures import plot_history
 
 here = Path(__file__).parent if "__file__" in globals() else Path.cwd()  # a notebook runs in its folder
 loaded = load_model(here / "two_heaters.toml")

@@ -15,9 +15,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from lptn.basics.files import write_whole
+from lptn.basics.style import INK, SMALL, dress, new_figure
 from lptn.planners.trade import Option, Problem, parse_study
 from lptn.planners.trade.motors import U8, U10
-from lptn.basics.style import INK, SMALL, dress, new_figure
 
 DURATIONS = (1.0, 3.0, 10.0, 20.0, 30.0, 60.0, 120.0, 180.0, 300.0, 600.0, 1800.0, 3600.0)  # s
 SHOWN = (10.0, 60.0, 180.0, 3600.0)  # s

@@ -11,8 +11,7 @@ from lptn.identify.fitting import fit
 from lptn.logs.run import Run
 from lptn.model.model import Model
 from lptn.model.network import EffectDeclaration, Network
-from tests.builders import bound_runs
-from tests.builders import AMBIENT, effect, link, make_run, node
+from tests.builders import AMBIENT, bound_runs, effect, link, make_run, node
 
 N, PARTS, NOISE = 2400, 5, 0.03  # s, Euler steps a second, K
 TRUTH = {

@@ -13,8 +13,8 @@ from lptn.model.file import read_model_file
 from lptn.model.model import Model
 from lptn.planners.mission import Plan, plan_kind
 from lptn.robots.presets import preset_text
-from tests.builders import bound_runs
 from lptn.virtual import Options, Run, Segment, quadruped_logs, write_quadruped
+from tests.builders import bound_runs
 
 LIMIT, LOADS = 58.0, (0, 4)
 STRETCHES = ((10, 390), (710, 1090), (1410, 1690))  # s, in which it trots
