@@ -6,6 +6,7 @@ import os
 from pathlib import Path
 from typing import Annotated, Literal
 
+import cyclopts
 from cyclopts import Parameter as Option
 
 from lptn.basics.errors import InputError
@@ -14,17 +15,19 @@ Shell = Literal["bash", "zsh", "fish"]
 _SHELLS: tuple[Shell, ...] = ("bash", "zsh", "fish")
 
 
-def install_completion(
-    *, shell: Annotated[Shell | None, Option(help="By default the one that $SHELL names.")] = None
-) -> None:
-    """Let the TAB key complete commands and options from the next shell on.
+def add_completion(app: cyclopts.App) -> None:
+    """Give an app the command `--install-completion`."""
 
-    Example: lptn --install-completion --shell bash
-    """
-    from lptn.cli.main import app
+    @app.command(name="--install-completion")
+    def install_completion(
+        *, shell: Annotated[Shell | None, Option(help="By default the one that $SHELL names.")] = None
+    ) -> None:
+        """Let the TAB key complete commands and options from the next shell on.
 
-    found = app.install_completion(shell=shell or _own_shell())
-    print(f"{found}: read from the next shell on")
+        Example: lptn --install-completion --shell bash
+        """
+        path = app.install_completion(shell=shell or _own_shell())
+        print(f"{path}: read from the next shell on")
 
 
 def _own_shell() -> Shell:

@@ -14,7 +14,7 @@ from lptn.basics.processes import heard_interrupts
 from lptn.cli.add import add
 from lptn.cli.check import check
 from lptn.cli.compare import compare
-from lptn.cli.completion import install_completion
+from lptn.cli.completion import add_completion
 from lptn.cli.cosim import cosim
 from lptn.cli.diagnose import diagnose
 from lptn.cli.effects import effects
@@ -59,7 +59,7 @@ for _command in (
     motor,
 ):
     app.command(_command)
-app.command(install_completion, name="--install-completion")
+add_completion(app)
 
 
 def main(words: Sequence[str] | None = None) -> None:
