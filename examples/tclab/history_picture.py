@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from lptn.basics.style import BEST, FAINT, GIVEN, INK, MEASURED, OPENING, dress, show
+from lptn.basics.style import BEST, FAINT, GIVEN, INK, MEASURED, SHADE, dress, show
 from lptn.diagnose.improvement import History, improve
 from lptn.identify.comparison import Prediction, compare
 from lptn.identify.data import load_model, split_data
@@ -31,7 +31,7 @@ def draw(history: History, given: Prediction, best: Prediction) -> Figure:
     figure = Figure(figsize=(9.0, 3.0), dpi=100, layout="constrained")
     left, right = figure.subplots(1, 2, width_ratios=[1.25, 1.0])
     time = given.bound.run.time
-    left.axvspan(time[0], given.segment.initialisation[1], color=OPENING, linewidth=0)
+    left.axvspan(time[0], given.segment.initialisation[1], color=SHADE, linewidth=0)
     left.plot(time, given.readings[NODE], label="model as given", **GIVEN)
     left.plot(time, best.readings[NODE], label="with what was missing", **BEST)
     left.plot(time, given.bound.measured[NODE], label="measured", **(MEASURED | {"linewidth": 1.2}))

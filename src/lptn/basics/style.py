@@ -25,7 +25,7 @@ from lptn.basics.arrays import FloatArray
 WIDTH = 9.0  # inch; fills a laptop's page and still prints legibly on A4
 TEXT, SMALL, TINY = 9.0, 8.0, 6.5  # pt
 INK, FAINT = "black", "0.55"
-OPENING, NOISE = "0.93", "0.85"
+SHADE, NOISE = "0.93", "0.85"
 ERROR = "error [K]:\npredicted\n− measured"
 """The label of every axis of errors."""
 LIMIT = "#CC0000"  # of limits and alarms, and of nothing else

@@ -23,8 +23,8 @@ from lptn.basics.style import (
     GIVEN,
     MEASURED,
     NOISE,
-    OPENING,
     RMSE_MAP,
+    SHADE,
     SMALL,
     TEXT,
     TINY,
@@ -121,7 +121,7 @@ def _shaded_time(ax: Axes, prediction: Prediction) -> tuple[Any, str]:
     time, label = time_axis(prediction.bound.run.time)
     end = initialisation_end(prediction)
     if end is not None:
-        ax.axvspan(float(time[0]), end / (60 if label.endswith("[min]") else 1), color=OPENING, zorder=0, linewidth=0)
+        ax.axvspan(float(time[0]), end / (60 if label.endswith("[min]") else 1), color=SHADE, zorder=0, linewidth=0)
     dress(ax)
     return time, label
 
@@ -224,7 +224,7 @@ def _draw_predictions(
     handles.append(Line2D([], [], label=plain(names[0]) if best else "model", **GIVEN))
     handles += [Line2D([], [], label=plain(names[1]), **BEST)] if best else []
     if any(initialisation_end(prediction) is not None for prediction in given.predictions):
-        handles.append(Patch(color=OPENING, label="finds the start"))
+        handles.append(Patch(color=SHADE, label="finds the start"))
     handles.append(Patch(color=NOISE, label="sensor noise"))
     figure.legend(handles=handles, loc="outside upper center", ncols=5, frameon=False, fontsize=SMALL)
 

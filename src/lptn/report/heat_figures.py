@@ -20,7 +20,7 @@ from lptn.basics.style import (
     FAINT,
     GIVEN,
     INK,
-    OPENING,
+    SHADE,
     SMALL,
     TEXT,
     decimated,
@@ -218,7 +218,7 @@ def plot_heat(
     ax = new_axes(_HEAT) if ax is None else ax
     unit, label = _time_unit(given.time)
     if peak is not None:
-        ax.axvspan(peak.start / unit, peak.stop / unit, color=OPENING, zorder=0)
+        ax.axvspan(peak.start / unit, peak.stop / unit, color=SHADE, zorder=0)
     for heat, style, name in ((given, GIVEN, "model as given" if best else "model"), (best, BEST, "best model")):
         if heat is not None and node in heat.nodes:
             row = heat.nodes.index(node)
@@ -261,7 +261,7 @@ def heat_figure(
     unit, _ = _time_unit(given.time)
     for ax, link in zip(axes[1:], links, strict=True):
         if peak is not None:
-            ax.axvspan(peak.start / unit, peak.stop / unit, color=OPENING, zorder=0)
+            ax.axvspan(peak.start / unit, peak.stop / unit, color=SHADE, zorder=0)
         ax.plot(*decimated(run.time / unit, run.columns[link.column]), color=INK, linewidth=0.7)
         ax.set_ylabel(f"[{_UNITS.get(link.column.partition('.')[0], 'as logged')}]", size=SMALL)
         what = f"{link.column}, whose square" if link.squared else f"{link.column}, which"
