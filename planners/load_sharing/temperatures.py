@@ -9,10 +9,10 @@ import numpy as np
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.model.model import Model
+from lptn.simulate.dynamics import RATE_OF_A_STEP, fastest_rate
 
 _STEPS = 256  # that one call takes
 _FINE = 1.0  # s
-_RATE = 1.0  # greatest product of a step and the fastest rate
 _NUDGE = 1.0  # (N·m)², by which a squared torque is moved to see what it adds
 
 
@@ -143,6 +143,6 @@ class StandingTemperatures:
 
     def _step(self, x: FloatArray, torques: FloatArray, longest: float, horizon: float | None = None) -> float:
         """A step that is short for the fastest rate; where there is a horizon, a whole number of blocks of it."""
-        jacobian = self.model.state_jacobian(x, self._inputs(torques[:, None])[:, 0], self._values).full()
-        h = min(longest, _RATE / max(float(np.abs(np.linalg.eigvals(jacobian)).max()), 1e-12))
+        fastest = fastest_rate(self.model, x, self._inputs(torques[:, None])[:, 0], self._values)
+        h = min(longest, RATE_OF_A_STEP / max(fastest, 1e-12))
         return h if horizon is None else horizon / (_STEPS * max(1, int(np.ceil(horizon / (_STEPS * h)))))

@@ -9,6 +9,7 @@ import numpy as np
 
 from lptn.basics.arrays import FloatArray
 from lptn.model.model import Model
+from lptn.simulate.dynamics import fastest_rate
 
 from .mission import Mission, Segment
 
@@ -77,5 +78,4 @@ def simulate_plan(
 
 
 def _step(model: Model, x: FloatArray, u: FloatArray) -> float:
-    fastest = float(np.abs(np.linalg.eigvals(model.state_jacobian(x, u, model.values).full())).max())
-    return min(_STEP, _RATE / max(fastest, 1e-12))
+    return min(_STEP, _RATE / max(fastest_rate(model, x, u, model.values), 1e-12))

@@ -92,10 +92,10 @@ class Layout(NamedTuple):
     def of(cls, model: Model, error: ModelError, parameters: int) -> Layout:
         """The layout for a model and the errors allowed; an error of size 0 takes no place, but for inputs."""
         nodes = len(model.nodes)
-        heat = by_node(error.heat, model.nodes).any() or by_node(error.change, model.nodes).any()
-        bias = by_node(error.bias, model.nodes).any()
+        heat = bool(by_node(error.heat, model.nodes).any() or by_node(error.change, model.nodes).any())
+        bias = bool(by_node(error.bias, model.nodes).any())
         lengths = (len(model.states), nodes * heat, nodes * bias, int(error.air > 0), len(error.inputs), parameters)
-        return cls(*(slice(start, stop) for start, stop in pairwise(accumulate(map(int, lengths), initial=0))))
+        return cls(*(slice(start, stop) for start, stop in pairwise(accumulate(lengths, initial=0))))
 
     @property
     def size(self) -> int:

@@ -22,6 +22,7 @@ from lptn.online.fault_likelihood import (
 )
 from lptn.online.sensor_faults import (
     Alarm,
+    Kind,
     MonitoredRun,
     believable,
     dropouts,
@@ -187,5 +188,5 @@ def _first(model: Model, coarse: BoundRun, measured: FloatArray, calibration: Ca
 
 def _alarm(node: str, statistics: FaultStatistics, row: int, calibration: Calibration, time: float) -> Alarm:
     kind = int((statistics.weight[:, row] / calibration.limits[:, row]).argmax())
-    name = "drift" if kind == DRIFT else "offset"
+    name: Kind = "drift" if kind == DRIFT else "offset"
     return Alarm(node, name, time, float(statistics.onset[kind, row]), float(statistics.size[kind, row]))

@@ -28,6 +28,11 @@ RATE_OF_A_STEP = 1.0
 too large; RK4 is stable up to 2.78."""
 
 
+def fastest_rate(model: Model, x: FloatArray, u: FloatArray, p: FloatArray) -> float:
+    """Largest eigenvalue of the linearised rates at a point [1/s], shapes (states,), (inputs,), (m,)."""
+    return float(np.abs(np.linalg.eigvals(model.state_jacobian(x, u, p).full())).max())
+
+
 class Linearisation:
     """Derivatives of a model's rates and readings at many points of a trajectory at once.
 

@@ -47,7 +47,7 @@ class Piece:
     @property
     def stop(self) -> int:
         """Number of the end behind the last one."""
-        return self.first + self.readings.shape[1]
+        return self.first + int(self.readings.shape[1])
 
     def joined(self, following: Piece) -> Piece:
         """With the piece behind it, which begins at this one's last end."""
