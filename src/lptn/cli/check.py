@@ -272,7 +272,7 @@ def _show_nodes(model: Model, bound_runs: Sequence[BoundRun]) -> None:
         else:
             rows.append((node, "not measured", "", "", ""))
     print()
-    show_table(("node", "from", "to", "missing", "noise floor"), rows)
+    show_table(("node", ">from", ">to", ">missing", ">noise floor"), rows)
 
 
 def _show_excitation(excited: Excitation) -> None:

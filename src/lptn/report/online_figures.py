@@ -101,7 +101,7 @@ def forecast_figure(forecast: Forecast) -> Figure:
             ax.set_xlabel("")
     handles = [
         Line2D([], [], label="measured", **MEASURED),
-        Line2D([], [], label="expected", **GIVEN),
+        Line2D([], [], label="predicted", **GIVEN),
         Patch(color=GIVEN["color"], alpha=0.25, label=f"{forecast.coverage:.0%} interval"),
         Line2D([], [], color=LIMIT, linewidth=1.2, label="limit"),
         Line2D([], [], color=INK, linewidth=3.0, marker="o", markersize=4, label="time to the limit, interval"),
