@@ -29,8 +29,8 @@ def show_effects(key: str | None) -> None:
         InputError: no effect has this key.
     """
     if key is None:
-        rows = ((name, effect.title, effect.site) for name, effect in catalogue().items())
-        show_table(("effect", "what it is", "at"), rows)
+        listed = ((name, effect.title, effect.site) for name, effect in catalogue().items())
+        show_table(("effect", "what it is", "at"), listed)
         return
     effect = effect_named(key, "effects", "KEY")
     print(docstring_text(effect), "", sep="\n")
