@@ -8,13 +8,15 @@ import signal
 import subprocess
 import sys
 import time
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
 
 from tests.fleet.truth import MODEL, write_fleet
 
-pytest.importorskip("distributed")
+# Found, not imported: that takes seconds, and only the processes below need it.
+pytestmark = pytest.mark.skipif(find_spec("distributed") is None, reason="needs the extra `fleet`")
 
 # A process of its own: it is killed, and a cluster in the tests' process would leave threads behind.
 SCRIPT = """
