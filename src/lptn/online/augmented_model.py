@@ -26,7 +26,7 @@ from lptn.simulate.dynamics import RATE_OF_A_STEP, runge_kutta_derivative, zero_
 Sizes = float | Mapping[str, float]
 
 BIAS_TIME = 3600.0
-"""s; time constant of heat that is missing all along: as long as a run."""
+"""s; time constant of the lasting part of missing heat: as long as a run."""
 
 
 @dataclass(frozen=True)

@@ -92,7 +92,7 @@ def monitor(
         threshold: of the plain detector [K].
         calibration: from `calibrate`; without it cautious guesses serve.
         rmse: of the model's fit [K], for those guesses.
-        report: told what is being done.
+        report: gets a line on what is being done.
 
     Raises:
         InputError: a run lacks an input, or measures none of the model's nodes.
