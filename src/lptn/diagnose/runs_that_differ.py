@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 from scipy.optimize import least_squares
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from lptn.basics.arrays import BoolArray, FloatArray
 from lptn.basics.parameters import Parameter
@@ -211,7 +211,7 @@ def _stands_out(fit: Fit, before: Prediction) -> bool:
         usual = float(np.concatenate(of_fit).mean()) if any(each.size for each in of_fit) else 0.0
         # A sensor's steps do not average out while the temperature stands.
         noise = fit.noise.white[row] ** 2 / size + fit.noise.step[row] ** 2 / 12
-        chance = noise * float(chi2.ppf(0.95, squares.size)) / squares.size
+        chance = noise * float(chdtri(squares.size, 0.05)) / squares.size
         if squares.mean() > max(CLEARLY**2 * usual, LACKING * chance, NEGLIGIBLE**2):
             return True
     return False

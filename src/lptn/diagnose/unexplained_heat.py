@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from math import ceil
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from lptn.basics.arrays import FloatArray, IntArray
 from lptn.basics.processes import one_blas_thread
@@ -49,7 +49,7 @@ class UnexplainedHeat:
     def clear(self) -> FloatArray:
         """By how much the heat's size exceeds zero [W] with 95 % confidence over all nodes and minutes, (nodes, n)."""
         comparisons = len(self.nodes) * max(1.0, self.time.size * self.seconds / _INDEPENDENT)
-        widened = float(norm.isf(0.025 / comparisons)) / _WIDE
+        widened = -float(ndtri(0.025 / comparisons)) / _WIDE
         return np.asarray(np.maximum(np.abs(self.heat) - widened * self.band, 0.0))
 
 
