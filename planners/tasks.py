@@ -196,8 +196,6 @@ def check_folder(folder: Path | None, kind: Kind[Any], origin: str) -> None:
         raise InputError(folder, "--emit-c", "no such folder", "a folder in one that exists")
 
 
-def write_c(kind: Kind[Any], task: Any, folder: Path) -> None:
-    """Write a kind's C code into a folder that `check_folder` has passed."""
-    if isinstance(kind, EmitsC):
-        for path in kind.emit_c(task, folder):
-            print(f"wrote {path}")
+def write_c(kind: Kind[Any], task: Any, folder: Path) -> list[Path]:
+    """Write a kind's C code into a folder that `check_folder` has passed; the files that were written."""
+    return list(kind.emit_c(task, folder)) if isinstance(kind, EmitsC) else []

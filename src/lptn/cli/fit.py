@@ -118,7 +118,8 @@ def _fit_one(
     if output is not None:
         study.save(output)
     tried = [{"weight": each.symmetry_penalty, "rmse_holdout": each.holdout.rmse} for each in study.symmetry_trials]
-    write_json(json, done.as_json() | {"rmse_holdout": held_out.rmse if held_out else None, "mirror_weights": tried})
+    more = {"rmse_holdout": held_out.rmse if held_out else None, "symmetry_trials": tried}
+    write_json(json, done.as_json() | more | {"mirror_weights": tried})  # the last by its former name
 
 
 def _show_symmetry_trials(trials: Sequence[SymmetryTrial]) -> None:

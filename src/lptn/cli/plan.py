@@ -54,4 +54,5 @@ def plan(
         write_figure(answer.figure(), plot)
     write_json(json, answer.as_json())
     if emit_c is not None:
-        write_c(kind, asked, emit_c)
+        for path in write_c(kind, asked, emit_c):
+            print(f"wrote {path}")

@@ -81,7 +81,11 @@ INPUTS_VARY = ExcitationRule("its inputs change from minute to minute", lambda l
 
 
 def hot(rise: float = _RISE) -> ExcitationRule:
-    """What bends with temperature: a rise [K] above the surroundings, passed through at more than one load."""
+    """What bends with temperature: a rise above the surroundings, passed through at more than one load.
+
+    Args:
+        rise: of the hottest node [K].
+    """
 
     def lacking(logs: Excitation, _: Collection[str]) -> str:
         if logs.rise < rise:

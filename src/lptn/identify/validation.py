@@ -135,7 +135,7 @@ def symmetry_trials(
         expected = 'free parameters with share = "sides" on a left and a right joint'
         raise InputError(model.network.origin, "symmetry penalty", "no left-right pair to weigh", expected)
     if not data.holdout:
-        raise InputError("command line", "--mirror-weight auto", "nothing held out", "--holdout or --holdout-after")
+        raise InputError("command line", "--symmetry-penalty auto", "nothing held out", "--holdout or --holdout-after")
     coarse = data.coarsened(_SEARCH_STEP)
     trials: list[SymmetryTrial] = []
     for penalty in penalties:
