@@ -64,7 +64,7 @@ def test_a_broken_plug_in_is_named_in_one_line_and_left_out(
     ("word", "offered"),
     [
         ("convection", "forced_convection or natural_convection ("),
-        ("friction", "coulomb_friction or viscous_friction ("),
+        ("dry_friction", " or ".join(key for key in catalogue() if "friction" in key) + " ("),
         ("coper_loss", "expected copper_loss ("),
         ("zzzz", "expected one of "),
     ],

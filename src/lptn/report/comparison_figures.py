@@ -121,7 +121,8 @@ def _shaded_time(ax: Axes, prediction: Prediction) -> tuple[Any, str]:
     time, label = time_axis(prediction.bound.run.time)
     end = initialisation_end(prediction)
     if end is not None:
-        ax.axvspan(float(time[0]), end / (60 if label.endswith("[min]") else 1), color=SHADE, zorder=0, linewidth=0)
+        stop = end / (60 if label.endswith("[min]") else 1)
+        ax.axvspan(float(time[0]), stop, color=SHADE, zorder=0, linewidth=0, label="finds the start")
     dress(ax)
     return time, label
 
