@@ -69,6 +69,7 @@ def test_fit_writes_values_errors_and_the_fingerprint(lptn: Lptn, short_log: Pat
     )
 
 
+@pytest.mark.long
 def test_compare_writes_the_agreed_json_and_a_picture(lptn: Lptn, short_log: Path, tmp_path: Path) -> None:
     found, picture = tmp_path / "compare.json", tmp_path / "compare.png"
     status, out, _ = lptn("compare", MODEL, short_log, "--json", found, "--plot", picture)
@@ -113,6 +114,7 @@ def test_effects_of_a_like_name_are_offered(words: tuple[object, ...], lptn: Lpt
     assert "forced_convection or natural_convection" in said
 
 
+@pytest.mark.long
 def test_diagnose_writes_the_agreed_json(lptn: Lptn, short_log: Path, tmp_path: Path) -> None:
     found = tmp_path / "diagnosis.json"
     status, out, _ = lptn("diagnose", MODEL, short_log, "--holdout-after", 110, "--json", found)
@@ -135,6 +137,7 @@ def test_diagnose_writes_the_agreed_json(lptn: Lptn, short_log: Path, tmp_path: 
         }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("option", ["--steps", "--rungs"])  # the second is an older name
 def test_improve_writes_model_history_and_report(option: str, lptn: Lptn, short_log: Path, tmp_path: Path) -> None:
     better, history, story = tmp_path / "better.toml", tmp_path / "ladder.json", tmp_path / "story.html"
@@ -179,6 +182,7 @@ def test_nothing_is_said_on_the_error_stream_when_nobody_watches(lptn: Lptn, sho
     assert lptn("fit", MODEL, short_log)[2] == ""
 
 
+@pytest.mark.long
 def test_ctrl_c_ends_a_search_in_one_line_and_writes_nothing(tmp_path: Path) -> None:
     code = "import sys; from lptn.cli.main import main; print('ready', flush=True); main(sys.argv[1:])"
     words = ["improve", str(MODEL), str(LOG), "--holdout-after", "300", "-o", str(tmp_path / "better.toml")]

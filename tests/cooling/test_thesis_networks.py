@@ -37,6 +37,7 @@ def test_the_matrix_exponential_agrees_with_an_integrator(thesis: Thesis) -> Non
     assert passive.rise(15.0, np.array([10.0, 200.0])) == pytest.approx(path, abs=1e-6)
 
 
+@pytest.mark.long
 def test_facts_that_contradict_each_other_show(thesis: Thesis) -> None:
     facts = thesis("facts")
     same = facts.fit(facts.SAME, facts.LITERAL, starts=2).chi_squared
@@ -69,6 +70,7 @@ def test_ready_models_hold_the_recommended_network(preset: str, thesis: Thesis) 
     assert path[:, -1] - 21.5 == pytest.approx(circuit.rise(15.0, np.array([200.0]))[:, 0], abs=1e-4)
 
 
+@pytest.mark.long
 def test_lptn_finds_that_a_thermal_mass_is_missing(thesis: Thesis, tmp_path: Path) -> None:
     example = thesis("missing_mass")
     example.write_logs(tmp_path)
@@ -82,6 +84,7 @@ def test_lptn_finds_that_a_thermal_mass_is_missing(thesis: Thesis, tmp_path: Pat
     assert found["resistance.ambient~winding"] == pytest.approx(example.R_WH + example.R_HA, rel=0.01)
 
 
+@pytest.mark.long
 def test_the_errata_figure_is_drawn(thesis: Thesis, tmp_path: Path) -> None:
     thesis("figure_errata").main(tmp_path / "errata.png")
     assert (tmp_path / "errata.png").stat().st_size > 50_000

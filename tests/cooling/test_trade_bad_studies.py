@@ -71,6 +71,7 @@ BAD: dict[str, tuple[str, str, tuple[str, ...]]] = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", BAD)
 def test_one_clear_line(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     old, new, said = BAD[name]
@@ -99,6 +100,7 @@ def test_the_study_is_not_overwritten(option: str, tmp_path: Path, capsys: pytes
     assert path.read_text() == GOOD
 
 
+@pytest.mark.long
 def test_the_good_study_is_good(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "study.toml").write_text(GOOD)
     with pytest.raises(SystemExit) as stop:

@@ -85,6 +85,7 @@ def test_each_refusal_says_what_to_write_next(folder: Path, command: Command) ->
     assert "magnets_z1" in refused(motor=f'{OWN}\nmagnet = "rotor"')
 
 
+@pytest.mark.long
 def test_every_place_that_is_offered_is_accepted(folder: Path) -> None:
     path = folder / "study.toml"
     path.write_text(STUDY.format(motor=OWN, limits="winding = 120", sink=""))
@@ -97,6 +98,7 @@ def test_every_place_that_is_offered_is_accepted(folder: Path) -> None:
         assert "sink" in option.network().dynamic
 
 
+@pytest.mark.long
 def test_a_drawing_becomes_a_study_and_a_figure(folder: Path, command: Command) -> None:
     coarse = (folder / "drawing.toml").read_text().replace("\nwinding = 3", "\nwinding = 1")  # a third of the time
     (folder / "drawing.toml").write_text(coarse)

@@ -32,6 +32,7 @@ def design() -> Design:
     return found
 
 
+@pytest.mark.long
 def test_held_torque_agrees_with_brute_force(design: Design) -> None:
     assert design.capacity is not None
     assert design.resistance is not None
@@ -65,6 +66,7 @@ def test_least_mass_agrees_with_brute_force() -> None:
     assert lightest - design.value <= 2 * cell * (design.capacity or 0.0) / plain.HEAT
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("goal", "task", "limits", "names"),
     [
@@ -113,6 +115,7 @@ def test_a_failed_solve_has_no_multipliers() -> None:
     assert found.gradient == {}
 
 
+@pytest.mark.long
 def test_obstacles_are_as_large_as_they_say() -> None:
     asked = study("mass", "torque = 1.7\nduration = 120", "mass = 0.6\nvolume = 450e-6", cooling='"passive"')
     (refusal,) = solve_study(asked).refusals
@@ -190,6 +193,7 @@ def test_time_to_limit_and_maps_and_curves_agree_with_plain_code() -> None:
     assert curve.time[1] > curve.time[2] > 15.0
 
 
+@pytest.mark.long
 def test_discrete_choices_are_each_solved_and_the_best_comes_first() -> None:
     motors = '[[motors]]\nname = "U8"\n[[motors]]\nname = "U10"'
     sweep = '[pareto]\nagainst = "mass"\nleast = 0.25\nmost = 0.8\npoints = 5'

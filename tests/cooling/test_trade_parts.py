@@ -86,6 +86,7 @@ def test_profiles_keep_the_heat_and_say_what_the_source_says() -> None:
     assert jumping[62:98].max() == 0.0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["held_torque", "ankle_jumps", "ankle_walking"])
 def test_example_studies_run(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     found, picture = tmp_path / "found.json", tmp_path / "study.png"
@@ -121,6 +122,7 @@ def test_the_fan_carries_its_battery() -> None:
     assert asked.fan.mass == pytest.approx(0.05 + 2 * 3600 / 5.4e5)
 
 
+@pytest.mark.long
 def test_the_thesis_last_chapter_in_numbers(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.syspath_prepend(str(EXAMPLES))
     example = importlib.import_module("compare_designs")

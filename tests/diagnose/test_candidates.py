@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import pytest
+
 from lptn.basics.parameters import Parameter
 from lptn.diagnose.candidates import candidates, separate_runs, sites
 from lptn.effects import catalogue
@@ -20,6 +22,7 @@ def _places(leg: Leg, key: str) -> list[str]:
     return [each.at for each in candidates(model.network, data.fit[0].run.columns) if each.effect.key == key]
 
 
+@pytest.mark.long
 def test_a_node_effect_is_proposed_at_each_joint_and_everywhere(leg: Leg) -> None:
     assert _places(leg, "constant_heat") == ["FR_hip", "FR_thigh", "FR_calf", "*"]
 

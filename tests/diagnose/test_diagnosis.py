@@ -14,6 +14,7 @@ from lptn.virtual import Hidden
 from tests.diagnose.conftest import Leg
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "hidden",
     [Hidden("forced_convection", "FR_thigh"), Hidden("constant_heat", "FR_calf"), Hidden("sensor_lag", "FR_hip")],
@@ -31,6 +32,7 @@ def test_a_hidden_effect_is_named_with_its_place_and_the_held_out_error_falls(le
     assert best.holdout.rmse < 0.08  # K; 0.15 K of noise leave 0.067 K on means over 5 s
 
 
+@pytest.mark.long
 def test_what_differs_in_one_run_is_one_answer_with_what_differs_in_the_other_as_much(leg: Leg) -> None:
     """A large effect: refits that only rank are cut off long before they reach it; the held-out run tells which."""
     found = diagnose(*leg(Hidden("surface_scale", "FR_calf", size=3.0, run="fit1")))
@@ -46,10 +48,12 @@ def test_nothing_hidden_is_adequate(leg: Leg) -> None:
     assert max(found.scores.lack_of_fit.values()) < 1.5
 
 
+@pytest.mark.long
 def test_nothing_hidden_is_adequate_on_a_sensor_of_1_k_steps(leg: Leg) -> None:
     assert diagnose(*leg(quantisation=1.0)).verdict == "adequate"
 
 
+@pytest.mark.long
 def test_heat_that_no_effect_explains_is_called_unexplained(leg: Leg) -> None:
     found = diagnose(*leg(Hidden("heat_bursts", "FR_thigh")))
     assert found.verdict == "unexplained"
@@ -82,6 +86,7 @@ def test_the_score_estimates_the_size(leg: Leg) -> None:
     assert best.amplitude == pytest.approx(0.3 * 1.5, rel=0.2)  # W; 1.5 W is the hidden effect's full size
 
 
+@pytest.mark.long
 def test_chance_reaches_a_p_value_about_as_often_as_stated(leg: Leg) -> None:
     """Eight legs with nothing hidden: three below 0.1 would happen once in 26 times, if what is stated holds."""
     stated = []
@@ -97,6 +102,7 @@ def test_chance_reaches_a_p_value_about_as_often_as_stated(leg: Leg) -> None:
     assert max(stated) > 0.2  # nor is chance said to reach everything, or nothing
 
 
+@pytest.mark.long
 def test_p_values_run_from_chance_to_certainty(leg: Leg) -> None:
     scores, *_ = _scored(leg, Hidden("constant_heat", "FR_thigh"))
     assert scores.p_value(scores.negligible * 0.99) == 1.0

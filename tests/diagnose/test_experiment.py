@@ -163,6 +163,7 @@ SENSOR = Case(Truth(offset=2.0, coarse=1.0), ("sensor_offset", "L_knee"), ("cons
 CASES = pytest.mark.parametrize("case", [FRICTION, AIR_LAWS, SENSOR], ids=["friction", "air", "sensor"])
 
 
+@pytest.mark.long
 @CASES
 def test_the_proposed_run_separates_what_the_log_could_not(case: Case) -> None:
     _, rivals = case.before()
@@ -234,6 +235,7 @@ def test_what_is_written_for_other_tools_says_the_same() -> None:
     assert all(readings.shape == (2, len(experiment.time)) for readings in experiment.predictions.values())
 
 
+@pytest.mark.long
 def test_three_rivals_two_of_them_the_same_formula_leave_that_pair_undecided() -> None:
     _, rivals = FRICTION.before()
     experiment = propose([*rivals, rivals[0]])
@@ -244,6 +246,7 @@ def test_three_rivals_two_of_them_the_same_formula_leave_that_pair_undecided() -
     assert "does not tell apart" in experiment.text()
 
 
+@pytest.mark.long
 def test_the_stated_deviations_are_what_an_exact_refit_shows() -> None:
     """Noise-free readings of one rival: by so much the other's misfit rises when it is fitted to old and new."""
     _, (first, second) = FRICTION.before()

@@ -24,6 +24,7 @@ def improved(leg: Leg) -> tuple[Model, DataSplit, History]:  # noqa: F811
     return model, data, improve(model, data)
 
 
+@pytest.mark.long
 def test_two_hidden_effects_are_both_found_and_nothing_else(improved: tuple[Model, DataSplit, History]) -> None:
     history = improved[2]
     found = {(step.effect, step.at) for step in history.steps[1:]}
@@ -65,12 +66,14 @@ def test_declarations_rebuild_the_last_step(improved: tuple[Model, DataSplit, Hi
         assert value == fitted[name]
 
 
+@pytest.mark.long
 def test_an_adequate_model_keeps_one_step(leg: Leg) -> None:  # noqa: F811
     history = improve(*leg())
     assert len(history.steps) == 1
     assert history.verdict == history.remaining == "adequate"
 
 
+@pytest.mark.long
 def test_without_held_out_data_the_criterion_ends_the_selection(leg: Leg) -> None:  # noqa: F811
     model, data = leg(Hidden("forced_convection", "FR_thigh"))
     history = improve(model, split_data([segment.run for segment in data.fit]))

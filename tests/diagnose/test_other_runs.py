@@ -96,6 +96,7 @@ def test_of_a_run_like_the_fitted_ones_nothing_is_said(fitted: Fit) -> None:
     assert said_of(fitted) == []
 
 
+@pytest.mark.long
 def test_a_fan_is_found_and_its_size(fitted: Fit) -> None:
     (found,) = said_of(fitted, fan=3.0)
     assert (found.run, found.effect, found.at) == ("run4", "surface_scale", "*")
@@ -106,18 +107,21 @@ def test_a_fan_is_found_and_its_size(fitted: Fit) -> None:
     assert "not a prediction" in found.text()
 
 
+@pytest.mark.long
 def test_a_fan_at_one_node_is_placed(fitted: Fit) -> None:
     (found,) = said_of(fitted, fan=3.0, fan_at=(1,))
     assert (found.effect, found.at) == ("surface_scale", "body")
     assert "run4 loses heat at body 3 times as fast" in found.text()
 
 
+@pytest.mark.long
 def test_a_cover_is_told_from_a_fan(fitted: Fit) -> None:
     (found,) = said_of(fitted, fan=0.4)
     assert (found.effect, found.at) == ("surface_scale", "*")
     assert "only 0.4 times as fast" in found.text()
 
 
+@pytest.mark.long
 def test_a_warmer_room_is_found(fitted: Fit) -> None:
     (found,) = said_of(fitted, warmer=2.3)
     assert (found.effect, found.at) == ("ambient_offset", "ambient")
@@ -127,6 +131,7 @@ def test_a_warmer_room_is_found(fitted: Fit) -> None:
     assert [(each.effect, each.at) for each in found.indistinguishable] == [("sensor_offset", "*")]
 
 
+@pytest.mark.long
 def test_a_sensor_that_reads_high_is_found(fitted: Fit) -> None:
     (found,) = said_of(fitted, reads_high=1.5)
     assert (found.effect, found.at) == ("sensor_offset", "winding")
@@ -134,6 +139,7 @@ def test_a_sensor_that_reads_high_is_found(fitted: Fit) -> None:
     assert "the sensor of winding reads 1.5 K high" in found.text()
 
 
+@pytest.mark.long
 def test_an_offset_below_the_steps_of_its_sensor_is_found() -> None:
     def in_steps(run: Run) -> Run:
         read = {f"temperature.{place}": np.round(run.temperature(place)) for place in NODES}
@@ -148,12 +154,14 @@ def test_an_offset_below_the_steps_of_its_sensor_is_found() -> None:
     assert found.amplitude == pytest.approx(0.7, abs=0.15)
 
 
+@pytest.mark.long
 def test_a_heater_that_gives_more_is_not_called_a_draught(fitted: Fit) -> None:
     (found,) = said_of(fitted, heat=1.3)
     assert (found.effect, found.at) == ("heat_scale", "winding")
     assert found.amplitude == pytest.approx(0.3, rel=0.05)
 
 
+@pytest.mark.long
 def test_clocks_apart_are_found(fitted: Fit) -> None:
     (found,) = said_of(fitted, late=40.0)
     assert found.effect == "clock_offset"
@@ -161,6 +169,7 @@ def test_clocks_apart_are_found(fitted: Fit) -> None:
     assert "s later than the inputs" in found.text()
 
 
+@pytest.mark.long
 def test_what_no_one_parameter_explains_is_said_plainly(fitted: Fit) -> None:
     (found,) = said_of(fitted, bursts=20.0, reads_high=-3.0, fan=2.0)
     assert (found.effect, found.amplitude, found.indistinguishable) == (None, None, ())
@@ -168,6 +177,7 @@ def test_what_no_one_parameter_explains_is_said_plainly(fitted: Fit) -> None:
     assert found.as_json()["rmse_before"] == found.rmse_before > 1.0
 
 
+@pytest.mark.long
 def test_a_cause_that_leaves_much_says_so(fitted: Fit) -> None:
     (found,) = said_of(fitted, bursts=40.0)
     assert found.effect == "constant_heat"

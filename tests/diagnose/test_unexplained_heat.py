@@ -67,6 +67,7 @@ def test_zero_elsewhere_within_the_band(burst_fit: Fit) -> None:
     assert not found.clear[:, quiet].any()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("steps", [0.0, 1.0])
 def test_coarse_sensors_and_gaps_still_show_the_node(steps: float) -> None:
     run = truth_run(11, bursts, steps=steps)
@@ -82,6 +83,7 @@ def test_coarse_sensors_and_gaps_still_show_the_node(steps: float) -> None:
     assert np.isfinite(found.heat).all()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("steps", [0.0, 1.0])
 def test_nothing_hidden_covers_zero(steps: float) -> None:
     found = [unexplained_heat(fitted(truth_run(seed, nothing, steps=steps)))[0] for seed in SEEDS]
@@ -171,6 +173,7 @@ def test_blocks_carry_heat_as_the_model_does(burst_fit: Fit) -> None:
     assert np.abs(d[:3] - settled).max() < 2.0 * left * np.abs(settled).max() + 1e-6
 
 
+@pytest.mark.long
 def test_a_node_without_a_sensor_gets_no_heat_of_its_own() -> None:
     run = truth_run(12, bursts, length=2400.0)
     columns = {name: values for name, values in run.columns.items() if name != "temperature.FR_hip"}

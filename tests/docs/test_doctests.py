@@ -17,6 +17,7 @@ names = pytest.mark.parametrize(
 )
 
 
+@pytest.mark.long
 @names
 def test_the_example_runs_as_printed(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "examples").symlink_to(ROOT / "examples")  # what an example writes goes elsewhere

@@ -39,6 +39,7 @@ def _run(words: list[str], surroundings: dict[str, str], folder: Path) -> str:
     return done.stdout
 
 
+@pytest.mark.long
 def test_it_is_in_the_catalogue_and_in_a_model_file(surroundings: dict[str, str], tmp_path: Path) -> None:
     assert "thermostat's setting" in _run(["-m", "lptn", "effects", "thermostat_fan"], surroundings, tmp_path)
     (tmp_path / "leg.toml").write_text(preset_text("leg"))
@@ -47,6 +48,7 @@ def test_it_is_in_the_catalogue_and_in_a_model_file(surroundings: dict[str, str]
     assert 'kind = "thermostat_fan"' in (tmp_path / "next.toml").read_text()
 
 
+@pytest.mark.long
 def test_it_keeps_the_contract(surroundings: dict[str, str]) -> None:
     words = ["-m", "pytest", "-n", "0", "-q", "-p", "no:cacheprovider", "tests/effects/test_contract.py", "-k"]
     assert " passed" in _run([*words, "thermostat_fan"], surroundings, ROOT)

@@ -17,6 +17,7 @@ EXAMPLES = ROOT / "examples"
 NOTEBOOKS = ("leg/whole_leg", "tclab/step_by_step", "tclab/history_picture")
 
 
+@pytest.mark.long
 def test_a_whole_leg_from_logs_to_forecast(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "argv", ["whole_leg.py", "--fast"])
     runpy.run_path(str(EXAMPLES / "leg" / "whole_leg.py"))

@@ -20,6 +20,7 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 DATA = ("csv", "parquet")
 
 
+@pytest.mark.long
 def test_two_heaters_lack_conduction_and_a_sensor_lag() -> None:
     loaded = load_model(EXAMPLES / "tclab" / "two_heaters.toml")
     runs = loaded.runs([EXAMPLES / "tclab" / "log.csv"])
@@ -46,6 +47,7 @@ def test_pmsm_models_fit_their_log(name: str) -> None:
     assert held.rmse > 3 * done.rmse
 
 
+@pytest.mark.long
 def test_held_out_data_lead_the_winding_to_a_model_that_predicts_other_operating_points() -> None:
     """The names are stand-ins, since the fitted part holds one operating point; what they predict is not."""
     loaded = load_model(EXAMPLES / "pmsm" / "winding.toml")
@@ -57,6 +59,7 @@ def test_held_out_data_lead_the_winding_to_a_model_that_predicts_other_operating
     assert after.rmse < 1.72  # K; what a hand-made model reached
 
 
+@pytest.mark.long
 def test_the_later_run_of_the_ur3_arm_is_told_from_a_warmer_room() -> None:
     """The log has no ambient column, so a guess is held; a room that warmed up must be among the causes."""
     folder = EXAMPLES / "ur3"
@@ -69,6 +72,7 @@ def test_the_later_run_of_the_ur3_arm_is_told_from_a_warmer_room() -> None:
     assert "ambient_offset" in {cause.effect for cause in found.causes}
 
 
+@pytest.mark.long
 def test_neighbouring_joints_of_the_ur3_arm_heat_each_other() -> None:
     folder, found = EXAMPLES / "ur3", []
     for name in ("coupled", "single_nodes"):
@@ -83,6 +87,7 @@ def test_neighbouring_joints_of_the_ur3_arm_heat_each_other() -> None:
     assert both.runs[0].reduction > 0.2
 
 
+@pytest.mark.long
 def test_the_whole_body_beats_single_nodes(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(EXAMPLES / "quadruped")
     whole_body = import_module("whole_body")
@@ -99,6 +104,7 @@ def test_measured_data_stand_beside_their_source_and_licence(folder: str) -> Non
     assert "icen" in notice
 
 
+@pytest.mark.long
 def test_the_steps_of_the_notebook_lead_to_the_same_ladder(capsys: pytest.CaptureFixture[str]) -> None:
     runpy.run_path(str(EXAMPLES / "tclab" / "step_by_step.py"))
     said = capsys.readouterr().out

@@ -7,9 +7,12 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 SCRIPT = Path(__file__).parents[2] / "examples" / "heated_block" / "heated_block.py"
 
 
+@pytest.mark.long
 def test_the_script_prints_its_tables_and_draws(tmp_path: Path) -> None:
     words = [sys.executable, "-W", "error", str(SCRIPT), "--fast", "--figures", str(tmp_path / "figures")]
     done = subprocess.run(words, capture_output=True, text=True, check=True, env=os.environ | {"MPLBACKEND": "Agg"})

@@ -166,6 +166,7 @@ def _fit_or_die(order: FleetFit, name: str, logs: Sequence[str], known: str = ""
     return fit_robot(order, name, logs, known)
 
 
+@pytest.mark.long
 @pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")  # of Python 3.12 and 3.13, beside any thread
 def test_a_worker_that_dies_costs_its_robot_and_no_other(
     model: Path, logs: list[Path], monkeypatch: pytest.MonkeyPatch
@@ -237,6 +238,7 @@ def test_a_robot_stands_apart_only_if_its_logs_say_so(model: Path) -> None:
     assert outliers(spread_of(network, fleet[3:7]), fleet[3:7]) == ()  # of four nobody can tell
 
 
+@pytest.mark.long
 def test_ctrl_c_ends_workers_and_keeps_what_is_done(model: Path, tmp_path: Path) -> None:
     write_fleet(tmp_path / "logs", 150)
     words = ["fit", model, "--each", *sorted((tmp_path / "logs").iterdir()), "-o", tmp_path / "out", "--jobs", 2]

@@ -77,6 +77,7 @@ def _killed_and_resumed(tmp_path: Path, robots: int, kind: str) -> None:
     assert not list(out.glob("*/.*"))
 
 
+@pytest.mark.long
 def test_two_hundred_robots_over_dask_killed_half_way_and_resumed(tmp_path: Path) -> None:
     _killed_and_resumed(tmp_path, 200, "threads")
 

@@ -136,6 +136,7 @@ def _harness(name: str, fmi: int, folder: Path, flags: list[str]) -> Path:
     return program
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("fmi", [2, 3])
 def test_random_calls_under_sanitizers(fmi: int, tmp_path: Path) -> None:
     flags = ["-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
@@ -209,6 +210,7 @@ def _from_bytes(session: Session, content: bytes) -> Any:
     return (fmu.deSerializeFMUstate if session._fmi == 2 else fmu.deserializeFMUState)(content)
 
 
+@pytest.mark.long
 def test_a_restored_state_goes_on_to_the_last_bit(case: tuple[Any, FloatArray]) -> None:
     exported, rows = case
     with Session(exported.path) as session:
@@ -229,6 +231,7 @@ def test_a_state_goes_as_bytes_into_another_instance(case: tuple[Any, FloatArray
         assert (_run(other, rows[20:]) == expected).all()
 
 
+@pytest.mark.long
 def test_bytes_of_something_else_are_refused(built: Build) -> None:
     with Session(built("leg").path) as session, Session(built("everything").path) as stranger:
         content = bytearray(_bytes(session, _state(session)))

@@ -67,6 +67,7 @@ def _refused(words: list[object], capsys: pytest.CaptureFixture[str]) -> str:
     return seen.err
 
 
+@pytest.mark.long
 def test_an_fmu_follows_a_log_as_its_model_does(exported: Path, log: Path, tmp_path: Path) -> None:
     found, outputs = tmp_path / "found.json", tmp_path / "outputs.csv"
     _run("cosim", exported, log, "--json", found, "-o", outputs)
@@ -95,6 +96,7 @@ def test_inputs_in_straight_lines_differ_from_held_ones(fmi: int, built: Build, 
     assert 1e-3 < json.loads(found.read_text())["all"]["rmse"] < 0.5  # the log was made with held inputs
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("built")  # the trust store in a folder of its own
 def test_cosimulation_says_to_the_fmu_which_run_it_is(tmp_path: Path) -> None:
     model = parse_model(presets()["leg"], tmp_path / "leg.toml")
@@ -154,6 +156,7 @@ def test_names_of_any_letters_cannot_get_into_the_code_or_break_the_xml(tmp_path
     assert fmpy.validation.validate_fmu(str(path)) == []
 
 
+@pytest.mark.long
 def test_native_code_from_elsewhere_runs_only_when_asked(
     exported: Path, log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

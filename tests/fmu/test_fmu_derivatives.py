@@ -166,6 +166,7 @@ class _Point:
         return True
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("name", "fmi"), [("leg", 2), ("leg", 3), ("everything", 3), ("quadruped", 3)])
 def test_jacobians_before_and_after_an_adjoint_call(name: str, fmi: int, built: Build, tmp_path: Path) -> None:
     exported = built(name, fmi)

@@ -26,6 +26,7 @@ from tests.fmu.conftest import Build, network
 from lptn.model.network import Network, NodeDeclaration  # isort: skip
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("fmi", [2, 3])
 @pytest.mark.parametrize("name", [*presets(), "everything", "bare"])
 def test_fmpy_finds_no_fault(name: str, fmi: int, tmp_path: Path) -> None:

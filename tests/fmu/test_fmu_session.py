@@ -81,6 +81,7 @@ def test_inputs_in_straight_lines(fmi: int, built: Build) -> None:
     assert np.abs(held - truth).max() > 0.05  # what holding the inputs would have cost
 
 
+@pytest.mark.long
 def test_a_stiff_network_by_ros2(built: Build) -> None:
     """Time constants of 20 ms beside minutes: steps of 0.5 s, error falling with the square of the inner step."""
     model = built("stiff", 3, "ros2", 0.1).component.model
@@ -130,6 +131,7 @@ def _with_small_hip(built: Build) -> np.ndarray:
     return np.asarray(values)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["quadruped", "everything"])
 def test_heat_flows_add_up_to_what_warms_each_node(name: str, built: Build) -> None:
     exported = built(name)
@@ -214,6 +216,7 @@ def trusted(tmp_path: Path) -> Iterator[Path]:
         yield tmp_path
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("fmi", [2, 3])
 def test_every_effect_of_a_run_of_any_name(fmi: int, trusted: Path) -> None:
     every = with_every_effect()
@@ -279,6 +282,7 @@ def test_the_stored_description_is_what_export_writes(name: str, fmi: int, tmp_p
     assert new.partition("<ModelExchange")[2] == stored.partition("<ModelExchange")[2]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("name", "fmi"), [("leg", 2), ("leg", 3), ("quadruped", 3)])
 def test_a_new_fmu_gives_the_reference(name: str, fmi: int, built: Build) -> None:
     assert _apart(built(name, fmi).path, name) < 1e-6

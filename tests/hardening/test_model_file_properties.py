@@ -94,6 +94,7 @@ def _parse(text: str) -> None:
     assert said.isprintable()
 
 
+@pytest.mark.long
 @settings(max_examples=80)
 @given(st.text(max_size=60) | st.binary(max_size=60).map(lambda content: content.decode("latin-1")))
 def test_any_text_is_a_model_or_refused_in_one_line(text: str) -> None:
@@ -140,6 +141,7 @@ CASES = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("what", TARGETS)
 def test_a_short_run_of_the_fuzzer_finds_nothing(what: str) -> None:
     tally = run(what, seed=0, cases=CASES[what])

@@ -89,6 +89,7 @@ def _risks(path: Path) -> Iterator[str]:
             yield ast.unparse(call)
 
 
+@pytest.mark.long
 def test_no_module_runs_text_or_unpickles() -> None:
     assert {str(path): risks for path in SOURCES if (risks := list(_risks(path)))} == {}
 

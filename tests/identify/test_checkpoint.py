@@ -132,6 +132,7 @@ def test_ctrl_c_keeps_the_best_point_for_the_next_time(tmp_path: Path, late: boo
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.long
 def test_kill_9_loses_no_more_than_the_last_seconds(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

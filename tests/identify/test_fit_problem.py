@@ -55,6 +55,7 @@ def _inputs(model: Model, columns: object) -> np.ndarray:
     return np.array([columns[name] for name in model.inputs])
 
 
+@pytest.mark.long
 def test_jacobian_with_priors_and_mirrors_equals_finite_differences() -> None:
     model = Model(with_every_effect())
     bound = bound_runs(model, [random_run(model, 60, seed=1), random_run(model, 40, seed=2)])

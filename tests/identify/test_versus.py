@@ -58,6 +58,7 @@ def test_classes_and_runs_are_those_of_the_logs(result: Versus) -> None:
     assert result.classes[-1].mean[1] == pytest.approx(np.nanmean(np.abs(whole)))
 
 
+@pytest.mark.long
 def test_json_and_page_name_both_models(result: Versus) -> None:
     written = result.as_json()
     assert written["models"] == ["leg", "single nodes"]

@@ -124,6 +124,7 @@ def test_more_numbers_than_a_memory_holds(tmp_path: Path, refuse: Refuse, monkey
     assert "found 500 rows or more" in refuse(tmp_path / "log.csv", read_log, tmp_path / "log.csv")
 
 
+@pytest.mark.long
 def test_three_hundred_million_rows_in_a_few_bytes(tmp_path: Path) -> None:
     """Run-length encoding packs columns of nothing into nothing: refused before they are unfolded."""
     path = tmp_path / "log.parquet"

@@ -267,6 +267,7 @@ def test_stored_heat_is_heat_in_less_loss_to_ambient(network: Network, seed: int
     assert stored == pytest.approx(sum(heat) - sum(losses), abs=1e-9 * size)
 
 
+@pytest.mark.long
 @given(_networks(), st.integers(0, 10_000))
 def test_a_warmer_neighbour_never_cools(network: Network, seed: int) -> None:
     """The balance is cooperative: no off-diagonal of the state Jacobian is negative, whatever the effects."""

@@ -150,6 +150,7 @@ def test_a_fine_sensor_and_an_impossible_reading_count_as_gaussian() -> None:
 # --- against the truth --------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_with_coarse_steps_it_is_right_and_knows_how_right(model: Model, truth: FloatArray) -> None:
     readings = rounded(truth)
     error, share = errors(follow(Estimator(model, noise=NOISE, step=1.0), readings), truth)
@@ -183,6 +184,7 @@ def test_a_long_gap_is_as_uncertain_as_many_short_ones(model: Model) -> None:
     assert spreads[0] == pytest.approx(spreads[1], rel=0.05)
 
 
+@pytest.mark.long
 def test_it_learns_the_resistance_to_the_air(truth: FloatArray) -> None:
     name = "resistance.ambient~b"
     wrong = Model(network().with_values(TRUTH | {name: 6.0}))
@@ -194,6 +196,7 @@ def test_it_learns_the_resistance_to_the_air(truth: FloatArray) -> None:
     assert error < 0.2 * found[0].parameters[name][1]
 
 
+@pytest.mark.long
 def test_doubt_about_fitted_parameters_widens_and_stays() -> None:
     run = truth_run(1800.0, noise=NOISE, seed=3)
     start = Model(network())

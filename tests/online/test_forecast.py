@@ -150,6 +150,7 @@ def test_standard_errors_of_parameters_at_a_bound_are_not_believed(motor: Model)
     assert known.covariance[0, 0] > 100 * known.covariance[1, 1]
 
 
+@pytest.mark.long
 def test_intervals_cover_what_they_promise(motor: Model) -> None:
     """Sensor steps of 1 K and a torque that wanders: 90 % intervals hold the true time in most of 25 logs."""
     inside, errors, widths = [], [], []
@@ -207,6 +208,7 @@ def test_an_activity_that_never_changes_is_averaged_whole(motor: Model) -> None:
     assert steady == [900.0] * 20
 
 
+@pytest.mark.long
 def test_a_longer_window_scatters_less(motor: Model) -> None:
     """Source table, row 6.2: averages over ten gait cycles scatter, longer ones less."""
     errors: dict[str, list[float]] = {"short": [], "steady": []}

@@ -79,6 +79,7 @@ def only(alarms: tuple[Alarm, ...]) -> Alarm:
     return alarm
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", [0, 4, 5])
 def test_a_healthy_log_gives_no_alarm(model: Model, calibration: Calibration, seed: int) -> None:
     watched = seen(model, calibration, log(seed))
@@ -86,6 +87,7 @@ def test_a_healthy_log_gives_no_alarm(model: Model, calibration: Calibration, se
     assert 0.5 < max(watched.largest_error.values()) < 10.0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("rate", [FASTEST, -0.015])
 def test_a_drift_is_called_long_before_the_threshold(model: Model, calibration: Calibration, rate: float) -> None:
     watched = seen(model, calibration, log(4, drift(rate)))
@@ -99,6 +101,7 @@ def test_a_drift_is_called_long_before_the_threshold(model: Model, calibration: 
         assert alarm.onset == pytest.approx(BEGIN, abs=150.0)
 
 
+@pytest.mark.long
 def test_an_offset_below_the_threshold_is_called_at_once(model: Model, calibration: Calibration) -> None:
     watched = seen(model, calibration, log(4, lambda since, readings: readings + 6.0 * (since > 0)))
     alarm = only(watched.statistical_alarms)
@@ -107,6 +110,7 @@ def test_an_offset_below_the_threshold_is_called_at_once(model: Model, calibrati
     assert alarm.size == pytest.approx(6.0, abs=1.0)
 
 
+@pytest.mark.long
 def test_a_stuck_sensor_is_told_from_one_that_stands_still(model: Model, calibration: Calibration) -> None:
     watched = seen(model, calibration, log(4, stuck))
     alarm = only(watched.statistical_alarms)
@@ -119,6 +123,7 @@ def test_a_stuck_sensor_is_told_from_one_that_stands_still(model: Model, calibra
     assert moved > 1.0
 
 
+@pytest.mark.long
 def test_a_reading_that_stands_still_with_its_node_is_healthy(model: Model, calibration: Calibration) -> None:
     run = log(4)
     columns = {f"temperature.{place}": np.full(len(run), 21.0) for place in ("ambient", "a", "b")}
@@ -127,6 +132,7 @@ def test_a_reading_that_stands_still_with_its_node_is_healthy(model: Model, cali
     assert watched.statistical_alarms == watched.threshold_alarms == ()
 
 
+@pytest.mark.long
 def test_a_dropout_is_called_after_ten_seconds(model: Model, calibration: Calibration) -> None:
     watched = seen(model, calibration, log(4, lambda since, readings: np.where(since > 0, np.nan, readings)))
     for alarms in (watched.statistical_alarms, watched.threshold_alarms):
@@ -136,6 +142,7 @@ def test_a_dropout_is_called_after_ten_seconds(model: Model, calibration: Calibr
         assert alarm.time == BEGIN + 10
 
 
+@pytest.mark.long
 def test_error_codes_count_as_missing_and_scattered_gaps_do_not(model: Model, calibration: Calibration) -> None:
     luck = np.random.default_rng(3).uniform(size=3000)
     gappy = log(4, lambda _, readings: np.where(luck < 0.1, np.nan, readings))
@@ -144,6 +151,7 @@ def test_error_codes_count_as_missing_and_scattered_gaps_do_not(model: Model, ca
     assert only(seen(model, calibration, coded).statistical_alarms).kind == "dropout"
 
 
+@pytest.mark.long
 def test_the_size_of_a_drift_is_estimated_right(model: Model, calibration: Calibration) -> None:
     bound = coarsely_bound(model, log(4, drift(FASTEST)), STEP)
     estimator = gaussian_estimator(model, calibration.noise, calibration.error)
@@ -153,6 +161,7 @@ def test_the_size_of_a_drift_is_estimated_right(model: Model, calibration: Calib
     assert last.weight[DRIFT, 0] > last.weight[DRIFT, 1]
 
 
+@pytest.mark.long
 def test_a_very_long_log_keeps_its_suspicions(model: Model, calibration: Calibration) -> None:
     parts = [log(seed) for seed in (0, 4, 5)]
     columns = {name: np.concatenate([part.columns[name] for part in parts]) for name in parts[0].columns}
@@ -172,6 +181,7 @@ def test_the_tail_of_an_exponential_is_found() -> None:
     assert rare(np.array([1.0, 2.0, 3.0]), 0.4) >= 3.0
 
 
+@pytest.mark.long
 def test_without_healthy_logs_it_guesses_and_says_so(model: Model) -> None:
     found = monitor(model, [log(4, drift(0.05))])
     assert found.calibration.hours == 0.0
@@ -197,6 +207,7 @@ def test_a_kept_calibration_is_the_same_and_belongs_to_its_model(
             read_calibration(file, model)
 
 
+@pytest.mark.long
 def test_the_picture_shows_the_faulty_sensor(model: Model, calibration: Calibration) -> None:
     faulty, healthy = log(4, drift(FASTEST)), log(5)
     figure = monitoring_figure(monitor(model, [faulty, healthy], calibration=calibration))
@@ -262,6 +273,7 @@ def run_command(*words: object) -> int:
     return 0
 
 
+@pytest.mark.long
 def test_the_command_shows_both_detectors(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     found, picture, kept_file = folder / "found.json", folder / "found.png", folder / "calibration.json"
     words = ("monitor", folder / "two.toml", folder / "today.csv", "--threshold", 10, "--json", found)
@@ -306,6 +318,7 @@ def test_mistakes_are_one_line_and_exit_2(
     assert sorted(folder.iterdir()) == before
 
 
+@pytest.mark.long
 def test_nothing_found_is_no_mistake(model: Model, calibration: Calibration) -> None:
     found = monitor(model, [log(5)], calibration=calibration)
     assert isinstance(found, Monitoring)

@@ -40,6 +40,7 @@ def bisected(load: FloatArray, direction: FloatArray, start: FloatArray, seconds
     return 0.5 * (low + high)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", [0, 1])
 @pytest.mark.parametrize(("row", "seconds"), [(0, 10), (1, 60), (2, 300)])
 def test_admissible_torque_is_what_bisection_finds(seed: int, row: int, seconds: int) -> None:
@@ -52,6 +53,7 @@ def test_admissible_torque_is_what_bisection_finds(seed: int, row: int, seconds:
         assert found[joint, row] == pytest.approx(expected, rel=1e-3)
 
 
+@pytest.mark.long
 def test_continuous_torque_settles_at_the_limit() -> None:
     load, around = np.full(12, 1.5), conditions(limiter().conditions)
     found = limiter().admissible(np.full(13, 40.0), load, around)[:, 3]
@@ -61,6 +63,7 @@ def test_continuous_torque_settles_at_the_limit() -> None:
         assert settled.max() == pytest.approx(LIMIT, abs=0.02)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seconds", [10.0, 60.0, 300.0])
 def test_the_largest_scale_is_what_bisection_finds(seconds: float) -> None:
     activity, start = np.tile([4.0, 7.0, 9.0], 4), np.linspace(40, 55, 13)

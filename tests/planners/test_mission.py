@@ -90,6 +90,7 @@ def test_the_shortest_rest_is_the_one_that_bisection_finds() -> None:
     assert plan.total == pytest.approx(600 + brentq(over, 1.0, 3000.0, xtol=1e-4), rel=1e-3)
 
 
+@pytest.mark.long
 def test_no_other_split_of_the_load_is_faster() -> None:
     def total(one: object, other: object) -> float:
         walks = [{**WALK, "load": load} for load in (one, other)]
@@ -162,6 +163,7 @@ def test_the_bottleneck_is_named_with_its_price() -> None:
 # --- what can't be done -------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_a_deadline_that_cannot_be_met_is_given_up_and_the_limits_that_would_do_are_right() -> None:
     asked = mission([WALK, WALK], deadline=2000)
     plan = plan_mission(asked)
@@ -174,6 +176,7 @@ def test_a_deadline_that_cannot_be_met_is_given_up_and_the_limits_that_would_do_
     assert (raised.verdict, lower.verdict) == ("met", "late")
 
 
+@pytest.mark.long
 def test_where_the_distance_may_be_given_up_the_deadline_is_kept() -> None:
     plan = plan_mission(mission([WALK, WALK], deadline=1100, gives_up="distance"))
     assert plan.verdict == "cut"
@@ -215,6 +218,7 @@ def test_a_dead_sensor_is_taken_to_be_at_its_limit() -> None:
     assert answer.as_json()["assumed"] == ["FR_calf"]
 
 
+@pytest.mark.long
 def test_where_even_a_rest_is_too_hot_the_answer_says_so() -> None:
     answer = plan_kind.run(mission([{"do": "walk", "distance": 60}], ambient=61.0, start=61.0, deadline=500))
     assert answer.plan.verdict == "none"
@@ -223,6 +227,7 @@ def test_where_even_a_rest_is_too_hot_the_answer_says_so() -> None:
     assert [each.gait.name for each in answer.plan.segments] == ["rest"]
 
 
+@pytest.mark.long
 def test_a_rest_that_was_asked_for_yields_to_a_short_deadline() -> None:
     asked = [
         {"do": "walk", "distance": 50, "pieces": 1},
@@ -244,6 +249,7 @@ def test_a_deadline_below_the_fastest_time_is_distinguished_from_heat() -> None:
     assert "no rise of the limits would suffice: at its fastest it takes 50 s" in answer.text()
 
 
+@pytest.mark.long
 def test_whatever_is_asked_there_is_an_answer_and_it_is_safe() -> None:
     """Tasks from easy to absurd: none may end in an exception, none may pass a limit."""
     for distance, load, deadline in ((5.0, 0.0, 1.0), (5000.0, 4.0, 30.0), (900.0, 4.0, 86400.0)):

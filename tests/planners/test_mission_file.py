@@ -119,6 +119,7 @@ def test_a_gait_may_come_from_a_log_beside_the_task(tmp_path: Path) -> None:
         plan_kind.read(tomllib.loads(path.read_text(encoding="utf-8")), str(path), truth.model())
 
 
+@pytest.mark.long
 def test_the_command_plans_the_deliveries(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     model, table, result, plot = (tmp_path / name for name in ("q.toml", "plan.csv", "plan.json", "plan.png"))
     model.write_text(preset_text("quadruped"), encoding="utf-8")
@@ -135,6 +136,7 @@ def test_the_command_plans_the_deliveries(tmp_path: Path, capsys: pytest.Capture
     assert plot.stat().st_size > 10_000
 
 
+@pytest.mark.long
 def test_what_cannot_be_done_is_said_first() -> None:
     answer = plan_kind.run(read(EXAMPLES / "mission_too_much.toml"))
     first, second, *_ = answer.text().splitlines()

@@ -34,6 +34,7 @@ def answered(program: Path, rows: FloatArray) -> FloatArray:
     return np.array([[float(word) for word in line.split()] for line in done.stdout.splitlines()])
 
 
+@pytest.mark.long
 @needs_a_compiler
 @pytest.mark.parametrize("options", [("-O2", "-ftree-vectorize", "-ffp-contract=off"), ("-O0",), ("-O3",)])
 def test_the_emitted_step_is_pythons(tmp_path: Path, options: tuple[str, ...]) -> None:
@@ -53,6 +54,7 @@ def test_the_emitted_step_is_pythons(tmp_path: Path, options: tuple[str, ...]) -
         assert row[4] == pytest.approx(plan.cost, abs=1e-9)
 
 
+@pytest.mark.long
 @needs_a_compiler
 def test_the_emitted_example_runs(tmp_path: Path) -> None:
     mpc = TorqueMPC(MODEL, 60.0, request="torque")
@@ -64,6 +66,7 @@ def test_the_emitted_example_runs(tmp_path: Path) -> None:
     assert (tmp_path / "names.txt").read_text().split("\n")[0] == "temperature.FR_hip [degC]"
 
 
+@pytest.mark.long
 @needs_a_compiler
 def test_the_emitted_limiter_is_pythons(tmp_path: Path) -> None:
     limiter = Limiter(MODEL, 60.0, request="torque", current_limits=40.0)

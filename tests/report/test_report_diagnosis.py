@@ -55,6 +55,7 @@ def _bursting(found: UnexplainedHeat, watts: float) -> UnexplainedHeat:
     return replace(found, heat=made, band=np.full_like(made, 0.5))
 
 
+@pytest.mark.long
 def test_errors_by_node_and_time_are_the_means_of_the_errors(missing: Told) -> None:
     comparison = compare(missing[0].steps[0].fit.model, missing[1].holdout)
     (field,) = error_fields(comparison)
@@ -121,6 +122,7 @@ def test_the_opening_paragraph_of_a_missing_effect(missing: Told, heat: HeatStor
     assert told["What to do"].endswith("Use the best model.")
 
 
+@pytest.mark.long
 def test_a_proposal_is_what_to_do(missing: Told, heat: HeatStory) -> None:
     told = _short(missing[0], heat, Advice())
     assert "Hold 2 N*m at thigh for 8.5 min. Section 7 says what that shows." in told["What to do"]

@@ -61,6 +61,7 @@ def pages(missing: Told) -> list[str]:
     return [story_html(*missing, "story"), comparison_html(comparison, "<comparison>")]
 
 
+@pytest.mark.long
 def test_nothing_is_loaded_from_elsewhere(missing: Told) -> None:
     for html in pages(missing):
         assert set(re.findall(r"https?://[^\s\"'<]+", html)) <= _NAMESPACES
@@ -70,6 +71,7 @@ def test_nothing_is_loaded_from_elsewhere(missing: Told) -> None:
         assert all(target.startswith(("#", "data:image/png;base64,")) for target in targets)
 
 
+@pytest.mark.long
 def test_well_formed_and_small(missing: Told) -> None:
     for html in pages(missing):
         page = Page(html)
@@ -79,6 +81,7 @@ def test_well_formed_and_small(missing: Told) -> None:
         assert len(html.encode()) < 2_000_000
 
 
+@pytest.mark.long
 def test_every_figure_has_its_sentence(html: str, missing: Told) -> None:
     for text in (html, *pages(missing)):
         page = Page(text)
@@ -107,10 +110,12 @@ def test_user_text_is_escaped(html: str) -> None:
     assert "b <c>.csv" in page.text
 
 
+@pytest.mark.long
 def test_same_input_same_bytes(missing: Told) -> None:
     assert pages(missing) == pages(missing)
 
 
+@pytest.mark.long
 def test_long_logs_stay_small() -> None:
     model = robot()
     run = make_run(model, 5, "long", count=18_000)  # 10 h
@@ -129,6 +134,7 @@ def test_words_missing(missing: Told) -> None:
     assert next_step(history) == "use the best model."
 
 
+@pytest.mark.long
 def test_words_adequate(adequate: Told) -> None:
     history, _ = adequate
     assert history.verdict == "adequate"
@@ -169,6 +175,7 @@ def test_words_of_rivals(missing: Told) -> None:
     assert "its place is not: constant heat everywhere explains the fitted runs about as well" in told
 
 
+@pytest.mark.long
 def test_without_held_out_data_the_page_says_so(missing: Told) -> None:
     history, data = missing
     steps = tuple(replace(step, holdout=None, test=None) for step in history.steps)
@@ -183,6 +190,7 @@ def _without_steps(history: History, verdict: str) -> History:
     return replace(history, verdict=verdict, steps=history.steps[:1])  # type: ignore[arg-type]
 
 
+@pytest.mark.long
 def test_many_parameters_wait_until_the_story_is_told(missing: Told, monkeypatch: pytest.MonkeyPatch) -> None:
     few = story_html(*missing, "few")
     assert few.index("capacity.") < few.index("4. Where it fails")

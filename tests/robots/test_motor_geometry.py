@@ -80,6 +80,7 @@ def test_the_finite_volumes_are_fine_enough(truth: dict[str, float]) -> None:
         assert coarse[part] == pytest.approx(truth[part], rel=0.02)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("pieces", "winding"),
     [({}, 0.085), ({"winding": 2}, 0.045), ({"winding": 3}, 0.03), ({"axial": 3, "winding": 8, "yoke": 2}, 0.006)],

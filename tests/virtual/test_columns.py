@@ -71,6 +71,7 @@ def test_columns_are_plausible() -> None:
     assert log["irradiance.global"].std() > 100
 
 
+@pytest.mark.long
 def test_leg_has_the_columns_too() -> None:
     fast, slow = (leg_logs(seed=2, noise=0, columns="all", rate=rate)["fit2"] for rate in (10, 1))
     second = np.arange(len(fast)) // 10

@@ -36,6 +36,7 @@ def temperatures(hidden: tuple[Hidden, ...] = ()) -> Array:
     return np.concatenate([log[[f"temperature.{joint}" for joint in LEG_JOINTS]].to_numpy() for log in logs.values()])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("effect", EFFECTS)
 def test_peak_of_each_effect(effect: str) -> None:
     """The table of peaks is printed by ``pytest -s``."""
@@ -52,11 +53,13 @@ def test_peak_of_each_effect(effect: str) -> None:
     assert all(0.5 < peak < 8 for peak in peaks.values())
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("effect", EFFECTS)
 def test_size_zero_is_off_to_the_last_bit(effect: str) -> None:
     assert np.array_equal(temperatures((Hidden(effect, places(effect)[0], 0.0),)), temperatures())
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("effect", ["resistance_rise", "radiation", "sensor_lag", "splash"])
 def test_everywhere_is_every_joint(effect: str) -> None:
     each = tuple(Hidden(effect, joint) for joint in LEG_JOINTS)
@@ -108,6 +111,7 @@ def test_bad_size_is_refused(size: float) -> None:
         Hidden("radiation", "*", size)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("effect", [name for name, effect in EFFECTS.items() if effect.signed])
 def test_signed_effect_goes_either_way(effect: str) -> None:
     place = places(effect)[0]
@@ -155,6 +159,7 @@ def peaks(*hidden: tuple[str, str, float]) -> Array:
     return peak
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("effect", [name for name, effect in EFFECTS.items() if effect.kind in (JOINT, NODE)])
 def test_effect_is_largest_where_it_was_put(effect: str) -> None:
     alone = [place for place in ("FR_calf", "FL_thigh", "RL_hip", "pc") if place in places(effect, "quadruped")]
@@ -186,6 +191,7 @@ def test_conduction_joins_two_nodes_that_were_apart() -> None:
         assert 0.5 < peak.max() < 8
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("effect", ["resistance_rise", "radiation", "sensor_lag", "splash"])
 def test_class_and_everywhere_are_all_their_nodes(effect: str) -> None:
     calves = tuple((effect, joint, 0.5) for joint in QUADRUPED_JOINTS if joint.endswith("_calf"))
@@ -281,6 +287,7 @@ def test_other_runs_are_as_they_were_to_the_last_bit(effect: str) -> None:
     assert not (single["two"] - usual["two"]).drop(columns=TEMPERATURES).to_numpy().any()
 
 
+@pytest.mark.long
 def test_leg_has_them_too() -> None:
     usual = leg_logs(seed=3, noise=0, rate=1)
     single = leg_logs([Hidden("surface_scale", "*", 4.0, run="fit2")], seed=3, noise=0, rate=1)

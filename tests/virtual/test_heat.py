@@ -92,6 +92,7 @@ def test_balance_with_every_effect_is_the_one_written_down() -> None:
     assert slope == pytest.approx(np.array(expected), rel=1e-9)
 
 
+@pytest.mark.long
 def test_energy_stored_and_lost_is_the_energy_put_in() -> None:
     """Checked on the log alone, with nothing but the parameters from the truth."""
     leg, log = draw_leg(3, 0.03), leg_logs(seed=3, noise=0)["fit1"]
@@ -104,6 +105,7 @@ def test_energy_stored_and_lost_is_the_energy_put_in() -> None:
     assert stored > 0.1 * put_in
 
 
+@pytest.mark.long
 def test_one_second_scheme_agrees_with_scipy_on_the_full_inputs() -> None:
     leg = leg_with_everything()
     signals = draw_signals(LEG_MOVES, np.random.default_rng(0))
@@ -211,6 +213,7 @@ def extra(robot: Robot, moved: Motion) -> Array:
     return heat
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("physics", ["full", "plain"])
 def test_both_schemes_agree_with_scipy(physics: str) -> None:
     robot = quadruped(seed=2, physics=physics)  # type: ignore[arg-type]
@@ -236,6 +239,7 @@ def test_both_schemes_agree_with_scipy(physics: str) -> None:
     assert np.abs(fast - exact).max() < 1e-3
 
 
+@pytest.mark.long
 def test_means_of_a_second_do_for_its_hundred_samples() -> None:
     """The samples' own heat, sample by sample, against the scheme fed with means."""
     robot, moved = quadruped(seed=2), draw_motion(MOVES[:1], np.random.default_rng(1))
@@ -319,6 +323,7 @@ HIDDEN = (
 )
 
 
+@pytest.mark.long
 def test_heat_is_the_one_written_down() -> None:
     """The robot's log alone, its parameters and the docstrings' numbers, integrated by scipy."""
     robot = quadruped(seed=4, physics="plain")

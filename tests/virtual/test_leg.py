@@ -27,6 +27,7 @@ def logs() -> dict[str, pd.DataFrame]:
     return leg_logs(seed=5)
 
 
+@pytest.mark.long
 def test_runs_and_columns(logs: dict[str, pd.DataFrame]) -> None:
     lasts = {"fit1": 2400, "fit2": 2400, "holdout": 1800}
     ambients = {"fit1": 22.0, "fit2": 12.0, "holdout": 28.0}
@@ -62,6 +63,7 @@ def test_base_speed_and_joint_speed_are_told_apart(logs: dict[str, pd.DataFrame]
         assert seen.sum() >= 2
 
 
+@pytest.mark.long
 def test_same_seed_same_logs_other_seed_other_logs(logs: dict[str, pd.DataFrame]) -> None:
     again, other = leg_logs(seed=5), leg_logs(seed=6)
     for name, log in logs.items():
@@ -70,6 +72,7 @@ def test_same_seed_same_logs_other_seed_other_logs(logs: dict[str, pd.DataFrame]
             assert not np.allclose(log[column], other[name][column])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("place", ["FR_hip", "*"])
 def test_hidden_effect_leaves_movement_and_noise_alone(logs: dict[str, pd.DataFrame], place: str) -> None:
     changed = leg_logs([Hidden("sensor_offset", place)], seed=5)
@@ -79,6 +82,7 @@ def test_hidden_effect_leaves_movement_and_noise_alone(logs: dict[str, pd.DataFr
         assert not difference.drop(columns=TEMPERATURES).to_numpy().any()
 
 
+@pytest.mark.long
 def test_noise_is_as_large_as_asked(logs: dict[str, pd.DataFrame]) -> None:
     quiet = leg_logs(seed=5, noise=0)
     noise = logs["fit1"][TEMPERATURES] - quiet["fit1"][TEMPERATURES]
@@ -86,6 +90,7 @@ def test_noise_is_as_large_as_asked(logs: dict[str, pd.DataFrame]) -> None:
     assert abs(noise.mean()).max() < 0.005
 
 
+@pytest.mark.long
 def test_quantised_readings_are_the_rounded_ones(logs: dict[str, pd.DataFrame]) -> None:
     coarse = leg_logs(seed=5, quantisation=0.5)
     for name, log in logs.items():
@@ -94,6 +99,7 @@ def test_quantised_readings_are_the_rounded_ones(logs: dict[str, pd.DataFrame]) 
         assert np.abs(read - log[TEMPERATURES].to_numpy()).max() <= 0.25 + 1e-9
 
 
+@pytest.mark.long
 def test_dropouts_take_their_share_and_leave_the_rest_alone(logs: dict[str, pd.DataFrame]) -> None:
     gappy = leg_logs(seed=5, dropouts=0.1)["fit1"]
     missing = gappy[TEMPERATURES].isna()
@@ -104,6 +110,7 @@ def test_dropouts_take_their_share_and_leave_the_rest_alone(logs: dict[str, pd.D
     assert np.array_equal(gappy[TEMPERATURES].to_numpy()[kept], whole[kept])
 
 
+@pytest.mark.long
 def test_one_row_a_second_holds_the_features_of_its_second() -> None:
     fine, slow = leg_logs(seed=5, noise=0)["holdout"], leg_logs(seed=5, noise=0, rate=1)["holdout"]
     second = np.arange(len(fine)) // 10
@@ -120,6 +127,7 @@ def test_torque_and_velocity_are_signed_at_ten_hertz(logs: dict[str, pd.DataFram
     assert (logs["fit1"][COLUMNS[1:7]].min() < 0).all()
 
 
+@pytest.mark.long
 def test_warm_start_lags_behind_in_the_hidden_mass() -> None:
     """Beginning warm, the inner mass is colder than its node; beginning cold, it isn't."""
 
@@ -133,6 +141,7 @@ def test_warm_start_lags_behind_in_the_hidden_mass() -> None:
     assert cooled("cold", mass) == pytest.approx(cooled("cold"), abs=0.05)
 
 
+@pytest.mark.long
 def test_rough_tier_spoils_ambient_and_torque() -> None:
     clean, rough = leg_logs(seed=5, noise=0, scatter=0.1), leg_logs(seed=5, noise=0, rough=True)
     errors = [rough[name]["temperature.ambient"].iloc[0] - clean[name]["temperature.ambient"].iloc[0] for name in clean]

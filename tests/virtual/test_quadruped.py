@@ -54,6 +54,7 @@ def test_joints_are_those_of_the_urdf() -> None:
     )
 
 
+@pytest.mark.long
 def test_protocol_is_the_sources_table(protocol: Logs) -> None:
     assert len(protocol) == 25
     for diagonal in ("RF_LR", "LF_RR"):

@@ -25,6 +25,7 @@ from lptn.virtual.robot import Array
 HOT = [f"temperature.{joint}" for joint in QUADRUPED_JOINTS]
 
 
+@pytest.mark.long
 def test_every_trot_passes_60_degrees() -> None:
     runs = plan("forecast", 1)
     assert len(runs) == 20
@@ -61,6 +62,7 @@ def test_trial_powers_every_joint_alone_with_three_others() -> None:
         assert coldest < hottest < 95
 
 
+@pytest.mark.long
 def test_tests_are_the_sources_conditions() -> None:
     runs = plan("tests", 1)
     named = ["stand", "trot_0kg_low", "trot_0kg_high", "trot_4kg_low", "walk_4kg", "cooling", "multi_gait"]
@@ -120,6 +122,7 @@ def minutes(run: str) -> pd.DataFrame:
     return log.groupby(np.arange(len(log)) // 60).mean()
 
 
+@pytest.mark.long
 def test_torques_move_independently() -> None:
     """No joint's copper loss follows from those of all others, speed and drives."""
     both = pd.concat([minutes("fit1"), minutes("fit2")])
@@ -163,6 +166,7 @@ def test_shorter_one_has_an_hour_to_fit() -> None:
     assert acts == [(one.activity, one.joints, one.torque) for one in same["fit2"].segments]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("effect", EFFECTS)
 def test_every_effect_is_excited(effect: str) -> None:
     """The table of excursions is printed by ``pytest -s``."""

@@ -95,6 +95,7 @@ def test_offset_of_the_ambient_is_not_in_the_log(full: bool) -> None:
     assert read(colder["mix"])[0] == pytest.approx(usual[0] - 5.0)
 
 
+@pytest.mark.long
 def test_true_ambient_lags_behind_the_logged_one() -> None:
     hidden = [("ambient_lag", "ambient", 1.0)]
     runs = plan("swing", 3)
@@ -120,6 +121,7 @@ def test_true_ambient_lags_behind_the_logged_one() -> None:
         pd.testing.assert_frame_equal(log, done[name])
 
 
+@pytest.mark.long
 def test_leg_feels_the_lag_of_the_ambient() -> None:
     lagging, prompt = (
         leg_logs([Hidden("ambient_lag", "ambient", size)], seed=1, noise=0, rate=1) for size in (1, 1e-9)
@@ -135,6 +137,7 @@ def test_leg_feels_the_lag_of_the_ambient() -> None:
 MIX = Run((Segment("trot", 240, 0.5, 2.0), Segment("stand", 60), Segment("hold", 60, joints=("RL_calf",), torque=8.0)))
 
 
+@pytest.mark.long
 def test_faults_are_what_they_are_called() -> None:
     faults = (
         Fault("drift", "FR_calf", 100, 0.05),

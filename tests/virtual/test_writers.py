@@ -151,6 +151,7 @@ def test_unknown_format_is_refused(tmp_path: Path) -> None:
 # --- the command ``python -m lptn.virtual`` ------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_command_writes_what_the_leg_s_function_makes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     text = "leg --hidden forced_convection --at FR_thigh --size 1"
     text += " --hidden conduction --at FR_calf~FR_hip --size 0.5 --seed 3 --noise 0.1 --quantisation 1 --rate 1"
@@ -197,6 +198,7 @@ def test_folder_that_cannot_be_made(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert capsys.readouterr().err.count("\n") == 1
 
 
+@pytest.mark.long
 def test_module_runs() -> None:
     done = subprocess.run([sys.executable, "-m", "lptn.virtual", "leg"], capture_output=True, text=True, check=False)
     assert done.returncode == 2
@@ -204,6 +206,7 @@ def test_module_runs() -> None:
     assert done.stderr.count("\n") == 1
 
 
+@pytest.mark.long
 def test_command_takes_runs(tmp_path: object, capsys: pytest.CaptureFixture[str]) -> None:
     text = "leg --hidden surface_scale --at * --run fit2 --hidden radiation --at FR_calf --run * --rate 1 --columns all"
     assert main([*text.split(), "-o", str(tmp_path)]) == 0
