@@ -63,6 +63,7 @@ def test_the_outputs_are_those_of_the_limiter(case: str, fmi: int, built: Build)
     assert (case in ("too hot", "overloaded neighbour")) == (not expected.all())
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("fmi", [2, 3])
 def test_the_outputs_follow_a_step(fmi: int, built: Build) -> None:
     temperatures = [f"{joint}.temperature" for joint in JOINTS]

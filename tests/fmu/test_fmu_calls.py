@@ -26,6 +26,7 @@ from tests.fmu.truth import in_kelvin, steps
 HARNESS = Path(__file__).with_name("fuzz.c")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("fmi", [2, 3])
 @pytest.mark.parametrize(
     ("values", "said"),
@@ -221,6 +222,7 @@ def test_a_restored_state_goes_on_to_the_last_bit(case: tuple[Any, FloatArray]) 
         assert (_run(session, rows[20:]) == first).all()
 
 
+@pytest.mark.long
 def test_a_state_goes_as_bytes_into_another_instance(case: tuple[Any, FloatArray]) -> None:
     exported, rows = case
     with Session(exported.path) as one, Session(exported.path) as other:

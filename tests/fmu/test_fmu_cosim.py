@@ -117,6 +117,7 @@ def test_cosimulation_says_to_the_fmu_which_run_it_is(tmp_path: Path) -> None:
     assert ends["hot"][2] - ends["cool"][2] > 3.0
 
 
+@pytest.mark.long
 def test_a_refused_table_or_model_writes_nothing(
     exported: Path, log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -128,6 +129,7 @@ def test_a_refused_table_or_model_writes_nothing(
     assert not found.exists()
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("built")  # the trust store in a folder of its own
 def test_names_of_any_letters_cannot_get_into_the_code_or_break_the_xml(tmp_path: Path) -> None:
     model, path, log, found = (tmp_path / name for name in ("x.toml", "x.fmu", "x.csv", "found.json"))

@@ -46,6 +46,7 @@ def test_piecewise_constant_inputs(fmi: int, solver: str, built: Build) -> None:
     assert np.abs(found - leg_by_hand(inputs, 5.0)).max() < 1e-6
 
 
+@pytest.mark.long
 def test_every_effect_of_the_catalogue(built: Build) -> None:
     model = built("everything").component.model
     inputs = np.abs(steps(model, 60))

@@ -192,6 +192,7 @@ def test_without_healthy_logs_it_guesses_and_says_so(model: Model) -> None:
         calibrate(model, [])
 
 
+@pytest.mark.long
 def test_a_kept_calibration_is_the_same_and_belongs_to_its_model(
     model: Model, calibration: Calibration, tmp_path: Path
 ) -> None:
