@@ -247,8 +247,7 @@ class Study:
             self.fit()
         last = self._steps[-1].fit
         if isinstance(effect, str):
-            where = f"{at}@{run}" if run else at
-            step = Step(last, added(self.file, effect, where).network.effects[-1])
+            step = Step(last, added(self.file, effect, at, run).network.effects[-1])
         else:
             step = effect
         if step.declaration is None:
