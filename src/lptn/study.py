@@ -246,10 +246,7 @@ class Study:
         if not self._steps:
             self.fit()
         last = self._steps[-1].fit
-        if isinstance(effect, str):
-            step = Step(last, added(self.file, effect, at, run).network.effects[-1])
-        else:
-            step = effect
+        step = Step(last, added(self.file, effect, at, run).network.effects[-1]) if isinstance(effect, str) else effect
         if step.declaration is None:
             raise InputError("study", "add", "the model as given", "an effect's key, or an answer of diagnose()")
         logger.info("fitting %s at %s", step.effect, step.at)
