@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from .heat import REFERENCE, Network
 from .robot import QUADRUPED_NODES, Array, Robot, check_one_of, stream
@@ -80,6 +79,8 @@ def lagged(temperature: Array, lag: Array) -> Array:
         temperature: degC at 0, 1, … s, of shape (seconds, joints).
         lag: time constants, s, one a column; 0 leaves the column as it is.
     """
+    from scipy.signal import lfilter  # here, as it takes a second to import
+
     result = temperature.copy()
     for i in np.flatnonzero(lag > 0):
         keep = np.exp(-1 / lag[i])
@@ -93,6 +94,8 @@ def lagged(temperature: Array, lag: Array) -> Array:
 
 def _hot_spots(network: Network, states: Array, copper: Array) -> Array:
     """Return what hot spots have above the mass around them, K: at zero when the run begins."""
+    from scipy.signal import lfilter
+
     robot, count = network.robot, network.robot.sensed
     above = np.zeros((len(states), count))
     for i in np.flatnonzero(robot.hot_spot[:count]):
