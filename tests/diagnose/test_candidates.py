@@ -76,6 +76,14 @@ def test_with_two_runs_what_may_differ_between_them_is_proposed_for_each_alone(l
     assert not [each for each in candidates(model.network, columns, ["fit1"]) if each.run]
 
 
+def test_a_drift_is_rarer_than_a_mass_and_what_acts_in_one_run_rarer_still(leg: Leg) -> None:
+    model, data = leg()
+    found = {each.key: each for each in candidates(model.network, data.fit[0].run.columns, ["fit1", "fit2"])}
+    assert found["second_mass", "FR_hip"].prior_odds == 1.0
+    assert found["sensor_drift", "FR_hip"].prior_odds == pytest.approx(0.3)
+    assert found["sensor_drift", "FR_hip@fit2"].prior_odds == pytest.approx(0.03)
+
+
 def test_pieces_of_one_log_are_runs_of_their_own_only_where_there_is_no_other_log() -> None:
     assert separate_runs(["a#1", "a#2"]) == ["a#1", "a#2"]
     assert separate_runs(["a#1", "a#2", "b"]) == ["a", "b"]

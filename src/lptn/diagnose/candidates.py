@@ -16,6 +16,7 @@ from lptn.model.model import Model
 from lptn.model.network import EffectDeclaration, Network
 
 _FEWEST = 3  # nodes that share an unseen mass
+_ONE_RUN_ONLY = 0.1  # prior odds of what acts in one run and no other, relative to the same in all runs
 Words = tuple[tuple[str, str], ...]
 """An effect's options with the words chosen for them, those left out at their defaults."""
 
@@ -77,6 +78,11 @@ class Candidate:
     def key(self) -> tuple[str, str]:
         """Effect and place, as reports name them."""
         return self.effect.key, self.at
+
+    @property
+    def prior_odds(self) -> float:
+        """How often such a thing is met, relative to other candidates: the effect's odds, less for a single run."""
+        return self.effect.prior_odds * (_ONE_RUN_ONLY if self.run else 1.0)
 
     @property
     def pattern(self) -> str:

@@ -19,6 +19,8 @@ class AmbientLag(BoundaryEffect):
 
     key = "ambient_lag"
     title = "surroundings that follow the ambient late"
+    prior_odds = 0.5
+    """Walls out of balance with the air take a change of weather or of room, which few logs hold."""
     has_state = True
     parameters = (
         Parameter("fraction", 0.7, "1", (0.0, 1.0), off=0.0, typical=0.7, title="share that is late"),

@@ -19,6 +19,8 @@ class AmbientOffset(BoundaryEffect):
 
     key = "ambient_offset"
     title = "ambient warmer or cooler than given"
+    prior_odds = 0.5
+    """An ambient sensor near the robot is right within a kelvin more often than not."""
     per_run = True
     in_one_run = (
         "in {run} the {place} was {size} K warmer than given",

@@ -138,6 +138,11 @@ class Effect(ABC):
     """What it needs of logs to show."""
     has_state: ClassVar[bool] = False
     options: ClassVar[Mapping[str, tuple[str, ...]]] = {}
+    prior_odds: ClassVar[float] = 1.0
+    """How often such a thing is met where it can stand, relative to the other effects: prior odds of the evidence.
+
+    1 is what most effects have. An effect that is rare in practice has less, and says why in a sentence below it.
+    """
     per_run: ClassVar[bool] = False
     whole_robot: ClassVar[bool] = False
     in_one_run: ClassVar[tuple[str, str]] = ("", "")

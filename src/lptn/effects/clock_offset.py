@@ -22,6 +22,8 @@ class ClockOffset(ClockEffect):
 
     key = "clock_offset"
     title = "clock offset between temperatures and inputs"
+    prior_odds = 0.3
+    """Most logs have one clock; in those of two the offset is seconds, and is aligned where they are joined."""
     per_run = True
     whole_robot = True
     in_one_run = (

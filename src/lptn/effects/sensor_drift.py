@@ -24,6 +24,8 @@ class SensorDrift(ExcessEffect):
 
     key = "sensor_drift"
     title = "sensor drift"
+    prior_odds = 0.3
+    """Calibrated sensors drift by fractions of a kelvin in a year; a drift within a log is a defect."""
     per_run = True
     in_one_run = (
         "in {run} {of} drifts up by {size} K an hour",
