@@ -176,3 +176,27 @@ def test_a_guessed_ambient_may_be_wrong_like_a_sensor() -> None:
         assert _ats("ambient_offset", network=network) == ["ambient"]
         found = {each.key for each in candidates(network, [], ["monday", "tuesday"])}
         assert ("ambient_offset", "ambient@monday") in found
+
+
+def test_a_candidate_has_the_size_that_is_usual_at_its_place() -> None:
+    """A wall of 2 MJ/K beside a gram of copper."""
+    parts = (NodeDeclaration("wall", capacity(2e6)), NodeDeclaration("foil", capacity(0.4)), AMBIENT)
+    links = (
+        LinkDeclaration(("wall", "ambient"), resistance(0.05)),
+        LinkDeclaration(("foil", "ambient"), resistance(200)),
+    )
+    network = Network("wall and foil", parts, links)
+    found = {each.key: each for each in candidates(network, ["temperature.ambient"])}
+    for key, wall, foil in (("second_mass", 2e6 / 6, 0.4 / 6), ("constant_heat", 430.0, 0.05)):
+        for place, size in (("wall", wall), ("foil", foil)):
+            candidate = found[key, place]
+            assert candidate.typical == pytest.approx(size, rel=0.2)
+            added = candidate.declaration(None, candidate.shapes[0]).parameters[0]
+            assert added.value == added.typical == pytest.approx(candidate.typical)
+            (site,) = candidate.sites(candidate.shapes[0])
+            assert site.declaration().parameters[0].typical == pytest.approx(candidate.typical)
+        both = found[key, "*"]
+        assert both.typical == pytest.approx((wall * foil) ** 0.5, rel=0.2)
+        assert [site.typical for site in both.sites(both.shapes[0])] == [
+            found[key, each].typical for each in both.places
+        ]

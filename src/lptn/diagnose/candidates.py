@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
@@ -14,6 +15,7 @@ from lptn.identify.data import DataSplit
 from lptn.model.heat_balance import input_column
 from lptn.model.model import Model
 from lptn.model.network import EffectDeclaration, Network
+from lptn.model.sizes import Sizes
 
 _FEWEST = 3  # nodes that share an unseen mass
 _ONE_RUN_ONLY = 0.1  # prior odds of what acts in one run and no other, relative to the same in all runs
@@ -31,6 +33,7 @@ class Site:
         shape: value of its shape parameter, `None` for an effect without one.
         run: the only run in which it acts; every run by default.
         words: the effect's options.
+        typical: usual size of its amplitude at this place, in the amplitude's unit; the effect's own by default.
     """
 
     effect: type[Effect]
@@ -38,6 +41,7 @@ class Site:
     shape: float | None
     run: str = ""
     words: Words = field(default=(), compare=False)  # the same for all sites of an effect
+    typical: float | None = field(default=None, compare=False)  # the same for all sites at a place
 
     @property
     def label(self) -> str:
@@ -52,7 +56,8 @@ class Site:
 
     def declaration(self) -> EffectDeclaration:
         """The effect at this place, switched off."""
-        parameters = tuple(replace(_shaped(p, self.shape).switched_off, share="each") for p in self.effect.parameters)
+        stated = (_sized(_shaped(parameter, self.shape), self.typical) for parameter in self.effect.parameters)
+        parameters = tuple(replace(parameter.switched_off, share="each") for parameter in stated)
         return EffectDeclaration(self.effect(**dict(self.words)), self.place, parameters, self.label, run=self.run)
 
 
@@ -66,6 +71,8 @@ class Candidate:
         places: the places that `at` covers.
         run: the only run in which it acts; every run by default.
         words: the effect's options.
+        sizes: for each place the usual size of the amplitude there, in the amplitude's unit; the effect's own by
+            default.
     """
 
     effect: type[Effect]
@@ -73,6 +80,7 @@ class Candidate:
     places: tuple[str, ...]
     run: str = ""
     words: Words = ()
+    sizes: tuple[float, ...] = field(default=(), compare=False)  # of the network, as the places are
 
     @property
     def key(self) -> tuple[str, str]:
@@ -83,6 +91,14 @@ class Candidate:
     def prior_odds(self) -> float:
         """How often such a thing is met, relative to other candidates: the effect's odds, less for a single run."""
         return self.effect.prior_odds * (_ONE_RUN_ONLY if self.run else 1.0)
+
+    @property
+    def typical(self) -> float:
+        """The usual size of its amplitude, in the amplitude's unit: the geometric mean over its places."""
+        if self.sizes:
+            return math.exp(sum(map(math.log, self.sizes)) / len(self.sizes))
+        amplitude = self.effect.amplitude()
+        return 1.0 if amplitude is None else abs(amplitude.typical)
 
     @property
     def pattern(self) -> str:
@@ -97,13 +113,17 @@ class Candidate:
 
     def sites(self, shape: float | None) -> list[Site]:
         """Its single places at one shape."""
-        return [Site(self.effect, place, shape, self.run, self.words) for place in self.places]
+        typical = self.sizes or (None,) * len(self.places)
+        return [
+            Site(self.effect, place, shape, self.run, self.words, size)
+            for place, size in zip(self.places, typical, strict=True)
+        ]
 
     def declaration(self, amplitude: float | None, shape: float | None) -> EffectDeclaration:
         """The effect switched on, one amplitude shared by all its places."""
         parameters = []
         for parameter in self.effect.parameters:
-            on = replace(_shaped(parameter, shape).switched_on, share="all")
+            on = replace(_sized(_shaped(parameter, shape), self.typical).switched_on, share="all")
             if amplitude is not None and parameter.off is not None and parameter.on is None:
                 lower, upper = parameter.bounds
                 on = replace(on, value=min(max(amplitude, lower), upper))
@@ -122,9 +142,10 @@ def candidates(network: Network, columns: Collection[str], runs: Sequence[str] =
     """
     proposed = []
     limits = ("", *separate_runs(runs))
+    sizes = Sizes(network)
     for effect, run in product(catalogue().values(), limits):
         if effect.amplitude() is not None and (effect.per_run or not run):
-            proposed += _of_effect(network, effect, columns, run)
+            proposed += [_with_sizes(each, network, sizes) for each in _of_effect(network, effect, columns, run)]
     return sorted(proposed, key=lambda candidate: limits.index(candidate.run))
 
 
@@ -157,6 +178,16 @@ def _of_effect(network: Network, effect: type[Effect], columns: Collection[str],
         if groups:
             return [Candidate(effect, in_run(at, run), tuple(group), run, words) for at, group in groups]
     return []
+
+
+def _with_sizes(candidate: Candidate, network: Network, sizes: Sizes) -> Candidate:
+    """The candidate with the usual size of its amplitude at each of its places."""
+    amplitude = candidate.effect.amplitude()
+    if amplitude is None:
+        return candidate
+    ends = dict(network.places_for(EffectDeclaration(candidate.effect(), candidate.pattern)))
+    typical = tuple(abs(sizes.typical(amplitude, [ends[place]])) for place in candidate.places)
+    return replace(candidate, sizes=typical)
 
 
 def _wordings(effect: type[Effect]) -> list[Words]:
@@ -226,6 +257,14 @@ def _groups(effect: type[Effect], places: list[str], network: Network) -> list[t
 def _covers(effect: type[Effect], at: str, group: list[str], network: Network) -> bool:
     declaration = EffectDeclaration(effect(), at)
     return {place for place, _ in network.places_for(declaration)} == set(group)
+
+
+def _sized(parameter: Parameter, typical: float | None) -> Parameter:
+    """An amplitude with the usual size at the place where it is to stand."""
+    if parameter.off is None or typical is None:
+        return parameter
+    lower, upper = parameter.bounds
+    return replace(parameter, typical=min(max(typical, lower), upper))
 
 
 def _shaped(parameter: Parameter, shape: float | None) -> Parameter:

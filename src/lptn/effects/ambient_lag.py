@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
-from lptn.basics.parameters import Parameter
+from lptn.basics.parameters import LARGEST, Parameter
 from lptn.effects.base import BoundaryEffect, Signature, Symbol
 from lptn.effects.excitation import surroundings_change
 
@@ -28,7 +28,7 @@ class AmbientLag(BoundaryEffect):
             "time_constant",
             900.0,
             "s",
-            (10.0, 5e4),
+            (10.0, LARGEST),
             typical=900.0,
             title="time constant",
             grid=(300.0, 900.0, 2700.0),

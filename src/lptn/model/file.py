@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from lptn.basics.errors import InputError, shown
 from lptn.basics.files import write_whole
-from lptn.basics.parameters import Parameter, Share
+from lptn.basics.parameters import LARGEST, Parameter, Share
 from lptn.basics.places import is_glob, run_label
 from lptn.basics.toml import expectation, first_mistake, found_in, mistakes_by_line, place_of, text_of, toml_of
 from lptn.basics.units import convert
@@ -121,7 +121,7 @@ _MATERIAL = {
 _CONDUCTIVITY = Parameter(
     "conductivity", 1.0, "W/(m*K)", (1e-4, 1e4), typical=1.0, title="thermal conductivity", fixed=True
 )
-_CAPACITY = Parameter("capacity", 300.0, "J/K", (1e-3, 1e6), typical=300.0, title="heat capacity", fixed=True)
+_CAPACITY = Parameter("capacity", 300.0, "J/K", (1e-3, 1e8), typical=300.0, title="heat capacity", fixed=True)
 ReadParameter = Callable[[Parameter, object, str], Parameter]
 """A parameter as the file has it: from its declaration, what the file says, and where."""
 
@@ -225,8 +225,8 @@ class ElementReader:
 
 # --- The checked tables turned into the declarations of a network -----------------------------------
 
-_NODE_CAPACITY = Parameter("capacity", 300.0, "J/K", (1e-3, 1e6), typical=300.0, title="heat capacity")
-_RESISTANCE = Parameter("resistance", 5.0, "K/W", (1e-4, 1e4), typical=5.0, title="thermal resistance")
+_NODE_CAPACITY = Parameter("capacity", 300.0, "J/K", (1e-6, LARGEST), typical=300.0, title="heat capacity")
+_RESISTANCE = Parameter("resistance", 5.0, "K/W", (1e-9, LARGEST), typical=5.0, title="thermal resistance")
 _TEMPERATURE = Parameter(
     "temperature", 20.0, "degC", (-80.0, 200.0), typical=10.0, title="prescribed temperature", fixed=True
 )
