@@ -197,6 +197,35 @@ def test_a_candidate_has_the_size_that_is_usual_at_its_place() -> None:
             assert site.declaration().parameters[0].typical == pytest.approx(candidate.typical)
         both = found[key, "*"]
         assert both.typical == pytest.approx((wall * foil) ** 0.5, rel=0.2)
-        assert [site.typical for site in both.sites(both.shapes[0])] == [
-            found[key, each].typical for each in both.places
-        ]
+        own = [found[key, each].typical for each in both.places]
+        assert [site.typical for site in both.sites(both.shapes[0])] == pytest.approx(own)
+
+
+@pytest.mark.parametrize("key", ["second_mass", "sensor_lag", "shared_mass", "ambient_lag", "hot_spot", "iron_loss"])
+def test_time_constants_are_those_that_the_log_can_show(key: str) -> None:
+    shape = catalogue()[key].shape()
+    assert shape is not None
+    network = _legs()
+    columns = ["temperature.ambient", *COLUMNS, *(f"velocity_rms.{joint}" for joint in JOINTS)]
+
+    def shapes(step: float, duration: float) -> tuple[float | None, ...]:
+        found = candidates(network, columns, step=step, duration=duration)
+        return next(each.shapes for each in found if each.effect.key == key)
+
+    for step in (1.0, 10.0):
+        assert shapes(step, 3600.0) == shape.grid
+    for step, duration in ((300.0, 2 * 86400.0), (1800.0, 30 * 86400.0), (1800.0, 6 * 3600.0), (5.0, 200.0)):
+        if shape.unit == "s":
+            values = [value for value in shapes(step, duration) if value is not None]
+            assert 1 <= len(values) <= 8
+            assert all(value >= step / 2 for value in values)
+            assert len(values) == 1 or values[-1] <= duration
+
+
+def test_a_long_log_shows_slow_masses() -> None:
+    network = _legs()
+    found = candidates(network, ["temperature.ambient"], step=300.0, duration=4 * 86400.0)
+    mass = next(each for each in found if each.effect.key == "second_mass")
+    assert len(mass.shapes) >= 4
+    assert max(shape for shape in mass.shapes if shape) > 5 * 3600.0
+    Model(network.with_effects(site.declaration() for site in sites([mass])))

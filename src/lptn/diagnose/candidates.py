@@ -19,6 +19,8 @@ from lptn.model.sizes import Sizes
 
 _FEWEST = 3  # nodes that share an unseen mass
 _ONE_RUN_ONLY = 0.1  # prior odds of what acts in one run and no other, relative to the same in all runs
+_RATIO = 4.0  # of a time constant to the one before it, for a grid of one
+_HOUR = 3600.0  # s; a log as long as those for which effects state their time constants
 Words = tuple[tuple[str, str], ...]
 """An effect's options with the words chosen for them, those left out at their defaults."""
 
@@ -73,6 +75,7 @@ class Candidate:
         words: the effect's options.
         sizes: for each place the usual size of the amplitude there, in the amplitude's unit; the effect's own by
             default.
+        grid: values of the effect's shape at which it is scored; the effect's own by default.
     """
 
     effect: type[Effect]
@@ -81,6 +84,7 @@ class Candidate:
     run: str = ""
     words: Words = ()
     sizes: tuple[float, ...] = field(default=(), compare=False)  # of the network, as the places are
+    grid: tuple[float, ...] = field(default=(), compare=False)  # of the log
 
     @property
     def key(self) -> tuple[str, str]:
@@ -109,7 +113,7 @@ class Candidate:
     def shapes(self) -> tuple[float | None, ...]:
         """The values of the effect's shape at which it is scored; `None` alone for an effect without one."""
         shape = self.effect.shape()
-        return shape.grid if shape else (None,)
+        return (self.grid or shape.grid) if shape else (None,)
 
     def sites(self, shape: float | None) -> list[Site]:
         """Its single places at one shape."""
@@ -131,7 +135,14 @@ class Candidate:
         return EffectDeclaration(self.effect(**dict(self.words)), self.pattern, tuple(parameters), run=self.run)
 
 
-def candidates(network: Network, columns: Collection[str], runs: Sequence[str] = ()) -> list[Candidate]:
+def candidates(
+    network: Network,
+    columns: Collection[str],
+    runs: Sequence[str] = (),
+    *,
+    step: float | None = None,
+    duration: float | None = None,
+) -> list[Candidate]:
     """Every effect of the catalogue at every place where the network lacks it and the log has its inputs.
 
     Args:
@@ -139,13 +150,20 @@ def candidates(network: Network, columns: Collection[str], runs: Sequence[str] =
         columns: log columns at hand.
         runs: names of the fitted runs. With two or more of them, effects that may well differ from run to run
             are proposed for each run alone as well.
+        step: s, of the readings that are scored; with `duration` it says which time constants they can show. Those
+            that the effects state by default, which are for logs of an hour.
+        duration: s, of the longest run.
     """
     proposed = []
     limits = ("", *separate_runs(runs))
     sizes = Sizes(network)
     for effect, run in product(catalogue().values(), limits):
         if effect.amplitude() is not None and (effect.per_run or not run):
-            proposed += [_with_sizes(each, network, sizes) for each in _of_effect(network, effect, columns, run)]
+            grid = _grid(effect.shape(), step, duration)
+            proposed += [
+                replace(_with_sizes(each, network, sizes), grid=grid)
+                for each in _of_effect(network, effect, columns, run)
+            ]
     return sorted(proposed, key=lambda candidate: limits.index(candidate.run))
 
 
@@ -178,6 +196,21 @@ def _of_effect(network: Network, effect: type[Effect], columns: Collection[str],
         if groups:
             return [Candidate(effect, in_run(at, run), tuple(group), run, words) for at, group in groups]
     return []
+
+
+def _grid(shape: Parameter | None, step: float | None, duration: float | None) -> tuple[float, ...]:
+    """Values of a shape to score: an effect's grid of time constants goes as far as the log is longer than an hour.
+
+    Time constants below half a step act within it, those above the duration are a ramp.
+    """
+    if shape is None or shape.unit != "s" or step is None or duration is None:
+        return shape.grid if shape else ()
+    grid = list(shape.grid)
+    ratio = (grid[-1] / grid[0]) ** (1 / (len(grid) - 1)) if len(grid) > 1 else _RATIO
+    slowest = grid[-1] * duration / _HOUR
+    while grid[-1] * ratio <= slowest:
+        grid.append(grid[-1] * ratio)
+    return tuple(value for value in grid if step / 2 <= value <= duration) or (max(grid[0], step),)
 
 
 def _with_sizes(candidate: Candidate, network: Network, sizes: Sizes) -> Candidate:
