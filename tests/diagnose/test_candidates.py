@@ -229,3 +229,36 @@ def test_a_long_log_shows_slow_masses() -> None:
     assert len(mass.shapes) >= 4
     assert max(shape for shape in mass.shapes if shape) > 5 * 3600.0
     Model(network.with_effects(site.declaration() for site in sites([mass])))
+
+
+def _legs_and(name: str, *, pattern: bool = True) -> Network:
+    """The two legs with one more node, whose joints are declared by a pattern or one by one."""
+    joints = ("*_*",) if pattern else JOINTS
+    nodes = (*(NodeDeclaration(joint, capacity()) for joint in joints), NodeDeclaration(name, capacity()), AMBIENT)
+    links = (LinkDeclaration(("*", "ambient"), resistance()),)
+    return Network("legs", nodes, links, (effect("copper_loss", "*_*"),), joints=JOINTS)
+
+
+@pytest.mark.parametrize("pattern", [True, False])
+def test_beside_a_computer_everywhere_on_the_joints_is_a_place(pattern: bool) -> None:
+    network = _legs_and("pc", pattern=pattern)
+    expected = [*JOINTS, "pc", "*_thigh", "*_calf", "*_*", "*"]
+    assert sorted(_ats("constant_heat", network=network)) == sorted(expected)
+    assert sorted(_ats("surface_scale", network=network)) == sorted(expected)
+    assert _ats("shared_mass", network=network) == ["*_*", "*"]
+    assert "*_*" not in _ats("constant_heat", network=_legs_and("main_board", pattern=False))
+
+
+def test_each_set_of_places_has_one_name(leg: Leg) -> None:
+    for network in (leg()[0].network, _legs(), _legs_and("pc")):
+        found = candidates(network, ["temperature.ambient", "speed.base", *COLUMNS], ["monday", "tuesday"])
+        sets = [(each.effect.key, each.run, frozenset(each.places)) for each in found]
+        assert len(set(sets)) == len(sets)
+        for each in found:
+            network.with_effects([each.declaration(None, each.shapes[0])])
+
+
+def test_a_pattern_of_the_model_itself_is_a_place() -> None:
+    network = _legs().with_effects([effect("forced_convection", "FR_*")])
+    assert "FR_*" in _ats("constant_heat", network=network)
+    assert "FR_*" not in _ats("forced_convection", "speed.base", network=network)

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
 
 from lptn.basics.parameters import Parameter
-from lptn.basics.places import EVERYWHERE, class_of, in_run, is_of_run, matching, run_label
+from lptn.basics.places import EVERYWHERE, class_of, in_run, is_glob, is_of_run, matching, run_label
 from lptn.effects import Effect, catalogue
 from lptn.effects.ambient_offset import AmbientOffset
 from lptn.identify.data import DataSplit
@@ -18,6 +18,7 @@ from lptn.model.network import EffectDeclaration, Network
 from lptn.model.sizes import Sizes
 
 _FEWEST = 3  # nodes that share an unseen mass
+_JOINTS = "*_*"  # names such as FR_calf
 _ONE_RUN_ONLY = 0.1  # prior odds of what acts in one run and no other, relative to the same in all runs
 _RATIO = 4.0  # of a time constant to the one before it, for a grid of one
 _HOUR = 3600.0  # s; a log as long as those for which effects state their time constants
@@ -189,7 +190,7 @@ def _of_effect(network: Network, effect: type[Effect], columns: Collection[str],
     for words in _wordings(effect):
         places = _free_places(network, effect, words, columns, run)
         if effect.one_place_a_pattern:
-            groups = _node_groups(network, places)
+            groups = _node_groups(network)
         else:
             groups = [(place, [place]) for place in places] if not effect.whole_robot else []
             groups += _groups(effect, places, network)
@@ -256,40 +257,57 @@ def _features_of(network: Network, key: str, node: str) -> list[tuple[str, ...]]
     ]
 
 
-def _node_groups(network: Network, free: list[str]) -> list[tuple[str, list[str]]]:
-    """Patterns of three nodes or more, each as one place: classes of like nodes, and all of them.
+def _patterns(network: Network) -> list[str]:
+    """Patterns of nodes that may have something in common: all, those that the model's declarations use, all joints.
+
+    The name of a joint is of two words, `FR_calf`; where a computer or a trunk has such a name too, it is no pattern.
+    """
+    own = [node.pattern for node in network.nodes] + [declared.at for declared in network.effects]
+    joints = matching(_JOINTS, network.dynamic)
+    alone = [name for name in joints if len(matching(class_of(name), network.dynamic)) == 1]
+    return list(dict.fromkeys([EVERYWHERE, *filter(is_glob, own), *([] if alone else [_JOINTS])]))
+
+
+def _node_groups(network: Network) -> list[tuple[str, list[str]]]:
+    """Patterns of three nodes or more, each as one place: classes of like nodes, and patterns of the model.
 
     What lies between two nodes is an edge, and needs no mass of its own to be named.
     """
-    classes = dict.fromkeys(class_of(name) for name in network.dynamic)
-    sizes = {at: len(matching(at, network.dynamic)) for at in classes}
-    proper = [at for at, size in sizes.items() if _FEWEST <= size < len(network.dynamic)]
-    whole = [EVERYWHERE] if len(network.dynamic) >= _FEWEST and free == [EVERYWHERE] else []
-    taken = {instance.place for instance in network.effect_instances if instance.effect.one_place_a_pattern}
-    return [(at, [at]) for at in [*proper, *whole] if at not in taken]
+    taken = [frozenset(instance.ends) for instance in network.effect_instances if instance.effect.one_place_a_pattern]
+    classes = [class_of(name) for name in network.dynamic]
+    covered = {at: frozenset(matching(at, network.dynamic)) for at in [*classes, *_patterns(network)]}
+    groups = _one_pattern_a_set({at: nodes for at, nodes in covered.items() if nodes not in taken}, network.dynamic)
+    return [(at, [at]) for at in groups if len(covered[at]) >= _FEWEST]
 
 
 def _groups(effect: type[Effect], places: list[str], network: Network) -> list[tuple[str, list[str]]]:
-    """Classes of like places, and all of them; a class that is everything is named `"*"`."""
+    """Several places at once: classes of like places, and patterns of the model."""
+
+    def covers(at: str) -> frozenset[str]:
+        return frozenset(place for place, _ in network.places_for(EffectDeclaration(effect(), at)))
+
     if effect.whole_robot:
-        return [(EVERYWHERE, places)] if places and _covers(effect, EVERYWHERE, places, network) else []
-    if len(places) < 2:
-        return []
-    classes: dict[str, list[str]] = {}
+        return [(EVERYWHERE, places)] if places and covers(EVERYWHERE) == set(places) else []
+    # A pattern that also matches a place where the effect stands already, or a pair unlike the others, is no name.
+    classes: dict[str, set[str]] = {}
     for place in places:
-        classes.setdefault(effect.like_places(place, network.dynamic), []).append(place)
-    groups = [(at, group) for at, group in classes.items() if 1 < len(group) < len(places)]
+        classes.setdefault(effect.like_places(place, network.dynamic), set()).add(place)
+    covered = {at: covers(at) for at, group in classes.items() if len(group) > 1 and covers(at) == group}
     if effect.in_all_pairs:
-        # Where not every node can have the effect, one of the patterns that declare nodes may name those that can.
-        patterns = (EVERYWHERE, *(node.pattern for node in network.nodes))
-        groups += [(at, places) for at in patterns if _covers(effect, at, places, network)][:1]
-    # A pattern that also matches a place where the effect stands already can't be added as it is.
-    return [(at, group) for at, group in groups if _covers(effect, at, group, network)]
+        covered |= {at: group for at in _patterns(network) if len(group := covers(at)) > 1 and group <= set(places)}
+    else:
+        covered = {at: group for at, group in covered.items() if group < set(places)}
+    groups = _one_pattern_a_set(covered, places)
+    return [(at, [place for place in places if place in covered[at]]) for at in groups]
 
 
-def _covers(effect: type[Effect], at: str, group: list[str], network: Network) -> bool:
-    declaration = EffectDeclaration(effect(), at)
-    return {place for place, _ in network.places_for(declaration)} == set(group)
+def _one_pattern_a_set(covered: Mapping[str, frozenset[str]], places: Sequence[str]) -> list[str]:
+    """Of patterns that cover the same places the first; `"*"` for what covers all, which comes last."""
+    first: dict[frozenset[str], str] = {}
+    whole = frozenset(places)
+    for at in sorted(covered, key=lambda at: (covered[at] == whole, at != EVERYWHERE and covered[at] == whole)):
+        first.setdefault(covered[at], at)
+    return list(first.values())
 
 
 def _sized(parameter: Parameter, typical: float | None) -> Parameter:
