@@ -1,6 +1,6 @@
 """Diagnosis trial: a virtual quadruped with something hidden; is it named, with its place, and does the error fall?
 
-Run it with ``python tests/benchmarks/diagnosis_trial.py --seeds 501 --out trial.jsonl``. The truth comes from
+Run it with ``python -m tests.benchmarks.diagnosis_trial --seeds 501 --out trial.jsonl``. The truth comes from
 `lptn.virtual`, which shares no code with the model; its logs go through files, as a user's would. Cases that the
 output file holds already are not run again, so a trial can be stopped and gone on with. ``--tier rough`` adds small
 physics that the model never has: a trunk, radiation, natural convection, friction, second masses, and an ambient sensor
@@ -17,34 +17,27 @@ import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass
-from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any, cast
 
 from lptn.diagnose.improvement import History, improve
 from lptn.identify.data import load_model, split_data
-from lptn.virtual import BEYOND, EFFECTS, LAYOUTS, Plan, places, quadruped_logs, write_logs
-
-MODEL = Path(__file__).with_name("quadruped_plain.toml")
-CATALOGUE = tuple(effect for effect in EFFECTS if effect not in BEYOND)
-NOISES = {"0.1K": (0.1, 0.0), "0.3K": (0.3, 0.0), "1K": (0.1, 1.0)}
-BACKGROUND = (
-    ("shared_mass", "*", 0.3),
-    ("radiation", "*", 0.15),
-    ("natural_convection", "*", 0.15),
-    ("coulomb_friction", "*", 0.1),
-    ("second_mass", "*", 0.15),
-    ("ambient_offset", "ambient", 0.2, "fit1"),
-    ("ambient_offset", "ambient", -0.2, "fit2"),
-    ("ambient_offset", "ambient", 0.15, "holdout"),
+from lptn.virtual import BEYOND
+from tests.benchmarks.verdict_cases import (
+    AMBIENT_ERROR,
+    CATALOGUE,
+    IN_ONE_RUN,
+    NOISES,
+    QUADRUPED_MODEL,
+    STEPS,
+    Key,
+    covered,
+    drawn_place,
+    key,
+    three_runs,
+    write_quadruped,
 )
-"""What the rough tier has besides what is hidden, at shares of the typical sizes."""
-AMBIENT_ERROR = 0.5
-"""K; what the rough tier's user says of the ambient sensor."""
-STEPS = 3
-"""Within so many the rough tier wants the hidden effect."""
-IN_ONE_RUN = ("surface_scale", "loss_scale")
-"""Effects that a free parameter imitates unless they act in one run only."""
+
 SIZES = {
     "resistance_rise": 0.00393,
     "torque_constant_drop": 0.0012,
@@ -67,8 +60,6 @@ SIZES = {
     "loss_scale": 0.2,
 }
 """True amplitudes at size 1, where truth and model share the parameter."""
-NODES = LAYOUTS["quadruped"].nodes
-Key = tuple[str, str]
 
 
 @dataclass(frozen=True)
@@ -108,52 +99,13 @@ class Result:
     seconds: float
 
 
-def covered(key: Key) -> tuple[str, frozenset[str], str]:
-    """Effect, places and run: two names of the same places are one answer."""
-    effect, at = key
-    at, _, run = at.partition("@")
-    kind = EFFECTS[effect].kind if effect in EFFECTS else "node"
-    if "~" in at:
-        ends = at.split("~")
-        return effect, frozenset((">".join(ends),) if kind == "linked" else ends), run
-    sensed = [node for node in NODES if kind != "joint" or node != "pc"]
-    return effect, frozenset(node for node in sensed if fnmatchcase(node, at)) or frozenset((at,)), run
-
-
-def truths(case: Case) -> list[Key]:
-    """Effect and place of all that is hidden."""
-    found = []
-    for text in case.hidden:
-        effect, _, at = text.partition("@")
-        found.append((effect, at))
-    return found
-
-
 def run(case: Case) -> Result:
     """Make the logs, read them back, select effects step by step."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        noise, step = NOISES[case.noise]
-        hidden: list[tuple[str, str, float] | tuple[str, str, float, str]] = []
-        for effect, at in truths(case):
-            place, _, only = at.partition("@")
-            hidden.append((effect, place, 1.0, only) if only else (effect, place, 1.0))
-        if case.tier == "rough":
-            hidden += [each for each in BACKGROUND if each[:2] != hidden[0][:2]] if hidden else BACKGROUND
-        plan: Plan = "swing" if any("ambient_lag" in text for text in case.hidden) else "trial"
-        logs = quadruped_logs(
-            hidden,
-            seed=case.seed,
-            runs=plan,
-            physics="plain",
-            noise=noise,
-            quantisation=step,
-            columns="all",
-        )
-        write_logs(folder, logs)
-        loaded = load_model(MODEL)
-        fitted = loaded.runs([folder / "fit1.parquet", folder / "fit2.parquet"])
-        data = split_data(fitted, loaded.runs([folder / "holdout.parquet"]))
+        write_quadruped(folder, case.hidden, case.seed, case.noise, rough=case.tier == "rough")
+        files, loaded = three_runs(folder, QUADRUPED_MODEL), load_model(QUADRUPED_MODEL)
+        data = split_data(loaded.runs(files.fit), loaded.runs(files.holdout))
     start = time.process_time()
     if case.tier == "rough":
         history = improve(loaded.model, data, most=STEPS, ambient_error=AMBIENT_ERROR)
@@ -207,32 +159,27 @@ def cases(chosen: argparse.Namespace) -> list[Case]:
     found = []
     for noise in chosen.noises:
         for seed in chosen.seeds:
-            found += [Case(_drawn(effect, seed, noise), seed, noise, chosen.tier) for effect in chosen.effects]
+            found += [
+                Case(drawn_place(effect, "quadruped", seed, noise), seed, noise, chosen.tier)
+                for effect in chosen.effects
+            ]
             for number in range(chosen.pairs):
                 rng = random.Random(f"pair {number} {seed} {noise}")
                 pair = rng.sample([effect for effect in CATALOGUE if effect not in IN_ONE_RUN], 2)
-                hidden = tuple(text for effect in pair for text in _drawn(effect, seed + 7 * number, noise))
+                hidden = tuple(text for one in pair for text in drawn_place(one, "quadruped", seed + 7 * number, noise))
                 found.append(Case(hidden, seed + number, noise, chosen.tier))
     return found
 
 
-def _drawn(effect: str, seed: int, noise: str) -> tuple[str, ...]:
-    if effect == "none":
-        return ()
-    rng = random.Random(f"{effect} {seed} {noise}")
-    place = rng.choice(list(places(effect, "quadruped")))
-    return (f"{effect}@{place}@{rng.choice(['fit1', 'fit2'])}" if effect in IN_ONE_RUN else f"{effect}@{place}",)
-
-
 def judged(done: Result) -> tuple[bool, bool, bool]:
     """Named first; in the first answer group; exactly the right steps and nothing else."""
-    wanted = [covered(key) for key in truths(done.case)]
+    wanted = [covered(key(text)) for text in done.case.hidden]
     if not wanted or wanted[0][0] in BEYOND:
         right = done.verdict == ("unexplained" if wanted else "adequate")
         return right, right, right
-    steps, group = [covered(key) for key in done.steps], [covered(key) for key in done.group]
+    steps, group = [covered(step) for step in done.steps], [covered(name) for name in done.group]
     first = bool(steps) and steps[0] in wanted
-    return first, any(key in wanted for key in group), sorted(map(str, steps)) == sorted(map(str, wanted))
+    return first, any(name in wanted for name in group), sorted(map(str, steps)) == sorted(map(str, wanted))
 
 
 def row(done: Result) -> str:
@@ -250,7 +197,7 @@ def summary(results: Sequence[Result]) -> str:
     """Shares by kind of case."""
     kinds: dict[str, list[Result]] = {}
     for done in results:
-        hidden = truths(done.case)
+        hidden = list(map(key, done.case.hidden))
         beyond = bool(hidden) and hidden[0][0] in BEYOND
         kind = "nothing" if not hidden else "outside the catalogue" if beyond else ("one", "two")[len(hidden) - 1]
         kinds.setdefault(f"{done.case.tier}, {kind}", []).append(done)
@@ -259,8 +206,8 @@ def summary(results: Sequence[Result]) -> str:
         answers = [judged(done) for done in all_of_it]
         shares = [sum(each[k] for each in answers) / len(answers) for k in range(3)]
         unexplained = sum(done.verdict == "unexplained" for done in all_of_it) / len(all_of_it)
-        both = sum({covered(k) for k in truths(d.case)} <= {covered(k) for k in d.steps} for d in all_of_it)
-        third = sum(any(covered(k) in map(covered, truths(d.case)) for k in d.steps[:3]) for d in all_of_it)
+        both = sum({covered(k) for k in map(key, d.case.hidden)} <= {covered(k) for k in d.steps} for d in all_of_it)
+        third = sum(any(covered(k) in map(covered, map(key, d.case.hidden)) for k in d.steps[:3]) for d in all_of_it)
         n = len(all_of_it)
         lines.append(
             f"{kind}: {n} cases; first {shares[0]:.2f}, in the first group {shares[1]:.2f}, "
