@@ -262,3 +262,35 @@ def test_a_pattern_of_the_model_itself_is_a_place() -> None:
     network = _legs().with_effects([effect("forced_convection", "FR_*")])
     assert "FR_*" in _ats("constant_heat", network=network)
     assert "FR_*" not in _ats("forced_convection", "speed.base", network=network)
+
+
+def _shared(key: str, at: str = "*") -> EffectDeclaration:
+    kind = catalogue()[key]
+    return EffectDeclaration(kind(), at, tuple(replace(each, share="all") for each in kind.parameters))
+
+
+def test_where_an_effect_is_shared_each_place_may_differ() -> None:
+    network = _legs_and("pc").with_effects([_shared("constant_heat"), _shared("forced_convection", "*_*")])
+    columns = ["temperature.ambient", "speed.base", *COLUMNS]
+    found = [each for each in candidates(network, columns, ["monday", "tuesday"]) if each.difference]
+    assert {each.effect.key for each in found} == {"constant_heat", "forced_convection"}
+    assert [each.at for each in found if each.effect.key == "constant_heat"] == [*JOINTS, "pc"]
+    assert [each.at for each in found if each.effect.key == "forced_convection"] == list(JOINTS)
+    assert not [each for each in candidates(network, ["temperature.ambient"]) if each.effect.key == "forced_convection"]
+    (calf,) = (each for each in found if each.key == ("constant_heat", "FR_calf"))
+    assert not calf.one_sided
+    (site,) = calf.sites(None)
+    larger = network.with_effects([site.declaration()])
+    assert site.amplitude_name == larger.parameters[-1].name == "constant_heat_difference.power.FR_calf"
+    added = network.with_effects([calf.declaration(-1.5, None)])
+    assert added.parameters[-1].value == -1.5
+    assert added.without_effect(*calf.key) == network
+    again = [each.at for each in candidates(added, columns) if each.difference and each.effect.key == "constant_heat"]
+    assert again == ["FL_thigh", "FL_calf", "FR_thigh", "pc"]
+
+
+def test_nothing_differs_from_what_each_place_has_for_itself() -> None:
+    own = _legs().with_effects([effect("constant_heat")])
+    assert not [each for each in candidates(own, ["temperature.ambient", *COLUMNS]) if each.difference]
+    clock = _legs().with_effects([_shared("clock_offset"), _shared("sensor_lag")])
+    assert not [each for each in candidates(clock, ["temperature.ambient", *COLUMNS]) if each.difference]

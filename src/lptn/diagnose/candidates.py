@@ -1,8 +1,12 @@
-"""Candidates: every effect of the catalogue at every place where it can stand; the ambient bias of single runs."""
+"""Candidates: every effect of the catalogue at every place where it can stand; the ambient bias of single runs.
+
+Where several places have an effect in common, each of them may differ: a difference of its own is a candidate there.
+"""
 
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
@@ -37,6 +41,7 @@ class Site:
         run: the only run in which it acts; every run by default.
         words: the effect's options.
         typical: usual size of its amplitude at this place, in the amplitude's unit; the effect's own by default.
+        difference: whether it is what the place has beside an effect that it has in common with others.
     """
 
     effect: type[Effect]
@@ -45,11 +50,13 @@ class Site:
     run: str = ""
     words: Words = field(default=(), compare=False)  # the same for all sites of an effect
     typical: float | None = field(default=None, compare=False)  # the same for all sites at a place
+    difference: bool = False
 
     @property
     def label(self) -> str:
         """What its parameters are named after in the model that holds all sites."""
-        return self.effect.key if self.shape is None else f"{self.effect.key}@{self.shape:g}"
+        name = EffectDeclaration(self.effect(), self.place, difference=self.difference).name
+        return name if self.shape is None else f"{name}@{self.shape:g}"
 
     @property
     def amplitude_name(self) -> str:
@@ -59,9 +66,10 @@ class Site:
 
     def declaration(self) -> EffectDeclaration:
         """The effect at this place, switched off."""
-        stated = (_sized(_shaped(parameter, self.shape), self.typical) for parameter in self.effect.parameters)
+        stated = (_sized(_shaped(each, self.shape), self.typical) for each in self.effect.stated(self.difference))
         parameters = tuple(replace(parameter.switched_off, share="each") for parameter in stated)
-        return EffectDeclaration(self.effect(**dict(self.words)), self.place, parameters, self.label, run=self.run)
+        effect = self.effect(**dict(self.words))
+        return EffectDeclaration(effect, self.place, parameters, self.label, run=self.run, difference=self.difference)
 
 
 @dataclass(frozen=True)
@@ -77,6 +85,7 @@ class Candidate:
         sizes: for each place the usual size of the amplitude there, in the amplitude's unit; the effect's own by
             default.
         grid: values of the effect's shape at which it is scored; the effect's own by default.
+        difference: whether it is what a place has beside the same effect that it has in common with others.
     """
 
     effect: type[Effect]
@@ -86,6 +95,7 @@ class Candidate:
     words: Words = ()
     sizes: tuple[float, ...] = field(default=(), compare=False)  # of the network, as the places are
     grid: tuple[float, ...] = field(default=(), compare=False)  # of the log
+    difference: bool = False
 
     @property
     def key(self) -> tuple[str, str]:
@@ -96,6 +106,11 @@ class Candidate:
     def prior_odds(self) -> float:
         """How often such a thing is met, relative to other candidates: the effect's odds, less for a single run."""
         return self.effect.prior_odds * (_ONE_RUN_ONLY if self.run else 1.0)
+
+    @property
+    def one_sided(self) -> bool:
+        """Whether its amplitude can't be negative."""
+        return any(parameter.off == parameter.bounds[0] for parameter in self.effect.stated(self.difference))
 
     @property
     def typical(self) -> float:
@@ -120,20 +135,21 @@ class Candidate:
         """Its single places at one shape."""
         typical = self.sizes or (None,) * len(self.places)
         return [
-            Site(self.effect, place, shape, self.run, self.words, size)
+            Site(self.effect, place, shape, self.run, self.words, size, self.difference)
             for place, size in zip(self.places, typical, strict=True)
         ]
 
     def declaration(self, amplitude: float | None, shape: float | None) -> EffectDeclaration:
         """The effect switched on, one amplitude shared by all its places."""
         parameters = []
-        for parameter in self.effect.parameters:
+        for parameter in self.effect.stated(self.difference):
             on = replace(_sized(_shaped(parameter, shape), self.typical).switched_on, share="all")
             if amplitude is not None and parameter.off is not None and parameter.on is None:
                 lower, upper = parameter.bounds
                 on = replace(on, value=min(max(amplitude, lower), upper))
             parameters.append(on)
-        return EffectDeclaration(self.effect(**dict(self.words)), self.pattern, tuple(parameters), run=self.run)
+        effect = self.effect(**dict(self.words))
+        return EffectDeclaration(effect, self.pattern, tuple(parameters), run=self.run, difference=self.difference)
 
 
 def candidates(
@@ -145,6 +161,8 @@ def candidates(
     duration: float | None = None,
 ) -> list[Candidate]:
     """Every effect of the catalogue at every place where the network lacks it and the log has its inputs.
+
+    A place that has the effect in common with others is asked for its own difference, see `EffectDeclaration`.
 
     Args:
         network: the network as it stands.
@@ -163,7 +181,7 @@ def candidates(
             grid = _grid(effect.shape(), step, duration)
             proposed += [
                 replace(_with_sizes(each, network, sizes), grid=grid)
-                for each in _of_effect(network, effect, columns, run)
+                for each in [*_of_effect(network, effect, columns, run), *_differences(network, effect, columns, run)]
             ]
     return sorted(proposed, key=lambda candidate: limits.index(candidate.run))
 
@@ -245,6 +263,29 @@ def _free_places(network: Network, effect: type[Effect], words: Words, columns: 
         if place not in taken
         and all(input_column(feature, ends[0]) in columns for feature in needed)
         and effect.makes_a_difference(place, network.layout, _features_of(network, effect.heat_of, ends[0]))
+    ]
+
+
+def _differences(network: Network, effect: type[Effect], columns: Collection[str], run: str) -> list[Candidate]:
+    """What single places have beside an effect that they have in common with others, in all runs."""
+    amplitude = effect.amplitude()
+    alike = effect.whole_robot or effect.one_place_a_pattern  # which no place has for itself
+    if run or alike or amplitude is None or amplitude.on is not None:
+        return []
+    standing = [each for each in network.effect_instances if each.effect.key == effect.key and not each.declaration.run]
+    differing = {instance.place for instance in standing if instance.declaration.difference}
+    owners = Counter(instance.parameters[amplitude.name] for instance in standing)
+    common = [
+        instance
+        for instance in standing
+        if owners[instance.parameters[amplitude.name]] > 1
+        and instance.place not in differing
+        and not instance.declaration.driven_by
+        and all(input_column(feature, instance.ends[0]) in columns for feature in instance.effect.needed())
+    ]
+    return [
+        Candidate(effect, each.place, (each.place,), words=tuple(each.effect.chosen.items()), difference=True)
+        for each in {instance.place: instance for instance in common}.values()
     ]
 
 

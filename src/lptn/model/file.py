@@ -74,6 +74,7 @@ class EffectTable(BaseModel):
     share: Share | None = None
     run: Annotated[str, Field(min_length=1)] | None = None
     driven_by: Annotated[str, Field(pattern=r"^[^\s.~*?\[\]{}]+$")] | None = None
+    difference: Annotated[bool, Field(strict=True)] = False
 
 
 class FittedTable(Strict):
@@ -358,10 +359,10 @@ class Reader:
         kind = effect_named(table.kind, self.path, f"{place}.kind")
         given = dict(table.model_extra or {})
         words = {name: given.pop(name) for name in kind.options if name in given}
-        declared = {parameter.name: parameter for parameter in kind.parameters}
+        declared = {parameter.name: parameter for parameter in kind.stated(table.difference)}
         for name in given:
             if name not in declared:
-                allowed = ", ".join(("kind", "at", "run", "share", "driven_by", *kind.options, *declared))
+                allowed = ", ".join(("kind", "at", "run", "share", "driven_by", "difference", *kind.options, *declared))
                 raise InputError(self.path, f"{place}.{name}", f'unknown key "{name}"', f"one of {allowed}")
         parameters = []
         for name, parameter in declared.items():
@@ -374,7 +375,9 @@ class Reader:
             expected = " or ".join(f'"{word}"' for word in kind.options[name])
             raise InputError(self.path, f"{place}.{name}", shown(words[name]), expected) from error
         driven_by, run = table.driven_by or "", table.run or ""
-        return EffectDeclaration(effect, table.at, tuple(parameters), driven_by=driven_by, run=run)
+        return EffectDeclaration(
+            effect, table.at, tuple(parameters), driven_by=driven_by, run=run, difference=table.difference
+        )
 
     def _parameter(self, declared: Parameter, given: object, place: str) -> Parameter:
         """A declared parameter with what the file says of it, converted to its SI unit.
@@ -549,6 +552,8 @@ def _effect_table(effect: EffectDeclaration) -> tomlkit.items.Table:
         table.add("run", effect.run)
     if effect.driven_by:
         table.add("driven_by", effect.driven_by)
+    if effect.difference:
+        table.add("difference", True)
     for name, word in effect.effect.chosen.items():
         table.add(name, word)
     resolved = effect.resolved
@@ -558,7 +563,8 @@ def _effect_table(effect: EffectDeclaration) -> tomlkit.items.Table:
     for name, parameter in resolved.items():
         lower, upper = parameter.bounds
         entry: dict[str, object] = {"value": min(max(_rounded(parameter.value), lower), upper), "unit": parameter.unit}
-        if parameter.bounds not in [own.bounds for own in effect.effect.parameters if own.name == name]:
+        stated = effect.effect.stated(effect.difference)
+        if parameter.bounds not in [own.bounds for own in stated if own.name == name]:
             entry["bounds"] = [lower, upper]
         if parameter.fixed:
             entry["fixed"] = True
