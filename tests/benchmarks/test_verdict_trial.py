@@ -10,21 +10,16 @@ from pathlib import Path
 
 import pytest
 
-from tests.benchmarks import verdict_trial
-from tests.benchmarks.verdict_cases import TRUTHS, Case, draw_cases
+from tests.benchmarks.verdict_answers import Answer, out_of_bounds, read_answer, read_results, run_missing
+from tests.benchmarks.verdict_cases import TRUTHS, Case, Files, draw_cases
 from tests.benchmarks.verdict_trial import (
     NOTHING,
-    Answer,
     calibration,
     credible_set,
     draw_reliability,
     judged,
     misses,
-    out_of_bounds,
-    read_answer,
-    read_results,
     reliability,
-    run_missing,
     table,
 )
 
@@ -192,7 +187,7 @@ def test_cases_are_asked_once_and_a_program_that_fails_or_hangs_is_an_answer(tmp
         versions[name].write_text(f"#!{sys.executable}\nimport sys; open({str(calls)!r}, 'a').write('x'); {body}\n")
         versions[name].chmod(versions[name].stat().st_mode | stat.S_IEXEC)
     for _ in range(2):
-        run_missing([NONE], versions, None, out, jobs=1, limit=2.0)
+        run_missing({NONE: lambda folder: Files(folder, (folder,), ())}, versions, None, out, limit=2.0)
     assert calls.read_text() == "xxx"
     results = read_results(out)
     assert replace(results[NONE, "good"], seconds=0.0) == Answer("adequate", "adequate", holdout=[0.1])
@@ -204,4 +199,3 @@ def test_every_truth_has_cases_of_each_kind() -> None:
     for truth, source in TRUTHS.items():
         cases = draw_cases(truth, source.tiers[:1], [3], most=1, pairs=1, nothing=1, outside=1)
         assert {case.kind for case in cases} >= {"one", "nothing", "outside"}
-    assert verdict_trial.CREDIBLE == 0.9

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import random
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from pathlib import Path
 
@@ -100,12 +100,20 @@ class Case:
 
 @dataclass(frozen=True)
 class Files:
-    """What the user has: a model, logs to fit and to hold out, and further options of the command."""
+    """What the user has.
+
+    Args:
+        model: as given.
+        fit, holdout: logs.
+        options: further words of the command.
+        share: who has a second mass in common where one is put at every node by hand.
+    """
 
     model: Path
     fit: tuple[Path, ...]
     holdout: tuple[Path, ...]
     options: tuple[str, ...] = ()
+    share: str = "each"
 
 
 @dataclass(frozen=True)
@@ -227,7 +235,8 @@ def _options(tier: str) -> tuple[str, ...]:
 
 def _quadruped_files(case: Case, folder: Path) -> Files:
     write_quadruped(folder, case.hidden, case.seed, _sensors(case.tier), rough=case.tier == "rough")
-    return three_runs(folder, QUADRUPED_MODEL, *_options(case.tier))
+    # Thirteen of them for themselves are a fit of minutes; a person would take like joints together.
+    return replace(three_runs(folder, QUADRUPED_MODEL, *_options(case.tier)), share="class")
 
 
 def _leg_files(case: Case, folder: Path) -> Files:
