@@ -151,6 +151,16 @@ def test_the_clock_is_that_of_the_whole_robot() -> None:
     assert _ats("clock_offset") == ["*"]
 
 
+def test_clocks_differ_more_often_between_two_loggers_than_inside_one() -> None:
+    def odds(joined: list[str] | None) -> dict[str, float]:
+        found = candidates(_legs(), ["temperature.ambient", *COLUMNS], ["monday", "tuesday"], joined=joined)
+        return {each.at: each.prior_odds for each in found if each.effect.key == "clock_offset"}
+
+    assert odds(None) == pytest.approx({"*": 0.3, "*@monday": 0.03, "*@tuesday": 0.03})
+    assert odds([]) == pytest.approx({"*": 0.03, "*@monday": 0.003, "*@tuesday": 0.003})
+    assert odds(["monday"]) == pytest.approx({"*": 0.3, "*@monday": 0.03, "*@tuesday": 0.003})
+
+
 def test_an_effect_takes_the_columns_that_there_are() -> None:
     assert _ats("fan") == []
     assert _ats("fan", "speed.fan") == [*JOINTS, "*_thigh", "*_calf", "*"]

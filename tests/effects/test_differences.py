@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.effects import Effect, catalogue
 from lptn.model.file import parse_model
@@ -17,8 +18,10 @@ from lptn.simulate.bound_run import bind
 from lptn.simulate.simulation import simulate
 from tests.builders import base_for, effect, random_run, two_nodes
 
-ADDING = ("constant_heat", "coulomb_friction", "radiation", "conduction", "second_mass", "shared_mass", "sensor_lag")
-ADDING += ("drive_heat", "sensor_offset", "sensor_drift", "hot_spot", "solar", "clock_offset", "sensor_position")
+ADDING = (
+    *("constant_heat", "coulomb_friction", "radiation", "conduction", "second_mass", "shared_mass", "sensor_lag"),
+    *("drive_heat", "sensor_offset", "sensor_drift", "hot_spot", "solar", "clock_offset", "sensor_position"),
+)
 FACTORS = ("surface_scale", "loss_scale")
 
 
@@ -42,7 +45,7 @@ def _place(kind: type[Effect], network: Network) -> str:
     return network.places_for(EffectDeclaration(kind(), "*"))[0][0]
 
 
-def _readings(network: Network) -> np.ndarray:  # type: ignore[type-arg]
+def _readings(network: Network) -> FloatArray:
     model = Model(network)
     return simulate(model, bind(model, random_run(model, 120, seed=6, rise=5.0))).readings
 

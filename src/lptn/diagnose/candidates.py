@@ -22,6 +22,7 @@ from lptn.model.network import EffectDeclaration, Network
 from lptn.model.sizes import Sizes
 
 _FEWEST = 3  # nodes that share an unseen mass
+_ONE_LOGGER = 0.1  # prior odds of clocks apart within one logger's file, relative to two files that were joined
 _JOINTS = "*_*"  # names such as FR_calf
 _ONE_RUN_ONLY = 0.1  # prior odds of what acts in one run and no other, relative to the same in all runs
 _RATIO = 4.0  # of a time constant to the one before it, for a grid of one
@@ -86,6 +87,7 @@ class Candidate:
             default.
         grid: values of the effect's shape at which it is scored; the effect's own by default.
         difference: whether it is what a place has beside the same effect that it has in common with others.
+        one_logger: whether its runs are known to come each from one logger, whose clock is one.
     """
 
     effect: type[Effect]
@@ -96,6 +98,7 @@ class Candidate:
     sizes: tuple[float, ...] = field(default=(), compare=False)  # of the network, as the places are
     grid: tuple[float, ...] = field(default=(), compare=False)  # of the log
     difference: bool = False
+    one_logger: bool = field(default=False, compare=False)  # of the log
 
     @property
     def key(self) -> tuple[str, str]:
@@ -104,8 +107,12 @@ class Candidate:
 
     @property
     def prior_odds(self) -> float:
-        """How often such a thing is met, relative to other candidates: the effect's odds, less for a single run."""
-        return self.effect.prior_odds * (_ONE_RUN_ONLY if self.run else 1.0)
+        """How often such a thing is met, relative to other candidates.
+
+        The effect's odds, less for a single run, and for clocks that differ inside one logger.
+        """
+        of_clock = _ONE_LOGGER if self.effect.delays_readings and self.one_logger else 1.0
+        return self.effect.prior_odds * of_clock * (_ONE_RUN_ONLY if self.run else 1.0)
 
     @property
     def one_sided(self) -> bool:
@@ -159,6 +166,7 @@ def candidates(
     *,
     step: float | None = None,
     duration: float | None = None,
+    joined: Collection[str] | None = None,
 ) -> list[Candidate]:
     """Every effect of the catalogue at every place where the network lacks it and the log has its inputs.
 
@@ -172,6 +180,8 @@ def candidates(
         step: s, of the readings that are scored; with `duration` it says which time constants they can show. Those
             that the effects state by default, which are for logs of an hour.
         duration: s, of the longest run.
+        joined: names of those runs whose logs were put together from several loggers' files (`a.csv+b.csv`), `None`
+            where that is not known.
     """
     proposed = []
     limits = ("", *separate_runs(runs))
@@ -179,8 +189,9 @@ def candidates(
     for effect, run in product(catalogue().values(), limits):
         if effect.amplitude() is not None and (effect.per_run or not run):
             grid = _grid(effect.shape(), step, duration)
+            one_logger = joined is not None and not any(is_of_run(name, run or EVERYWHERE) for name in joined)
             proposed += [
-                replace(_with_sizes(each, network, sizes), grid=grid)
+                replace(_with_sizes(each, network, sizes), grid=grid, one_logger=one_logger)
                 for each in [*_of_effect(network, effect, columns, run), *_differences(network, effect, columns, run)]
             ]
     return sorted(proposed, key=lambda candidate: limits.index(candidate.run))
