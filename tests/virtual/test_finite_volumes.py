@@ -22,6 +22,7 @@ from lptn.virtual.finite_volumes import (
     film,
     solve,
 )
+from lptn.virtual.robot import Array
 
 LOSSES = (12.0, 1.0, 0.5, 0.5, 0.5, 0.0)  # W, in the order of KINDS
 
@@ -43,7 +44,7 @@ def alone(body: Body, cell: int) -> Assembly:
     return Assembly(body, share, np.zeros(1), np.zeros(1), share, [], np.zeros(count), [])
 
 
-def settled(assembly: Assembly, watts: float) -> np.ndarray:
+def settled(assembly: Assembly, watts: float) -> Array:
     """Temperatures long after this source was switched on, in air of 20 degC."""
     still = np.zeros(4000)
     heat, air = np.full((4000, 1), watts), np.full((4000, 1), 20.0)
@@ -63,9 +64,10 @@ def test_the_balance_of_heat_closes(computer: bool, wax: float) -> None:
 def test_finer_cells_and_shorter_steps_change_little_and_ever_less() -> None:
     leg = draw_finite_volumes(2)
 
-    def read(cells: int, step: float = 1.0, refresh: int = 4) -> np.ndarray:
+    def read(cells: int, step: float = 1.0, refresh: int = 4) -> Array:
         reads = assemble(leg, cells=cells).reads
-        return run_leg(leg, cells=cells, step=step, refresh=refresh).temperature[:: round(60 / step)] @ reads.T
+        done: Array = run_leg(leg, cells=cells, step=step, refresh=refresh).temperature[:: round(60 / step)] @ reads.T
+        return done
 
     coarse, fine, finest = (read(cells) for cells in (1, 2, 4))
     assert np.abs(coarse - finest).max() < 0.15
@@ -84,7 +86,7 @@ def test_a_rod_between_heat_and_air_settles_where_the_formulas_say() -> None:
     def excess(above: float) -> float:
         convected = 1.32 * (above / diameter) ** 0.25 * above
         radiated = 0.8 * STEFAN_BOLTZMANN * ((20 + above + KELVIN) ** 4 - (20 + KELVIN) ** 4)
-        return area * (convected + radiated) - watts
+        return float(area * (convected + radiated) - watts)
 
     surface = 20 + brentq(excess, 1, 300)
     through_end = watts * (1 / 2.0 + 0.005 / (ALUMINIUM.conductivity * 0.01))
@@ -117,7 +119,7 @@ def test_cooling_of_one_lump_takes_as_long_as_the_integral_says() -> None:
     def seconds_a_kelvin(temperature: float) -> float:
         above = temperature - 20
         radiated = 0.8 * STEFAN_BOLTZMANN * ((temperature + KELVIN) ** 4 - (20 + KELVIN) ** 4)
-        return capacity / (0.01 * (1.32 * (above / 0.05) ** 0.25 * above + radiated))
+        return float(capacity / 0.01 / (1.32 * (above / 0.05) ** 0.25 * above + radiated))
 
     lasts = quad(seconds_a_kelvin, T[-1], 70)[0]
     assert lasts == pytest.approx(steps, rel=1e-4)

@@ -135,20 +135,22 @@ class Joint:
     board_section: float = 0.00008
     board_pad: float = 0.5  # W/K, gap pad of the driver's board on the end cap
     board_area: float = 0.0025
-    ring: float = 1.6  # W/K, ring gear in the housing
-    planets: float = 0.9  # W/K, through the teeth and the grease
+    ring: float = 2.5  # W/K, ring gear in the housing
+    planets: float = 2.0  # W/K, through the teeth and the grease
     gear_mass: float = 0.14  # kg of steel
     flange_mass: float = 0.05  # kg of aluminium
     flange_area: float = 0.003
-    joint_face: float = 1.2  # W/K, bolted flange on the next part
+    face: float = 2.5  # W/K, the flange bolted on its limb, and the limb on the next housing
+    back: float = 0.9  # W/K, of the calf's motor bolted to the back of the thigh's
     dry: float = 0.05  # N·m at the joint
     mesh: float = 0.02  # share of the mechanical power
-    grease: float = 0.03  # N·m s at the joint, warm
-    hysteresis: float = 0.05  # W s/rad, with the joint's speed
+    grease: float = 0.015  # N·m s at the joint, warm
+    hysteresis: float = 0.03  # W s/rad, with the joint's speed
     eddy: float = 0.004  # W s²/rad²
     idle: float = 0.3  # W, the board's electronics
     on_resistance: float = 0.012  # ohm, transistors and traces
-    glued_to_coil: float = 0.12  # the thermistor's share of the coil's temperature; the rest is the housing's
+    glued_to_coil: float = 0.08  # the thermistor's share of the coil's temperature
+    glued_to_yoke: float = 0.55  # and of the yoke's; the rest is the housing's
     bead: float = 5.0  # s, the thermistor's own lag
 
     # What a change sets, zero before.
@@ -180,14 +182,15 @@ TORQUE_CONSTANT = 9.1 * 0.0927  # N·m/A at the joint: gear and motor's constant
 class Leg:
     """Three joints, what lies between them, and what surrounds them.
 
-    tubes: lengths from the plate to the hip and between the joints, m. strut: between hip and calf, W/K. wind: whether
-    the air that it travels through cools it; on a treadmill it doesn't. clock: s by which temperatures are stamped
-    before the torques of the same moment.
+    limbs: lengths of the plate that the hip hangs on, of what carries the thigh, of the tubes of thigh and shank, m;
+    limb_section: of the same, m². The thigh's motor carries the calf's on its back. strut: between the housings of hip
+    and calf, W/K. wind: whether the air that it travels through cools it; on a treadmill it doesn't. clock: s by which
+    temperatures are stamped before the torques of the same moment.
     """
 
     joints: dict[str, Joint]
-    tubes: Array
-    tube_section: Array
+    limbs: Array
+    limb_section: Array
     computer: bool
     strut: float = 0.0
     wind: bool = False
@@ -208,7 +211,7 @@ def draw_finite_volumes(seed: int, computer: bool = False) -> Leg:
             setattr(joint, one, getattr(joint, one) * (1 + spread * rng.uniform(-1, 1)))
         joints[name] = joint
     between = stream(seed, "finite volumes", "tubes").uniform(1 - SPREAD, 1 + SPREAD, (2, 4))
-    lengths, sections = np.array([0.05, 0.06, 0.11, 0.2]), np.array([3e-4, 4e-4, 4e-4, 2e-4])
+    lengths, sections = np.array([0.05, 0.06, 0.2, 0.2]), np.array([3e-4, 6e-4, 2e-4, 2e-4])
     return Leg(joints, lengths * between[0], sections * between[1], computer)
 
 
@@ -241,14 +244,15 @@ KINDS = ("copper", "iron", "dry", "grease", "board", "housing")
 def assemble(leg: Leg, run: str = "", cells: int = 1) -> Assembly:
     """Cut a leg into cells; ``cells`` multiplies how finely, ``run`` says which run's covers are on."""
     body, wax = Body(), []
-    sources: list[tuple[list[int], float, float]] = []
-    reads: list[tuple[list[int], float, list[int]]] = []
+    sources: list[tuple[tuple[list[int], float], ...]] = []
+    laws: list[tuple[float, float]] = []
+    reads: list[tuple[tuple[list[int], float], ...]] = []
     fanned: dict[int, float] = {}
     housings, magnets = [], []
     hung = plate = body.row(
-        ALUMINIUM, leg.tubes[0], leg.tube_section[0], 3 * cells, 0, area=0.11 * leg.tubes[0], diameter=0.03
+        ALUMINIUM, leg.limbs[0], leg.limb_section[0], 3 * cells, 0, area=0.11 * leg.limbs[0], diameter=0.03
     )
-    face = 1.0  # W/K, the plate on the hip's housing
+    face = 1.0  # W/K, of the plate on the hip's housing
     for zone, joint in enumerate(leg.joints.values()):
         coil = body.row(COIL, joint.slot_half, joint.slot_wall, 3 * cells, zone)
         teeth = body.row(IRON, joint.tooth, joint.tooth_section, 1, zone)
@@ -262,13 +266,13 @@ def assemble(leg: Leg, run: str = "", cells: int = 1) -> Assembly:
         flange_section = joint.flange_mass / (ALUMINIUM.density * 0.01)
         flange = body.row(ALUMINIUM, 0.01, flange_section, 1, zone, area=joint.flange_area)
         board = body.row(LAMINATE, 0.05, joint.board_section, 2, zone, area=joint.board_area, diameter=0.05)
-        tube = body.row(
+        limb = body.row(
             ALUMINIUM if zone < 2 else PLA,  # the shank below the calf is printed
-            leg.tubes[zone + 1],
-            leg.tube_section[zone + 1],
+            leg.limbs[zone + 1],
+            leg.limb_section[zone + 1],
             4 * cells,
             zone,
-            area=np.pi * 0.03 * leg.tubes[zone + 1],
+            area=np.pi * 0.03 * leg.limbs[zone + 1],
             diameter=0.03,
         )
         body.join(coil[-1], teeth[0], joint.liner * joint.slot_wall)
@@ -276,24 +280,27 @@ def assemble(leg: Leg, run: str = "", cells: int = 1) -> Assembly:
         body.lay_on(housing[cells : 3 * cells], yoke[-1], joint.paste * joint.stator_wall)
         body.join(teeth[0], rotor[0], joint.air_gap * joint.rotor_section)
         body.join(rotor[0], housing[0], joint.bearing)
-        body.join(housing[0], board[0], joint.board_pad)
+        body.lay_on(board, housing[0], joint.board_pad)
         body.join(housing[-1], gear[0], joint.ring)
         body.join(gear[-1], flange[0], joint.planets)
-        body.lay_on(housing[2 * cells : 3 * cells], hung[-1], face)
-        body.join(flange[0], tube[0], joint.joint_face)
+        body.join(flange[0], limb[0], joint.face)
+        if zone < 2:
+            body.lay_on(housing[2 * cells : 3 * cells], hung[-1], face)
+        else:
+            body.join(housings[1][0], housing[0], joint.back)
         if joint.block_mass:
             block = body.row(ALUMINIUM, 0.03, joint.block_mass / (2700 * 0.03), 2, zone, area=0.008, diameter=0.05)
             body.lay_on(housing[cells : 2 * cells], block[0], joint.block_pad)
         if joint.wax:
-            wax.append((housing[2 * cells], 1.5, joint.wax))
-        parts = (coil, [*teeth, *yoke], gear[:1], gear, board, housing)
-        laws = ((COPPER_RISE, 0.0), (0, 0), (0, 0), (0, GREASE_THINS), (0, 0), (0, 0))
-        sources += [(part, *law) for part, law in zip(parts, laws, strict=True)]
-        reads.append((coil, joint.glued_to_coil, housing[cells : 2 * cells]))
+            wax.append((housing[2 * cells], 3.0, joint.wax))
+        sources += [((part, 1.0),) for part in (coil, [*teeth, *yoke], gear[:1], gear, board, housing)]
+        laws += [(COPPER_RISE if kind == "copper" else 0, GREASE_THINS if kind == "grease" else 0) for kind in KINDS]
+        rest = 1 - joint.glued_to_coil - joint.glued_to_yoke
+        reads.append(((coil, joint.glued_to_coil), (yoke, joint.glued_to_yoke), (housing[cells : 2 * cells], rest)))
         fanned |= dict.fromkeys([*housing, *board, *flange], joint.fan)
         housings.append(housing)
         magnets.append(rotor[0])
-        hung, face = tube, joint.joint_face
+        hung, face = limb, joint.face
     if leg.strut:
         # A strut from the housing of the hip to that of the calf, its own mass and surface with it.
         strut = body.row(ALUMINIUM, 0.15, leg.strut * 0.15 / ALUMINIUM.conductivity, 4 * cells, 1, area=0.006)
@@ -304,24 +311,28 @@ def assemble(leg: Leg, run: str = "", cells: int = 1) -> Assembly:
         box = body.row(ALUMINIUM, 0.2, 0.0008, 4 * cells, 3, area=0.045, diameter=0.1)
         body.join(chip[-1], box[0], 2.5)
         body.join(box[-1], plate[0], 1.5)
-        sources.append((chip[:1], 0.0, 0.0))
-        reads.append((chip, 0.5, box[: 2 * cells]))
+        sources.append(((chip[:1], 1.0),))
+        laws.append((0, 0))
+        reads.append(((chip, 0.5), (box[: 2 * cells], 0.5)))
     count = len(body.capacity)
-    shares, reading, blown = np.zeros((len(sources), count)), np.zeros((len(reads), count)), np.zeros(count)
-    for k, (part, _, _) in enumerate(sources):
-        shares[k, part] = 1 / len(part)
-    for k, (one, share, other) in enumerate(reads):
-        reading[k, one] += share / len(one)
-        reading[k, other] += (1 - share) / len(other)
-    for cell, speed in fanned.items():
-        blown[cell] = speed
-    rises, thins = np.array([(rise, thin) for _, rise, thin in sources], dtype=float).T
-    return Assembly(body, shares, rises, thins, reading, magnets, blown, wax)
+    blown = np.zeros(count)
+    blown[list(fanned)] = list(fanned.values())
+    rises, thins = np.array(laws).T
+    return Assembly(body, _shares(sources, count), rises, thins, _shares(reads, count), magnets, blown, wax)
+
+
+def _shares(rows: Sequence[Sequence[tuple[list[int], float]]], cells: int) -> Array:
+    """Return for each row of parts and their shares the share of each cell, of shape (rows, cells)."""
+    shares = np.zeros((len(rows), cells))
+    for k, row in enumerate(rows):
+        for part, share in row:
+            shares[k, part] = share / len(part)
+    return shares
 
 
 # --- the balance of heat -------------------------------------------------------------------------------------------
 
-WAX_MELTS, WAX_LATENT, WAX_HEAT = 45.0, 200e3, 2200.0  # degC, J/kg, J/(kg K): a paraffin (docosane's neighbours)
+WAX_MELTS, WAX_LATENT, WAX_HEAT = 36.7, 247e3, 2200.0  # degC, J/kg, J/(kg K): eicosane, a paraffin
 GAMMA = 1 - 1 / np.sqrt(2)  # makes two implicit stages stiffly accurate and L-stable [Alexander1977]
 REFRESH = 4  # steps for which films of air, copper and grease stay as they are
 
