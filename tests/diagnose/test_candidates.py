@@ -304,3 +304,23 @@ def test_nothing_differs_from_what_each_place_has_for_itself() -> None:
     assert not [each for each in candidates(own, ["temperature.ambient", *COLUMNS]) if each.difference]
     clock = _legs().with_effects([_shared("clock_offset"), _shared("sensor_lag")])
     assert not [each for each in candidates(clock, ["temperature.ambient", *COLUMNS]) if each.difference]
+
+
+def test_friction_at_a_rotors_speed_is_expected_no_larger_than_the_motor_bears() -> None:
+    network, columns = _legs(), [*COLUMNS, *(f"velocity_rms.{joint}" for joint in JOINTS)]
+
+    def typical(key: str, rms: dict[str, float] | None) -> float:
+        found = candidates(network, columns, rms=rms)
+        return next(each for each in found if each.key == (key, "FR_calf")).typical
+
+    for key in ("coulomb_friction", "viscous_friction", "iron_loss"):
+        stated = typical(key, None)
+        assert typical(key, dict.fromkeys(columns, 2.0)) == stated
+        assert typical(key, dict.fromkeys(columns, 0.0)) == stated
+        friction = effect(
+            key, "FR_calf", **{catalogue()[key].parameters[0].name: typical(key, dict.fromkeys(columns, 600.0))}
+        )
+        model = Model(replace(network, effects=(friction,)))
+        inputs = [25.0 if column.startswith("temperature.") else 600.0 for column in model.inputs]
+        heat = 300.0 * float(model.rhs([25.0] * 4, inputs, model.values).full().max())
+        assert 3.0 < heat < 10.0  # W: 30 K at some 0.2 W/K

@@ -10,6 +10,7 @@ from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
+from types import SimpleNamespace
 
 from lptn.basics.parameters import Parameter
 from lptn.basics.places import EVERYWHERE, class_of, in_run, is_glob, is_of_run, matching, run_label
@@ -22,7 +23,9 @@ from lptn.model.network import EffectDeclaration, Network
 from lptn.model.sizes import Sizes
 
 _FEWEST = 3  # nodes that share an unseen mass
+_WARM, _NO_HEAT = 25.0, 1e-12  # degC, W
 _ONE_LOGGER = 0.1  # prior odds of clocks apart within one logger's file, relative to two files that were joined
+_MOST_RISE = 30.0  # K; what would warm its place by more in the long run, at its usual size, is expected smaller there
 _JOINTS = "*_*"  # names such as FR_calf
 _ONE_RUN_ONLY = 0.1  # prior odds of what acts in one run and no other, relative to the same in all runs
 _RATIO = 4.0  # of a time constant to the one before it, for a grid of one
@@ -166,6 +169,7 @@ def candidates(
     *,
     step: float | None = None,
     duration: float | None = None,
+    rms: Mapping[str, float] | None = None,
     joined: Collection[str] | None = None,
 ) -> list[Candidate]:
     """Every effect of the catalogue at every place where the network lacks it and the log has its inputs.
@@ -180,6 +184,8 @@ def candidates(
         step: s, of the readings that are scored; with `duration` it says which time constants they can show. Those
             that the effects state by default, which are for logs of an hour.
         duration: s, of the longest run.
+        rms: root mean square of each column. With it, heat that columns drive is expected no larger than its place can
+            bear: at a rotor's speed the friction of a robot's joint would melt it.
         joined: names of those runs whose logs were put together from several loggers' files (`a.csv+b.csv`), `None`
             where that is not known.
     """
@@ -191,7 +197,7 @@ def candidates(
             grid = _grid(effect.shape(), step, duration)
             one_logger = joined is not None and not any(is_of_run(name, run or EVERYWHERE) for name in joined)
             proposed += [
-                replace(_with_sizes(each, network, sizes), grid=grid, one_logger=one_logger)
+                replace(_with_sizes(each, network, sizes, rms), grid=grid, one_logger=one_logger)
                 for each in [*_of_effect(network, effect, columns, run), *_differences(network, effect, columns, run)]
             ]
     return sorted(proposed, key=lambda candidate: limits.index(candidate.run))
@@ -243,14 +249,26 @@ def _grid(shape: Parameter | None, step: float | None, duration: float | None) -
     return tuple(value for value in grid if step / 2 <= value <= duration) or (max(grid[0], step),)
 
 
-def _with_sizes(candidate: Candidate, network: Network, sizes: Sizes) -> Candidate:
+def _with_sizes(candidate: Candidate, network: Network, sizes: Sizes, rms: Mapping[str, float] | None) -> Candidate:
     """The candidate with the usual size of its amplitude at each of its places."""
     amplitude = candidate.effect.amplitude()
     if amplitude is None:
         return candidate
     ends = dict(network.places_for(EffectDeclaration(candidate.effect(), candidate.pattern)))
-    typical = tuple(abs(sizes.typical(amplitude, [ends[place]])) for place in candidate.places)
-    return replace(candidate, sizes=typical)
+    usual = {place: abs(sizes.typical(amplitude, [ends[place]])) for place in candidate.places}
+    if rms is not None and candidate.effect.site == "node" and not candidate.effect.has_state:
+        for place, size in usual.items():
+            heat = _heat_driven(candidate.declaration(size, None), ends[place], rms)
+            usual[place] = size * min(1.0, _MOST_RISE * sizes.conductance(ends[place]) / max(heat, _NO_HEAT))
+    return replace(candidate, sizes=tuple(usual.values()))
+
+
+def _heat_driven(declared: EffectDeclaration, ends: tuple[str, ...], rms: Mapping[str, float]) -> float:
+    """Heat that log columns of these root mean squares drive at a place [W]; 0 for what no column drives."""
+    inputs = {feature: rms[input_column(feature, ends[0])] for feature in declared.effect.needed()}
+    p = {name: parameter.value for name, parameter in declared.resolved.items()}
+    here = SimpleNamespace(temperatures=(_WARM,), inputs=SimpleNamespace(**inputs), p=SimpleNamespace(**p))
+    return abs(float(declared.effect.heat_into_ends(here)[0])) if inputs else 0.0
 
 
 def _wordings(effect: type[Effect]) -> list[Words]:

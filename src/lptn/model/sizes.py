@@ -72,10 +72,14 @@ class Sizes:
         shares = [math.log(self._scale(relative_to, ends) / JOINT[relative_to]) for ends in places if relative_to]
         return parameter.typical * math.exp(sum(shares) / max(len(shares), 1))
 
+    def conductance(self, ends: Sequence[str]) -> float:
+        """Heat that warms a place by 1 K in the long run [W/K], at that of its ends where it is least."""
+        return min(self._conductances[end] for end in ends if end in self._conductances)
+
     def _scale(self, relative_to: Scale, ends: Sequence[str]) -> float:
         if relative_to == "capacity":
             return min(self._capacities[end] for end in ends if end in self._capacities)
-        conductance = min(self._conductances[end] for end in ends if end in self._conductances)
+        conductance = self.conductance(ends)
         if relative_to == "link":
             return self._links.get(frozenset(ends), conductance)
         return 1 / conductance if relative_to == "resistance" else conductance
