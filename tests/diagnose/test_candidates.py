@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from lptn.basics.parameters import Parameter
@@ -11,7 +12,9 @@ from lptn.diagnose.candidates import candidates, separate_runs, sites
 from lptn.effects import catalogue
 from lptn.model.model import Model
 from lptn.model.network import START, EffectDeclaration, LinkDeclaration, Network, NodeDeclaration
-from tests.builders import AMBIENT, capacity, effect, resistance
+from lptn.simulate.bound_run import bind
+from lptn.simulate.simulation import sensitivities
+from tests.builders import AMBIENT, capacity, effect, random_run, resistance
 from tests.diagnose.conftest import Leg
 
 JOINTS = ("FL_thigh", "FL_calf", "FR_thigh", "FR_calf")
@@ -324,3 +327,20 @@ def test_friction_at_a_rotors_speed_is_expected_no_larger_than_the_motor_bears()
         inputs = [25.0 if column.startswith("temperature.") else 600.0 for column in model.inputs]
         heat = 300.0 * float(model.rhs([25.0] * 4, inputs, model.values).full().max())
         assert 3.0 < heat < 10.0  # W: 30 K at some 0.2 W/K
+
+
+@pytest.mark.parametrize("step", [300.0, 1800.0])
+def test_candidates_of_a_slow_log_can_all_be_scored(step: float) -> None:
+    """A wall with a reading every 5 or 30 min: time constants of seconds would be too stiff for such steps."""
+    wall = NodeDeclaration("wall", capacity(1e6))
+    links = (LinkDeclaration(("wall", "ambient"), resistance(0.1)),)
+    network = Network("wall", (wall, AMBIENT), links, (effect("heat_input", "wall"), effect("copper_loss", "wall")))
+    base = Model(network)
+    run = random_run(base, 200, step=step, hold=24, rise=10.0)
+    found = sites(candidates(network, run.columns, step=step, duration=200 * step))
+    full = Model(network.with_effects(site.declaration() for site in found))
+    names = [parameter.name for parameter in full.parameters]
+    chosen = [names.index(site.amplitude_name) for site in found]
+    moved = sensitivities(full, bind(full, run), full.values, chosen, core=1)
+    assert np.isfinite(moved.derivatives).all()
+    assert (np.abs(moved.by_parameter).max(axis=(0, 1)) > 0).all()
