@@ -11,7 +11,7 @@ import pytest
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.effects import Effect, catalogue
-from lptn.model.file import parse_model
+from lptn.model.file import added, parse_model
 from lptn.model.model import Model
 from lptn.model.network import EffectDeclaration, Network
 from lptn.simulate.bound_run import bind
@@ -123,6 +123,13 @@ def test_the_file_keeps_it(tmp_path: Path) -> None:
     assert (common.difference, own.difference) == (False, True)
     assert own.resolved["power"].value == -1.5
     assert own.resolved["power"].bounds[0] < -100
+
+
+def test_what_is_added_where_a_common_one_stands_is_a_difference(tmp_path: Path) -> None:
+    file = added(parse_model(FILE, tmp_path / "a.toml"), "constant_heat", "a")
+    assert [each.difference for each in file.network.effects] == [False, True]
+    with pytest.raises(InputError, match="a second constant_heat"):
+        added(added(parse_model(FILE.replace("all", "each"), tmp_path / "a.toml"), "fan", "a"), "constant_heat", "a")
 
 
 def test_without_the_word_a_second_effect_at_a_place_is_refused_with_the_mend(tmp_path: Path) -> None:

@@ -6,7 +6,6 @@ Where several places have an effect in common, each of them may differ: a differ
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
@@ -301,14 +300,13 @@ def _differences(network: Network, effect: type[Effect], columns: Collection[str
     alike = effect.whole_robot or effect.one_place_a_pattern  # which no place has for itself
     if run or alike or amplitude is None or amplitude.on is not None:
         return []
-    standing = [each for each in network.effect_instances if each.effect.key == effect.key and not each.declaration.run]
-    differing = {instance.place for instance in standing if instance.declaration.difference}
-    owners = Counter(instance.parameters[amplitude.name] for instance in standing)
+    differing = {
+        each.place for each in network.effect_instances if each.effect.key == effect.key and each.declaration.difference
+    }
     common = [
         instance
-        for instance in standing
-        if owners[instance.parameters[amplitude.name]] > 1
-        and instance.place not in differing
+        for instance in network.in_common(effect.key)
+        if instance.place not in differing
         and not instance.declaration.driven_by
         and all(input_column(feature, instance.ends[0]) in columns for feature in instance.effect.needed())
     ]

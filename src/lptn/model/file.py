@@ -674,6 +674,8 @@ def _rounded(value: float) -> float:
 def added(file: ModelFile, key: str, at: str, run: str = "") -> ModelFile:
     """The model file with one more effect; where `at` is a pattern, its places share the parameters.
 
+    Where the place shares the effect with others already, it is the place's difference from them.
+
     Args:
         file: the model file.
         key: the effect's.
@@ -693,5 +695,6 @@ def added(file: ModelFile, key: str, at: str, run: str = "") -> ModelFile:
         # A printed name has commas for characters that a name can't have; a pattern finds the run they stood in.
         at, run = place, run or printed.replace(",", "?")
     share: Share = "all" if is_glob(at) or "{" in at else "each"
-    parameters = tuple(replace(parameter.switched_on, share=share) for parameter in kind.parameters)
-    return file.with_effects([EffectDeclaration(kind(), at, parameters, run=run)])
+    difference = not run and at in {instance.place for instance in file.network.in_common(key)}
+    parameters = tuple(replace(parameter.switched_on, share=share) for parameter in kind.stated(difference))
+    return file.with_effects([EffectDeclaration(kind(), at, parameters, run=run, difference=difference)])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -320,6 +321,17 @@ class Network:
     def nodes_with(self, key: str) -> list[str]:
         """Dynamic nodes at which an effect is declared."""
         return self.layout.nodes_with(key)
+
+    def in_common(self, key: str) -> list[EffectInstance]:
+        """Where an effect stands, in all runs, whose amplitude another place has in common with it."""
+        shared = [
+            (instance, instance.parameters[amplitude.name])
+            for instance in self.effect_instances
+            if instance.effect.key == key and not instance.declaration.run and not instance.declaration.difference
+            if (amplitude := instance.effect.amplitude()) is not None
+        ]
+        places = Counter(index for _, index in shared)
+        return [instance for instance, index in shared if places[index] > 1]
 
     def with_effects(self, extra: Iterable[EffectDeclaration]) -> Network:
         """The same network and more effects."""
