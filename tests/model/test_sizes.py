@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from lptn.basics.parameters import Parameter
 from lptn.effects import catalogue
 from lptn.model.model import Model
-from lptn.model.network import LinkDeclaration, Network, NodeDeclaration
+from lptn.model.network import EffectDeclaration, LinkDeclaration, Network, NodeDeclaration
 from lptn.model.sizes import JOINT, Sizes
 from lptn.simulate.bound_run import bind
 from lptn.simulate.simulation import simulate
@@ -69,6 +71,14 @@ def test_conduction_that_was_added_counts_as_a_way_out() -> None:
 def test_a_network_without_any_way_out_has_sizes() -> None:
     network = Network("two", (node("a"), node("b")), (LinkDeclaration(("a", "b"), resistance(2.0)),))
     assert 0 < _sized(network, "constant_heat", "a") < 10
+
+
+def test_a_conduction_that_a_fit_made_negative_leaves_sizes() -> None:
+    conduction = effect("conduction", "*", conductance=0.3)
+    own = catalogue()["conduction"].stated(difference=True)
+    negative = EffectDeclaration(conduction.effect, "a~b", (replace(own[0], value=-5.0),), difference=True)
+    network = Network("two", (node("a"), node("b"), AMBIENT), (link("a", "ambient"), link("b", "ambient")))
+    assert 0 < _sized(network.with_effects([conduction, negative]), "constant_heat", "a") < 10
 
 
 def test_places_that_share_an_amplitude_have_the_mean_of_their_sizes() -> None:

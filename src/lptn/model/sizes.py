@@ -24,6 +24,8 @@ _LONGEST_MEMORY = 24 * 3600.0
 """s; no place counts as keeping its heat for longer. It matters where a fit has lost the way out of the heat, or a
 network has none: from 12 to 48 h a joint of 300 J/K and 10 K/W goes from 0.107 to 0.102 W/K."""
 
+_LEAST = 1e-9  # W/K
+
 
 class Sizes:
     """Capacitances and conductances of a network's places, at its own values.
@@ -53,13 +55,16 @@ class Sizes:
     def _by_place(self, places: Sequence[str], flows: Iterable[tuple[tuple[str, ...], float]]) -> dict[str, float]:
         """1 / R_ii [W/K], R the inverse of the matrix of conductances between places whose temperature isn't given."""
         number = {name: row for row, name in enumerate(places)}
-        matrix: FloatArray = np.diag([self._capacities.get(name, 0.0) / _LONGEST_MEMORY for name in places])
+        least = np.array([self._capacities.get(name, 0.0) / _LONGEST_MEMORY for name in places])
+        matrix: FloatArray = np.diag(least)
         for ends, conductance in flows:
             inside = [number[end] for end in ends if end in number]
             matrix[inside, inside] += conductance
             if len(inside) == 2:
                 matrix[inside, inside[::-1]] -= conductance
-        return dict(zip(places, (1 / np.diag(np.linalg.inv(matrix))).tolist(), strict=True))
+        # Only a difference in conduction that a fit made too negative has less than its own memory leaves.
+        conductances = np.maximum(1 / np.diag(np.linalg.inv(matrix)), np.maximum(least, _LEAST))
+        return dict(zip(places, conductances.tolist(), strict=True))
 
     def typical(self, parameter: Parameter, places: Iterable[Sequence[str]]) -> float:
         """The usual size of an effect's parameter, in the parameter's unit: the geometric mean over places.
