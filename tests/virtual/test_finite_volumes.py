@@ -48,7 +48,8 @@ def settled(assembly: Assembly, watts: float) -> Array:
     """Temperatures long after this source was switched on, in air of 20 degC."""
     still = np.zeros(4000)
     heat, air = np.full((4000, 1), watts), np.full((4000, 1), 20.0)
-    return solve(assembly, heat, air, still, still, 20.0, step=30.0).temperature[-1]
+    last: Array = solve(assembly, heat, air, still, still, 20.0, step=30.0).temperature[-1]
+    return last
 
 
 @pytest.mark.parametrize("computer", [False, True])

@@ -158,7 +158,7 @@ CHANGES: Mapping[str, Change] = {
         _to(glued_to_coil=0.5),
     ),
     # --- what no catalogue has ---
-    "draught": Change("a door opens, twice a run: cold air on one joint for minutes", (), _to(draught=-9.0)),
+    "draught": Change("a door opens, twice a run: cold air on one joint for minutes", (), _to(draught=-12.0)),
     "dragging_brake": Change("a brake drags for a minute or three, at random", (), _to(burst=7.0)),
     "heater": Change("a thermostat's heater, not logged, on for two minutes in five", (), _to(cycle=7.0)),
     "wax": Change("a pouch of wax melts at 37 degC", (), _to(wax=0.1)),
@@ -331,9 +331,10 @@ def _readings(leg: Leg, touched: Array, time: Array, seed: int, run: str) -> Arr
     """Return what the thermistors show at these times, degC: late by their bead, held between the driver's readings."""
     beads = [joint.bead for joint in leg.joints.values()] + [PC_BEAD]
     shown = lagged(touched, np.array(beads[: touched.shape[1]]))
-    periods = stream(seed, "finite volumes", "thermistors").uniform(READS[0], READS[1], touched.shape[1])
+    rng = stream(seed, "finite volumes", "thermistors")
     columns = []
-    for k, period in enumerate(periods.tolist()):
+    for k in range(touched.shape[1]):
+        period = rng.uniform(*READS)
         read_at = np.floor(time / period) * period + leg.clock
         columns.append(np.interp(read_at, np.arange(len(shown)), shown[:, k]))
     for k, (name, joint) in enumerate(leg.joints.items()):

@@ -248,7 +248,8 @@ def assemble(leg: Leg, run: str = "", cells: int = 1) -> Assembly:
     laws: list[tuple[float, float]] = []
     reads: list[tuple[tuple[list[int], float], ...]] = []
     fanned: dict[int, float] = {}
-    housings, magnets = [], []
+    housings: list[list[int]] = []
+    magnets: list[int] = []
     hung = plate = body.row(
         ALUMINIUM, leg.limbs[0], leg.limb_section[0], 3 * cells, 0, area=0.11 * leg.limbs[0], diameter=0.03
     )
