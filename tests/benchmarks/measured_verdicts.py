@@ -118,7 +118,8 @@ def story(answer: Answer) -> str:
             doubts.append("held-out error rises")
         sizes = "; ".join(_sizes(answer, effect, at)) or "no free size"
         lines.append(f"  - {number}. {effect} at {at}: {sizes}{' **' + ', '.join(doubts) + '**' if doubts else ''}")
-    lines += [f"  - {effect} at {at} differs in a held-out run" for effect, at in answer.differing]
+    for effect, at in answer.differing:
+        lines.append(f"  - a held-out run differs: {f'{effect} at {at}' if effect else 'nothing names how'}")
     for name in answer.at_bound:
         lines += [f"  - **{name} at its bound**"] * (name not in out_of_bounds(answer))
     lines += [f"  - says: {line}" for line in re.findall(r"^(?:Step|Rung) \d+, .*", answer.text, re.MULTILINE)]

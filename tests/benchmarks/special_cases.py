@@ -61,7 +61,7 @@ class Special:
 
 def runs(answer: Answer) -> str:
     """The command ends well, or says in one line of its own what the user has to change."""
-    crashed = re.match(r"\w*(Error|Exception|exit status)", answer.error) or answer.error.startswith("not done")
+    crashed = re.match(r"[\w.]*(Error|Exception|exit status)", answer.error) or answer.error.startswith("not done")
     inside = "effects[" in answer.error  # of a model that the program itself put together
     return f"failed: {answer.error}" if crashed or inside else ""
 
@@ -347,6 +347,12 @@ SPECIAL: dict[str, Special] = {
 }
 
 
+def short_of(name: str, answer: Answer) -> str:
+    """What of an answer to a case falls short; of one that failed only that."""
+    short = [text for check in SPECIAL[name].checks if (text := check(answer))]
+    return "; ".join(short[:1] if answer.error else short) or "–"
+
+
 def main() -> None:
     """Ask what is missing, then print who said what."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -370,8 +376,7 @@ def main() -> None:
     for case in asked:
         for version in chosen.judge:
             if (answer := results.get((case, version))) is not None:
-                short = "; ".join(filter(None, (check(answer) for check in SPECIAL[case.tier].checks))) or "–"
-                print(f"| {case.tier} | {case.seed} | {version} | {in_short(answer)} | {short} |")
+                print(f"| {case.tier} | {case.seed} | {version} | {in_short(answer)} | {short_of(case.tier, answer)} |")
     print(
         "\nExpected:",
         *(f"- {name}: {SPECIAL[name].about}. {SPECIAL[name].expected}." for name in chosen.cases),

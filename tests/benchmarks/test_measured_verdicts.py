@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from tests.benchmarks.measured_verdicts import MEASURED, story, summary
-from tests.benchmarks.special_cases import SPECIAL, differs, honest, names, runs
+from tests.benchmarks.special_cases import SPECIAL, differs, honest, names, runs, short_of
 from tests.benchmarks.verdict_answers import Answer
 
 ANSWER = Answer(
@@ -49,6 +49,7 @@ def test_all_data_are_in_the_project() -> None:
 
 def test_a_crash_is_told_from_a_line_of_advice() -> None:
     assert runs(Answer(error="IndexError: list index out of range"))
+    assert runs(Answer(error="lptn.simulate.SimulationError: fastest rate 0.2 1/s is too fast for steps of 300 s"))
     assert runs(Answer(error='lptn: leg.toml: effects[3].at: found "a~b"'))
     assert not runs(Answer(error="lptn: slow.csv: time: found 4 readings; expected 10 or more"))
 
@@ -67,3 +68,4 @@ def test_names_and_runs_that_differ() -> None:
     assert not differs(Answer(differing=[("surface_scale", "*")]))
     assert "nothing is" in differs(Answer())
     assert len(SPECIAL) >= 13
+    assert short_of("wall, 5 min a reading", Answer(error="KeyError: 'room'")) == "failed: KeyError: 'room'"

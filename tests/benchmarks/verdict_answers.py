@@ -133,7 +133,6 @@ def _run(lptn: Path, words: Sequence[object], limit: float) -> tuple[str, str, f
 
     def limited() -> None:
         resource.setrlimit(resource.RLIMIT_CPU, (int(limit), int(limit) + 5))
-        os.nice(10)
 
     with tempfile.TemporaryFile("w+") as out, tempfile.TemporaryFile("w+") as err:
         process = subprocess.Popen(
