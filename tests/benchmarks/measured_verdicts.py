@@ -120,8 +120,8 @@ def story(answer: Answer) -> str:
         lines.append(f"  - {number}. {effect} at {at}: {sizes}{' **' + ', '.join(doubts) + '**' if doubts else ''}")
     for effect, at in answer.differing:
         lines.append(f"  - a held-out run differs: {f'{effect} at {at}' if effect else 'nothing names how'}")
-    for name in answer.at_bound:
-        lines += [f"  - **{name} at its bound**"] * (name not in out_of_bounds(answer))
+    others = [name for name in out_of_bounds(answer) if not any(name.startswith(f"{key}.") for key, _ in answer.steps)]
+    lines += [f"  - **of the given model at a bound: {', '.join(others)}**"] * bool(others)
     lines += [f"  - says: {line}" for line in re.findall(r"^(?:Step|Rung) \d+, .*", answer.text, re.MULTILINE)]
     return "\n".join(lines)
 
@@ -160,7 +160,7 @@ def summary(answers: Mapping[str, Answer]) -> str:
     for name, answer in answers.items():
         steps = ", ".join(f"{effect}@{at}" for effect, at in answer.steps) or answer.error or "–"
         silly = ", ".join(effect for effect, _ in answer.steps if effect in SILLY) or "–"
-        bound = ", ".join(sorted({*answer.at_bound, *out_of_bounds(answer)})) or "–"
+        bound = ", ".join(out_of_bounds(answer)) or "–"
         error = " → ".join(f"{answer.holdout[k]:.3g}" for k in (0, -1)) if answer.holdout else "–"
         said = f"{answer.verdict}/{answer.remaining}"
         lines.append(f"| {name} | {steps} | {silly} | {bound} | {said} | {error} | {answer.seconds:.0f} |")

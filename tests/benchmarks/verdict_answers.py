@@ -17,7 +17,7 @@ import tempfile
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -78,13 +78,14 @@ def ask(lptn: Path, files: Files, *, limit: float = LIMIT) -> Answer:
         text, error, seconds = _run(lptn, words, limit)
         if error or not out.exists():
             return Answer(text=text, error=error or "no result", seconds=seconds)
-        parameters = _fitted(better.read_text(encoding="utf-8")) if better.exists() else {}
-        return read_answer(json.loads(out.read_text(encoding="utf-8")), text, parameters, seconds)
+        answer = read_answer(json.loads(out.read_text(encoding="utf-8")), text, seconds)
+        if not better.exists():
+            return answer
+        at_bound = sorted({*answer.at_bound, *_at_bounds(better)})
+        return replace(answer, parameters=_fitted(better), at_bound=at_bound)
 
 
-def read_answer(
-    table: Mapping[str, Any], text: str, parameters: dict[str, tuple[float, float]], seconds: float
-) -> Answer:
+def read_answer(table: Mapping[str, Any], text: str, seconds: float) -> Answer:
     """An answer from what `lptn improve` wrote as JSON, whichever version it was, and from what it printed."""
     given, *steps = table["history"] if "history" in table else table["ladder"]
     keys = [(step["effect"], step["at"]) for step in steps]
@@ -97,7 +98,7 @@ def read_answer(
         group,
         None if stated is None else [(one["effect"] or "", one["at"] or "", one["probability"]) for one in stated],
         [step["rmse_holdout"] for step in (given, *steps) if step["rmse_holdout"] is not None],
-        parameters,
+        {},
         re.findall(r"^Warning: (\S+): ends at its bound", re.sub(r"\n +", " ", text), re.MULTILINE),
         [(run["effect"] or "", run["at"] or "") for run in table.get("runs_that_differ") or ()],
         text,
@@ -120,12 +121,33 @@ def with_two_masses(lptn: Path, files: Files, *, limit: float = LIMIT) -> Answer
         return Answer("two masses", holdout=[table["rmse_holdout"]], seconds=seconds)
 
 
-def _fitted(text: str) -> dict[str, tuple[float, float]]:
+def _fitted(model: Path) -> dict[str, tuple[float, float]]:
     """Fitted values and standard errors from a model file that `lptn` wrote."""
     import tomllib
 
-    fitted = tomllib.loads(text).get("fit", {}).get("parameters", {})
+    fitted = tomllib.loads(model.read_text(encoding="utf-8")).get("fit", {}).get("parameters", {})
     return {name: (one["value"], one.get("error", float("nan"))) for name, one in fitted.items()}
+
+
+def _at_bounds(model: Path) -> list[str]:
+    """Free parameters that stand at a bound in a model file, whether the version says so or not.
+
+    An effect that ended where it vanishes is left out. The catalogue's bounds are those of the version under test here.
+    """
+    from lptn.basics.errors import InputError
+    from lptn.identify.data import load_model
+
+    try:
+        parameters = load_model(model).model.parameters
+    except InputError:  # of another version
+        return []
+    names = []
+    for parameter in parameters:
+        lower, upper = parameter.declared.bounds
+        near = parameter.value >= NEARLY * upper or (lower > 0 and parameter.value <= lower / NEARLY)
+        if parameter.free and near and parameter.value != parameter.declared.off:
+            names.append(parameter.name)
+    return names
 
 
 def _run(lptn: Path, words: Sequence[object], limit: float) -> tuple[str, str, float]:
@@ -167,7 +189,7 @@ def _end(group: int) -> None:
         os.killpg(group, signal.SIGKILL)
 
 
-# --- sizes that no robot has ------------------------------------------------------------------------------------------
+# --- sizes at a bound, or that no robot has ---------------------------------------------------------------------------
 
 
 SILLY = ("sensor_drift", "clock_offset", "ambient_offset", "ambient_lag")
@@ -188,18 +210,22 @@ FARTHEST = {
     "radiation.area": 10.0,  # m²
 }
 """Sizes that no robot reaches: the bounds that the catalogue had once. Without a bound such a size is as silly."""
+NEARLY = 0.999
+"""Share of a bound from which on a parameter is at it."""
 
 
 def out_of_bounds(answer: Answer) -> list[str]:
-    """Parameters of added effects at a bound, or as large as no robot has them."""
-    added = tuple({f"{effect}." for effect, _ in answer.steps})
-    names = [name for name in answer.at_bound if name.startswith(added)] if added else []
+    """Parameters at a bound in a model that was added to, and sizes of what was added that no robot has."""
+    if not answer.steps:
+        return []
+    added = tuple(f"{effect}." for effect, _ in answer.steps)
+    names = set(answer.at_bound)
     for name, (value, _) in answer.parameters.items():
         effect, _, rest = name.partition(".")
         limit = FARTHEST.get(f"{effect}.{rest.partition('.')[0]}")
-        if limit is not None and added and name.startswith(added) and abs(value) >= 0.999 * limit:
-            names.append(name)
-    return sorted(set(names))
+        if limit is not None and name.startswith(added) and abs(value) >= NEARLY * limit:
+            names.add(name)
+    return sorted(names)
 
 
 # --- the result file ------------------------------------------------------------------------------------------------

@@ -55,7 +55,7 @@ class Judged:
             no probability is stated.
         in_three: a right answer is among the first three steps.
         silly: a step is an error of a sensor, a clock or the ambient that isn't there.
-        at_bound: an added effect ended at a bound, or where no robot gets.
+        at_bound: something was added, and a parameter ended at a bound, or a size where no robot has it.
         alarm: nothing is hidden, and something was said to be missing.
         unexplained: the verdict on the model as given, or on the last step, is "unexplained".
         stated: probability of the most probable answer, `None` where none is stated.
