@@ -1,13 +1,14 @@
 """Forward selection: diagnose, add the missing effect, refit, step by step, and the errors on the way.
 
 Missing effects come in pairs whose first alone explains little, and short logs leave several first effects equally
-good. So all models that the fitted data can't tell apart are followed a step further, side by side:
+good. So the most probable models are followed side by side:
 
-1. Each model that is followed is diagnosed; each of its refits beyond chance is a longer branch.
-2. Of these the best by misfit, and those tied with it, are fitted to the end and followed; so is what held-out data
-   prefer by more than any scatter.
-3. The search ends when a model is adequate, nothing helps, or a step has gained nothing.
-4. The held-out data decide which branch is kept, and how far; without them the information criterion does.
+1. Each model that is followed is asked what it lacks; each answer is a longer branch, with the probability of all its
+   effects together: their evidence on the fitted data, and how often they are met.
+2. The most probable branches are fitted to the end and followed, as long as none is clearly more probable.
+3. The search ends when no longer branch is more probable than the best.
+4. Held-out data are readings, too: how probable a model makes runs that it never saw counts as much as how probable it
+   makes those it was fitted to. Where they chose another branch than the fitted data would have, it is said.
 5. Steps that later ones made superfluous are taken out, and each model left is fitted at full resolution.
 """
 
@@ -16,29 +17,31 @@ from __future__ import annotations
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
+from math import log
 
 import numpy as np
 import pandas as pd
+from scipy.special import logsumexp
 
-from lptn.basics.arrays import FloatArray
+from lptn.basics.errors import InputError
 from lptn.basics.tables import Tabular
 from lptn.diagnose.candidates import with_ambient_bias
 from lptn.diagnose.diagnosis import (
-    MUCH_WORSE,
-    SIGNIFICANT,
+    CREDIBLE,
     Diagnosis,
     Key,
+    Question,
     Report,
     Step,
     Verdict,
+    common_columns,
     continued,
-    examine,
-    explained_elsewhere,
+    explains_most,
     for_search,
+    probabilities_as_json,
     unless_interrupted,
 )
-from lptn.diagnose.fit_statistics import TIE, criterion_difference, explained_share, tied
-from lptn.identify.comparison import predict
+from lptn.diagnose.evidence import Likelihood
 from lptn.identify.data import DataSplit
 from lptn.identify.fitting import Fit, finished
 from lptn.identify.validation import fit_segments, holdout_errors
@@ -56,7 +59,8 @@ class History(Tabular):
         steps: the given model first.
         first: the diagnosis of the given model.
         last: the diagnosis of the last step.
-        considered: how many models were followed.
+        considered: how many models the fitted data left to choose from, when the search was over.
+        chosen_by_holdout: whether held-out data, and not the fitted data alone, chose between them.
     """
 
     verdict: Verdict
@@ -65,6 +69,7 @@ class History(Tabular):
     first: Diagnosis
     last: Diagnosis
     considered: int
+    chosen_by_holdout: bool = False
 
     @property
     def best(self) -> Step:
@@ -98,11 +103,19 @@ class History(Tabular):
                 "max_holdout": step.holdout.max if step.holdout else None,
                 "rmse_test": step.test.rmse if step.test else None,
                 "rmse_proof": step.test.rmse if step.test else None,
+                "probability": step.probability if step.effect else None,
                 "indistinguishable_from": [list(key) for key in step.indistinguishable],
             }
             for number, step in enumerate(self.steps)
         ]
-        return {"verdict": self.verdict, "remaining": self.remaining, "history": table, "ladder": table}
+        return {
+            "verdict": self.verdict,
+            "remaining": self.remaining,
+            "probabilities": probabilities_as_json(self.first.probabilities),
+            "chosen_by_holdout": self.chosen_by_holdout,
+            "history": table,
+            "ladder": table,
+        }
 
 
 def table_of_steps(steps: Sequence[Step]) -> pd.DataFrame:
@@ -149,8 +162,8 @@ def improve(
 ) -> History:
     """Diagnose, add the missing effect, refit, until nothing beyond chance is left or nothing helps.
 
-    Effects are chosen on the fit data. Held-out data choose among models that the fit data can't tell apart, and end
-    the selection; without them Schwarz's criterion does. Test data choose nothing.
+    Effects are chosen on the fit data, by probability. Held-out data decide only between models that share the
+    probability; without them the most probable one is kept. Test data choose nothing.
 
     Args:
         model: the model to start from.
@@ -175,231 +188,174 @@ def improve(
     model = with_ambient_bias(model, data, ambient_error)
     report("fitting the model as it stands")
     base = unless_interrupted(fit_segments(model, coarse.fit))
-    given: Branch = (Step(base, holdout=holdout_errors(base, coarse.holdout)),)
-    search = _Search(coarse, executor, report)
-    search.follow(given, most)
-    kept = _pruned(search.complete(_chosen(search.branches, coarse)), coarse, report)
+    likelihood = Likelihood(base, common_columns(coarse))
+    search = _Search(Question(likelihood, coarse, executor=executor, report=report))
+    given: Branch = (search.question.on_held_out(Step(base, evidence=likelihood.of(base))),)
+    final = search.follow(given, most)
+    kept = search.pruned(final[0])
     first, last = search.diagnosis(given), search.diagnosis(kept)
     report("fitting the steps at full resolution")
     return History(
-        _verdict(first, last, given, kept),
+        _verdict(first, kept),
         last.verdict,
         _at_full_resolution(kept, data),
         first,
         last,
-        len(search.branches),
+        len(final),
+        bool(data.holdout) and final[0] is not max(final, key=_log_probability),
     )
 
 
-# --- Branches of models, followed side by side as long as the fit data can't tell them apart ---------
+# --- Branches of models, the most probable followed side by side -----------------------------------------------
 
 
 Branch = tuple[Step, ...]
 """The given model, then a step for each effect that was added; the last step's fit is that of them all."""
 
-WORTH = 0.01
-"""Share by which a step must lower the held-out error."""
 _WIDTH, _WIDTH_LATER = 4, 2  # branches followed side by side after the first step, and after later ones
-_BY_HOLDOUT = 2  # more branches that are looked at because they do well on held-out data
-_UNOPPOSED = 1e-3  # share by which a held-out error may rise and still speak against nothing
-_SAME = 1e-3  # two steps from one model whose misfits differ by less are one step with two names
+_FOLLOWED = 7.0  # log odds against the best branch (1 in 1000) up to which one is followed: its pair may be the best
 
 
 def _effects(branch: Branch) -> frozenset[Key]:
     return frozenset(step.key for step in branch[1:])
 
 
-def _error(branch: Branch) -> float:
-    """What orders branches: the held-out error [K] where there is one, else the misfit."""
-    last = branch[-1]
-    return last.holdout.rmse if last.holdout else last.fit.cost
+def _added(branch: Branch) -> list[EffectDeclaration]:
+    return [step.declaration for step in branch if step.declaration]
+
+
+def _log_probability(branch: Branch) -> float:
+    """Logarithm of a branch's odds against the given model, by the fitted data: those of all its steps."""
+    return sum(step.log_odds for step in branch[1:])
+
+
+def _by_all_data(branch: Branch) -> float:
+    """The same by all data, held-out ones included."""
+    return _log_probability(branch) + branch[-1].log_predictive - branch[0].log_predictive
 
 
 class _Search:
-    """Follows branches side by side; remembers every branch and every diagnosis.
+    """Follows branches side by side; remembers every diagnosis.
 
     Args:
-        data: in the steps of the search.
-        executor: where refits run; here, one after the other, by default.
-        report: called with a sentence on what is being done.
+        question: what a model lacks, asked of each.
     """
 
-    def __init__(self, data: DataSplit, executor: Executor | None, report: Report) -> None:
-        self.data, self.executor, self.report = data, executor, report
-        self.branches: list[Branch] = []
+    def __init__(self, question: Question) -> None:
+        self.question = question
         self._diagnoses: dict[frozenset[Key], Diagnosis] = {}
 
-    def follow(self, given: Branch, most: int) -> None:
-        """Follow branches until nothing is left to add or nothing helps; they end up in `branches`.
+    def follow(self, given: Branch, most: int) -> list[Branch]:
+        """Follow branches until none that is longer is more probable.
 
         Args:
             given: the given model, fitted.
             most: how many effects to add at most.
+
+        Returns:
+            The branches that share the probability, the most probable first.
         """
-        self.branches = [given]
-        beam = [given]
-        best = _error(given)
+        best, beam, ended = given, [given], [given]
         for depth in range(1, most + 1):
-            if any(self.diagnosis(branch).verdict == "adequate" for branch in beam):
-                return  # nothing is left to add; a longer branch could only be longer
             width = _WIDTH if depth == 1 else _WIDTH_LATER
             beam = self._next([longer for branch in beam for longer in self._longer(branch)], width)
             if not beam:
-                return
-            self.branches += beam
-            reached = min(_error(branch) for branch in beam)
-            self.report(f"step {depth}: {_in_words(beam)}")
-            # The first of a pair may help nobody alone, so one step without a gain is allowed at the start.
-            if reached > (1 - WORTH) * best and depth > 1:
-                return
-            best = min(best, reached)
+                break
+            ended += beam
+            self.question.report(f"step {depth}: {_in_words(beam)}")
+            reached = max(beam, key=_by_all_data)
+            if _by_all_data(reached) < _by_all_data(best) and depth > 1:
+                break  # the first of a pair may help nobody alone, so one step without a gain is allowed at the start
+            best = max(best, reached, key=_by_all_data)
+        ended.sort(key=_by_all_data, reverse=True)
+        return [each for each in ended if _by_all_data(ended[0]) - _by_all_data(each) < log(CREDIBLE)]
 
     def diagnosis(self, branch: Branch) -> Diagnosis:
         """What a branch's last model lacks, asked once."""
         effects = _effects(branch)
         if effects not in self._diagnoses:
-            self._diagnoses[effects] = examine(branch[-1].fit, self.data, executor=self.executor)
+            self._diagnoses[effects] = self.question.ask(branch[-1].fit, _added(branch))
         return self._diagnoses[effects]
 
-    def complete(self, chosen: Branch) -> Branch:
-        """The chosen branch, or one that leaves nothing unexplained where held-out data have nothing against it."""
-        if self.diagnosis(chosen).verdict == "adequate":
-            return chosen
-        diagnosed = [branch for branch in self.branches if _effects(branch) in self._diagnoses]
-        adequate = [branch for branch in diagnosed if self.diagnosis(branch).verdict == "adequate"]
-        unopposed = [branch for branch in adequate if _error(branch) <= _error(chosen) * (1 + _UNOPPOSED)]
-        return min(unopposed, key=len, default=chosen)
-
     def _longer(self, branch: Branch) -> list[Branch]:
-        """The branch with each refit of its last model that is beyond chance, each name for one step once."""
-        longer: list[Branch] = []
-        for step in self.diagnosis(branch).refits:
-            same = any(abs(other[-1].fit.cost - step.fit.cost) < _SAME * step.fit.cost for other in longer)
-            if step.p_value < SIGNIFICANT and not same and step.fit.status != "given up":
-                longer.append((*branch, step))
-        return longer
+        return [(*branch, step) for step in self.diagnosis(branch).refits]
 
     def _next(self, pool: Sequence[Branch], width: int) -> list[Branch]:
-        """The best branch and those that tie with it on the fit data, each set of effects once, fitted to the end."""
+        """The most probable branches, each set of effects once, fitted to the end."""
         unique: dict[frozenset[Key], Branch] = {}
-        for branch in sorted(pool, key=lambda branch: branch[-1].fit.cost):
+        for branch in sorted(pool, key=_log_probability, reverse=True):
             unique.setdefault(_effects(branch), branch)
         branches = list(unique.values())
-        if not branches:
-            return []
-        level = [branch for branch in branches if tied(branch[-1].fit, branches[0][-1].fit)]
-        # A short log may favour an alias; what held-out data prefer by more than any scatter is followed as well.
-        least = min(_error(branch) for branch in level)
-        preferred = [branch for branch in branches if branch in level or MUCH_WORSE * _error(branch) < least]
-        by_holdout = sorted(preferred, key=_error)[:_BY_HOLDOUT]
-        # Fits that only ranked candidates ended early: where a valley is long, their held-out errors are accidents.
-        followed = [*level[:width], *(branch for branch in by_holdout if branch not in level[:width])]
-        fits = (self.executor.map if self.executor else map)(finished, [branch[-1].fit for branch in followed])
-        done = [
-            _ending_in(branch, unless_interrupted(fit), self.data) for branch, fit in zip(followed, fits, strict=True)
-        ]
-        best = min(done, key=_error)
-        return done[:width] if best in done[:width] else [*done[:width], best]
+        best = max(branches, key=_by_all_data, default=None)
+        near = [each for each in branches if best and _by_all_data(best) - _by_all_data(each) < _FOLLOWED]
+        followed = list(dict.fromkeys([*branches[:1], *near]))[:width]  # the best by the fitted data alone, too
+        executor = self.question.executor
+        fits = (executor.map if executor else map)(finished, [branch[-1].fit for branch in followed])
+        return [self._ending_in(branch, unless_interrupted(fit)) for branch, fit in zip(followed, fits, strict=True)]
 
+    def _ending_in(self, branch: Branch, fit: Fit) -> Branch:
+        """The branch with another fit of its last model, and the odds and errors that go with it."""
+        last = branch[-1]
+        evidence = self.question.likelihood.of(fit, _added(branch))
+        before = last.evidence.log_evidence if last.evidence else 0.0
+        odds = last.log_odds + evidence.log_evidence - before
+        step = replace(last, fit=fit, evidence=evidence, log_odds=odds)
+        return (*branch[:-1], self.question.on_held_out(step))
 
-def _ending_in(branch: Branch, fit: Fit, data: DataSplit) -> Branch:
-    """The branch with another fit of its last model."""
-    return (*branch[:-1], replace(branch[-1], fit=fit, holdout=holdout_errors(fit, data.holdout)))
+    def pruned(self, branch: Branch) -> Branch:
+        """The branch without the steps that later ones made superfluous; what contributes most comes first."""
+        last = branch[-1]
+        if len(branch) < 3 or last.evidence is None:
+            return branch
+        losses = {}
+        for step in branch[1:]:
+            rest = tuple(other for other in branch if other is not step)
+            try:
+                network = last.fit.model.network.without_effect(*step.key)
+            except InputError:  # another effect stands at the edge that this one made
+                losses[step.key] = np.inf
+                continue
+            fit = continued(last.fit, network)
+            evidence = self.question.likelihood.of(fit, _added(rest))
+            end = self.question.on_held_out(replace(rest[-1], fit=fit, evidence=evidence))
+            losses[step.key] = last.evidence.log_evidence - evidence.log_evidence + self._log_prior(step, branch)
+            if losses[step.key] + last.log_predictive - end.log_predictive < 0:
+                self.question.report(f"{step.effect} at {step.at} is no longer needed")
+                return self.pruned((*rest[:-1], end))
+        steps = sorted(branch[1:], key=lambda step: -losses[step.key])
+        end = replace(
+            steps[-1],
+            fit=last.fit,
+            evidence=last.evidence,
+            holdout=last.holdout,
+            log_predictive=last.log_predictive,
+        )
+        return (branch[0], *steps[:-1], end)
+
+    def _log_prior(self, step: Step, branch: Branch) -> float:
+        """Logarithm of the prior odds that the effect of one step is there."""
+        earlier = self.diagnosis(branch[: branch.index(step)])
+        return next(each.log_prior for each in earlier.scores.ranked if each.candidate.key == step.key)
 
 
 def _in_words(beam: Sequence[Branch]) -> str:
-    """The branches of a step and their errors, for progress."""
-    kind, unit = ("held out", " K") if beam[0][-1].holdout else ("misfit", "")
-    return "; ".join(f"{branch[-1].effect} at {branch[-1].at} ({kind} {_error(branch):.3g}{unit})" for branch in beam)
-
-
-# --- Which of the branches is kept, how far, and without which steps ---------------------------------
-
-
-_BLOCK = 120.0  # s; held-out errors further apart than this count as independent
-_CLEARLY = 2.0  # standard errors
-
-
-def _chosen(branches: Sequence[Branch], data: DataSplit) -> Branch:
-    """The shortest branch that reaches the best error; of equally long ones the clearly better, else the first."""
-    if branches[0][-1].holdout is None:
-        best = branches[0]
-        for branch in branches[1:]:
-            if criterion_difference(best[-1].fit, branch[-1].fit) > 0:
-                best = branch
-        return best
-    least = min(_error(branch) for branch in branches)
-    enough = [branch for branch in branches if _error(branch) <= least * (1 + WORTH)]
-    length = min(len(branch) for branch in enough)
-    level = _plausible_first([branch for branch in branches if len(branch) == length])
-    best = next(branch for branch in level if branch in enough)
-    near = [branch for branch in level if branch is best or _error(branch) <= MUCH_WORSE * _error(best)]
-    return next(branch for branch in near if branch is best or not _clearly_worse(branch, best, data))
-
-
-def _plausible_first(branches: Sequence[Branch]) -> list[Branch]:
-    """By misfit; of those that the fit data can't tell from the best, typical sizes, then few parameters, first."""
-    least = min((branch[-1].fit for branch in branches), key=lambda fit: fit.cost)
-
-    def order(branch: Branch) -> tuple[bool, int, int, float]:
-        last = branch[-1]
-        level = tied(last.fit, least)
-        unusual = sum(step.unusual for step in branch)
-        return (not level, unusual if level else 0, last.parameters if level else 0, last.fit.cost)
-
-    return sorted(branches, key=order)
-
-
-def _clearly_worse(branch: Branch, than: Branch, data: DataSplit) -> bool:
-    """Whether held-out errors differ by more than their own scatter."""
-    differences = _block_squares(branch[-1].fit, data) - _block_squares(than[-1].fit, data)
-    if differences.size < 2:
-        return _error(branch) > _error(than)
-    scatter = float(differences.std(ddof=1)) / np.sqrt(differences.size)
-    return bool(differences.mean() > _CLEARLY * scatter)
-
-
-def _block_squares(fit: Fit, data: DataSplit) -> FloatArray:
-    """Mean squared error of each block of held-out time that counts [K²], shape (blocks,)."""
-    blocks = []
-    for segment in data.holdout:
-        squares = predict(fit.model, segment, fit.problem.sigma).error ** 2
-        squares = squares[:, np.isfinite(squares).any(axis=0)]
-        size = max(1, round(_BLOCK / segment.run.step))
-        whole = squares.shape[1] // size * size
-        blocks.append(np.nanmean(squares[:, :whole].reshape(len(squares), -1, size), axis=(0, 2)))
-    return np.concatenate(blocks)
-
-
-def _pruned(branch: Branch, data: DataSplit, report: Report) -> Branch:
-    """The branch without the steps that later ones made superfluous."""
-    last = branch[-1]
-    for step in branch[1:-1]:
-        fit = continued(last.fit, last.fit.model.network.without_effect(*step.key))
-        if criterion_difference(fit, last.fit) < TIE:
-            shorter = _ending_in(tuple(other for other in branch if other is not step), fit, data)
-            if _error(shorter) <= _error(branch) * (1 + WORTH):
-                report(f"{step.effect} at {step.at} is no longer needed")
-                return _pruned(shorter, data, report)
-    return branch
+    """The branches of a step and how probable they are among each other, for progress."""
+    logs = np.array([_by_all_data(branch) for branch in beam])
+    shares = np.exp(logs - logsumexp(logs))
+    return "; ".join(
+        f"{branch[-1].effect} at {branch[-1].at} ({100 * share:.0f} %)"
+        for branch, share in zip(beam, shares, strict=True)
+    )
 
 
 # --- The verdict, and the branch that is kept at full resolution ------------------------------------
 
 
-_MOST = 0.5  # share of the misfit beyond noise that the steps must remove to be what was missing
-
-
-def _verdict(first: Diagnosis, last: Diagnosis, given: Branch, kept: Branch) -> Verdict:
-    """On the model as given; effects that only the fitted runs ask for explain nothing."""
-    if first.verdict == "adequate":
-        return "adequate"
-    if last.verdict == "adequate":
-        return "missing"
-    before, after = given[-1], kept[-1]
-    elsewhere = explained_elsewhere(before.fit, before.holdout, after.holdout)
-    enough = explained_share(before.fit, after.fit, first.scores.noise) > _MOST
-    return "missing" if enough and elsewhere else "unexplained"
+def _verdict(first: Diagnosis, kept: Branch) -> Verdict:
+    """On the model as given."""
+    if len(kept) == 1:
+        return "unexplained" if first.verdict == "unexplained" else "adequate"
+    return "missing" if explains_most(first, kept[-1]) else "unexplained"
 
 
 def _at_full_resolution(branch: Branch, data: DataSplit) -> Branch:

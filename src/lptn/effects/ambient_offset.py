@@ -21,6 +21,7 @@ class AmbientOffset(BoundaryEffect):
     title = "ambient warmer or cooler than given"
     prior_odds = 0.5
     """An ambient sensor near the robot is right within a kelvin more often than not."""
+    in_every_log = 0.3  # K; air differs by so much between a sensor on the wall and a robot
     per_run = True
     in_one_run = (
         "in {run} the {place} was {size} K warmer than given",

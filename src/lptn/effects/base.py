@@ -143,6 +143,11 @@ class Effect(ABC):
 
     1 is what most effects have. An effect that is rare in practice has less, and says why in a sentence below it.
     """
+    in_every_log: ClassVar[float | None] = None
+    """Standard deviation of its amplitude in just any run: a nuisance of the logs, an answer only where it is larger.
+
+    `None` for what a robot has or has not.
+    """
     per_run: ClassVar[bool] = False
     whole_robot: ClassVar[bool] = False
     in_one_run: ClassVar[tuple[str, str]] = ("", "")

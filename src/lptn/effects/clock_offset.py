@@ -24,6 +24,7 @@ class ClockOffset(ClockEffect):
     title = "clock offset between temperatures and inputs"
     prior_odds = 0.3
     """Most logs have one clock; in those of two the offset is seconds, and is aligned where they are joined."""
+    in_every_log = 1.0  # s; means over a reading, and the time that a message takes
     per_run = True
     whole_robot = True
     in_one_run = (

@@ -26,6 +26,7 @@ class SensorDrift(ExcessEffect):
     title = "sensor drift"
     prior_odds = 0.3
     """Calibrated sensors drift by fractions of a kelvin in a year; a drift within a log is a defect."""
+    in_every_log = 0.2  # K/h; what self-heating and a warming board do to a reading
     per_run = True
     in_one_run = (
         "in {run} {of} drifts up by {size} K an hour",

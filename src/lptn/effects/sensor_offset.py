@@ -21,6 +21,7 @@ class SensorOffset(SensorEffect):
     title = "sensor offset"
     prior_odds = 0.5
     """Common sensors keep to their class, 0.3 to 1 K, and a robot at rest shows those that do not."""
+    in_every_log = 0.2  # K; what thermistors of 1 % differ by
     per_run = True
     in_one_run = (
         "in {run} {of} reads {size} K high",
