@@ -250,38 +250,34 @@ def reliability(answers: Iterable[tuple[float, bool]]) -> list[Bin]:
 
 
 def draw_reliability(bins: Mapping[str, Sequence[Bin]], file: Path) -> None:
-    """The diagram: observed frequency over stated probability, with intervals and the number of answers in each bin.
+    """The diagram: observed frequency over stated probability, with intervals and how many answers there are.
 
     Args:
-        bins: of each truth.
+        bins: of each truth, a panel each.
         file: .svg or .png.
     """
-    from lptn.basics.style import BEST, FAINT, GIVEN, INK, SMALL, dress, new_figure
+    from lptn.basics.style import FAINT, GIVEN, INK, SMALL, TINY, dress, new_figure
 
-    figure = new_figure(4.5)
-    ax = figure.add_subplot()
-    ax.plot([0, 1], [0, 1], color=FAINT, linewidth=0.8)
-    looks = [
-        {"color": INK, "marker": "o"},
-        {"color": GIVEN["color"], "marker": "s"},
-        {"color": BEST["color"], "marker": "^"},
-    ]
-    for k, (name, each) in enumerate(bins.items()):
-        stated, observed = [one.stated for one in each], [one.right / one.count for one in each]
-        spread = [
-            [value - one.lower for value, one in zip(observed, each, strict=True)],
-            [one.upper - value for value, one in zip(observed, each, strict=True)],
-        ]
-        label = f"{name}, {sum(one.count for one in each)} answers"
-        ax.errorbar(stated, observed, spread, label=label, capsize=3, linestyle="", **looks[k % len(looks)])
-        for one, value in zip(each, observed, strict=True):
-            ax.annotate(str(one.count), (one.stated, value), (4, 4), textcoords="offset points", fontsize=SMALL)
-    ax.set(
-        xlim=(0, 1.02), ylim=(0, 1.02), xlabel="stated probability of the first answer", ylabel="share that was right"
-    )
-    ax.set_aspect("equal")
-    ax.legend(fontsize=SMALL, frameon=False, loc="upper left")
-    dress(ax)
+    figure = new_figure(4.2)
+    for ax, (name, each) in zip(figure.subplots(1, len(bins), squeeze=False)[0], bins.items(), strict=True):
+        ax.plot([0, 1], [0, 1], color=FAINT, linewidth=0.8)
+        for one in each:
+            ax.plot([one.stated] * 2, [one.lower, one.upper], color=GIVEN["color"], linewidth=1.2)
+            ax.plot(one.stated, one.right / one.count, color=INK, marker="o", markersize=4)
+            ax.annotate(
+                str(one.count),
+                (one.stated, one.lower),
+                (0, -3),
+                textcoords="offset points",
+                ha="center",
+                va="top",
+                fontsize=TINY,
+            )
+        ax.set(xlim=(0, 1.03), ylim=(0, 1.03), xlabel="stated probability of the first answer")
+        ax.set_ylabel("share that was right, and its 95 % interval")
+        ax.set_title(f"{name}: {sum(one.count for one in each)} answers", fontsize=SMALL)
+        ax.set_aspect("equal")
+        dress(ax)
     figure.savefig(file)
 
 
