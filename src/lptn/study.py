@@ -20,6 +20,7 @@ from lptn.basics.files import write_whole
 from lptn.diagnose.advice import Advice, advise
 from lptn.diagnose.diagnosis import Diagnosis, Step, continued, diagnose, for_search
 from lptn.diagnose.improvement import History, effects_added, improve, table_of_steps
+from lptn.diagnose.unexplained_heat import HeatPeak, stretches, unexplained_heat
 from lptn.identify.comparison import Comparison, Versus, compare, versus
 from lptn.identify.data import DataSplit, Log, Segment, holdout_segment, load_model, split_data, warn_of_absent_runs
 from lptn.identify.fitting import Checkpoint, Fit, finished
@@ -232,6 +233,14 @@ class Study:
             self._advice = last, advise(first, last.fit, for_search(self.data), logger.info)
         return self._advice[1]
 
+    def unexplained_stretches(self) -> list[HeatPeak]:
+        """Every run, node and time at which the model as it is now surely lacks heat or has too much, the surest first.
+
+        Raises:
+            InputError: there is nothing to fit.
+        """
+        return stretches(unexplained_heat(self.diagnose().fit))
+
     def add(self, effect: str | Step, at: str = "", *, run: str = "") -> Step:
         """Add an effect to the model and refit, one step further.
 
@@ -270,7 +279,7 @@ class Study:
         return self
 
     def improve(self, most: int = 6) -> Study:
-        """Diagnose, add, refit, step by step, until nothing beyond chance is left or nothing helps.
+        """Diagnose, add, refit, step by step, until no further effect makes the model more probable.
 
         Args:
             most: how many effects to add at most.

@@ -126,8 +126,8 @@ def unexplained_heat(fit: Fit) -> list[UnexplainedHeat]:
 def stretches(runs: Sequence[UnexplainedHeat]) -> list[HeatPeak]:
     """All stretches of time in which a node's heat surely differs from zero, the surest first.
 
-    Each is a peak of what exceeds zero, and reaches as far as the heat stays above half of what it is there. A peak that
-    stands on another's slope, with no valley as deep as half its height between them, is part of it.
+    Each is a peak of what exceeds zero, and reaches as far as the heat stays above half of what it is there. A peak
+    on another's slope, with no valley as deep as half its height between them, is part of it.
     """
     return sorted(
         (peak for each in runs for row in range(len(each.nodes)) for peak in _of_row(each, row)),
