@@ -51,7 +51,7 @@ def percent(probability: float) -> str:
     """A probability; what is nearly certain is `more than 99 %`, what hardly can be `less than 1 %`."""
     if probability > _CERTAIN:
         return f"more than {_CERTAIN:.0%}".replace("%", " %")
-    return "less than 1 %" if probability < 1 - _CERTAIN else f"{100 * probability:.0f} %"
+    return "less than 1 %" if 100 * probability < 1 else f"{100 * probability:.0f} %"
 
 
 def unit_text(unit: str) -> str:

@@ -247,13 +247,9 @@ def _which_data(history: History, data: DataSplit) -> str:
     if not data.holdout:
         text += " No data were held out: the steps end where none is probable enough."
     else:
-        text += f" Held out: {_runs(data.holdout)}. No parameter was fitted to it; "
-        among = f", among the {history.considered} that share the probability" if history.considered > 1 else ""
-        text += (
-            f"it took part in the choice of the model{among}."
-            if history.chosen_by_holdout
-            else (f"the fitted data alone would have chosen the same model{among}.")
-        )
+        text += f" Held out: {_runs(data.holdout)}. No parameter was fitted to it."
+    if history.chosen_by_holdout:
+        text += f" It took part in the choice among {max(history.considered, 2)} models."
     if data.test:
         return f"{text} Test: {_runs(data.test)}. It chose nothing, so its error is the one to quote."
     if len(history.steps) == 1:
