@@ -18,7 +18,7 @@ ANSWER = Answer(
         "radiation.area.body": (0.01, 0.1),
     },
     at_bound=["sensor_drift.rate.winding"],
-    text="fit, held out: RMSE\nStep 1, sensor drift at winding: alone.\n",
+    text="fit, held out: RMSE\nStep 1, sensor drift at winding: alone.\n  Its size: 30 K/h.\nRest",
 )
 
 
@@ -28,7 +28,7 @@ def test_doubts_stand_behind_the_size_or_the_step_that_they_concern() -> None:
     assert "rate 30 ± 2 K/h **30 times the usual, at a bound**" in drift
     assert "**an error of sensor, clock or ambient, held-out error rises**" in drift
     assert "area 0.01 ± 0.1 m^2 **not told from zero**" in radiation
-    assert lines[-1] == "  - says: Step 1, sensor drift at winding: alone."
+    assert lines[-1] == "  - says: Step 1, sensor drift at winding: alone. Its size: 30 K/h."
 
 
 def test_the_summary_counts_silly_names_and_bounds() -> None:

@@ -81,7 +81,10 @@ def judged(case: Case, answer: Answer) -> Judged:
     def right(named: Key) -> bool:
         return named == NOTHING if kind == "nothing" else named != NOTHING and case.right(named)
 
-    beside = [step for step in answer.steps if step[0] not in always]
+    def natural(named: Key) -> bool:
+        return named[0] in always and "@" not in named[1]  # nothing that is built in acts in one run alone
+
+    beside = [step for step in answer.steps if not natural(step)]
     alarm = kind == "nothing" and not failed and bool(beside or (answer.verdict != "adequate" and not answer.steps))
     names = answer.steps[:3] or ([NOTHING] if answer.verdict == "adequate" else [])
     first = bool(names) and right(names[0])
@@ -93,7 +96,7 @@ def judged(case: Case, answer: Answer) -> Judged:
     stated, true = None, False
     if answer.probabilities:
         effect, at, stated = answer.probabilities[0]
-        true = right((effect, at)) or effect in always
+        true = right((effect, at)) or natural((effect, at))
     return Judged(
         first=first,
         in_set=in_set,
