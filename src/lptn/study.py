@@ -324,7 +324,15 @@ class Study:
         last = self.diagnose()
         first = self._diagnoses.get(0) or self._diagnosis_of(self._steps[0].fit.model)
         self._diagnoses[0] = first
-        return History(first.verdict, last.verdict, tuple(self._steps), first, last, considered=1)
+        return History(
+            first.verdict,
+            last.verdict,
+            tuple(self._steps),
+            first,
+            last,
+            probabilities=first.probabilities,
+            considered=1,
+        )
 
     def report(self, path: str | Path, commands: Sequence[str] = ()) -> None:
         """Write the whole story as one HTML file: data, fit, where it fails, what is missing, held-out errors.

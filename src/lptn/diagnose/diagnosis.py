@@ -116,12 +116,13 @@ class Step(Tabular):
 
     @property
     def at_bounds(self) -> tuple[str, ...]:
-        """Names of parameters that ended at a bound, where a fit has no curvature to speak of."""
-        bounds = [(self.fit.model.parameters[index], index) for index in self.fit.problem.free]
+        """Names of the effect's own parameters that ended at a bound: there a fit has no curvature to speak of."""
+        declared = self.declaration
+        owned = {f"{declared.name}.{each.name}.{declared.where}" for each in declared.parameters} if declared else set()
+        free = [(self.fit.model.parameters[index], index) for index in self.fit.problem.free]
+        values = self.fit.point.values
         return tuple(
-            each.name
-            for each, index in bounds
-            if each.declared.prior is None and _is_at_a_bound(self.fit.point.values[index], each.declared)
+            each.name for each, index in free if each.name in owned and _is_at_a_bound(values[index], each.declared)
         )
 
 
@@ -329,7 +330,7 @@ class Question:
         alone = self.likelihood.of(base, added)
         worthwhile = _shortlist(scores, self.refits)
         self.report(f"refitting {len(worthwhile)} of them")
-        steps = self._judged(base, refit_all(base, worthwhile, self.executor), worthwhile, alone, added)
+        steps = self._judged(refit_all(base, worthwhile, self.executor), worthwhile, alone, added)
         left = [each.log_odds for each in scores.worthwhile if each not in worthwhile]
         steps = [self.on_held_out(step) for step in _shared(steps, left)]
         holdout = holdout_errors(base, self.data.holdout)
@@ -345,16 +346,15 @@ class Question:
 
     def _judged(
         self,
-        base: Fit,
         steps: Sequence[Step],
         scores: Sequence[Score],
         alone: Evidence,
         added: Sequence[EffectDeclaration],
     ) -> list[Step]:
-        """The refits with their evidence, the most probable first; none that drove a parameter to a bound."""
-        judged, before = [], set(Step(base).at_bounds)
+        """The refits with their evidence, the most probable first; none that ended at a bound."""
+        judged = []
         for step, each in zip(steps, scores, strict=True):
-            if step.declaration is None or set(step.at_bounds) - before:
+            if step.declaration is None or step.at_bounds:
                 continue
             evidence = self.likelihood.of(step.fit, [*added, step.declaration])
             odds = evidence.log_evidence - alone.log_evidence + each.log_prior
@@ -500,6 +500,7 @@ def unless_interrupted(done: Fit) -> Fit:
 
 _TOGETHER = 3  # effects that may account for the misfit together
 _MOST = 0.5  # share of the fitted misfit beyond noise that must go with what is added
+_RUNS_DIFFER = 0.3  # K; two runs differ by so much in their air and sensors alone, see `Effect.in_every_log`
 _CONTRADICTED = 2.0  # times the larger of noise and fitted error, from which on a held-out error speaks against a model
 
 
@@ -519,7 +520,7 @@ def contradicted(base: Fit, holdout: Errors | None) -> bool:
     if holdout is None:
         return False
     floor = float(np.sqrt(np.mean(base.noise.floor**2)))
-    return holdout.rmse > max(_CONTRADICTED * max(floor, base.rmse), NEGLIGIBLE)
+    return holdout.rmse > max(_CONTRADICTED * max(floor, base.rmse), _RUNS_DIFFER)
 
 
 def _judged(diagnosis: Diagnosis) -> Diagnosis:

@@ -47,12 +47,13 @@ from lptn.simulate.simulation import sensitivities
 # --- The discrepancy: sizes and time constants that are summed over ------------------------------------------
 
 
-SIZES = (0.0, 0.002, 0.004, 0.008, 0.016, 0.032, 0.064, 0.128)
-"""Standard deviations of the discrepancy, as shares of a node's excursion (one standard deviation of its temperature).
+SIZES = (0.0, 1 / 32, 1 / 16, 1 / 8, 1 / 4, 1 / 2, 1.0)
+"""Standard deviations of the discrepancy, as shares of what the model that was given misses at a node, noise apart [K].
 
-A factor of two apart, which the data hardly resolve. A model that misses more than an eighth of an excursion lacks more
-than an effect; without an end the discrepancy would explain every slow misfit, and no effect would be named.
+A factor of two apart, which the data hardly resolve. What a fit leaves is the most that can be unexplained: without an
+end the discrepancy would take slow errors over from parameters that a fit can hold well.
 """
+_ELSEWHERE = (2.0, 4.0, 8.0, 16.0)  # times that a model may miss on runs that it was not fitted to
 _ENOUGH = 0.5  # prior probability that the model is enough: size zero
 _SHORTEST, _TIME_CONSTANTS = 60.0, 3  # s; below it a discrepancy is noise. So many, evenly spread up to the longest run
 
@@ -62,7 +63,7 @@ class DiscrepancyLevel:
     """One size and time constant of the discrepancy.
 
     Args:
-        size: standard deviation as a share of a node's excursion.
+        size: standard deviation as a share of what the given model misses.
         time_constant: s.
         log_prior: logarithm of its prior probability.
     """
@@ -72,15 +73,13 @@ class DiscrepancyLevel:
     log_prior: float
 
 
-def discrepancy_levels(step: float, duration: float) -> list[DiscrepancyLevel]:
-    """All levels, for runs in steps of `step` and up to `duration` long [s]."""
+def discrepancy_levels(step: float, duration: float, sizes: Sequence[float] = SIZES) -> list[DiscrepancyLevel]:
+    """All levels, for runs in steps of `step` and up to `duration` long [s]; the first of `sizes` is zero."""
     shortest = max(_SHORTEST, 5 * step)
     times = np.geomspace(shortest, max(duration, 2 * shortest), _TIME_CONSTANTS)
-    present = np.log((1 - _ENOUGH) / ((len(SIZES) - 1) * len(times)))
+    present = np.log((1 - _ENOUGH) / ((len(sizes) - 1) * len(times)))
     levels = [DiscrepancyLevel(0.0, float(times[0]), float(np.log(_ENOUGH)))]
-    return levels + [
-        DiscrepancyLevel(size, float(time), float(present)) for size, time in product(SIZES[1:], times) if size > 0
-    ]
+    return levels + [DiscrepancyLevel(size, float(time), float(present)) for size, time in product(sizes[1:], times)]
 
 
 # --- Whitening: errors of a run that are as good as independent, by a Kalman filter for each node --------------
@@ -93,14 +92,22 @@ class Whitening:
         bound_runs: the runs, with the readings that count; rows come run after run, node after node.
         sigma: what the residuals were divided by [K], shape (nodes,).
         noise: of the sensors.
-        excursion: what the sizes of the discrepancy are shares of [K], shape (nodes,).
+        missed: what the sizes of the discrepancy are shares of [K], shape (nodes,).
+        sizes: of the discrepancy, the first zero.
     """
 
-    def __init__(self, bound_runs: Sequence[BoundRun], sigma: FloatArray, noise: Noise, excursion: FloatArray) -> None:
+    def __init__(
+        self,
+        bound_runs: Sequence[BoundRun],
+        sigma: FloatArray,
+        noise: Noise,
+        missed: FloatArray,
+        sizes: Sequence[float] = SIZES,
+    ) -> None:
         self.rows = sum(int(bound.counted.sum()) for bound in bound_runs)
         step = float(np.median([bound.run.step for bound in bound_runs]))
         duration = max(len(bound) * bound.run.step for bound in bound_runs)
-        self.levels = discrepancy_levels(step, duration)
+        self.levels = discrepancy_levels(step, duration, sizes)
         block = max(_BLOCK, duration / _MOST_BLOCKS)
         series, starts, first = [], [], 0
         for bound in bound_runs:
@@ -113,7 +120,7 @@ class Whitening:
                 coarse = float(noise.step[node])
                 slow = _step_time(bound.measured[node][counted], time, coarse)
                 white = max(float(noise.white[node]), _LEAST_NOISE * float(sigma[node])) / np.sqrt(counts)
-                series.append((time[begins], white, (coarse / np.sqrt(12.0), slow, float(excursion[node]))))
+                series.append((time[begins], white, (coarse / np.sqrt(12.0), slow, float(missed[node]))))
                 starts.append(first + begins)
                 first += time.size
         self._starts = np.concatenate(starts)  # the row at which each block begins
@@ -127,7 +134,7 @@ class Whitening:
             self._there[: len(time), number] = True
             self._gap[1 : len(time), number] = np.diff(time)
             self._white[: len(time), number] = white
-        self._coarse, self._step_time, self._excursion = np.array([numbers for *_, numbers in series]).T
+        self._coarse, self._step_time, self._missed = np.array([numbers for *_, numbers in series]).T
 
     def __call__(
         self, columns: FloatArray, among: Collection[DiscrepancyLevel] | None = None
@@ -168,7 +175,7 @@ class Whitening:
 
         The state is the discrepancy and the error of the sensor's steps; decays are from the reading before.
         """
-        sizes = np.array([level.size for level in self.levels])[:, None] * self._excursion
+        sizes = np.array([level.size for level in self.levels])[:, None] * self._missed
         times = np.array([level.time_constant for level in self.levels])[:, None] + 0.0 * sizes
         variance = np.array([sizes**2, np.broadcast_to(self._coarse**2, sizes.shape)])
         decay = np.exp(-self._gap[:, None, None, :] / np.array([times, np.broadcast_to(self._step_time, sizes.shape)]))
@@ -190,16 +197,18 @@ _MEMORY = 50_000_000  # bytes of columns that are whitened in one pass
 _LEAST_NOISE = 0.02  # share of the fit's own weight; a simulated log without noise must not weigh infinitely
 
 
-def excursions(bound_runs: Sequence[BoundRun]) -> FloatArray:
-    """Standard deviation of each node's readings, in the geometric mean with the largest [K], shape (nodes,).
+def missed_by(fit: Fit) -> FloatArray:
+    """Root mean square of what a fit leaves at each node, less its noise [K], shape (nodes,)."""
+    missed = []
+    for node, floor in enumerate(fit.noise.floor):
+        pairs = zip(fit.residuals, fit.problem.bound_runs, strict=True)
+        errors = np.concatenate([error[node][bound.counted[node]] for error, bound in pairs])
+        square = float(np.mean(errors**2)) if errors.size else 0.0
+        missed.append(max(square - float(floor) ** 2, (_LEAST_MISSED * float(floor)) ** 2))
+    return np.asarray(np.sqrt(missed))
 
-    As in `balanced_sigma`: a node that hardly warms is heated by its neighbours, whose errors it takes over.
-    """
-    own = []
-    for node in range(len(bound_runs[0].counted)):
-        readings = np.concatenate([bound.measured[node][bound.counted[node]] for bound in bound_runs])
-        own.append(float(readings.std()) if readings.size else 0.0)
-    return np.asarray(np.sqrt(np.array(own) * max(own)))
+
+_LEAST_MISSED = 0.1  # share of a node's noise; less could not be told from nothing
 
 
 def _step_time(readings: FloatArray, time: FloatArray, step: float) -> float:
@@ -399,9 +408,9 @@ class _Linearised(NamedTuple):
     columns: list[int]
 
 
-_LINEARISATIONS = 3  # at the fit, at what is most probable then, and once more
-_FARTHEST = 1.0  # of a coordinate: a factor of e in a parameter, beyond which no linearisation is to be trusted
-_STAYS = 0.1  # root mean square of what a step changes in the residuals, in units of the fit's own weights
+_LINEARISATIONS = 4  # at the fit, and at what is more probable than that while the steps gain something
+_SHARES_OF_A_STEP = (1.0, 0.5, 0.25, 0.125)  # tried in turn, as far as the linearisation holds
+_WORTH_A_STEP = 0.5  # of a log probability; less changes no answer
 
 
 class Likelihood:
@@ -415,8 +424,8 @@ class Likelihood:
     def __init__(self, given: Fit, columns: Collection[str]) -> None:
         self.given, self.columns = given, columns
         problem = given.problem
-        self._excursion = excursions(problem.bound_runs)
-        self._whitening = Whitening(problem.bound_runs, problem.sigma, given.noise, self._excursion)
+        self._missed = missed_by(given)
+        self._whitening = Whitening(problem.bound_runs, problem.sigma, given.noise, self._missed)
         self._others: dict[tuple[object, ...], Whitening] = {}
         self._centre = dict(zip((p.name for p in given.model.parameters), given.point.values.tolist(), strict=True))
         self._nuisances, self._nuisance_prior = self._of_every_log()
@@ -448,7 +457,7 @@ class Likelihood:
             fit: of the given model with effects added, to the same readings.
             added: these effects.
         """
-        z = fit.z
+        z, nuisances = fit.z, np.zeros(len(self._nuisance_prior))
         for _ in range(_LINEARISATIONS):
             here = self._linearised(fit, z, added)
             unknowns = np.column_stack([here.by_rest, self._nuisances])
@@ -458,26 +467,56 @@ class Likelihood:
             evidence, best = self._evidence(levels, here.known)
             amplitudes = np.array([mean for mean, _ in evidence.amplitudes])
             most_likely = best.unknowns + best.by_amplitudes @ amplitudes
-            rest = here.offset + most_likely[: len(here.offset)]
-            z, moved = self._moved(fit, z, here, rest, amplitudes)
-            if not moved:
+            rest, others = np.split(most_likely, [len(here.offset)])
+            lower = self._downhill(fit, (z, nuisances), here, (here.offset + rest, amplitudes, others), best)
+            if lower is None:
                 break
+            z, nuisances = lower
         return evidence
 
-    def _moved(
-        self, fit: Fit, z: FloatArray, here: _Linearised, rest: FloatArray, amplitudes: FloatArray
-    ) -> tuple[FloatArray, bool]:
-        """The most probable unknowns, within their bounds, and whether they are worth another linearisation."""
-        problem = fit.problem
-        further = z.copy()
-        further[here.rest] += np.clip(rest, -_FARTHEST, _FARTHEST)
-        values = problem.point(further).values
-        values[[problem.free[number] for number in here.columns]] = amplitudes
+    def _downhill(
+        self,
+        fit: Fit,
+        at: tuple[FloatArray, FloatArray],
+        here: _Linearised,
+        step: tuple[FloatArray, FloatArray, FloatArray],
+        best: Level,
+    ) -> tuple[FloatArray, FloatArray] | None:
+        """A point that is more probable than the one of the linearisation, `None` if there is none worth going to.
+
+        Args:
+            fit: of the model.
+            at: the problem's unknowns and the nuisances at the linearisation.
+            here: the linearisation.
+            step: from there to what is most probable by it: change of the rest, amplitudes, nuisances.
+            best: the most probable level of the discrepancy.
+        """
+        problem, (z, nuisances), (rest, amplitudes, others) = fit.problem, at, step
+        usual = np.array([each.usual for each in here.known])
         bounds = np.array([fit.model.parameters[index].declared.bounds for index in problem.free]).reshape(-1, 2)
-        values[problem.free] = np.clip(values[problem.free], *bounds.T)
-        further[: len(problem.free)] = problem.guess(values)[: len(problem.free)]
-        change = here.by_rest @ (further - z)[here.rest] + here.by_amplitudes @ (amplitudes - here.amplitudes)
-        return further, float(np.sqrt(np.mean(change**2))) > _STAYS and np.isfinite(problem.cost(further))
+
+        def minus_log_posterior(point: FloatArray, extra: FloatArray, offset: FloatArray, sizes: FloatArray) -> float:
+            errors = problem.residuals(point)[: self._whitening.rows] + self._nuisances @ extra
+            ((_, white, _),) = self._whitening(errors[:, None], [best.level])
+            priors = (offset / here.prior, sizes / usual, extra / self._nuisance_prior)
+            return 0.5 * float((white**2).sum() + sum((each**2).sum() for each in priors))
+
+        now = minus_log_posterior(z, nuisances, here.offset, here.amplitudes)
+        for share in _SHARES_OF_A_STEP:
+            further = z.copy()
+            further[here.rest] += share * rest
+            values = problem.point(further).values
+            sizes = here.amplitudes + share * (amplitudes - here.amplitudes)
+            values[[problem.free[number] for number in here.columns]] = sizes
+            values[problem.free] = np.clip(values[problem.free], *bounds.T)
+            further[: len(problem.free)] = problem.guess(values)[: len(problem.free)]
+            extra = nuisances + share * (others - nuisances)
+            if not np.isfinite(problem.cost(further)):
+                continue
+            then = minus_log_posterior(further, extra, here.offset - share * rest, sizes)
+            if then < now:
+                return (further, extra) if now - then > _WORTH_A_STEP else None
+        return None
 
     @one_blas_thread
     def of_predictions(self, predictions: Sequence[Prediction]) -> float:
@@ -485,7 +524,8 @@ class Likelihood:
         sigma, noise = self.given.problem.sigma, self.given.noise
         key = tuple((each.segment.run.name, each.segment.evaluation) for each in predictions)
         if key not in self._others:
-            self._others[key] = Whitening([each.bound for each in predictions], sigma, noise, self._excursion)
+            bound_runs = [each.bound for each in predictions]
+            self._others[key] = Whitening(bound_runs, sigma, noise, self._missed, (*SIZES, *_ELSEWHERE))
         whitening = self._others[key]
         errors = [(each.error / sigma[:, None])[each.bound.counted] for each in predictions]
         nothing = np.zeros((whitening.rows, 0))
@@ -498,7 +538,7 @@ class Likelihood:
         total = float(logsumexp(logs))
         weights = np.exp(logs - total)
         sizes = np.array([level.level.size for level in levels])
-        spread = float(np.sqrt(weights @ sizes**2)) * float(self._excursion.max())
+        spread = float(np.sqrt(weights @ sizes**2)) * float(self._missed.max())
         best = levels[int(np.argmax(weights))]
         precision = best.precision + np.diag([1.0 / each.usual**2 for each in known])
         covariance = np.linalg.inv(precision) if known else np.zeros((0, 0))

@@ -7,8 +7,8 @@ good. So the most probable models are followed side by side:
    effects together: their evidence on the fitted data, and how often they are met.
 2. The most probable branches are fitted to the end and followed, as long as none is clearly more probable.
 3. The search ends when no longer branch is more probable than the best.
-4. Held-out data are readings, too: how probable a model makes runs that it never saw counts as much as how probable it
-   makes those it was fitted to. Where they chose another branch than the fitted data would have, it is said.
+4. Where held-out runs are given, effects are kept as far as the error on these falls, and where the fitted data leave
+   several branches, they choose. They are no proof of it then, and that is said.
 5. Steps that later ones made superfluous are taken out, and each model left is fitted at full resolution.
 """
 
@@ -17,7 +17,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
-from math import log
 
 import numpy as np
 import pandas as pd
@@ -27,7 +26,6 @@ from lptn.basics.errors import InputError
 from lptn.basics.tables import Tabular
 from lptn.diagnose.candidates import with_ambient_bias
 from lptn.diagnose.diagnosis import (
-    CREDIBLE,
     Diagnosis,
     Key,
     Question,
@@ -59,7 +57,9 @@ class History(Tabular):
         steps: the given model first.
         first: the diagnosis of the given model.
         last: the diagnosis of the last step.
-        considered: how many models the fitted data left to choose from, when the search was over.
+        probabilities: of each effect being among what the given model lacks, and of nothing (`None`): by the fitted
+            data, over all models that were fitted to them.
+        considered: how many models were followed, the given one among them.
         chosen_by_holdout: whether held-out data, and not the fitted data alone, chose between them.
     """
 
@@ -68,6 +68,7 @@ class History(Tabular):
     steps: tuple[Step, ...]
     first: Diagnosis
     last: Diagnosis
+    probabilities: list[tuple[Key | None, float]]
     considered: int
     chosen_by_holdout: bool = False
 
@@ -111,7 +112,7 @@ class History(Tabular):
         return {
             "verdict": self.verdict,
             "remaining": self.remaining,
-            "probabilities": probabilities_as_json(self.first.probabilities),
+            "probabilities": probabilities_as_json(self.probabilities),
             "chosen_by_holdout": self.chosen_by_holdout,
             "history": table,
             "ladder": table,
@@ -191,8 +192,9 @@ def improve(
     likelihood = Likelihood(base, common_columns(coarse))
     search = _Search(Question(likelihood, coarse, executor=executor, report=report))
     given: Branch = (search.question.on_held_out(Step(base, evidence=likelihood.of(base))),)
-    final = search.follow(given, most)
-    kept = search.pruned(final[0])
+    branches = search.follow(given, most)
+    chosen = _chosen(branches)
+    kept = search.pruned(chosen)
     first, last = search.diagnosis(given), search.diagnosis(kept)
     report("fitting the steps at full resolution")
     return History(
@@ -201,8 +203,9 @@ def improve(
         _at_full_resolution(kept, data),
         first,
         last,
-        len(final),
-        bool(data.holdout) and final[0] is not max(final, key=_log_probability),
+        search.probabilities(),
+        len(branches),
+        bool(data.holdout) and chosen is not branches[0],
     )
 
 
@@ -234,6 +237,21 @@ def _by_all_data(branch: Branch) -> float:
     return _log_probability(branch) + branch[-1].log_predictive - branch[0].log_predictive
 
 
+def _chosen(branches: Sequence[Branch]) -> Branch:
+    """The shortest branch that reaches the least held-out error; without held-out runs the most probable one.
+
+    Args:
+        branches: the most probable by the fitted data first.
+    """
+    errors = [branch[-1].holdout.rmse if branch[-1].holdout else 0.0 for branch in branches]
+    enough = [each for each, error in zip(branches, errors, strict=True) if error <= (1 + WORTH) * min(errors)]
+    return min(enough, key=len) if min(errors) > 0 else branches[0]
+
+
+WORTH = 0.01
+"""Share by which a step must lower the held-out error."""
+
+
 class _Search:
     """Follows branches side by side; remembers every diagnosis.
 
@@ -244,6 +262,7 @@ class _Search:
     def __init__(self, question: Question) -> None:
         self.question = question
         self._diagnoses: dict[frozenset[Key], Diagnosis] = {}
+        self._odds: dict[frozenset[Key], float] = {frozenset(): 0.0}  # logarithms, against the given model
 
     def follow(self, given: Branch, most: int) -> list[Branch]:
         """Follow branches until none that is longer is more probable.
@@ -253,7 +272,7 @@ class _Search:
             most: how many effects to add at most.
 
         Returns:
-            The branches that share the probability, the most probable first.
+            The branches that were followed, the most probable by the fitted data first.
         """
         best, beam, ended = given, [given], [given]
         for depth in range(1, most + 1):
@@ -267,8 +286,7 @@ class _Search:
             if _by_all_data(reached) < _by_all_data(best) and depth > 1:
                 break  # the first of a pair may help nobody alone, so one step without a gain is allowed at the start
             best = max(best, reached, key=_by_all_data)
-        ended.sort(key=_by_all_data, reverse=True)
-        return [each for each in ended if _by_all_data(ended[0]) - _by_all_data(each) < log(CREDIBLE)]
+        return sorted(ended, key=_log_probability, reverse=True)
 
     def diagnosis(self, branch: Branch) -> Diagnosis:
         """What a branch's last model lacks, asked once."""
@@ -278,7 +296,9 @@ class _Search:
         return self._diagnoses[effects]
 
     def _longer(self, branch: Branch) -> list[Branch]:
-        return [(*branch, step) for step in self.diagnosis(branch).refits]
+        longer = [(*branch, step) for step in self.diagnosis(branch).refits]
+        self._odds |= {_effects(each): _log_probability(each) for each in longer}
+        return longer
 
     def _next(self, pool: Sequence[Branch], width: int) -> list[Branch]:
         """The most probable branches, each set of effects once, fitted to the end."""
@@ -293,36 +313,49 @@ class _Search:
         fits = (executor.map if executor else map)(finished, [branch[-1].fit for branch in followed])
         return [self._ending_in(branch, unless_interrupted(fit)) for branch, fit in zip(followed, fits, strict=True)]
 
+    def probabilities(self) -> list[tuple[Key | None, float]]:
+        """Probability of each effect being in the model, and of the given model, over all models that were fitted."""
+        effects, odds = zip(*self._odds.items(), strict=True)
+        shares = np.exp(np.array(odds) - logsumexp(odds))
+        listed: list[tuple[Key | None, float]] = [
+            (key, float(sum(share for each, share in zip(effects, shares, strict=True) if key in each)))
+            for key in frozenset().union(*effects)
+        ]
+        return sorted([*listed, (None, float(shares[effects.index(frozenset())]))], key=lambda each: -each[1])
+
     def _ending_in(self, branch: Branch, fit: Fit) -> Branch:
         """The branch with another fit of its last model, and the odds and errors that go with it."""
         last = branch[-1]
         evidence = self.question.likelihood.of(fit, _added(branch))
         before = last.evidence.log_evidence if last.evidence else 0.0
         odds = last.log_odds + evidence.log_evidence - before
-        step = replace(last, fit=fit, evidence=evidence, log_odds=odds)
-        return (*branch[:-1], self.question.on_held_out(step))
+        done = (*branch[:-1], self.question.on_held_out(replace(last, fit=fit, evidence=evidence, log_odds=odds)))
+        self._odds[_effects(done)] = _log_probability(done)
+        return done
 
     def pruned(self, branch: Branch) -> Branch:
-        """The branch without the steps that later ones made superfluous; what contributes most comes first."""
+        """The branch without the steps that later ones made superfluous; what lowers the misfit most comes first."""
         last = branch[-1]
         if len(branch) < 3 or last.evidence is None:
             return branch
-        losses = {}
+        costs: dict[Key, float] = {}
         for step in branch[1:]:
             rest = tuple(other for other in branch if other is not step)
             try:
                 network = last.fit.model.network.without_effect(*step.key)
             except InputError:  # another effect stands at the edge that this one made
-                losses[step.key] = np.inf
+                costs[step.key] = np.inf
                 continue
             fit = continued(last.fit, network)
             evidence = self.question.likelihood.of(fit, _added(rest))
             end = self.question.on_held_out(replace(rest[-1], fit=fit, evidence=evidence))
-            losses[step.key] = last.evidence.log_evidence - evidence.log_evidence + self._log_prior(step, branch)
-            if losses[step.key] + last.log_predictive - end.log_predictive < 0:
+            costs[step.key] = fit.cost
+            loss = last.evidence.log_evidence - evidence.log_evidence + self._log_prior(step, branch)
+            worse = last.holdout and end.holdout and end.holdout.rmse > (1 + WORTH) * last.holdout.rmse
+            if loss + last.log_predictive - end.log_predictive < 0 and not worse:
                 self.question.report(f"{step.effect} at {step.at} is no longer needed")
                 return self.pruned((*rest[:-1], end))
-        steps = sorted(branch[1:], key=lambda step: -losses[step.key])
+        steps = sorted(branch[1:], key=lambda step: -costs[step.key])
         end = replace(
             steps[-1],
             fit=last.fit,
