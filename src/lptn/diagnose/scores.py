@@ -178,7 +178,7 @@ def log_priors(candidates: Sequence[Candidate]) -> FloatArray:
 
 
 def _level(candidate: Candidate, most: int) -> str:
-    if "*" not in candidate.pattern:
+    if len(candidate.places) == 1:
         return "one"
     return "all" if candidate.pattern == "*" or len(candidate.places) == most else "class"
 
