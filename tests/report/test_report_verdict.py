@@ -16,7 +16,7 @@ from lptn.report.text import percent
 from lptn.report.verdict import (
     Size,
     nothing_missing,
-    of_fitted_data,
+    of_given_model,
     of_held_out_data,
     only_held_out_runs_object,
     sizes_added,
@@ -41,21 +41,22 @@ def test_nothing_is_said_to_be_certain() -> None:
 
 
 def test_what_the_fitted_data_show_has_its_probability(missing: Told, adequate: Told) -> None:
-    first = missing[0].first
-    assert nothing_missing(first) < 0.005
-    said = of_fitted_data("missing", first)
+    history = missing[0]
+    assert nothing_missing(history.probabilities) < 0.005
+    assert nothing_missing(history.first.probabilities) < 0.005
+    said = of_given_model(history)
     assert said == "the fitted data show that something is missing (probability more than 99 %)"
-    assert "but no effect of the catalogue removes most of the misfit" in of_fitted_data("unexplained", first)
-    good = adequate[0].first
-    assert nothing_missing(good) > 0.5
-    said = of_fitted_data("adequate", good)
-    assert said == f"the fitted data show nothing missing (probability {percent(nothing_missing(good))})"
+    unexplained = replace(history, verdict="unexplained")
+    assert "but no effect of the catalogue removes most of the misfit" in of_given_model(unexplained)
+    good = nothing_missing(adequate[0].probabilities)
+    assert good > 0.5
+    assert of_given_model(adequate[0]) == f"the fitted data show nothing missing (probability {percent(good)})"
 
 
 def test_a_model_that_only_held_out_runs_contradict(adequate: Told) -> None:
     history = _contradicted(adequate[0], enough=1.0)
-    assert only_held_out_runs_object("unexplained", history.first)
-    said = of_fitted_data("unexplained", history.first)
+    assert only_held_out_runs_object(history)
+    said = of_given_model(history)
     assert said.startswith("the fitted data show nothing missing (probability ")
     assert said.endswith(
         "but held-out runs are wrong by 4.00 K: they hold something the fitted runs do not; "
@@ -63,8 +64,8 @@ def test_a_model_that_only_held_out_runs_contradict(adequate: Told) -> None:
     )
     assert next_step(history).startswith("fit on longer runs, or on more like the held-out ones")
     misfit = _contradicted(adequate[0], enough=0.0)
-    assert not only_held_out_runs_object("unexplained", misfit.first)
-    said = of_fitted_data("unexplained", misfit.first)
+    assert not only_held_out_runs_object(misfit)
+    said = of_given_model(misfit)
     assert "show a misfit (probability more than 99 %) that no effect of the catalogue explains" in said
     assert said.endswith("what nothing explains is 0.50 K at the node where it is largest")
 
@@ -75,7 +76,8 @@ def _contradicted(history: History, enough: float) -> History:
     evidence = replace(history.first.evidence, sizes=sizes, discrepancy=0.5 * (1 - enough))
     wrong = Errors(rmse=4.0, max=8.0, mean=1.0, count=100)
     first = replace(history.first, verdict="unexplained", holdout=wrong, evidence=evidence)
-    return replace(history, verdict="unexplained", first=first)
+    steps = (replace(history.steps[0], holdout=wrong),)
+    return replace(history, verdict="unexplained", first=first, steps=steps)
 
 
 def test_held_out_runs_stand_apart(missing: Told) -> None:

@@ -79,7 +79,7 @@ def show_diagnosis(diagnosis: Diagnosis) -> None:
     step = diagnosis.fit.problem.bound_runs[0].run.step
     lack = ", ".join(f"{node} {value:.2g}" for node, value in diagnosis.scores.lack_of_fit.items())
     print(f"The model is {VERDICTS[diagnosis.verdict]}.")
-    print(f"{capitalised(of_fitted_data(diagnosis.verdict, diagnosis))}.")
+    print(f"{capitalised(of_fitted_data(diagnosis.verdict, diagnosis, diagnosis.probabilities))}.")
     print(f"RMSE {kelvin(diagnosis.fit.rmse)} on the fitted runs, in steps of {step:g} s.")
     if diagnosis.holdout:
         print(f"Held-out runs: RMSE {kelvin(diagnosis.holdout.rmse)}; they decide nothing here.")

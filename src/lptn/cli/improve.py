@@ -85,7 +85,7 @@ def show_history(history: History) -> None:
     """The steps, from the model as given to the best."""
     from lptn.cli.terminal import show_table
     from lptn.report.text import capitalised, kelvin, named
-    from lptn.report.verdict import certainty, found_among, of_fitted_data, of_held_out_data, sizes_added
+    from lptn.report.verdict import certainties, of_given_model, of_held_out_data, of_last_model, sizes_added
 
     tested = any(step.test for step in history.steps)
     rows = []
@@ -99,16 +99,17 @@ def show_history(history: History) -> None:
     show_table((*heads, ">test") if tested else heads, rows)
     print(f"fit, held out{', test' if tested else ''}: RMSE on these data; max: the largest error.")
     print(f"The model as given is {VERDICTS[history.verdict]}.")
-    print(f"{capitalised(of_fitted_data(history.verdict, history.first))}.")
+    print(f"{capitalised(of_given_model(history))}.")
     if len(history.steps) > 1:
-        text = f"With all that was added, {of_fitted_data(history.remaining, history.last)}"
-        more = ", but none of the longer models that were tried is more probable by all data"
+        text = f"With all that was added, {of_last_model(history)}"
+        better = "predicts the held-out runs better" if history.best.holdout else "is more probable"
+        more = f", but none of the longer models that were tried {better}"
         print(f"{text}{more if history.remaining == 'missing' else ''}.")
     show_ambient_bias(history.best.fit)
-    sizes = sizes_added(history)
+    sizes, sure = sizes_added(history), certainties(history)
     for number, step in enumerate(history.steps):
         if step.effect and step.at:
-            print(f"Step {number}, {named(*step.key)}: {certainty(step, found_among(history, step))}.")
+            print(f"Step {number}, {named(*step.key)}: {sure[step.key]}.")
             if step.key in sizes:
                 print(f"  Its size: {sizes[step.key].text()}.")
     print(of_held_out_data(history) or "No data were held out, so nothing tests the result.")

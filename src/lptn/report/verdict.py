@@ -6,7 +6,7 @@ part in the choice of a model, their error is not shown as proof of it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 from lptn.basics.parameters import Parameter
@@ -16,25 +16,42 @@ from lptn.diagnose.improvement import History
 from lptn.identify.comparison import Errors
 from lptn.report.text import few, kelvin, named, number, percent, short_size, unit_text
 
+Probabilities = Sequence[tuple[Key | None, float]]
+"""Of effects and places, and of nothing being missing (`None`)."""
+
 # --- what the fitted data show -------------------------------------------------------------------------------
 
 
 _EVEN = 0.5  # probability from which on something is more likely than not
 
 
-def nothing_missing(diagnosis: Diagnosis) -> float:
-    """Probability that the model lacks nothing, by the fitted data."""
-    return next(probability for key, probability in diagnosis.probabilities if key is None)
+def nothing_missing(probabilities: Probabilities) -> float:
+    """Probability that a model lacks nothing, by the fitted data."""
+    return next(probability for key, probability in probabilities if key is None)
 
 
-def of_fitted_data(verdict: Verdict, diagnosis: Diagnosis) -> str:
+def of_given_model(history: History) -> str:
+    """What the fitted data show of the model as given, with its probability: one sentence."""
+    return of_fitted_data(history.verdict, history.first, history.probabilities, history.steps[0].holdout)
+
+
+def of_last_model(history: History) -> str:
+    """What the fitted data show of the model with all that was added, with its probability: one sentence."""
+    return of_fitted_data(history.remaining, history.last, history.last.probabilities, history.best.holdout)
+
+
+def of_fitted_data(
+    verdict: Verdict, diagnosis: Diagnosis, probabilities: Probabilities, holdout: Errors | None = None
+) -> str:
     """What the fitted data show of a model, with its probability: one sentence.
 
     Args:
         verdict: on the model.
         diagnosis: of it.
+        probabilities: of what it lacks, and of nothing.
+        holdout: its errors on held-out runs, by default those in the steps of the search.
     """
-    nothing = nothing_missing(diagnosis)
+    nothing = nothing_missing(probabilities)
     left = f"what nothing explains is {kelvin(diagnosis.evidence.discrepancy, 2)} at the node where it is largest"
     if verdict == "missing":
         return f"the fitted data show that something is missing (probability {percent(1 - nothing)})"
@@ -55,47 +72,54 @@ def of_fitted_data(verdict: Verdict, diagnosis: Diagnosis) -> str:
             f"the fitted data show a misfit (probability {percent(1 - diagnosis.evidence.enough)}) that no effect of "
             f"the catalogue explains; {left}"
         )
-    error = kelvin(diagnosis.holdout.rmse if diagnosis.holdout else None)
+    holdout = holdout or diagnosis.holdout
+    error = kelvin(holdout.rmse if holdout else None)
     return (
         f"the fitted data show nothing missing (probability {percent(nothing)}), but held-out runs are wrong by "
         f"{error}: they hold something the fitted runs do not; fit on longer runs, or on more like them"
     )
 
 
-def only_held_out_runs_object(verdict: Verdict, diagnosis: Diagnosis) -> bool:
-    """Whether a model is unexplained by its held-out runs alone: the fitted ones have nothing against it."""
-    fine = nothing_missing(diagnosis) >= _EVEN and is_small(diagnosis.evidence)
-    return verdict == "unexplained" and fine
+def only_held_out_runs_object(history: History) -> bool:
+    """Whether the given model is unexplained by held-out runs alone: the fitted ones have nothing against it."""
+    fine = nothing_missing(history.probabilities) >= _EVEN and is_small(history.first.evidence)
+    return history.verdict == "unexplained" and fine
 
 
-# --- how sure a step is: its probability, and who shares the rest ---------------------------------------------
+# --- how sure an answer is: its probability, and who shares the rest ------------------------------------------
 
 
 _FEW = 3  # names in a row; all of them stand in the JSON and on the page
 _WORTH_NAMING = 0.01  # probability
 
 
-def certainty(step: Step, probabilities: Sequence[tuple[Key | None, float]] = ()) -> str:
-    """Probability of one step among all that was tried and nothing, and what shares the rest.
+def certainty(step: Step, probabilities: Probabilities, added: Collection[Key] = ()) -> str:
+    """Probability of one effect by the fitted data, and what shares the rest.
 
     Args:
-        step: the step.
-        probabilities: of the answers among which it was found, where they are at hand.
+        step: with the effect.
+        probabilities: of all that was tried, and of nothing.
+        added: effects that stand beside it in the model, and so not for it.
     """
-    text = f"probability {percent(step.probability)}"
-    others = [(key, share) for key, share in probabilities if key != step.key and share >= _WORTH_NAMING]
-    if others:
-        shares = [f"{named(*key) if key else 'nothing'} ({percent(share)})" for key, share in others]
-        return f"{text}, the rest is shared by {few(shares, _FEW)}"
-    if step.indistinguishable:
-        return f"{text}, the rest is shared by {few([named(*key) for key in step.indistinguishable], _FEW)}"
-    return f"{text}; nothing else in the catalogue comes near"
+    shares = dict(probabilities)
+    probability = shares.get(step.key, step.probability)
+    text = f"probability {percent(probability)}"
+    others = {key: share for key, share in shares.items() if key not in {step.key, *added} and share >= _WORTH_NAMING}
+    if step.indistinguishable:  # rather than what may be missing beside it
+        others = {key: shares.get(key, 0.0) for key in step.indistinguishable if key not in added}
+    if not others or probability > 1 - _WORTH_NAMING:
+        return f"{text}; nothing else in the catalogue comes near" if not step.indistinguishable else text
+    names = [
+        f"{named(*key) if key else 'nothing'}{f' ({percent(share)})' if share >= _WORTH_NAMING else ''}"
+        for key, share in others.items()
+    ]
+    return f"{text}, the rest is shared by {few(names, _FEW)}"
 
 
-def found_among(history: History, step: Step) -> Sequence[tuple[Key | None, float]]:
-    """The probabilities among which a step was found: kept for the given model's diagnosis only."""
-    first = history.first.probabilities
-    return first if (step.key, step.probability) in first else ()
+def certainties(history: History) -> dict[Key, str]:
+    """How sure each effect is that was added."""
+    added = {step.key for step in history.steps}
+    return {step.key: certainty(step, history.probabilities, added) for step in history.steps if step.effect}
 
 
 # --- how plausible its size is --------------------------------------------------------------------------------

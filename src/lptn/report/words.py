@@ -30,9 +30,8 @@ from lptn.report.text import (
     window_text,
 )
 from lptn.report.verdict import (
-    certainty,
-    found_among,
-    of_fitted_data,
+    certainties,
+    of_given_model,
     of_held_out_data,
     only_held_out_runs_object,
     sizes_added,
@@ -49,7 +48,7 @@ def next_step(history: History) -> str:
     """What to do next, in a sentence or two."""
     if history.verdict == "adequate":
         return "use the model. Compare it again when the robot works harder, faster or in other air."
-    if only_held_out_runs_object(history.verdict, history.first):
+    if only_held_out_runs_object(history):
         return "fit on longer runs, or on more like the held-out ones; they hold something that the fitted ones do not."
     if history.verdict == "unexplained":
         return (
@@ -115,7 +114,7 @@ def _short_missing(history: History, heat: HeatStory) -> tuple[str, str, str]:
     for step in added:
         places.setdefault(place_of(step.at or ""), []).append(title_of(step.effect or ""))
     where = "; ".join(f"{place} ({listed(effects)})" if len(places) > 1 else place for place, effects in places.items())
-    each = "; ".join(f"{named(*step.key)}: {certainty(step, found_among(history, step))}" for step in added)
+    each = "; ".join(f"{named(*key)}: {sure}" for key, sure in certainties(history).items())
     sure = f"{_by_fitted_data(history)} {capitalised(each)}."
     implausible = [named(*size.key) for size in sizes_added(history).values() if size.implausible]
     if implausible:
@@ -129,7 +128,7 @@ def _short_missing(history: History, heat: HeatStory) -> tuple[str, str, str]:
 
 def _short_unexplained(history: History, heat: HeatStory) -> tuple[str, str, str]:
     sure = _by_fitted_data(history)
-    if only_held_out_runs_object(history.verdict, history.first):
+    if only_held_out_runs_object(history):
         what = "Nothing that the fitted data can show, yet held-out runs contradict the model."
         return what, _where("", heat), sure
     noise = kelvin(noise_alone(history.best.fit), 2)
@@ -139,7 +138,7 @@ def _short_unexplained(history: History, heat: HeatStory) -> tuple[str, str, str
 
 def _by_fitted_data(history: History) -> str:
     """What the fitted data show of the given model, a sentence."""
-    return f"{capitalised(of_fitted_data(history.verdict, history.first))}."
+    return f"{capitalised(of_given_model(history))}."
 
 
 def _where(places: str, heat: HeatStory) -> str:
@@ -200,7 +199,7 @@ def _missing(history: History) -> str:
 def _unexplained(history: History) -> str:
     given, best = history.steps[0], history.best
     noise = f"{_errors(given)}; noise alone leaves about {kelvin(noise_alone(given.fit), 2)}."
-    if only_held_out_runs_object(history.verdict, history.first):
+    if only_held_out_runs_object(history):
         return f"{_by_fitted_data(history)} {noise}"
     text = "The model as given is wrong by more than the sensors' noise, and the catalogue does not explain it. "
     text += f"{_by_fitted_data(history)} {noise}"
@@ -228,12 +227,12 @@ def _how_sure(history: History) -> str:
     """How sure and how plausible each step is; empty where none was added, or none explains the misfit."""
     if history.verdict != "missing":
         return ""
-    sizes = sizes_added(history)
+    sizes, sure = sizes_added(history), certainties(history)
     sentences = []
     for number, step in enumerate(history.steps):
         if step.effect:
             text = f"How sure is step {number}, {named(*step.key)}? By the fitted data alone, "
-            text += f"{certainty(step, found_among(history, step))}."
+            text += f"{sure[step.key]}."
             if step.indistinguishable and all(effect == step.effect for effect, _ in step.indistinguishable):
                 text += " The effect is clear, its place is not."
             size = f" Its size: {sizes[step.key].text()}." if step.key in sizes else ""
