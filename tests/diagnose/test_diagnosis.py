@@ -90,10 +90,10 @@ def test_the_score_estimates_the_size(leg: Leg) -> None:
 
 @pytest.mark.long
 def test_nothing_hidden_is_called_something_about_as_often_as_stated(leg: Leg) -> None:
-    """Eight legs with nothing hidden: what is stated for all effects together is what chance makes of it.
+    """Eight legs with nothing hidden, and what is stated for all effects together, by the score.
 
-    Even prior odds and data that say nothing leave one half. Three legs out of eight above 0.9 would happen once in
-    26 times even if nine of ten answers of that probability were wrong.
+    Chance makes the odds, even before, larger than nine in one leg of nine at most, whatever the prior (Markov): three
+    of eight above 0.9 would happen once in 20 times.
     """
     stated = []
     for seed in range(31, 39):
