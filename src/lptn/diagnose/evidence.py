@@ -22,8 +22,8 @@ Source: [KennedyOHagan2001] (discrepancy); [Kristensen2004] (the process noise t
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import product
 from typing import NamedTuple
@@ -256,10 +256,12 @@ class Amplitude:
     Args:
         usual: its usual size, in its unit.
         one_sided: whether it can't be negative.
+        name: of the parameter in the model; empty for a candidate.
     """
 
     usual: float
     one_sided: bool
+    name: str = ""
 
 
 @dataclass(frozen=True)
@@ -368,13 +370,14 @@ class Evidence:
         log_evidence: logarithm of their probability, all that is unknown integrated out; up to a constant of the data.
         sizes: probability of each of `SIZES` of the discrepancy.
         discrepancy: its standard deviation at the node where it is largest, K, in root mean square over `sizes`.
-        amplitudes: mean and standard deviation of each added amplitude, in its unit, the discrepancy allowed for.
+        amplitudes: mean and standard deviation of each added amplitude, by its parameter's name and in its unit, the
+            discrepancy allowed for.
     """
 
     log_evidence: float
     sizes: tuple[float, ...]
     discrepancy: float
-    amplitudes: tuple[tuple[float, float], ...] = ()
+    amplitudes: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     @property
     def enough(self) -> float:
@@ -465,7 +468,7 @@ class Likelihood:
             at_prior = here.residuals - here.by_amplitudes @ here.amplitudes + here.by_rest @ here.offset
             levels = levels_of(self._whitening, at_prior, unknowns, prior, here.by_amplitudes)
             evidence, best = self._evidence(levels, here.known)
-            amplitudes = np.array([mean for mean, _ in evidence.amplitudes])
+            amplitudes = np.array([mean for mean, _ in evidence.amplitudes.values()])
             most_likely = best.unknowns + best.by_amplitudes @ amplitudes
             rest, others = np.split(most_likely, [len(here.offset)])
             lower = self._downhill(fit, (z, nuisances), here, (here.offset + rest, amplitudes, others), best)
@@ -542,12 +545,14 @@ class Likelihood:
         best = levels[int(np.argmax(weights))]
         precision = best.precision + np.diag([1.0 / each.usual**2 for each in known])
         covariance = np.linalg.inv(precision) if known else np.zeros((0, 0))
-        means = covariance @ best.towards
+        means, deviations = covariance @ best.towards, np.sqrt(np.diag(covariance))
         evidence = Evidence(
             total,
             tuple(float(weights[sizes == size].sum()) for size in SIZES),
             spread,
-            tuple(zip(means.tolist(), np.sqrt(np.diag(covariance)).tolist(), strict=True)),
+            dict(
+                zip((each.name for each in known), zip(means.tolist(), deviations.tolist(), strict=True), strict=True)
+            ),
         )
         return evidence, best
 
@@ -646,7 +651,9 @@ def _amplitudes(free: Sequence[ParameterInstance], added: Sequence[EffectDeclara
         for parameter in declaration.parameters:
             name = f"{declaration.name}.{parameter.name}.{declaration.where}"
             if parameter.off is not None and name in number:
-                chosen.append((number[name], Amplitude(abs(parameter.typical), parameter.bounds[0] == parameter.off)))
+                chosen.append(
+                    (number[name], Amplitude(abs(parameter.typical), parameter.bounds[0] == parameter.off, name))
+                )
     return chosen
 
 

@@ -226,7 +226,7 @@ def _largest_root_mean_square(fit: Fit, columns: FloatArray) -> FloatArray:
         squares[node] += (columns[first : first + count] ** 2).sum(axis=0)
         first += count
     sigma = fit.problem.sigma / np.sqrt(np.maximum(counts.sum(axis=0), 1))
-    return np.asarray(np.sqrt(squares) * sigma[:, None]).max(axis=0)
+    return np.asarray(np.max(np.sqrt(squares) * sigma[:, None], axis=0))
 
 
 # --- Collinear candidates: those whose traces these data can't tell apart -------------------------

@@ -192,19 +192,16 @@ def sizes_of(step: Step) -> dict[Key, Size]:
     An amplitude is as the evidence has it, which allows for what nothing explains; all else as the fit has it.
     """
     network, free = step.fit.model.network, {step.fit.model.parameters[k].name: k for k in step.fit.problem.free}
-    amplitudes, sizes = [], {}
+    known = step.evidence.amplitudes if step.evidence else {}
+    sizes = {}
     for declaration in network.effects:
         key = declaration.effect.key, declaration.where
         names = {f"{declaration.name}.{each.name}.{declaration.where}": each for each in declaration.parameters}
         own = {name: each for name, each in names.items() if name in free}
-        amplitudes += [(key, each) for each in own.values() if each.off is not None]
         # Where the amplitude is all or nothing, the first shape says how large the effect is.
         for name, each in sorted(own.items(), key=lambda pair: pair[1].off is None)[:1]:
-            sizes[key] = Size(key, each, step.fit.point.values[free[name]], step.fit.standard_errors[name])
-    known = step.evidence.amplitudes if step.evidence else ()
-    # What was added stands last in the network, in the order in which the evidence has it.
-    for (key, parameter), (mean, deviation) in zip(amplitudes[len(amplitudes) - len(known) :], known, strict=True):
-        sizes[key] = Size(key, parameter, mean, deviation)
+            fitted = step.fit.point.values[free[name]], step.fit.standard_errors[name]
+            sizes[key] = Size(key, each, *known.get(name, fitted))
     return sizes
 
 
