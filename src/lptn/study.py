@@ -71,7 +71,7 @@ class Study:
         <StudyComparison: 1 run, RMSE 4.73 K, largest error 9.94 K, mean +3.93 K>
         >>> axes = study.compare().plot()
         >>> study.diagnose()
-        <Diagnosis: unexplained: RMSE 0.655 K fitted, 4.73 K held out; first answer sensor_lag at heater1>
+        <Diagnosis: missing: RMSE 0.655 K fitted, 4.73 K held out; first answer sensor_lag at *>
         >>> study.add("sensor_lag", at="*")
         <Step: sensor_lag at *, 4 parameters, RMSE 0.505 K fitted, 3.88 K held out>
         >>> study.add("conduction", at="heater1~heater2")
