@@ -242,7 +242,7 @@ def test_a_candidates_factor_is_that_of_its_amplitude_alone(
     towards: float, precision: float, usual: float, one_sided: bool
 ) -> None:
     amplitude = Amplitude(usual, one_sided)
-    alternatives = _level(np.array([precision]), [towards])  # type: ignore[arg-type]
+    alternatives = _level(np.array([precision]), [towards])
     (factor,) = log_bayes_factors(alternatives, [amplitude])
     joint = joint_log_evidence(_level([[precision]], [towards]), [amplitude])
     assert factor == pytest.approx(joint + 7.0, rel=1e-9, abs=1e-9)
@@ -301,7 +301,7 @@ def _truth(extra: Sequence[EffectDeclaration] = (), lengths: Sequence[int] = LEN
         run = random_run(model, length, number, step=step)
         readings = simulate(model, bind(model, run), model.values).readings
         noisy = readings + rng.normal(0.0, NOISE, readings.shape)
-        columns = run.columns | {f"temperature.{name}": row for name, row in zip(NODES, noisy, strict=True)}
+        columns = dict(run.columns) | {f"temperature.{name}": row for name, row in zip(NODES, noisy, strict=True)}
         runs.append(replace(run, name=f"run{number}", columns=columns))
     return runs
 
@@ -349,7 +349,9 @@ def test_a_fit_moved_off_its_optimum_has_the_same_evidence(given_fit: Fit, large
             assert moved.problem.cost(moved.z) > done.cost + 5.0
             found = likelihood.of(moved, added)
             assert found.log_evidence == pytest.approx(expected.log_evidence, abs=0.05)
-            np.testing.assert_allclose(list(found.amplitudes.values()), np.array(list(expected.amplitudes.values())), rtol=0.02)
+            np.testing.assert_allclose(
+                list(found.amplitudes.values()), np.array(list(expected.amplitudes.values())), rtol=0.02
+            )
 
 
 @settings(max_examples=5)
