@@ -152,8 +152,8 @@ class Size:
 
     @property
     def may_be_zero(self) -> bool:
-        """Whether its 95 % interval holds zero."""
-        return not bool(abs(self.value) > _WIDE * self.deviation)
+        """Whether the 95 % interval of an amplitude holds zero; a time constant near zero is no less sure to be there."""
+        return self.parameter.off is not None and not bool(abs(self.value) > _WIDE * self.deviation)
 
     @property
     def implausible(self) -> bool:
