@@ -152,7 +152,7 @@ class Size:
 
     @property
     def may_be_zero(self) -> bool:
-        """Whether the 95 % interval of an amplitude holds zero; a time constant near zero is no less sure to be there."""
+        """Whether the 95 % interval of an amplitude holds zero; a time constant near zero says nothing of that."""
         return self.parameter.off is not None and not bool(abs(self.value) > _WIDE * self.deviation)
 
     @property
