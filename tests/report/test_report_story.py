@@ -170,13 +170,14 @@ def test_words_missing_but_nothing_helped(missing: Told) -> None:
 
 def test_words_of_rivals(missing: Told) -> None:
     history, data = missing
-    best = replace(history.best, probability=0.6, indistinguishable=(("radiation", NODES[0]), ("sensor_offset", "*")))
+    best = replace(history.best, indistinguishable=(("radiation", NODES[0]), ("sensor_offset", "*")))
+    history = replace(history, probabilities=[(best.key, 0.6), (None, 0.0)])
     rivals = replace(history, steps=(history.steps[0], best))
     told = " ".join(story_in_words(rivals, data))
     shared = f"radiation to the surroundings at {NODES[0]} and sensor offset everywhere"
     assert f"probability 60 %, the rest is shared by {shared}." in told
     assert "leave the robot powered and resting for an hour" in next_step(rivals)
-    elsewhere = replace(history.best, probability=0.6, indistinguishable=(("constant_heat", "*"),))
+    elsewhere = replace(history.best, indistinguishable=(("constant_heat", "*"),))
     told = " ".join(story_in_words(replace(history, steps=(history.steps[0], elsewhere)), data))
     assert "the rest is shared by constant heat everywhere. The effect is clear, its place is not." in told
 
