@@ -193,7 +193,11 @@ def test_a_guessed_ambient_may_be_wrong_like_a_sensor() -> None:
 
 def test_a_candidate_has_the_size_that_is_usual_at_its_place() -> None:
     """A wall of 2 MJ/K beside a gram of copper."""
-    parts = (NodeDeclaration("wall", capacity(2e6)), NodeDeclaration("foil", capacity(0.4)), AMBIENT)
+    parts = (
+        NodeDeclaration("wall", replace(capacity(), value=2e6, bounds=(1e-3, 1e9))),
+        NodeDeclaration("foil", capacity(0.4)),
+        AMBIENT,
+    )
     links = (
         LinkDeclaration(("wall", "ambient"), resistance(0.05)),
         LinkDeclaration(("foil", "ambient"), resistance(200)),
@@ -332,7 +336,7 @@ def test_friction_at_a_rotors_speed_is_expected_no_larger_than_the_motor_bears()
 @pytest.mark.parametrize("step", [300.0, 1800.0])
 def test_candidates_of_a_slow_log_can_all_be_scored(step: float) -> None:
     """A wall with a reading every 5 or 30 min: time constants of seconds would be too stiff for such steps."""
-    wall = NodeDeclaration("wall", capacity(1e6))
+    wall = NodeDeclaration("wall", replace(capacity(), value=1e6, bounds=(1e-3, 1e9)))
     links = (LinkDeclaration(("wall", "ambient"), resistance(0.1)),)
     network = Network("wall", (wall, AMBIENT), links, (effect("heat_input", "wall"), effect("copper_loss", "wall")))
     base = Model(network)

@@ -57,7 +57,8 @@ class Step(Tabular):
         fit: of the model with the effect.
         declaration: the effect as added; `None` for the model as given.
         evidence: what the fitted readings say for the model; `None` where it was not asked.
-        log_odds: logarithm of the odds that the model before it lacks this effect, against nothing.
+        log_prior: logarithm of the prior odds that the model before it lacks this effect, against nothing.
+        log_odds: logarithm of these odds once the fitted readings are known.
         probability: that it is what the model before it lacks, among all that was tried and nothing.
         indistinguishable: candidates that the fitted data can't tell from it.
         log_predictive: logarithm of the probability that the model gives held-out runs, 0 without any.
@@ -68,6 +69,7 @@ class Step(Tabular):
     fit: Fit
     declaration: EffectDeclaration | None = None
     evidence: Evidence | None = None
+    log_prior: float = 0.0
     log_odds: float = 0.0
     probability: float = 0.0
     indistinguishable: tuple[Key, ...] = ()
@@ -149,6 +151,7 @@ class Diagnosis(Tabular):
         holdout: its errors on held-out runs, `None` without any.
         scores: all candidates, scored.
         refits: those that were refitted, most probable first.
+        nothing: probability that nothing is missing, among all candidates.
     """
 
     verdict: Verdict
@@ -157,6 +160,7 @@ class Diagnosis(Tabular):
     holdout: Errors | None
     scores: Scores
     refits: tuple[Step, ...]
+    nothing: float = 1.0
 
     @property
     def helpful(self) -> tuple[Step, ...]:
@@ -169,11 +173,16 @@ class Diagnosis(Tabular):
         return self.helpful[0] if self.helpful else None
 
     @property
+    def unnamed_log_odds(self) -> float:
+        """Logarithm of the odds, against nothing, of all candidates that were not refitted."""
+        named = self.nothing + sum(step.probability for step in self.refits)
+        return log(max(1.0 - named, _LEAST_SHARE)) - log(max(self.nothing, _LEAST_SHARE))
+
+    @property
     def probabilities(self) -> list[tuple[Key | None, float]]:
         """Probability of each refitted effect being what is missing, and of nothing (`None`), the largest first."""
         listed: list[tuple[Key | None, float]] = [(step.key, step.probability) for step in self.refits]
-        nothing = max(0.0, 1.0 - sum(probability for _, probability in listed))
-        return sorted([*listed, (None, nothing)], key=lambda each: -each[1])
+        return sorted([*listed, (None, self.nothing)], key=lambda each: -each[1])
 
     @property
     def summary(self) -> str:
@@ -242,6 +251,7 @@ def probabilities_as_json(probabilities: Sequence[tuple[Key | None, float]]) -> 
 _SEARCH_STEP = 5.0  # s; effects are sought on means over so long, which loses little and saves most of the time
 _MOST_STEPS = 4000  # of all fitted runs together: days of data get longer means, so that memory stays bounded
 _MOST_REFITS = 6  # the most probable by score; the best places of further effects come on top
+_LEAST_SHARE = 1e-300  # of a probability; its logarithm stays finite
 _NO_ANSWER = 100.0  # odds against an effect from which on it is not listed as an answer
 CREDIBLE = 20.0
 """Odds within which the data do not tell two answers apart: strong evidence begins above them [KassRaftery1995]."""
@@ -331,10 +341,12 @@ class Question:
         worthwhile = _shortlist(scores, self.refits)
         self.report(f"refitting {len(worthwhile)} of them")
         steps = self._judged(refit_all(base, worthwhile, self.executor), worthwhile, alone, added)
-        left = [each.log_odds for each in scores.worthwhile if each not in worthwhile]
-        steps = [self.on_held_out(step) for step in _shared(steps, left)]
+        refitted = {step.key for step in steps}
+        left = [each.log_odds for each in scores.ranked if each.candidate.key not in refitted]
+        total = float(np.logaddexp.reduce([0.0, *(step.log_odds for step in steps), *left]))
+        steps = [self.on_held_out(step) for step in _shared(steps, total)]
         holdout = holdout_errors(base, self.data.holdout)
-        return _judged(Diagnosis("unexplained", base, alone, holdout, scores, tuple(steps)))
+        return _judged(Diagnosis("unexplained", base, alone, holdout, scores, tuple(steps), exp(-total)))
 
     def on_held_out(self, step: Step) -> Step:
         """A step with what held-out runs say of its fit."""
@@ -358,19 +370,17 @@ class Question:
                 continue
             evidence = self.likelihood.of(step.fit, [*added, step.declaration])
             odds = evidence.log_evidence - alone.log_evidence + each.log_prior
-            judged.append(replace(step, evidence=evidence, log_odds=odds))
+            judged.append(replace(step, evidence=evidence, log_prior=each.log_prior, log_odds=odds))
         return sorted(judged, key=lambda step: -step.log_odds)
 
 
-def _shared(steps: Sequence[Step], left: Sequence[float]) -> list[Step]:
-    """The steps with their probabilities among all candidates and nothing; and with the names that they share it with.
+def _shared(steps: Sequence[Step], total: float) -> list[Step]:
+    """The steps with their probabilities, and with the names that they share them with.
 
     Args:
         steps: with their odds.
-        left: logarithms of the odds of candidates that were not refitted.
+        total: logarithm of the sum of the odds of all candidates and nothing.
     """
-    odds = [step.log_odds for step in steps]
-    total = float(np.logaddexp.reduce([0.0, *odds, *left]))
     return [
         replace(
             step,

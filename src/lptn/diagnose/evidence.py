@@ -74,8 +74,8 @@ class DiscrepancyLevel:
 
 
 def discrepancy_levels(step: float, duration: float, sizes: Sequence[float] = SIZES) -> list[DiscrepancyLevel]:
-    """All levels, for runs in steps of `step` and up to `duration` long [s]; the first of `sizes` is zero."""
-    shortest = max(_SHORTEST, 5 * step)
+    """All levels, for means over `step` in runs up to `duration` long [s]; the first of `sizes` is zero."""
+    shortest = max(_SHORTEST, 5 * step)  # means over a fifth of a time constant are as good as the process itself
     times = np.geomspace(shortest, max(duration, 2 * shortest), _TIME_CONSTANTS)
     present = np.log((1 - _ENOUGH) / ((len(sizes) - 1) * len(times)))
     levels = [DiscrepancyLevel(0.0, float(times[0]), float(np.log(_ENOUGH)))]
@@ -107,8 +107,8 @@ class Whitening:
         self.rows = sum(int(bound.counted.sum()) for bound in bound_runs)
         step = float(np.median([bound.run.step for bound in bound_runs]))
         duration = max(len(bound) * bound.run.step for bound in bound_runs)
-        self.levels = discrepancy_levels(step, duration, sizes)
         block = max(_BLOCK, duration / _MOST_BLOCKS)
+        self.levels = discrepancy_levels(max(step, block), duration, sizes)
         series, starts, first = [], [], 0
         for bound in bound_runs:
             for node, counted in enumerate(bound.counted):
@@ -119,8 +119,10 @@ class Whitening:
                 counts = np.diff(begins, append=time.size)
                 coarse = float(noise.step[node])
                 slow = _step_time(bound.measured[node][counted], time, coarse)
-                white = max(float(noise.white[node]), _LEAST_NOISE * float(sigma[node])) / np.sqrt(counts)
-                series.append((time[begins], white, (coarse / np.sqrt(12.0), slow, float(missed[node]))))
+                white = float(noise.white[node]) * (1.0 + _UNSURE_NOISE / np.sqrt(time.size))
+                white = max(white, _LEAST_NOISE * float(sigma[node])) / np.sqrt(counts)
+                steps = coarse / np.sqrt(12.0) * _of_means(max(block, bound.run.step), slow)
+                series.append((time[begins], white, (steps, slow, float(missed[node]))))
                 starts.append(first + begins)
                 first += time.size
         self._starts = np.concatenate(starts)  # the row at which each block begins
@@ -194,6 +196,7 @@ class Whitening:
 
 _BLOCK, _MOST_BLOCKS = 10.0, 360  # s; the likelihood is that of means over so long, of longer ones in long runs
 _MEMORY = 50_000_000  # bytes of columns that are whitened in one pass
+_UNSURE_NOISE = 3.0  # two relative standard errors (1.5/√n) of noise that is estimated from the median of n differences
 _LEAST_NOISE = 0.02  # share of the fit's own weight; a simulated log without noise must not weigh infinitely
 
 
@@ -223,6 +226,12 @@ def _step_time(readings: FloatArray, time: FloatArray, step: float) -> float:
     return float((time[-1] - time[0]) / max(travelled / step, 1.0)) / 6.0
 
 
+def _of_means(block: float, time_constant: float) -> float:
+    """Standard deviation of an Ornstein-Uhlenbeck process's means over a block, as a share of the process's own."""
+    ratio = block / time_constant
+    return float(np.sqrt(2.0 * (ratio - 1.0 + np.exp(-ratio)) / ratio**2))
+
+
 # --- Priors on what is free in every model ---------------------------------------------------------------------
 
 
@@ -234,6 +243,8 @@ AMPLITUDES = ((0.3, 0.2), (1.0, 0.4), (3.0, 0.3), (10.0, 0.1))
 """Standard deviation of an amplitude in units of its usual size, and the prior probability of that.
 
 The usual size is meant to a factor of three either way; one that is ten times as large is rare, not excluded."""
+IMPLAUSIBLE = 30.0
+"""Times the usual size beyond which no amplitude is believed: three standard deviations of the widest prior."""
 
 
 def prior_of(parameter: ParameterInstance, added: bool) -> float:
@@ -342,10 +353,27 @@ def log_bayes_factors(level: Level, amplitudes: Sequence[Amplitude]) -> FloatArr
     return np.asarray(logsumexp(terms, axis=0))
 
 
-def joint_log_evidence(level: Level, amplitudes: Sequence[Amplitude]) -> float:
-    """Log evidence of the readings with all the amplitudes present, integrated out together."""
+@dataclass(frozen=True)
+class Together:
+    """Amplitudes that are present together, at one level of the discrepancy.
+
+    Args:
+        log_evidence: of the readings with all of them, integrated out.
+        means: of the amplitudes, in their units, shape (m,).
+        deviations: their standard deviations, shape (m,).
+        prior: standard deviations of the most probable prior of the mixture, shape (m,).
+    """
+
+    log_evidence: float
+    means: FloatArray
+    deviations: FloatArray
+    prior: FloatArray
+
+
+def together(level: Level, amplitudes: Sequence[Amplitude]) -> Together:
+    """Evidence and amplitudes with all of them present, summed over the mixture of their priors."""
     if not amplitudes:
-        return level.log_evidence
+        return Together(level.log_evidence, np.zeros(0), np.zeros(0), np.zeros(0))
     one_sided = np.array([each.one_sided for each in amplitudes], dtype=bool)
     chosen = np.array(list(product(AMPLITUDES, repeat=len(amplitudes))))  # (combinations, m, multiple and probability)
     sd = chosen[:, :, 0] * np.array([each.usual for each in amplitudes])
@@ -353,10 +381,20 @@ def joint_log_evidence(level: Level, amplitudes: Sequence[Amplitude]) -> float:
     covariance = np.linalg.inv(scaled)
     towards = sd * level.towards
     mean = np.einsum("cij,cj->ci", covariance, towards)
+    spread = np.sqrt(np.einsum("cii->ci", covariance))
     terms = 0.5 * np.einsum("ci,ci->c", towards, mean) - 0.5 * np.linalg.slogdet(scaled)[1]
-    above_zero = np.log(2.0) + log_ndtr(mean / np.sqrt(np.einsum("cii->ci", covariance)))
-    terms += np.where(one_sided, above_zero, 0.0).sum(axis=1) + np.log(chosen[:, :, 1]).sum(axis=1)
-    return level.log_evidence + float(logsumexp(terms))
+    terms += np.where(one_sided, np.log(2.0) + log_ndtr(mean / spread), 0.0).sum(axis=1)
+    terms += np.log(chosen[:, :, 1]).sum(axis=1)
+    total = float(logsumexp(terms))
+    weights = np.exp(terms - total)
+    means = weights @ (sd * mean)
+    squares = weights @ ((sd * spread) ** 2 + (sd * mean) ** 2)
+    return Together(
+        level.log_evidence + total,
+        means,
+        np.sqrt(np.maximum(squares - means**2, 0.0)),
+        sd[int(weights.argmax())],
+    )
 
 
 # --- The likelihood of one set of runs: of any model of them, and of any effect that a model may lack ---------------
@@ -467,11 +505,10 @@ class Likelihood:
             prior = np.concatenate([here.prior, self._nuisance_prior])
             at_prior = here.residuals - here.by_amplitudes @ here.amplitudes + here.by_rest @ here.offset
             levels = levels_of(self._whitening, at_prior, unknowns, prior, here.by_amplitudes)
-            evidence, best = self._evidence(levels, here.known)
-            amplitudes = np.array([mean for mean, _ in evidence.amplitudes.values()])
-            most_likely = best.unknowns + best.by_amplitudes @ amplitudes
+            evidence, best, added_here = self._evidence(levels, here.known)
+            most_likely = best.unknowns + best.by_amplitudes @ added_here.means
             rest, others = np.split(most_likely, [len(here.offset)])
-            lower = self._downhill(fit, (z, nuisances), here, (here.offset + rest, amplitudes, others), best)
+            lower = self._downhill(fit, (z, nuisances), here, (here.offset + rest, added_here, others), best)
             if lower is None:
                 break
             z, nuisances = lower
@@ -482,7 +519,7 @@ class Likelihood:
         fit: Fit,
         at: tuple[FloatArray, FloatArray],
         here: _Linearised,
-        step: tuple[FloatArray, FloatArray, FloatArray],
+        step: tuple[FloatArray, Together, FloatArray],
         best: Level,
     ) -> tuple[FloatArray, FloatArray] | None:
         """A point that is more probable than the one of the linearisation, `None` if there is none worth going to.
@@ -494,14 +531,13 @@ class Likelihood:
             step: from there to what is most probable by it: change of the rest, amplitudes, nuisances.
             best: the most probable level of the discrepancy.
         """
-        problem, (z, nuisances), (rest, amplitudes, others) = fit.problem, at, step
-        usual = np.array([each.usual for each in here.known])
+        problem, (z, nuisances), (rest, added, others) = fit.problem, at, step
         bounds = np.array([fit.model.parameters[index].declared.bounds for index in problem.free]).reshape(-1, 2)
 
         def minus_log_posterior(point: FloatArray, extra: FloatArray, offset: FloatArray, sizes: FloatArray) -> float:
             errors = problem.residuals(point)[: self._whitening.rows] + self._nuisances @ extra
             ((_, white, _),) = self._whitening(errors[:, None], [best.level])
-            priors = (offset / here.prior, sizes / usual, extra / self._nuisance_prior)
+            priors = (offset / here.prior, sizes / added.prior, extra / self._nuisance_prior)
             return 0.5 * float((white**2).sum() + sum((each**2).sum() for each in priors))
 
         now = minus_log_posterior(z, nuisances, here.offset, here.amplitudes)
@@ -509,7 +545,7 @@ class Likelihood:
             further = z.copy()
             further[here.rest] += share * rest
             values = problem.point(further).values
-            sizes = here.amplitudes + share * (amplitudes - here.amplitudes)
+            sizes = here.amplitudes + share * (added.means - here.amplitudes)
             values[[problem.free[number] for number in here.columns]] = sizes
             values[problem.free] = np.clip(values[problem.free], *bounds.T)
             further[: len(problem.free)] = problem.guess(values)[: len(problem.free)]
@@ -535,26 +571,22 @@ class Likelihood:
         levels = levels_of(whitening, np.concatenate(errors), nothing, np.zeros(0), nothing)
         return float(logsumexp([level.log_evidence for level in levels]))
 
-    def _evidence(self, levels: Sequence[Level], known: Sequence[Amplitude]) -> tuple[Evidence, Level]:
-        """The evidence, and the most probable level of the discrepancy."""
-        logs = np.array([joint_log_evidence(level, known) for level in levels])
+    def _evidence(self, levels: Sequence[Level], known: Sequence[Amplitude]) -> tuple[Evidence, Level, Together]:
+        """The evidence, the most probable level of the discrepancy, and the amplitudes at that."""
+        with_all = [together(level, known) for level in levels]
+        logs = np.array([each.log_evidence for each in with_all])
         total = float(logsumexp(logs))
         weights = np.exp(logs - total)
         sizes = np.array([level.level.size for level in levels])
-        spread = float(np.sqrt(weights @ sizes**2)) * float(self._missed.max())
-        best = levels[int(np.argmax(weights))]
-        precision = best.precision + np.diag([1.0 / each.usual**2 for each in known])
-        covariance = np.linalg.inv(precision) if known else np.zeros((0, 0))
-        means, deviations = covariance @ best.towards, np.sqrt(np.diag(covariance))
+        best = int(np.argmax(weights))
+        pairs = zip(with_all[best].means.tolist(), with_all[best].deviations.tolist(), strict=True)
         evidence = Evidence(
             total,
             tuple(float(weights[sizes == size].sum()) for size in SIZES),
-            spread,
-            dict(
-                zip((each.name for each in known), zip(means.tolist(), deviations.tolist(), strict=True), strict=True)
-            ),
+            float(np.sqrt(weights @ sizes**2)) * float(self._missed.max()),
+            dict(zip((each.name for each in known), pairs, strict=True)),
         )
-        return evidence, best
+        return evidence, levels[best], with_all[best]
 
     def _linearised(self, fit: Fit, z: FloatArray, added: Sequence[EffectDeclaration]) -> _Linearised:
         """The readings of a fitted model, linearised at unknowns z."""

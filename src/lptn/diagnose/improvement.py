@@ -17,6 +17,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
+from math import log
 
 import numpy as np
 import pandas as pd
@@ -26,6 +27,7 @@ from lptn.basics.errors import InputError
 from lptn.basics.tables import Tabular
 from lptn.diagnose.candidates import with_ambient_bias
 from lptn.diagnose.diagnosis import (
+    CREDIBLE,
     Diagnosis,
     Key,
     Question,
@@ -34,8 +36,10 @@ from lptn.diagnose.diagnosis import (
     Verdict,
     common_columns,
     continued,
+    contradicted,
     explains_most,
     for_search,
+    is_small,
     probabilities_as_json,
     unless_interrupted,
 )
@@ -163,8 +167,8 @@ def improve(
 ) -> History:
     """Diagnose, add the missing effect, refit, until nothing beyond chance is left or nothing helps.
 
-    Effects are chosen on the fit data, by probability. Held-out data decide only between models that share the
-    probability; without them the most probable one is kept. Test data choose nothing.
+    Effects are proposed on the fit data, by probability. They are kept as far as the error on held-out data falls;
+    without any the most probable model is kept. Test data choose nothing.
 
     Args:
         model: the model to start from.
@@ -240,11 +244,14 @@ def _by_all_data(branch: Branch) -> float:
 def _chosen(branches: Sequence[Branch]) -> Branch:
     """The shortest branch that reaches the least held-out error; without held-out runs the most probable one.
 
+    Held-out runs may keep effects that the fitted ones leave open, none that they speak clearly against.
+
     Args:
         branches: the most probable by the fitted data first.
     """
-    errors = [branch[-1].holdout.rmse if branch[-1].holdout else 0.0 for branch in branches]
-    enough = [each for each, error in zip(branches, errors, strict=True) if error <= (1 + WORTH) * min(errors)]
+    possible = [each for each in branches if all(step.log_odds > -log(CREDIBLE) for step in each[1:])]
+    errors = [branch[-1].holdout.rmse if branch[-1].holdout else 0.0 for branch in possible]
+    enough = [each for each, error in zip(possible, errors, strict=True) if error <= (1 + WORTH) * min(errors)]
     return min(enough, key=len) if min(errors) > 0 else branches[0]
 
 
@@ -316,7 +323,10 @@ class _Search:
     def probabilities(self) -> list[tuple[Key | None, float]]:
         """Probability of each effect being in the model, and of the given model, over all models that were fitted."""
         effects, odds = zip(*self._odds.items(), strict=True)
-        shares = np.exp(np.array(odds) - logsumexp(odds))
+        # What the first question left unfitted has its probability, too, under no name.
+        first = self._diagnoses.get(frozenset())
+        unnamed = [] if first is None else [first.unnamed_log_odds]
+        shares = np.exp(np.array(odds) - logsumexp([*odds, *unnamed]))
         listed: list[tuple[Key | None, float]] = [
             (key, float(sum(share for each, share in zip(effects, shares, strict=True) if key in each)))
             for key in frozenset().union(*effects)
@@ -350,7 +360,7 @@ class _Search:
             evidence = self.question.likelihood.of(fit, _added(rest))
             end = self.question.on_held_out(replace(rest[-1], fit=fit, evidence=evidence))
             costs[step.key] = fit.cost
-            loss = last.evidence.log_evidence - evidence.log_evidence + self._log_prior(step, branch)
+            loss = last.evidence.log_evidence - evidence.log_evidence + step.log_prior
             worse = last.holdout and end.holdout and end.holdout.rmse > (1 + WORTH) * last.holdout.rmse
             if loss + last.log_predictive - end.log_predictive < 0 and not worse:
                 self.question.report(f"{step.effect} at {step.at} is no longer needed")
@@ -364,11 +374,6 @@ class _Search:
             log_predictive=last.log_predictive,
         )
         return (branch[0], *steps[:-1], end)
-
-    def _log_prior(self, step: Step, branch: Branch) -> float:
-        """Logarithm of the prior odds that the effect of one step is there."""
-        earlier = self.diagnosis(branch[: branch.index(step)])
-        return next(each.log_prior for each in earlier.scores.ranked if each.candidate.key == step.key)
 
 
 def _in_words(beam: Sequence[Branch]) -> str:
@@ -387,7 +392,9 @@ def _in_words(beam: Sequence[Branch]) -> str:
 def _verdict(first: Diagnosis, kept: Branch) -> Verdict:
     """On the model as given."""
     if len(kept) == 1:
-        return "unexplained" if first.verdict == "unexplained" else "adequate"
+        # What the fitted data would add helps no held-out run: it is adequate only if what is left does not matter.
+        small = is_small(first.evidence) and not contradicted(first.fit, first.holdout)
+        return "adequate" if small else "unexplained"
     return "missing" if explains_most(first, kept[-1]) else "unexplained"
 
 

@@ -171,9 +171,9 @@ def log_priors(candidates: Sequence[Candidate]) -> FloatArray:
         own = [k for k, each in enumerate(candidates) if each.effect is effect]
         most = max(len(candidates[k].places) for k in own)
         levels = [(bool(candidates[k].run), _level(candidates[k], most)) for k in own]
+        of_level = {level: candidates[k].prior_odds for k, level in zip(own, levels, strict=True)}  # one run is rarer
         for k, level in zip(own, levels, strict=True):
-            share = candidates[k].prior_odds / effect.prior_odds / levels.count(level) / len(set(levels))
-            weights[k] = odds[effect] * share
+            weights[k] = odds[effect] * of_level[level] / sum(of_level.values()) / levels.count(level)
     return np.asarray(np.log(weights / sum(odds.values()) * LACKING_SOMETHING / (1 - LACKING_SOMETHING)))
 
 
