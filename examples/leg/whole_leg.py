@@ -41,8 +41,7 @@ compared.plot()
 diagnosis = study.diagnose()
 print(f"verdict: {diagnosis.verdict}")
 for answer in diagnosis.helpful[:3]:
-    sure = f"probability {100 * answer.probability:.0f} %"
-    print(f"  {answer.effect} at {answer.at}: {sure}, {answer.holdout.rmse:.2f} K held out")
+    print(f"  {answer.effect} at {answer.at}: {answer.holdout.rmse:.2f} K held out, p = {answer.p_value:.2g}")
 
 # %% Add the first answer and refit: the error falls on the run that the fit never saw
 study.add(diagnosis.best)

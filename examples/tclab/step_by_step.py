@@ -10,11 +10,10 @@ from pathlib import Path
 from lptn.basics.style import show
 from lptn.diagnose.advice import advise
 from lptn.diagnose.candidates import candidates
-from lptn.diagnose.diagnosis import common_columns, continued, for_search, refit
-from lptn.diagnose.evidence import Likelihood
+from lptn.diagnose.diagnosis import continued, for_search, refit
 from lptn.diagnose.improvement import improve
 from lptn.diagnose.scores import score
-from lptn.diagnose.unexplained_heat import stretches, unexplained_heat
+from lptn.diagnose.unexplained_heat import largest, unexplained_heat
 from lptn.identify.comparison import compare
 from lptn.identify.data import load_model, split_data
 from lptn.identify.validation import fit_segments, holdout_errors
@@ -30,14 +29,14 @@ given = fit_segments(loaded.model, data.fit)
 print(f"given model: {given.rmse:.2f} K fitted, {holdout_errors(given, data.holdout).rmse:.2f} K held out")
 show(comparison_figure(compare(given.model, data.holdout)))
 
-# %% Every effect of the catalogue at every place: by what factor would it raise the probability of the readings?
+# %% Every effect of the catalogue at every place, scored by what it would take off the misfit
 coarse = for_search(data)
 base = fit_segments(loaded.model, coarse.fit)
 found = candidates(base.model.network, data.fit[0].run.columns)
-scores = score(base, found, Likelihood(base, common_columns(coarse)))
-print(f"{len(found)} candidates; logarithm of the odds of each against nothing being missing, to first order:")
+scores = score(base, found)
+print(f"{len(found)} candidates; chance alone reaches {scores.threshold:.0f} once in twenty logs")
 for each in scores.ranked[:5]:
-    print(f"  {each.candidate.key}: {each.log_odds:+.1f}")
+    print(f"  {each.candidate.key}: {each.gain:.0f}, p = {scores.p_value(each.gain):.2f}")
 
 # %% One of them tried exactly, by hand
 best = scores.ranked[0]
@@ -45,14 +44,13 @@ tried = refit(base, best.candidate.declaration(best.amplitude, best.shape))
 print(f"with {best.candidate.key}: {holdout_errors(tried, coarse.holdout).rmse:.2f} K held out")
 
 # %% Where and when does a model lack heat?
-for stretch in stretches(unexplained_heat(base)):
-    print(stretch.text())
+stretch = largest(unexplained_heat(base))
+print(stretch.text() if stretch else "nowhere surely")
 
 # %% The whole search, and what to do next
 history = improve(loaded.model, data)
 for step in history.steps:
-    sure = f", probability {100 * step.probability:.0f} %" if step.effect else ""
-    print(step.effect or "as given", step.at or "", f"{step.holdout.rmse:.2f} K held out{sure}")
+    print(step.effect or "as given", step.at or "", f"{step.holdout.rmse:.2f} K held out")
 for sentence in advise(history.first, history.last.fit, coarse).sentences:
     print(sentence)
 _ = plot_history(history)

@@ -20,7 +20,6 @@ from lptn.basics.files import write_whole
 from lptn.diagnose.advice import Advice, advise
 from lptn.diagnose.diagnosis import Diagnosis, Step, continued, diagnose, for_search
 from lptn.diagnose.improvement import History, effects_added, improve, table_of_steps
-from lptn.diagnose.unexplained_heat import HeatPeak, stretches, unexplained_heat
 from lptn.identify.comparison import Comparison, Versus, compare, versus
 from lptn.identify.data import DataSplit, Log, Segment, holdout_segment, load_model, split_data, warn_of_absent_runs
 from lptn.identify.fitting import Checkpoint, Fit, finished
@@ -71,7 +70,7 @@ class Study:
         <StudyComparison: 1 run, RMSE 4.73 K, largest error 9.94 K, mean +3.93 K>
         >>> axes = study.compare().plot()
         >>> study.diagnose()
-        <Diagnosis: missing: RMSE 0.655 K fitted, 4.73 K held out; first answer sensor_lag at *>
+        <Diagnosis: unexplained: RMSE 0.655 K fitted, 4.73 K held out; first answer sensor_lag at heater1>
         >>> study.add("sensor_lag", at="*")
         <Step: sensor_lag at *, 4 parameters, RMSE 0.505 K fitted, 3.88 K held out>
         >>> study.add("conduction", at="heater1~heater2")
@@ -233,14 +232,6 @@ class Study:
             self._advice = last, advise(first, last.fit, for_search(self.data), logger.info)
         return self._advice[1]
 
-    def unexplained_stretches(self) -> list[HeatPeak]:
-        """Every run, node and time at which the model as it is now surely lacks heat or has too much, the surest first.
-
-        Raises:
-            InputError: there is nothing to fit.
-        """
-        return stretches(unexplained_heat(self.diagnose().fit))
-
     def add(self, effect: str | Step, at: str = "", *, run: str = "") -> Step:
         """Add an effect to the model and refit, one step further.
 
@@ -279,7 +270,7 @@ class Study:
         return self
 
     def improve(self, most: int = 6) -> Study:
-        """Diagnose, add, refit, step by step, until no further effect makes the model more probable.
+        """Diagnose, add, refit, step by step, until nothing beyond chance is left or nothing helps.
 
         Args:
             most: how many effects to add at most.
@@ -324,15 +315,7 @@ class Study:
         last = self.diagnose()
         first = self._diagnoses.get(0) or self._diagnosis_of(self._steps[0].fit.model)
         self._diagnoses[0] = first
-        return History(
-            first.verdict,
-            last.verdict,
-            tuple(self._steps),
-            first,
-            last,
-            probabilities=first.probabilities,
-            considered=1,
-        )
+        return History(first.verdict, last.verdict, tuple(self._steps), first, last, considered=1)
 
     def report(self, path: str | Path, commands: Sequence[str] = ()) -> None:
         """Write the whole story as one HTML file: data, fit, where it fails, what is missing, held-out errors.

@@ -25,14 +25,12 @@ import numpy as np
 from lptn import virtual
 from lptn.basics.places import EVERYWHERE, matching
 from lptn.diagnose.candidates import candidates
-from lptn.diagnose.diagnosis import Step, common_columns, for_search, refit_all
-from lptn.diagnose.evidence import Likelihood
+from lptn.diagnose.diagnosis import Step, for_search, refit_all
 from lptn.diagnose.experiment import Experiment, possible_moves, propose
 from lptn.diagnose.experiment_runs import Move
 from lptn.diagnose.fit_statistics import TIE, criterion_difference, tied
 from lptn.diagnose.scores import score
 from lptn.identify.data import LoadedModel, load_model, split_data
-from lptn.identify.fitting import Fit
 from lptn.identify.validation import fit_segments
 from lptn.robots.presets import preset_text
 from lptn.virtual import Hidden, Segment
@@ -79,7 +77,7 @@ class Outcome:
         designed: from that and the proposed run.
         walking: from that and more walking.
         leads: of the hidden effect before its rival by the information criterion alone, on the same three sets of data.
-        gain: of the better rival over the baseline before, by the same; an effect below 10 was hardly there to be seen.
+        gain: of the better rival over the baseline before; an effect below 10 was hardly there to be seen.
         expected: decisive standard deviations that the proposal promises.
         kelvin: the difference that it promises.
         separates: whether it says that the run decides.
@@ -178,19 +176,18 @@ def judged(hidden: str, found: Sequence[Step]) -> str:
     return "right" if first.effect == hidden else "wrong"
 
 
-def refits(loaded: LoadedModel, logs: Sequence[Path], rivals: Sequence[str], at: str) -> tuple[Fit, list[Step]]:
-    """The model fitted to these logs as it stands, and with each of the rivals, the one that explains more first."""
+def refits(loaded: LoadedModel, logs: Sequence[Path], rivals: Sequence[str], at: str) -> list[Step]:
+    """The rivals fitted to these logs, the one that explains more first."""
     data = for_search(split_data(loaded.runs(logs)))
     base = fit_segments(loaded.model, data.fit)
-    columns = common_columns(data)
+    columns = set.intersection(*(set(segment.run.columns) for segment in data.fit))
     # All that can have the effect: every node, or every joint.
     names = ("*", "*_*") if at == EVERYWHERE else (at,)
     known = candidates(loaded.model.network, columns)
     found = [each for each in known if each.effect.key in rivals and each.at in names and not each.run]
     if len(found) != len(rivals):
         raise ValueError(f"rivals {rivals} at {at}: the model has room for {[each.key for each in found]}")
-    steps = refit_all(base, score(base, found, Likelihood(base, columns)).ranked)
-    return base, sorted(steps, key=lambda step: step.fit.cost)
+    return refit_all(base, score(base, found).ranked)
 
 
 def trial(number: int, seed: int) -> Outcome:
@@ -212,7 +209,7 @@ def trial(number: int, seed: int) -> Outcome:
             return virtual.write_quadruped(folder, [effect], runs=runs, **options)[0]  # type: ignore[arg-type]
 
         base = log("base", walking(3600, f"{seed}"), AMBIENT)
-        base_fit, first = refits(loaded, [base], rivals, at)
+        first = refits(loaded, [base], rivals, at)
         moves = [move for move in possible_moves(first) if feasible(move)]
         asked = time.process_time()
         experiment = propose(first, allowed=moves)
@@ -222,7 +219,7 @@ def trial(number: int, seed: int) -> Outcome:
         designed = log("designed", segments(experiment, at), experiment.program.ambient)
         more = log("more", walking(1200, f"more {seed}"), AMBIENT)
         weakest = experiment.weakest
-        found = (first, *(refits(loaded, [base, other], rivals, at)[1] for other in (designed, more)))
+        found = (first, refits(loaded, [base, designed], rivals, at), refits(loaded, [base, more], rivals, at))
         before, after, control = (judged(hidden, each) for each in found)
         leads = (lead(hidden, found[0]), lead(hidden, found[1]), lead(hidden, found[2]))
         return Outcome(
@@ -235,7 +232,7 @@ def trial(number: int, seed: int) -> Outcome:
             after,
             control,
             leads,
-            max(criterion_difference(base_fit, each.fit) for each in first),
+            max(each.gain for each in first),
             weakest.decisive,
             weakest.kelvin,
             experiment.separates,

@@ -12,8 +12,8 @@ import tempfile
 import time
 from pathlib import Path
 
-from lptn.diagnose.diagnosis import Question, common_columns, for_search, refit
-from lptn.diagnose.evidence import Likelihood, possible_effects
+from lptn.diagnose.candidates import candidates
+from lptn.diagnose.diagnosis import examine, for_search, refit
 from lptn.diagnose.fit_statistics import criterion_difference
 from lptn.identify.data import DataSplit, load_model, split_data
 from lptn.identify.fitting import Fit
@@ -36,7 +36,8 @@ def hour(effect: str, at: str, seed: int) -> tuple[Model, DataSplit]:
 
 def brute_force(base: Fit, data: DataSplit, most: int | None) -> tuple[list[tuple[float, tuple[str, str]]], int, float]:
     """Each candidate's gain, best first; how many there are; and the CPU time for all, from those that were run."""
-    found = possible_effects(base, common_columns(data))
+    columns = set.intersection(*(set(segment.run.columns) for segment in data.fit))
+    found = candidates(base.model.network, columns, [segment.run.name for segment in data.fit])
     picked = found if most is None else found[:: max(1, len(found) // most)]
     start = time.process_time()
     gains = []
@@ -61,7 +62,7 @@ def main() -> None:
     start = time.process_time()
     base = fit_segments(model, coarse.fit)
     fitted = time.process_time()
-    found = Question(Likelihood(base, common_columns(coarse)), coarse).ask(base)
+    found = examine(base, coarse)
     ours = time.process_time() - fitted
     print(f"baseline fit {fitted - start:.1f} s; diagnosis {ours:.1f} s: {found.verdict}, {found.refits[0].key}")
     gains, count, spent = brute_force(base, coarse, chosen.most)

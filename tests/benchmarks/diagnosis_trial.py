@@ -83,7 +83,7 @@ class Result:
         steps: effect and place of each step.
         group: names that the first step can't be told from, itself included.
         holdout: held-out RMSE of each step, the given model first [K].
-        probability: that anything is missing, of the effects that were refitted on the model as given.
+        p_value: of the best candidate: how often chance alone would score as much.
         off: fitted minus true amplitude in standard errors, where the one hidden effect was named and both share it.
         seconds: CPU time of the search.
     """
@@ -94,7 +94,7 @@ class Result:
     steps: list[Key]
     group: list[Key]
     holdout: list[float]
-    probability: float
+    p_value: float
     off: float | None
     seconds: float
 
@@ -118,9 +118,10 @@ def _result(case: Case, history: History, seconds: float) -> Result:
     steps = [(step.effect, step.at) for step in history.steps[1:] if step.effect and step.at]
     group = [*steps[:1], *(history.steps[1].indistinguishable if steps else ())]
     holdout = [step.holdout.rmse for step in history.steps if step.holdout]
-    probability = sum(step.probability for step in history.first.refits)
+    best = max((score.gain for score in history.first.scores.ranked), default=0.0)
+    p_value = history.first.scores.p_value(best)
     return Result(
-        case, history.verdict, history.remaining, steps, group, holdout, probability, _off(case, history), seconds
+        case, history.verdict, history.remaining, steps, group, holdout, p_value, _off(case, history), seconds
     )
 
 
@@ -217,11 +218,11 @@ def summary(results: Sequence[Result]) -> str:
 
 
 def _calibration(results: Sequence[Result]) -> str:
-    """Stated probabilities and intervals against what happened."""
+    """Stated p-values and intervals against what happened."""
     clean = [done for done in results if done.case.tier == "clean"]
-    nothing = [done.probability for done in clean if not done.case.hidden]
+    nothing = [done.p_value for done in clean if not done.case.hidden]
     off = [abs(done.off) for done in clean if done.off is not None]
-    alarms = ", ".join(f"{sum(p >= level for p in nothing)} said at {level:g} or more" for level in (0.95, 0.9, 0.5))
+    alarms = ", ".join(f"{sum(p <= level for p in nothing)} at p <= {level:g}" for level in (0.05, 0.1, 0.2))
     inside = ", ".join(f"{sum(o <= width for o in off)} within {width:g} SE" for width in (1.0, 1.96, 3.0))
     return f"calibration: nothing hidden, {len(nothing)} cases: {alarms}; sizes, {len(off)} cases: {inside}"
 
@@ -233,8 +234,8 @@ def _read(out: Path) -> list[Result]:
     for line in out.read_text(encoding="utf-8").splitlines():
         table = json.loads(line)
         case = table["case"] | {"hidden": tuple(table["case"]["hidden"])}
-        if "p_value" in table:
-            raise ValueError(f"{out}: written by a version that stated p-values; give another file")
+        if "rungs" in table:  # the name of steps in older files
+            table["steps"] = table.pop("rungs")
         keys = {name: [(one, other) for one, other in table[name]] for name in ("steps", "group")}
         found.append(Result(**(table | keys | {"case": Case(**case)})))
     return found

@@ -13,21 +13,11 @@ from lptn.effects import catalogue
 
 def _score(at: str, gain: float, direction: list[float]) -> Score:
     candidate = Candidate(catalogue()["constant_heat"], at, (at,))
-    return Score(
-        candidate,
-        log_prior=0.0,
-        log_bayes_factor=0.5 * gain,
-        gain=gain,
-        amplitude=1.0,
-        shape=None,
-        direction=np.array(direction),
-        per_unit=1.0,
-        precision=1.0,
-    )
+    return Score(candidate, gain, 1.0, None, np.array(direction), 1.0)
 
 
 def _scores(*ranked: Score) -> Scores:
-    return Scores(list(ranked), NoiseLevel({}, {}), {})
+    return Scores(list(ranked), np.ones(20), NoiseLevel({}, {}), {}, 0.0)
 
 
 def test_the_matrix_holds_the_sizes_of_correlations() -> None:

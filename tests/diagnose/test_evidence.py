@@ -16,9 +16,10 @@ from scipy.stats import norm
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.diagnose.candidates import Candidate, candidates
-from lptn.diagnose.diagnosis import Question, Step, refit
+from lptn.diagnose.diagnosis import Step, refit
 from lptn.diagnose.evidence import (
     AMPLITUDES,
+    LACKING_SOMETHING,
     Amplitude,
     DiscrepancyLevel,
     Level,
@@ -26,12 +27,11 @@ from lptn.diagnose.evidence import (
     Whitening,
     levels_of,
     log_bayes_factors,
+    log_priors,
     together,
 )
 from lptn.diagnose.fit_statistics import NEGLIGIBLE
-from lptn.diagnose.improvement import _Search
-from lptn.diagnose.scores import LACKING_SOMETHING, log_priors
-from lptn.effects import catalogue
+from lptn.diagnose.improvement import _pruned
 from lptn.identify.data import DataSplit, split_data
 from lptn.identify.fitting import Fit
 from lptn.identify.noise import Noise
@@ -431,15 +431,7 @@ def test_probabilities_are_as_often_right_as_they_state() -> None:
     assert np.mean((stated - present) ** 2) < 0.2
 
 
-# --- Fits that are no answers, and edges that later effects need -------------------------------------
-
-
-def test_a_fit_that_ends_at_a_bound_is_no_answer(given_fit: Fit) -> None:
-    kind = catalogue()["constant_heat"]
-    narrow = replace(kind.parameters[0], bounds=(0.0, 0.5), value=0.4, typical=0.4)
-    declared = EffectDeclaration(kind(), "b", (narrow,))
-    assert Step(refit(given_fit, declared), declared).at_bounds == ("constant_heat.power.b",)
-    assert Step(refit(given_fit, ADDED), ADDED).at_bounds == Step(given_fit).at_bounds == ()
+# --- Edges that later effects need ---------------------------------------------------------------------
 
 
 def test_an_edge_that_a_later_effect_needs_is_not_pruned() -> None:
@@ -449,13 +441,8 @@ def test_an_edge_that_a_later_effect_needs_is_not_pruned() -> None:
     fits = [fit_segments(Model(two_nodes(HEATED)), data.fit)]
     for each in added:
         fits.append(refit(fits[-1], each))
-    likelihood = Likelihood(fits[0], _columns(fits[0]))
-    search = _Search(Question(likelihood, data, refits=1))
-    evidence = [likelihood.of(done, added[:number]) for number, done in enumerate(fits)]
-    branch = tuple(
-        Step(done, declaration, said) for done, declaration, said in zip(fits, [None, *added], evidence, strict=True)
-    )
-    kept = search.pruned(branch)
+    branch = tuple(Step(done, declaration) for done, declaration in zip(fits, [None, *added], strict=True))
+    kept = _pruned(branch, data, lambda _: None)
     assert {step.key for step in kept[1:]} == {("conduction", "a~b"), ("sensor_position", "a~b")}
     with pytest.raises(InputError):
         fits[-1].model.network.without_effect("conduction", "a~b")

@@ -18,7 +18,6 @@ from scipy.integrate import solve_ivp
 from lptn.basics.arrays import FloatArray
 from lptn.diagnose.candidates import candidates
 from lptn.diagnose.diagnosis import Step, refit_all
-from lptn.diagnose.evidence import Likelihood
 from lptn.diagnose.experiment import CLEAR, Experiment, noise_density, possible_moves, propose
 from lptn.diagnose.fit_statistics import tied
 from lptn.diagnose.scores import score
@@ -121,8 +120,7 @@ def _refits(runs: tuple[Run, ...], keys: tuple[tuple[str, str], ...]) -> list[St
     """Both rivals refitted, the one that explains more first."""
     base = fit_segments(_model(), split_data(runs).fit)
     found = [each for each in candidates(_model().network, runs[0].columns) if each.key in keys]
-    scores = score(base, found, Likelihood(base, runs[0].columns))
-    return sorted(refit_all(base, scores.ranked), key=lambda step: step.fit.cost)
+    return refit_all(base, score(base, found).ranked)
 
 
 @dataclass(frozen=True)

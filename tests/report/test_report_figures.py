@@ -73,7 +73,7 @@ def test_every_axis_has_its_unit(missing: Told) -> None:
     given = _comparison(missing)
     assert _labels(predictions_figure(given, given)) == {"temperature [°C]", ERROR, "time [s]"}
     assert _labels(_figure(plot_history(history))) == {"RMSE [K]"}
-    assert _labels(_figure(plot_ranking(history.first))) == {"log₁₀ of the odds against “nothing is missing” [1]"}
+    assert _labels(_figure(plot_ranking(history.first))) == {"score as a multiple of the chance threshold [1]"}
     (maps,) = condition_figures(given, given)
     assert "RMSE [K]" in _labels(maps)
     titles = [ax.get_title(loc="left") for ax in maps.axes if ax.get_title(loc="left")]

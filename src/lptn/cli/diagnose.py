@@ -21,7 +21,6 @@ from lptn.cli.options import (
 if TYPE_CHECKING:
     from lptn.diagnose.advice import Advice
     from lptn.diagnose.diagnosis import Diagnosis, Step
-    from lptn.diagnose.unexplained_heat import HeatPeak
     from lptn.identify.fitting import Fit
 
 
@@ -56,33 +55,30 @@ def diagnose(
             executor=executor,
         )
         diagnosis, advice = study.diagnose(), study.advise()
-        heat = study.unexplained_stretches()
     show_diagnosis(diagnosis)
-    show_advice(advice, heat)
-    write_json(json, diagnosis.as_json() | advice.as_json() | as_json(heat, diagnosis.refits))
+    show_advice(advice)
+    write_json(json, diagnosis.as_json() | advice.as_json())
 
 
 VERDICTS = {
-    "adequate": "adequate",
+    "adequate": "adequate: what is left is no more than the sensors' noise",
     "missing": "missing something: the catalogue explains most of what the model gets wrong",
-    "unexplained": "unexplained",
+    "unexplained": "unexplained: the model is wrong by more than noise, on fitted runs or held-out ones, and the catalogue "
+    "explains little of it",
 }
-_MOST_STRETCHES = 8  # of unexplained heat, on the terminal
+_FEW = 3  # rivals named in a sentence; all of them stand in the JSON and on the page
 
 
 def show_diagnosis(diagnosis: Diagnosis) -> None:
     """Verdict, and the candidates that were refitted."""
     from lptn.cli.terminal import show_table
-    from lptn.report.text import capitalised, kelvin, percent
-    from lptn.report.verdict import of_fitted_data
+    from lptn.report.text import kelvin
 
+    held_out = f", {kelvin(diagnosis.holdout.rmse)} on the held-out ones" if diagnosis.holdout else ""
     step = diagnosis.fit.problem.bound_runs[0].run.step
     lack = ", ".join(f"{node} {value:.2g}" for node, value in diagnosis.scores.lack_of_fit.items())
     print(f"The model is {VERDICTS[diagnosis.verdict]}.")
-    print(f"{capitalised(of_fitted_data(diagnosis.verdict, diagnosis, diagnosis.probabilities))}.")
-    print(f"RMSE {kelvin(diagnosis.fit.rmse)} on the fitted runs, in steps of {step:g} s.")
-    if diagnosis.holdout:
-        print(f"Held-out runs: RMSE {kelvin(diagnosis.holdout.rmse)}; they decide nothing here.")
+    print(f"RMSE {kelvin(diagnosis.fit.rmse)} on the fitted runs{held_out}, in steps of {step:g} s.")
     print(f"Misfit over one-minute means, 1 being the most that noise would leave: {lack}.")
     show_ambient_bias(diagnosis.fit)
     if not diagnosis.helpful:
@@ -93,12 +89,11 @@ def show_diagnosis(diagnosis: Diagnosis) -> None:
     rows = []
     for finding in diagnosis.helpful:
         errors = kelvin(finding.fit.rmse), kelvin(finding.holdout.rmse if finding.holdout else None)
+        chance = f"{'≤ ' if _is_finest(diagnosis, finding) else ''}{finding.p_value:.2g}"
         same = " ".join(ranks[key] for key in finding.indistinguishable if key in ranks)
-        rows.append((ranks[finding.key], *finding.key, *errors, percent(finding.probability), same))
-    show_table(("rank", "effect", "at", ">fit", ">held out", ">probability", "indistinguishable from"), rows)
-    print(
-        "fit, held out: RMSE once the effect is added. probability: of being what is missing, by the fitted runs alone."
-    )
+        rows.append((ranks[finding.key], *finding.key, *errors, chance, same))
+    show_table(("rank", "effect", "at", ">fit", ">held out", ">p", "indistinguishable from"), rows)
+    print("fit, held out: RMSE once the effect is added. p: how often chance alone would score as high.")
     one_run = any("@" in at for _, at in ranks)
     print(f"at: * is everywhere.{' NODE@RUN is in that run alone.' if one_run else ''} The last column names ranks.")
     if diagnosis.verdict == "missing":
@@ -106,19 +101,23 @@ def show_diagnosis(diagnosis: Diagnosis) -> None:
 
 
 def _show_first(diagnosis: Diagnosis) -> None:
-    """The first answer in words: what, where, how sure, how plausible its size, how much better."""
-    from lptn.report.text import kelvin, named
-    from lptn.report.verdict import certainty, sizes_of
+    """The first answer in words: what, where, how much better, how sure."""
+    from lptn.report.text import kelvin
 
     first = diagnosis.helpful[0]
-    print(f"Missing first of all: {named(*first.key)}; {certainty(first, diagnosis.probabilities)}.")
-    size = sizes_of(first).get(first.key)
-    if size:
-        print(f"Its size: {size.text()}.")
-    text = f"With it the RMSE goes from {kelvin(diagnosis.fit.rmse)} to {kelvin(first.fit.rmse)} on the fitted runs"
+    text = f"Missing first of all: {in_words([first.key])}. With it the RMSE goes from {kelvin(diagnosis.fit.rmse)} to "
+    text += f"{kelvin(first.fit.rmse)} on the fitted runs"
     if diagnosis.holdout and first.holdout:
         text += f", from {kelvin(diagnosis.holdout.rmse)} to {kelvin(first.holdout.rmse)} on the held-out ones"
-    print(f"{text}.")
+    at_most = "at most " if _is_finest(diagnosis, first) else ""
+    text += f". Chance alone would score as high in {at_most}{100 * first.p_value:.2g} % of logs; "
+    same = f"these data can't tell it from {in_words(first.indistinguishable)}" if first.indistinguishable else ""
+    print(f"{text}{same or 'nothing else in the catalogue explains them as well'}.")
+
+
+def _is_finest(diagnosis: Diagnosis, finding: Step) -> bool:
+    """Whether none of the simulated logs scored as much, so that the share by chance is only an upper bound."""
+    return finding.p_value <= (1 + 1e-9) / (1 + len(diagnosis.scores.null_gains))
 
 
 def show_ambient_bias(fit: Fit) -> None:
@@ -128,30 +127,16 @@ def show_ambient_bias(fit: Fit) -> None:
         print(f"Each run, held-out ones too, may have its ambient sensor off by {spread:g} K (standard deviation).")
 
 
-def show_advice(advice: Advice, heat: Sequence[HeatPeak]) -> None:
-    """What to do next, a sentence or two each; before it, where and when heat is unexplained."""
-    from lptn.cli.terminal import show_table
-    from lptn.report.tables import stretch_table
+def show_advice(advice: Advice) -> None:
+    """What to do next, a sentence or two each."""
     from lptn.report.text import for_people
 
-    for differing in advice.differing:
-        print(for_people(differing.text()))
-    if heat:
-        table = stretch_table(heat[:_MOST_STRETCHES])
-        show_table(table.columns, table.rows, "Heat that nothing explains, the surest first (+: the model lacks it):")
-        if len(heat) > _MOST_STRETCHES:
-            print(f"and {len(heat) - _MOST_STRETCHES} more, in the JSON")
-    if advice.experiment is not None:
-        print(for_people(f"Next experiment: {advice.experiment.text()}"))
+    for sentence in advice.sentences:
+        print(for_people(sentence))
 
 
-def as_json(heat: Sequence[HeatPeak], steps: Sequence[Step]) -> dict[str, object]:
-    """All stretches of unexplained heat, and how plausible each step's size is, as other tools read them."""
-    from lptn.report.verdict import sizes_of
+def in_words(keys: Sequence[tuple[str, str]]) -> str:
+    """Effects and their places; of many the first few."""
+    from lptn.report.text import few, named
 
-    # An effect that a later step has too has its size from there.
-    sizes = {key: size for step in steps for key, size in sizes_of(step).items() if key in {each.key for each in steps}}
-    return {
-        "unexplained_stretches": [each.as_json() for each in heat],
-        "sizes": [size.as_json() for size in sizes.values()],
-    }
+    return few([named(*key) for key in keys], _FEW)

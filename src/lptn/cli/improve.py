@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter as Option
 from cyclopts import validators
 
-from lptn.cli.diagnose import VERDICTS, as_json, show_advice, show_ambient_bias
+from lptn.cli.diagnose import VERDICTS, in_words, show_advice, show_ambient_bias
 from lptn.cli.options import (
     AmbientError,
     Holdout,
@@ -70,22 +70,26 @@ def improve(
         )
         study.improve(steps)
         history, advice = study.selection(), study.advise()
-        heat = study.unexplained_stretches()
     show_history(history)
-    show_advice(advice, heat)
+    show_advice(advice)
     if output is not None:
         study.save(output)
-    write_json(json, history.as_json() | advice.as_json() | as_json(heat, history.steps))
+    write_json(json, history.as_json() | advice.as_json())
     if report is not None:
         study.report(report, (typed(),))
     show_written({"the best model": output, "the story; open it in a browser": report})
 
 
+_REMAINING = VERDICTS | {
+    "missing": "still wrong by more than noise; further effects fitted the fitted runs, but did not help elsewhere",
+    "unexplained": "still wrong by more than noise, and the catalogue explains little of the rest",
+}
+
+
 def show_history(history: History) -> None:
     """The steps, from the model as given to the best."""
     from lptn.cli.terminal import show_table
-    from lptn.report.text import capitalised, kelvin, named
-    from lptn.report.verdict import certainties, of_given_model, of_held_out_data, of_last_model, sizes_added
+    from lptn.report.text import kelvin
 
     tested = any(step.test for step in history.steps)
     rows = []
@@ -99,19 +103,26 @@ def show_history(history: History) -> None:
     show_table((*heads, ">test") if tested else heads, rows)
     print(f"fit, held out{', test' if tested else ''}: RMSE on these data; max: the largest error.")
     print(f"The model as given is {VERDICTS[history.verdict]}.")
-    print(f"{capitalised(of_given_model(history))}.")
     if len(history.steps) > 1:
-        text = f"With all that was added, {of_last_model(history)}"
-        better = "predicts the held-out runs better" if history.best.holdout else "is more probable"
-        more = f", but none of the longer models that were tried {better}"
-        print(f"{text}{more if history.remaining == 'missing' else ''}.")
+        print(f"With all that was added it is {_REMAINING[history.remaining]}.")
+    print(_who_chose(history))
     show_ambient_bias(history.best.fit)
-    sizes, sure = sizes_added(history), certainties(history)
     for number, step in enumerate(history.steps):
         if step.effect and step.at:
-            print(f"Step {number}, {named(*step.key)}: {sure[step.key]}.")
-            if step.key in sizes:
-                print(f"  Its size: {sizes[step.key].text()}.")
-    print(of_held_out_data(history) or "No data were held out, so nothing tests the result.")
+            sentence = "nothing else in the catalogue explains the fitted data as well"
+            if step.indistinguishable:
+                sentence = f"the fitted data alone can't tell it from {in_words(step.indistinguishable)}"
+                sentence += "; the held-out data chose" if step.holdout else ""
+            print(f"Step {number}, {in_words([(step.effect, step.at)])}: {sentence}.")
     for warning in history.best.fit.uncertainty.warnings:
         print(f"Warning: {warning}.")
+
+
+def _who_chose(history: History) -> str:
+    """Which data chose the steps, and which only test them."""
+    text = "Effects were chosen on the fitted data."
+    if history.steps[0].holdout:
+        text += f" Held-out data chose among {history.considered} models that were tried, and where to end."
+    else:
+        text += " No data were held out: the steps end by Schwarz's criterion, and nothing tests them."
+    return text + (" Test data chose nothing." if history.steps[0].test else "")

@@ -1,15 +1,13 @@
-"""The decision what a model lacks: every effect of the catalogue tried, the most probable refitted, a verdict.
+"""The decision what a model lacks: every effect of the catalogue scored, the best few refitted, a verdict.
 
 1. The model is fitted as it stands, on means over 5 s.
-2. Every effect at every place is tried to first order at that fit (`lptn.diagnose.scores`): by what factor would it
-   raise the probability of the readings, and how often is such a thing met?
-3. The most probable are refitted exactly, everything else free, and their evidence is worked out again at the refit
-   (`lptn.diagnose.evidence`), beside that of the model as it stands.
-4. These are probabilities: of each effect at its place, and of nothing being missing. Names that share the probability
-   are one answer.
-5. The verdict is on the fitted data: `"adequate"` if nothing is missing, with what is left too small to matter;
-   `"missing"` if an effect, or a few together, account for most of what the model leaves; else `"unexplained"`. How
-   held-out runs agree is said beside it. A model that they contradict is not called adequate.
+2. Every effect at every place is scored to first order at that fit (`lptn.diagnose.scores`), and what chance alone
+   would score is simulated.
+3. The best of those beyond chance are refitted exactly, everything else free.
+4. They are ordered by Schwarz's criterion. Those that explain the data equally well are one answer with several
+   names: typical sizes come first, then few parameters; names that held-out runs speak against come last.
+5. The verdict: `"adequate"` if nothing is beyond noise and nothing helps; `"missing"` if the best candidate, or three
+   one after the other, remove most of the misfit, on held-out runs too; else `"unexplained"`.
 """
 
 from __future__ import annotations
@@ -18,20 +16,26 @@ import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
-from math import exp, log
+from math import log2
 from typing import Literal
 
 import numpy as np
 import pandas as pd
 
 from lptn.basics.arrays import FloatArray
-from lptn.basics.parameters import Parameter
 from lptn.basics.tables import Tabular
 from lptn.diagnose.candidates import with_ambient_bias
-from lptn.diagnose.evidence import Evidence, Likelihood, possible_effects
-from lptn.diagnose.fit_statistics import NEGLIGIBLE, explained_share
+from lptn.diagnose.evidence import possible_effects
+from lptn.diagnose.fit_statistics import (
+    LACKING,
+    TIE,
+    criterion_difference,
+    explained_share,
+    lack_of_fit,
+    tied,
+)
 from lptn.diagnose.scores import Score, Scores, score
-from lptn.identify.comparison import Errors, predict
+from lptn.identify.comparison import Errors
 from lptn.identify.data import DataSplit
 from lptn.identify.fitting import Fit, finished, fit
 from lptn.identify.problem import Point
@@ -56,24 +60,20 @@ class Step(Tabular):
     Args:
         fit: of the model with the effect.
         declaration: the effect as added; `None` for the model as given.
-        evidence: what the fitted readings say for the model; `None` where it was not asked.
-        log_prior: logarithm of the prior odds that the model before it lacks this effect, against nothing.
-        log_odds: logarithm of these odds once the fitted readings are known.
-        probability: that it is what the model before it lacks, among all that was tried and nothing.
+        gain: by how much the information criterion prefers it to the model before it.
+        size: the effect's amplitude in units of its typical size, when it was compared with other candidates.
+        p_value: how often chance alone would score as much, over all candidates.
         indistinguishable: candidates that the fitted data can't tell from it.
-        log_predictive: logarithm of the probability that the model gives held-out runs, 0 without any.
         holdout: errors on held-out runs, `None` without any.
         test: errors on runs that chose nothing, `None` without any.
     """
 
     fit: Fit
     declaration: EffectDeclaration | None = None
-    evidence: Evidence | None = None
-    log_prior: float = 0.0
-    log_odds: float = 0.0
-    probability: float = 0.0
+    gain: float = 0.0
+    size: float = 1.0
+    p_value: float = 1.0
     indistinguishable: tuple[Key, ...] = ()
-    log_predictive: float = 0.0
     holdout: Errors | None = None
     test: Errors | None = None
 
@@ -112,31 +112,9 @@ class Step(Tabular):
         return self.fit.to_pandas()
 
     @property
-    def p_value(self) -> float:
-        """Probability that nothing is missing, where this is the only alternative."""
-        return 1.0 / (1.0 + exp(min(self.log_odds, _LARGEST_EXPONENT)))
-
-    @property
-    def at_bounds(self) -> tuple[str, ...]:
-        """Names of the effect's own parameters that ended at a bound: there a fit has no curvature to speak of."""
-        declared = self.declaration
-        owned = {f"{declared.name}.{each.name}.{declared.where}" for each in declared.parameters} if declared else set()
-        free = [(self.fit.model.parameters[index], index) for index in self.fit.problem.free]
-        values = self.fit.point.values
-        return tuple(
-            each.name for each, index in free if each.name in owned and _is_at_a_bound(values[index], each.declared)
-        )
-
-
-_LARGEST_EXPONENT = 700.0  # of a double
-
-
-def _is_at_a_bound(value: float, declared: Parameter) -> bool:
-    near = _AT_BOUND * max(abs(declared.typical), abs(value))
-    return any(abs(value - bound) <= near for bound in declared.bounds if bound != declared.off and np.isfinite(bound))
-
-
-_AT_BOUND = 1e-3  # share of a value; no fit tells a parameter from its bound by less
+    def unusual(self) -> int:
+        """By how many factors of two the size differs from the typical one; constants of materials hardly vary."""
+        return round(abs(log2(max(abs(self.size), 1e-6))))
 
 
 @dataclass(frozen=True, repr=False)
@@ -144,45 +122,29 @@ class Diagnosis(Tabular):
     """What a fitted model lacks.
 
     Args:
-        verdict: on the fitted data. `"adequate"`: nothing that matters; `"missing"`: an effect of the catalogue, or a
-            few together, account for most of the misfit; `"unexplained"`: misfit that the catalogue does not remove.
+        verdict: `"adequate"`: within the noise; `"missing"`: an effect of the catalogue, or a few together,
+            remove most of the misfit; `"unexplained"`: misfit that the catalogue does not remove.
         fit: the fitted baseline.
-        evidence: what the fitted readings say for it.
         holdout: its errors on held-out runs, `None` without any.
         scores: all candidates, scored.
-        refits: those that were refitted, most probable first.
-        nothing: probability that nothing is missing, among all candidates.
+        refits: those that were refitted, best first.
     """
 
     verdict: Verdict
     fit: Fit
-    evidence: Evidence
     holdout: Errors | None
     scores: Scores
     refits: tuple[Step, ...]
-    nothing: float = 1.0
 
     @property
     def helpful(self) -> tuple[Step, ...]:
-        """The refits that are worth a line: no less probable than one in a hundred against nothing being missing."""
-        return tuple(step for step in self.refits if step.log_odds > -log(_NO_ANSWER))
+        """The refits that lower the misfit; the score promised as much of the others, their refit did not keep it."""
+        return tuple(step for step in self.refits if step.fit.cost < (1 - _HELPS) * self.fit.cost)
 
     @property
     def best(self) -> Step | None:
         """The first answer, `None` where no candidate helps."""
         return self.helpful[0] if self.helpful else None
-
-    @property
-    def unnamed_log_odds(self) -> float:
-        """Logarithm of the odds, against nothing, of all candidates that were not refitted."""
-        named = self.nothing + sum(step.probability for step in self.refits)
-        return log(max(1.0 - named, _LEAST_SHARE)) - log(max(self.nothing, _LEAST_SHARE))
-
-    @property
-    def probabilities(self) -> list[tuple[Key | None, float]]:
-        """Probability of each refitted effect being what is missing, and of nothing (`None`), the largest first."""
-        listed: list[tuple[Key | None, float]] = [(step.key, step.probability) for step in self.refits]
-        return sorted([*listed, (None, self.nothing)], key=lambda each: -each[1])
 
     @property
     def summary(self) -> str:
@@ -194,19 +156,19 @@ class Diagnosis(Tabular):
         return f"{self.verdict}: {error}{answer}"
 
     def to_pandas(self) -> pd.DataFrame:
-        """A row for each answer, the most probable first: effect, place, errors [K] with it, and its other names."""
+        """A row for each answer, the best first: effect, place, errors [K] with it, p-value, and its other names."""
         rows = [
             {
                 "effect": step.effect,
                 "place": step.at,
                 "RMSE fitted [K]": step.fit.rmse,
                 "RMSE held out [K]": step.holdout.rmse if step.holdout else math.nan,
-                "probability": step.probability,
+                "p": step.p_value,
                 "indistinguishable from": ", ".join(f"{effect} at {place}" for effect, place in step.indistinguishable),
             }
             for step in self.helpful
         ]
-        columns = ["effect", "place", "RMSE fitted [K]", "RMSE held out [K]", "probability", "indistinguishable from"]
+        columns = ["effect", "place", "RMSE fitted [K]", "RMSE held out [K]", "p", "indistinguishable from"]
         table = pd.DataFrame(rows, columns=columns)
         return table if self.holdout else table.drop(columns="RMSE held out [K]")
 
@@ -221,7 +183,6 @@ class Diagnosis(Tabular):
                 "rmse_fit": step.fit.rmse,
                 "rmse_holdout_before": before,
                 "rmse_holdout_after": None if step.holdout is None else step.holdout.rmse,
-                "probability": step.probability,
                 "p_value": step.p_value,
                 "indistinguishable_from": [list(other) for other in step.indistinguishable],
                 "separate_by": step.declaration.effect.signature.separate_by if step.declaration else "",
@@ -233,28 +194,19 @@ class Diagnosis(Tabular):
             "rmse_fit": self.fit.rmse,
             "rmse_holdout": before,
             "lack_of_fit": self.scores.lack_of_fit,
-            "discrepancy": self.evidence.discrepancy,
-            "probabilities": probabilities_as_json(self.probabilities),
             "candidates": listed,
         }
-
-
-def probabilities_as_json(probabilities: Sequence[tuple[Key | None, float]]) -> list[dict[str, object]]:
-    """Effect, place and probability of each answer; `null` for nothing being missing."""
-    pairs = [(key or (None, None), probability) for key, probability in probabilities]
-    return [{"effect": effect, "at": at, "probability": probability} for (effect, at), probability in pairs]
 
 
 # --- The procedure --------------------------------------------------------------------------------
 
 
+SIGNIFICANT = 0.05
+"""A score that chance alone reaches less often than this is beyond chance."""
 _SEARCH_STEP = 5.0  # s; effects are sought on means over so long, which loses little and saves most of the time
 _MOST_STEPS = 4000  # of all fitted runs together: days of data get longer means, so that memory stays bounded
-_MOST_REFITS = 6  # the most probable by score; the best places of further effects come on top
-_LEAST_SHARE = 1e-300  # of a probability; its logarithm stays finite
-_NO_ANSWER = 100.0  # odds against an effect from which on it is not listed as an answer
-CREDIBLE = 20.0
-"""Odds within which the data do not tell two answers apart: strong evidence begins above them [KassRaftery1995]."""
+_MOST_REFITS = 6  # the best by score; the best places of further effects come on top
+_HELPS = 1e-3  # share of the misfit that a refit must remove to be worth a line
 
 
 def diagnose(
@@ -266,7 +218,7 @@ def diagnose(
     executor: Executor | None = None,
     report: Report = lambda _: None,
 ) -> Diagnosis:
-    """Fit the model, score every candidate, refit the most probable, and judge.
+    """Fit the model, score every candidate, refit the best few, and judge.
 
     Args:
         model: the model to question.
@@ -283,18 +235,11 @@ def diagnose(
     model = with_ambient_bias(model, data, ambient_error)
     report("fitting the model as it stands")
     base = unless_interrupted(fit_segments(model, coarse.fit))
-    question = Question(Likelihood(base, common_columns(coarse)), coarse, refits, executor, report)
-    diagnosis = question.ask(base)
-    if diagnosis.verdict == "unexplained" and diagnosis.best:
+    diagnosis = examine(base, coarse, refits=refits, executor=executor, report=report)
+    if diagnosis.verdict == "unexplained" and diagnosis.refits:
         report("looking for several effects at once")
-        last, added = diagnosis, []
-        for _ in range(_TOGETHER - 1):
-            if last.best is None or last.best.declaration is None:
-                break
-            added.append(last.best.declaration)
-            last = question.ask(last.best.fit, added)
-        reached = last.best or Step(last.fit, evidence=last.evidence)
-        return replace(diagnosis, verdict="missing") if explains_most(diagnosis, reached) else diagnosis
+        if _three_together_explain(diagnosis, coarse, refits, executor):
+            return replace(diagnosis, verdict="missing")
     return diagnosis
 
 
@@ -304,165 +249,127 @@ def for_search(data: DataSplit) -> DataSplit:
     return data.coarsened(max(_SEARCH_STEP, seconds / _MOST_STEPS))
 
 
-def common_columns(data: DataSplit) -> set[str]:
-    """Log columns that all fitted runs have."""
-    return set.intersection(*(set(segment.run.columns) for segment in data.fit))
-
-
-@dataclass(frozen=True)
-class Question:
-    """The question what a model lacks, asked of any fitted model of the same readings.
-
-    Args:
-        likelihood: of the readings.
-        data: in the steps of the search.
-        refits: how many candidates to refit at least.
-        executor: where refits run; here, one after the other, by default.
-        report: called with a sentence on what is being done.
-    """
-
-    likelihood: Likelihood
-    data: DataSplit
-    refits: int = _MOST_REFITS
-    executor: Executor | None = None
-    report: Report = lambda _: None
-
-    def ask(self, base: Fit, added: Sequence[EffectDeclaration] = ()) -> Diagnosis:
-        """What a fitted model lacks.
-
-        Args:
-            base: the fit.
-            added: effects that its model has beyond the one that was given.
-        """
-        possible = possible_effects(base, common_columns(self.data))
-        self.report(f"scoring {len(possible)} candidates")
-        scores = score(base, possible, self.likelihood, added)
-        alone = self.likelihood.of(base, added)
-        worthwhile = _shortlist(scores, self.refits)
-        self.report(f"refitting {len(worthwhile)} of them")
-        steps = self._judged(refit_all(base, worthwhile, self.executor), worthwhile, alone, added)
-        refitted = {step.key for step in steps}
-        left = [each.log_odds for each in scores.ranked if each.candidate.key not in refitted]
-        total = float(np.logaddexp.reduce([0.0, *(step.log_odds for step in steps), *left]))
-        steps = [self.on_held_out(step) for step in _shared(steps, total)]
-        holdout = holdout_errors(base, self.data.holdout)
-        return _judged(Diagnosis("unexplained", base, alone, holdout, scores, tuple(steps), exp(-total)))
-
-    def on_held_out(self, step: Step) -> Step:
-        """A step with what held-out runs say of its fit."""
-        if not self.data.holdout:
-            return step
-        predictions = [predict(step.fit.model, each, step.fit.problem.sigma) for each in self.data.holdout]
-        errors = Errors.of(np.concatenate([each.error.ravel() for each in predictions]))
-        return replace(step, holdout=errors, log_predictive=self.likelihood.of_predictions(predictions))
-
-    def _judged(
-        self,
-        steps: Sequence[Step],
-        scores: Sequence[Score],
-        alone: Evidence,
-        added: Sequence[EffectDeclaration],
-    ) -> list[Step]:
-        """The refits with their evidence, the most probable first; none that ended at a bound."""
-        judged = []
-        for step, each in zip(steps, scores, strict=True):
-            if step.declaration is None or step.at_bounds:
-                continue
-            evidence = self.likelihood.of(step.fit, [*added, step.declaration])
-            odds = evidence.log_evidence - alone.log_evidence + each.log_prior
-            judged.append(replace(step, evidence=evidence, log_prior=each.log_prior, log_odds=odds))
-        return sorted(judged, key=lambda step: -step.log_odds)
-
-
-def _shared(steps: Sequence[Step], total: float) -> list[Step]:
-    """The steps with their probabilities, and with the names that they share them with.
-
-    Args:
-        steps: with their odds.
-        total: logarithm of the sum of the odds of all candidates and nothing.
-    """
-    return [
+def examine(
+    base: Fit,
+    data: DataSplit,
+    *,
+    refits: int = _MOST_REFITS,
+    executor: Executor | None = None,
+    report: Report = lambda _: None,
+) -> Diagnosis:
+    """`diagnose` for a model that is fitted already, on data of the step it was fitted with."""
+    columns = set.intersection(*(set(segment.run.columns) for segment in data.fit))
+    possible = possible_effects(base, columns)
+    report(f"scoring {len(possible)} candidates")
+    scores = score(base, possible)
+    worthwhile = _shortlist(scores, refits)
+    report(f"refitting {len(worthwhile)} of them")
+    steps = refit_all(base, worthwhile, executor)
+    gains = {each.candidate.key: each.gain for each in worthwhile}
+    judged = [
         replace(
             step,
-            probability=exp(step.log_odds - total),
+            p_value=scores.p_value(gains[step.key]),
             indistinguishable=tuple(
-                other.key
-                for other in steps
-                if other is not step and abs(other.log_odds - step.log_odds) < log(CREDIBLE)
+                other.key for other in steps if other is not step and _indistinguishable(step, other)
             ),
+            holdout=holdout_errors(step.fit, data.holdout),
         )
         for step in steps
     ]
+    ordered = _holdout_decides(judged)
+    holdout = holdout_errors(base, data.holdout)
+    return Diagnosis(_verdict(base, holdout, scores, ordered), base, holdout, scores, tuple(ordered))
 
 
 # --- Refits: the score is a first-order guess, the refit is what counts ---------------------------
 
 
 _ITERATIONS, _PRECISION = 25, 3e-4  # of the cost: enough to rank; the step that is kept is fitted to the end
-_SAME_EFFECT_SHARE = 0.2  # the best place of an effect is refitted if its log Bayes factor is so much of the best
+_SAME_EFFECT_SHARE = 0.2  # the best place of an effect is refitted if it scores so much of the best gain
+_HOPELESS = 1.5  # times the misfit of the most promising candidate
 _NEAR = 1.3  # times the least misfit; a fit that was cut off so near to it may yet reach it
 _TYPICAL_RANGE = (0.02, 20.0)  # first-order amplitudes outside this share of the typical size are not trusted
 
 
 def _shortlist(scores: Scores, most: int) -> list[Score]:
-    """The candidates worth an exact refit: the most probable, and the best place of every effect that scores well.
+    """The candidates worth an exact refit: the best few, and the best place of every effect that scores well.
 
-    None that is a hundred times less probable than nothing, or too small to matter. Effects with an inner state look
-    the same to first order, so each effect gets its chance.
+    None that chance alone would score. Effects with an inner state look the same to first order, so each effect
+    gets its chance.
     """
-    possible = [each for each in scores.worthwhile if each.log_odds > -log(_NO_ANSWER)]
-    chosen = possible[:most]
+    significant = [each for each in scores.ranked if scores.p_value(each.gain) < SIGNIFICANT]
+    chosen = significant[:most]
     effects = {each.candidate.effect for each in chosen}
-    for each in possible[most:]:
-        comparable = each.log_bayes_factor > _SAME_EFFECT_SHARE * chosen[0].log_bayes_factor
-        if comparable and each.candidate.effect not in effects:
+    for each in significant[most:]:
+        if chosen and each.gain < _SAME_EFFECT_SHARE * chosen[0].gain:
+            break
+        if each.candidate.effect not in effects:
             effects.add(each.candidate.effect)
             chosen.append(each)
     return chosen
 
 
 def refit_all(base: Fit, scores: Sequence[Score], executor: Executor | None = None) -> list[Step]:
-    """Refit each candidate, in the order given.
+    """Refit each candidate; the one that explains most comes first, equals by how plausible they are.
 
     Args:
         base: the fitted baseline.
-        scores: candidates with their first-order sizes.
+        scores: candidates with their first-order sizes, the most promising first.
         executor: where to run them; here, one after the other, by default.
     """
     if not scores:
         return []
     run = executor.map if executor else map
-    steps = list(run(_refitted, [(base, each) for each in scores]))
+    # What has no hope to come near the most promising one is not fitted to the end.
+    steps = [_refitted((base, scores[0], np.inf))]
+    steps += run(_refitted, [(base, each, _HOPELESS * steps[0].fit.cost) for each in scores[1:]])
     # A large effect is a long way from the baseline; cut off, it would seem worse than another name for the same.
     near = _NEAR * min(step.fit.cost for step in steps)
     cut_off = [k for k, step in enumerate(steps) if step.fit.status == "not converged" and step.fit.cost <= near]
     for k, longer in zip(cut_off, run(finished, [steps[k].fit for k in cut_off]), strict=True):
-        steps[k] = replace(steps[k], fit=unless_interrupted(longer))
-    return steps
+        steps[k] = _step(base, steps[k].declaration, unless_interrupted(longer))
+    return _plausible_first(sorted(steps, key=lambda step: -step.gain))
 
 
-def _refitted(task: tuple[Fit, Score]) -> Step:
+def _refitted(task: tuple[Fit, Score, float]) -> Step:
     """One candidate from its first-order size; one argument, so that any executor's `map` takes it."""
-    base, score = task
+    base, score, rival = task
+    amplitude = score.candidate.effect.amplitude()
     size = None
-    if score.candidate.effect.amplitude() is not None:
+    if amplitude is not None:
         least, most = (share * score.candidate.typical for share in _TYPICAL_RANGE)
         size = float(np.sign(score.amplitude) * np.clip(abs(score.amplitude), least, most))
     declaration = score.candidate.declaration(size, score.shape)
-    return Step(refit(base, declaration), declaration)
+    return _step(base, declaration, refit(base, declaration, rival))
 
 
-def refit(base: Fit, declaration: EffectDeclaration) -> Fit:
-    """The baseline and one more effect, started from the baseline's solution."""
-    return continued(base, base.model.network.with_effects([declaration]))
+def _step(base: Fit, declaration: EffectDeclaration | None, done: Fit) -> Step:
+    return Step(done, declaration, criterion_difference(base, done), _size(declaration, done))
 
 
-def continued(base: Fit, network: Network) -> Fit:
+def _size(declaration: EffectDeclaration | None, done: Fit) -> float:
+    """The fitted amplitude of an added effect in units of its typical size, 1 for one without an amplitude."""
+    amplitude = declaration.effect.amplitude() if declaration else None
+    if declaration is None or amplitude is None:
+        return 1.0
+    name = f"{declaration.name}.{amplitude.name}."
+    fitted = next(each for each in done.model.parameters if each.name.startswith(name))
+    return fitted.value / fitted.declared.typical
+
+
+def refit(base: Fit, declaration: EffectDeclaration, rival: float = np.inf) -> Fit:
+    """The baseline and one more effect, started from the baseline's solution; `rival` as for `identify.fit`."""
+    return continued(base, base.model.network.with_effects([declaration]), rival)
+
+
+def continued(base: Fit, network: Network, rival: float = np.inf) -> Fit:
     """Fit a network that differs from a fitted one by some effects, started from its solution; as far as ranking needs.
 
     Args:
         base: the fit to start from.
         network: the network to fit, to the same readings.
+        rival: a cost to beat; a fit that has no hope of it ends, with status `"given up"`.
 
     Raises:
         KeyboardInterrupt: Ctrl-C ended the fit.
@@ -483,6 +390,7 @@ def continued(base: Fit, network: Network) -> Fit:
             sigma=problem.sigma,
             guess=Point(values, starts),
             iterations=_ITERATIONS,
+            rival=rival,
             precision=_PRECISION,
         )
     )
@@ -505,24 +413,62 @@ def unless_interrupted(done: Fit) -> Fit:
     return done
 
 
+# --- The order of the answers ---------------------------------------------------------------------
+
+
+MUCH_WORSE = 1.2
+"""Times the least held-out error: too much for any scatter to excuse."""
+_COMPARABLE = 0.5  # share of the best gain below which no scatter makes two candidates indistinguishable
+
+
+def _indistinguishable(one: Step, other: Step) -> bool:
+    """Whether two refits of one baseline are one answer with two names."""
+    less, more = sorted((one.gain, other.gain))
+    return more - less <= TIE or (less >= _COMPARABLE * more and tied(one.fit, other.fit))
+
+
+def _plausible_first(steps: list[Step]) -> list[Step]:
+    """Of those that explain the data as well as the best does, typical sizes come first, then few parameters."""
+    level = [step for step in steps if _indistinguishable(step, steps[0])]
+    rest = [step for step in steps if step not in level]
+    return [*sorted(level, key=lambda step: (step.unusual, step.parameters, -step.gain)), *rest]
+
+
+def _holdout_decides(steps: list[Step]) -> list[Step]:
+    """Of names for the first answer those come last that held-out runs speak against."""
+    if not steps or steps[0].holdout is None:
+        return steps
+    names = {steps[0].key, *steps[0].indistinguishable}
+    least = min(step.holdout.rmse for step in steps if step.holdout and step.key in names)
+
+    def order(step: Step) -> int:
+        if step.key not in names:
+            return 2
+        return int(step.holdout is not None and step.holdout.rmse > MUCH_WORSE * least)
+
+    return sorted(steps, key=order)
+
+
 # --- The verdict ----------------------------------------------------------------------------------
 
 
-_TOGETHER = 3  # effects that may account for the misfit together
-_MOST = 0.5  # share of the fitted misfit beyond noise that must go with what is added
+_MOST_BY_ONE, _MOST_BY_THREE = 0.6, 0.8  # shares of the misfit beyond noise that are most of it
+_ELSEWHERE = 0.3  # share of the held-out error, squared and beyond noise, that must go with it
+_SILENT = 1.1  # mean squares so little above the noise show nothing that could go
+_CONTRADICTED = 2.0  # times the larger of noise and fitted error, from which on held-out runs speak against a model
 _RUNS_DIFFER = 0.3  # K; two runs differ by so much in their air and sensors alone, see `Effect.in_every_log`
-_CONTRADICTED = 2.0  # times the larger of noise and fitted error, from which on a held-out error speaks against a model
 
 
-def explains_most(before: Diagnosis, after: Step) -> bool:
-    """Whether a larger model removes most of the misfit beyond noise, or leaves nothing that matters."""
-    small = after.evidence is not None and is_small(after.evidence)
-    return small or explained_share(before.fit, after.fit, before.scores.noise) > _MOST
-
-
-def is_small(evidence: Evidence) -> bool:
-    """Whether what nothing explains is too little to look for an effect in."""
-    return evidence.discrepancy < NEGLIGIBLE
+def _verdict(base: Fit, holdout: Errors | None, scores: Scores, steps: Sequence[Step]) -> Verdict:
+    lacking = any(value > LACKING for value in scores.lack_of_fit.values())
+    helps = bool(steps) and steps[0].gain > TIE  # only candidates beyond chance were refitted
+    if not lacking and not helps:
+        return "unexplained" if contradicted(base, holdout) else "adequate"
+    if not steps or not explained_elsewhere(base, holdout, steps[0].holdout):
+        return "unexplained"
+    best = steps[0].fit
+    nothing_left = all(value <= LACKING for value in lack_of_fit(best, scores.noise).values())
+    return "missing" if nothing_left or explained_share(base, best, scores.noise) > _MOST_BY_ONE else "unexplained"
 
 
 def contradicted(base: Fit, holdout: Errors | None) -> bool:
@@ -533,12 +479,29 @@ def contradicted(base: Fit, holdout: Errors | None) -> bool:
     return holdout.rmse > max(_CONTRADICTED * max(floor, base.rmse), _RUNS_DIFFER)
 
 
-def _judged(diagnosis: Diagnosis) -> Diagnosis:
-    """The diagnosis with its verdict."""
-    verdict: Verdict
-    if not diagnosis.refits or diagnosis.refits[0].log_odds < 0:
-        agreed = not contradicted(diagnosis.fit, diagnosis.holdout)
-        verdict = "adequate" if agreed and is_small(diagnosis.evidence) else "unexplained"
-    else:
-        verdict = "missing" if explains_most(diagnosis, diagnosis.refits[0]) else "unexplained"
-    return replace(diagnosis, verdict=verdict)
+def explained_elsewhere(base: Fit, before: Errors | None, after: Errors | None) -> bool:
+    """Whether enough of the held-out error beyond noise goes, too; true where nothing is held out, or shows it.
+
+    Args:
+        base: the smaller model's fit, with the sensors' noise.
+        before: its errors on held-out runs.
+        after: those of the larger model.
+    """
+    if before is None or after is None:
+        return True
+    floor = float(np.mean(base.noise.floor**2))
+    if before.rmse**2 < _SILENT * floor:
+        return after.rmse <= before.rmse
+    return before.rmse**2 - after.rmse**2 > _ELSEWHERE * max(before.rmse**2 - floor, 0.0)
+
+
+def _three_together_explain(first: Diagnosis, data: DataSplit, refits: int, executor: Executor | None) -> bool:
+    """Whether three effects, each the best after the one before, remove what one alone can't."""
+    last = first
+    for _ in range(2):
+        if not last.refits:
+            break
+        last = examine(last.refits[0].fit, DataSplit(data.fit), refits=refits, executor=executor)
+    done = last.refits[0].fit if last.refits else last.fit
+    enough = explained_share(first.fit, done, first.scores.noise) > _MOST_BY_THREE
+    return enough and explained_elsewhere(first.fit, first.holdout, holdout_errors(done, data.holdout))

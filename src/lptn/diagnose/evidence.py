@@ -257,6 +257,37 @@ def prior_of(parameter: ParameterInstance, added: bool) -> float:
     return _SHARE
 
 
+# --- What is thought of each candidate beforehand ---------------------------------------------------------
+
+
+LACKING_SOMETHING = 0.5
+"""Prior probability that a model lacks an effect: an even question, which only the data answer."""
+
+
+def log_priors(candidates: Sequence[Candidate]) -> FloatArray:
+    """Logarithms of prior odds that it is this candidate that is missing, against nothing, shape (candidates,).
+
+    Effects have equal odds, or those that they state; an effect's own are split evenly over its levels (everywhere, a
+    class of nodes, one node; in all runs or in one), and over the places of a level.
+    """
+    weights = np.zeros(len(candidates))
+    odds = {each.effect: each.effect.prior_odds for each in candidates}
+    for effect in odds:
+        own = [k for k, each in enumerate(candidates) if each.effect is effect]
+        most = max(len(candidates[k].places) for k in own)
+        levels = [(bool(candidates[k].run), _level(candidates[k], most)) for k in own]
+        of_level = {level: candidates[k].prior_odds for k, level in zip(own, levels, strict=True)}  # one run is rarer
+        for k, level in zip(own, levels, strict=True):
+            weights[k] = odds[effect] * of_level[level] / sum(of_level.values()) / levels.count(level)
+    return np.asarray(np.log(weights / sum(odds.values()) * LACKING_SOMETHING / (1 - LACKING_SOMETHING)))
+
+
+def _level(candidate: Candidate, most: int) -> str:
+    if len(candidate.places) == 1:
+        return "one"
+    return "all" if candidate.pattern == "*" or len(candidate.places) == most else "class"
+
+
 # --- Evidence ---------------------------------------------------------------------------------------------------
 
 

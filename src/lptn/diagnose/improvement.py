@@ -1,14 +1,13 @@
 """Forward selection: diagnose, add the missing effect, refit, step by step, and the errors on the way.
 
 Missing effects come in pairs whose first alone explains little, and short logs leave several first effects equally
-good. So the most probable models are followed side by side:
+good. So all models that the fitted data can't tell apart are followed a step further, side by side:
 
-1. Each model that is followed is asked what it lacks; each answer is a longer branch, with the probability of all its
-   effects together: their evidence on the fitted data, and how often they are met.
-2. The most probable branches are fitted to the end and followed, as long as none is clearly more probable.
-3. The search ends when no longer branch is more probable than the best.
-4. Where held-out runs are given, effects are kept as far as the error on these falls, and where the fitted data leave
-   several branches, they choose. They are no proof of it then, and that is said.
+1. Each model that is followed is diagnosed; each of its refits beyond chance is a longer branch.
+2. Of these the best by misfit, and those tied with it, are fitted to the end and followed; so is what held-out data
+   prefer by more than any scatter.
+3. The search ends when a model is adequate, nothing helps, or a step has gained nothing.
+4. The held-out data decide which branch is kept, and how far; without them the information criterion does.
 5. Steps that later ones made superfluous are taken out, and each model left is fitted at full resolution.
 """
 
@@ -17,33 +16,30 @@ from __future__ import annotations
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
-from math import log
 
 import numpy as np
 import pandas as pd
-from scipy.special import logsumexp
 
+from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.basics.tables import Tabular
 from lptn.diagnose.candidates import with_ambient_bias
 from lptn.diagnose.diagnosis import (
-    CREDIBLE,
+    MUCH_WORSE,
+    SIGNIFICANT,
     Diagnosis,
     Key,
-    Question,
     Report,
     Step,
     Verdict,
-    common_columns,
     continued,
-    contradicted,
-    explains_most,
+    examine,
+    explained_elsewhere,
     for_search,
-    is_small,
-    probabilities_as_json,
     unless_interrupted,
 )
-from lptn.diagnose.evidence import Likelihood
+from lptn.diagnose.fit_statistics import TIE, criterion_difference, explained_share, tied
+from lptn.identify.comparison import predict
 from lptn.identify.data import DataSplit
 from lptn.identify.fitting import Fit, finished
 from lptn.identify.validation import fit_segments, holdout_errors
@@ -61,10 +57,7 @@ class History(Tabular):
         steps: the given model first.
         first: the diagnosis of the given model.
         last: the diagnosis of the last step.
-        probabilities: of each effect being among what the given model lacks, and of nothing (`None`): by the fitted
-            data, over all models that were fitted to them.
-        considered: how many models were followed, the given one among them.
-        chosen_by_holdout: whether held-out data, and not the fitted data alone, chose between them.
+        considered: how many models were followed.
     """
 
     verdict: Verdict
@@ -72,9 +65,7 @@ class History(Tabular):
     steps: tuple[Step, ...]
     first: Diagnosis
     last: Diagnosis
-    probabilities: list[tuple[Key | None, float]]
     considered: int
-    chosen_by_holdout: bool = False
 
     @property
     def best(self) -> Step:
@@ -108,19 +99,11 @@ class History(Tabular):
                 "max_holdout": step.holdout.max if step.holdout else None,
                 "rmse_test": step.test.rmse if step.test else None,
                 "rmse_proof": step.test.rmse if step.test else None,
-                "probability": step.probability if step.effect else None,
                 "indistinguishable_from": [list(key) for key in step.indistinguishable],
             }
             for number, step in enumerate(self.steps)
         ]
-        return {
-            "verdict": self.verdict,
-            "remaining": self.remaining,
-            "probabilities": probabilities_as_json(self.probabilities),
-            "chosen_by_holdout": self.chosen_by_holdout,
-            "history": table,
-            "ladder": table,
-        }
+        return {"verdict": self.verdict, "remaining": self.remaining, "history": table, "ladder": table}
 
 
 def table_of_steps(steps: Sequence[Step]) -> pd.DataFrame:
@@ -167,8 +150,8 @@ def improve(
 ) -> History:
     """Diagnose, add the missing effect, refit, until nothing beyond chance is left or nothing helps.
 
-    Effects are proposed on the fit data, by probability. They are kept as far as the error on held-out data falls;
-    without any the most probable model is kept. Test data choose nothing.
+    Effects are chosen on the fit data. Held-out data choose among models that the fit data can't tell apart, and end
+    the selection; without them Schwarz's criterion does. Test data choose nothing.
 
     Args:
         model: the model to start from.
@@ -193,209 +176,235 @@ def improve(
     model = with_ambient_bias(model, data, ambient_error)
     report("fitting the model as it stands")
     base = unless_interrupted(fit_segments(model, coarse.fit))
-    likelihood = Likelihood(base, common_columns(coarse))
-    search = _Search(Question(likelihood, coarse, executor=executor, report=report))
-    given: Branch = (search.question.on_held_out(Step(base, evidence=likelihood.of(base))),)
-    branches = search.follow(given, most)
-    chosen = _chosen(branches)
-    kept = search.pruned(chosen)
+    given: Branch = (Step(base, holdout=holdout_errors(base, coarse.holdout)),)
+    search = _Search(coarse, executor, report)
+    search.follow(given, most)
+    kept = _pruned(search.complete(_chosen(search.branches, coarse)), coarse, report)
     first, last = search.diagnosis(given), search.diagnosis(kept)
     report("fitting the steps at full resolution")
     return History(
-        _verdict(first, kept),
+        _verdict(first, last, given, kept),
         last.verdict,
         _at_full_resolution(kept, data),
         first,
         last,
-        search.probabilities(),
-        len(branches),
-        bool(data.holdout) and chosen is not branches[0],
+        len(search.branches),
     )
 
 
-# --- Branches of models, the most probable followed side by side -----------------------------------------------
+# --- Branches of models, followed side by side as long as the fit data can't tell them apart ---------
 
 
 Branch = tuple[Step, ...]
 """The given model, then a step for each effect that was added; the last step's fit is that of them all."""
 
+WORTH = 0.01
+"""Share by which a step must lower the held-out error."""
 _WIDTH, _WIDTH_LATER = 4, 2  # branches followed side by side after the first step, and after later ones
-_FOLLOWED = 7.0  # log odds against the best branch (1 in 1000) up to which one is followed: its pair may be the best
+_BY_HOLDOUT = 2  # more branches that are looked at because they do well on held-out data
+_UNOPPOSED = 1e-3  # share by which a held-out error may rise and still speak against nothing
+_SAME = 1e-3  # two steps from one model whose misfits differ by less are one step with two names
 
 
 def _effects(branch: Branch) -> frozenset[Key]:
     return frozenset(step.key for step in branch[1:])
 
 
-def _added(branch: Branch) -> list[EffectDeclaration]:
-    return [step.declaration for step in branch if step.declaration]
-
-
-def _log_probability(branch: Branch) -> float:
-    """Logarithm of a branch's odds against the given model, by the fitted data: those of all its steps."""
-    return sum(step.log_odds for step in branch[1:])
-
-
-def _by_all_data(branch: Branch) -> float:
-    """The same by all data, held-out ones included."""
-    return _log_probability(branch) + branch[-1].log_predictive - branch[0].log_predictive
-
-
-def _chosen(branches: Sequence[Branch]) -> Branch:
-    """The shortest branch that reaches the least held-out error; without held-out runs the most probable one.
-
-    Held-out runs may keep effects that the fitted ones leave open, none that they speak clearly against.
-
-    Args:
-        branches: the most probable by the fitted data first.
-    """
-    possible = [each for each in branches if all(step.log_odds > -log(CREDIBLE) for step in each[1:])]
-    errors = [branch[-1].holdout.rmse if branch[-1].holdout else 0.0 for branch in possible]
-    enough = [each for each, error in zip(possible, errors, strict=True) if error <= (1 + WORTH) * min(errors)]
-    return min(enough, key=len) if min(errors) > 0 else branches[0]
-
-
-WORTH = 0.01
-"""Share by which a step must lower the held-out error."""
+def _error(branch: Branch) -> float:
+    """What orders branches: the held-out error [K] where there is one, else the misfit."""
+    last = branch[-1]
+    return last.holdout.rmse if last.holdout else last.fit.cost
 
 
 class _Search:
-    """Follows branches side by side; remembers every diagnosis.
+    """Follows branches side by side; remembers every branch and every diagnosis.
 
     Args:
-        question: what a model lacks, asked of each.
+        data: in the steps of the search.
+        executor: where refits run; here, one after the other, by default.
+        report: called with a sentence on what is being done.
     """
 
-    def __init__(self, question: Question) -> None:
-        self.question = question
+    def __init__(self, data: DataSplit, executor: Executor | None, report: Report) -> None:
+        self.data, self.executor, self.report = data, executor, report
+        self.branches: list[Branch] = []
         self._diagnoses: dict[frozenset[Key], Diagnosis] = {}
-        self._odds: dict[frozenset[Key], float] = {frozenset(): 0.0}  # logarithms, against the given model
 
-    def follow(self, given: Branch, most: int) -> list[Branch]:
-        """Follow branches until none that is longer is more probable.
+    def follow(self, given: Branch, most: int) -> None:
+        """Follow branches until nothing is left to add or nothing helps; they end up in `branches`.
 
         Args:
             given: the given model, fitted.
             most: how many effects to add at most.
-
-        Returns:
-            The branches that were followed, the most probable by the fitted data first.
         """
-        best, beam, ended = given, [given], [given]
+        self.branches = [given]
+        beam = [given]
+        best = _error(given)
         for depth in range(1, most + 1):
+            if any(self.diagnosis(branch).verdict == "adequate" for branch in beam):
+                return  # nothing is left to add; a longer branch could only be longer
             width = _WIDTH if depth == 1 else _WIDTH_LATER
             beam = self._next([longer for branch in beam for longer in self._longer(branch)], width)
             if not beam:
-                break
-            ended += beam
-            self.question.report(f"step {depth}: {_in_words(beam)}")
-            reached = max(beam, key=_by_all_data)
-            if _by_all_data(reached) < _by_all_data(best) and depth > 1:
-                break  # the first of a pair may help nobody alone, so one step without a gain is allowed at the start
-            best = max(best, reached, key=_by_all_data)
-        return sorted(ended, key=_log_probability, reverse=True)
+                return
+            self.branches += beam
+            reached = min(_error(branch) for branch in beam)
+            self.report(f"step {depth}: {_in_words(beam)}")
+            # The first of a pair may help nobody alone, so one step without a gain is allowed at the start.
+            if reached > (1 - WORTH) * best and depth > 1:
+                return
+            best = min(best, reached)
 
     def diagnosis(self, branch: Branch) -> Diagnosis:
         """What a branch's last model lacks, asked once."""
         effects = _effects(branch)
         if effects not in self._diagnoses:
-            self._diagnoses[effects] = self.question.ask(branch[-1].fit, _added(branch))
+            self._diagnoses[effects] = examine(branch[-1].fit, self.data, executor=self.executor)
         return self._diagnoses[effects]
 
+    def complete(self, chosen: Branch) -> Branch:
+        """The chosen branch, or one that leaves nothing unexplained where held-out data have nothing against it."""
+        if self.diagnosis(chosen).verdict == "adequate":
+            return chosen
+        diagnosed = [branch for branch in self.branches if _effects(branch) in self._diagnoses]
+        adequate = [branch for branch in diagnosed if self.diagnosis(branch).verdict == "adequate"]
+        unopposed = [branch for branch in adequate if _error(branch) <= _error(chosen) * (1 + _UNOPPOSED)]
+        return min(unopposed, key=len, default=chosen)
+
     def _longer(self, branch: Branch) -> list[Branch]:
-        longer = [(*branch, step) for step in self.diagnosis(branch).refits]
-        self._odds |= {_effects(each): _log_probability(each) for each in longer}
+        """The branch with each refit of its last model that is beyond chance, each name for one step once."""
+        longer: list[Branch] = []
+        for step in self.diagnosis(branch).refits:
+            same = any(abs(other[-1].fit.cost - step.fit.cost) < _SAME * step.fit.cost for other in longer)
+            if step.p_value < SIGNIFICANT and not same and step.fit.status != "given up":
+                longer.append((*branch, step))
         return longer
 
     def _next(self, pool: Sequence[Branch], width: int) -> list[Branch]:
-        """The most probable branches, each set of effects once, fitted to the end."""
+        """The best branch and those that tie with it on the fit data, each set of effects once, fitted to the end."""
         unique: dict[frozenset[Key], Branch] = {}
-        for branch in sorted(pool, key=_log_probability, reverse=True):
+        for branch in sorted(pool, key=lambda branch: branch[-1].fit.cost):
             unique.setdefault(_effects(branch), branch)
         branches = list(unique.values())
-        best = max(branches, key=_by_all_data, default=None)
-        near = [each for each in branches if best and _by_all_data(best) - _by_all_data(each) < _FOLLOWED]
-        followed = list(dict.fromkeys([*branches[:1], *near]))[:width]  # the best by the fitted data alone, too
-        executor = self.question.executor
-        fits = (executor.map if executor else map)(finished, [branch[-1].fit for branch in followed])
-        return [self._ending_in(branch, unless_interrupted(fit)) for branch, fit in zip(followed, fits, strict=True)]
-
-    def probabilities(self) -> list[tuple[Key | None, float]]:
-        """Probability of each effect being in the model, and of the given model, over all models that were fitted."""
-        effects, odds = zip(*self._odds.items(), strict=True)
-        # What the first question left unfitted has its probability, too, under no name.
-        first = self._diagnoses.get(frozenset())
-        unnamed = [] if first is None else [first.unnamed_log_odds]
-        shares = np.exp(np.array(odds) - logsumexp([*odds, *unnamed]))
-        listed: list[tuple[Key | None, float]] = [
-            (key, float(sum(share for each, share in zip(effects, shares, strict=True) if key in each)))
-            for key in frozenset().union(*effects)
+        if not branches:
+            return []
+        level = [branch for branch in branches if tied(branch[-1].fit, branches[0][-1].fit)]
+        # A short log may favour an alias; what held-out data prefer by more than any scatter is followed as well.
+        least = min(_error(branch) for branch in level)
+        preferred = [branch for branch in branches if branch in level or MUCH_WORSE * _error(branch) < least]
+        by_holdout = sorted(preferred, key=_error)[:_BY_HOLDOUT]
+        # Fits that only ranked candidates ended early: where a valley is long, their held-out errors are accidents.
+        followed = [*level[:width], *(branch for branch in by_holdout if branch not in level[:width])]
+        fits = (self.executor.map if self.executor else map)(finished, [branch[-1].fit for branch in followed])
+        done = [
+            _ending_in(branch, unless_interrupted(fit), self.data) for branch, fit in zip(followed, fits, strict=True)
         ]
-        return sorted([*listed, (None, float(shares[effects.index(frozenset())]))], key=lambda each: -each[1])
+        best = min(done, key=_error)
+        return done[:width] if best in done[:width] else [*done[:width], best]
 
-    def _ending_in(self, branch: Branch, fit: Fit) -> Branch:
-        """The branch with another fit of its last model, and the odds and errors that go with it."""
-        last = branch[-1]
-        evidence = self.question.likelihood.of(fit, _added(branch))
-        before = last.evidence.log_evidence if last.evidence else 0.0
-        odds = last.log_odds + evidence.log_evidence - before
-        done = (*branch[:-1], self.question.on_held_out(replace(last, fit=fit, evidence=evidence, log_odds=odds)))
-        self._odds[_effects(done)] = _log_probability(done)
-        return done
 
-    def pruned(self, branch: Branch) -> Branch:
-        """The branch without the steps that later ones made superfluous; what lowers the misfit most comes first."""
-        last = branch[-1]
-        if len(branch) < 3 or last.evidence is None:
-            return branch
-        costs: dict[Key, float] = {}
-        for step in branch[1:]:
-            rest = tuple(other for other in branch if other is not step)
-            try:
-                network = last.fit.model.network.without_effect(*step.key)
-            except InputError:  # another effect stands at the edge that this one made
-                costs[step.key] = np.inf
-                continue
-            fit = continued(last.fit, network)
-            evidence = self.question.likelihood.of(fit, _added(rest))
-            end = self.question.on_held_out(replace(rest[-1], fit=fit, evidence=evidence))
-            costs[step.key] = fit.cost
-            loss = last.evidence.log_evidence - evidence.log_evidence + step.log_prior
-            worse = last.holdout and end.holdout and end.holdout.rmse > (1 + WORTH) * last.holdout.rmse
-            if loss + last.log_predictive - end.log_predictive < 0 and not worse:
-                self.question.report(f"{step.effect} at {step.at} is no longer needed")
-                return self.pruned((*rest[:-1], end))
-        steps = sorted(branch[1:], key=lambda step: -costs[step.key])
-        end = replace(
-            steps[-1],
-            fit=last.fit,
-            evidence=last.evidence,
-            holdout=last.holdout,
-            log_predictive=last.log_predictive,
-        )
-        return (branch[0], *steps[:-1], end)
+def _ending_in(branch: Branch, fit: Fit, data: DataSplit) -> Branch:
+    """The branch with another fit of its last model."""
+    return (*branch[:-1], replace(branch[-1], fit=fit, holdout=holdout_errors(fit, data.holdout)))
 
 
 def _in_words(beam: Sequence[Branch]) -> str:
-    """The branches of a step and how probable they are among each other, for progress."""
-    logs = np.array([_by_all_data(branch) for branch in beam])
-    shares = np.exp(logs - logsumexp(logs))
-    return "; ".join(
-        f"{branch[-1].effect} at {branch[-1].at} ({100 * share:.0f} %)"
-        for branch, share in zip(beam, shares, strict=True)
-    )
+    """The branches of a step and their errors, for progress."""
+    kind, unit = ("held out", " K") if beam[0][-1].holdout else ("misfit", "")
+    return "; ".join(f"{branch[-1].effect} at {branch[-1].at} ({kind} {_error(branch):.3g}{unit})" for branch in beam)
+
+
+# --- Which of the branches is kept, how far, and without which steps ---------------------------------
+
+
+_BLOCK = 120.0  # s; held-out errors further apart than this count as independent
+_CLEARLY = 2.0  # standard errors
+
+
+def _chosen(branches: Sequence[Branch], data: DataSplit) -> Branch:
+    """The shortest branch that reaches the best error; of equally long ones the clearly better, else the first."""
+    if branches[0][-1].holdout is None:
+        best = branches[0]
+        for branch in branches[1:]:
+            if criterion_difference(best[-1].fit, branch[-1].fit) > 0:
+                best = branch
+        return best
+    least = min(_error(branch) for branch in branches)
+    enough = [branch for branch in branches if _error(branch) <= least * (1 + WORTH)]
+    length = min(len(branch) for branch in enough)
+    level = _plausible_first([branch for branch in branches if len(branch) == length])
+    best = next(branch for branch in level if branch in enough)
+    near = [branch for branch in level if branch is best or _error(branch) <= MUCH_WORSE * _error(best)]
+    return next(branch for branch in near if branch is best or not _clearly_worse(branch, best, data))
+
+
+def _plausible_first(branches: Sequence[Branch]) -> list[Branch]:
+    """By misfit; of those that the fit data can't tell from the best, typical sizes, then few parameters, first."""
+    least = min((branch[-1].fit for branch in branches), key=lambda fit: fit.cost)
+
+    def order(branch: Branch) -> tuple[bool, int, int, float]:
+        last = branch[-1]
+        level = tied(last.fit, least)
+        unusual = sum(step.unusual for step in branch)
+        return (not level, unusual if level else 0, last.parameters if level else 0, last.fit.cost)
+
+    return sorted(branches, key=order)
+
+
+def _clearly_worse(branch: Branch, than: Branch, data: DataSplit) -> bool:
+    """Whether held-out errors differ by more than their own scatter."""
+    differences = _block_squares(branch[-1].fit, data) - _block_squares(than[-1].fit, data)
+    if differences.size < 2:
+        return _error(branch) > _error(than)
+    scatter = float(differences.std(ddof=1)) / np.sqrt(differences.size)
+    return bool(differences.mean() > _CLEARLY * scatter)
+
+
+def _block_squares(fit: Fit, data: DataSplit) -> FloatArray:
+    """Mean squared error of each block of held-out time that counts [K²], shape (blocks,)."""
+    blocks = []
+    for segment in data.holdout:
+        squares = predict(fit.model, segment, fit.problem.sigma).error ** 2
+        squares = squares[:, np.isfinite(squares).any(axis=0)]
+        size = max(1, round(_BLOCK / segment.run.step))
+        whole = squares.shape[1] // size * size
+        blocks.append(np.nanmean(squares[:, :whole].reshape(len(squares), -1, size), axis=(0, 2)))
+    return np.concatenate(blocks)
+
+
+def _pruned(branch: Branch, data: DataSplit, report: Report) -> Branch:
+    """The branch without the steps that later ones made superfluous."""
+    last = branch[-1]
+    for step in branch[1:-1]:
+        try:
+            network = last.fit.model.network.without_effect(*step.key)
+        except InputError:  # a later effect stands at the edge that this one made
+            continue
+        fit = continued(last.fit, network)
+        if criterion_difference(fit, last.fit) < TIE:
+            shorter = _ending_in(tuple(other for other in branch if other is not step), fit, data)
+            if _error(shorter) <= _error(branch) * (1 + WORTH):
+                report(f"{step.effect} at {step.at} is no longer needed")
+                return _pruned(shorter, data, report)
+    return branch
 
 
 # --- The verdict, and the branch that is kept at full resolution ------------------------------------
 
 
-def _verdict(first: Diagnosis, kept: Branch) -> Verdict:
-    """On the model as given."""
-    if len(kept) == 1:
-        # What the fitted data would add helps no held-out run: it is adequate only if what is left does not matter.
-        small = is_small(first.evidence) and not contradicted(first.fit, first.holdout)
-        return "adequate" if small else "unexplained"
-    return "missing" if explains_most(first, kept[-1]) else "unexplained"
+_MOST = 0.5  # share of the misfit beyond noise that the steps must remove to be what was missing
+
+
+def _verdict(first: Diagnosis, last: Diagnosis, given: Branch, kept: Branch) -> Verdict:
+    """On the model as given; effects that only the fitted runs ask for explain nothing."""
+    if first.verdict == "adequate":
+        return "adequate"
+    if last.verdict == "adequate":
+        return "missing"
+    before, after = given[-1], kept[-1]
+    elsewhere = explained_elsewhere(before.fit, before.holdout, after.holdout)
+    enough = explained_share(before.fit, after.fit, first.scores.noise) > _MOST
+    return "missing" if enough and elsewhere else "unexplained"
 
 
 def _at_full_resolution(branch: Branch, data: DataSplit) -> Branch:

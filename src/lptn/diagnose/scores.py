@@ -1,31 +1,30 @@
-"""First-order scores: every candidate effect tried at the fitted baseline, without a refit.
+"""The score test: how much each candidate would lower the misfit, to first order, at the fitted baseline.
 
-One set of sensitivities says how each effect would move the residuals. What the fitted parameters can imitate is
-integrated out, signs are enforced, and the evidence (`lptn.diagnose.evidence`) says by what factor each effect would
-raise the probability of the readings. How often an effect is met, and where, is its prior.
+All sites are switched off in one model with every candidate in it, which equals the baseline to the last bit. The
+derivative of its readings by a site's amplitude, with everything that the fitted parameters could imitate projected
+out, is the trace that the candidate would leave on the residuals; how much of the residuals lies along that trace is
+its score (Lagrange-multiplier test). One pass of sensitivities scores the whole catalogue, without any refit.
+
+Then: which candidates these data can't tell apart, and what size of each they would have shown.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import lil_array
 from scipy.sparse.csgraph import connected_components
-from scipy.special import logsumexp
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.processes import one_blas_thread
-from lptn.diagnose.candidates import Candidate, sites
-from lptn.diagnose.evidence import Amplitude, Likelihood, derivatives_by_sites
-from lptn.diagnose.fit_statistics import NEGLIGIBLE, NoiseLevel, lack_of_fit
+from lptn.diagnose.candidates import Candidate, Site, sites
+from lptn.diagnose.evidence import derivatives_by_sites
+from lptn.diagnose.fit_statistics import NEGLIGIBLE, NoiseLevel, block_numbers, lack_of_fit
 from lptn.identify.fitting import Fit
-from lptn.model.network import EffectDeclaration
 
-_LOGS = 100  # simulated, to see what noise alone leaves of one-minute means
-COMPARED = 12
-"""So many of the best candidates are compared with each other, trace by trace."""
+_LOGS = 200  # simulated for the distribution by chance: p-values down to 0.005
 _IMITATED = 1e-8  # share of a trace's length left after projection: the fitted parameters imitate it wholly
 
 
@@ -35,155 +34,83 @@ class Score:
 
     Args:
         candidate: effect and place.
-        log_prior: logarithm of the prior odds that it is what the model lacks, against nothing being missing.
-        log_bayes_factor: logarithm of the factor by which it raises the evidence, to first order.
         gain: by how much adding it would lower the sum of squared weighted residuals, to first order.
         amplitude: its size to first order, in the amplitude's unit.
         shape: the shape of the grid that scores best.
-        direction: its trace on the residuals, projected and normalised, shape (rows,); of the best `COMPARED` only.
+        direction: its trace on the residuals, projected and normalised, shape (rows,).
         per_unit: length of the trace of a unit amplitude, 0 where the fitted parameters imitate it wholly.
-        precision: one over the variance with which these data hold the amplitude, the discrepancy allowed for.
-        reach: root mean square of its trace, to first order, at the node where that is largest [K].
     """
 
     candidate: Candidate
-    log_prior: float
-    log_bayes_factor: float
     gain: float
     amplitude: float
     shape: float | None
     direction: FloatArray
     per_unit: float
-    precision: float
-    reach: float = 0.0
-
-    @property
-    def log_odds(self) -> float:
-        """Logarithm of the odds that the model lacks it, against nothing."""
-        return self.log_prior + self.log_bayes_factor
 
 
 @dataclass(frozen=True)
 class Scores:
-    """All candidates, the most probable first.
+    """All candidates, best first, and what chance alone would score.
 
     Args:
         ranked: the scores.
+        null_gains: largest gain among all candidates in each simulated log without any missing effect, sorted.
         noise: what a perfect model would leave of each node's readings.
         lack_of_fit: of each node: mean square of its one-minute means over the most that noise leaves.
+        negligible: the gain of an effect too small to matter, however far beyond chance.
     """
 
     ranked: list[Score]
+    null_gains: FloatArray
     noise: NoiseLevel
     lack_of_fit: dict[str, float]
+    negligible: float
 
     @property
-    def worthwhile(self) -> list[Score]:
-        """Those that leave more than a negligible trace, the most probable first."""
-        return [each for each in self.ranked if each.reach >= NEGLIGIBLE]
+    def threshold(self) -> float:
+        """The gain that chance exceeds once in twenty logs, and that matters."""
+        beyond = float(np.quantile(self.null_gains, 0.95)) if self.null_gains.size else 0.0
+        return max(beyond, self.negligible)
+
+    def p_value(self, gain: float) -> float:
+        """How often chance alone reaches a gain, over all candidates; 1 for a gain too small to matter."""
+        if gain < self.negligible:
+            return 1.0
+        return float((1 + np.sum(self.null_gains >= gain)) / (1 + len(self.null_gains)))
 
 
 @one_blas_thread
-def score(
-    fit: Fit,
-    candidates: Sequence[Candidate],
-    likelihood: Likelihood,
-    added: Sequence[EffectDeclaration] = (),
-    seed: int = 0,
-) -> Scores:
+def score(fit: Fit, candidates: Sequence[Candidate], seed: int = 0) -> Scores:
     """Score every candidate against the residuals of a fit.
 
     Args:
         fit: the fitted baseline.
         candidates: effects and places.
-        likelihood: of the readings.
-        added: effects that the baseline has beyond the model that was given.
         seed: of the simulated logs.
     """
-    shaped = [(number, shape) for number, each in enumerate(candidates) for shape in each.shapes]
-    columns = _traces(fit, candidates, shaped)
-    owner = np.array([number for number, _ in shaped])
-    known = [Amplitude(candidates[number].typical, candidates[number].one_sided) for number in owner]
-    factors, precisions = likelihood.of_candidates(fit, added, columns, known)
-    # What the fitted parameters can't imitate of the traces; effects enter none of the problem's priors.
-    basis = np.linalg.qr(_regular(fit.problem.jacobian(fit.z)[1]))[0]
-    all_residuals = fit.problem.residuals(fit.z)
-    residuals = _projected(all_residuals, basis)
-    lengths = np.linalg.norm(columns, axis=0)
-    columns = _projected(np.vstack([columns, np.zeros((len(basis) - len(columns), len(owner)))]), basis)
-    left = np.linalg.norm(columns, axis=0)
-    left[left <= _IMITATED * lengths] = 0.0
-    sizes = np.divide(-(columns.T @ residuals), left**2, out=np.zeros_like(left), where=left > 0)
-    sizes[np.array([each.one_sided for each in known], dtype=bool) & (sizes < 0)] = 0.0
-    reach = np.abs(sizes) * _largest_root_mean_square(fit, columns)
-    ranked = []
-    for number, (candidate, prior) in enumerate(zip(candidates, log_priors(candidates).tolist(), strict=True)):
-        own = np.flatnonzero(owner == number)
-        best = own[np.argmax((sizes[own] * left[own]) ** 2)]
-        ranked.append(
-            Score(
-                candidate,
-                prior,
-                float(logsumexp(factors[own]) - np.log(len(own))),  # all shapes are as probable as each other
-                float((sizes[best] * left[best]) ** 2),
-                float(sizes[best]),
-                shaped[best][1],
-                columns[:, best] / (left[best] or 1.0),
-                float(left[best] if sizes[best] else left[own].max()),
-                float(precisions[own].max()),
-                float(reach[best]),
-            )
-        )
-    ranked.sort(key=lambda each: -each.log_odds)
-    # Only the traces of the best are compared with each other later; those of hundreds would fill the memory.
-    ranked[COMPARED:] = [replace(each, direction=np.zeros(0)) for each in ranked[COMPARED:]]
-    noise = NoiseLevel.of(fit, _projected(_simulated_noise(fit, np.random.default_rng(seed)), basis))
-    return Scores(ranked, noise, lack_of_fit(fit, noise, residuals))
-
-
-def _traces(fit: Fit, candidates: Sequence[Candidate], shaped: Sequence[tuple[int, float | None]]) -> FloatArray:
-    """What unit amplitudes of candidates, each at one shape, do to the weighted residuals, shape (rows, shaped)."""
     places = sites(candidates)
-    where = {site: number for number, site in enumerate(places)}
-    members = lil_array((len(places), len(shaped)))
-    for column, (number, shape) in enumerate(shaped):
-        for site in candidates[number].sites(shape):
-            members[where[site], column] = 1.0
-    return np.asarray(derivatives_by_sites(fit, places) @ members.tocsc())
+    baseline, by_site = _derivatives(fit, places)
+    basis = np.linalg.qr(_regular(baseline))[0]
+    residuals = _projected(fit.problem.residuals(fit.z), basis)
+    directions = _directions(candidates, places, by_site, _projected(by_site, basis))
+    ranked = [_score(candidate, own, residuals) for candidate, own in zip(candidates, directions, strict=True)]
+    ranked.sort(key=lambda each: -each.gain)
+    # Chance is the worse of two models of it: the sensors' noise alone, and what else the residuals hold at random.
+    rng = np.random.default_rng(seed)
+    noise = _projected(_simulated_noise(fit, rng), basis)
+    resampled = _projected(_wild_bootstrap(fit, _less_the_best(residuals, ranked), rng), basis)
+    null_gains = np.maximum(np.sort(_largest_gains(directions, noise)), np.sort(_largest_gains(directions, resampled)))
+    level = NoiseLevel.of(fit, noise)
+    return Scores(ranked, null_gains, level, lack_of_fit(fit, level, residuals), _negligible_gain(fit))
 
 
-# --- What is thought of each candidate beforehand ---------------------------------------------------------
-
-
-LACKING_SOMETHING = 0.5
-"""Prior probability that a model lacks an effect: an even question, which only the data answer."""
-
-
-def log_priors(candidates: Sequence[Candidate]) -> FloatArray:
-    """Logarithms of prior odds that it is this candidate that is missing, against nothing, shape (candidates,).
-
-    Effects have equal odds, or those that they state; an effect's own are split evenly over its levels (everywhere, a
-    class of nodes, one node; in all runs or in one), and over the places of a level.
-    """
-    weights = np.zeros(len(candidates))
-    odds = {each.effect: each.effect.prior_odds for each in candidates}
-    for effect in odds:
-        own = [k for k, each in enumerate(candidates) if each.effect is effect]
-        most = max(len(candidates[k].places) for k in own)
-        levels = [(bool(candidates[k].run), _level(candidates[k], most)) for k in own]
-        of_level = {level: candidates[k].prior_odds for k, level in zip(own, levels, strict=True)}  # one run is rarer
-        for k, level in zip(own, levels, strict=True):
-            weights[k] = odds[effect] * of_level[level] / sum(of_level.values()) / levels.count(level)
-    return np.asarray(np.log(weights / sum(odds.values()) * LACKING_SOMETHING / (1 - LACKING_SOMETHING)))
-
-
-def _level(candidate: Candidate, most: int) -> str:
-    if len(candidate.places) == 1:
-        return "one"
-    return "all" if candidate.pattern == "*" or len(candidate.places) == most else "class"
-
-
-# --- What the fitted parameters can't imitate, and what noise alone leaves -------------------------------------
+def _derivatives(fit: Fit, places: Sequence[Site]) -> tuple[FloatArray, FloatArray]:
+    """Weighted derivatives of the residuals: by the fit's unknowns, and by the sites' amplitudes."""
+    _, baseline = fit.problem.jacobian(fit.z)
+    by_site = derivatives_by_sites(fit, places)
+    penalties = np.zeros((len(baseline) - len(by_site), len(places)))  # which no site enters
+    return baseline, np.vstack([by_site, penalties])
 
 
 def _regular(baseline: FloatArray) -> FloatArray:
@@ -196,6 +123,58 @@ def _regular(baseline: FloatArray) -> FloatArray:
 def _projected(columns: FloatArray, basis: FloatArray) -> FloatArray:
     """What the fitted parameters can't imitate of columns, (rows,) or (rows, k)."""
     return np.asarray(columns - basis @ (basis.T @ columns))
+
+
+class _Direction(NamedTuple):
+    """A candidate's projected trace at one shape, of length 1; the length of a unit amplitude's; whether one-sided."""
+
+    shape: float | None
+    trace: FloatArray
+    length: float
+    one_sided: bool
+
+
+def _directions(
+    candidates: Sequence[Candidate], places: Sequence[Site], by_site: FloatArray, projected: FloatArray
+) -> list[list[_Direction]]:
+    """For each candidate the sum of its places' columns, at each shape of its grid."""
+    where = {site: number for number, site in enumerate(places)}
+    # A candidate's columns lie side by side in memory when the matrices are stored by columns.
+    projected, by_site = np.asfortranarray(projected), np.asfortranarray(by_site)
+    directions = []
+    for candidate in candidates:
+        own = []
+        for shape in candidate.shapes:
+            members = [where[site] for site in candidate.sites(shape)]
+            trace = projected[:, members].sum(axis=1)
+            whole = float(np.linalg.norm(by_site[:, members].sum(axis=1)))
+            length = float(np.linalg.norm(trace))
+            if length > _IMITATED * whole:
+                own.append(_Direction(shape, trace / length, length, candidate.one_sided))
+        directions.append(own)
+    return directions
+
+
+def _score(candidate: Candidate, directions: Sequence[_Direction], residuals: FloatArray) -> Score:
+    longest = max((each.length for each in directions), default=0.0)
+    best = Score(candidate, 0.0, 0.0, None, np.zeros_like(residuals), longest)
+    for shape, trace, length, one_sided in directions:
+        statistic = -float(trace @ residuals)  # predicted too low along the trace: more of the effect is wanted
+        if one_sided and statistic < 0:
+            continue
+        if statistic**2 > best.gain:
+            best = Score(candidate, statistic**2, statistic / length, shape, trace, length)
+    return best
+
+
+def _largest_gains(directions: Sequence[Sequence[_Direction]], residuals: FloatArray) -> FloatArray:
+    """The largest gain over all candidates in each simulated log, shape (logs,), of residuals (rows, logs)."""
+    flat = [each for own in directions for each in own]
+    if not flat:
+        return np.zeros(residuals.shape[1])
+    statistics = -np.array([each.trace for each in flat]) @ residuals
+    one_sided = np.array([each.one_sided for each in flat])[:, None]
+    return np.asarray(np.max(np.where(one_sided & (statistics < 0), 0.0, statistics) ** 2, axis=0))
 
 
 def _simulated_noise(fit: Fit, rng: np.random.Generator) -> FloatArray:
@@ -217,16 +196,39 @@ def _simulated_noise(fit: Fit, rng: np.random.Generator) -> FloatArray:
     return np.vstack([noise, penalties])
 
 
-def _largest_root_mean_square(fit: Fit, columns: FloatArray) -> FloatArray:
-    """Of each weighted column at the node where it is largest [K], shape (k,)."""
-    counts = np.array([bound.counted.sum(axis=1) for bound in fit.problem.bound_runs])  # (runs, nodes)
-    squares = np.zeros((counts.shape[1], columns.shape[1]))
-    first = 0
-    for node, count in (pair for row in counts.tolist() for pair in enumerate(row)):
-        squares[node] += (columns[first : first + count] ** 2).sum(axis=0)
-        first += count
-    sigma = fit.problem.sigma / np.sqrt(np.maximum(counts.sum(axis=0), 1))
-    return np.asarray(np.max(np.sqrt(squares) * sigma[:, None], axis=0))
+def _less_the_best(residuals: FloatArray, ranked: Sequence[Score]) -> FloatArray:
+    """What the best candidate leaves of the residuals."""
+    if not ranked:
+        return residuals
+    direction = ranked[0].direction
+    return np.asarray(residuals - direction * (direction @ residuals))
+
+
+def _wild_bootstrap(fit: Fit, residuals: FloatArray, rng: np.random.Generator) -> FloatArray:
+    """The residuals with random signs, one for each ten-minute block of each run, (rows, logs).
+
+    It keeps what residuals have beside the sensors' noise: loads that the log does not hold to the last per cent
+    leave errors for minutes, which all nodes of a block share.
+
+    Source: [Wu1986]; blocks after [Shao2010].
+    """
+    signs = np.zeros((len(residuals), _LOGS))
+    start = 0
+    for bound in fit.problem.bound_runs:
+        numbers = block_numbers(bound)
+        drawn = rng.choice((-1.0, 1.0), (int(numbers[-1]) + 1, _LOGS))
+        for counted in bound.counted:
+            rows = numbers[counted]
+            signs[start : start + len(rows)] = drawn[rows]
+            start += len(rows)
+    return np.asarray(signs * residuals[:, None])
+
+
+def _negligible_gain(fit: Fit) -> float:
+    """The gain of removing a negligible error at the node where it counts least."""
+    readings = np.sum([bound.counted.sum(axis=1) for bound in fit.problem.bound_runs], axis=0)
+    gains = readings * (NEGLIGIBLE / fit.problem.sigma) ** 2
+    return float(gains[readings > 0].min(initial=np.inf))
 
 
 # --- Collinear candidates: those whose traces these data can't tell apart -------------------------
@@ -267,7 +269,7 @@ class Confusability:
         return [group for group in members if len(group) > 1]
 
 
-def confusability(scores: Scores, most: int = COMPARED) -> Confusability:
+def confusability(scores: Scores, most: int = 12) -> Confusability:
     """The best candidates against each other.
 
     Args:
@@ -320,21 +322,15 @@ class Detectable:
 def smallest(scores: Scores) -> list[Detectable]:
     """For each candidate that was scored the size that would have been noticed, the easiest to see first.
 
-    To first order, at the place's best shape: the size at which its odds against nothing being missing are even, and
-    by so much more as noise takes off in one log of five; and no less than what matters. What the fitted parameters
-    imitate wholly is not listed, since no size of it would show.
+    To first order, at the place's best shape: a size larger than the threshold by what noise takes off in one log
+    of five. What the fitted parameters imitate wholly is not listed, since no size of it would show.
     """
+    needed = float(np.sqrt(scores.threshold)) + _POWER * float(np.sqrt(np.median(scores.null_gains)))
     sizes = []
     for score in scores.ranked:
         amplitude = score.candidate.effect.amplitude()
-        if amplitude is not None and score.per_unit > 0 and score.precision > 0:
+        if amplitude is not None and score.per_unit > 0:
             effect, at = score.candidate.key
-            typical = score.candidate.typical
-            seen = typical**2 * score.precision
-            needed = 0.5 * np.log1p(seen) - score.log_prior  # log Bayes factor of even odds
-            even = float(np.sqrt(2.0 * needed * (1.0 + 1.0 / seen) / score.precision))
-            size = even + _POWER / float(np.sqrt(score.precision))
-            if score.reach > 0:  # what leaves less is not worth a name
-                size = max(size, abs(score.amplitude) * NEGLIGIBLE / score.reach)
-            sizes.append(Detectable(effect, at, size, amplitude.unit, size / typical))
+            size = needed / score.per_unit
+            sizes.append(Detectable(effect, at, size, amplitude.unit, size / score.candidate.typical))
     return sorted(sizes, key=lambda each: each.share)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from math import log, sqrt
+from math import sqrt
 from typing import Any
 
 import numpy as np
@@ -20,7 +20,7 @@ from lptn.diagnose.diagnosis import Diagnosis, Key, Step
 from lptn.diagnose.improvement import History
 from lptn.diagnose.scores import Confusability, Detectable, Score
 from lptn.identify.fitting import Fit
-from lptn.report.text import named, percent, place_of, short_size, title_of, unit_text
+from lptn.report.text import named, place_of, short_size, title_of, unit_text
 
 # --- the history: how the errors fall from step to step -----------------------------------------------------
 
@@ -97,16 +97,16 @@ def _plain_numbers(axis: Axis, ticks: Sequence[float]) -> None:
     axis.set_minor_formatter(NullFormatter())
 
 
-# --- the ranking: odds of each candidate against nothing being missing --------------------------------------
+# --- the ranking: how far each candidate scores beyond chance -----------------------------------------------
 
 
 _MOST = 20
-_UNLIKELY, _BEYOND_DOUBT = -3.0, 10.0  # powers of ten of the odds, outside which no difference is worth a look
-_WORTH_NAMING = 0.01  # probability
+_WIDE_RANKING = 20.0  # ratio of scores above which only a logarithmic axis shows them all
+_LEAST = 0.1  # shares of chance below this are not worth telling apart
 
 
 def candidates_shown(diagnosis: Diagnosis) -> list[Score]:
-    """The most probable candidates that lower the misfit at all, and every one that was refitted."""
+    """The best candidates that score at all, and every one that was refitted."""
     refitted = {step.key for step in diagnosis.refits}
     scoring = [each for each in diagnosis.scores.ranked if each.gain > 0]
     return [each for place, each in enumerate(scoring) if place < _MOST or each.candidate.key in refitted]
@@ -118,10 +118,7 @@ def ranking_height(diagnosis: Diagnosis) -> float:
 
 
 def plot_ranking(diagnosis: Diagnosis, added: Collection[Key] = (), ax: Axes | None = None) -> Axes:
-    """Odds of each candidate being what the model lacks, against nothing being missing, by the fitted data alone.
-
-    Of those that were refitted the odds are exact, and their probability stands behind them; of the others they are
-    first-order guesses. The axis ends where a difference no longer matters.
+    """Score of each candidate as a multiple of what chance alone exceeds once in twenty logs.
 
     Args:
         diagnosis: some candidate of which must score (see `candidates_shown`).
@@ -129,26 +126,23 @@ def plot_ranking(diagnosis: Diagnosis, added: Collection[Key] = (), ax: Axes | N
         ax: where to draw; by default new axes.
     """
     ax = new_axes(ranking_height(diagnosis)) if ax is None else ax
-    refitted = {step.key: step for step in diagnosis.refits}
-    powers = {
-        each.candidate.key: (refitted.get(each.candidate.key) or each).log_odds / log(10.0)
-        for each in candidates_shown(diagnosis)
-    }
-    order = sorted(powers, key=lambda key: -powers[key])
-    right = float(np.clip(powers[order[0]], 1.0, _BEYOND_DOUBT))
-    for row, key in enumerate(order):
-        power = float(np.clip(powers[key], _UNLIKELY, right))
+    shown = candidates_shown(diagnosis)
+    refitted = {step.key for step in diagnosis.refits}
+    shares = [sqrt(each.gain / max(diagnosis.scores.threshold, 1e-30)) for each in shown]
+    wide = max(shares) > _WIDE_RANKING * max(min(shares), _LEAST)
+    for row, (each, share) in enumerate(zip(shown, shares, strict=True)):
+        key = each.candidate.key
         colour = BEST["color"] if key in added else "0.35"
         fill: dict[str, Any] = {"color": colour} if key in refitted else {"facecolor": "white", "edgecolor": colour}
-        ax.barh(row, power, height=0.65, linewidth=0.8, **fill)
-        if key in refitted and refitted[key].probability >= _WORTH_NAMING:
-            text = percent(refitted[key].probability)
-            ax.text(1.01, row, text, transform=ax.get_yaxis_transform(), va="center", size=SMALL)
-    ax.axvline(0.0, color=INK, linewidth=1.2, linestyle="--")
-    ax.set_xlim(_UNLIKELY, right)
-    ax.set_ylim(len(order) - 0.4, -0.6)
-    ax.set_yticks(range(len(order)), [plain(named(*key)) for key in order])
-    ax.set_xlabel("log₁₀ of the odds against “nothing is missing” [1]", size=TEXT)
+        ax.barh(row, max(share, _LEAST) if wide else share, height=0.65, linewidth=0.8, **fill)
+    ax.axvline(1.0, color=INK, linewidth=1.2, linestyle="--")
+    ax.set_ylim(len(shown) - 0.4, -0.6)
+    ax.set_yticks(range(len(shown)), [plain(named(*each.candidate.key)) for each in shown])
+    if wide:
+        ax.set_xscale("log")
+        ax.set_xlim(left=0.7 * _LEAST)
+        _plain_numbers(ax.xaxis, (1.0, 2.0, 5.0))
+    ax.set_xlabel("score as a multiple of the chance threshold [1]", size=TEXT)
     dress(ax)
     ax.tick_params(axis="y", labelsize=SMALL, length=0)
     return ax

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from lptn.basics.style import inline_svg
 
-_UNIT_BEHIND = re.compile(r"(?<=\d) (?=(?:K|W|s|min|h|m/s|°C|N·m)\b|%)")
+_UNIT_BEHIND = re.compile(r"(?<=\d) (?=(?:K|W|s|min|h|m/s|°C|N·m|%)\b)")
 
 
 @dataclass(frozen=True)

@@ -37,7 +37,6 @@ from lptn.report.tables import (
     parameter_table,
     refit_table,
     source_table,
-    stretch_table,
     versus_table,
 )
 from lptn.report.text import for_people, kelvin
@@ -46,7 +45,7 @@ from lptn.report.words import Proposal
 # --- the whole story: log, fit, where it fails, what is missing, what tests it --------------------------------
 
 
-_FEW = 12  # parameters that may stand before the story, and stretches of unexplained heat in it
+_FEW = 12  # parameters that may stand before the story
 _HEADINGS = {
     "held-out": "Test: the held-out runs",
     "test": "Test: runs that chose nothing",
@@ -75,13 +74,11 @@ def story_html(
         HTML text; the same arguments give the same text.
     """
     first, last = history.steps[0], history.best
-    which, segments = _shown(history, data)
+    which, segments = _shown(data)
     given = _compared(first.fit, segments)
     best = _compared(last.fit, segments) if len(history.steps) > 1 else None
     heat = HeatStory.of(history)
-    left = heat.stretches
     effects = _effects_named(history)
-    took_part = which == "held-out" and history.chosen_by_holdout
     return render(
         "story.html.j2",
         title=title,
@@ -96,8 +93,6 @@ def story_html(
         which=which,
         heat_map=heat_map_picture(heat),
         heat_line=heat_line_picture(heat),
-        stretches=stretch_table(left[:_FEW]),
-        more_stretches=max(len(left) - _FEW, 0),
         hiding=heat.hiding,
         predictions=picture(words.caption_of_predictions(given, best, data, which), predictions_figure(given, best)),
         ranking=_ranking(history),
@@ -105,7 +100,7 @@ def story_html(
         coarse=_coarse_step(history),
         collinearity=_collinearity(history),
         detectability=_detectability(history),
-        heading="The held-out runs, which took part in the choice" if took_part else _HEADINGS[which],
+        heading=_HEADINGS[which],
         proposal=for_people(proposal.text()) if proposal else None,
         next=words.next_step(history),
         fitted=words.fitted_in_words(history),
@@ -121,9 +116,9 @@ def story_html(
     )
 
 
-def _shown(history: History, data: DataSplit) -> tuple[str, Sequence[Segment]]:
-    """The runs that show best what a model is worth: those that no fit saw, and rather those that chose nothing."""
-    if data.holdout and not (history.chosen_by_holdout and data.test):
+def _shown(data: DataSplit) -> tuple[str, Sequence[Segment]]:
+    """The runs that show best what a model is worth: those that no fit saw, where there are any."""
+    if data.holdout:
         return "held-out", data.holdout
     return ("test", data.test) if data.test else ("fitted", data.fit)
 

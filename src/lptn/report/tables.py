@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from lptn.basics.parameters import ParameterInstance
+from lptn.diagnose.diagnosis import Diagnosis, Step
 from lptn.diagnose.improvement import History
-from lptn.diagnose.unexplained_heat import HeatPeak
 from lptn.effects import Effect, catalogue
 from lptn.identify.comparison import Comparison, Condition, Pair
 from lptn.identify.data import Segment
@@ -20,9 +20,7 @@ from lptn.report.text import (
     experiment_for,
     kelvin,
     number,
-    percent,
     place_of,
-    short,
     short_size,
     signed_kelvin,
     time_span,
@@ -30,7 +28,6 @@ from lptn.report.text import (
     unit_text,
     window_text,
 )
-from lptn.report.verdict import sizes_of
 
 
 @dataclass(frozen=True)
@@ -163,7 +160,7 @@ def history_table(history: History) -> Table:
 
 
 def refit_table(history: History) -> Table:
-    """One row for each candidate that the first diagnosis refitted, the most probable first."""
+    """One row for each candidate that the first diagnosis refitted, best first."""
     first = history.first
     order = {step.key: str(place) for place, step in enumerate(first.refits, start=1)}
     before = kelvin(first.holdout.rmse if first.holdout else None)
@@ -172,29 +169,19 @@ def refit_table(history: History) -> Table:
         key, at = step.key
         effect = catalogue()[key]
         held_out = NOTHING if step.holdout is None else f"{before} → {kelvin(step.holdout.rmse)}"
-        errors = f"{kelvin(first.fit.rmse)} → {kelvin(step.fit.rmse)}", held_out, percent(step.probability)
+        errors = f"{kelvin(first.fit.rmse)} → {kelvin(step.fit.rmse)}", held_out, share_by_chance(first, step)
         same = ", ".join(sorted((order[other] for other in step.indistinguishable), key=int)) or NOTHING
-        size = sizes_of(step).get(step.key)
-        usual = short_size(size.times_usual) if size else NOTHING
-        what = order[step.key], effect.title, place_of(at), usual
+        what = order[step.key], effect.title, place_of(at), short_size(step.size)
         rows.append((*what, *errors, same, experiment_for(effect)))
-    heads = ("no.", "effect", "place", ">size / usual", ">RMSE fit", ">RMSE held out", ">probability")
+    heads = ("no.", "effect", "place", ">size / typical", ">RMSE fit", ">RMSE held out", ">by chance")
     return Table((*heads, "indistinguishable from", "experiment that separates"), tuple(rows))
 
 
-def stretch_table(stretches: Sequence[HeatPeak]) -> Table:
-    """One row for each stretch of unexplained heat, in the order given."""
-    rows = tuple(
-        (
-            each.run,
-            each.node,
-            *map(short, (each.start, each.stop)),
-            f"{each.heat:+.2g}".replace("-", "−"),
-            *(f"{each.heat + side * each.band:+.2g}".replace("-", "−") for side in (-1, 1)),
-        )
-        for each in stretches
-    )
-    return Table(("run", "node", ">from [s]", ">to [s]", ">heat [W]", ">at least [W]", ">at most [W]"), rows)
+def share_by_chance(diagnosis: Diagnosis, step: Step) -> str:
+    """How often chance alone scores as much, in percent; the number of simulated logs sets the finest answer."""
+    finest = 1.0 / (1 + len(diagnosis.scores.null_gains))
+    at_most = "at most " if step.p_value <= finest * (1 + 1e-9) else ""
+    return f"{at_most}{100 * step.p_value:.2g} %"
 
 
 _ZERO = 1e-9  # share of the typical size; what a search leaves of a zero

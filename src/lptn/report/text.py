@@ -44,16 +44,6 @@ def short_size(value: float) -> str:
     return f"{value:.0f}" if 10 <= abs(value) < 1e5 else f"{value:.2g}"
 
 
-_CERTAIN = 0.99  # nothing is said to be surer than this: no likelihood of a model holds so far out
-
-
-def percent(probability: float) -> str:
-    """A probability; what is nearly certain is `more than 99 %`, what hardly can be `less than 1 %`."""
-    if probability > _CERTAIN:
-        return f"more than {_CERTAIN:.0%}".replace("%", " %")
-    return "less than 1 %" if 100 * probability < 1 else f"{100 * probability:.0f} %"
-
-
 def unit_text(unit: str) -> str:
     """`m^2` as people write it."""
     return unit.replace("^2", "²").replace("*", "·").replace("ohm", "Ω")

@@ -8,7 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
-from lptn.diagnose.diagnosis import Step
+from lptn.diagnose.diagnosis import Step, contradicted
 from lptn.diagnose.improvement import History
 from lptn.diagnose.scores import INDISTINGUISHABLE, Confusability, Detectable
 from lptn.identify.comparison import Comparison, Condition
@@ -16,7 +16,7 @@ from lptn.identify.data import DataSplit, Segment
 from lptn.report.comparison_figures import MOST, NOISE_BAND, initialisation_end, views
 from lptn.report.diagnosis_figures import candidates_shown, noise_alone, reaches
 from lptn.report.heat_story import HeatStory
-from lptn.report.tables import worst_condition
+from lptn.report.tables import share_by_chance, worst_condition
 from lptn.report.text import (
     bin_text,
     capitalised,
@@ -29,27 +29,35 @@ from lptn.report.text import (
     title_of,
     window_text,
 )
-from lptn.report.verdict import (
-    certainties,
-    of_given_model,
-    of_held_out_data,
-    only_held_out_runs_object,
-    sizes_added,
-)
 
 # --- what both the short and the long version say -----------------------------------------------------------
+
+
+_HELPED = 0.99  # the share of the error below which an error is called smaller
 
 
 def _added(history: History) -> list[Step]:
     return [step for step in history.steps if step.effect and step.at]
 
 
+def _rmse_by_data(given: Step, best: Step) -> list[tuple[str, float, float]]:
+    """What each kind of data is called, and the RMSE [K] on it with the model as given and with the best one."""
+    pairs = [("fitted", given.fit.rmse, best.fit.rmse)]
+    for runs, before, after in (("held-out", given.holdout, best.holdout), ("test", given.test, best.test)):
+        if before and after:
+            pairs.append((runs, before.rmse, after.rmse))
+    return pairs
+
+
+def _first_refit(history: History) -> Step | None:
+    """What the first diagnosis says of the first effect that was added, where it looked at it."""
+    return next((refit for refit in history.first.refits if refit.key == history.steps[1].key), None)
+
+
 def next_step(history: History) -> str:
     """What to do next, in a sentence or two."""
     if history.verdict == "adequate":
         return "use the model. Compare it again when the robot works harder, faster or in other air."
-    if only_held_out_runs_object(history):
-        return "fit on longer runs, or on more like the held-out ones; they hold something that the fitted ones do not."
     if history.verdict == "unexplained":
         return (
             "look in section 4 for where and when the error grows, and ask what happened then that the log does not "
@@ -68,6 +76,9 @@ def next_step(history: History) -> str:
 # --- the summary: what is missing, where, how sure, what to do ----------------------------------------------
 
 
+_FEW = 3  # names in a row
+
+
 class Proposal(Protocol):
     """A proposed next experiment."""
 
@@ -76,7 +87,7 @@ class Proposal(Protocol):
 
 
 def in_short(history: History, heat: HeatStory, proposal: Proposal | None = None) -> list[tuple[str, str]]:
-    """The summary in five parts, each with its heading word; what held-out runs say stands apart.
+    """The summary in four parts, each with its heading word.
 
     Args:
         history: the steps of the forward selection.
@@ -91,15 +102,15 @@ def in_short(history: History, heat: HeatStory, proposal: Proposal | None = None
         to_do = f"{first} Section 7 says what that shows."
     if heat.event and history.verdict != "adequate":
         to_do = f"Ask what happened {heat.event} that the log does not hold. {capitalised(to_do)}"
-    held_out = of_held_out_data(history) or "None were held out, so nothing tests the result."
-    parts = {"What is missing": what, "Where": where, "How sure": sure, "Held-out runs": held_out}
-    return [*parts.items(), ("What to do", capitalised(to_do))]
+    return [("What is missing", what), ("Where", where), ("How sure", sure), ("What to do", capitalised(to_do))]
 
 
 def _short_adequate(history: History, heat: HeatStory) -> tuple[str, str, str]:
     given = history.steps[0].fit
-    sure = f"{_by_fitted_data(history)} Their RMSE is {kelvin(given.rmse, 2)}, noise alone leaves "
-    sure += f"{kelvin(noise_alone(given), 2)}. Section 5 shows how large each effect could be without showing."
+    sure = (
+        f"The RMSE on the fitted runs is {kelvin(given.rmse, 2)}, noise alone leaves {kelvin(noise_alone(given), 2)}."
+    )
+    sure += " Section 5 shows how large each effect could be without showing."
     where = f"{capitalised(heat.where)}, but too little to matter." if heat.where else f"Nowhere: {heat.hiding}."
     return "Nothing that these data can show.", where, sure
 
@@ -108,17 +119,21 @@ def _short_missing(history: History, heat: HeatStory) -> tuple[str, str, str]:
     added = _added(history)
     if not added:
         what = "An effect of the catalogue explains most of the misfit, but none tried makes the model better."
-        return what, _where("", heat), _by_fitted_data(history)
+        return what, _where("", heat), f"{_short_errors(history)}."
     what = f"{capitalised(listed([title_of(step.effect or '') for step in added]))}."
     places: dict[str, list[str]] = {}
     for step in added:
         places.setdefault(place_of(step.at or ""), []).append(title_of(step.effect or ""))
     where = "; ".join(f"{place} ({listed(effects)})" if len(places) > 1 else place for place, effects in places.items())
-    each = "; ".join(f"{named(*key)}: {sure}" for key, sure in certainties(history).items())
-    sure = f"{_by_fitted_data(history)} {capitalised(each)}."
-    implausible = [named(*size.key) for size in sizes_added(history).values() if size.implausible]
-    if implausible:
-        sure += f" The size of {listed(implausible)} is implausible."
+    sure = f"{_short_errors(history)}."
+    if refit := _first_refit(history):
+        as_high = "as high" if len(history.steps) == 2 else "as high as the first of these"
+        sure = f"Chance alone would score {as_high} in {share_by_chance(history.first, refit)} of logs. {sure}"
+    rivals = list(dict.fromkeys(named(*key) for step in added for key in step.indistinguishable))
+    if rivals:
+        sure += f" On the fitted runs alone, {few(rivals, _FEW)} would do about as well."
+    else:
+        sure += " Nothing else in the catalogue explains the fitted runs as well."
     if heat.left:
         sure += f" With the best model {heat.left}{': what was added does not explain that' if heat.event else ''}."
     elif history.remaining == "unexplained":
@@ -127,18 +142,9 @@ def _short_missing(history: History, heat: HeatStory) -> tuple[str, str, str]:
 
 
 def _short_unexplained(history: History, heat: HeatStory) -> tuple[str, str, str]:
-    sure = _by_fitted_data(history)
-    if only_held_out_runs_object(history):
-        what = "Nothing that the fitted data can show, yet held-out runs contradict the model."
-        return what, _where("", heat), sure
     noise = kelvin(noise_alone(history.best.fit), 2)
-    sure += f" Their RMSE is {kelvin(history.best.fit.rmse)}; noise alone leaves {noise}."
+    sure = f"{_short_errors(history)}; noise alone leaves {noise}. No effect of the catalogue removes it, nor do a few."
     return "Something that the catalogue does not hold.", _where("", heat), sure
-
-
-def _by_fitted_data(history: History) -> str:
-    """What the fitted data show of the given model, a sentence."""
-    return f"{capitalised(of_given_model(history))}."
 
 
 def _where(places: str, heat: HeatStory) -> str:
@@ -147,14 +153,24 @@ def _where(places: str, heat: HeatStory) -> str:
     return text.strip() or "No one node and time stands out."
 
 
+def _short_errors(history: History) -> str:
+    """The error before and after, on the data that tell most."""
+    runs, before, after = _rmse_by_data(history.steps[0], history.best)[-1]
+    if before == after:
+        return f"The RMSE on the {runs} runs is {kelvin(before)}"
+    return f"The RMSE on the {runs} runs goes from {kelvin(before)} to {kelvin(after)}"
+
+
 # --- in more detail -----------------------------------------------------------------------------------------
 
 
+_FAR = 2.0  # multiples of the noise from which an error is no longer called noise
+
+
 def story_in_words(history: History, data: DataSplit) -> list[str]:
-    """The story, a few sentences to each of: what is missing, how sure, how held-out runs agree, which data say so."""
+    """The story, a few sentences to each of: what is missing, how sure, which data say so."""
     what = {"adequate": _adequate, "missing": _missing, "unexplained": _unexplained}[history.verdict]
-    apart = [_how_sure(history), of_held_out_data(history)]
-    return [what(history), *filter(None, apart), _which_data(history, data)]
+    return [what(history, data), *filter(None, [_how_sure(history)]), _which_data(history, data)]
 
 
 def fitted_in_words(history: History) -> str:
@@ -164,12 +180,14 @@ def fitted_in_words(history: History) -> str:
     return f"{text} {_errors(given)}; the sensors' noise alone would leave about {kelvin(noise_alone(given.fit), 2)}."
 
 
-def _adequate(history: History) -> str:
+def _adequate(history: History, data: DataSplit) -> str:
     given = history.steps[0]
-    text = (
-        f"Nothing is missing that these data can show. {_by_fitted_data(history)} {_errors(given)}; noise alone leaves "
-    )
-    text += f"about {kelvin(noise_alone(given.fit), 2)}."
+    noise = noise_alone(given.fit)
+    text = "Nothing is missing that these data can show: on the fitted runs the model as given is wrong by no more "
+    text += f"than the sensors' noise. {_errors(given)}; noise alone leaves about {kelvin(noise, 2)}."
+    if given.holdout is not None and given.holdout.rmse > _FAR * noise:
+        text += " On the held-out runs the error is well above the noise. They hold something that the fitted runs do "
+        text += "not: fit on runs like them as well."
     bound_runs = given.fit.problem.bound_runs
     readings = np.concatenate([bound.measured[bound.counted] for bound in bound_runs])
     minutes = sum(len(bound) * bound.run.step for bound in bound_runs) / 60
@@ -177,7 +195,7 @@ def _adequate(history: History) -> str:
     return f"{text} This holds for what the fitted runs cover: {covered}."
 
 
-def _missing(history: History) -> str:
+def _missing(history: History, data: DataSplit) -> str:
     given, best = history.steps[0], history.best
     if best is given:
         return (
@@ -185,7 +203,7 @@ def _missing(history: History) -> str:
             "catalogue explains most of it, but none that was tried makes the model better by the rule that ends the "
             "selection, so none was added. Section 5 lists what was tried."
         )
-    text = f"Missing: {_effects_added(history)}. {_by_fitted_data(history)} {_fall(given, best)}"
+    text = f"Missing: {_effects_added(history)}. {_fall(given, best)}"
     if history.remaining == "adequate":
         return f"{text} What is left on the fitted runs is no more than the sensors' noise."
     noise = kelvin(noise_alone(best.fit), 2)
@@ -196,13 +214,16 @@ def _missing(history: History) -> str:
     return text + f"further effects lowered the error on the fitted runs but {where}."
 
 
-def _unexplained(history: History) -> str:
+def _unexplained(history: History, data: DataSplit) -> str:
     given, best = history.steps[0], history.best
-    noise = f"{_errors(given)}; noise alone leaves about {kelvin(noise_alone(given.fit), 2)}."
-    if only_held_out_runs_object(history):
-        return f"{_by_fitted_data(history)} {noise}"
+    if given.holdout and not history.first.helpful and contradicted(given.fit, given.holdout):
+        return (
+            f"The fitted runs show nothing that is missing, but the model is wrong by {kelvin(given.holdout.rmse)} on the "
+            "held-out ones: they hold something that the fitted runs do not. Fit on longer runs, or on runs more like "
+            f"them. {_errors(given)}."
+        )
     text = "The model as given is wrong by more than the sensors' noise, and the catalogue does not explain it. "
-    text += f"{_by_fitted_data(history)} {noise}"
+    text += f"{_errors(given)}; noise alone leaves about {kelvin(noise_alone(given.fit), 2)}."
     if best is given:
         return f"{text} No effect of the catalogue was worth adding."
     return (
@@ -216,48 +237,59 @@ def _effects_added(history: History) -> str:
 
 
 def _errors(step: Step) -> str:
-    return f"Its RMSE on the fitted runs is {kelvin(step.fit.rmse)}"
+    text = f"Its RMSE is {kelvin(step.fit.rmse)} on the fitted runs"
+    if step.holdout is not None:
+        text += f" and {kelvin(step.holdout.rmse)} on the held-out ones (largest error {kelvin(step.holdout.max)})"
+    if step.test is not None:
+        text += f", {kelvin(step.test.rmse)} on the test runs"
+    return text
 
 
 def _fall(given: Step, best: Step) -> str:
-    return f"With that the RMSE on the fitted runs goes from {kelvin(given.fit.rmse)} to {kelvin(best.fit.rmse)}."
+    pairs = _rmse_by_data(given, best)
+    changes = [f"from {kelvin(before)} to {kelvin(after)} on the {runs} runs" for runs, before, after in pairs]
+    text = f"With that the RMSE goes {listed(changes)}."
+    worse = [f"on the {runs} runs" for runs, before, after in pairs if after > _HELPED * before]
+    return f"{text} It does not get better {listed(worse, 'or')}." if worse else text
 
 
 def _how_sure(history: History) -> str:
-    """How sure and how plausible each step is; empty where none was added, or none explains the misfit."""
+    """How sure each step is; empty where none was added, or none explains the misfit."""
     if history.verdict != "missing":
         return ""
-    sizes, sure = sizes_added(history), certainties(history)
-    sentences = []
-    for number, step in enumerate(history.steps):
-        if step.effect:
-            text = f"How sure is step {number}, {named(*step.key)}? By the fitted data alone, "
-            text += f"{sure[step.key]}."
-            if step.indistinguishable and all(effect == step.effect for effect, _ in step.indistinguishable):
-                text += " The effect is clear, its place is not."
-            size = f" Its size: {sizes[step.key].text()}." if step.key in sizes else ""
-            sentences.append(text + size)
-    return " ".join(sentences)
+    return " ".join(_sure(history, number, step) for number, step in enumerate(history.steps) if step.effect)
+
+
+def _sure(history: History, number: int, step: Step) -> str:
+    text = f"How sure is step {number}, {named(*step.key)}? "
+    refit = _first_refit(history) if number == 1 else None
+    if refit is not None:
+        text += f"Chance alone would score as high in {share_by_chance(history.first, refit)} of logs. "
+    if not step.indistinguishable:
+        return text + "Nothing else in the catalogue explains the fitted runs about as well."
+    verb = "explains" if len(step.indistinguishable) == 1 else "explain"
+    others = f"{few([named(*key) for key in step.indistinguishable], _FEW)} {verb}"
+    if all(effect == step.effect for effect, _ in step.indistinguishable):
+        return text + f"The effect is clear, its place is not: {others} the fitted runs about as well."
+    chose = "; the held-out runs chose" if step.holdout else ""
+    return text + f"The fitted runs alone cannot tell: {others} them about as well{chose}."
 
 
 def _which_data(history: History, data: DataSplit) -> str:
     """Which runs were fitted, which chose, which only test the result."""
     text = f"Parameters were fitted, and effects proposed, on {_runs(data.fit)}."
     if not data.holdout:
-        text += " No data were held out: the steps end where none is probable enough."
+        text += " No data were held out: the steps end where a further effect does not pay for its parameters."
     else:
-        text += f" Held out: {_runs(data.holdout)}. No parameter was fitted to it."
-    if history.chosen_by_holdout:
-        text += f" It took part in the choice among {max(history.considered, 2)} models."
+        among = f"chose among the {history.considered} models that were tried, and "
+        among = "" if history.considered == 1 else among
+        text += f" Held out: {_runs(data.holdout)}. No parameter was fitted to it; it {among}says where the steps end."
     if data.test:
         return f"{text} Test: {_runs(data.test)}. It chose nothing, so its error is the one to quote."
     if len(history.steps) == 1:
         return text
     flaw = "the held-out error is a little flattering" if data.holdout else "nothing tests the result"
     return f"{text} There are no test runs, so {flaw}; one more log, given with --test, would tell."
-
-
-_FEW = 3  # names in a row
 
 
 def _runs(segments: Sequence[Segment]) -> str:
@@ -275,10 +307,7 @@ _PLAIN = 0.5  # share of the RMSE from which its mean is worth a word
 def caption_of_history(history: History) -> str:
     """Under the falling errors."""
     last = len(history.steps) - 1
-    held = "no held-out errors check it"
-    if history.best.holdout:
-        held = "the held-out runs were not fitted"
-        held += ", but took part in the choice" if history.chosen_by_holdout else ""
+    held = "the held-out errors say where to end" if history.best.holdout else "no held-out errors check it"
     return f"RMSE from the model as given (step 0, blue) to the best model (step {last}, green); {held}."
 
 
@@ -351,17 +380,10 @@ def caption_of_detectability(sizes: Sequence[Detectable]) -> str:
 def caption_of_ranking(history: History) -> str:
     """Under the ranking of candidates."""
     shown, whole = len(candidates_shown(history.first)), len(history.first.scores.ranked)
-    text = (
-        "Odds of each candidate being what the model lacks, against nothing being missing, by the fitted data alone: "
-    )
-    text += "even at the dashed line, ten times as high with each unit to the right."
-    text += (
-        " Filled bars were refitted, with their probability behind them; the others are first-order guesses."
-        if (history.first.refits)
-        else " None was probable enough to be refitted."
-    )
+    text = "How far each candidate scores beyond chance; chance alone passes the dashed line once in twenty logs."
+    text += " Filled bars were refitted." if history.first.refits else ""
     text += " Green ones were added." if len(history.steps) > 1 else ""
-    return text if shown == whole else f"{text} The {whole - shown} not shown are less probable."
+    return text if shown == whole else f"{text} The {whole - shown} not shown score lower or nothing."
 
 
 def _where_it_fails(cell: Condition) -> str:
