@@ -218,9 +218,9 @@ def _unexplained(history: History, data: DataSplit) -> str:
     given, best = history.steps[0], history.best
     if given.holdout and not history.first.helpful and contradicted(given.fit, given.holdout):
         return (
-            f"The fitted runs show nothing that is missing, but the model is wrong by {kelvin(given.holdout.rmse)} on the "
-            "held-out ones: they hold something that the fitted runs do not. Fit on longer runs, or on runs more like "
-            f"them. {_errors(given)}."
+            "The fitted runs show nothing that is missing, but the model is wrong by "
+            f"{kelvin(given.holdout.rmse)} on the held-out ones: they hold something that the fitted runs do not. "
+            f"Fit on longer runs, or on runs more like them. {_errors(given)}."
         )
     text = "The model as given is wrong by more than the sensors' noise, and the catalogue does not explain it. "
     text += f"{_errors(given)}; noise alone leaves about {kelvin(noise_alone(given.fit), 2)}."
