@@ -131,10 +131,7 @@ def test_words_missing(missing: Told) -> None:
     assert "Chance alone would score as high in at most 0.5 % of logs" in told
     assert "Held out: two (60 to 600 s)" in told
     assert "Test: three (60 to 600 s). It chose nothing" in told
-    assert history.best.indistinguishable == (("sensor_offset", NODES[0]),)
-    assert "leave the robot powered and resting for an hour" in next_step(history)
-    alone = replace(history, steps=(history.steps[0], replace(history.best, indistinguishable=())))
-    assert next_step(alone) == "use the best model."
+    assert next_step(history) == "use the best model."
 
 
 @pytest.mark.long

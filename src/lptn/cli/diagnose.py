@@ -63,8 +63,7 @@ def diagnose(
 VERDICTS = {
     "adequate": "adequate: what is left is no more than the sensors' noise",
     "missing": "missing something: the catalogue explains most of what the model gets wrong",
-    "unexplained": "unexplained: the model is wrong by more than noise, on fitted or held-out runs, and the catalogue "
-    "explains little of it",
+    "unexplained": "unexplained: the model is wrong by more than noise, and the catalogue explains little of it",
 }
 _FEW = 3  # rivals named in a sentence; all of them stand in the JSON and on the page
 

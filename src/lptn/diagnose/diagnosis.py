@@ -24,8 +24,7 @@ import pandas as pd
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.tables import Tabular
-from lptn.diagnose.candidates import with_ambient_bias
-from lptn.diagnose.evidence import possible_effects
+from lptn.diagnose.candidates import candidates, with_ambient_bias
 from lptn.diagnose.fit_statistics import (
     LACKING,
     TIE,
@@ -259,7 +258,7 @@ def examine(
 ) -> Diagnosis:
     """`diagnose` for a model that is fitted already, on data of the step it was fitted with."""
     columns = set.intersection(*(set(segment.run.columns) for segment in data.fit))
-    possible = possible_effects(base, columns)
+    possible = candidates(base.model.network, columns, [segment.run.name for segment in data.fit])
     report(f"scoring {len(possible)} candidates")
     scores = score(base, possible)
     worthwhile = _shortlist(scores, refits)
@@ -338,7 +337,7 @@ def _refitted(task: tuple[Fit, Score, float]) -> Step:
     amplitude = score.candidate.effect.amplitude()
     size = None
     if amplitude is not None:
-        least, most = (share * score.candidate.typical for share in _TYPICAL_RANGE)
+        least, most = (share * abs(amplitude.typical) for share in _TYPICAL_RANGE)
         size = float(np.sign(score.amplitude) * np.clip(abs(score.amplitude), least, most))
     declaration = score.candidate.declaration(size, score.shape)
     return _step(base, declaration, refit(base, declaration, rival))
@@ -354,8 +353,7 @@ def _size(declaration: EffectDeclaration | None, done: Fit) -> float:
     if declaration is None or amplitude is None:
         return 1.0
     name = f"{declaration.name}.{amplitude.name}."
-    fitted = next(each for each in done.model.parameters if each.name.startswith(name))
-    return fitted.value / fitted.declared.typical
+    return next(each.value for each in done.model.parameters if each.name.startswith(name)) / amplitude.typical
 
 
 def refit(base: Fit, declaration: EffectDeclaration, rival: float = np.inf) -> Fit:
@@ -455,28 +453,18 @@ def _holdout_decides(steps: list[Step]) -> list[Step]:
 _MOST_BY_ONE, _MOST_BY_THREE = 0.6, 0.8  # shares of the misfit beyond noise that are most of it
 _ELSEWHERE = 0.3  # share of the held-out error, squared and beyond noise, that must go with it
 _SILENT = 1.1  # mean squares so little above the noise show nothing that could go
-_CONTRADICTED = 2.0  # times the larger of noise and fitted error, from which on held-out runs speak against a model
-_RUNS_DIFFER = 0.3  # K; two runs differ by so much in their air and sensors alone, see `Effect.in_every_log`
 
 
 def _verdict(base: Fit, holdout: Errors | None, scores: Scores, steps: Sequence[Step]) -> Verdict:
     lacking = any(value > LACKING for value in scores.lack_of_fit.values())
     helps = bool(steps) and steps[0].gain > TIE  # only candidates beyond chance were refitted
     if not lacking and not helps:
-        return "unexplained" if contradicted(base, holdout) else "adequate"
+        return "adequate"
     if not steps or not explained_elsewhere(base, holdout, steps[0].holdout):
         return "unexplained"
     best = steps[0].fit
     nothing_left = all(value <= LACKING for value in lack_of_fit(best, scores.noise).values())
     return "missing" if nothing_left or explained_share(base, best, scores.noise) > _MOST_BY_ONE else "unexplained"
-
-
-def contradicted(base: Fit, holdout: Errors | None) -> bool:
-    """Whether held-out runs speak against a model that the fitted runs have nothing against."""
-    if holdout is None:
-        return False
-    floor = float(np.sqrt(np.mean(base.noise.floor**2)))
-    return holdout.rmse > max(_CONTRADICTED * max(floor, base.rmse), _RUNS_DIFFER)
 
 
 def explained_elsewhere(base: Fit, before: Errors | None, after: Errors | None) -> bool:

@@ -16,7 +16,6 @@ from lptn.basics.places import EVERYWHERE, in_run
 from lptn.basics.processes import one_blas_thread
 from lptn.diagnose.candidates import Candidate, candidates
 from lptn.diagnose.diagnosis import refit
-from lptn.diagnose.evidence import IMPLAUSIBLE
 from lptn.diagnose.fit_statistics import BLOCK, LACKING, NEGLIGIBLE, TIE, cost_of_noise, criterion_difference
 from lptn.identify.comparison import Errors, Prediction, predict
 from lptn.identify.data import Segment
@@ -243,14 +242,10 @@ def _as_fit(fit: Fit, model: Model, prediction: Prediction, free: tuple[int, ...
 
 
 def _best_and_indistinguishable(fit: Fit, before: Prediction, base: Fit, trials: Sequence[_Trial]) -> list[_Trial]:
-    """The best of those that halve the error beyond noise and pay for themselves, and what explains the run as well.
-
-    None of a size that nobody would believe.
-    """
+    """The best of those that halve the error beyond noise and pay for themselves, and what explains the run as well."""
     noise = cost_of_noise(base)
     most = noise + _HALF**2 * max(base.cost - noise, 0.0)
-    believed = [each for each in trials if abs(each.amplitude) <= IMPLAUSIBLE * each.search.candidate.typical]
-    ranked = sorted((each for each in believed if each.fit.cost <= most), key=lambda each: each.fit.cost)
+    ranked = sorted((each for each in trials if each.fit.cost <= most), key=lambda each: each.fit.cost)
     if not ranked or criterion_difference(base, ranked[0].fit) <= 0:
         return []
     best = ranked[0].fit

@@ -20,9 +20,11 @@ from scipy.sparse.csgraph import connected_components
 from lptn.basics.arrays import FloatArray
 from lptn.basics.processes import one_blas_thread
 from lptn.diagnose.candidates import Candidate, Site, sites
-from lptn.diagnose.evidence import derivatives_by_sites
 from lptn.diagnose.fit_statistics import NEGLIGIBLE, NoiseLevel, block_numbers, lack_of_fit
 from lptn.identify.fitting import Fit
+from lptn.model.model import Model
+from lptn.simulate.bound_run import bind, start_from
+from lptn.simulate.simulation import sensitivities
 
 _LOGS = 200  # simulated for the distribution by chance: p-values down to 0.005
 _IMITATED = 1e-8  # share of a trace's length left after projection: the fitted parameters imitate it wholly
@@ -107,10 +109,21 @@ def score(fit: Fit, candidates: Sequence[Candidate], seed: int = 0) -> Scores:
 
 def _derivatives(fit: Fit, places: Sequence[Site]) -> tuple[FloatArray, FloatArray]:
     """Weighted derivatives of the residuals: by the fit's unknowns, and by the sites' amplitudes."""
-    _, baseline = fit.problem.jacobian(fit.z)
-    by_site = derivatives_by_sites(fit, places)
-    penalties = np.zeros((len(baseline) - len(by_site), len(places)))  # which no site enters
-    return baseline, np.vstack([by_site, penalties])
+    problem = fit.problem
+    _, baseline = problem.jacobian(fit.z)
+    full = Model(fit.model.network.with_effects(site.declaration() for site in places))
+    index = {parameter.name: number for number, parameter in enumerate(full.parameters)}
+    amplitudes = [index[site.amplitude_name] for site in places]
+    core = len(fit.model.states)  # effects are added behind the network's own, and so are their states
+    blocks = []
+    for bound, start in zip(problem.bound_runs, fit.point.starts, strict=True):
+        wide = bind(full, bound.run)
+        states = start_from(full, wide, dict(zip(fit.model.states, start.tolist(), strict=True)))
+        moved = sensitivities(full, wide, full.values, amplitudes, states, core=core)
+        scale = 1.0 / np.repeat(problem.sigma, bound.counted.sum(axis=1))[:, None]
+        blocks.append(moved.by_parameter[bound.counted] * scale)
+    penalties = np.zeros((len(baseline) - sum(map(len, blocks)), len(places)))  # which no site enters
+    return baseline, np.vstack([*blocks, penalties])
 
 
 def _regular(baseline: FloatArray) -> FloatArray:
@@ -143,6 +156,8 @@ def _directions(
     projected, by_site = np.asfortranarray(projected), np.asfortranarray(by_site)
     directions = []
     for candidate in candidates:
+        amplitude = candidate.effect.amplitude()
+        one_sided = amplitude is not None and amplitude.bounds[0] == amplitude.off
         own = []
         for shape in candidate.shapes:
             members = [where[site] for site in candidate.sites(shape)]
@@ -150,7 +165,7 @@ def _directions(
             whole = float(np.linalg.norm(by_site[:, members].sum(axis=1)))
             length = float(np.linalg.norm(trace))
             if length > _IMITATED * whole:
-                own.append(_Direction(shape, trace / length, length, candidate.one_sided))
+                own.append(_Direction(shape, trace / length, length, one_sided))
         directions.append(own)
     return directions
 
@@ -332,5 +347,5 @@ def smallest(scores: Scores) -> list[Detectable]:
         if amplitude is not None and score.per_unit > 0:
             effect, at = score.candidate.key
             size = needed / score.per_unit
-            sizes.append(Detectable(effect, at, size, amplitude.unit, size / score.candidate.typical))
+            sizes.append(Detectable(effect, at, size, amplitude.unit, size / abs(amplitude.typical)))
     return sorted(sizes, key=lambda each: each.share)

@@ -22,7 +22,6 @@ class HeatScale(LossEffect):
     key = "heat_scale"
     title = "logged power heats more or less"
     heat_of = "heat_input"
-    in_every_log = 0.03  # supply voltages and duty cycles differ by so much from run to run
     per_run = True
     in_one_run = (
         "in {run} the logged power heats{at} {factor} times as much as in the fitted runs",

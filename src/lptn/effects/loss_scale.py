@@ -22,7 +22,6 @@ class LossScale(LossEffect):
     key = "loss_scale"
     title = "wrong torque constant or resistance"
     heat_of = "copper_loss"
-    in_every_log = 0.03  # torque and current are sampled, averaged and scaled by the log, not quite alike in each run
     per_run = True
     in_one_run = (
         "in {run} the copper loss{at} is {factor} times what the model computes",

@@ -8,7 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
-from lptn.diagnose.diagnosis import Step, contradicted
+from lptn.diagnose.diagnosis import Step
 from lptn.diagnose.improvement import History
 from lptn.diagnose.scores import INDISTINGUISHABLE, Confusability, Detectable
 from lptn.identify.comparison import Comparison, Condition
@@ -216,12 +216,6 @@ def _missing(history: History, data: DataSplit) -> str:
 
 def _unexplained(history: History, data: DataSplit) -> str:
     given, best = history.steps[0], history.best
-    if given.holdout and not history.first.helpful and contradicted(given.fit, given.holdout):
-        return (
-            "The fitted runs show nothing that is missing, but the model is wrong by "
-            f"{kelvin(given.holdout.rmse)} on the held-out ones: they hold something that the fitted runs do not. "
-            f"Fit on longer runs, or on runs more like them. {_errors(given)}."
-        )
     text = "The model as given is wrong by more than the sensors' noise, and the catalogue does not explain it. "
     text += f"{_errors(given)}; noise alone leaves about {kelvin(noise_alone(given.fit), 2)}."
     if best is given:
