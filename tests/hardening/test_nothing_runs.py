@@ -10,7 +10,7 @@ import stat
 import struct
 import zipfile
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
 
@@ -220,20 +220,22 @@ def _overlapping() -> bytes:
     return head + entries + end
 
 
-TRICKS = {
-    "a file where a folder is needed": _zipped(("a", b"x"), ("a/b", b"x"), ("modelDescription.xml", XML)),
-    "through its own folder": _zipped(("a/../../outside", b"x"), ("modelDescription.xml", XML)),
-    "a folder that is a link": _zipped((_special("a/", stat.S_IFLNK | 0o777), b""), ("modelDescription.xml", XML)),
-    "more files than any FMU": _zipped(*((f"f{k}", b"") for k in range(10_001)), method=zipfile.ZIP_STORED),
-    "a size that lies": _lying_size(),
-    "encrypted": _encrypted(),
-    "entries that overlap": _overlapping(),
-    "the network's share": _zipped(("\\\\host\\share", b"x"), ("modelDescription.xml", XML)),
-    "a stream of a file": _zipped(("modelDescription.xml:x", b"x"), ("modelDescription.xml", XML)),
-    "only a folder of that name": _zipped(("modelDescription.xml/", b"")),
-    "cut off": _zipped(("modelDescription.xml", XML))[:-30],
-    "names to the limit": _zipped(("a/" * 3000 + "b", b"x"), ("modelDescription.xml", XML)),
-    "a name that is too long": _zipped(("n" * 300, b"x"), ("modelDescription.xml", XML)),
+TRICKS: dict[str, Callable[[], bytes]] = {
+    "a file where a folder is needed": lambda: _zipped(("a", b"x"), ("a/b", b"x"), ("modelDescription.xml", XML)),
+    "through its own folder": lambda: _zipped(("a/../../outside", b"x"), ("modelDescription.xml", XML)),
+    "a folder that is a link": lambda: _zipped(
+        (_special("a/", stat.S_IFLNK | 0o777), b""), ("modelDescription.xml", XML)
+    ),
+    "more files than any FMU": lambda: _zipped(*((f"f{k}", b"") for k in range(10_001)), method=zipfile.ZIP_STORED),
+    "a size that lies": _lying_size,
+    "encrypted": _encrypted,
+    "entries that overlap": _overlapping,
+    "the network's share": lambda: _zipped(("\\\\host\\share", b"x"), ("modelDescription.xml", XML)),
+    "a stream of a file": lambda: _zipped(("modelDescription.xml:x", b"x"), ("modelDescription.xml", XML)),
+    "only a folder of that name": lambda: _zipped(("modelDescription.xml/", b"")),
+    "cut off": lambda: _zipped(("modelDescription.xml", XML))[:-30],
+    "names to the limit": lambda: _zipped(("a/" * 3000 + "b", b"x"), ("modelDescription.xml", XML)),
+    "a name that is too long": lambda: _zipped(("n" * 300, b"x"), ("modelDescription.xml", XML)),
 }
 
 
@@ -245,7 +247,7 @@ def test_an_archive_with_a_trick_is_refused_and_nothing_leaves_its_folder(
     folder = tmp_path / "inside"
     folder.mkdir()
     with pytest.raises(InputError) as refused:
-        unpack(TRICKS[trick], tmp_path / "x.fmu", folder)
+        unpack(TRICKS[trick](), tmp_path / "x.fmu", folder)
     assert str(refused.value).isprintable()
     assert list(tmp_path.iterdir()) == [folder]
 
