@@ -21,7 +21,8 @@ AMBIENT = NodeDeclaration("ambient", temperature="temperature.ambient")
 
 def capacity(value: float = 300.0, **more: object) -> Parameter:
     """A heat capacity [J/K]."""
-    return replace(Parameter("capacity", value, "J/K", (1e-3, 1e6), typical=300.0), **more)  # type: ignore[arg-type]
+    bounds = (1e-3, max(1e6, 10 * value))
+    return replace(Parameter("capacity", value, "J/K", bounds, typical=300.0), **more)  # type: ignore[arg-type]
 
 
 def resistance(value: float = 5.0, **more: object) -> Parameter:

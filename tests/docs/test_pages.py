@@ -74,7 +74,7 @@ def test_the_catalogue_page_says_all_of_an_effect() -> None:
         "```math\nQ = \\frac{C_2}{t_2} (T_2 - T)",
         "$`t_2 = R_2 C_2`$",
         "amplitude, off at 0",
-        "| J/K | 0 to 100000 |",
+        "| J/K | 0 to ∞ |",
     )
     for each in (
         *said,

@@ -101,6 +101,11 @@ def test_says_itself_what_it_needs_of_logs_to_show(kind: type[Effect]) -> None:
 
 
 @every
+def test_prior_odds_are_odds(kind: type[Effect]) -> None:
+    assert 0 < kind.prior_odds <= 1
+
+
+@every
 def test_docstring_has_the_equation_and_its_source(kind: type[Effect]) -> None:
     text = inspect.getdoc(kind) or ""
     assert ".. math::" in text

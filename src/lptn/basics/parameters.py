@@ -12,6 +12,10 @@ import numpy as np
 from lptn.basics.arrays import FloatArray
 
 Share = Literal["each", "class", "sides", "all"]
+Scale = Literal["", "capacity", "conductance", "resistance", "link"]
+"""What the usual size of a parameter goes with, from a gram of copper to a wall; `""` for what is the same at both."""
+LARGEST = 1e12
+"""In any unit: the bound of a size that nature does not bound; priors say what is plausible, and not bounds."""
 
 
 @dataclass(frozen=True)
@@ -22,11 +26,11 @@ class Parameter:
         name: the key under which model files give it.
         value: its value where nothing else is said, in `unit`.
         unit: SI unit, as people write it (`"K/W"`).
-        bounds: least and largest admissible value. A positive lower bound makes the fit work
-            with the logarithm.
+        bounds: least and largest possible value: what is usual `typical` says. A positive lower bound makes the fit
+            work with the logarithm.
         off: the value at which the effect vanishes exactly; `None` for a parameter that can't switch
             its effect off (a shape, a data-sheet number).
-        typical: the size at which the effect is usually met; scales the search.
+        typical: the size at which the effect is usually met, at a robot's joint; scales the search.
         title: what a person calls it.
         fixed: `True` keeps the fit away from it.
         share: who has it in common.
@@ -34,6 +38,8 @@ class Parameter:
         grid: shapes at which the effect is scored before one is fitted (time constants, exponents).
         prior: standard deviation about 0 that a fit grants it, for what is a nuisance of the logs and no part of the
             model; `None` where only the data speak.
+        relative_to: what that size goes with at other places (`lptn.model.sizes`): a place's heat `"capacity"`, its
+            `"conductance"` or its `"resistance"` to all around it, or the conductance of the `"link"` that is changed.
 
     Raises:
         ValueError: bounds in the wrong order, or a value outside them.
@@ -56,6 +62,7 @@ class Parameter:
     on: float | None = None
     grid: tuple[float, ...] = ()
     prior: float | None = None
+    relative_to: Scale = ""
 
     def __post_init__(self) -> None:
         lower, upper = self.bounds

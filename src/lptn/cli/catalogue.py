@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import inspect
-import math
 import re
 from collections.abc import Iterable, Mapping
 
 from lptn.basics.equations import equation_text
-from lptn.basics.parameters import Parameter
+from lptn.basics.parameters import LARGEST, Parameter
 from lptn.cli.terminal import show_table
 from lptn.effects import Effect, catalogue, effect_named
 from lptn.effects.base import SITES
@@ -230,7 +229,8 @@ def _parameters(effect: type[Effect]) -> list[str]:
 
 
 def _row(effect: type[Effect], each: Parameter) -> str:
-    lower, upper = (("−∞" if end < 0 else "∞") if math.isinf(end) else f"{end:g}" for end in each.bounds)
+    lower, upper = (("−∞" if end < 0 else "∞") if abs(end) >= LARGEST else f"{end:g}" for end in each.bounds)
+    typical = f"{each.typical:g}" + (f", goes with the {each.relative_to}" if each.relative_to else "")
     role = []
     if each is effect.amplitude():
         role.append(f"amplitude, off at {each.off:g}")
@@ -238,7 +238,7 @@ def _row(effect: type[Effect], each: Parameter) -> str:
         role.append(f"shape, tried at {', '.join(f'{value:g}' for value in each.grid)}")
     if each.fixed:
         role.append(f"held at {each.value:g}")
-    return f"| `{each.name}` | {each.title} | {each.unit} | {lower} to {upper} | {each.typical:g} | {'; '.join(role)} |"
+    return f"| `{each.name}` | {each.title} | {each.unit} | {lower} to {upper} | {typical} | {'; '.join(role)} |"
 
 
 def _options(effect: type[Effect]) -> list[str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
-from lptn.basics.parameters import Parameter
+from lptn.basics.parameters import LARGEST, Parameter
 from lptn.effects.base import BoundaryEffect, Signature, Symbol
 from lptn.effects.excitation import surroundings_change
 
@@ -19,6 +19,8 @@ class AmbientLag(BoundaryEffect):
 
     key = "ambient_lag"
     title = "surroundings that follow the ambient late"
+    prior_odds = 0.5
+    """Walls out of balance with the air take a change of weather or of room, which few logs hold."""
     has_state = True
     parameters = (
         Parameter("fraction", 0.7, "1", (0.0, 1.0), off=0.0, typical=0.7, title="share that is late"),
@@ -26,7 +28,7 @@ class AmbientLag(BoundaryEffect):
             "time_constant",
             900.0,
             "s",
-            (10.0, 5e4),
+            (10.0, LARGEST),
             typical=900.0,
             title="time constant",
             grid=(300.0, 900.0, 2700.0),

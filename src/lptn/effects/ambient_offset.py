@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
-from lptn.basics.parameters import Parameter
+from lptn.basics.parameters import LARGEST, Parameter
 from lptn.effects.base import BoundaryEffect, Signature, Symbol
 from lptn.effects.excitation import REST_OR_LEVELS
 
@@ -19,13 +19,15 @@ class AmbientOffset(BoundaryEffect):
 
     key = "ambient_offset"
     title = "ambient warmer or cooler than given"
+    prior_odds = 0.5
+    """An ambient sensor near the robot is right within a kelvin more often than not."""
     per_run = True
     in_one_run = (
         "in {run} the {place} was {size} K warmer than given",
         "in {run} the {place} was {size} K cooler than given",
     )
     parameters = (
-        Parameter("offset", 2.0, "K", (-20.0, 20.0), off=0.0, typical=2.0, title="true minus given temperature"),
+        Parameter("offset", 2.0, "K", (-LARGEST, LARGEST), off=0.0, typical=2.0, title="true minus given temperature"),
     )
     signature = Signature(
         looks_like="every node drifts off by the same amount, from a start that fits",

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any, ClassVar, Literal, Protocol
 
@@ -138,6 +138,11 @@ class Effect(ABC):
     """What it needs of logs to show."""
     has_state: ClassVar[bool] = False
     options: ClassVar[Mapping[str, tuple[str, ...]]] = {}
+    prior_odds: ClassVar[float] = 1.0
+    """How often such a thing is met where it can stand, relative to the other effects: prior odds of the evidence.
+
+    1 is what most effects have. An effect that is rare in practice has less, and says why in a sentence below it.
+    """
     per_run: ClassVar[bool] = False
     whole_robot: ClassVar[bool] = False
     in_one_run: ClassVar[tuple[str, str]] = ("", "")
@@ -161,6 +166,22 @@ class Effect(ABC):
     def shape(cls) -> Parameter | None:
         """The parameter that is scored on a grid, `None` for an effect without a shape."""
         return next((parameter for parameter in cls.parameters if parameter.grid), None)
+
+    @classmethod
+    def stated(cls, difference: bool = False) -> tuple[Parameter, ...]:
+        """Its parameters, or those of the difference that one place makes to what it has in common with others.
+
+        A difference adds to heat, readings and exchange, and multiplies factors. It may be of either sign, unless
+        the effect has a state, which a negative mass would send away.
+        """
+        if not difference or cls.has_state:
+            return cls.parameters
+        return tuple(
+            parameter
+            if parameter.off is None or parameter.off > parameter.bounds[0]
+            else replace(parameter, bounds=(2 * parameter.off - parameter.bounds[1], parameter.bounds[1]))
+            for parameter in cls.parameters
+        )
 
     def needed(self) -> tuple[str, ...]:
         """Input features that the equation reads; an option called `input` names the one."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
-from lptn.basics.parameters import Parameter
+from lptn.basics.parameters import LARGEST, Parameter
 from lptn.effects.base import EdgeEffect, Signature, Symbol
 from lptn.effects.excitation import nodes_apart
 
@@ -20,7 +20,16 @@ class Conduction(EdgeEffect):
     key = "conduction"
     title = "conduction between two nodes"
     parameters = (
-        Parameter("conductance", 0.3, "W/K", (0.0, 100.0), off=0.0, typical=0.3, title="thermal conductance"),
+        Parameter(
+            "conductance",
+            0.3,
+            "W/K",
+            (0.0, LARGEST),
+            off=0.0,
+            typical=0.3,
+            relative_to="conductance",
+            title="thermal conductance",
+        ),
     )
     signature = Signature(
         looks_like="an unpowered node warms beside a powered one, and the powered one is predicted too hot",

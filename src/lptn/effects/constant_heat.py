@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
-from lptn.basics.parameters import Parameter
+from lptn.basics.parameters import LARGEST, Parameter
 from lptn.effects.base import NodeEffect, Signature, Symbol
 from lptn.effects.excitation import REST_OR_LEVELS
 
@@ -24,7 +24,11 @@ class ConstantHeat(NodeEffect):
         "in {run} {size} W more heat goes into {into} all the time: was something beside it on?",
         "in {run} {size} W less heat goes into {into} all the time",
     )
-    parameters = (Parameter("power", 3.0, "W", (0.0, 1e4), off=0.0, typical=3.0, title="constant heat"),)
+    parameters = (
+        Parameter(
+            "power", 3.0, "W", (0.0, LARGEST), off=0.0, typical=3.0, relative_to="conductance", title="constant heat"
+        ),
+    )
     signature = Signature(
         looks_like="predicted too cold all the time, at rest as well",
         separate_by="leave the robot powered and resting for an hour; then switch it off for an hour",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
-from lptn.basics.parameters import Parameter
+from lptn.basics.parameters import LARGEST, Parameter
 from lptn.effects.base import NodeEffect, Signature, Symbol
 from lptn.effects.excitation import INPUTS_VARY
 
@@ -24,12 +24,12 @@ class CopperLoss(NodeEffect):
     title = "copper loss"
     options = {"input": ("torque", "current")}  # noqa: RUF012
     parameters = (
-        Parameter("resistance", 0.15, "ohm", (1e-4, 100.0), typical=0.15, title="winding resistance", fixed=True),
+        Parameter("resistance", 0.15, "ohm", (1e-6, LARGEST), typical=0.15, title="winding resistance", fixed=True),
         Parameter(
             "torque_constant",
             0.84,
             "N*m/A",
-            (1e-4, 1e3),
+            (1e-6, LARGEST),
             typical=0.84,
             title="joint torque per ampere",
             fixed=True,

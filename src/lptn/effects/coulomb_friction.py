@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
-from lptn.basics.parameters import Parameter
+from lptn.basics.parameters import LARGEST, Parameter
 from lptn.effects.base import NodeEffect, Signature, Symbol
 from lptn.effects.excitation import speed_apart_from_load
 
@@ -24,7 +24,7 @@ class CoulombFriction(NodeEffect):
     title = "Coulomb friction of the joint"
     needs = ("velocity",)
     parameters = (
-        Parameter("torque", 0.25, "N*m", (0.0, 50.0), off=0.0, typical=0.25, title="Coulomb friction torque"),
+        Parameter("torque", 0.25, "N*m", (0.0, LARGEST), off=0.0, typical=0.25, title="Coulomb friction torque"),
     )
     signature = Signature(
         looks_like="predicted too cold whenever the joint moves, in proportion to its speed",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
-from lptn.basics.parameters import Parameter
+from lptn.basics.parameters import LARGEST, Parameter
 from lptn.effects.base import NodeEffect, Signature, Symbol
 from lptn.effects.excitation import INPUTS_VARY
 
@@ -22,7 +22,18 @@ class DriveHeat(NodeEffect):
     key = "drive_heat"
     title = "heat of the drive while it is on"
     needs = ("powered",)
-    parameters = (Parameter("power", 4.0, "W", (0.0, 1e3), off=0.0, typical=4.0, title="heat of the drive"),)
+    parameters = (
+        Parameter(
+            "power",
+            4.0,
+            "W",
+            (0.0, LARGEST),
+            off=0.0,
+            typical=4.0,
+            relative_to="conductance",
+            title="heat of the drive",
+        ),
+    )
     signature = Signature(
         looks_like="predicted too cold while the drives are on, right once they are off",
         separate_by="leave the robot resting for an hour with the drives on, then for an hour with them off",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
-from lptn.basics.parameters import Parameter
+from lptn.basics.parameters import LARGEST, Parameter
 from lptn.effects.base import NodeEffect, Signature, Symbol
 from lptn.effects.excitation import INPUTS_VARY
 
@@ -23,9 +23,15 @@ class DriverLoss(NodeEffect):
     title = "loss of the drive in proportion to the current"
     options = {"input": ("torque_abs", "current_abs")}  # noqa: RUF012
     parameters = (
-        Parameter("voltage", 0.5, "V", (0.0, 50.0), off=0.0, typical=0.5, title="voltage drop of the drive"),
+        Parameter("voltage", 0.5, "V", (0.0, LARGEST), off=0.0, typical=0.5, title="voltage drop of the drive"),
         Parameter(
-            "torque_constant", 0.84, "N*m/A", (1e-4, 1e3), typical=0.84, title="joint torque per ampere", fixed=True
+            "torque_constant",
+            0.84,
+            "N*m/A",
+            (1e-6, LARGEST),
+            typical=0.84,
+            title="joint torque per ampere",
+            fixed=True,
         ),
     )
     signature = Signature(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
-from lptn.basics.parameters import Parameter
+from lptn.basics.parameters import LARGEST, Parameter
 from lptn.effects.base import NodeEffect, Signature, Symbol
 from lptn.effects.excitation import INPUTS_VARY
 
@@ -22,7 +22,7 @@ class HeatInput(NodeEffect):
     key = "heat_input"
     title = "heat in proportion to a logged power"
     needs = ("power",)
-    parameters = (Parameter("gain", 1.0, "W/W", (0.0, 1e3), off=0.0, typical=1.0, title="watts per logged unit"),)
+    parameters = (Parameter("gain", 1.0, "W/W", (0.0, LARGEST), off=0.0, typical=1.0, title="watts per logged unit"),)
     signature = Signature(
         looks_like="predicted too cold whenever the logged power is high",
         separate_by="switch the consumer on and off, 15 min each, with everything else at rest",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
-from lptn.basics.parameters import Parameter
+from lptn.basics.parameters import LARGEST, Parameter
 from lptn.effects.base import ExcessEffect, Signature, Symbol
 from lptn.effects.excitation import LOAD_STEPS
 
@@ -26,8 +26,17 @@ class HotSpot(ExcessEffect):
     title = "sensor at a hot spot"
     heat_of = "copper_loss"
     parameters = (
-        Parameter("resistance", 0.1, "K/W", (0.0, 50.0), off=0.0, typical=0.1, title="from the hot spot to the mass"),
-        Parameter("time_constant", 5.0, "s", (1.0, 300.0), typical=5.0, title="its time constant", grid=(5.0, 30.0)),
+        Parameter(
+            "resistance",
+            0.1,
+            "K/W",
+            (0.0, LARGEST),
+            off=0.0,
+            typical=0.1,
+            relative_to="resistance",
+            title="from the hot spot to the mass",
+        ),
+        Parameter("time_constant", 5.0, "s", (1.0, LARGEST), typical=5.0, title="its time constant", grid=(5.0, 30.0)),
     )
     signature = Signature(
         looks_like="the reading jumps up within seconds of a load, and down when it ends, by the same amount",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
-from lptn.basics.parameters import Parameter
+from lptn.basics.parameters import LARGEST, Parameter
 from lptn.effects.base import NodeEffect, Signature, Symbol
 from lptn.effects.excitation import speed_apart_from_load
 
@@ -26,7 +26,7 @@ class IronLoss(NodeEffect):
     title = "speed-dependent iron loss"
     needs = ("velocity_rms",)
     parameters = (
-        Parameter("gain", 0.05, "W*(s/rad)^n", (0.0, 100.0), off=0.0, typical=0.05, title="loss at 1 rad/s"),
+        Parameter("gain", 0.05, "W*(s/rad)^n", (0.0, LARGEST), off=0.0, typical=0.05, title="loss at 1 rad/s"),
         Parameter("exponent", 1.5, "1", (1.1, 1.9), typical=1.5, title="exponent of the speed", grid=(1.3, 1.5, 1.7)),
     )
     signature = Signature(

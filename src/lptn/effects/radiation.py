@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
-from lptn.basics.parameters import Parameter
+from lptn.basics.parameters import LARGEST, Parameter
 from lptn.effects.base import LinkEffect, Signature, Symbol
 from lptn.effects.excitation import hot
 
@@ -22,7 +22,18 @@ class Radiation(LinkEffect):
 
     key = "radiation"
     title = "radiation to the surroundings"
-    parameters = (Parameter("area", 0.01, "m^2", (0.0, 10.0), off=0.0, typical=0.01, title="emissivity times area"),)
+    parameters = (
+        Parameter(
+            "area",
+            0.01,
+            "m^2",
+            (0.0, LARGEST),
+            off=0.0,
+            typical=0.01,
+            relative_to="link",
+            title="emissivity times area",
+        ),
+    )
     signature = Signature(
         looks_like="predicted too hot at the hottest; the more so at a warm ambient",
         separate_by="the same heating and cool-down at 8 and at 33 degC ambient",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
-from lptn.basics.parameters import Parameter
+from lptn.basics.parameters import LARGEST, Parameter
 from lptn.effects.base import MassEffect, Signature, Symbol
 from lptn.effects.excitation import LOAD_STEPS
 
@@ -22,12 +22,21 @@ class SecondMass(MassEffect):
     key = "second_mass"
     title = "a second thermal mass"
     parameters = (
-        Parameter("capacity", 50.0, "J/K", (0.0, 1e5), off=0.0, typical=50.0, title="capacitance of the second mass"),
+        Parameter(
+            "capacity",
+            50.0,
+            "J/K",
+            (0.0, LARGEST),
+            off=0.0,
+            typical=50.0,
+            relative_to="capacity",
+            title="capacitance of the second mass",
+        ),
         Parameter(
             "time_constant",
             120.0,
             "s",
-            (1.0, 2e4),
+            (1.0, LARGEST),
             typical=120.0,
             title="its time constant",
             grid=(15.0, 60.0, 240.0, 900.0),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
-from lptn.basics.parameters import Parameter
+from lptn.basics.parameters import LARGEST, Parameter
 from lptn.effects.base import ExcessEffect, Signature, Symbol
 from lptn.effects.excitation import long_enough
 
@@ -24,12 +24,16 @@ class SensorDrift(ExcessEffect):
 
     key = "sensor_drift"
     title = "sensor drift"
+    prior_odds = 0.3
+    """Calibrated sensors drift by fractions of a kelvin in a year; a drift within a log is a defect."""
     per_run = True
     in_one_run = (
         "in {run} {of} drifts up by {size} K an hour",
         "in {run} {of} drifts down by {size} K an hour",
     )
-    parameters = (Parameter("rate", 1.0, "K/h", (-30.0, 30.0), off=0.0, typical=1.0, title="drift of the reading"),)
+    parameters = (
+        Parameter("rate", 1.0, "K/h", (-LARGEST, LARGEST), off=0.0, typical=1.0, title="drift of the reading"),
+    )
     signature = Signature(
         looks_like="predicted off by more and more, whatever the robot does",
         separate_by="two hours at rest with nothing powered: does the reading leave the ambient?",

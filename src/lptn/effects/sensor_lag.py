@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
-from lptn.basics.parameters import Parameter
+from lptn.basics.parameters import LARGEST, Parameter
 from lptn.effects.base import SensorEffect, Signature, Symbol
 from lptn.effects.excitation import LOAD_STEPS
 
@@ -28,7 +28,7 @@ class SensorLag(SensorEffect):
             "time_constant",
             15.0,
             "s",
-            (0.5, 1e3),
+            (0.5, LARGEST),
             typical=15.0,
             title="time constant",
             grid=(5.0, 15.0, 45.0),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
-from lptn.basics.parameters import Parameter
+from lptn.basics.parameters import LARGEST, Parameter
 from lptn.effects.base import SensorEffect, Signature, Symbol
 from lptn.effects.excitation import REST_OR_LEVELS
 
@@ -19,13 +19,15 @@ class SensorOffset(SensorEffect):
 
     key = "sensor_offset"
     title = "sensor offset"
+    prior_odds = 0.5
+    """Common sensors keep to their class, 0.3 to 1 K, and a robot at rest shows those that do not."""
     per_run = True
     in_one_run = (
         "in {run} {of} reads {size} K high",
         "in {run} {of} reads {size} K low",
     )
     parameters = (
-        Parameter("offset", 1.0, "K", (-10.0, 10.0), off=0.0, typical=1.0, title="reading minus temperature"),
+        Parameter("offset", 1.0, "K", (-LARGEST, LARGEST), off=0.0, typical=1.0, title="reading minus temperature"),
     )
     signature = Signature(
         looks_like="predicted off by the same amount all the time, and a rested robot reads off ambient",

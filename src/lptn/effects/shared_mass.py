@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
-from lptn.basics.parameters import Parameter
+from lptn.basics.parameters import LARGEST, Parameter
 from lptn.effects.base import GroupEffect, Signature, Symbol
 from lptn.effects.excitation import LOAD_STEPS
 
@@ -24,12 +24,21 @@ class SharedMass(GroupEffect):
     key = "shared_mass"
     title = "a hidden mass shared by several nodes"
     parameters = (
-        Parameter("conductance", 0.3, "W/K", (0.0, 100.0), off=0.0, typical=0.3, title="from each node to the mass"),
+        Parameter(
+            "conductance",
+            0.3,
+            "W/K",
+            (0.0, LARGEST),
+            off=0.0,
+            typical=0.3,
+            relative_to="conductance",
+            title="from each node to the mass",
+        ),
         Parameter(
             "time_constant",
             1200.0,
             "s",
-            (10.0, 5e4),
+            (10.0, LARGEST),
             typical=1200.0,
             title="its time constant",
             grid=(200.0, 800.0, 3200.0),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
-from lptn.basics.parameters import Parameter
+from lptn.basics.parameters import LARGEST, Parameter
 from lptn.effects.base import NodeEffect, Signature, Symbol
 from lptn.effects.excitation import INPUTS_VARY
 
@@ -24,7 +24,16 @@ class Solar(NodeEffect):
     title = "heat of the sun"
     options = {"input": ("irradiance", "global_irradiance")}  # noqa: RUF012
     parameters = (
-        Parameter("area", 0.005, "m^2", (0.0, 10.0), off=0.0, typical=0.005, title="absorptivity times lit area"),
+        Parameter(
+            "area",
+            0.005,
+            "m^2",
+            (0.0, LARGEST),
+            off=0.0,
+            typical=0.005,
+            relative_to="conductance",
+            title="absorptivity times lit area",
+        ),
     )
     signature = Signature(
         looks_like="predicted too cold while the sun shines, powered or not",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
-from lptn.basics.parameters import Parameter
+from lptn.basics.parameters import LARGEST, Parameter
 from lptn.effects.base import NodeEffect, Signature, Symbol
 from lptn.effects.excitation import INPUTS_VARY
 
@@ -21,7 +21,7 @@ class StrayLoadLoss(NodeEffect):
     title = "stray-load loss of the winding's current"
     needs = ("current",)
     parameters = (
-        Parameter("resistance", 0.002, "ohm", (0.0, 10.0), off=0.0, typical=0.002, title="equivalent resistance"),
+        Parameter("resistance", 0.002, "ohm", (0.0, LARGEST), off=0.0, typical=0.002, title="equivalent resistance"),
     )
     signature = Signature(
         looks_like="predicted too cold under load in a part that carries no current, at any speed",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
-from lptn.basics.parameters import Parameter
+from lptn.basics.parameters import LARGEST, Parameter
 from lptn.effects.base import NodeEffect, Signature, Symbol
 from lptn.effects.excitation import speed_apart_from_load
 
@@ -22,7 +22,9 @@ class ViscousFriction(NodeEffect):
     key = "viscous_friction"
     title = "viscous friction of the joint"
     needs = ("velocity_rms",)
-    parameters = (Parameter("damping", 0.04, "N*m*s/rad", (0.0, 10.0), off=0.0, typical=0.04, title="viscous damping"),)
+    parameters = (
+        Parameter("damping", 0.04, "N*m*s/rad", (0.0, LARGEST), off=0.0, typical=0.04, title="viscous damping"),
+    )
     signature = Signature(
         looks_like="predicted too cold when the joint moves fast, with the square of its speed",
         separate_by="swing the unloaded leg at two speeds, 15 min each",

@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from lptn.basics.errors import InputError, shown
 from lptn.basics.files import write_whole
-from lptn.basics.parameters import Parameter, Share
+from lptn.basics.parameters import LARGEST, Parameter, Share
 from lptn.basics.places import is_glob, run_label
 from lptn.basics.toml import expectation, first_mistake, found_in, mistakes_by_line, place_of, text_of, toml_of
 from lptn.basics.units import convert
@@ -74,6 +74,7 @@ class EffectTable(BaseModel):
     share: Share | None = None
     run: Annotated[str, Field(min_length=1)] | None = None
     driven_by: Annotated[str, Field(pattern=r"^[^\s.~*?\[\]{}]+$")] | None = None
+    difference: Annotated[bool, Field(strict=True)] = False
 
 
 class FittedTable(Strict):
@@ -121,7 +122,7 @@ _MATERIAL = {
 _CONDUCTIVITY = Parameter(
     "conductivity", 1.0, "W/(m*K)", (1e-4, 1e4), typical=1.0, title="thermal conductivity", fixed=True
 )
-_CAPACITY = Parameter("capacity", 300.0, "J/K", (1e-3, 1e6), typical=300.0, title="heat capacity", fixed=True)
+_CAPACITY = Parameter("capacity", 300.0, "J/K", (1e-3, 1e8), typical=300.0, title="heat capacity", fixed=True)
 ReadParameter = Callable[[Parameter, object, str], Parameter]
 """A parameter as the file has it: from its declaration, what the file says, and where."""
 
@@ -225,8 +226,8 @@ class ElementReader:
 
 # --- The checked tables turned into the declarations of a network -----------------------------------
 
-_NODE_CAPACITY = Parameter("capacity", 300.0, "J/K", (1e-3, 1e6), typical=300.0, title="heat capacity")
-_RESISTANCE = Parameter("resistance", 5.0, "K/W", (1e-4, 1e4), typical=5.0, title="thermal resistance")
+_NODE_CAPACITY = Parameter("capacity", 300.0, "J/K", (1e-6, LARGEST), typical=300.0, title="heat capacity")
+_RESISTANCE = Parameter("resistance", 5.0, "K/W", (1e-9, LARGEST), typical=5.0, title="thermal resistance")
 _TEMPERATURE = Parameter(
     "temperature", 20.0, "degC", (-80.0, 200.0), typical=10.0, title="prescribed temperature", fixed=True
 )
@@ -358,10 +359,10 @@ class Reader:
         kind = effect_named(table.kind, self.path, f"{place}.kind")
         given = dict(table.model_extra or {})
         words = {name: given.pop(name) for name in kind.options if name in given}
-        declared = {parameter.name: parameter for parameter in kind.parameters}
+        declared = {parameter.name: parameter for parameter in kind.stated(table.difference)}
         for name in given:
             if name not in declared:
-                allowed = ", ".join(("kind", "at", "run", "share", "driven_by", *kind.options, *declared))
+                allowed = ", ".join(("kind", "at", "run", "share", "driven_by", "difference", *kind.options, *declared))
                 raise InputError(self.path, f"{place}.{name}", f'unknown key "{name}"', f"one of {allowed}")
         parameters = []
         for name, parameter in declared.items():
@@ -374,7 +375,9 @@ class Reader:
             expected = " or ".join(f'"{word}"' for word in kind.options[name])
             raise InputError(self.path, f"{place}.{name}", shown(words[name]), expected) from error
         driven_by, run = table.driven_by or "", table.run or ""
-        return EffectDeclaration(effect, table.at, tuple(parameters), driven_by=driven_by, run=run)
+        return EffectDeclaration(
+            effect, table.at, tuple(parameters), driven_by=driven_by, run=run, difference=table.difference
+        )
 
     def _parameter(self, declared: Parameter, given: object, place: str) -> Parameter:
         """A declared parameter with what the file says of it, converted to its SI unit.
@@ -549,6 +552,8 @@ def _effect_table(effect: EffectDeclaration) -> tomlkit.items.Table:
         table.add("run", effect.run)
     if effect.driven_by:
         table.add("driven_by", effect.driven_by)
+    if effect.difference:
+        table.add("difference", True)
     for name, word in effect.effect.chosen.items():
         table.add(name, word)
     resolved = effect.resolved
@@ -558,7 +563,8 @@ def _effect_table(effect: EffectDeclaration) -> tomlkit.items.Table:
     for name, parameter in resolved.items():
         lower, upper = parameter.bounds
         entry: dict[str, object] = {"value": min(max(_rounded(parameter.value), lower), upper), "unit": parameter.unit}
-        if parameter.bounds not in [own.bounds for own in effect.effect.parameters if own.name == name]:
+        stated = effect.effect.stated(effect.difference)
+        if parameter.bounds not in [own.bounds for own in stated if own.name == name]:
             entry["bounds"] = [lower, upper]
         if parameter.fixed:
             entry["fixed"] = True
@@ -668,6 +674,8 @@ def _rounded(value: float) -> float:
 def added(file: ModelFile, key: str, at: str, run: str = "") -> ModelFile:
     """The model file with one more effect; where `at` is a pattern, its places share the parameters.
 
+    Where the place shares the effect with others already, it is the place's difference from them.
+
     Args:
         file: the model file.
         key: the effect's.
@@ -687,5 +695,6 @@ def added(file: ModelFile, key: str, at: str, run: str = "") -> ModelFile:
         # A printed name has commas for characters that a name can't have; a pattern finds the run they stood in.
         at, run = place, run or printed.replace(",", "?")
     share: Share = "all" if is_glob(at) or "{" in at else "each"
-    parameters = tuple(replace(parameter.switched_on, share=share) for parameter in kind.parameters)
-    return file.with_effects([EffectDeclaration(kind(), at, parameters, run=run)])
+    difference = not run and at in {instance.place for instance in file.network.in_common(key)}
+    parameters = tuple(replace(parameter.switched_on, share=share) for parameter in kind.stated(difference))
+    return file.with_effects([EffectDeclaration(kind(), at, parameters, run=run, difference=difference)])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -80,6 +81,9 @@ class EffectDeclaration:
             every piece of the winding.
         run: name of the only run in which the effect acts, or a glob of such names; every run by default. A log
             that was split into pieces `monday#1`, `monday#2` is meant as a whole by `monday`.
+        difference: it is what a place has beside the same effect that it has in common with others: heat that adds to
+            the common heat, a factor that multiplies the common factor. Its parameters are named after it,
+            `constant_heat_difference.power.FR_calf`, and it may be negative.
 
     Example:
         >>> import lptn
@@ -94,11 +98,12 @@ class EffectDeclaration:
     label: str = ""
     driven_by: str = ""
     run: str = ""
+    difference: bool = False
 
     @property
     def name(self) -> str:
         """What its parameters are named after."""
-        return self.label or self.effect.key
+        return self.label or (f"{self.effect.key}_difference" if self.difference else self.effect.key)
 
     @property
     def where(self) -> str:
@@ -109,7 +114,8 @@ class EffectDeclaration:
     def resolved(self) -> dict[str, Parameter]:
         """All parameters of the effect, this model's values first."""
         own = {parameter.name: parameter for parameter in self.parameters}
-        return {parameter.name: own.get(parameter.name, parameter) for parameter in self.effect.parameters}
+        stated = self.effect.stated(self.difference)
+        return {parameter.name: own.get(parameter.name, parameter) for parameter in stated}
 
 
 # --- What becomes of the declarations: links and effects, each at one place, and the layout of all nodes ---
@@ -315,6 +321,17 @@ class Network:
     def nodes_with(self, key: str) -> list[str]:
         """Dynamic nodes at which an effect is declared."""
         return self.layout.nodes_with(key)
+
+    def in_common(self, key: str) -> list[EffectInstance]:
+        """Where an effect stands, in all runs, whose amplitude another place has in common with it."""
+        shared = [
+            (instance, instance.parameters[amplitude.name])
+            for instance in self.effect_instances
+            if instance.effect.key == key and not instance.declaration.run and not instance.declaration.difference
+            if (amplitude := instance.effect.amplitude()) is not None
+        ]
+        places = Counter(index for _, index in shared)
+        return [instance for instance, index in shared if places[index] > 1]
 
     def with_effects(self, extra: Iterable[EffectDeclaration]) -> Network:
         """The same network and more effects."""
@@ -534,7 +551,9 @@ def _effects(origin: str, layout: Layout, parameters: _Parameters) -> tuple[list
             }
             instance = EffectInstance(declared, place, ends, indices, runs.get(run))
             if instance.label in labels:
-                expected = "each effect once at each place"
+                expected = (
+                    "each effect once at each place, or difference = true for what one place has beside a common one"
+                )
                 raise InputError(origin, where, f"a second {instance.name} at {place}", expected)
             labels.add(instance.label)
             instances.append(instance)
