@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from lptn.basics.parameters import Parameter
@@ -11,7 +12,9 @@ from lptn.diagnose.candidates import candidates, separate_runs, sites
 from lptn.effects import catalogue
 from lptn.model.model import Model
 from lptn.model.network import START, EffectDeclaration, LinkDeclaration, Network, NodeDeclaration
-from tests.builders import AMBIENT, capacity, effect, resistance
+from lptn.simulate.bound_run import bind
+from lptn.simulate.simulation import sensitivities
+from tests.builders import AMBIENT, capacity, effect, random_run, resistance
 from tests.diagnose.conftest import Leg
 
 JOINTS = ("FL_thigh", "FL_calf", "FR_thigh", "FR_calf")
@@ -74,6 +77,14 @@ def test_with_two_runs_what_may_differ_between_them_is_proposed_for_each_alone(l
     places = [each.at for each in single if each.effect.key == "constant_heat" and each.run == "fit2"]
     assert places == ["FR_hip@fit2", "FR_thigh@fit2", "FR_calf@fit2", "*@fit2"]
     assert not [each for each in candidates(model.network, columns, ["fit1"]) if each.run]
+
+
+def test_a_drift_is_rarer_than_a_mass_and_what_acts_in_one_run_rarer_still(leg: Leg) -> None:
+    model, data = leg()
+    found = {each.key: each for each in candidates(model.network, data.fit[0].run.columns, ["fit1", "fit2"])}
+    assert found["second_mass", "FR_hip"].prior_odds == 1.0
+    assert found["sensor_drift", "FR_hip"].prior_odds == pytest.approx(0.3)
+    assert found["sensor_drift", "FR_hip@fit2"].prior_odds == pytest.approx(0.03)
 
 
 def test_pieces_of_one_log_are_runs_of_their_own_only_where_there_is_no_other_log() -> None:
@@ -143,6 +154,16 @@ def test_the_clock_is_that_of_the_whole_robot() -> None:
     assert _ats("clock_offset") == ["*"]
 
 
+def test_clocks_differ_more_often_between_two_loggers_than_inside_one() -> None:
+    def odds(joined: list[str] | None) -> dict[str, float]:
+        found = candidates(_legs(), ["temperature.ambient", *COLUMNS], ["monday", "tuesday"], joined=joined)
+        return {each.at: each.prior_odds for each in found if each.effect.key == "clock_offset"}
+
+    assert odds(None) == pytest.approx({"*": 0.3, "*@monday": 0.03, "*@tuesday": 0.03})
+    assert odds([]) == pytest.approx({"*": 0.03, "*@monday": 0.003, "*@tuesday": 0.003})
+    assert odds(["monday"]) == pytest.approx({"*": 0.3, "*@monday": 0.03, "*@tuesday": 0.003})
+
+
 def test_an_effect_takes_the_columns_that_there_are() -> None:
     assert _ats("fan") == []
     assert _ats("fan", "speed.fan") == [*JOINTS, "*_thigh", "*_calf", "*"]
@@ -168,3 +189,162 @@ def test_a_guessed_ambient_may_be_wrong_like_a_sensor() -> None:
         assert _ats("ambient_offset", network=network) == ["ambient"]
         found = {each.key for each in candidates(network, [], ["monday", "tuesday"])}
         assert ("ambient_offset", "ambient@monday") in found
+
+
+def test_a_candidate_has_the_size_that_is_usual_at_its_place() -> None:
+    """A wall of 2 MJ/K beside a gram of copper."""
+    parts = (
+        NodeDeclaration("wall", replace(capacity(), value=2e6, bounds=(1e-3, 1e9))),
+        NodeDeclaration("foil", capacity(0.4)),
+        AMBIENT,
+    )
+    links = (
+        LinkDeclaration(("wall", "ambient"), resistance(0.05)),
+        LinkDeclaration(("foil", "ambient"), resistance(200)),
+    )
+    network = Network("wall and foil", parts, links)
+    found = {each.key: each for each in candidates(network, ["temperature.ambient"])}
+    for key, wall, foil in (("second_mass", 2e6 / 6, 0.4 / 6), ("constant_heat", 430.0, 0.05)):
+        for place, size in (("wall", wall), ("foil", foil)):
+            candidate = found[key, place]
+            assert candidate.typical == pytest.approx(size, rel=0.2)
+            added = candidate.declaration(None, candidate.shapes[0]).parameters[0]
+            assert added.value == added.typical == pytest.approx(candidate.typical)
+            (site,) = candidate.sites(candidate.shapes[0])
+            assert site.declaration().parameters[0].typical == pytest.approx(candidate.typical)
+        both = found[key, "*"]
+        assert both.typical == pytest.approx((wall * foil) ** 0.5, rel=0.2)
+        own = [found[key, each].typical for each in both.places]
+        assert [site.typical for site in both.sites(both.shapes[0])] == pytest.approx(own)
+
+
+@pytest.mark.parametrize("key", ["second_mass", "sensor_lag", "shared_mass", "ambient_lag", "hot_spot", "iron_loss"])
+def test_time_constants_are_those_that_the_log_can_show(key: str) -> None:
+    shape = catalogue()[key].shape()
+    assert shape is not None
+    network = _legs()
+    columns = ["temperature.ambient", *COLUMNS, *(f"velocity_rms.{joint}" for joint in JOINTS)]
+
+    def shapes(step: float, duration: float) -> tuple[float | None, ...]:
+        found = candidates(network, columns, step=step, duration=duration)
+        return next(each.shapes for each in found if each.effect.key == key)
+
+    for step in (1.0, 10.0):
+        assert shapes(step, 3600.0) == shape.grid
+    for step, duration in ((300.0, 2 * 86400.0), (1800.0, 30 * 86400.0), (1800.0, 6 * 3600.0), (5.0, 200.0)):
+        if shape.unit == "s":
+            values = [value for value in shapes(step, duration) if value is not None]
+            assert 1 <= len(values) <= 8
+            assert all(value >= step / 2 for value in values)
+            assert len(values) == 1 or values[-1] <= duration
+
+
+def test_a_long_log_shows_slow_masses() -> None:
+    network = _legs()
+    found = candidates(network, ["temperature.ambient"], step=300.0, duration=4 * 86400.0)
+    mass = next(each for each in found if each.effect.key == "second_mass")
+    assert len(mass.shapes) >= 4
+    assert max(shape for shape in mass.shapes if shape) > 5 * 3600.0
+    Model(network.with_effects(site.declaration() for site in sites([mass])))
+
+
+def _legs_and(name: str, *, pattern: bool = True) -> Network:
+    """The two legs with one more node, whose joints are declared by a pattern or one by one."""
+    joints = ("*_*",) if pattern else JOINTS
+    nodes = (*(NodeDeclaration(joint, capacity()) for joint in joints), NodeDeclaration(name, capacity()), AMBIENT)
+    links = (LinkDeclaration(("*", "ambient"), resistance()),)
+    return Network("legs", nodes, links, (effect("copper_loss", "*_*"),), joints=JOINTS)
+
+
+@pytest.mark.parametrize("pattern", [True, False])
+def test_beside_a_computer_everywhere_on_the_joints_is_a_place(pattern: bool) -> None:
+    network = _legs_and("pc", pattern=pattern)
+    expected = [*JOINTS, "pc", "*_thigh", "*_calf", "*_*", "*"]
+    assert sorted(_ats("constant_heat", network=network)) == sorted(expected)
+    assert sorted(_ats("surface_scale", network=network)) == sorted(expected)
+    assert _ats("shared_mass", network=network) == ["*_*", "*"]
+    assert "*_*" not in _ats("constant_heat", network=_legs_and("main_board", pattern=False))
+
+
+def test_each_set_of_places_has_one_name(leg: Leg) -> None:
+    for network in (leg()[0].network, _legs(), _legs_and("pc")):
+        found = candidates(network, ["temperature.ambient", "speed.base", *COLUMNS], ["monday", "tuesday"])
+        sets = [(each.effect.key, each.run, frozenset(each.places)) for each in found]
+        assert len(set(sets)) == len(sets)
+        for each in found:
+            network.with_effects([each.declaration(None, each.shapes[0])])
+
+
+def test_a_pattern_of_the_model_itself_is_a_place() -> None:
+    network = _legs().with_effects([effect("forced_convection", "FR_*")])
+    assert "FR_*" in _ats("constant_heat", network=network)
+    assert "FR_*" not in _ats("forced_convection", "speed.base", network=network)
+
+
+def _shared(key: str, at: str = "*") -> EffectDeclaration:
+    kind = catalogue()[key]
+    return EffectDeclaration(kind(), at, tuple(replace(each, share="all") for each in kind.parameters))
+
+
+def test_where_an_effect_is_shared_each_place_may_differ() -> None:
+    network = _legs_and("pc").with_effects([_shared("constant_heat"), _shared("forced_convection", "*_*")])
+    columns = ["temperature.ambient", "speed.base", *COLUMNS]
+    found = [each for each in candidates(network, columns, ["monday", "tuesday"]) if each.difference]
+    assert {each.effect.key for each in found} == {"constant_heat", "forced_convection"}
+    assert [each.at for each in found if each.effect.key == "constant_heat"] == [*JOINTS, "pc"]
+    assert [each.at for each in found if each.effect.key == "forced_convection"] == list(JOINTS)
+    assert not [each for each in candidates(network, ["temperature.ambient"]) if each.effect.key == "forced_convection"]
+    (calf,) = (each for each in found if each.key == ("constant_heat", "FR_calf"))
+    assert not calf.one_sided
+    (site,) = calf.sites(None)
+    larger = network.with_effects([site.declaration()])
+    assert site.amplitude_name == larger.parameters[-1].name == "constant_heat_difference.power.FR_calf"
+    added = network.with_effects([calf.declaration(-1.5, None)])
+    assert added.parameters[-1].value == -1.5
+    assert added.without_effect(*calf.key) == network
+    again = [each.at for each in candidates(added, columns) if each.difference and each.effect.key == "constant_heat"]
+    assert again == ["FL_thigh", "FL_calf", "FR_thigh", "pc"]
+
+
+def test_nothing_differs_from_what_each_place_has_for_itself() -> None:
+    own = _legs().with_effects([effect("constant_heat")])
+    assert not [each for each in candidates(own, ["temperature.ambient", *COLUMNS]) if each.difference]
+    clock = _legs().with_effects([_shared("clock_offset"), _shared("sensor_lag")])
+    assert not [each for each in candidates(clock, ["temperature.ambient", *COLUMNS]) if each.difference]
+
+
+def test_friction_at_a_rotors_speed_is_expected_no_larger_than_the_motor_bears() -> None:
+    network, columns = _legs(), [*COLUMNS, *(f"velocity_rms.{joint}" for joint in JOINTS)]
+
+    def typical(key: str, rms: dict[str, float] | None) -> float:
+        found = candidates(network, columns, rms=rms)
+        return next(each for each in found if each.key == (key, "FR_calf")).typical
+
+    for key in ("coulomb_friction", "viscous_friction", "iron_loss"):
+        stated = typical(key, None)
+        assert typical(key, dict.fromkeys(columns, 2.0)) == stated
+        assert typical(key, dict.fromkeys(columns, 0.0)) == stated
+        friction = effect(
+            key, "FR_calf", **{catalogue()[key].parameters[0].name: typical(key, dict.fromkeys(columns, 600.0))}
+        )
+        model = Model(replace(network, effects=(friction,)))
+        inputs = [25.0 if column.startswith("temperature.") else 600.0 for column in model.inputs]
+        heat = 300.0 * float(model.rhs([25.0] * 4, inputs, model.values).full().max())
+        assert 3.0 < heat < 10.0  # W: 30 K at some 0.2 W/K
+
+
+@pytest.mark.parametrize("step", [300.0, 1800.0])
+def test_candidates_of_a_slow_log_can_all_be_scored(step: float) -> None:
+    """A wall with a reading every 5 or 30 min: time constants of seconds would be too stiff for such steps."""
+    wall = NodeDeclaration("wall", replace(capacity(), value=1e6, bounds=(1e-3, 1e9)))
+    links = (LinkDeclaration(("wall", "ambient"), resistance(0.1)),)
+    network = Network("wall", (wall, AMBIENT), links, (effect("heat_input", "wall"), effect("copper_loss", "wall")))
+    base = Model(network)
+    run = random_run(base, 200, step=step, hold=24, rise=10.0)
+    found = sites(candidates(network, run.columns, step=step, duration=200 * step))
+    full = Model(network.with_effects(site.declaration() for site in found))
+    names = [parameter.name for parameter in full.parameters]
+    chosen = [names.index(site.amplitude_name) for site in found]
+    moved = sensitivities(full, bind(full, run), full.values, chosen, core=1)
+    assert np.isfinite(moved.derivatives).all()
+    assert (np.abs(moved.by_parameter).max(axis=(0, 1)) > 0).all()

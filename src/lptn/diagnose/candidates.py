@@ -1,21 +1,40 @@
-"""Candidates: every effect of the catalogue at every place where it can stand; the ambient bias of single runs."""
+"""Candidates: every effect of the catalogue at every place where it can stand; the ambient bias of single runs.
+
+Where several places have an effect in common, each of them may differ: a difference of its own is a candidate there.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Sequence
+import math
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
+from types import SimpleNamespace
+
+import numpy as np
 
 from lptn.basics.parameters import Parameter
-from lptn.basics.places import EVERYWHERE, class_of, in_run, is_of_run, matching, run_label
+from lptn.basics.places import EVERYWHERE, class_of, in_run, is_glob, is_of_run, matching, run_label
 from lptn.effects import Effect, catalogue
 from lptn.effects.ambient_offset import AmbientOffset
 from lptn.identify.data import DataSplit
+from lptn.identify.fitting import Fit
 from lptn.model.heat_balance import input_column
 from lptn.model.model import Model
 from lptn.model.network import EffectDeclaration, Network
+from lptn.model.sizes import Sizes
 
+_FARTHEST = (
+    2.0  # standard deviations that a sensor's error is granted: readings by the thousand would outvote any prior
+)
 _FEWEST = 3  # nodes that share an unseen mass
+_WARM, _NO_HEAT = 25.0, 1e-12  # degC, W
+_ONE_LOGGER = 0.1  # prior odds of clocks apart within one logger's file, relative to two files that were joined
+_MOST_RISE = 30.0  # K; what would warm its place by more in the long run, at its usual size, is expected smaller there
+_JOINTS = "*_*"  # names such as FR_calf
+_ONE_RUN_ONLY = 0.1  # prior odds of what acts in one run and no other, relative to the same in all runs
+_RATIO = 4.0  # of a time constant to the one before it, for a grid of one
+_HOUR = 3600.0  # s; a log as long as those for which effects state their time constants
 Words = tuple[tuple[str, str], ...]
 """An effect's options with the words chosen for them, those left out at their defaults."""
 
@@ -30,6 +49,8 @@ class Site:
         shape: value of its shape parameter, `None` for an effect without one.
         run: the only run in which it acts; every run by default.
         words: the effect's options.
+        typical: usual size of its amplitude at this place, in the amplitude's unit; the effect's own by default.
+        difference: whether it is what the place has beside an effect that it has in common with others.
     """
 
     effect: type[Effect]
@@ -37,11 +58,14 @@ class Site:
     shape: float | None
     run: str = ""
     words: Words = field(default=(), compare=False)  # the same for all sites of an effect
+    typical: float | None = field(default=None, compare=False)  # the same for all sites at a place
+    difference: bool = False
 
     @property
     def label(self) -> str:
         """What its parameters are named after in the model that holds all sites."""
-        return self.effect.key if self.shape is None else f"{self.effect.key}@{self.shape:g}"
+        name = EffectDeclaration(self.effect(), self.place, difference=self.difference).name
+        return name if self.shape is None else f"{name}@{self.shape:g}"
 
     @property
     def amplitude_name(self) -> str:
@@ -51,8 +75,10 @@ class Site:
 
     def declaration(self) -> EffectDeclaration:
         """The effect at this place, switched off."""
-        parameters = tuple(replace(_shaped(p, self.shape).switched_off, share="each") for p in self.effect.parameters)
-        return EffectDeclaration(self.effect(**dict(self.words)), self.place, parameters, self.label, run=self.run)
+        stated = (_sized(_shaped(each, self.shape), self.typical) for each in self.effect.stated(self.difference))
+        parameters = tuple(replace(parameter.switched_off, share="each") for parameter in stated)
+        effect = self.effect(**dict(self.words))
+        return EffectDeclaration(effect, self.place, parameters, self.label, run=self.run, difference=self.difference)
 
 
 @dataclass(frozen=True)
@@ -65,6 +91,11 @@ class Candidate:
         places: the places that `at` covers.
         run: the only run in which it acts; every run by default.
         words: the effect's options.
+        sizes: for each place the usual size of the amplitude there, in the amplitude's unit; the effect's own by
+            default.
+        grid: values of the effect's shape at which it is scored; the effect's own by default.
+        difference: whether it is what a place has beside the same effect that it has in common with others.
+        one_logger: whether its runs are known to come each from one logger, whose clock is one.
     """
 
     effect: type[Effect]
@@ -72,11 +103,37 @@ class Candidate:
     places: tuple[str, ...]
     run: str = ""
     words: Words = ()
+    sizes: tuple[float, ...] = field(default=(), compare=False)  # of the network, as the places are
+    grid: tuple[float, ...] = field(default=(), compare=False)  # of the log
+    difference: bool = False
+    one_logger: bool = field(default=False, compare=False)  # of the log
 
     @property
     def key(self) -> tuple[str, str]:
         """Effect and place, as reports name them."""
         return self.effect.key, self.at
+
+    @property
+    def prior_odds(self) -> float:
+        """How often such a thing is met, relative to other candidates.
+
+        The effect's odds, less for a single run, and for clocks that differ inside one logger.
+        """
+        of_clock = _ONE_LOGGER if self.effect.delays_readings and self.one_logger else 1.0
+        return self.effect.prior_odds * of_clock * (_ONE_RUN_ONLY if self.run else 1.0)
+
+    @property
+    def one_sided(self) -> bool:
+        """Whether its amplitude can't be negative."""
+        return any(parameter.off == parameter.bounds[0] for parameter in self.effect.stated(self.difference))
+
+    @property
+    def typical(self) -> float:
+        """The usual size of its amplitude, in the amplitude's unit: the geometric mean over its places."""
+        if self.sizes:
+            return math.exp(sum(map(math.log, self.sizes)) / len(self.sizes))
+        amplitude = self.effect.amplitude()
+        return 1.0 if amplitude is None else abs(amplitude.typical)
 
     @property
     def pattern(self) -> str:
@@ -87,39 +144,84 @@ class Candidate:
     def shapes(self) -> tuple[float | None, ...]:
         """The values of the effect's shape at which it is scored; `None` alone for an effect without one."""
         shape = self.effect.shape()
-        return shape.grid if shape else (None,)
+        return (self.grid or shape.grid) if shape else (None,)
 
     def sites(self, shape: float | None) -> list[Site]:
         """Its single places at one shape."""
-        return [Site(self.effect, place, shape, self.run, self.words) for place in self.places]
+        typical = self.sizes or (None,) * len(self.places)
+        return [
+            Site(self.effect, place, shape, self.run, self.words, size, self.difference)
+            for place, size in zip(self.places, typical, strict=True)
+        ]
 
     def declaration(self, amplitude: float | None, shape: float | None) -> EffectDeclaration:
         """The effect switched on, one amplitude shared by all its places."""
         parameters = []
-        for parameter in self.effect.parameters:
-            on = replace(_shaped(parameter, shape).switched_on, share="all")
+        for parameter in self.effect.stated(self.difference):
+            on = replace(_sized(_shaped(parameter, shape), self.typical).switched_on, share="all")
+            on = replace(on, grid=self.grid) if parameter.grid and self.grid else on
             if amplitude is not None and parameter.off is not None and parameter.on is None:
                 lower, upper = parameter.bounds
                 on = replace(on, value=min(max(amplitude, lower), upper))
             parameters.append(on)
-        return EffectDeclaration(self.effect(**dict(self.words)), self.pattern, tuple(parameters), run=self.run)
+        effect = self.effect(**dict(self.words))
+        return EffectDeclaration(effect, self.pattern, tuple(parameters), run=self.run, difference=self.difference)
 
 
-def candidates(network: Network, columns: Collection[str], runs: Sequence[str] = ()) -> list[Candidate]:
+def candidates(
+    network: Network,
+    columns: Collection[str],
+    runs: Sequence[str] = (),
+    *,
+    step: float | None = None,
+    duration: float | None = None,
+    rms: Mapping[str, float] | None = None,
+    joined: Collection[str] | None = None,
+) -> list[Candidate]:
     """Every effect of the catalogue at every place where the network lacks it and the log has its inputs.
+
+    A place that has the effect in common with others is asked for its own difference, see `EffectDeclaration`.
 
     Args:
         network: the network as it stands.
         columns: log columns at hand.
         runs: names of the fitted runs. With two or more of them, effects that may well differ from run to run
             are proposed for each run alone as well.
+        step: s, of the readings that are scored; with `duration` it says which time constants they can show. Those
+            that the effects state by default, which are for logs of an hour.
+        duration: s, of the longest run.
+        rms: root mean square of each column. With it, heat that columns drive is expected no larger than its place can
+            bear: at a rotor's speed the friction of a robot's joint would melt it.
+        joined: names of those runs whose logs were put together from several loggers' files (`a.csv+b.csv`), `None`
+            where that is not known.
     """
     proposed = []
     limits = ("", *separate_runs(runs))
+    sizes = Sizes(network)
     for effect, run in product(catalogue().values(), limits):
         if effect.amplitude() is not None and (effect.per_run or not run):
-            proposed += _of_effect(network, effect, columns, run)
+            grid = _grid(effect.shape(), step, duration)
+            one_logger = joined is not None and not any(is_of_run(name, run or EVERYWHERE) for name in joined)
+            proposed += [
+                replace(_with_sizes(each, network, sizes, rms), grid=grid, one_logger=one_logger)
+                for each in [*_of_effect(network, effect, columns, run), *_differences(network, effect, columns, run)]
+            ]
     return sorted(proposed, key=lambda candidate: limits.index(candidate.run))
+
+
+def possible_effects(fit: Fit, columns: Collection[str]) -> list[Candidate]:
+    """Every effect that a fitted model may lack, with time constants that its runs can show."""
+    runs = [bound.run for bound in fit.problem.bound_runs]
+    squares = {column: [np.nanmean(run.columns[column] ** 2) for run in runs] for column in columns}
+    return candidates(
+        fit.model.network,
+        columns,
+        [run.name for run in runs],
+        step=max(run.step for run in runs),
+        duration=max(len(run) * run.step for run in runs),
+        rms={column: float(np.sqrt(np.mean(of_runs))) for column, of_runs in squares.items()},
+        joined=[run.name for run in runs if "+" in run.source],
+    )
 
 
 def sites(candidates: Iterable[Candidate]) -> list[Site]:
@@ -144,13 +246,50 @@ def _of_effect(network: Network, effect: type[Effect], columns: Collection[str],
     for words in _wordings(effect):
         places = _free_places(network, effect, words, columns, run)
         if effect.one_place_a_pattern:
-            groups = _node_groups(network, places)
+            groups = _node_groups(network)
         else:
             groups = [(place, [place]) for place in places] if not effect.whole_robot else []
             groups += _groups(effect, places, network)
         if groups:
             return [Candidate(effect, in_run(at, run), tuple(group), run, words) for at, group in groups]
     return []
+
+
+def _grid(shape: Parameter | None, step: float | None, duration: float | None) -> tuple[float, ...]:
+    """Values of a shape to score: an effect's grid of time constants goes as far as the log is longer than an hour.
+
+    Time constants below half a step act within it, those above the duration are a ramp.
+    """
+    if shape is None or shape.unit != "s" or step is None or duration is None:
+        return shape.grid if shape else ()
+    grid = list(shape.grid)
+    ratio = (grid[-1] / grid[0]) ** (1 / (len(grid) - 1)) if len(grid) > 1 else _RATIO
+    slowest = grid[-1] * duration / _HOUR
+    while grid[-1] * ratio <= slowest:
+        grid.append(grid[-1] * ratio)
+    return tuple(value for value in grid if step / 2 <= value <= duration) or (max(grid[0], step),)
+
+
+def _with_sizes(candidate: Candidate, network: Network, sizes: Sizes, rms: Mapping[str, float] | None) -> Candidate:
+    """The candidate with the usual size of its amplitude at each of its places."""
+    amplitude = candidate.effect.amplitude()
+    if amplitude is None:
+        return candidate
+    ends = dict(network.places_for(EffectDeclaration(candidate.effect(), candidate.pattern)))
+    usual = {place: abs(sizes.typical(amplitude, [ends[place]])) for place in candidate.places}
+    if rms is not None and candidate.effect.site == "node" and not candidate.effect.has_state:
+        for place, size in usual.items():
+            heat = _heat_driven(candidate.declaration(size, None), ends[place], rms)
+            usual[place] = size * min(1.0, _MOST_RISE * sizes.conductance(ends[place]) / max(heat, _NO_HEAT))
+    return replace(candidate, sizes=tuple(usual.values()))
+
+
+def _heat_driven(declared: EffectDeclaration, ends: tuple[str, ...], rms: Mapping[str, float]) -> float:
+    """Heat that log columns of these root mean squares drive at a place [W]; 0 for what no column drives."""
+    inputs = {feature: rms[input_column(feature, ends[0])] for feature in declared.effect.needed()}
+    p = {name: parameter.value for name, parameter in declared.resolved.items()}
+    here = SimpleNamespace(temperatures=(_WARM,), inputs=SimpleNamespace(**inputs), p=SimpleNamespace(**p))
+    return abs(float(declared.effect.heat_into_ends(here)[0])) if inputs else 0.0
 
 
 def _wordings(effect: type[Effect]) -> list[Words]:
@@ -177,6 +316,28 @@ def _free_places(network: Network, effect: type[Effect], words: Words, columns: 
     ]
 
 
+def _differences(network: Network, effect: type[Effect], columns: Collection[str], run: str) -> list[Candidate]:
+    """What single places have beside an effect that they have in common with others, in all runs."""
+    amplitude = effect.amplitude()
+    alike = effect.whole_robot or effect.one_place_a_pattern  # which no place has for itself
+    if run or alike or amplitude is None or amplitude.on is not None:
+        return []
+    differing = {
+        each.place for each in network.effect_instances if each.effect.key == effect.key and each.declaration.difference
+    }
+    common = [
+        instance
+        for instance in network.in_common(effect.key)
+        if instance.place not in differing
+        and not instance.declaration.driven_by
+        and all(input_column(feature, instance.ends[0]) in columns for feature in instance.effect.needed())
+    ]
+    return [
+        Candidate(effect, each.place, (each.place,), words=tuple(each.effect.chosen.items()), difference=True)
+        for each in {instance.place: instance for instance in common}.values()
+    ]
+
+
 def _features_of(network: Network, key: str, node: str) -> list[tuple[str, ...]]:
     """The input features of each effect of one key at a node."""
     return [
@@ -186,40 +347,65 @@ def _features_of(network: Network, key: str, node: str) -> list[tuple[str, ...]]
     ]
 
 
-def _node_groups(network: Network, free: list[str]) -> list[tuple[str, list[str]]]:
-    """Patterns of three nodes or more, each as one place: classes of like nodes, and all of them.
+def _patterns(network: Network) -> list[str]:
+    """Patterns of nodes that may have something in common: all, those that the model's declarations use, all joints.
+
+    The name of a joint is of two words, `FR_calf`; where a computer or a trunk has such a name too, it is no pattern.
+    """
+    own = [node.pattern for node in network.nodes] + [declared.at for declared in network.effects]
+    joints = matching(_JOINTS, network.dynamic)
+    alone = [name for name in joints if len(matching(class_of(name), network.dynamic)) == 1]
+    return list(dict.fromkeys([EVERYWHERE, *filter(is_glob, own), *([] if alone else [_JOINTS])]))
+
+
+def _node_groups(network: Network) -> list[tuple[str, list[str]]]:
+    """Patterns of three nodes or more, each as one place: classes of like nodes, and patterns of the model.
 
     What lies between two nodes is an edge, and needs no mass of its own to be named.
     """
-    classes = dict.fromkeys(class_of(name) for name in network.dynamic)
-    sizes = {at: len(matching(at, network.dynamic)) for at in classes}
-    proper = [at for at, size in sizes.items() if _FEWEST <= size < len(network.dynamic)]
-    whole = [EVERYWHERE] if len(network.dynamic) >= _FEWEST and free == [EVERYWHERE] else []
-    taken = {instance.place for instance in network.effect_instances if instance.effect.one_place_a_pattern}
-    return [(at, [at]) for at in [*proper, *whole] if at not in taken]
+    taken = [frozenset(instance.ends) for instance in network.effect_instances if instance.effect.one_place_a_pattern]
+    classes = [class_of(name) for name in network.dynamic]
+    covered = {at: frozenset(matching(at, network.dynamic)) for at in [*classes, *_patterns(network)]}
+    groups = _one_pattern_a_set({at: nodes for at, nodes in covered.items() if nodes not in taken}, network.dynamic)
+    return [(at, [at]) for at in groups if len(covered[at]) >= _FEWEST]
 
 
 def _groups(effect: type[Effect], places: list[str], network: Network) -> list[tuple[str, list[str]]]:
-    """Classes of like places, and all of them; a class that is everything is named `"*"`."""
+    """Several places at once: classes of like places, and patterns of the model."""
+
+    def covers(at: str) -> frozenset[str]:
+        return frozenset(place for place, _ in network.places_for(EffectDeclaration(effect(), at)))
+
     if effect.whole_robot:
-        return [(EVERYWHERE, places)] if places and _covers(effect, EVERYWHERE, places, network) else []
-    if len(places) < 2:
-        return []
-    classes: dict[str, list[str]] = {}
+        return [(EVERYWHERE, places)] if places and covers(EVERYWHERE) == set(places) else []
+    # A pattern that also matches a place where the effect stands already, or a pair unlike the others, is no name.
+    classes: dict[str, set[str]] = {}
     for place in places:
-        classes.setdefault(effect.like_places(place, network.dynamic), []).append(place)
-    groups = [(at, group) for at, group in classes.items() if 1 < len(group) < len(places)]
+        classes.setdefault(effect.like_places(place, network.dynamic), set()).add(place)
+    covered = {at: covers(at) for at, group in classes.items() if len(group) > 1 and covers(at) == group}
     if effect.in_all_pairs:
-        # Where not every node can have the effect, one of the patterns that declare nodes may name those that can.
-        patterns = (EVERYWHERE, *(node.pattern for node in network.nodes))
-        groups += [(at, places) for at in patterns if _covers(effect, at, places, network)][:1]
-    # A pattern that also matches a place where the effect stands already can't be added as it is.
-    return [(at, group) for at, group in groups if _covers(effect, at, group, network)]
+        covered |= {at: group for at in _patterns(network) if len(group := covers(at)) > 1 and group <= set(places)}
+    else:
+        covered = {at: group for at, group in covered.items() if group < set(places)}
+    groups = _one_pattern_a_set(covered, places)
+    return [(at, [place for place in places if place in covered[at]]) for at in groups]
 
 
-def _covers(effect: type[Effect], at: str, group: list[str], network: Network) -> bool:
-    declaration = EffectDeclaration(effect(), at)
-    return {place for place, _ in network.places_for(declaration)} == set(group)
+def _one_pattern_a_set(covered: Mapping[str, frozenset[str]], places: Sequence[str]) -> list[str]:
+    """Of patterns that cover the same places the first; `"*"` for what covers all, which comes last."""
+    first: dict[frozenset[str], str] = {}
+    whole = frozenset(places)
+    for at in sorted(covered, key=lambda at: (covered[at] == whole, at != EVERYWHERE and covered[at] == whole)):
+        first.setdefault(covered[at], at)
+    return list(first.values())
+
+
+def _sized(parameter: Parameter, typical: float | None) -> Parameter:
+    """An amplitude with the usual size at the place where it is to stand."""
+    if parameter.off is None or typical is None:
+        return parameter
+    lower, upper = parameter.bounds
+    return replace(parameter, typical=min(max(typical, lower), upper))
 
 
 def _shaped(parameter: Parameter, shape: float | None) -> Parameter:
@@ -227,6 +413,11 @@ def _shaped(parameter: Parameter, shape: float | None) -> Parameter:
 
 
 # --- Nuisance parameters: an ambient bias in each run, so that no effect stands in for it ---------
+
+
+AMBIENT_ERROR = 0.3
+"""K, one standard deviation: how far an ambient sensor may be off in each run where nothing else is known of it. So
+much is granted to a platinum thermometer of class B at 0 °C [IEC60751], and air a metre away differs by as much."""
 
 
 def with_ambient_bias(model: Model, data: DataSplit, spread: float) -> Model:
@@ -240,7 +431,7 @@ def with_ambient_bias(model: Model, data: DataSplit, spread: float) -> Model:
     Args:
         model: the model.
         data: the runs.
-        spread: standard deviation of the biases [K]; 0 for none.
+        spread: standard deviation of the biases [K], which go no farther than two of them; 0 for none.
     """
     fitted = [segment.run.name for segment in data.fit]
     runs = separate_runs([*fitted, *(segment.run.name for segment in (*data.holdout, *data.test))])
@@ -248,7 +439,7 @@ def with_ambient_bias(model: Model, data: DataSplit, spread: float) -> Model:
         return model
     places = [name for name, source in model.network.prescribed.items() if not isinstance(source, int)]
     (offset,) = AmbientOffset.parameters
-    free = replace(offset, value=0.0, prior=spread)
+    free = replace(offset, value=0.0, prior=spread, bounds=(-_FARTHEST * spread, _FARTHEST * spread))
     held = replace(free, fixed=True)
     biases = [
         EffectDeclaration(AmbientOffset(), place, (free if _is_one_of(run, fitted) else held,), run=run)

@@ -188,7 +188,8 @@ def identifiability(model: Model, runs: Sequence[Run], measured: Excitation) -> 
     columns = set.intersection(*(set(run.columns) for run in runs)) | set(model.inputs)
     by_effect: dict[str, list[Candidate]] = {}
     for candidate in candidates(model.network, columns, [run.name for run in runs]):
-        by_effect.setdefault(candidate.effect.key, []).append(candidate)
+        if not candidate.difference:
+            by_effect.setdefault(candidate.effect.key, []).append(candidate)
     used = {instance.effect.key for instance in model.network.effect_instances}
     notes = (note.partition(": ")[0] for run in runs for note in run.notes if "has gaps, and" in note)
     left_out = {column for names in notes for column in names.split(", ")}

@@ -156,8 +156,6 @@ def _directions(
     projected, by_site = np.asfortranarray(projected), np.asfortranarray(by_site)
     directions = []
     for candidate in candidates:
-        amplitude = candidate.effect.amplitude()
-        one_sided = amplitude is not None and amplitude.bounds[0] == amplitude.off
         own = []
         for shape in candidate.shapes:
             members = [where[site] for site in candidate.sites(shape)]
@@ -165,7 +163,7 @@ def _directions(
             whole = float(np.linalg.norm(by_site[:, members].sum(axis=1)))
             length = float(np.linalg.norm(trace))
             if length > _IMITATED * whole:
-                own.append(_Direction(shape, trace / length, length, one_sided))
+                own.append(_Direction(shape, trace / length, length, candidate.one_sided))
         directions.append(own)
     return directions
 
@@ -347,5 +345,5 @@ def smallest(scores: Scores) -> list[Detectable]:
         if amplitude is not None and score.per_unit > 0:
             effect, at = score.candidate.key
             size = needed / score.per_unit
-            sizes.append(Detectable(effect, at, size, amplitude.unit, size / abs(amplitude.typical)))
+            sizes.append(Detectable(effect, at, size, amplitude.unit, size / score.candidate.typical))
     return sorted(sizes, key=lambda each: each.share)

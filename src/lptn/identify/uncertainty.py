@@ -127,6 +127,8 @@ def _single_parameters(
     warnings = []
     for row, name in enumerate(names):
         parameter = problem.model.parameters[problem.free[row]]
+        if parameter.declared.prior is not None:  # a nuisance of the logs, and no part of the model
+            continue
         at_bound = z[row] - lower[row] < _AT_BOUND or upper[row] - z[row] < _AT_BOUND
         if at_bound and not _is_off(parameter, values[problem.free[row]]):
             bounds = " to ".join(f"{bound:g}" for bound in parameter.declared.bounds)
