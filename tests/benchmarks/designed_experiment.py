@@ -28,7 +28,8 @@ from lptn.diagnose.candidates import candidates
 from lptn.diagnose.diagnosis import Step, for_search, refit_all
 from lptn.diagnose.experiment import Experiment, possible_moves, propose
 from lptn.diagnose.experiment_runs import Move
-from lptn.diagnose.fit_statistics import TIE, criterion_difference, tied
+from lptn.diagnose.fit_statistics import TIE, criterion_difference
+from lptn.diagnose.probability import are_rivals
 from lptn.diagnose.scores import score
 from lptn.identify.data import LoadedModel, load_model, split_data
 from lptn.identify.validation import fit_segments
@@ -171,7 +172,7 @@ def judged(hidden: str, found: Sequence[Step]) -> str:
     if len(found) < 2:
         return "tied"
     first, second = found[:2]
-    if tied(first.fit, second.fit):
+    if are_rivals(first.fit, second.fit):
         return "tied"
     return "right" if first.effect == hidden else "wrong"
 

@@ -1,7 +1,7 @@
 """Statistics of fits: which of two is better, whether they differ beyond chance, how far residuals are beyond noise.
 
 All of them respect that residuals of a thermal model repeat each other for minutes: the information criterion counts
-independent residuals only, the randomisation test compares blocks of ten minutes, and the lack of fit looks at means
+independent residuals only, fits are compared by blocks of ten minutes, and the lack of fit looks at means
 over a minute, where noise averages out and a missing effect does not.
 """
 
@@ -11,8 +11,10 @@ from dataclasses import dataclass
 from math import log
 
 import numpy as np
+from scipy.special import chdtri
 
 from lptn.basics.arrays import FloatArray, IntArray
+from lptn.identify.comparison import Prediction
 from lptn.identify.fitting import Fit
 from lptn.simulate.bound_run import BoundRun
 
@@ -60,13 +62,11 @@ def _correlation_time(residual: FloatArray) -> float:
     return max(1.0, 2.0 * float(positive.sum()) - 1.0)
 
 
-# --- The randomisation test: whether two fits differ by more than the scatter between blocks of their runs ---
+# --- Blocks of runs, between which what a fit leaves scatters ------------------------------------
 
 
 _LONG_BLOCK = 600.0  # s; so long that what is left of one block says little about the next
-_FEWEST_BLOCKS = 8  # a run; fewer have too few patterns of signs for a test
-_DRAWS = 5000  # patterns of signs: a share of 0.01 is met within a seventh
-_SIGNIFICANCE = 0.01  # strict, since many pairs of fits are compared
+_FEWEST_BLOCKS = 8  # a run; fewer say little about their scatter
 
 
 def block_numbers(bound: BoundRun) -> IntArray:
@@ -82,25 +82,6 @@ def block_misfits(fit: Fit) -> FloatArray:
         squares = np.where(bound.counted, error / fit.problem.sigma[:, None], 0.0) ** 2
         misfits.append(np.bincount(block_numbers(bound), squares.sum(axis=0)))
     return np.concatenate(misfits)
-
-
-def clearly_differ(one: Fit, other: Fit) -> bool:
-    """Whether two fits to the same runs differ by more than chance: signs of the blocks' differences, drawn anew.
-
-    Fits that are equally good win as many blocks as they lose. A difference that one block makes alone proves nothing,
-    however large; one that nearly all blocks share does, however uneven.
-
-    Source: Fisher's randomisation test [Fisher1935], on blocks in place of independent observations.
-    """
-    differences = block_misfits(one) - block_misfits(other)
-    signs = np.random.default_rng(0).choice((-1.0, 1.0), (_DRAWS, len(differences)))
-    as_extreme = np.abs(signs @ differences) >= abs(differences.sum()) * (1 - 1e-12)
-    return bool(as_extreme.mean() <= _SIGNIFICANCE)
-
-
-def tied(one: Fit, other: Fit) -> bool:
-    """Whether two fits explain the data equally well: by the criterion, or within its scatter over the runs."""
-    return abs(criterion_difference(one, other)) <= TIE or not clearly_differ(one, other)
 
 
 # --- Lack of fit: how far residuals are beyond noise, node by node -------------------------------
@@ -198,3 +179,44 @@ def _mean_squares(fit: Fit, residuals: FloatArray) -> dict[str, FloatArray]:
             start += count
     stacked = {node: np.vstack(blocks) for node, blocks in squares.items()}
     return {node: np.asarray(blocks.mean(axis=0)) for node, blocks in stacked.items() if blocks.size}
+
+
+# --- Runs that a model predicts clearly worse than it fits ---------------------------------------
+
+
+CLEARLY = 2.0
+"""Times the error on the fitted runs: no model predicts quite as well as it fits."""
+
+
+def stands_out(fit: Fit, before: Prediction, least: float = NEGLIGIBLE) -> bool:
+    """Whether a run is predicted clearly worse than the fitted runs are met.
+
+    At some node one-minute means of the error are beyond noise, and clearly beyond those of the fitted runs.
+
+    Args:
+        fit: the fitted model.
+        before: its prediction of the run.
+        least: K; means that are off by less stand out nowhere.
+    """
+    size = max(1, round(BLOCK / before.bound.run.step))
+    for row in range(len(fit.model.nodes)):
+        squares = _block_squares(before.error[row], size)
+        if not squares.size:
+            continue
+        of_fit = [
+            _block_squares(np.where(bound.counted, error, np.nan)[row], size)
+            for bound, error in zip(fit.problem.bound_runs, fit.residuals, strict=True)
+        ]
+        usual = float(np.concatenate(of_fit).mean()) if any(each.size for each in of_fit) else 0.0
+        # A sensor's steps do not average out while the temperature stands.
+        noise = fit.noise.white[row] ** 2 / size + fit.noise.step[row] ** 2 / 12
+        chance = noise * float(chdtri(squares.size, 0.05)) / squares.size
+        if squares.mean() > max(CLEARLY**2 * usual, LACKING * chance, least**2):
+            return True
+    return False
+
+
+def _block_squares(error: FloatArray, size: int) -> FloatArray:
+    """Squared means of the error over full blocks of readings that count, shape (blocks,)."""
+    counted = error[np.isfinite(error)]
+    return np.asarray(counted[: counted.size // size * size].reshape(-1, size).mean(axis=1) ** 2)

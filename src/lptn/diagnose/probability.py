@@ -1,0 +1,165 @@
+"""How probable each of several fitted models is, by the fitted data and by what is known of effects beforehand.
+
+The data speak by Schwarz's criterion, counted in independent residuals. What a model gets wrong varies from minute to
+minute, so that of two models now one and now the other is ahead: the Bayesian bootstrap weighs the blocks of the runs
+anew a thousand times, and a model's probability is its mean over those draws (pseudo-BMA+, [Yao2018]).
+
+Beforehand an effect is as probable as such things are met where it may stand, and a size as usual there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from math import log
+
+import numpy as np
+
+from lptn.basics.arrays import FloatArray
+from lptn.basics.parameters import Parameter
+from lptn.basics.places import EVERYWHERE
+from lptn.diagnose.candidates import Candidate
+from lptn.diagnose.fit_statistics import block_misfits, independent_readings
+from lptn.identify.fitting import Fit
+from lptn.model.network import EffectDeclaration
+
+_DRAWS = 1000  # of the blocks' weights: a probability of a half is met within 0.016
+_OCCAM = 20.0  # times less probable than the best, from which on a model is out of Occam's window [MadiganRaftery1994]
+
+
+def probabilities(fits: Sequence[Fit], log_priors: FloatArray) -> FloatArray:
+    """Probability of each of several fits to the same runs, given that one of them is right, shape (fits,).
+
+    Args:
+        fits: to compare.
+        log_priors: logarithm of what is thought of each beforehand, up to a common constant, shape (fits,).
+    """
+    misfits = np.array([block_misfits(fit) for fit in fits])
+    beside = np.array([2 * fit.cost for fit in fits]) - misfits.sum(axis=1)  # what priors and penalties cost
+    independent = independent_readings(min(fits, key=lambda fit: fit.cost))
+    free = np.array([len(fit.problem.free) for fit in fits])
+    weights = np.random.default_rng(0).dirichlet(np.ones(misfits.shape[1]), _DRAWS) * misfits.shape[1]
+    costs = np.maximum(weights @ misfits.T + beside, 1e-300)
+    logarithms = -0.5 * independent * np.log(costs) - 0.5 * free * np.log(independent) + log_priors
+    each_draw = np.exp(logarithms - logarithms.max(axis=1, keepdims=True))
+    return np.asarray((each_draw / each_draw.sum(axis=1, keepdims=True)).mean(axis=0))
+
+
+def in_occams_window(probabilities: FloatArray) -> list[int]:
+    """Numbers of the models that the most probable one does not rule out, the most probable first."""
+    order = np.argsort(-probabilities, kind="stable")
+    return [int(number) for number in order if probabilities[number] * _OCCAM >= probabilities[order[0]]]
+
+
+def are_rivals(one: Fit, other: Fit, log_priors: Sequence[float] = (0.0, 0.0)) -> bool:
+    """Whether neither of two fits to the same runs rules the other out."""
+    return len(in_occams_window(probabilities([one, other], np.array(log_priors)))) == 2
+
+
+# --- What is thought beforehand of an effect at a place, and of its size ------------------------------------
+
+
+_FACTOR = 3.0
+"""Usual sizes are meant to a factor of three: of an error so much more is one standard deviation; a thing so much
+larger, or smaller, is e times less probable."""
+_BELIEVED = 3.0
+"""Standard deviations, and factors, beyond which no size is believed."""
+_AT_BOUND = 1e-3  # of a bound
+_NOTHING = 1e-12  # share of the usual size; what a search leaves of a zero has a logarithm
+
+
+def log_priors(candidates: Sequence[Candidate]) -> FloatArray:
+    """Logarithms of the odds, beforehand, that it is this candidate that is missing, shape (candidates,).
+
+    Effects have the odds that they state; an effect's own are split evenly over its levels (everywhere, a class of
+    nodes, one node; in all runs, or in one, which is rarer), and over the places of a level.
+    """
+    weights = np.zeros(len(candidates))
+    for effect in {each.effect: None for each in candidates}:
+        own = [k for k, each in enumerate(candidates) if each.effect is effect]
+        most = max(len(candidates[k].places) for k in own)
+        levels = [(bool(candidates[k].run), _level(candidates[k], most)) for k in own]
+        of_level = {level: candidates[k].prior_odds for k, level in zip(own, levels, strict=True)}
+        for k, level in zip(own, levels, strict=True):
+            share = of_level[level] / sum(of_level.values()) / levels.count(level)
+            weights[k] = effect.prior_odds * share
+    return np.asarray(np.log(weights))
+
+
+def _level(candidate: Candidate, most: int) -> str:
+    if len(candidate.places) == 1:
+        return "one"
+    return "all" if candidate.pattern == EVERYWHERE or len(candidate.places) == most else "class"
+
+
+def log_prior_of_sizes(fit: Fit, declarations: Iterable[EffectDeclaration]) -> float:
+    """How usual the fitted sizes of added effects are, as a logarithm: 0 for what is usual, less for what is not.
+
+    Errors, which may be of either sign, are normal about none. Sizes of things, and factors, vary by decades (a fan
+    multiplies what a surface loses by ten): theirs is a double exponential of the logarithm. Time constants are usual
+    anywhere between those that an effect is scored at.
+    """
+    return sum(
+        -0.5 * factors**2 if _is_error(parameter) else -factors
+        for parameter, factors in _factors_off(fit, declarations)
+    )
+
+
+def is_implausible(fit: Fit, declarations: Iterable[EffectDeclaration]) -> bool:
+    """Whether an added effect's size is more than anyone would believe, or a factor went as far as it may."""
+    return any(
+        _is_beyond_belief(parameter, parameter.value) or _is_last_factor(parameter)
+        for parameter, _ in _factors_off(fit, declarations)
+    )
+
+
+def implausible_amplitude(candidate: Candidate, amplitude: float) -> bool:
+    """Whether one effect's amplitude, in its own unit, is more than anyone would believe."""
+    own = candidate.effect.amplitude()
+    return own is not None and _is_beyond_belief(replace(own, typical=candidate.typical), amplitude)
+
+
+def _factors_off(fit: Fit, declarations: Iterable[EffectDeclaration]) -> list[tuple[Parameter, float]]:
+    """Each free parameter of added effects, at its fitted value, and by how many factors it is off what is usual."""
+    free = {fit.model.parameters[index].name: fit.model.parameters[index].declared for index in fit.problem.free}
+    names = (
+        f"{declaration.name}.{parameter.name}.{declaration.where}"
+        for declaration in declarations
+        for parameter in declaration.parameters
+    )
+    return [(free[name], _factors(free[name], free[name].value)) for name in names if name in free]
+
+
+def _factors(parameter: Parameter, value: float) -> float:
+    """By how many standard deviations of an error, or factors of three, a value is off what is usual."""
+    usual = abs(parameter.typical)
+    if _is_error(parameter):
+        return abs(value - (parameter.off or 0.0)) / (_FACTOR * usual)
+    if _is_change(parameter):
+        return abs(log(max(1.0 + value, _NOTHING))) / log(_FACTOR)
+    usually = parameter.grid if parameter.off is None and parameter.grid else (usual,)
+    size = max(abs(value), _NOTHING * usual)
+    return abs(log(size / min(max(size, min(usually)), max(usually)))) / log(_FACTOR)
+
+
+def _is_beyond_belief(parameter: Parameter, value: float) -> bool:
+    return abs(value) > abs(parameter.typical) and _factors(parameter, value) > _BELIEVED
+
+
+def _is_change(parameter: Parameter) -> bool:
+    """Whether it is the change of a factor, which may be of either sign."""
+    return _either_sign(parameter) and parameter.unit == "1"
+
+
+def _is_error(parameter: Parameter) -> bool:
+    """Whether it is an error of a sensor or a clock, or a difference, which may be of either sign."""
+    return _either_sign(parameter) and parameter.unit != "1"
+
+
+def _either_sign(parameter: Parameter) -> bool:
+    return parameter.off is not None and parameter.off > parameter.bounds[0]
+
+
+def _is_last_factor(parameter: Parameter) -> bool:
+    """Whether the change of a factor stands at one of its bounds."""
+    return _is_change(parameter) and any(abs(parameter.value - end) < _AT_BOUND * abs(end) for end in parameter.bounds)

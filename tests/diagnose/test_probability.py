@@ -1,0 +1,156 @@
+"""Probabilities of fitted models: what the data say, what is thought beforehand, and how far blocks scatter."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lptn.basics.arrays import FloatArray
+from lptn.diagnose.candidates import candidates
+from lptn.diagnose.probability import (
+    in_occams_window,
+    is_implausible,
+    log_prior_of_sizes,
+    log_priors,
+    probabilities,
+)
+from lptn.identify.data import split_data
+from lptn.identify.fitting import Fit
+from lptn.identify.validation import fit_segments
+from lptn.logs.run import Run
+from lptn.model.model import Model
+from lptn.model.network import EffectDeclaration, Network
+from lptn.simulate.bound_run import bind
+from lptn.simulate.simulation import simulate
+from tests.builders import AMBIENT, effect, link, node, random_run, two_nodes
+
+NOISE = 0.05  # K
+COLUMNS = ["temperature.ambient", "power.a", "power.b", "torque.a", "torque.b", "velocity.a", "velocity.b"]
+
+
+HEATED = two_nodes([effect("heat_input")])
+
+
+def run_with(extra: FloatArray, seed: int = 0) -> Run:
+    """An hour of two heated nodes with something added to what node a reads [K], shape (n,)."""
+    model = Model(HEATED)
+    run = random_run(model, len(extra), seed=seed, step=5.0)
+    readings = simulate(model, bind(model, run), model.values).readings
+    noise = np.random.default_rng(seed).normal(0.0, NOISE, readings.shape)
+    columns = {f"temperature.{name}": row for name, row in zip(model.nodes, readings + noise, strict=True)}
+    columns["temperature.a"] = columns["temperature.a"] + extra
+    return replace(run, columns={**run.columns, **columns})
+
+
+def fit_of(run: Run, *added: EffectDeclaration) -> Fit:
+    """The two nodes with some effects, fitted to the run."""
+    return fit_segments(Model(HEATED.with_effects(added)), split_data([run]).fit)
+
+
+STEPS = 720
+
+
+def test_equal_fits_share_the_probability_as_thought_beforehand() -> None:
+    one = fit_of(run_with(np.zeros(STEPS)))
+    shares = probabilities([one, one, one], np.log([1.0, 2.0, 5.0]))
+    assert shares == pytest.approx([1 / 8, 2 / 8, 5 / 8])
+    assert in_occams_window(probabilities([one, one], np.log([1.0, 21.0]))) == [1]
+    assert in_occams_window(probabilities([one, one], np.log([1.0, 19.0]))) == [1, 0]
+
+
+def test_a_parameter_that_explains_nothing_is_paid_for() -> None:
+    run = run_with(np.zeros(STEPS))
+    plain, offset = fit_of(run), fit_of(run, effect("sensor_offset", "a", offset=0.1))
+    of_plain, of_offset = probabilities([plain, offset], np.zeros(2))
+    assert 0.8 < of_plain < 0.999
+    assert of_plain + of_offset == pytest.approx(1.0)
+
+
+def test_what_all_blocks_say_is_sure_and_what_one_says_is_not() -> None:
+    """The same gain in one stretch of the run is no more than an accident of it."""
+    throughout, once = np.linspace(0.0, 1.0, STEPS), np.zeros(STEPS)
+    once[-60:] = 1.0
+    sure, unsure = (
+        [fit_of(run_with(extra)), fit_of(run_with(extra), effect("sensor_drift", "a", rate=0.5))]
+        for extra in (throughout, once)
+    )
+    assert probabilities(sure, np.zeros(2))[1] > 0.99
+    assert probabilities(unsure, np.zeros(2))[1] < 0.9
+
+
+@pytest.mark.parametrize("runs", [(), ("monday", "tuesday")], ids=["one run", "two runs"])
+def test_an_effects_candidates_share_its_odds(runs: tuple[str, ...]) -> None:
+    found = candidates(HEATED, COLUMNS, runs)
+    odds = np.exp(log_priors(found))
+    for stated in {each.effect for each in found}:
+        own = sum(value for each, value in zip(found, odds, strict=True) if each.effect is stated)
+        assert own == pytest.approx(stated.prior_odds)
+
+
+def test_levels_share_evenly_and_one_run_is_rarer() -> None:
+    joints = ("FL_hip", "FL_calf", "FR_hip", "FR_calf")
+    links = (link("{leg}_hip", "{leg}_calf"), link("*_*", "ambient"))
+    network = Network("legs", (node("*_*"), AMBIENT), links, (effect("copper_loss"),), joints=joints)
+    found = candidates(network, ["temperature.ambient", *(f"torque.{joint}" for joint in joints)], ("mon", "tue"))
+    odds = dict(zip((each.key for each in found), np.exp(log_priors(found)).tolist(), strict=True))
+    own = {at: value for (key, at), value in odds.items() if key == "sensor_offset"}
+    assert sum(own[joint] for joint in joints) == pytest.approx(own["*"])
+    assert own["*_hip"] == pytest.approx(own["*_calf"])
+    assert own["*_hip"] + own["*_calf"] == pytest.approx(own["*"])
+    assert sum(own[f"{joint}@{run}"] for joint in joints for run in ("mon", "tue")) == pytest.approx(0.1 * own["*"])
+
+
+def at_size(key: str, name: str, share: float) -> tuple[Fit, EffectDeclaration]:
+    """A fit with an effect at so many times its usual size, and the effect."""
+    declared = effect(key, "a")
+    fitted = fit_of(run_with(np.zeros(STEPS)), declared)
+    values = fitted.model.values
+    values[[each.name for each in fitted.model.parameters].index(f"{key}.{name}.a")] = share * next(
+        each.typical for each in declared.parameters if each.name == name
+    )
+    return replace(fitted, model=fitted.model.with_values(values)), declared
+
+
+@pytest.mark.parametrize(("share", "logarithm"), [(1.0, 0.0), (3.0, -1.0), (1 / 81, -4.0), (9.0, -2.0), (28.0, None)])
+def test_sizes_of_things_are_plausible_by_factors_of_three(share: float, logarithm: float | None) -> None:
+    fitted, declared = at_size("constant_heat", "power", share)
+    assert is_implausible(fitted, [declared]) == (logarithm is None)
+    if logarithm is not None:
+        assert log_prior_of_sizes(fitted, [declared]) == pytest.approx(logarithm)
+    assert log_prior_of_sizes(fitted, []) == 0.0
+
+
+@pytest.mark.parametrize(("share", "logarithm"), [(0.01, 0.0), (3.0, -0.5), (-6.0, -2.0), (-9.1, None), (9.1, None)])
+def test_errors_of_either_sign_are_normal_about_none(share: float, logarithm: float | None) -> None:
+    fitted, declared = at_size("sensor_offset", "offset", share)
+    assert is_implausible(fitted, [declared]) == (logarithm is None)
+    if logarithm is not None:
+        assert log_prior_of_sizes(fitted, [declared]) == pytest.approx(logarithm, abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("change", "believed"), [(2.0, True), (12.0, True), (-0.8, True), (-0.9, False), (20.0, False)]
+)
+def test_factors_vary_by_decades(change: float, believed: bool) -> None:
+    fitted, declared = at_size("surface_scale", "change", change / 0.3)
+    assert is_implausible(fitted, [declared]) != believed
+    assert log_prior_of_sizes(fitted, [declared]) == pytest.approx(-abs(np.log(1 + change)) / np.log(3))
+
+
+def test_any_time_constant_of_the_grid_is_usual() -> None:
+    declared = effect("second_mass", "a")
+    fitted = fit_of(run_with(np.zeros(STEPS)), declared)
+    (shape,) = (each for each in declared.parameters if each.grid)
+    names = [parameter.name for parameter in fitted.model.parameters]
+    amplitude = names.index("second_mass.capacity.a")
+
+    def plausibility(time_constant: float) -> float:
+        values = fitted.model.values
+        values[names.index("second_mass.time_constant.a")] = time_constant
+        values[amplitude] = fitted.model.parameters[amplitude].declared.typical
+        return log_prior_of_sizes(replace(fitted, model=fitted.model.with_values(values)), [declared])
+
+    assert plausibility(shape.grid[0]) == plausibility(shape.grid[-1]) == 0.0
+    assert plausibility(9.0 * shape.grid[-1]) == pytest.approx(-2.0)
