@@ -10,6 +10,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from lptn.basics.arrays import FloatArray
+from lptn.diagnose.improvement import improve
 from lptn.diagnose.runs_that_differ import RunDifference, runs_that_differ
 from lptn.effects import catalogue
 from lptn.identify.data import split_data
@@ -192,3 +193,32 @@ def test_the_rest_of_a_fitted_run_is_left_out(fitted: Fit) -> None:
 def test_every_effect_that_may_differ_from_run_to_run_has_its_sentences() -> None:
     for kind in catalogue().values():
         assert all(kind.in_one_run) == kind.per_run, kind.key
+
+
+@pytest.mark.long
+def test_a_fan_in_the_held_out_run_is_granted_and_judges_nothing_else() -> None:
+    """Nothing is missing in the fitted runs, and the run is named."""
+    fitted = [truth("monday", 1), truth("tuesday", 2)]
+    held_out = truth("run4", 3, fan=3.0)
+    history = improve(Model(held_gain()), split_data(fitted, [held_out]))
+    assert history.verdict == "adequate"
+    assert [(each.run, each.effect) for each in history.differing] == [("run4", "surface_scale")]
+    assert history.best.holdout is not None
+    assert history.best.holdout.rmse < 2 * NOISE
+
+
+@pytest.mark.long
+def test_a_room_warmer_than_a_sensors_error_is_granted_too() -> None:
+    fitted = [truth("monday", 1), truth("tuesday", 2)]
+    history = improve(Model(held_gain()), split_data(fitted, [truth("run4", 3, warmer=3.0)]))
+    assert history.verdict == "adequate"
+    assert [(each.run, each.effect) for each in history.differing] == [("run4", "ambient_offset")]
+
+
+@pytest.mark.long
+def test_a_held_out_run_that_nothing_explains_is_not_granted() -> None:
+    fitted = [truth("monday", 1), truth("tuesday", 2)]
+    history = improve(Model(held_gain()), split_data(fitted, [truth("run4", 3, bursts=8.0)]))
+    assert history.verdict == "unexplained"
+    assert history.first.only_held_out_runs_object
+    assert history.differing == ()

@@ -49,14 +49,18 @@ def test_pmsm_models_fit_their_log(name: str) -> None:
 
 @pytest.mark.long
 def test_held_out_data_lead_the_winding_to_a_model_that_predicts_other_operating_points() -> None:
-    """The names are stand-ins, since the fitted part holds one operating point; what they predict is not."""
+    """The names are stand-ins, since the fitted part holds one operating point; what they predict is not.
+
+    A hand-made model reached 1.72 K. A coolant 20 K colder than logged gives 1.5 K; nobody would believe it.
+    """
     loaded = load_model(EXAMPLES / "pmsm" / "winding.toml")
     history = improve(loaded.model, split_data(loaded.runs([EXAMPLES / "pmsm" / "log.csv"]), holdout_after=4400.0))
     before, after = history.steps[0].holdout, history.best.holdout
     assert before is not None
     assert after is not None
     assert before.rmse > 7
-    assert after.rmse < 1.72  # K; what a hand-made model reached
+    assert after.rmse < 2.1
+    assert not {"sensor_drift", "clock_offset", "ambient_offset"} & {step.effect for step in history.steps}
 
 
 @pytest.mark.long

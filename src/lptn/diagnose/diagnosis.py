@@ -4,10 +4,12 @@
 2. Every effect at every place is scored to first order at that fit (`lptn.diagnose.scores`), and what chance alone
    would score is simulated.
 3. The best of those beyond chance are refitted exactly, everything else free.
-4. They are ordered by Schwarz's criterion. Those that explain the data equally well are one answer with several
-   names: typical sizes come first, then few parameters; names that held-out runs speak against come last.
-5. The verdict: `"adequate"` if nothing is beyond noise and nothing helps; `"missing"` if the best candidate, or three
-   one after the other, remove most of the misfit, on held-out runs too; else `"unexplained"`.
+4. They are ordered by probability (`lptn.diagnose.probability`): by how well they explain the fitted data, and how
+   usual such an effect is and its size. Those that the best does not rule out are one answer with several names; names
+   that held-out runs speak against come last. What has a size that nobody would believe is no answer.
+5. The verdict: `"adequate"` if nothing is beyond noise, nothing helps and no held-out run stands out; `"missing"` if
+   the best candidate, or three one after the other, remove most of the misfit, on held-out runs too; else
+   `"unexplained"`.
 """
 
 from __future__ import annotations
@@ -16,7 +18,6 @@ import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
-from math import log2
 from typing import Literal
 
 import numpy as np
@@ -24,17 +25,18 @@ import pandas as pd
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.tables import Tabular
-from lptn.diagnose.candidates import candidates, with_ambient_bias
+from lptn.diagnose.candidates import AMBIENT_ERROR, possible_effects, with_ambient_bias
 from lptn.diagnose.fit_statistics import (
     LACKING,
     TIE,
     criterion_difference,
     explained_share,
     lack_of_fit,
-    tied,
+    stands_out,
 )
+from lptn.diagnose.probability import are_rivals, is_implausible, log_prior_of_sizes, log_priors, probabilities
 from lptn.diagnose.scores import Score, Scores, score
-from lptn.identify.comparison import Errors
+from lptn.identify.comparison import Errors, predict
 from lptn.identify.data import DataSplit
 from lptn.identify.fitting import Fit, finished, fit
 from lptn.identify.problem import Point
@@ -61,6 +63,8 @@ class Step(Tabular):
         declaration: the effect as added; `None` for the model as given.
         gain: by how much the information criterion prefers it to the model before it.
         size: the effect's amplitude in units of its typical size, when it was compared with other candidates.
+        log_odds: logarithm of the odds beforehand that it is this effect at this place that is missing.
+        probability: of this answer, given that one of those that were refitted is right.
         p_value: how often chance alone would score as much, over all candidates.
         indistinguishable: candidates that the fitted data can't tell from it.
         holdout: errors on held-out runs, `None` without any.
@@ -71,6 +75,8 @@ class Step(Tabular):
     declaration: EffectDeclaration | None = None
     gain: float = 0.0
     size: float = 1.0
+    log_odds: float = 0.0
+    probability: float = 0.0
     p_value: float = 1.0
     indistinguishable: tuple[Key, ...] = ()
     holdout: Errors | None = None
@@ -111,9 +117,9 @@ class Step(Tabular):
         return self.fit.to_pandas()
 
     @property
-    def unusual(self) -> int:
-        """By how many factors of two the size differs from the typical one; constants of materials hardly vary."""
-        return round(abs(log2(max(abs(self.size), 1e-6))))
+    def declarations(self) -> list[EffectDeclaration]:
+        """The effect as a list, empty for the model as given."""
+        return [self.declaration] if self.declaration else []
 
 
 @dataclass(frozen=True, repr=False)
@@ -144,6 +150,23 @@ class Diagnosis(Tabular):
     def best(self) -> Step | None:
         """The first answer, `None` where no candidate helps."""
         return self.helpful[0] if self.helpful else None
+
+    @property
+    def probabilities(self) -> list[tuple[Key, float]]:
+        """What the model lacks and how probable that is by the fitted runs, the most probable first.
+
+        Nothing has an empty key. Given that one of the answers is right: empty where the verdict is that none is.
+        """
+        if self.verdict == "unexplained":
+            return []
+        of_nothing = 1.0 - sum(step.probability for step in self.refits)
+        answers = [(("", ""), of_nothing), *((step.key, step.probability) for step in self.refits)]
+        return sorted(answers, key=lambda answer: -answer[1])
+
+    @property
+    def only_held_out_runs_object(self) -> bool:
+        """Whether the fitted runs have nothing against the model, and held-out runs have."""
+        return self.verdict == "unexplained" and not _more_is_wanted(self.scores, self.refits)
 
     @property
     def summary(self) -> str:
@@ -183,6 +206,7 @@ class Diagnosis(Tabular):
                 "rmse_holdout_before": before,
                 "rmse_holdout_after": None if step.holdout is None else step.holdout.rmse,
                 "p_value": step.p_value,
+                "probability": step.probability,
                 "indistinguishable_from": [list(other) for other in step.indistinguishable],
                 "separate_by": step.declaration.effect.signature.separate_by if step.declaration else "",
             }
@@ -193,8 +217,17 @@ class Diagnosis(Tabular):
             "rmse_fit": self.fit.rmse,
             "rmse_holdout": before,
             "lack_of_fit": self.scores.lack_of_fit,
+            "probabilities": probabilities_as_json(self),
             "candidates": listed,
         }
+
+
+def probabilities_as_json(diagnosis: Diagnosis) -> list[dict[str, object]]:
+    """What the model lacks, `null` for nothing, with probabilities, the most probable first."""
+    return [
+        {"effect": effect or None, "at": at or None, "probability": probability}
+        for (effect, at), probability in diagnosis.probabilities
+    ]
 
 
 # --- The procedure --------------------------------------------------------------------------------
@@ -213,7 +246,7 @@ def diagnose(
     data: DataSplit,
     *,
     refits: int = _MOST_REFITS,
-    ambient_error: float = 0.0,
+    ambient_error: float = AMBIENT_ERROR,
     executor: Executor | None = None,
     report: Report = lambda _: None,
 ) -> Diagnosis:
@@ -258,35 +291,35 @@ def examine(
 ) -> Diagnosis:
     """`diagnose` for a model that is fitted already, on data of the step it was fitted with."""
     columns = set.intersection(*(set(segment.run.columns) for segment in data.fit))
-    possible = candidates(base.model.network, columns, [segment.run.name for segment in data.fit])
+    possible = possible_effects(base, columns)
     report(f"scoring {len(possible)} candidates")
     scores = score(base, possible)
     worthwhile = _shortlist(scores, refits)
     report(f"refitting {len(worthwhile)} of them")
-    steps = refit_all(base, worthwhile, executor)
+    odds = {each.key: float(log_odds) for each, log_odds in zip(possible, log_priors(possible), strict=True)}
     gains = {each.candidate.key: each.gain for each in worthwhile}
-    judged = [
+    steps = [
         replace(
             step,
+            log_odds=odds[step.key],
             p_value=scores.p_value(gains[step.key]),
-            indistinguishable=tuple(
-                other.key for other in steps if other is not step and _indistinguishable(step, other)
-            ),
             holdout=holdout_errors(step.fit, data.holdout),
         )
-        for step in steps
+        for step in refit_all(base, worthwhile, executor)
+        if not is_implausible(step.fit, step.declarations)
     ]
-    ordered = _holdout_decides(judged)
+    ordered = _holdout_decides(_by_probability(base, steps))
     holdout = holdout_errors(base, data.holdout)
-    return Diagnosis(_verdict(base, holdout, scores, ordered), base, holdout, scores, tuple(ordered))
+    return Diagnosis(_verdict(base, data, holdout, scores, ordered), base, holdout, scores, tuple(ordered))
 
 
 # --- Refits: the score is a first-order guess, the refit is what counts ---------------------------
 
 
+HOPELESS = 1.5
+"""Times the misfit of the most promising candidate from which on none is fitted to the end, or followed."""
 _ITERATIONS, _PRECISION = 25, 3e-4  # of the cost: enough to rank; the step that is kept is fitted to the end
 _SAME_EFFECT_SHARE = 0.2  # the best place of an effect is refitted if it scores so much of the best gain
-_HOPELESS = 1.5  # times the misfit of the most promising candidate
 _NEAR = 1.3  # times the least misfit; a fit that was cut off so near to it may yet reach it
 _TYPICAL_RANGE = (0.02, 20.0)  # first-order amplitudes outside this share of the typical size are not trusted
 
@@ -310,7 +343,7 @@ def _shortlist(scores: Scores, most: int) -> list[Score]:
 
 
 def refit_all(base: Fit, scores: Sequence[Score], executor: Executor | None = None) -> list[Step]:
-    """Refit each candidate; the one that explains most comes first, equals by how plausible they are.
+    """Refit each candidate; the one that explains most comes first.
 
     Args:
         base: the fitted baseline.
@@ -322,13 +355,13 @@ def refit_all(base: Fit, scores: Sequence[Score], executor: Executor | None = No
     run = executor.map if executor else map
     # What has no hope to come near the most promising one is not fitted to the end.
     steps = [_refitted((base, scores[0], np.inf))]
-    steps += run(_refitted, [(base, each, _HOPELESS * steps[0].fit.cost) for each in scores[1:]])
+    steps += run(_refitted, [(base, each, HOPELESS * steps[0].fit.cost) for each in scores[1:]])
     # A large effect is a long way from the baseline; cut off, it would seem worse than another name for the same.
     near = _NEAR * min(step.fit.cost for step in steps)
     cut_off = [k for k, step in enumerate(steps) if step.fit.status == "not converged" and step.fit.cost <= near]
     for k, longer in zip(cut_off, run(finished, [steps[k].fit for k in cut_off]), strict=True):
         steps[k] = _step(base, steps[k].declaration, unless_interrupted(longer))
-    return _plausible_first(sorted(steps, key=lambda step: -step.gain))
+    return sorted(steps, key=lambda step: -step.gain)
 
 
 def _refitted(task: tuple[Fit, Score, float]) -> Step:
@@ -337,7 +370,7 @@ def _refitted(task: tuple[Fit, Score, float]) -> Step:
     amplitude = score.candidate.effect.amplitude()
     size = None
     if amplitude is not None:
-        least, most = (share * abs(amplitude.typical) for share in _TYPICAL_RANGE)
+        least, most = (share * score.candidate.typical for share in _TYPICAL_RANGE)
         size = float(np.sign(score.amplitude) * np.clip(abs(score.amplitude), least, most))
     declaration = score.candidate.declaration(size, score.shape)
     return _step(base, declaration, refit(base, declaration, rival))
@@ -353,7 +386,8 @@ def _size(declaration: EffectDeclaration | None, done: Fit) -> float:
     if declaration is None or amplitude is None:
         return 1.0
     name = f"{declaration.name}.{amplitude.name}."
-    return next(each.value for each in done.model.parameters if each.name.startswith(name)) / amplitude.typical
+    fitted = next(each for each in done.model.parameters if each.name.startswith(name))
+    return fitted.value / fitted.declared.typical
 
 
 def refit(base: Fit, declaration: EffectDeclaration, rival: float = np.inf) -> Fit:
@@ -416,20 +450,29 @@ def unless_interrupted(done: Fit) -> Fit:
 
 MUCH_WORSE = 1.2
 """Times the least held-out error: too much for any scatter to excuse."""
-_COMPARABLE = 0.5  # share of the best gain below which no scatter makes two candidates indistinguishable
 
 
-def _indistinguishable(one: Step, other: Step) -> bool:
-    """Whether two refits of one baseline are one answer with two names."""
-    less, more = sorted((one.gain, other.gain))
-    return more - less <= TIE or (less >= _COMPARABLE * more and tied(one.fit, other.fit))
+def _by_probability(base: Fit, steps: Sequence[Step]) -> list[Step]:
+    """The most probable first, each with its probability and with those that can't be told from it.
 
+    Nothing missing is one of the answers that share the probability.
+    """
+    priors = np.array([0.0, *(step.log_odds + log_prior_of_sizes(step.fit, step.declarations) for step in steps)])
+    fits = [base, *(step.fit for step in steps)]
+    of_all = probabilities(fits, priors)[1:]
 
-def _plausible_first(steps: list[Step]) -> list[Step]:
-    """Of those that explain the data as well as the best does, typical sizes come first, then few parameters."""
-    level = [step for step in steps if _indistinguishable(step, steps[0])]
-    rest = [step for step in steps if step not in level]
-    return [*sorted(level, key=lambda step: (step.unusual, step.parameters, -step.gain)), *rest]
+    def rivals(number: int) -> tuple[Key, ...]:
+        return tuple(
+            step.key
+            for other, step in enumerate(steps, start=1)
+            if other != number and are_rivals(fits[number], fits[other], (priors[number], priors[other]))
+        )
+
+    judged = [
+        replace(step, probability=float(probability), indistinguishable=rivals(number))
+        for number, (step, probability) in enumerate(zip(steps, of_all, strict=True), start=1)
+    ]
+    return [judged[k] for k in sorted(range(len(judged)), key=lambda k: (-judged[k].probability, -judged[k].gain))]
 
 
 def _holdout_decides(steps: list[Step]) -> list[Step]:
@@ -453,18 +496,26 @@ def _holdout_decides(steps: list[Step]) -> list[Step]:
 _MOST_BY_ONE, _MOST_BY_THREE = 0.6, 0.8  # shares of the misfit beyond noise that are most of it
 _ELSEWHERE = 0.3  # share of the held-out error, squared and beyond noise, that must go with it
 _SILENT = 1.1  # mean squares so little above the noise show nothing that could go
+_RUNS_DIFFER = 0.3  # K; two runs differ by so much in their air and sensors alone
 
 
-def _verdict(base: Fit, holdout: Errors | None, scores: Scores, steps: Sequence[Step]) -> Verdict:
-    lacking = any(value > LACKING for value in scores.lack_of_fit.values())
-    helps = bool(steps) and steps[0].gain > TIE  # only candidates beyond chance were refitted
-    if not lacking and not helps:
-        return "adequate"
+def _verdict(base: Fit, data: DataSplit, holdout: Errors | None, scores: Scores, steps: Sequence[Step]) -> Verdict:
+    if not _more_is_wanted(scores, steps):
+        agree = not any(
+            stands_out(base, predict(base.model, each, base.problem.sigma), _RUNS_DIFFER) for each in data.holdout
+        )
+        return "adequate" if agree else "unexplained"
     if not steps or not explained_elsewhere(base, holdout, steps[0].holdout):
         return "unexplained"
     best = steps[0].fit
     nothing_left = all(value <= LACKING for value in lack_of_fit(best, scores.noise).values())
     return "missing" if nothing_left or explained_share(base, best, scores.noise) > _MOST_BY_ONE else "unexplained"
+
+
+def _more_is_wanted(scores: Scores, steps: Sequence[Step]) -> bool:
+    """Whether the fitted runs have something against the model; only candidates beyond chance were refitted."""
+    lacking = any(value > LACKING for value in scores.lack_of_fit.values())
+    return lacking or (bool(steps) and steps[0].gain > TIE)
 
 
 def explained_elsewhere(base: Fit, before: Errors | None, after: Errors | None) -> bool:

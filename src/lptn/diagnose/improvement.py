@@ -1,14 +1,17 @@
 """Forward selection: diagnose, add the missing effect, refit, step by step, and the errors on the way.
 
 Missing effects come in pairs whose first alone explains little, and short logs leave several first effects equally
-good. So all models that the fitted data can't tell apart are followed a step further, side by side:
+good. So several models are followed a step further, side by side:
 
 1. Each model that is followed is diagnosed; each of its refits beyond chance is a longer branch.
-2. Of these the best by misfit, and those tied with it, are fitted to the end and followed; so is what held-out data
-   prefer by more than any scatter.
+2. Of these the most probable are fitted to the end and followed; so is what held-out data prefer by more than any
+   scatter.
 3. The search ends when a model is adequate, nothing helps, or a step has gained nothing.
 4. The held-out data decide which branch is kept, and how far; without them the information criterion does.
 5. Steps that later ones made superfluous are taken out, and each model left is fitted at full resolution.
+
+Where nothing explains the data because a held-out run is predicted badly, and one parameter that differs in that run
+would explain it, that difference is granted to the run, and the question is asked once more.
 """
 
 from __future__ import annotations
@@ -23,8 +26,9 @@ import pandas as pd
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.basics.tables import Tabular
-from lptn.diagnose.candidates import with_ambient_bias
+from lptn.diagnose.candidates import AMBIENT_ERROR, with_ambient_bias
 from lptn.diagnose.diagnosis import (
+    HOPELESS,
     MUCH_WORSE,
     SIGNIFICANT,
     Diagnosis,
@@ -36,9 +40,12 @@ from lptn.diagnose.diagnosis import (
     examine,
     explained_elsewhere,
     for_search,
+    probabilities_as_json,
     unless_interrupted,
 )
-from lptn.diagnose.fit_statistics import TIE, criterion_difference, explained_share, tied
+from lptn.diagnose.fit_statistics import TIE, criterion_difference, explained_share
+from lptn.diagnose.probability import in_occams_window, is_implausible, log_prior_of_sizes, probabilities
+from lptn.diagnose.runs_that_differ import RunDifference, runs_that_differ, with_differences
 from lptn.identify.comparison import predict
 from lptn.identify.data import DataSplit
 from lptn.identify.fitting import Fit, finished
@@ -58,6 +65,7 @@ class History(Tabular):
         first: the diagnosis of the given model.
         last: the diagnosis of the last step.
         considered: how many models were followed.
+        differing: held-out runs that are predicted with one parameter of their own, fitted on the run itself.
     """
 
     verdict: Verdict
@@ -66,6 +74,7 @@ class History(Tabular):
     first: Diagnosis
     last: Diagnosis
     considered: int
+    differing: tuple[RunDifference, ...] = ()
 
     @property
     def best(self) -> Step:
@@ -99,11 +108,18 @@ class History(Tabular):
                 "max_holdout": step.holdout.max if step.holdout else None,
                 "rmse_test": step.test.rmse if step.test else None,
                 "rmse_proof": step.test.rmse if step.test else None,
+                "probability": step.probability if step.effect else None,
                 "indistinguishable_from": [list(key) for key in step.indistinguishable],
             }
             for number, step in enumerate(self.steps)
         ]
-        return {"verdict": self.verdict, "remaining": self.remaining, "history": table, "ladder": table}
+        return {
+            "verdict": self.verdict,
+            "remaining": self.remaining,
+            "probabilities": probabilities_as_json(self.first),
+            "history": table,
+            "ladder": table,
+        }
 
 
 def table_of_steps(steps: Sequence[Step]) -> pd.DataFrame:
@@ -144,7 +160,7 @@ def improve(
     data: DataSplit,
     *,
     most: int = 6,
-    ambient_error: float = 0.0,
+    ambient_error: float = AMBIENT_ERROR,
     executor: Executor | None = None,
     report: Report = lambda _: None,
 ) -> History:
@@ -174,22 +190,33 @@ def improve(
     """
     coarse = for_search(data)
     model = with_ambient_bias(model, data, ambient_error)
-    report("fitting the model as it stands")
-    base = unless_interrupted(fit_segments(model, coarse.fit))
-    given: Branch = (Step(base, holdout=holdout_errors(base, coarse.holdout)),)
-    search = _Search(coarse, executor, report)
-    search.follow(given, most)
-    kept = _pruned(search.complete(_chosen(search.branches, coarse)), coarse, report)
-    first, last = search.diagnosis(given), search.diagnosis(kept)
+    search, kept, verdict = _searched(model, coarse, most, executor, report)
+    differing: list[RunDifference] = []
+    if verdict == "unexplained" and coarse.holdout:
+        report("looking for what differs in held-out runs")
+        differing = runs_that_differ(_by_probability(search.branches)[0][-1].fit, coarse.holdout)
+        if differing and all(each.explained for each in differing):
+            granted = with_differences(model, differing, coarse.holdout)
+            search, kept, verdict = _searched(granted, coarse, most, executor, report)
+        else:
+            differing = []
+    first, last = search.diagnosis(search.branches[0]), search.diagnosis(kept)
     report("fitting the steps at full resolution")
-    return History(
-        _verdict(first, last, given, kept),
-        last.verdict,
-        _at_full_resolution(kept, data),
-        first,
-        last,
-        len(search.branches),
-    )
+    steps = _at_full_resolution(kept, data)
+    return History(verdict, last.verdict, steps, first, last, len(search.branches), tuple(differing))
+
+
+def _searched(
+    model: Model, data: DataSplit, most: int, executor: Executor | None, report: Report
+) -> tuple[_Search, Branch, Verdict]:
+    """All branches from a model, the one that is kept, and the verdict on the model as given."""
+    report("fitting the model as it stands")
+    base = unless_interrupted(fit_segments(model, data.fit))
+    given: Branch = (Step(base, holdout=holdout_errors(base, data.holdout)),)
+    search = _Search(data, executor, report)
+    search.follow(given, most)
+    kept = _pruned(search.complete(_chosen(search.branches, data)), data, report)
+    return search, kept, _verdict(search.diagnosis(given), search.diagnosis(kept), given, kept)
 
 
 # --- Branches of models, followed side by side as long as the fit data can't tell them apart ---------
@@ -198,8 +225,10 @@ def improve(
 Branch = tuple[Step, ...]
 """The given model, then a step for each effect that was added; the last step's fit is that of them all."""
 
-WORTH = 0.01
-"""Share by which a step must lower the held-out error."""
+_WORTH = 0.05
+"""Share by which a step must lower the held-out error to be kept: the RMSE of some 200 independent residuals, an hour
+or two of a few nodes, is itself known to 1/√400."""
+_PROGRESS = 0.01  # share by which a step must lower it for the search to go on
 _WIDTH, _WIDTH_LATER = 4, 2  # branches followed side by side after the first step, and after later ones
 _BY_HOLDOUT = 2  # more branches that are looked at because they do well on held-out data
 _UNOPPOSED = 1e-3  # share by which a held-out error may rise and still speak against nothing
@@ -251,7 +280,7 @@ class _Search:
             reached = min(_error(branch) for branch in beam)
             self.report(f"step {depth}: {_in_words(beam)}")
             # The first of a pair may help nobody alone, so one step without a gain is allowed at the start.
-            if reached > (1 - WORTH) * best and depth > 1:
+            if reached > (1 - _PROGRESS) * best and depth > 1:
                 return
             best = min(best, reached)
 
@@ -276,25 +305,29 @@ class _Search:
         longer: list[Branch] = []
         for step in self.diagnosis(branch).refits:
             same = any(abs(other[-1].fit.cost - step.fit.cost) < _SAME * step.fit.cost for other in longer)
-            if step.p_value < SIGNIFICANT and not same and step.fit.status != "given up":
+            believed = not is_implausible(step.fit, _declarations((*branch, step)))
+            if believed and step.p_value < SIGNIFICANT and not same and step.fit.status != "given up":
                 longer.append((*branch, step))
         return longer
 
     def _next(self, pool: Sequence[Branch], width: int) -> list[Branch]:
-        """The best branch and those that tie with it on the fit data, each set of effects once, fitted to the end."""
+        """The most probable branches that have a hope, each set of effects once, fitted to the end."""
         unique: dict[frozenset[Key], Branch] = {}
         for branch in sorted(pool, key=lambda branch: branch[-1].fit.cost):
             unique.setdefault(_effects(branch), branch)
         branches = list(unique.values())
         if not branches:
             return []
-        level = [branch for branch in branches if tied(branch[-1].fit, branches[0][-1].fit)]
+        level = _probable(branches)
+        hopeful = [
+            branch for branch in _by_probability(branches) if branch[-1].fit.cost <= HOPELESS * branches[0][-1].fit.cost
+        ]
         # A short log may favour an alias; what held-out data prefer by more than any scatter is followed as well.
         least = min(_error(branch) for branch in level)
         preferred = [branch for branch in branches if branch in level or MUCH_WORSE * _error(branch) < least]
         by_holdout = sorted(preferred, key=_error)[:_BY_HOLDOUT]
         # Fits that only ranked candidates ended early: where a valley is long, their held-out errors are accidents.
-        followed = [*level[:width], *(branch for branch in by_holdout if branch not in level[:width])]
+        followed = [*hopeful[:width], *(branch for branch in by_holdout if branch not in hopeful[:width])]
         fits = (self.executor.map if self.executor else map)(finished, [branch[-1].fit for branch in followed])
         done = [
             _ending_in(branch, unless_interrupted(fit), self.data) for branch, fit in zip(followed, fits, strict=True)
@@ -322,7 +355,10 @@ _CLEARLY = 2.0  # standard errors
 
 
 def _chosen(branches: Sequence[Branch], data: DataSplit) -> Branch:
-    """The shortest branch that reaches the best error; of equally long ones the clearly better, else the first."""
+    """The shortest branch that reaches the best error; of equally long ones the clearly better, else the most probable.
+
+    Where that is another than the one with the best error, it is gone on with as far as it lowers the error.
+    """
     if branches[0][-1].holdout is None:
         best = branches[0]
         for branch in branches[1:]:
@@ -330,25 +366,37 @@ def _chosen(branches: Sequence[Branch], data: DataSplit) -> Branch:
                 best = branch
         return best
     least = min(_error(branch) for branch in branches)
-    enough = [branch for branch in branches if _error(branch) <= least * (1 + WORTH)]
+    enough = [branch for branch in branches if _error(branch) <= least * (1 + _WORTH)]
     length = min(len(branch) for branch in enough)
-    level = _plausible_first([branch for branch in branches if len(branch) == length])
+    level = _by_probability([branch for branch in branches if len(branch) == length])
     best = next(branch for branch in level if branch in enough)
     near = [branch for branch in level if branch is best or _error(branch) <= MUCH_WORSE * _error(best)]
-    return next(branch for branch in near if branch is best or not _clearly_worse(branch, best, data))
+    chosen = next(branch for branch in near if branch is best or not _clearly_worse(branch, best, data))
+    further = [branch for branch in branches if _effects(branch) > _effects(chosen)]
+    enough = [branch for branch in further if _error(branch) <= _error(chosen) * (1 - _WORTH)]
+    return min(enough, key=_error, default=chosen)
 
 
-def _plausible_first(branches: Sequence[Branch]) -> list[Branch]:
-    """By misfit; of those that the fit data can't tell from the best, typical sizes, then few parameters, first."""
-    least = min((branch[-1].fit for branch in branches), key=lambda fit: fit.cost)
+def _by_probability(branches: Sequence[Branch]) -> list[Branch]:
+    """The most probable on the fitted data first."""
+    shares = _probabilities(branches)
+    return [branches[k] for k in sorted(range(len(branches)), key=lambda k: (-shares[k], branches[k][-1].fit.cost))]
 
-    def order(branch: Branch) -> tuple[bool, int, int, float]:
-        last = branch[-1]
-        level = tied(last.fit, least)
-        unusual = sum(step.unusual for step in branch)
-        return (not level, unusual if level else 0, last.parameters if level else 0, last.fit.cost)
 
-    return sorted(branches, key=order)
+def _probable(branches: Sequence[Branch]) -> list[Branch]:
+    """Those that the most probable does not rule out on the fitted data, the most probable first."""
+    return [branches[number] for number in in_occams_window(_probabilities(branches))]
+
+
+def _probabilities(branches: Sequence[Branch]) -> FloatArray:
+    """Of each branch's last model, given that one of them is right, shape (branches,)."""
+    odds = [sum(step.log_odds for step in branch) for branch in branches]
+    sizes = [log_prior_of_sizes(branch[-1].fit, _declarations(branch)) for branch in branches]
+    return probabilities([branch[-1].fit for branch in branches], np.array(odds) + np.array(sizes))
+
+
+def _declarations(branch: Branch) -> list[EffectDeclaration]:
+    return [declaration for step in branch for declaration in step.declarations]
 
 
 def _clearly_worse(branch: Branch, than: Branch, data: DataSplit) -> bool:
@@ -383,7 +431,7 @@ def _pruned(branch: Branch, data: DataSplit, report: Report) -> Branch:
         fit = continued(last.fit, network)
         if criterion_difference(fit, last.fit) < TIE:
             shorter = _ending_in(tuple(other for other in branch if other is not step), fit, data)
-            if _error(shorter) <= _error(branch) * (1 + WORTH):
+            if _error(shorter) <= _error(branch) * (1 + _WORTH):
                 report(f"{step.effect} at {step.at} is no longer needed")
                 return _pruned(shorter, data, report)
     return branch

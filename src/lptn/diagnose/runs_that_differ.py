@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from scipy.optimize import least_squares
-from scipy.special import chdtri
 
 from lptn.basics.arrays import BoolArray, FloatArray
 from lptn.basics.parameters import Parameter
-from lptn.basics.places import EVERYWHERE, in_run
+from lptn.basics.places import EVERYWHERE, in_run, is_of_run
 from lptn.basics.processes import one_blas_thread
 from lptn.diagnose.candidates import Candidate, candidates
 from lptn.diagnose.diagnosis import refit
-from lptn.diagnose.fit_statistics import BLOCK, LACKING, NEGLIGIBLE, TIE, cost_of_noise, criterion_difference
+from lptn.diagnose.fit_statistics import CLEARLY, TIE, cost_of_noise, criterion_difference, stands_out
+from lptn.diagnose.probability import implausible_amplitude
 from lptn.identify.comparison import Errors, Prediction, predict
 from lptn.identify.data import Segment
 from lptn.identify.fitting import Fit
@@ -87,6 +87,11 @@ class RunDifference:
         return self.causes[0].rmse if self.causes else None
 
     @property
+    def explained(self) -> bool:
+        """Whether with it the run is predicted about as well as the fitted runs are met."""
+        return self.rmse_after is not None and self.rmse_after <= CLEARLY * self.rmse_fit
+
+    @property
     def indistinguishable(self) -> tuple[Cause, ...]:
         """Causes that these data can't tell from the best."""
         return self.causes[1:]
@@ -104,7 +109,7 @@ class RunDifference:
             f"{_sentence(best.words)} With that its error goes from {short(self.rmse_before)} to {short(best.rmse)} K "
             "(the size was fitted on this run: an explanation, not a prediction)."
         )
-        if best.rmse > CLEARLY * self.rmse_fit:
+        if not self.explained:
             text += f" It does not explain all: the fitted runs are met within {short(self.rmse_fit)} K."
         if not self.indistinguishable:
             return text
@@ -135,8 +140,6 @@ class RunDifference:
 # --- The procedure: every effect that may differ from run to run is tried in this run alone ---------
 
 
-CLEARLY = 2.0
-"""Times the error on the fitted runs: no model predicts quite as well as it fits."""
 _HALF = 0.5  # of the error beyond noise must go before a cause is named
 _COMPARABLE = 0.5  # share of the best gain below which two causes are never indistinguishable
 _EQUAL = 1.0  # difference of criteria that says nothing at all
@@ -183,13 +186,13 @@ def runs_that_differ(fit: Fit, segments: Sequence[Segment]) -> list[RunDifferenc
 
 
 def _difference(fit: Fit, segment: Segment) -> RunDifference | None:
-    before = predict(fit.model, segment, fit.problem.sigma)
-    if not _stands_out(fit, before):
+    model = _without_nuisances(fit.model, segment.run.name)
+    before = predict(model, segment, fit.problem.sigma)
+    if not stands_out(fit, before):
         return None
-    base = _as_fit(fit, fit.model, before, ())
+    base = _as_fit(fit, model, before, ())
     searches = [
-        cause_search(fit.model, segment, each, fit.problem.sigma)
-        for each in possible_causes(fit.model.network, segment)
+        cause_search(model, segment, each, fit.problem.sigma) for each in possible_causes(model.network, segment)
     ]
     least = _PROMISING * max((each.promise for each in searches), default=0.0)
     trials = [_tried(fit, each) for each in searches if each.promise >= least]
@@ -197,30 +200,14 @@ def _difference(fit: Fit, segment: Segment) -> RunDifference | None:
     return RunDifference(segment.run.name, Errors.of(before.error).rmse, fit.rmse, tuple(causes))
 
 
-def _stands_out(fit: Fit, before: Prediction) -> bool:
-    """Whether at some node one-minute means of the error are beyond noise and clearly beyond the fitted runs'."""
-    size = max(1, round(BLOCK / before.bound.run.step))
-    for row in range(len(fit.model.nodes)):
-        squares = _block_squares(before.error[row], size)
-        if not squares.size:
-            continue
-        of_fit = [
-            _block_squares(np.where(bound.counted, error, np.nan)[row], size)
-            for bound, error in zip(fit.problem.bound_runs, fit.residuals, strict=True)
-        ]
-        usual = float(np.concatenate(of_fit).mean()) if any(each.size for each in of_fit) else 0.0
-        # A sensor's steps do not average out while the temperature stands.
-        noise = fit.noise.white[row] ** 2 / size + fit.noise.step[row] ** 2 / 12
-        chance = noise * float(chdtri(squares.size, 0.05)) / squares.size
-        if squares.mean() > max(CLEARLY**2 * usual, LACKING * chance, NEGLIGIBLE**2):
-            return True
-    return False
-
-
-def _block_squares(error: FloatArray, size: int) -> FloatArray:
-    """Squared means of the error over full blocks of readings that count, shape (blocks,)."""
-    counted = error[np.isfinite(error)]
-    return np.asarray(counted[: counted.size // size * size].reshape(-1, size).mean(axis=1) ** 2)
+def _without_nuisances(model: Model, run: str) -> Model:
+    """The model without nuisances of a run, such as its ambient sensor's error, which is one of the causes itself."""
+    kept = tuple(
+        each
+        for each in model.network.effects
+        if not (each.run and is_of_run(run, each.run) and any(one.prior is not None for one in each.parameters))
+    )
+    return Model(replace(model.network, effects=kept))
 
 
 def _tried(fit: Fit, search: CauseSearch) -> _Trial:
@@ -242,22 +229,26 @@ def _as_fit(fit: Fit, model: Model, prediction: Prediction, free: tuple[int, ...
 
 
 def _best_and_indistinguishable(fit: Fit, before: Prediction, base: Fit, trials: Sequence[_Trial]) -> list[_Trial]:
-    """The best of those that halve the error beyond noise and pay for themselves, and what explains the run as well."""
+    """The best of those that halve the error beyond noise and pay for themselves, and what explains the run as well.
+
+    None of a size that nobody would believe.
+    """
     noise = cost_of_noise(base)
     most = noise + _HALF**2 * max(base.cost - noise, 0.0)
-    ranked = sorted((each for each in trials if each.fit.cost <= most), key=lambda each: each.fit.cost)
+    believed = [each for each in trials if not implausible_amplitude(each.search.candidate, each.amplitude)]
+    ranked = sorted((each for each in believed if each.fit.cost <= most), key=lambda each: each.fit.cost)
     if not ranked or criterion_difference(base, ranked[0].fit) <= 0:
         return []
     best = ranked[0].fit
     # One count of independent residuals, that of the best, for all.
     near = min(TIE, (1 - _COMPARABLE) * criterion_difference(base, best))
     kept = [each for each in ranked if criterion_difference(each.fit, best) <= near]
-    return kept if len(kept) == 1 else _decided_together(fit, before, kept)
+    return kept if len(kept) == 1 else _decided_together(fit, base.model, before, kept)
 
 
-def _decided_together(fit: Fit, before: Prediction, kept: list[_Trial]) -> list[_Trial]:
+def _decided_together(fit: Fit, model: Model, before: Prediction, kept: list[_Trial]) -> list[_Trial]:
     """Causes by what they explain of all runs together, the other parameters free: those are unsure themselves."""
-    whole = _with_fitted(fit, before)
+    whole = _with_fitted(fit, model, before)
     declared = [each.search.candidate.declaration(each.amplitude, each.search.candidate.shapes[0]) for each in kept]
     done = [refit(whole, each) for each in declared]
     best = min(done, key=lambda each: each.cost)
@@ -268,12 +259,13 @@ def _decided_together(fit: Fit, before: Prediction, kept: list[_Trial]) -> list[
     return [*equal, *(each for by, each in order if _EQUAL < by <= TIE)]
 
 
-def _with_fitted(fit: Fit, before: Prediction) -> Fit:
+def _with_fitted(fit: Fit, model: Model, before: Prediction) -> Fit:
     """The fitted runs and one more, at the fitted values, to be fitted further."""
     bound = before.bound.count((float("-inf"), float("inf")))
-    problem = Problem(fit.model, [*fit.problem.bound_runs, bound], fit.problem.sigma, fit.problem.symmetry_penalty)
-    z = problem.guess(fit.model.values, [*fit.point.starts, before.states[:, 0]])
-    return Fit(fit.model, problem, z, problem.cost(z), fit.noise, 0, "converged")
+    fitted = [replace(bind(model, each.run), counted=each.counted) for each in fit.problem.bound_runs]
+    problem = Problem(model, [*fitted, bound], fit.problem.sigma, fit.problem.symmetry_penalty)
+    z = problem.guess(model.values, [*fit.point.starts, before.states[:, 0]])
+    return Fit(model, problem, z, problem.cost(z), fit.noise, 0, "converged")
 
 
 def _cause(trial: _Trial) -> Cause:
@@ -388,6 +380,25 @@ def possible_causes(network: Network, segment: Segment) -> list[Candidate]:
     """Every effect that may differ from run to run, at each of its places, in this run alone."""
     run = segment.run.name.partition("#")[0]
     return [each for each in candidates(network, segment.run.columns, ["", run]) if each.run == run]
+
+
+def with_differences(model: Model, differing: Sequence[RunDifference], segments: Sequence[Segment]) -> Model:
+    """The model with what differs in held-out runs as a nuisance of each, which every prediction of the run fits anew.
+
+    A run that is predicted so judges the rest of a model, and no longer the one parameter that is its own.
+    """
+    for each in differing:
+        segment = next(segment for segment in segments if segment.run.name == each.run)
+        model = _without_nuisances(model, each.run)
+        causes = possible_causes(model.network, segment)
+        cause = next(cause for cause in causes if (cause.effect.key, cause.pattern) == (each.effect, each.at))
+        declared = cause.declaration(0.0, cause.shapes[0])
+        spread = max(abs(each.amplitude or 0.0), cause.typical)
+        parameters = tuple(
+            replace(one, fixed=True, prior=None if one.off is None else spread) for one in declared.parameters
+        )
+        model = Model(model.network.with_effects([replace(declared, parameters=parameters)]))
+    return model
 
 
 def cause_search(fitted: Model, segment: Segment, candidate: Candidate, sigma: FloatArray) -> CauseSearch:
