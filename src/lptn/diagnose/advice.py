@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from lptn.diagnose.diagnosis import Diagnosis, Report
 from lptn.diagnose.experiment import Experiment, propose
 from lptn.diagnose.runs_that_differ import RunDifference, runs_that_differ
 from lptn.diagnose.scores import Detectable, smallest
-from lptn.diagnose.unexplained_heat import HeatPeak, largest, unexplained_heat
+from lptn.diagnose.unexplained_heat import HeatPeak, stretches, unexplained_heat
 from lptn.identify.data import DataSplit
 from lptn.identify.fitting import Fit
 
@@ -23,22 +24,22 @@ class Advice:
     Args:
         experiment: the run that best tells the names of the first answer apart; `None` for one name, or where no
             run is possible.
-        heat: where and when the last model lacks heat most surely, `None` where it surely lacks none.
+        heat: each stretch of time in which the last model surely lacks heat, or has too much, the surest first.
         detectable: the smallest size of each effect that the data would show, the easiest to see first.
         differing: held-out runs in which one parameter seems to differ.
     """
 
     experiment: Experiment | None
-    heat: HeatPeak | None
+    heat: list[HeatPeak]
     detectable: list[Detectable]
     differing: list[RunDifference]
 
     @property
     def sentences(self) -> list[str]:
-        """What a person wants to read, most urgent first."""
+        """What a person wants to read, most urgent first; `heat` has every stretch, not the surest alone."""
         sentences = [each.text() for each in self.differing]
-        if self.heat is not None:
-            sentences.append(f"Where heat is most clearly unexplained: {self.heat.text()}.")
+        if self.heat:
+            sentences.append(f"Where heat is most clearly unexplained: {self.heat[0].text()}.")
         if self.experiment is not None:
             sentences.append(f"Next experiment: {self.experiment.text()}")
         return sentences
@@ -47,13 +48,20 @@ class Advice:
         """The advice as other tools read it."""
         return {
             "experiment": self.experiment.as_json() if self.experiment else None,
-            "unexplained_heat": self.heat.text() if self.heat else None,
+            "unexplained_heat": self.heat[0].text() if self.heat else None,
+            "unexplained_stretches": [each.as_json() for each in self.heat],
             "runs_that_differ": [each.as_json() for each in self.differing],
             "detectable": [each.as_json() for each in self.detectable[:_MOST_DETECTABLE]],
         }
 
 
-def advise(diagnosis: Diagnosis, last: Fit, data: DataSplit, report: Report = lambda _: None) -> Advice:
+def advise(
+    diagnosis: Diagnosis,
+    last: Fit,
+    data: DataSplit,
+    report: Report = lambda _: None,
+    differing: Sequence[RunDifference] = (),
+) -> Advice:
     """Work out what to do next.
 
     Args:
@@ -61,6 +69,7 @@ def advise(diagnosis: Diagnosis, last: Fit, data: DataSplit, report: Report = la
         last: the fit of the model that it led to, or of the given one.
         data: the runs, in the steps of the search.
         report: called with a sentence on what is being done.
+        differing: held-out runs that are known to differ.
     """
     report("looking for what is left, and for the next experiment")
     names = {name for step in diagnosis.refits[:1] for name in (step.key, *step.indistinguishable)}
@@ -69,7 +78,7 @@ def advise(diagnosis: Diagnosis, last: Fit, data: DataSplit, report: Report = la
     added = last is not diagnosis.fit or diagnosis.verdict != "missing"
     return Advice(
         propose(rivals[:_MOST_RIVALS]) if len(rivals) > 1 else None,
-        largest(unexplained_heat(last)),
+        stretches(unexplained_heat(last)),
         smallest(diagnosis.scores),
-        runs_that_differ(last, data.holdout) if added else [],
+        [*differing, *(runs_that_differ(last, data.holdout) if added else [])],
     )

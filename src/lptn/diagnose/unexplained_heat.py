@@ -15,7 +15,7 @@ from math import ceil
 import numpy as np
 from scipy.special import ndtri
 
-from lptn.basics.arrays import FloatArray, IntArray
+from lptn.basics.arrays import BoolArray, FloatArray, IntArray
 from lptn.basics.processes import one_blas_thread
 from lptn.identify.fitting import Fit
 from lptn.logs.run import Run
@@ -55,7 +55,7 @@ class UnexplainedHeat:
 
 @dataclass(frozen=True)
 class HeatPeak:
-    """Where and when unexplained heat is largest.
+    """One stretch of time in which heat is surely unexplained at one node.
 
     Args:
         run: name of the run.
@@ -64,6 +64,7 @@ class HeatPeak:
         stop: in the log's clock [s].
         heat: mean from start to stop [W]; negative where the model has too much.
         band: mean half-width of the 95 % band [W].
+        clear: by how much the heat exceeds zero with 95 % confidence over all nodes and minutes, at most [W].
     """
 
     run: str
@@ -72,6 +73,7 @@ class HeatPeak:
     stop: float
     heat: float
     band: float
+    clear: float = 0.0
 
     def text(self) -> str:
         """Such as `at FR_calf from 1200 to 1500 s, about 6 W (3 to 13 W)`."""
@@ -83,13 +85,17 @@ class HeatPeak:
         """Such as `at FR_calf from 1200 to 1500 s`."""
         return f"at {self.node} from {self.start:.0f} to {self.stop:.0f} s"
 
+    def as_json(self) -> dict[str, object]:
+        """The stretch as other tools read it; times in s of the log's clock."""
+        return {"run": self.run, "node": self.node, "from": self.start, "to": self.stop, "watts": self.heat}
+
 
 _GRID = (0.001, 0.003, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0)  # of the heat scale, wandered in a minute
 _START, _HIDDEN_START = 1.5, 5.0  # K; how far a measured node, or any other state, may start from the fit
 _PARAMETER = 0.7  # of a logarithm, a factor of two: how far missing heat may have biased the fitted parameters
 _WIDE = 1.96  # standard deviations on either side of a 95 % band
 _INDEPENDENT = 60.0  # s; estimates that lie closer count as one among the comparisons made
-_HALF = 0.5  # a peak reaches as far as the heat stays above so much of its largest value
+_HALF = 0.5  # a peak reaches as far as the heat stays above so much of its largest value; so deep is a valley
 
 
 @one_blas_thread
@@ -117,25 +123,64 @@ def unexplained_heat(fit: Fit) -> list[UnexplainedHeat]:
     return unexplained
 
 
+def stretches(runs: Sequence[UnexplainedHeat]) -> list[HeatPeak]:
+    """All stretches of time in which a node's heat surely differs from zero, the surest first.
+
+    Each is a peak of what exceeds zero, and reaches as far as the heat stays above half of what it is there. A peak
+    on another's slope, with no valley as deep as half its height between them, is part of it.
+    """
+    return sorted(
+        (peak for each in runs for row in range(len(each.nodes)) for peak in _of_row(each, row)),
+        key=lambda peak: -peak.clear,
+    )
+
+
 def largest(runs: Sequence[UnexplainedHeat]) -> HeatPeak | None:
     """Where and when the heat exceeds zero most surely; `None` where none is beyond its band."""
-    best = max(runs, key=lambda each: float(each.clear.max(initial=0.0)), default=None)
-    if best is None or not best.clear.any():
-        return None
-    row, peak = (int(place) for place in np.unravel_index(int(best.clear.argmax()), best.clear.shape))
-    heat = best.heat[row] * np.sign(best.heat[row, peak])
-    above = heat >= _HALF * heat[peak]
-    first = peak - int(np.argmin(np.append(above[: peak + 1][::-1], False))) + 1
-    stop = peak + int(np.argmin(np.append(above[peak:], False)))
-    half = best.seconds / 2
-    return HeatPeak(
-        best.run,
-        best.nodes[row],
-        float(best.time[first] - half),
-        float(best.time[stop - 1] + half),
-        float(best.heat[row, first:stop].mean()),
-        float(best.band[row, first:stop].mean()),
-    )
+    return next(iter(stretches(runs)), None)
+
+
+def _of_row(unexplained: UnexplainedHeat, row: int) -> list[HeatPeak]:
+    """The stretches of one node in one run, the surest first, none of which overlaps another."""
+    peaks, taken = [], np.zeros(unexplained.time.size, dtype=bool)
+    clear, half = unexplained.clear[row], unexplained.seconds / 2
+    for peak in _separate(clear, unexplained.heat[row] < 0):
+        heat = unexplained.heat[row] * np.sign(unexplained.heat[row, peak])
+        above = heat >= _HALF * heat[peak]
+        first = peak - int(np.argmin(np.append(above[: peak + 1][::-1], False))) + 1
+        stop = peak + int(np.argmin(np.append(above[peak:], False)))
+        if taken[first:stop].any():
+            continue
+        taken[first:stop] = True
+        peaks.append(
+            HeatPeak(
+                unexplained.run,
+                unexplained.nodes[row],
+                float(unexplained.time[first] - half),
+                float(unexplained.time[stop - 1] + half),
+                float(unexplained.heat[row, first:stop].mean()),
+                float(unexplained.band[row, first:stop].mean()),
+                float(clear[peak]),
+            )
+        )
+    return peaks
+
+
+def _separate(clear: FloatArray, negative: BoolArray) -> list[int]:
+    """The peaks, of heat and of its lack, that deep valleys separate from higher ones, the highest first."""
+    peaks: list[int] = []
+    for sign in (False, True):
+        rising, top, valley = False, 0, 0.0
+        for place, height in enumerate([*np.where(negative == sign, clear, 0.0), 0.0]):
+            if not rising:
+                valley = min(valley, height)
+                rising, top = height > 0 and valley <= _HALF * height, place
+            elif height > clear[top]:
+                top = place
+            elif height <= _HALF * clear[top]:
+                peaks.append(top)
+                rising, valley = False, height
+    return sorted(peaks, key=lambda peak: -clear[peak])
 
 
 def _heat_scale(runs: Sequence[Blocks]) -> float:

@@ -8,7 +8,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lptn.diagnose.improvement import History
-from lptn.diagnose.unexplained_heat import HeatPeak, InputLink, UnexplainedHeat, input_links, largest, unexplained_heat
+from lptn.diagnose.unexplained_heat import (
+    HeatPeak,
+    InputLink,
+    UnexplainedHeat,
+    input_links,
+    largest,
+    stretches,
+    unexplained_heat,
+)
 from lptn.identify.fitting import Fit
 from lptn.report.document import Picture, picture
 from lptn.report.heat_figures import MOST_INPUTS, MOST_RUNS, fields_figure, heat_fields, heat_figure
@@ -59,6 +67,11 @@ class HeatStory:
     def left(self) -> str:
         """Where and when the best model still lacks heat; empty where none is beyond chance."""
         return self._in_words(largest(self.best))
+
+    @property
+    def stretches(self) -> list[HeatPeak]:
+        """Every stretch of time in which the best model, or the given one without a better, surely lacks heat."""
+        return stretches(self.best or self.given)
 
     @property
     def event(self) -> str:

@@ -37,6 +37,7 @@ from lptn.report.tables import (
     parameter_table,
     refit_table,
     source_table,
+    stretch_table,
     versus_table,
 )
 from lptn.report.text import for_people, kelvin
@@ -45,7 +46,7 @@ from lptn.report.words import Proposal
 # --- the whole story: log, fit, where it fails, what is missing, what tests it --------------------------------
 
 
-_FEW = 12  # parameters that may stand before the story
+_FEW = 12  # parameters that may stand before the story, and stretches of unexplained heat in it
 _HEADINGS = {
     "held-out": "Test: the held-out runs",
     "test": "Test: runs that chose nothing",
@@ -78,6 +79,7 @@ def story_html(
     given = _compared(first.fit, segments)
     best = _compared(last.fit, segments) if len(history.steps) > 1 else None
     heat = HeatStory.of(history)
+    left = heat.stretches
     effects = _effects_named(history)
     return render(
         "story.html.j2",
@@ -93,6 +95,8 @@ def story_html(
         which=which,
         heat_map=heat_map_picture(heat),
         heat_line=heat_line_picture(heat),
+        stretches=stretch_table(left[:_FEW]),
+        more_stretches=max(len(left) - _FEW, 0),
         hiding=heat.hiding,
         predictions=picture(words.caption_of_predictions(given, best, data, which), predictions_figure(given, best)),
         ranking=_ranking(history),

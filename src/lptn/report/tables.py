@@ -10,6 +10,7 @@ from pathlib import Path
 from lptn.basics.parameters import ParameterInstance
 from lptn.diagnose.diagnosis import Diagnosis, Step
 from lptn.diagnose.improvement import History
+from lptn.diagnose.unexplained_heat import HeatPeak
 from lptn.effects import Effect, catalogue
 from lptn.identify.comparison import Comparison, Condition, Pair
 from lptn.identify.data import Segment
@@ -182,6 +183,21 @@ def share_by_chance(diagnosis: Diagnosis, step: Step) -> str:
     finest = 1.0 / (1 + len(diagnosis.scores.null_gains))
     at_most = "at most " if step.p_value <= finest * (1 + 1e-9) else ""
     return f"{at_most}{100 * step.p_value:.2g} %"
+
+
+def stretch_table(stretches: Sequence[HeatPeak]) -> Table:
+    """One row for each stretch of unexplained heat, in the order given."""
+    rows = tuple(
+        (
+            each.run,
+            each.node,
+            *(f"{time:.0f}" for time in (each.start, each.stop)),
+            f"{each.heat:+.2g}".replace("-", "−"),
+            *(f"{each.heat + side * each.band:+.2g}".replace("-", "−") for side in (-1, 1)),
+        )
+        for each in stretches
+    )
+    return Table(("run", "node", ">from [s]", ">to [s]", ">heat [W]", ">at least [W]", ">at most [W]"), rows)
 
 
 _ZERO = 1e-9  # share of the typical size; what a search leaves of a zero
