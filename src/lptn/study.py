@@ -18,6 +18,7 @@ import pandas as pd
 from lptn.basics.errors import InputError
 from lptn.basics.files import write_whole
 from lptn.diagnose.advice import Advice, advise
+from lptn.diagnose.candidates import AMBIENT_ERROR
 from lptn.diagnose.diagnosis import Diagnosis, Step, continued, diagnose, for_search
 from lptn.diagnose.improvement import History, effects_added, improve, table_of_steps
 from lptn.identify.comparison import Comparison, Versus, compare, versus
@@ -91,7 +92,7 @@ class Study:
         test: logs looked at once, in the report, when all is decided.
         holdout_after: time [s, in each log's clock] from which the logs to fit are held out themselves.
         columns: other people's column names, such as `"temperature.FR_calf=T3[degF]"`; `"guess"` to have them guessed.
-        ambient_error: how far the ambient sensor may be off in each run [K], one standard deviation.
+        ambient_error: how far the ambient sensor may be off in each run [K], one standard deviation; 0.3 by default.
         executor: where refits run; here, one after the other, by default.
 
     Raises:
@@ -107,11 +108,11 @@ class Study:
         *,
         holdout_after: float | None = None,
         columns: Sequence[str] = (),
-        ambient_error: float = 0.0,
+        ambient_error: float | None = None,
         executor: Executor | None = None,
     ) -> None:
         self._loaded = load_model(model, columns)
-        self.ambient_error = ambient_error
+        self.ambient_error = AMBIENT_ERROR if ambient_error is None else ambient_error
         self.executor = executor
         groups = {name: self._read(name, logs) for name, logs in (("fit", fit), ("holdout", holdout), ("test", test))}
         _refuse_twice(groups)
@@ -229,7 +230,8 @@ class Study:
         last = self.diagnose()
         if self._advice is None or self._advice[0] is not last:
             first = self._diagnoses.get(0, last)
-            self._advice = last, advise(first, last.fit, for_search(self.data), logger.info)
+            differing = self._improved.differing if self._improved else ()
+            self._advice = last, advise(first, last.fit, for_search(self.data), logger.info, differing)
         return self._advice[1]
 
     def add(self, effect: str | Step, at: str = "", *, run: str = "") -> Step:

@@ -132,6 +132,7 @@ def test_diagnose_writes_the_agreed_json(lptn: Lptn, short_log: Path, tmp_path: 
             "rmse_holdout_before",
             "rmse_holdout_after",
             "p_value",
+            "probability",
             "indistinguishable_from",
             "separate_by",
         }

@@ -12,7 +12,6 @@ from lptn.basics.style import new_figure
 from lptn.diagnose.improvement import History
 from lptn.diagnose.scores import Confusability, Detectable, confusability, smallest
 from lptn.diagnose.unexplained_heat import InputLink, UnexplainedHeat
-from lptn.effects import catalogue
 from lptn.identify.comparison import compare
 from lptn.report import words
 from lptn.report.diagnosis_figures import plot_collinearity, plot_detectability, reaches
@@ -181,9 +180,8 @@ def test_tables_hold_size_and_nodes(missing: Told) -> None:
     table = refit_table(history)
     place = table.heads.index("size / typical")
     sizes = {finding.key: row[place] for finding, row in zip(history.first.refits, table.rows, strict=True)}
-    typical = catalogue()["constant_heat"].amplitude()
-    assert typical is not None
-    assert float(sizes["constant_heat", NODES[0]]) == pytest.approx(HIDDEN / typical.typical, rel=0.1)
+    (usual,) = (step.declaration.parameters[0].typical for step in history.steps[1:] if step.declaration)
+    assert float(sizes["constant_heat", NODES[0]]) == pytest.approx(HIDDEN / usual, rel=0.1)
     given, best = (compare(step.fit.model, data.holdout) for step in (history.steps[0], history.best))
     both = node_table(given, best)
     assert [row[0] for row in both.rows] == list(NODES)

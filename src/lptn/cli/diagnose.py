@@ -30,7 +30,7 @@ def diagnose(
     *logs: Path,
     holdout: Holdout = None,
     holdout_after: HoldoutAfter = None,
-    ambient_error: AmbientError = 0.0,
+    ambient_error: AmbientError = None,
     json: Json = None,
     jobs: Jobs = 1,
     map: Map = None,  # noqa: A002 - the option's name
@@ -63,7 +63,8 @@ def diagnose(
 VERDICTS = {
     "adequate": "adequate: what is left is no more than the sensors' noise",
     "missing": "missing something: the catalogue explains most of what the model gets wrong",
-    "unexplained": "unexplained: the model is wrong by more than noise, and the catalogue explains little of it",
+    "unexplained": "unexplained: the model is wrong by more than noise, on fitted or held-out runs, and the catalogue "
+    "explains little of it",
 }
 _FEW = 3  # rivals named in a sentence; all of them stand in the JSON and on the page
 
@@ -71,7 +72,7 @@ _FEW = 3  # rivals named in a sentence; all of them stand in the JSON and on the
 def show_diagnosis(diagnosis: Diagnosis) -> None:
     """Verdict, and the candidates that were refitted."""
     from lptn.cli.terminal import show_table
-    from lptn.report.text import kelvin
+    from lptn.report.text import kelvin, percent
 
     held_out = f", {kelvin(diagnosis.holdout.rmse)} on the held-out ones" if diagnosis.holdout else ""
     step = diagnosis.fit.problem.bound_runs[0].run.step
@@ -90,9 +91,10 @@ def show_diagnosis(diagnosis: Diagnosis) -> None:
         errors = kelvin(finding.fit.rmse), kelvin(finding.holdout.rmse if finding.holdout else None)
         chance = f"{'≤ ' if _is_finest(diagnosis, finding) else ''}{finding.p_value:.2g}"
         same = " ".join(ranks[key] for key in finding.indistinguishable if key in ranks)
-        rows.append((ranks[finding.key], *finding.key, *errors, chance, same))
-    show_table(("rank", "effect", "at", ">fit", ">held out", ">p", "indistinguishable from"), rows)
+        rows.append((ranks[finding.key], *finding.key, *errors, chance, percent(finding.probability), same))
+    show_table(("rank", "effect", "at", ">fit", ">held out", ">p", ">probability", "indistinguishable from"), rows)
     print("fit, held out: RMSE once the effect is added. p: how often chance alone would score as high.")
+    print("probability: of being what is missing, if one of these is, by the fitted runs and by what is usual.")
     one_run = any("@" in at for _, at in ranks)
     print(f"at: * is everywhere.{' NODE@RUN is in that run alone.' if one_run else ''} The last column names ranks.")
     if diagnosis.verdict == "missing":
@@ -121,17 +123,32 @@ def _is_finest(diagnosis: Diagnosis, finding: Step) -> bool:
 
 def show_ambient_bias(fit: Fit) -> None:
     """That each run has an error of its ambient sensor of its own, where it has."""
-    spreads = {parameter.declared.prior for parameter in fit.model.parameters if parameter.declared.prior is not None}
-    for spread in spreads:
-        print(f"Each run, held-out ones too, may have its ambient sensor off by {spread:g} K (standard deviation).")
+    from lptn.effects.ambient_offset import AmbientOffset
+
+    biases = (parameter for parameter in fit.model.parameters if parameter.name.startswith(AmbientOffset.key))
+    for spread in {bias.declared.prior for bias in biases} - {None}:
+        print(
+            f"Each run, held-out ones too, may have its ambient sensor off by {spread:g} K (standard deviation; at "
+            "most twice that): one number a run, fitted to it. `lptn compare` does without."
+        )
+
+
+_MOST_STRETCHES = 8  # of unexplained heat, on the terminal
 
 
 def show_advice(advice: Advice) -> None:
-    """What to do next, a sentence or two each."""
+    """What to do next, a sentence or two each, and every stretch of unexplained heat."""
+    from lptn.cli.terminal import show_table
+    from lptn.report.tables import stretch_table
     from lptn.report.text import for_people
 
     for sentence in advice.sentences:
         print(for_people(sentence))
+    if len(advice.heat) > 1:
+        table = stretch_table(advice.heat[:_MOST_STRETCHES])
+        show_table(table.columns, table.rows, "Heat that nothing explains, the surest first (+: the model lacks it):")
+        if len(advice.heat) > _MOST_STRETCHES:
+            print(f"and {len(advice.heat) - _MOST_STRETCHES} more, in the JSON")
 
 
 def in_words(keys: Sequence[tuple[str, str]]) -> str:

@@ -41,7 +41,7 @@ def improve(
     holdout_after: HoldoutAfter = None,
     test: Test = None,
     steps: Steps = 6,
-    ambient_error: AmbientError = 0.0,
+    ambient_error: AmbientError = None,
     json: Json = None,
     report: Annotated[Path | None, Option(help="HTML report to write.")] = None,
     jobs: Jobs = 1,
@@ -89,7 +89,8 @@ _REMAINING = VERDICTS | {
 def show_history(history: History) -> None:
     """The steps, from the model as given to the best."""
     from lptn.cli.terminal import show_table
-    from lptn.report.text import kelvin
+    from lptn.report.text import for_people, kelvin, percent
+    from lptn.report.words import size_in_words
 
     tested = any(step.test for step in history.steps)
     rows = []
@@ -106,6 +107,8 @@ def show_history(history: History) -> None:
     if len(history.steps) > 1:
         print(f"With all that was added it is {_REMAINING[history.remaining]}.")
     print(_who_chose(history))
+    for each in history.differing:
+        print(f"{each.run} is predicted with one parameter of its own, fitted on it; it judges the rest of the model.")
     show_ambient_bias(history.best.fit)
     for number, step in enumerate(history.steps):
         if step.effect and step.at:
@@ -113,7 +116,12 @@ def show_history(history: History) -> None:
             if step.indistinguishable:
                 sentence = f"the fitted data alone can't tell it from {in_words(step.indistinguishable)}"
                 sentence += "; the held-out data chose" if step.holdout else ""
-            print(f"Step {number}, {in_words([(step.effect, step.at)])}: {sentence}.")
+            size = size_in_words(step, history.best.fit)
+            sure = f"by the fitted data {percent(step.probability)} probable; " if step.probability else ""
+            text = f"Step {number}, {in_words([(step.effect, step.at)])}: {sure}{sentence}."
+            print(for_people(f"{text}{f' Its {size}.' if size else ''}"))
+    if any(step.probability for step in history.steps):
+        print("Probable: given that one of the answers that were refitted at that step is right.")
     for warning in history.best.fit.uncertainty.warnings:
         print(f"Warning: {warning}.")
 

@@ -46,8 +46,11 @@ Map = Annotated[
     ),
 ]
 AmbientError = Annotated[
-    float,
-    Option(help="How far the ambient sensor may be off in each run [K].", validator=validators.Number(gte=0)),
+    float | None,
+    Option(
+        help="How far the ambient sensor may be off in each run [K]; 0.3 by default, 0 for one that is exact.",
+        validator=validators.Number(gte=0),
+    ),
 ]
 Jobs = Annotated[
     int, Option(name="--jobs", help="Processes that refit candidates side by side.", validator=validators.Number(gte=1))

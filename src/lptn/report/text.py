@@ -44,6 +44,16 @@ def short_size(value: float) -> str:
     return f"{value:.0f}" if 10 <= abs(value) < 1e5 else f"{value:.2g}"
 
 
+_CERTAIN = 0.99
+
+
+def percent(probability: float) -> str:
+    """A probability; what is nearly certain is `more than 99 %`, what hardly can be `less than 1 %`."""
+    if probability > _CERTAIN:
+        return "more than 99 %"
+    return "less than 1 %" if probability < 1 - _CERTAIN else f"{100 * probability:.0f} %"
+
+
 def unit_text(unit: str) -> str:
     """`m^2` as people write it."""
     return unit.replace("^2", "²").replace("*", "·").replace("ohm", "Ω")

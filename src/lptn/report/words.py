@@ -13,6 +13,7 @@ from lptn.diagnose.improvement import History
 from lptn.diagnose.scores import INDISTINGUISHABLE, Confusability, Detectable
 from lptn.identify.comparison import Comparison, Condition
 from lptn.identify.data import DataSplit, Segment
+from lptn.identify.fitting import Fit
 from lptn.report.comparison_figures import MOST, NOISE_BAND, initialisation_end, views
 from lptn.report.diagnosis_figures import candidates_shown, noise_alone, reaches
 from lptn.report.heat_story import HeatStory
@@ -25,8 +26,11 @@ from lptn.report.text import (
     kelvin,
     listed,
     named,
+    percent,
     place_of,
+    short_size,
     title_of,
+    unit_text,
     window_text,
 )
 
@@ -52,6 +56,31 @@ def _rmse_by_data(given: Step, best: Step) -> list[tuple[str, float, float]]:
 def _first_refit(history: History) -> Step | None:
     """What the first diagnosis says of the first effect that was added, where it looked at it."""
     return next((refit for refit in history.first.refits if refit.key == history.steps[1].key), None)
+
+
+_TOLD = 2.0  # standard errors from which on a size is told from zero
+
+
+def size_in_words(step: Step, last: Fit) -> str:
+    """The size of an added effect against what is usual there, such as `conductance 0.02 ± 0.001 W/K, 0.2 of what is
+    usual there`; empty for an effect that is there or not.
+
+    Args:
+        step: the effect.
+        last: a fit of a model that has it.
+    """
+    for declaration in step.declarations:
+        for parameter in declaration.parameters:
+            name = f"{declaration.name}.{parameter.name}.{declaration.where}"
+            if parameter.off is None or name not in last.standard_errors:
+                continue
+            fitted = next(each for each in last.model.parameters if each.name == name)
+            error, value = last.standard_errors[name], fitted.value
+            spread = f" ± {short_size(error)}" if np.isfinite(error) else ""
+            text = f"{parameter.name} {short_size(value)}{spread} {unit_text(parameter.unit)}".rstrip()
+            text += f", {short_size(abs(value / fitted.declared.typical))} of what is usual there"
+            return text + ("" if abs(value - parameter.off) >= _TOLD * error else "; not told from zero")
+    return ""
 
 
 def next_step(history: History) -> str:
@@ -129,7 +158,8 @@ def _short_missing(history: History, heat: HeatStory) -> tuple[str, str, str]:
     if refit := _first_refit(history):
         as_high = "as high" if len(history.steps) == 2 else "as high as the first of these"
         sure = f"Chance alone would score {as_high} in {share_by_chance(history.first, refit)} of logs. {sure}"
-    rivals = list(dict.fromkeys(named(*key) for step in added for key in step.indistinguishable))
+    taken = {step.key for step in added}
+    rivals = list(dict.fromkeys(named(*key) for step in added for key in step.indistinguishable if key not in taken))
     if rivals:
         sure += f" On the fitted runs alone, {few(rivals, _FEW)} would do about as well."
     else:
@@ -216,6 +246,12 @@ def _missing(history: History, data: DataSplit) -> str:
 
 def _unexplained(history: History, data: DataSplit) -> str:
     given, best = history.steps[0], history.best
+    if given.holdout and history.first.only_held_out_runs_object:
+        return (
+            "The fitted runs show nothing that is missing, but the model is wrong by "
+            f"{kelvin(given.holdout.rmse)} on the held-out ones: they hold something that the fitted runs do not. "
+            f"Fit on longer runs, or on runs more like them. {_errors(given)}."
+        )
     text = "The model as given is wrong by more than the sensors' noise, and the catalogue does not explain it. "
     text += f"{_errors(given)}; noise alone leaves about {kelvin(noise_alone(given.fit), 2)}."
     if best is given:
@@ -256,6 +292,11 @@ def _how_sure(history: History) -> str:
 
 def _sure(history: History, number: int, step: Step) -> str:
     text = f"How sure is step {number}, {named(*step.key)}? "
+    if step.probability:
+        text += f"Of the answers that were fitted it is the right one with {percent(step.probability)}, by the fitted "
+        text += "runs and by what is usual. "
+    if size := size_in_words(step, history.best.fit):
+        text += f"Its size: {size}. "
     refit = _first_refit(history) if number == 1 else None
     if refit is not None:
         text += f"Chance alone would score as high in {share_by_chance(history.first, refit)} of logs. "
@@ -277,7 +318,11 @@ def _which_data(history: History, data: DataSplit) -> str:
     else:
         among = f"chose among the {history.considered} models that were tried, and "
         among = "" if history.considered == 1 else among
-        text += f" Held out: {_runs(data.holdout)}. No parameter was fitted to it; it {among}says where the steps end."
+        fitted = "No parameter was fitted to it"
+        if any(parameter.declared.prior is not None for parameter in history.best.fit.model.parameters):
+            fitted = "Nothing was fitted to it but, for each run, the error of its ambient sensor"
+            fitted += " or what differs in it" if history.differing else ""
+        text += f" Held out: {_runs(data.holdout)}. {fitted}; it {among}says where the steps end."
     if data.test:
         return f"{text} Test: {_runs(data.test)}. It chose nothing, so its error is the one to quote."
     if len(history.steps) == 1:
