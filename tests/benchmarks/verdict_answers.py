@@ -122,11 +122,21 @@ def with_two_masses(lptn: Path, files: Files, *, limit: float = LIMIT) -> Answer
 
 
 def _fitted(model: Path) -> dict[str, tuple[float, float]]:
-    """Fitted values and standard errors from a model file that `lptn` wrote."""
+    """Fitted values and standard errors from a model file that `lptn` wrote, of this version or an older one."""
     import tomllib
 
-    fitted = tomllib.loads(model.read_text(encoding="utf-8")).get("fit", {}).get("parameters", {})
-    return {name: (one["value"], one.get("error", float("nan"))) for name, one in fitted.items()}
+    from lptn.basics.errors import InputError
+    from lptn.identify.data import load_model
+
+    fit = tomllib.loads(model.read_text(encoding="utf-8")).get("fit", {})
+    if "parameters" in fit:  # values and errors stood together
+        return {name: (one["value"], one.get("error", float("nan"))) for name, one in fit["parameters"].items()}
+    try:
+        parameters = load_model(model).model.parameters
+    except InputError:  # of another version
+        return {}
+    errors = fit.get("standard_errors", {})
+    return {each.name: (each.value, errors[each.name]) for each in parameters if each.name in errors}
 
 
 def _at_bounds(model: Path) -> list[str]:
