@@ -85,8 +85,22 @@ def test_an_effects_candidates_share_its_odds(runs: tuple[str, ...]) -> None:
     found = candidates(HEATED, COLUMNS, runs)
     odds = np.exp(log_priors(found))
     for stated in {each.effect for each in found}:
-        own = sum(value for each, value in zip(found, odds, strict=True) if each.effect is stated)
-        assert own == pytest.approx(stated.prior_odds)
+        of_all = [value for each, value in zip(found, odds, strict=True) if each.effect is stated and not each.run]
+        of_one = [value for each, value in zip(found, odds, strict=True) if each.effect is stated and each.run]
+        assert sum(of_all) == pytest.approx(stated.prior_odds)
+        assert sum(of_one) == pytest.approx(0.1 * stated.prior_odds if of_one else 0.0)
+
+
+def test_the_clock_of_one_logger_is_rarely_off() -> None:
+    apart, alike = (
+        next(
+            value
+            for each, value in zip(found, log_priors(found), strict=True)
+            if each.effect.key == "clock_offset" and not each.run
+        )
+        for found in (candidates(HEATED, COLUMNS), candidates(HEATED, COLUMNS, joined=[]))
+    )
+    assert alike == pytest.approx(apart + np.log(0.1))
 
 
 def test_levels_share_evenly_and_one_run_is_rarer() -> None:

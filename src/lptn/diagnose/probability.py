@@ -71,18 +71,17 @@ _NOTHING = 1e-12  # share of the usual size; what a search leaves of a zero has 
 def log_priors(candidates: Sequence[Candidate]) -> FloatArray:
     """Logarithms of the odds, beforehand, that it is this candidate that is missing, shape (candidates,).
 
-    Effects have the odds that they state; an effect's own are split evenly over its levels (everywhere, a class of
-    nodes, one node; in all runs, or in one, which is rarer), and over the places of a level.
+    An effect's odds are split evenly over its levels (everywhere, a class of nodes, one node), and over the places of a
+    level; those of single runs likewise.
     """
     weights = np.zeros(len(candidates))
     for effect in {each.effect: None for each in candidates}:
         own = [k for k, each in enumerate(candidates) if each.effect is effect]
         most = max(len(candidates[k].places) for k in own)
         levels = [(bool(candidates[k].run), _level(candidates[k], most)) for k in own]
-        of_level = {level: candidates[k].prior_odds for k, level in zip(own, levels, strict=True)}
         for k, level in zip(own, levels, strict=True):
-            share = of_level[level] / sum(of_level.values()) / levels.count(level)
-            weights[k] = effect.prior_odds * share
+            alike = {other for other in levels if other[0] == level[0]}
+            weights[k] = candidates[k].prior_odds / len(alike) / levels.count(level)
     return np.asarray(np.log(weights))
 
 
