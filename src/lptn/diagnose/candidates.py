@@ -24,9 +24,7 @@ from lptn.model.model import Model
 from lptn.model.network import EffectDeclaration, Network
 from lptn.model.sizes import Sizes
 
-_FARTHEST = (
-    2.0  # standard deviations that a sensor's error is granted: readings by the thousand would outvote any prior
-)
+_FARTHEST = 2.0  # standard deviations granted to a sensor's error: readings by the thousand outvote any prior
 _FEWEST = 3  # nodes that share an unseen mass
 _WARM, _NO_HEAT = 25.0, 1e-12  # degC, W
 _ONE_LOGGER = 0.1  # prior odds of clocks apart within one logger's file, relative to two files that were joined

@@ -163,6 +163,13 @@ class Diagnosis(Tabular):
         answers = [(("", ""), of_nothing), *((step.key, step.probability) for step in self.refits)]
         return sorted(answers, key=lambda answer: -answer[1])
 
+    def probabilities_as_json(self) -> list[dict[str, object]]:
+        """The same as other tools read it, `null` for nothing."""
+        return [
+            {"effect": effect or None, "at": at or None, "probability": probability}
+            for (effect, at), probability in self.probabilities
+        ]
+
     @property
     def only_held_out_runs_object(self) -> bool:
         """Whether the fitted runs have nothing against the model, and held-out runs have."""
@@ -217,17 +224,9 @@ class Diagnosis(Tabular):
             "rmse_fit": self.fit.rmse,
             "rmse_holdout": before,
             "lack_of_fit": self.scores.lack_of_fit,
-            "probabilities": probabilities_as_json(self),
+            "probabilities": self.probabilities_as_json(),
             "candidates": listed,
         }
-
-
-def probabilities_as_json(diagnosis: Diagnosis) -> list[dict[str, object]]:
-    """What the model lacks, `null` for nothing, with probabilities, the most probable first."""
-    return [
-        {"effect": effect or None, "at": at or None, "probability": probability}
-        for (effect, at), probability in diagnosis.probabilities
-    ]
 
 
 # --- The procedure --------------------------------------------------------------------------------

@@ -40,7 +40,6 @@ from lptn.diagnose.diagnosis import (
     examine,
     explained_elsewhere,
     for_search,
-    probabilities_as_json,
     unless_interrupted,
 )
 from lptn.diagnose.fit_statistics import TIE, criterion_difference, explained_share
@@ -116,7 +115,7 @@ class History(Tabular):
         return {
             "verdict": self.verdict,
             "remaining": self.remaining,
-            "probabilities": probabilities_as_json(self.first),
+            "probabilities": self.first.probabilities_as_json(),
             "history": table,
             "ladder": table,
         }

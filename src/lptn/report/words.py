@@ -77,7 +77,8 @@ def size_in_words(step: Step, last: Fit) -> str:
             fitted = next(each for each in last.model.parameters if each.name == name)
             error, value = last.standard_errors[name], fitted.value
             spread = f" ± {short_size(error)}" if np.isfinite(error) else ""
-            text = f"{parameter.name} {short_size(value)}{spread} {unit_text(parameter.unit)}".rstrip()
+            unit = "" if parameter.unit == "1" else f" {unit_text(parameter.unit)}"
+            text = f"{parameter.name} {short_size(value)}{spread}{unit}"
             text += f", {short_size(abs(value / fitted.declared.typical))} of what is usual there"
             return text + ("" if abs(value - parameter.off) >= _TOLD * error else "; not told from zero")
     return ""
