@@ -10,6 +10,7 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from math import log
 from typing import Any, Literal
 
 import casadi as ca
@@ -71,7 +72,10 @@ Ending = Literal["converged", "given up", "stopped"]
 
 _GAIN = 1e-6  # of the cost, a log-likelihood: some thousandth of a standard error away from the optimum
 PRECISION = 3e-8  # of the cost: where the model misses much, so little is beyond all meaning
-_FAR = 1e6  # no step in the search's coordinates is as long
+_FAR = 1e6  # no start of a run is moved as far, in K
+_REACH = log(10.0)
+"""In the search's coordinates, of a parameter: beyond a factor of ten the quadratic model is no guide, and what vanishes
+to first order, such as the time constant of a mass without capacitance, would be sent to infinity and stay there."""
 _FIRST_DAMPING, _LEAST_DAMPING, _MOST_DAMPING = 1e-3, 1e-7, 1e3  # relative to the Hessian's diagonal
 _HOPE, _TRIED = 3.0, 3  # a rival this many times the predicted gain away, after so many steps, is out of reach
 _POOR, _GOOD = 0.1, 0.7  # actual over predicted gain: below, damping grows; above, it shrinks
@@ -104,7 +108,6 @@ def polish(
     Returns:
         `"converged"`: the optimum was reached; `"given up"`: it is no match for the rival; `"stopped"` before either.
     """
-    lower, upper = evaluator.problem.bounds()
     damping = 0.0
     for number in range(most):
         if stopped():
@@ -113,11 +116,13 @@ def polish(
         if not np.isfinite(hessian).all():
             return "stopped"
         enough = max(_GAIN * evaluator.scale, precision * evaluator.cost(z))
-        free = _bounded_step(gradient, hessian, lower - z, upper - z)
+        free = _bounded_step(gradient, hessian, *_room(evaluator.problem, z))
         predicted, before = _predicted_gain(gradient, hessian, free), evaluator.cost(z)
         if predicted < enough:
             return "converged"
-        if number >= _TRIED and before - _HOPE * predicted > rival:
+        # A step that ends where the model is no guide any more says nothing of what lies beyond.
+        trusted = bool(np.all(np.abs(free[: len(evaluator.problem.free)]) < _REACH))
+        if number >= _TRIED and trusted and before - _HOPE * predicted > rival:
             return "given up"
         following, damping = _downhill(evaluator, z, (gradient, hessian), free, damping)
         if following is None:  # rounding in the simulation hides what is left, or the model is no guide here
@@ -134,10 +139,10 @@ def _downhill(
 ) -> tuple[FloatArray | None, float]:
     """A point that keeps a fair share of the gain predicted, and the damping to go on with; `None` if there is none."""
     gradient, hessian = model
-    lower, upper = evaluator.problem.bounds()
+    room = _room(evaluator.problem, z)
     before, diagonal = evaluator.cost(z), np.diag(np.diag(hessian))
     while damping <= _MOST_DAMPING:
-        step = free if damping == 0 else _bounded_step(gradient, hessian + damping * diagonal, lower - z, upper - z)
+        step = free if damping == 0 else _bounded_step(gradient, hessian + damping * diagonal, *room)
         kept = (before - evaluator.cost(z + step)) / max(_predicted_gain(gradient, hessian, step), 1e-300)
         if kept > _POOR:
             if kept > _GOOD:
@@ -146,6 +151,14 @@ def _downhill(
             return z + step, damping
         damping = max(4 * damping, _FIRST_DAMPING)
     return None, damping
+
+
+def _room(problem: Problem, z: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """How far each unknown may move in one step, down and up, shape (size,) each."""
+    lower, upper = problem.bounds()
+    reach = np.full(len(z), _FAR)
+    reach[: len(problem.free)] = _REACH
+    return np.maximum(lower - z, -reach), np.minimum(upper - z, reach)
 
 
 def _further(evaluator: Evaluator, z: FloatArray, step: FloatArray) -> FloatArray:
@@ -170,9 +183,8 @@ def _bounded_step(gradient: FloatArray, hessian: FloatArray, lower: FloatArray, 
         return free
     factor = np.linalg.cholesky(hessian)
     side = np.linalg.solve(factor, -gradient)
-    # The solver wants finite bounds, and a little room between them.
-    low, high = np.maximum(lower, -_FAR), np.minimum(upper, _FAR)
-    solution = lsq_linear(factor.T, side, (low, np.maximum(high, low + 1e-12)), method="bvls")
+    # The solver wants a little room between bounds.
+    solution = lsq_linear(factor.T, side, (lower, np.maximum(upper, lower + 1e-12)), method="bvls")
     return np.clip(solution.x, lower, upper)
 
 
