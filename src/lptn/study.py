@@ -18,7 +18,7 @@ import pandas as pd
 from lptn.basics.errors import InputError
 from lptn.basics.files import write_whole
 from lptn.diagnose.advice import Advice, advise
-from lptn.diagnose.candidates import AMBIENT_ERROR
+from lptn.diagnose.candidates import AMBIENT_ERROR, TORQUE_ERROR
 from lptn.diagnose.diagnosis import Diagnosis, Step, continued, diagnose, for_search
 from lptn.diagnose.improvement import History, effects_added, improve, table_of_steps
 from lptn.identify.comparison import Comparison, Versus, compare, versus
@@ -93,6 +93,8 @@ class Study:
         holdout_after: time [s, in each log's clock] from which the logs to fit are held out themselves.
         columns: other people's column names, such as `"temperature.FR_calf=T3[degF]"`; `"guess"` to have them guessed.
         ambient_error: how far the ambient sensor may be off in each run [K], one standard deviation; 0.3 by default.
+        torque_error: how far each joint's torque or current may be off in each run, as a share, one standard deviation;
+            0.015 by default.
         executor: where refits run; here, one after the other, by default.
 
     Raises:
@@ -109,10 +111,12 @@ class Study:
         holdout_after: float | None = None,
         columns: Sequence[str] = (),
         ambient_error: float | None = None,
+        torque_error: float | None = None,
         executor: Executor | None = None,
     ) -> None:
         self._loaded = load_model(model, columns)
         self.ambient_error = AMBIENT_ERROR if ambient_error is None else ambient_error
+        self.torque_error = TORQUE_ERROR if torque_error is None else torque_error
         self.executor = executor
         groups = {name: self._read(name, logs) for name, logs in (("fit", fit), ("holdout", holdout), ("test", test))}
         _refuse_twice(groups)
@@ -286,6 +290,7 @@ class Study:
             self.data,
             most=most,
             ambient_error=self.ambient_error,
+            torque_error=self.torque_error,
             executor=self.executor,
             report=logger.info,
         )
@@ -367,7 +372,14 @@ class Study:
         return self._steps[-1]
 
     def _diagnosis_of(self, model: Model) -> Diagnosis:
-        return diagnose(model, self.data, ambient_error=self.ambient_error, executor=self.executor, report=logger.info)
+        return diagnose(
+            model,
+            self.data,
+            ambient_error=self.ambient_error,
+            torque_error=self.torque_error,
+            executor=self.executor,
+            report=logger.info,
+        )
 
 
 def _refuse_twice(groups: dict[str, list[Run]]) -> None:

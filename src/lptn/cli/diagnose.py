@@ -13,6 +13,7 @@ from lptn.cli.options import (
     Jobs,
     Json,
     Map,
+    TorqueError,
     check_outputs,
     executor_of,
     needs_logs,
@@ -31,6 +32,7 @@ def diagnose(
     holdout: Holdout = None,
     holdout_after: HoldoutAfter = None,
     ambient_error: AmbientError = None,
+    torque_error: TorqueError = None,
     json: Json = None,
     jobs: Jobs = 1,
     map: Map = None,  # noqa: A002 - the option's name
@@ -52,6 +54,7 @@ def diagnose(
             holdout_after=holdout_after,
             columns=map or (),
             ambient_error=ambient_error,
+            torque_error=torque_error,
             executor=executor,
         )
         diagnosis, advice = study.diagnose(), study.advise()

@@ -18,6 +18,7 @@ from lptn.cli.options import (
     Map,
     OptionalOutput,
     Test,
+    TorqueError,
     check_outputs,
     executor_of,
     needs_logs,
@@ -42,6 +43,7 @@ def improve(
     test: Test = None,
     steps: Steps = 6,
     ambient_error: AmbientError = None,
+    torque_error: TorqueError = None,
     json: Json = None,
     report: Annotated[Path | None, Option(help="HTML report to write.")] = None,
     jobs: Jobs = 1,
@@ -66,6 +68,7 @@ def improve(
             holdout_after=holdout_after,
             columns=map or (),
             ambient_error=ambient_error,
+            torque_error=torque_error,
             executor=executor,
         )
         study.improve(steps)

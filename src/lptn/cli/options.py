@@ -52,6 +52,13 @@ AmbientError = Annotated[
         validator=validators.Number(gte=0),
     ),
 ]
+TorqueError = Annotated[
+    float | None,
+    Option(
+        help="How far each joint's torque or current may be off in each run, as a share; 0.015 by default, 0 for exact.",
+        validator=validators.Number(gte=0),
+    ),
+]
 Jobs = Annotated[
     int, Option(name="--jobs", help="Processes that refit candidates side by side.", validator=validators.Number(gte=1))
 ]

@@ -17,6 +17,7 @@ from lptn.basics.parameters import Parameter
 from lptn.basics.places import EVERYWHERE, class_of, in_run, is_glob, is_of_run, matching, run_label
 from lptn.effects import Effect, catalogue
 from lptn.effects.ambient_offset import AmbientOffset
+from lptn.effects.loss_scale import LossScale
 from lptn.identify.data import DataSplit
 from lptn.identify.fitting import Fit
 from lptn.model.heat_balance import input_column
@@ -302,7 +303,7 @@ def _free_places(network: Network, effect: type[Effect], words: Words, columns: 
     taken = {
         instance.place
         for instance in network.effect_instances
-        if instance.effect.key == effect.key and instance.declaration.run == run
+        if instance.effect.key == effect.key and instance.declaration.run == run and not instance.declaration.granted
     }
     needed = declaration.effect.needed()
     return [
@@ -410,42 +411,53 @@ def _shaped(parameter: Parameter, shape: float | None) -> Parameter:
     return replace(parameter, value=shape) if parameter.grid and shape is not None else parameter
 
 
-# --- Nuisance parameters: an ambient bias in each run, so that no effect stands in for it ---------
+# --- Nuisance parameters: what every log has wrong in each run, so that no effect stands in for it ---------
 
 
 AMBIENT_ERROR = 0.3
 """K, one standard deviation: how far an ambient sensor may be off in each run where nothing else is known of it. So
 much is granted to a platinum thermometer of class B at 0 °C [IEC60751], and air a metre away differs by as much."""
+TORQUE_ERROR = 0.015
+"""Share, one standard deviation: how far a joint's torque or current may be off in each run. Calibrated torque sensors
+of robot joints are off by one to two per cent of what they read, torques from currents by more: magnets lose 0.1 % of
+their flux a kelvin, gears some per cent of what passes them [Chen2017, sec. 3.1.2]. Losses are off by twice as much."""
 
 
-def with_ambient_bias(model: Model, data: DataSplit, spread: float) -> Model:
-    """The model with a bias of the ambient sensor in each run, a nuisance parameter with a prior.
+def with_errors_of_runs(
+    model: Model, data: DataSplit, ambient: float = AMBIENT_ERROR, torque: float = TORQUE_ERROR
+) -> Model:
+    """The model with small errors of its inputs in each run: nuisance parameters with a prior.
 
-    A bias of half a kelvin in each run moves all nodes for hours; without this, constant heat or a sensor's offset
-    in one run is named for it, and a held-out run judges its own sensor in place of the model. Biases of fitted runs
-    are fitted with the rest; those of other runs whenever one is predicted. With one run alone the bias can't be told
-    from the model's own parameters, and is left out.
+    An ambient sensor that is off by half a kelvin moves all nodes for hours, and a torque that is off by 2 % heats its
+    joint 4 % more; without this, constant heat or a sensor's offset in one run is named for it, and a held-out run
+    judges its own sensors in place of the model. Errors of fitted runs are fitted with the rest; those of other runs
+    whenever one is predicted. With one run alone they can't be told from the model's own parameters, and are left out.
 
     Args:
         model: the model.
         data: the runs.
-        spread: standard deviation of the biases [K], which go no farther than two of them; 0 for none.
+        ambient: standard deviation of the ambient sensor's errors [K], which go no farther than two of them; 0 for
+            none.
+        torque: that of torques or currents, as a share of them; 0 for none.
     """
     fitted = [segment.run.name for segment in data.fit]
     runs = separate_runs([*fitted, *(segment.run.name for segment in (*data.holdout, *data.test))])
-    if spread <= 0 or not runs:
-        return model
-    places = [name for name, source in model.network.prescribed.items() if not isinstance(source, int)]
-    (offset,) = AmbientOffset.parameters
-    free = replace(offset, value=0.0, prior=spread, bounds=(-_FARTHEST * spread, _FARTHEST * spread))
-    held = replace(free, fixed=True)
-    biases = [
-        EffectDeclaration(AmbientOffset(), place, (free if _is_one_of(run, fitted) else held,), run=run)
-        for place in places
+    network = model.network
+    surroundings = [name for name, source in network.prescribed.items() if not isinstance(source, int)]
+    driven = [each.ends[0] for each in network.effect_instances if each.effect.key == LossScale.heat_of]
+    granted: list[tuple[Effect, str, float]] = [(AmbientOffset(), place, ambient) for place in surroundings]
+    granted += [(LossScale(), place, 2 * torque) for place in dict.fromkeys(driven)]
+    errors = [
+        _granted(effect, place, spread, run, fitted=any(is_of_run(name, run) for name in fitted))
+        for effect, place, spread in granted
         for run in runs
+        if spread > 0
     ]
-    return Model(model.network.with_effects(biases))
+    return Model(network.with_effects(errors)) if errors else model
 
 
-def _is_one_of(run: str, names: Sequence[str]) -> bool:
-    return any(is_of_run(name, run) for name in names)
+def _granted(effect: Effect, place: str, spread: float, run: str, *, fitted: bool) -> EffectDeclaration:
+    (size,) = effect.parameters
+    bounds = (-_FARTHEST * spread, _FARTHEST * spread)
+    size = replace(size, value=0.0, prior=spread, bounds=bounds, share="each", fixed=not fitted)
+    return EffectDeclaration(effect, place, (size,), f"{effect.key}_granted", run=run)

@@ -25,7 +25,7 @@ import pandas as pd
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.tables import Tabular
-from lptn.diagnose.candidates import AMBIENT_ERROR, possible_effects, with_ambient_bias
+from lptn.diagnose.candidates import AMBIENT_ERROR, TORQUE_ERROR, possible_effects, with_errors_of_runs
 from lptn.diagnose.fit_statistics import (
     LACKING,
     TIE,
@@ -100,7 +100,7 @@ class Step(Tabular):
     @property
     def parameters(self) -> int:
         """Number of free parameters of the model."""
-        return len(self.fit.problem.free)
+        return len(self.fit.free)
 
     @property
     def summary(self) -> str:
@@ -246,6 +246,7 @@ def diagnose(
     *,
     refits: int = _MOST_REFITS,
     ambient_error: float = AMBIENT_ERROR,
+    torque_error: float = TORQUE_ERROR,
     executor: Executor | None = None,
     report: Report = lambda _: None,
 ) -> Diagnosis:
@@ -256,6 +257,7 @@ def diagnose(
         data: the runs to fit, and those held out.
         refits: how many candidates to refit at least.
         ambient_error: how far the ambient sensor may be off in each run [K], one standard deviation.
+        torque_error: how far each joint's torque or current may be off in each run, as a share, one standard deviation.
         executor: where refits run; here, one after the other, by default.
         report: called with a sentence on what is being done.
 
@@ -263,7 +265,7 @@ def diagnose(
         InputError: a run lacks an input of the model.
     """
     coarse = for_search(data)
-    model = with_ambient_bias(model, data, ambient_error)
+    model = with_errors_of_runs(model, data, ambient_error, torque_error)
     report("fitting the model as it stands")
     base = unless_interrupted(fit_segments(model, coarse.fit))
     diagnosis = examine(base, coarse, refits=refits, executor=executor, report=report)

@@ -302,7 +302,7 @@ class Rivals:
     def __init__(self, fits: Sequence[Fit]) -> None:
         self.fits = list(fits)
         self._density = noise_density(min(self.fits, key=lambda each: each.cost))
-        self._misfits = [block_misfits(each) for each in self.fits]
+        self._misfits = [block_misfits(each)[0].sum(axis=1) for each in self.fits]
         self._priors = [self._prior(each) for each in self.fits]
 
     @property

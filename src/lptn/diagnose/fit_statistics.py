@@ -36,7 +36,7 @@ def criterion_difference(one: Fit, other: Fit) -> float:
     better = one if one.cost < other.cost else other
     independent = independent_readings(better)
     misfit = independent * log(max(one.cost, 1e-300) / max(other.cost, 1e-300))
-    return misfit + (len(one.problem.free) - len(other.problem.free)) * log(independent)
+    return misfit + (len(one.free) - len(other.free)) * log(independent)
 
 
 def independent_readings(fit: Fit) -> float:
@@ -75,13 +75,19 @@ def block_numbers(bound: BoundRun) -> IntArray:
     return np.arange(len(bound)) // size
 
 
-def block_misfits(fit: Fit) -> FloatArray:
-    """Sum of squared weighted residuals of each block of each run, shape (blocks,)."""
-    misfits = []
-    for bound, error in zip(fit.problem.bound_runs, fit.residuals, strict=True):
+def block_misfits(fit: Fit) -> tuple[FloatArray, IntArray]:
+    """Sum of squared weighted residuals of each node in each block, and the number of each block's run.
+
+    Returns:
+        shapes (blocks, nodes) and (blocks,), run after run.
+    """
+    misfits, runs = [], []
+    for number, (bound, error) in enumerate(zip(fit.problem.bound_runs, fit.residuals, strict=True)):
         squares = np.where(bound.counted, error / fit.problem.sigma[:, None], 0.0) ** 2
-        misfits.append(np.bincount(block_numbers(bound), squares.sum(axis=0)))
-    return np.concatenate(misfits)
+        blocks = block_numbers(bound)
+        misfits.append(np.stack([np.bincount(blocks, row) for row in squares], axis=1))
+        runs += [number] * len(misfits[-1])
+    return np.concatenate(misfits), np.array(runs)
 
 
 # --- Lack of fit: how far residuals are beyond noise, node by node -------------------------------

@@ -26,7 +26,7 @@ import pandas as pd
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.basics.tables import Tabular
-from lptn.diagnose.candidates import AMBIENT_ERROR, with_ambient_bias
+from lptn.diagnose.candidates import AMBIENT_ERROR, TORQUE_ERROR, with_errors_of_runs
 from lptn.diagnose.diagnosis import (
     HOPELESS,
     MUCH_WORSE,
@@ -160,6 +160,7 @@ def improve(
     *,
     most: int = 6,
     ambient_error: float = AMBIENT_ERROR,
+    torque_error: float = TORQUE_ERROR,
     executor: Executor | None = None,
     report: Report = lambda _: None,
 ) -> History:
@@ -173,6 +174,7 @@ def improve(
         data: runs to fit, to hold out, and to test.
         most: how many effects to add at most.
         ambient_error: how far the ambient sensor may be off in each run [K], one standard deviation.
+        torque_error: how far each joint's torque or current may be off in each run, as a share, one standard deviation.
         executor: where refits run; here, one after the other, by default.
         report: called with a sentence on what is being done.
 
@@ -188,7 +190,7 @@ def improve(
         [(None, None), ('sensor_lag', '*'), ('conduction', 'heater1~heater2')]
     """
     coarse = for_search(data)
-    model = with_ambient_bias(model, data, ambient_error)
+    model = with_errors_of_runs(model, data, ambient_error, torque_error)
     search, kept, verdict = _searched(model, coarse, most, executor, report)
     differing: list[RunDifference] = []
     if verdict == "unexplained" and coarse.holdout:

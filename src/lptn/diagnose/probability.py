@@ -1,8 +1,9 @@
 """How probable each of several fitted models is, by the fitted data and by what is known of effects beforehand.
 
 The data speak by Schwarz's criterion, counted in independent residuals. What a model gets wrong varies from minute to
-minute, so that of two models now one and now the other is ahead: the Bayesian bootstrap weighs the blocks of the runs
-anew a thousand times, and a model's probability is its mean over those draws (pseudo-BMA+, [Yao2018]).
+minute, from sensor to sensor, from run to run, so that of two models now one and now the other is ahead: the Bayesian
+bootstrap weighs blocks of time, nodes and runs anew a thousand times [Owen2007], and a model's probability is its mean
+over those draws (pseudo-BMA+, [Yao2018]).
 
 Beforehand an effect is as probable as such things are met where it may stand, and a size as usual there.
 """
@@ -23,7 +24,7 @@ from lptn.diagnose.fit_statistics import block_misfits, independent_readings
 from lptn.identify.fitting import Fit
 from lptn.model.network import EffectDeclaration
 
-_DRAWS = 1000  # of the blocks' weights: a probability of a half is met within 0.016
+_DRAWS = 1000  # of the weights: a probability of a half is met within 0.016
 _OCCAM = 20.0  # times less probable than the best, from which on a model is out of Occam's window [MadiganRaftery1994]
 
 
@@ -34,12 +35,17 @@ def probabilities(fits: Sequence[Fit], log_priors: FloatArray) -> FloatArray:
         fits: to compare.
         log_priors: logarithm of what is thought of each beforehand, up to a common constant, shape (fits,).
     """
-    misfits = np.array([block_misfits(fit) for fit in fits])
-    beside = np.array([2 * fit.cost for fit in fits]) - misfits.sum(axis=1)  # what priors and penalties cost
+    by_block = [block_misfits(fit) for fit in fits]
+    misfits, runs = np.array([misfit for misfit, _ in by_block]), by_block[0][1]
+    beside = np.array([2 * fit.cost for fit in fits]) - misfits.sum(axis=(1, 2))  # what priors and penalties cost
     independent = independent_readings(min(fits, key=lambda fit: fit.cost))
-    free = np.array([len(fit.problem.free) for fit in fits])
-    weights = np.random.default_rng(0).dirichlet(np.ones(misfits.shape[1]), _DRAWS) * misfits.shape[1]
-    costs = np.maximum(weights @ misfits.T + beside, 1e-300)
+    free = np.array([len(fit.free) for fit in fits])
+    rng = np.random.default_rng(0)
+    of_blocks, of_nodes, of_runs = (
+        rng.dirichlet(np.ones(count), _DRAWS) * count for count in (*misfits.shape[1:], len(fits[0].problem.bound_runs))
+    )
+    weighted = np.einsum("db,dn,fbn->df", of_blocks * of_runs[:, runs], of_nodes, misfits)
+    costs = np.maximum(weighted + beside, 1e-300)
     logarithms = -0.5 * independent * np.log(costs) - 0.5 * free * np.log(independent) + log_priors
     each_draw = np.exp(logarithms - logarithms.max(axis=1, keepdims=True))
     return np.asarray((each_draw / each_draw.sum(axis=1, keepdims=True)).mean(axis=0))

@@ -205,7 +205,7 @@ def _without_nuisances(model: Model, run: str) -> Model:
     kept = tuple(
         each
         for each in model.network.effects
-        if not (each.run and is_of_run(run, each.run) and any(one.prior is not None for one in each.parameters))
+        if not (each.granted and each.run and is_of_run(run, each.run))
     )
     return Model(replace(model.network, effects=kept))
 

@@ -66,6 +66,12 @@ class Fit(Tabular):
         """Parameter values and initial states."""
         return self.problem.point(self.z)
 
+    @property
+    def free(self) -> list[int]:
+        """Numbers of the model's parameters that were fitted, without errors that are granted to single runs."""
+        parameters = self.model.parameters
+        return [index for index in self.problem.free if parameters[index].declared.prior is None]
+
     @cached_property
     def uncertainty(self) -> Uncertainty:
         """Of the free parameters; worked out when asked for, since a search asks of few of its many fits."""
@@ -86,7 +92,7 @@ class Fit(Tabular):
     @property
     def summary(self) -> str:
         """How the search ended, and the error that is left, in one line."""
-        return f"{self.status}, {len(self.problem.free)} free parameters, RMSE {self.rmse:.3g} K"
+        return f"{self.status}, {len(self.free)} free parameters, RMSE {self.rmse:.3g} K"
 
     def to_pandas(self) -> pd.DataFrame:
         """A row for each parameter: name, value, standard error (NaN where undetermined), unit, whether it is free."""
@@ -105,8 +111,7 @@ class Fit(Tabular):
 
     def table(self) -> FitTable:
         """The result as a model file keeps it, without infinite standard errors and nuisance parameters of the logs."""
-        parameters = [self.model.parameters[index] for index in self.problem.free]
-        free = [parameter for parameter in parameters if parameter.declared.prior is None]
+        free = [self.model.parameters[index] for index in self.free]
         sources = {bound.run.source: bound.run.fingerprint for bound in self.problem.bound_runs}
         return FitTable(
             rmse=self.rmse,

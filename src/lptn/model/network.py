@@ -111,6 +111,11 @@ class EffectDeclaration:
         return in_run(self.at, self.run)
 
     @property
+    def granted(self) -> bool:
+        """Whether it is a nuisance of the logs, held by a prior, and no part of the model."""
+        return any(parameter.prior is not None for parameter in self.parameters)
+
+    @property
     def resolved(self) -> dict[str, Parameter]:
         """All parameters of the effect, this model's values first."""
         own = {parameter.name: parameter for parameter in self.parameters}
@@ -334,8 +339,17 @@ class Network:
         return [instance for instance, index in shared if places[index] > 1]
 
     def with_effects(self, extra: Iterable[EffectDeclaration]) -> Network:
-        """The same network and more effects."""
-        return replace(self, effects=(*self.effects, *extra))
+        """The same network and more effects; an error of a run that is named is no longer granted besides."""
+        added = tuple(extra)
+        granted = {(each.effect.key, each.run) for each in self.effects if each.granted}
+        named = {
+            (each.effect.key, each.run, place)
+            for each in added
+            if not each.granted and (each.effect.key, each.run) in granted
+            for place, _ in self.places_for(each)
+        }
+        kept = [each for each in self.effects if not each.granted or (each.effect.key, each.run, each.at) not in named]
+        return replace(self, effects=(*kept, *added))
 
     def with_values(self, values: Mapping[str, float]) -> Network:
         """The same network with parameter values replaced, by the parameters' names."""
@@ -343,7 +357,7 @@ class Network:
 
     def without_effect(self, key: str, at: str) -> Network:
         """The same network less the effect declared with this key and place (`"*_calf"`, `"*_calf@monday"`)."""
-        kept = tuple(declared for declared in self.effects if (declared.effect.key, declared.where) != (key, at))
+        kept = tuple(each for each in self.effects if each.granted or (each.effect.key, each.where) != (key, at))
         return replace(self, effects=kept)
 
 

@@ -207,10 +207,10 @@ def parameter_table(best: Fit, given: Fit | None = None) -> Table:
     """Free parameters with their standard errors, beside their values in the model as given, once fitted."""
     before = {}
     if given is not None:
-        parameters = (given.model.parameters[index] for index in given.problem.free)
+        parameters = (given.model.parameters[index] for index in given.free)
         before = {parameter.name: _value(parameter.value, parameter) for parameter in parameters}
     rows = []
-    for index in best.problem.free:
+    for index in best.free:
         parameter = best.model.parameters[index]
         error = best.standard_errors[parameter.name]
         spread = short_size(error) if math.isfinite(error) else "not determined"
