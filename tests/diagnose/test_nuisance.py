@@ -7,8 +7,9 @@ from dataclasses import replace
 
 import pytest
 
-from lptn.diagnose.candidates import with_ambient_bias
+from lptn.diagnose.candidates import with_errors_of_runs
 from lptn.diagnose.diagnosis import for_search
+from lptn.diagnose.improvement import improve
 from lptn.identify.data import Segment
 from lptn.identify.validation import fit_segments, holdout_errors
 from lptn.virtual import Hidden
@@ -26,8 +27,8 @@ def test_a_held_out_run_with_a_wrong_ambient_does_not_judge_the_model_for_it(leg
     model, data = leg(Hidden("ambient_offset", "ambient", size=0.4, run="holdout"))
     data = replace(data, fit=_named(data.fit, names[:2]), holdout=_named(data.holdout, names[2:]))
     coarse, errors = for_search(data), []
-    for with_bias in (model, with_ambient_bias(model, data, 0.5)):
-        held = holdout_errors(fit_segments(with_bias, coarse.fit), coarse.holdout)
+    for granted in (model, with_errors_of_runs(model, data, ambient=0.5)):
+        held = holdout_errors(fit_segments(granted, coarse.fit), coarse.holdout)
         assert held is not None
         errors.append(held.rmse)
     assert errors[0] > 0.2  # K
@@ -37,14 +38,36 @@ def test_a_held_out_run_with_a_wrong_ambient_does_not_judge_the_model_for_it(leg
 def test_a_grant_does_not_hide_what_the_model_lacks(leg: Leg) -> None:
     model, data = leg(Hidden("forced_convection", "FR_thigh"))
     coarse, errors = for_search(data), []
-    for with_bias in (model, with_ambient_bias(model, data, 0.5)):
-        held = holdout_errors(fit_segments(with_bias, coarse.fit), coarse.holdout)
+    for granted in (model, with_errors_of_runs(model, data, ambient=0.5)):
+        held = holdout_errors(fit_segments(granted, coarse.fit), coarse.holdout)
         assert held is not None
         errors.append(held.rmse)
     assert errors[1] > 0.5 * errors[0]
 
 
-def test_one_log_alone_gets_no_bias(leg: Leg) -> None:
+def test_one_log_alone_is_granted_no_errors(leg: Leg) -> None:
     model, data = leg()
     alone = type(data)(data.fit[:1])
-    assert with_ambient_bias(model, alone, 0.5) is model
+    assert with_errors_of_runs(model, alone) is model
+
+
+def test_torques_that_are_a_little_off_in_each_run_are_no_effect(leg: Leg) -> None:
+    names = (
+        ("FR_thigh", "fit1", 0.15),
+        ("FR_thigh", "fit2", -0.1),
+        ("FR_calf", "fit1", -0.15),
+        ("FR_calf", "holdout", 0.2),
+    )
+    model, data = leg(*(Hidden("loss_scale", joint, size=share, run=run) for joint, run, share in names))
+    assert improve(model, data, torque_error=0.0).verdict != "adequate"
+    history = improve(model, data)
+    assert (history.verdict, [step.key for step in history.steps]) == ("adequate", [("", "")])
+    assert history.best.parameters == len(model.free)
+
+
+def test_a_torque_that_is_far_off_in_one_run_is_named_at_its_full_size(leg: Leg) -> None:
+    history = improve(*leg(Hidden("loss_scale", "FR_thigh", run="fit1")))
+    assert [step.key for step in history.steps[1:]] == [("loss_scale", "FR_thigh@fit1")]
+    values = {parameter.name: parameter.value for parameter in history.best.fit.model.parameters}
+    assert values["loss_scale.change.FR_thigh@fit1"] == pytest.approx(0.2, rel=0.1)
+    assert "loss_scale_granted.change.FR_thigh@fit1" not in values

@@ -83,7 +83,7 @@ def show_diagnosis(diagnosis: Diagnosis) -> None:
     print(f"The model is {VERDICTS[diagnosis.verdict]}.")
     print(f"RMSE {kelvin(diagnosis.fit.rmse)} on the fitted runs{held_out}, in steps of {step:g} s.")
     print(f"Misfit over one-minute means, 1 being the most that noise would leave: {lack}.")
-    show_ambient_bias(diagnosis.fit)
+    show_errors_of_runs(diagnosis.fit)
     if not diagnosis.helpful:
         return
     if diagnosis.verdict == "missing":
@@ -124,15 +124,15 @@ def _is_finest(diagnosis: Diagnosis, finding: Step) -> bool:
     return finding.p_value <= (1 + 1e-9) / (1 + len(diagnosis.scores.null_gains))
 
 
-def show_ambient_bias(fit: Fit) -> None:
-    """That each run has an error of its ambient sensor of its own, where it has."""
-    from lptn.effects.ambient_offset import AmbientOffset
+def show_errors_of_runs(fit: Fit) -> None:
+    """Which errors each run is granted, fitted to it alone."""
+    from lptn.report.text import granted_in_words
 
-    biases = (parameter for parameter in fit.model.parameters if parameter.name.startswith(AmbientOffset.key))
-    for spread in {bias.declared.prior for bias in biases} - {None}:
+    granted = granted_in_words(fit.model)
+    if granted:
         print(
-            f"Each run, held-out ones too, may have its ambient sensor off by {spread:g} K (standard deviation; at "
-            "most twice that): one number a run, fitted to it. `lptn compare` does without."
+            f"Each run, held-out ones too, may have {granted} (standard deviations; at most twice that): fitted to that "
+            "run alone. `lptn compare` does without."
         )
 
 

@@ -202,11 +202,7 @@ def _difference(fit: Fit, segment: Segment) -> RunDifference | None:
 
 def _without_nuisances(model: Model, run: str) -> Model:
     """The model without nuisances of a run, such as its ambient sensor's error, which is one of the causes itself."""
-    kept = tuple(
-        each
-        for each in model.network.effects
-        if not (each.granted and each.run and is_of_run(run, each.run))
-    )
+    kept = tuple(each for each in model.network.effects if not (each.granted and each.run and is_of_run(run, each.run)))
     return Model(replace(model.network, effects=kept))
 
 

@@ -7,7 +7,10 @@ import re
 from collections.abc import Sequence
 
 from lptn.effects import Effect, catalogue
+from lptn.effects.ambient_offset import AmbientOffset
+from lptn.effects.loss_scale import LossScale
 from lptn.identify.data import Segment, Window
+from lptn.model.model import Model
 
 NOTHING = "–"
 _EVERYWHERE = "everywhere"
@@ -129,3 +132,16 @@ def for_people(text: str) -> str:
     keys = "|".join(sorted(catalogue(), key=len, reverse=True))
     text = re.sub(rf"\b({keys}) at ([^\s,;]*[^\s,;.])", lambda match: named(match[1], match[2]), text)
     return _MINUS.sub("−", text.replace("degC", "°C").replace("N*m", "N·m"))
+
+
+def granted_in_words(model: Model) -> str:
+    """Which errors of its inputs each run is granted, and by how much; empty for none."""
+
+    def spread(effect: type[Effect]) -> float:
+        declared = [each for each in model.network.effects if isinstance(each.effect, effect)]
+        return min((one.prior for each in declared for one in each.parameters if one.prior is not None), default=0.0)
+
+    air, losses = spread(AmbientOffset), spread(LossScale)
+    words = [f"its ambient sensor off by {air:g} K"] if air else []
+    words += [f"the heat that a joint's torque or current makes off by {100 * losses:g} %"] if losses else []
+    return " and ".join(words)

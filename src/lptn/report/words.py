@@ -23,6 +23,7 @@ from lptn.report.text import (
     capitalised,
     experiment_for,
     few,
+    granted_in_words,
     kelvin,
     listed,
     named,
@@ -320,8 +321,9 @@ def _which_data(history: History, data: DataSplit) -> str:
         among = f"chose among the {history.considered} models that were tried, and "
         among = "" if history.considered == 1 else among
         fitted = "No parameter was fitted to it"
-        if any(parameter.declared.prior is not None for parameter in history.best.fit.model.parameters):
-            fitted = "Nothing was fitted to it but, for each run, the error of its ambient sensor"
+        granted = granted_in_words(history.best.fit.model)
+        if granted or history.differing:
+            fitted = f"Nothing was fitted to it but that each run may have {granted}"
             fitted += " or what differs in it" if history.differing else ""
         text += f" Held out: {_runs(data.holdout)}. {fitted}; it {among}says where the steps end."
     if data.test:
