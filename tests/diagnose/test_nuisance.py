@@ -52,12 +52,7 @@ def test_one_log_alone_is_granted_no_errors(leg: Leg) -> None:
 
 
 def test_torques_that_are_a_little_off_in_each_run_are_no_effect(leg: Leg) -> None:
-    names = (
-        ("FR_thigh", "fit1", 0.15),
-        ("FR_thigh", "fit2", -0.1),
-        ("FR_calf", "fit1", -0.15),
-        ("FR_calf", "holdout", 0.2),
-    )
+    names = ("FR_thigh", "fit1", 0.15), ("FR_thigh", "fit2", -0.1), ("FR_calf", "holdout", 0.2)
     model, data = leg(*(Hidden("loss_scale", joint, size=share, run=run) for joint, run, share in names))
     assert improve(model, data, torque_error=0.0).verdict != "adequate"
     history = improve(model, data)

@@ -131,8 +131,8 @@ def show_errors_of_runs(fit: Fit) -> None:
     granted = granted_in_words(fit.model)
     if granted:
         print(
-            f"Each run, held-out ones too, may have {granted} (standard deviations; at most twice that): fitted to that "
-            "run alone. `lptn compare` does without."
+            f"Each run, held-out ones too, may have {granted} (standard deviations; at most twice that): fitted to "
+            "that run alone. `lptn compare` does without."
         )
 
 

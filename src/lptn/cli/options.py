@@ -55,7 +55,7 @@ AmbientError = Annotated[
 TorqueError = Annotated[
     float | None,
     Option(
-        help="How far each joint's torque or current may be off in each run, as a share; 0.015 by default, 0 for exact.",
+        help="How far torques or currents may be off in each run, as a share; 0.015 by default, 0 for exact ones.",
         validator=validators.Number(gte=0),
     ),
 ]

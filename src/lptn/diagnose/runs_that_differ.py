@@ -186,10 +186,11 @@ def runs_that_differ(fit: Fit, segments: Sequence[Segment]) -> list[RunDifferenc
 
 
 def _difference(fit: Fit, segment: Segment) -> RunDifference | None:
+    if not stands_out(fit, predict(fit.model, segment, fit.problem.sigma)):
+        return None
+    # What the run was granted is one of the causes itself.
     model = _without_nuisances(fit.model, segment.run.name)
     before = predict(model, segment, fit.problem.sigma)
-    if not stands_out(fit, before):
-        return None
     base = _as_fit(fit, model, before, ())
     searches = [
         cause_search(model, segment, each, fit.problem.sigma) for each in possible_causes(model.network, segment)

@@ -261,7 +261,7 @@ def fit_starts(model: Model, bound_runs: Sequence[BoundRun], sigma: FloatArray) 
     starts = []
     for bound in bound_runs:
         problem = Problem(model, [bound], sigma, free=())
-        solution = minimise(problem, problem.guess(model.values))
+        solution = minimise(problem, problem.guess(model.values), near=True)  # nearly linear: a few steps do
         if solution.status == "interrupted":
             raise KeyboardInterrupt
         starts += problem.point(solution.z).starts
@@ -287,7 +287,7 @@ def fit_nuisances(model: Model, bound: BoundRun, sigma: FloatArray) -> Model:
     if not chosen:
         return model
     problem = Problem(model, [bound], sigma, free=chosen)
-    solution = minimise(problem, problem.guess(model.values))
+    solution = minimise(problem, problem.guess(model.values), near=True)
     if solution.status == "interrupted":
         raise KeyboardInterrupt
     return model.with_values(problem.point(solution.z).values)

@@ -74,8 +74,8 @@ _GAIN = 1e-6  # of the cost, a log-likelihood: some thousandth of a standard err
 PRECISION = 3e-8  # of the cost: where the model misses much, so little is beyond all meaning
 _FAR = 1e6  # no start of a run is moved as far, in K
 _REACH = log(10.0)
-"""In the search's coordinates, of a parameter: beyond a factor of ten the quadratic model is no guide, and what vanishes
-to first order, such as the time constant of a mass without capacitance, would be sent to infinity and stay there."""
+"""In the search's coordinates, of a parameter: beyond a factor of ten the quadratic model is no guide. What vanishes to
+first order, such as the time constant of a mass without capacitance, would be sent to infinity and stay there."""
 _FIRST_DAMPING, _LEAST_DAMPING, _MOST_DAMPING = 1e-3, 1e-7, 1e3  # relative to the Hessian's diagonal
 _HOPE, _TRIED = 3.0, 3  # a rival this many times the predicted gain away, after so many steps, is out of reach
 _POOR, _GOOD = 0.1, 0.7  # actual over predicted gain: below, damping grows; above, it shrinks
