@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 
-from lptn.basics.arrays import FloatArray
+from lptn.basics.arrays import BoolArray, FloatArray
 from lptn.basics.processes import one_blas_thread
 from lptn.diagnose.candidates import Candidate, Site, sites
 from lptn.diagnose.fit_statistics import NEGLIGIBLE, NoiseLevel, block_numbers, lack_of_fit
@@ -27,6 +27,7 @@ from lptn.simulate.bound_run import bind, start_from
 from lptn.simulate.simulation import sensitivities
 
 _LOGS = 200  # simulated for the distribution by chance: p-values down to 0.005
+_AT_BOUND = 1e-4  # in the search's coordinates
 _IMITATED = 1e-8  # share of a trace's length left after projection: the fitted parameters imitate it wholly
 
 
@@ -93,8 +94,9 @@ def score(fit: Fit, candidates: Sequence[Candidate], seed: int = 0) -> Scores:
     """
     places = sites(candidates)
     baseline, by_site = _derivatives(fit, places)
-    basis = np.linalg.qr(_regular(baseline))[0]
-    residuals = _projected(fit.problem.residuals(fit.z), basis)
+    residuals = fit.problem.residuals(fit.z)
+    basis = np.linalg.qr(_regular(baseline[:, ~_held_by_bounds(fit, baseline.T @ residuals)]))[0]
+    residuals = _projected(residuals, basis)
     directions = _directions(candidates, places, by_site, _projected(by_site, basis))
     ranked = [_score(candidate, own, residuals) for candidate, own in zip(candidates, directions, strict=True)]
     ranked.sort(key=lambda each: -each.gain)
@@ -124,6 +126,13 @@ def _derivatives(fit: Fit, places: Sequence[Site]) -> tuple[FloatArray, FloatArr
         blocks.append(moved.by_parameter[bound.counted] * scale)
     penalties = np.zeros((len(baseline) - sum(map(len, blocks)), len(places)))  # which no site enters
     return baseline, np.vstack([*blocks, penalties])
+
+
+def _held_by_bounds(fit: Fit, gradient: FloatArray) -> BoolArray:
+    """Which unknowns the residuals push against a bound, shape (size,): they can't follow what a candidate would do."""
+    lower, upper = fit.problem.bounds()
+    below, above = fit.z - lower < _AT_BOUND, upper - fit.z < _AT_BOUND
+    return np.asarray((below & (gradient > 0)) | (above & (gradient < 0)))
 
 
 def _regular(baseline: FloatArray) -> FloatArray:
