@@ -1,0 +1,153 @@
+"""How much verdicts depend on each constant of the decision: the same cases, one constant a half more, or less.
+
+    python -m tests.benchmarks.verdict_sensitivity --truths leg --tiers clean 1K rough --seeds 1431 --most 4
+
+For each constant it prints how many answers changed, verdict or first effect and place, and how many first effects
+were right. A constant whose answers stay the same needs no better reason than the one it has. Cases are those of
+`verdict_cases`; seeds below 1500 are for looking at.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
+
+import lptn
+from lptn.basics.processes import one_blas_thread
+from lptn.identify.data import DataSplit
+from lptn.model.model import Model
+from tests.benchmarks.verdict_cases import TRUTHS, Case, draw_cases
+
+CONSTANTS = (
+    "lptn.diagnose.candidates.AMBIENT_ERROR",
+    "lptn.diagnose.candidates.TORQUE_ERROR",
+    "lptn.diagnose.candidates._FARTHEST",
+    "lptn.diagnose.candidates._MOST_RISE",
+    "lptn.diagnose.candidates._ONE_RUN_ONLY",
+    "lptn.diagnose.candidates._ONE_LOGGER",
+    "lptn.diagnose.probability._OCCAM",
+    "lptn.diagnose.probability._FACTOR",
+    "lptn.diagnose.probability._BELIEVED",
+    "lptn.diagnose.fit_statistics.TIE",
+    "lptn.diagnose.fit_statistics._LONG_BLOCK",
+    "lptn.diagnose.fit_statistics.BLOCK",
+    "lptn.diagnose.fit_statistics.NEGLIGIBLE",
+    "lptn.diagnose.fit_statistics.LACKING",
+    "lptn.diagnose.fit_statistics.CLEARLY",
+    "lptn.diagnose.fit_statistics._SHOWS_PLAINLY",
+    "lptn.diagnose.diagnosis.SIGNIFICANT",
+    "lptn.diagnose.diagnosis._MOST_REFITS",
+    "lptn.diagnose.diagnosis.HOPELESS",
+    "lptn.diagnose.diagnosis._NEAR",
+    "lptn.diagnose.diagnosis._SAME_EFFECT_SHARE",
+    "lptn.diagnose.diagnosis.MUCH_WORSE",
+    "lptn.diagnose.diagnosis._MOST_BY_ONE",
+    "lptn.diagnose.diagnosis._ELSEWHERE",
+    "lptn.diagnose.diagnosis._SILENT",
+    "lptn.diagnose.diagnosis._RUNS_DIFFER",
+    "lptn.diagnose.improvement._WORTH",
+    "lptn.diagnose.improvement._PROGRESS",
+    "lptn.diagnose.improvement._CLEARLY",
+    "lptn.diagnose.improvement._MOST",
+)
+"""What decides; constants of the search for a number, such as precisions, are left out."""
+FACTORS = (1 / 1.5, 1.5)
+ABOVE_ONE = frozenset(("HOPELESS", "_NEAR", "MUCH_WORSE", "_SILENT", "LACKING", "CLEARLY", "_SHOWS_PLAINLY", "_OCCAM"))
+"""Ratios: what lies above one is changed."""
+STEPS = 3
+
+Said = tuple[str, tuple[str, str] | None]
+"""The verdict, and effect and place of the first step."""
+
+
+@contextmanager
+def changed(constant: str, factor: float) -> Iterator[None]:
+    """The constant times a factor, wherever it was imported to."""
+    module, _, name = constant.rpartition(".")
+    before = getattr(sys.modules[module], name)
+    value = 1 + (before - 1) * factor if name in ABOVE_ONE else before * factor
+    holders = [each for key, each in sys.modules.items() if key.startswith("lptn.") and vars(each).get(name) is before]
+    for each in holders:
+        setattr(each, name, type(before)(value))
+    try:
+        yield
+    finally:
+        for each in holders:
+            setattr(each, name, before)
+
+
+@cache
+def question(case: Case) -> tuple[Model, DataSplit]:
+    """Model and logs of a case."""
+    with tempfile.TemporaryDirectory() as folder:
+        files = TRUTHS[case.truth].files(case, Path(folder))
+        loaded = lptn.load_model(files.model)
+        return loaded.model, lptn.split_data(loaded.runs(files.fit), loaded.runs(files.holdout))
+
+
+@one_blas_thread
+def said(case: Case) -> Said:
+    """What the program says of a case."""
+    from lptn.diagnose.candidates import AMBIENT_ERROR, TORQUE_ERROR
+
+    history = lptn.improve(*question(case), most=STEPS, ambient_error=AMBIENT_ERROR, torque_error=TORQUE_ERROR)
+    return history.verdict, history.steps[1].key if len(history.steps) > 1 else None
+
+
+def right(case: Case, answer: Said) -> bool:
+    """Whether the first step is what is hidden; where nothing is, whether nothing was said to be missing."""
+    verdict, first = answer
+    if case.kind == "nothing":
+        return verdict == "adequate"
+    return first is not None and case.right(first)
+
+
+def answers_of(case: Case, constants: Sequence[str]) -> list[Said]:
+    """As things are, then with each constant at each factor."""
+    answers = [said(case)]
+    for constant in constants:
+        for factor in FACTORS:
+            with changed(constant, factor):
+                answers.append(said(case))
+    return answers
+
+
+def main() -> None:
+    """Ask, and print the table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--truths", nargs="*", choices=list(TRUTHS), default=["leg"])
+    parser.add_argument("--tiers", nargs="*", default=["clean", "1K", "rough"])
+    parser.add_argument("--seeds", nargs="+", type=int, default=[1431])
+    parser.add_argument("--most", type=int, default=4)
+    parser.add_argument("--constants", nargs="*", choices=CONSTANTS, default=CONSTANTS)
+    parser.add_argument("--jobs", type=int, default=1)
+    chosen = parser.parse_args()
+    numbers = {"most": chosen.most, "pairs": 1, "nothing": 1, "outside": 1}
+    cases = [case for truth in chosen.truths for case in draw_cases(truth, chosen.tiers, chosen.seeds, **numbers)]
+    with ProcessPoolExecutor(chosen.jobs) as executor:
+        of_cases = list(executor.map(answers_of, cases, [chosen.constants] * len(cases)))
+    now = [answers[0] for answers in of_cases]
+    named = [case.kind != "outside" for case in cases]
+
+    def score(answers: Sequence[Said]) -> str:
+        asked = [right(case, each) for case, each, wanted in zip(cases, answers, named, strict=True) if wanted]
+        return f"{sum(asked)}"
+
+    print(f"{len(cases)} cases, {sum(named)} to be named or adequate; as it is: {score(now)} right")
+    print("| constant | changed at ÷ 1.5 | right | changed at × 1.5 | right |", "| --- " * 5 + "|", sep="\n")
+    for number, constant in enumerate(chosen.constants):
+        cells = []
+        for place in range(len(FACTORS)):
+            each = [answers[1 + number * len(FACTORS) + place] for answers in of_cases]
+            cells += [str(sum(one != other for one, other in zip(each, now, strict=True))), score(each)]
+        print(f"| {constant.removeprefix('lptn.diagnose.')} | {' | '.join(cells)} |")
+
+
+if __name__ == "__main__":
+    main()
