@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from math import log
 
 import numpy as np
-from scipy.special import chdtri
 
 from lptn.basics.arrays import FloatArray, IntArray
 from lptn.identify.comparison import Prediction
@@ -204,6 +203,8 @@ def stands_out(fit: Fit, before: Prediction, least: float = NEGLIGIBLE) -> bool:
         before: its prediction of the run.
         least: K; means that are off by less stand out nowhere.
     """
+    from scipy.special import chdtri  # heavy, and few commands need it
+
     size = max(1, round(BLOCK / before.bound.run.step))
     for row in range(len(fit.model.nodes)):
         squares = _block_squares(before.error[row], size)

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from lptn.basics.arrays import BoolArray, FloatArray
 from lptn.basics.parameters import Parameter
@@ -340,6 +339,8 @@ class CauseSearch:
 
     def best(self) -> float:
         """The amplitude with the least misfit over the whole run."""
+        from scipy.optimize import least_squares  # heavy, and few commands need it
+
         typical = abs(self.declared.typical)
         lower, upper = (bound / typical for bound in self.declared.bounds)
 

@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse.csgraph import connected_components
 
 from lptn.basics.arrays import BoolArray, FloatArray
 from lptn.basics.processes import one_blas_thread
@@ -286,6 +285,8 @@ class Confusability:
 
     def groups(self, least: float = INDISTINGUISHABLE) -> list[tuple[tuple[str, str], ...]]:
         """Candidates linked by pairs with at least that correlation, two or more to a group, the best first."""
+        from scipy.sparse.csgraph import connected_components  # heavy, and few commands need it
+
         count, labels = connected_components(self.matrix >= least, directed=False) if self.keys else (0, np.zeros(0))
         members = [tuple(self.keys[row] for row in np.flatnonzero(labels == label)) for label in range(count)]
         return [group for group in members if len(group) > 1]

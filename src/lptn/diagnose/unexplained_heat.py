@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from math import ceil
 
 import numpy as np
-from scipy.special import ndtri
 
 from lptn.basics.arrays import BoolArray, FloatArray, IntArray
 from lptn.basics.processes import one_blas_thread
@@ -48,6 +47,8 @@ class UnexplainedHeat:
     @property
     def clear(self) -> FloatArray:
         """By how much the heat's size exceeds zero [W] with 95 % confidence over all nodes and minutes, (nodes, n)."""
+        from scipy.special import ndtri  # heavy, and few commands need it
+
         comparisons = len(self.nodes) * max(1.0, self.time.size * self.seconds / _INDEPENDENT)
         widened = -float(ndtri(0.025 / comparisons)) / _WIDE
         return np.asarray(np.maximum(np.abs(self.heat) - widened * self.band, 0.0))

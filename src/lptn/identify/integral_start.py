@@ -11,7 +11,6 @@ from collections.abc import Iterator, Sequence
 
 import casadi as ca
 import numpy as np
-from scipy.optimize import lsq_linear
 
 from lptn.basics.arrays import FloatArray
 from lptn.model.model import Model
@@ -94,6 +93,8 @@ class _LinearBalance:
 
     def solve(self, rows: FloatArray, sides: FloatArray) -> FloatArray:
         """Bounded least squares with a weak pull to the declared values."""
+        from scipy.optimize import lsq_linear  # heavy, and few commands need it
+
         model = self.model
         bounds = np.array([self._bounds(i) for i in self.chosen])
         scale = np.array([self._scale(i) for i in self.chosen])

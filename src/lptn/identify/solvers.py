@@ -15,7 +15,6 @@ from typing import Any, Literal
 
 import casadi as ca
 import numpy as np
-from scipy.optimize import lsq_linear
 
 from lptn.basics.arrays import FloatArray
 from lptn.identify.problem import Problem
@@ -178,6 +177,8 @@ def _predicted_gain(gradient: FloatArray, hessian: FloatArray, step: FloatArray)
 
 def _bounded_step(gradient: FloatArray, hessian: FloatArray, lower: FloatArray, upper: FloatArray) -> FloatArray:
     """The optimum of the quadratic model within the bounds, shape (size,)."""
+    from scipy.optimize import lsq_linear  # heavy, and few commands need it
+
     free = np.asarray(np.linalg.solve(hessian, -gradient), dtype=float)
     if np.all(free >= lower) and np.all(free <= upper):
         return free

@@ -15,7 +15,6 @@ from subprocess import CalledProcessError
 
 import casadi as ca
 import numpy as np
-from scipy.linalg import expm
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.c_library import shared_library
@@ -94,6 +93,8 @@ def zero_order_hold(a: FloatArray, step: float) -> tuple[FloatArray, FloatArray]
     Returns:
         Transition and integral [s], each of A's shape.
     """
+    from scipy.linalg import expm  # heavy, and few commands need it
+
     n = a.shape[-1]
     whole = np.zeros((*a.shape[:-2], 2 * n, 2 * n))
     whole[..., :n, :n] = a * step
