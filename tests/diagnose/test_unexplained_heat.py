@@ -175,9 +175,12 @@ def test_blocks_carry_heat_as_the_model_does(burst_fit: Fit) -> None:
 
 @pytest.mark.long
 def test_a_node_without_a_sensor_gets_no_heat_of_its_own() -> None:
-    run = truth_run(12, bursts, length=2400.0)
-    columns = {name: values for name, values in run.columns.items() if name != "temperature.FR_hip"}
-    (found,) = unexplained_heat(fitted(replace(run, columns=columns)))
+    # Of one run alone the joint without a sensor takes up the heat, at 1e6 J/K.
+    runs = truth_run(12, bursts, length=2400.0), truth_run(13, nothing, length=2400.0)
+    sensed = [{name: each for name, each in run.columns.items() if name != "temperature.FR_hip"} for run in runs]
+    both = (replace(run, columns=columns) for run, columns in zip(runs, sensed, strict=True))
+    found, other = unexplained_heat(fitted(*both))
+    assert largest([other]) is None
     assert found.nodes == ("FR_thigh", "FR_calf")
     peak = largest([found])
     assert peak is not None
