@@ -10,13 +10,13 @@ import numpy as np
 
 from lptn.basics.arrays import BoolArray, FloatArray
 from lptn.basics.parameters import Parameter
-from lptn.basics.places import EVERYWHERE, in_run, is_of_run
+from lptn.basics.places import EVERYWHERE, in_run
 from lptn.basics.processes import one_blas_thread
 from lptn.diagnose.candidates import Candidate, candidates
 from lptn.diagnose.diagnosis import refit
 from lptn.diagnose.fit_statistics import CLEARLY, TIE, cost_of_noise, criterion_difference, stands_out
 from lptn.diagnose.probability import implausible_amplitude
-from lptn.identify.comparison import Errors, Prediction, predict
+from lptn.identify.comparison import Errors, Prediction, predict, with_own_errors
 from lptn.identify.data import Segment
 from lptn.identify.fitting import Fit
 from lptn.identify.problem import Problem
@@ -185,11 +185,10 @@ def runs_that_differ(fit: Fit, segments: Sequence[Segment]) -> list[RunDifferenc
 
 
 def _difference(fit: Fit, segment: Segment) -> RunDifference | None:
-    if not stands_out(fit, predict(fit.model, segment, fit.problem.sigma)):
-        return None
-    # What the run was granted is one of the causes itself.
-    model = _without_nuisances(fit.model, segment.run.name)
+    model = with_own_errors(fit.model, segment, fit.problem.sigma)
     before = predict(model, segment, fit.problem.sigma)
+    if not stands_out(fit, before):
+        return None
     base = _as_fit(fit, model, before, ())
     searches = [
         cause_search(model, segment, each, fit.problem.sigma) for each in possible_causes(model.network, segment)
@@ -198,12 +197,6 @@ def _difference(fit: Fit, segment: Segment) -> RunDifference | None:
     trials = [_tried(fit, each) for each in searches if each.promise >= least]
     causes = (_cause(each) for each in _best_and_indistinguishable(fit, before, base, trials))
     return RunDifference(segment.run.name, Errors.of(before.error).rmse, fit.rmse, tuple(causes))
-
-
-def _without_nuisances(model: Model, run: str) -> Model:
-    """The model without nuisances of a run, such as its ambient sensor's error, which is one of the causes itself."""
-    kept = tuple(each for each in model.network.effects if not (each.granted and each.run and is_of_run(run, each.run)))
-    return Model(replace(model.network, effects=kept))
 
 
 def _tried(fit: Fit, search: CauseSearch) -> _Trial:
@@ -276,6 +269,7 @@ _DIFFERENCE = 0.05  # of the typical size: step of the finite difference by the 
 _EVALUATIONS = 25  # at most, in the search for an amplitude
 _FAILED = 1e3  # weighted residual of an amplitude at which the model can't be simulated
 _AT_BOUND = 1e-3  # relative; so near a bound, the size is only a limit
+_NEARLY_ONE = 0.1  # a factor that differs from one by less is said to the third decimal
 _PLAIN = "in {run}{at}: {title}, {amplitude}"
 
 
@@ -360,6 +354,7 @@ class CauseSearch:
         at, effect = self.candidate.pattern, self.candidate.effect
         lower, upper = self.declared.bounds
         most, least = (abs(size - bound) <= _AT_BOUND * abs(bound) for bound in (upper, lower))
+        times = f"{1 + size:.3f}" if abs(size) < _NEARLY_ONE else short(1 + size)
         more, less = effect.in_one_run
         return ((more if size >= 0 else less) or _PLAIN).format(
             run=self.segment.run.name,
@@ -369,7 +364,7 @@ class CauseSearch:
             into="every node" if at == EVERYWHERE else at,
             place=at,
             size=("at least " if most or least else "") + short(abs(size)),
-            factor=("at least " if most else "at most " if least else "") + short(1 + size),
+            factor=("at least " if most else "at most " if least else "") + times,
             amplitude=f"{size:.3g} {self.declared.unit}",
         )
 
@@ -387,7 +382,6 @@ def with_differences(model: Model, differing: Sequence[RunDifference], segments:
     """
     for each in differing:
         segment = next(segment for segment in segments if segment.run.name == each.run)
-        model = _without_nuisances(model, each.run)
         causes = possible_causes(model.network, segment)
         cause = next(cause for cause in causes if (cause.effect.key, cause.pattern) == (each.effect, each.at))
         declared = cause.declaration(0.0, cause.shapes[0])

@@ -188,12 +188,17 @@ def predict(model: Model, segment: Segment, sigma: FloatArray) -> Prediction:
         segment: the run, and which windows of it find the start and are evaluated.
         sigma: standard deviation that weighs each node [K], shape (nodes,).
     """
-    bound = bind(model, segment.run)
-    start, stop = segment.initialisation, segment.evaluation[1]
-    model = fit_nuisances(model, bound.count((start[0], stop)).until(stop), sigma)
+    model, bound = with_own_errors(model, segment, sigma), bind(model, segment.run)
+    start = segment.initialisation
     (states,) = fit_starts(model, [bound.count(start).until(start[1])], sigma)
     path = simulate(model, bound, model.values, states)
     return Prediction(segment, bound.count(segment.evaluation), path.readings, path.states)
+
+
+def with_own_errors(model: Model, segment: Segment, sigma: FloatArray) -> Model:
+    """The model with the nuisance parameters of a run fitted to it; arguments as for `predict`."""
+    stop = segment.evaluation[1]
+    return fit_nuisances(model, bind(model, segment.run).count((segment.initialisation[0], stop)).until(stop), sigma)
 
 
 def compare(model: Model, runs: Sequence[Run | Segment]) -> Comparison:
