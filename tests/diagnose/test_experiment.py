@@ -246,6 +246,15 @@ def test_three_rivals_two_of_them_the_same_formula_leave_that_pair_undecided() -
     assert "does not tell apart" in experiment.text()
 
 
+def test_no_run_is_proposed_for_two_names_of_one_formula() -> None:
+    _, rivals = FRICTION.before()
+    experiment = propose([rivals[0], rivals[0]])
+    assert experiment is not None
+    assert not experiment.separates
+    assert "standard deviations" not in experiment.text()
+    assert experiment.text().startswith("No run of 20 min")
+
+
 @pytest.mark.long
 def test_the_stated_deviations_are_what_an_exact_refit_shows() -> None:
     """Noise-free readings of one rival: by so much the other's misfit rises when it is fitted to old and new."""

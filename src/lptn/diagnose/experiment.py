@@ -107,6 +107,11 @@ class Experiment:
         if not self.separates:
             one, other = (named(key) for key in least.pair)
             reach = f"{minutes:.0f} min within the loads, speeds and temperatures of these logs"
+            if least.deviations < _NOTHING_SEEN:
+                return (
+                    f"No run of {reach} tells {one} from {other}: in the best of {self.tried} they stay within one "
+                    "standard deviation of each other, whatever the other parameters are."
+                )
             best = f"it leaves {least.kelvin:.2g} K at {least.node}, {least.deviations:.1f} standard deviations"
             return (
                 f"No run of {reach} is sure to tell {one} from {other}. The best of {self.tried}: {self.words} "
@@ -426,6 +431,7 @@ def _absorbed(
 # --- The search among runs: single moves first, then durations, pairs and threes, then other air --
 
 
+_NOTHING_SEEN = 1.0  # standard deviations below which a run is not worth a proposal
 _POWER = 0.84  # standard deviations that four cases of five stay above
 CLEAR = _POWER + sqrt(_POWER**2 + TIE)
 """Standard deviations of a difference from which on a refit decides in four cases of five: the information
