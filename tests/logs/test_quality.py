@@ -200,7 +200,13 @@ def test_a_sensor_that_is_stuck(write: Write) -> None:
     path = write({"time": list(range(2000)), "temperature.a": moving.tolist(), "temperature.b": stuck.tolist()})
     (issue,) = only(path).issues
     assert issue.key == "temperature.b"
-    assert "for 1000 s from 500 s on" in issue.problem
+    assert issue.problem == "frozen at 34.959 degC from 500 to 1499 s"
+    assert (issue.kind, issue.stretch) == ("frozen", (500.0, 1499.0))
+    (run,) = read_log(path, outputs=["temperature.a", "temperature.b"])
+    assert np.flatnonzero(np.isnan(run.temperature("b"))).tolist() == list(range(500, 1500))
+    assert not np.isnan(run.temperature("a")).any()
+    (watched,) = read_log(path, outputs=["temperature.a", "temperature.b"], keep_silent=True)
+    assert not np.isnan(watched.temperature("b")).any()
 
 
 def test_coarse_sensors_and_quiet_rooms_are_not_stuck(write: Write) -> None:

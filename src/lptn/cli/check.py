@@ -135,6 +135,9 @@ class LogContent:
                     "found": issue.problem,
                     "mend": issue.remedy,
                     "sure": issue.certain,
+                    "kind": issue.kind,
+                    "from": issue.stretch[0] if issue.stretch else None,
+                    "to": issue.stretch[1] if issue.stretch else None,
                 }
                 for issue in issues
             ],

@@ -62,7 +62,7 @@ def monitor(
     check_outputs(json, plot, calibration if healthy else None, inputs=(model, *logs, *(healthy or ())))
     check_picture(plot)
     loaded = load_model(model, map or ())
-    runs, healthy_runs = loaded.runs(logs), loaded.runs(healthy or [])
+    runs, healthy_runs = loaded.runs(logs, keep_silent=True), loaded.runs(healthy or [])
     _refuse_shared(runs, healthy_runs)
     with progress("reading") as report:
         learnt = _calibration(loaded.model, healthy_runs, false_alarms, calibration, report)

@@ -159,7 +159,13 @@ class LoadedModel:
         return self.file.columns | dict(parse_map_option(f"{key}={text}") for key, text in self.mapped.items())
 
     def runs(
-        self, logs: Sequence[Log], *, strict: bool = True, notify: Notify = _warn, named: str = "log"
+        self,
+        logs: Sequence[Log],
+        *,
+        strict: bool = True,
+        notify: Notify = _warn,
+        named: str = "log",
+        keep_silent: bool = False,
     ) -> list[Run]:
         """Every run of the logs, in order; columns that were guessed, and doubtful values, are reported.
 
@@ -169,6 +175,7 @@ class LoadedModel:
             notify: called with a log and a sentence about it; by default it is logged as a warning.
             strict: refuse values that can't be in the unit they are read in, and say what is doubtful; else both are
                 left to who looks at the runs' issues.
+            keep_silent: keep what a frozen, clamped or dead sensor says, for who watches sensors.
 
         Raises:
             InputError: a log can't be used, or lacks a column that the model needs.
@@ -186,6 +193,7 @@ class LoadedModel:
                 optional=optional_columns(self.model),
                 strict=strict,
                 guessing=self.guessing,
+                keep_silent=keep_silent,
             )
             issues = [issue.sentence for issue in runs[0].issues] if strict else []
             for note in [*(note for note in runs[0].notes if note.startswith(GUESSED)), *issues]:

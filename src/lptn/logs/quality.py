@@ -1,7 +1,7 @@
 """What is wrong with a log's time and values: refused where it can't be used, else an issue with what would correct it.
 
 `check_time` and `check_values` refuse, with the line of the file, what no run can be made of. `issues_of` looks for
-what is suspicious and can be read all the same: another unit, a counter that wraps, a dead sensor. Each of its checks
+what is suspicious and can be read all the same: another unit, a counter that wraps, a frozen sensor. Each of its checks
 gives a list of `Issue`; a new check is one more function and its call in `issues_of`.
 """
 
@@ -16,6 +16,7 @@ import numpy.typing as npt
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.logs.columns import ColumnName, ColumnSource, as_line_or_option
+from lptn.logs.silence import Silence, duplicates, silences
 from lptn.logs.tables import Table
 
 AMBIENT = "temperature.ambient"
@@ -32,6 +33,8 @@ class Issue:
         remedy: what to write, or to do.
         certain: it can't be right as it is read.
         corrected: the entry of [columns] that the remedy proposes, if it proposes one.
+        kind: of what is odd: "unit", "wrap", "code", "frozen", "clamped", "dead", "duplicate", "size".
+        stretch: s, the first and last time of what is odd; all of the log by default.
     """
 
     key: str
@@ -40,6 +43,8 @@ class Issue:
     remedy: str
     certain: bool
     corrected: ColumnSource | None = None
+    kind: str = "unit"
+    stretch: tuple[float, float] | None = None
 
     @property
     def sentence(self) -> str:
@@ -52,10 +57,12 @@ class Issue:
         return f"column '{self.column}'", self.problem, self.remedy
 
 
-def _correctable(key: str, problem: str, corrected: ColumnSource, certain: bool, remedy: str = "write {}") -> Issue:
+def _correctable(
+    key: str, problem: str, corrected: ColumnSource, certain: bool, remedy: str = "write {}", kind: str = "unit"
+) -> Issue:
     """An issue whose remedy is an entry of [columns], put into the text `remedy`."""
     return Issue(
-        key, corrected.columns[0], problem, remedy.format(as_line_or_option(key, corrected)), certain, corrected
+        key, corrected.columns[0], problem, remedy.format(as_line_or_option(key, corrected)), certain, corrected, kind
     )
 
 
@@ -323,7 +330,7 @@ def suspect_wrap(key: str, source: ColumnSource, raw: FloatArray) -> list[Issue]
         # A signal about 0 jumps at every change of sign: short are its steps the other way round.
         if in_range and wraps and np.median(np.minimum(steps, turn - steps)) < _SHORT * turn:
             problem = f"{wraps} jumps of some {turn:.0f}: a counter of {bits} bit that wraps"
-            return [_correctable(key, problem, replace(source, wrap=turn), True)]
+            return [_correctable(key, problem, replace(source, wrap=turn), True, kind="wrap")]
     return []
 
 
@@ -338,8 +345,6 @@ _FAR_OF_CODE = 10.0  # K, the same for a number that is among the fault codes
 _TOO_HOT = 150.0  # degC: a number beyond, or below its negative, may be a code though it occurs but once
 _MOST_CODES = 4  # of one sensor; with more of them it is noise
 _STUCK = 600.0  # s
-_FINE = 0.1  # K, the usual change of a sensor fine enough to be expected to move
-_LONGER = 20.0  # times its median, for how long a stuck reading stands
 _MOVES = 3.0  # K, by which another temperature moves while this one is stuck throughout
 
 
@@ -365,11 +370,12 @@ def suspect_sensor(
         count = int(coded.sum())
         listed = " and ".join(f"{code:.6g}" for code in codes)
         problem = f"{count} reading{'s' * (count > 1)} of exactly {listed} degC, far from those around: a fault code"
-        issues.append(_correctable(key, problem, replace(source, invalid=(*source.invalid, *in_file)), False))
+        invalid = replace(source, invalid=(*source.invalid, *in_file))
+        issues.append(_correctable(key, problem, invalid, False, kind="code"))
     rest = there[~coded]
-    if problem := _stuck(time[rest], values[rest], others_move and key != AMBIENT):
+    if problem := _still_throughout(time[rest], values[rest], others_move and key != AMBIENT):
         remedy = "if the sensor was stuck, write invalid = [that number] in its entry of [columns]"
-        issues.append(Issue(key, source.columns[0], problem, remedy, False))
+        issues.append(Issue(key, source.columns[0], problem, remedy, False, kind="frozen"))
     return issues
 
 
@@ -391,28 +397,18 @@ def _fault_codes(readings: FloatArray) -> list[float]:
     return codes if np.isin(readings, codes).mean() < 0.5 and len(codes) <= _MOST_CODES else []
 
 
-def _stuck(time: FloatArray, values: FloatArray, expected_to_move: bool) -> str:
-    """What is odd about a sensor that gives one value for ten minutes, fine as it is; '' where nothing is.
+def _still_throughout(time: FloatArray, values: FloatArray, expected_to_move: bool) -> str:
+    """What is odd about a sensor that gives one value all the time; '' where nothing is.
 
     Args:
         time: (n,) s.
         values: (n,) degC, without NaN.
         expected_to_move: whether one value throughout is odd; people write one number for the room.
     """
-    if time.size < 3:
+    if time.size < 3 or not expected_to_move or (values != values[0]).any():
         return ""
-    changes = np.flatnonzero(np.diff(values) != 0)
-    if changes.size == 0:
-        span = float(time[-1] - time[0])
-        return f"reads {values[0]:.6g} degC throughout, {span:.4g} s" if span >= _STUCK and expected_to_move else ""
-    ends = np.concatenate(([0], changes + 1, [time.size - 1]))
-    spans = np.diff(time[ends])
-    longest = int(spans.argmax())
-    usual_change = float(np.median(np.abs(np.diff(values)[changes])))
-    if spans[longest] >= _STUCK and usual_change < _FINE and spans[longest] > _LONGER * np.median(spans):
-        value, start = values[ends[longest]], time[ends[longest]]
-        return f"reads {value:.6g} degC for {spans[longest]:.4g} s from {start:.6g} s on"
-    return ""
+    span = float(time[-1] - time[0])
+    return f"reads {values[0]:.6g} degC throughout, {span:.4g} s" if span >= _STUCK else ""
 
 
 _FINEST, _COARSEST = 0.02, 5.0  # K; finer is the file's rounding, coarser is a fault code such as 85 or 0
@@ -440,11 +436,87 @@ def quantisation_step(values: FloatArray) -> float:
     return float(f"{step:.4g}") if regular and _FINEST <= step <= _COARSEST else 0.0
 
 
+# --- Channels that stand still, or say the same as another ---------------------------------------
+
+
+_MOVING = 0.05  # rad/s, mean of |speed|: a joint that moves
+_MOST_TORQUE = 1000.0  # N·m: no robot's joint bears more
+_UNITS = {"temperature": "degC", "torque": "N*m", "current": "A"}
+
+
+def silences_of(values: Mapping[str, FloatArray]) -> dict[str, list[Silence]]:
+    """Stretches in which sensors, and torques or currents, say nothing, by quantity.
+
+    Args:
+        values: time [s] and the quantities, (n,) each, in SI and degC.
+    """
+    found = {}
+    for key, each in values.items():
+        quantity, _, place = key.partition(".")
+        if quantity == "temperature":
+            found[key] = silences(values["time"], each, resolution=quantisation_step(each))
+        elif quantity in ("torque", "current"):
+            still = silences(values["time"], each, temperature=False)
+            speed = values.get(f"velocity.{place}", np.zeros(0))
+            found[key] = [one for one in still if one.value != 0 or _moves(speed, one)]
+    return {key: each for key, each in found.items() if each}
+
+
+def _moves(speed: FloatArray, silence: Silence) -> bool:
+    inside = np.abs(speed[silence.rows]) if speed.size else np.zeros(0)
+    return bool(np.isfinite(inside).any()) and float(np.nanmean(inside)) > _MOVING
+
+
+def without_silent(values: FloatArray, silent: list[Silence]) -> FloatArray:
+    """A channel's values, NaN where it is silent."""
+    return np.where(np.any([each.rows for each in silent], axis=0), np.nan, values) if silent else values
+
+
+def suspect_silence(key: str, source: ColumnSource, silent: list[Silence]) -> list[Issue]:
+    """What a channel's silences mean: readings are left out; of torque and current the heat is not known."""
+    quantity, _, place = key.partition(".")
+    issues = []
+    for each in silent:
+        number = f"{each.value:.6g}"
+        problem = f"{each.kind} at {number} {_UNITS[quantity]} from {each.start:.6g} to {each.stop:.6g} s"
+        if quantity == "temperature" and key != AMBIENT:
+            remedy = "these readings are left out"
+        else:
+            what = f"the heat of {place}" if quantity != "temperature" else "what leaves to the air"
+            remedy = f"{what} is not known there; with invalid = [{number}] in its entry of [columns] it is a gap"
+        stretch = (each.start, each.stop)
+        issues.append(Issue(key, source.columns[0], problem, remedy, False, kind=each.kind, stretch=stretch))
+    return issues
+
+
+def _suspect_torque(key: str, source: ColumnSource, values: FloatArray) -> list[Issue]:
+    """Torques that no joint bears."""
+    beyond = np.abs(np.nan_to_num(values)) > _MOST_TORQUE
+    if source.unit is not None or not beyond.any():
+        return []
+    problem = f"{int(beyond.sum())} values up to {float(np.nanmax(np.abs(values))):.4g} N*m, more than any joint bears"
+    remedy = 'write its unit, such as unit = "mN*m", or valid = [-100, 100] for what can be, in its entry of [columns]'
+    return [Issue(key, source.columns[0], problem, remedy, True, kind="size")]
+
+
+def _suspect_duplicates(sources: Mapping[str, ColumnSource], values: Mapping[str, FloatArray]) -> list[Issue]:
+    """Temperatures that are another column's, number by number."""
+    read = {key: values[key] for key in sources if key.startswith("temperature.") and key != AMBIENT}
+    remedy = "one of the two is not where it is said to be; leave it out, or map its own column"
+    return [
+        Issue(key, sources[key].columns[0], f"the same readings as {other}", remedy, False, kind="duplicate")
+        for key, other in duplicates(read).items()
+    ]
+
+
 # --- All that looks wrong in a log -----------------------------------------------------------------
 
 
 def issues_of(
-    sources: Mapping[str, ColumnSource], numbers: Mapping[str, FloatArray], values: Mapping[str, FloatArray]
+    sources: Mapping[str, ColumnSource],
+    numbers: Mapping[str, FloatArray],
+    values: Mapping[str, FloatArray],
+    silent: Mapping[str, list[Silence]],
 ) -> tuple[Issue, ...]:
     """What looks wrong in a log's columns: another unit, a counter that wraps, a sensor that is dead.
 
@@ -455,6 +527,7 @@ def issues_of(
         sources: where the quantities stand, time first.
         numbers: the file's columns, (n,) each, as they stand there.
         values: the quantities, (n,) each, in SI and degC.
+        silent: their silences, by `silences_of`.
     """
     ranges = {
         key: np.ptp(values[key][np.isfinite(values[key])]) for key in values if _is_read_temperature(key, values[key])
@@ -465,8 +538,12 @@ def issues_of(
         of_column = suspect_wrap(key, source, raw) or suspect_unit(key, source, values[key])
         if not of_column and key.startswith("temperature."):
             others_move = any(moved > _MOVES for other, moved in ranges.items() if other != key)
-            of_column = suspect_sensor(key, source, values["time"], raw, values[key], others_move)
-        issues += of_column
+            alive = without_silent(values[key], silent.get(key, []))
+            of_column = suspect_sensor(key, source, values["time"], raw, alive, others_move)
+        elif not of_column and key.startswith("torque."):
+            of_column = _suspect_torque(key, source, values[key])
+        issues += [*of_column, *suspect_silence(key, source, silent.get(key, []))]
+    issues += _suspect_duplicates(sources, values)
     if not any(issue.key.startswith("temperature.") for issue in issues):
         issues += suspect_fahrenheit(sources, values)
     return tuple(issues)

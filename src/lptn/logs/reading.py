@@ -17,7 +17,7 @@ from lptn.logs.bags import open_bag
 from lptn.logs.columns import ColumnSource
 from lptn.logs.guess import format_note, guess
 from lptn.logs.joining import join
-from lptn.logs.quality import Issue, check_time, check_values, issues_of, quantisation_step
+from lptn.logs.quality import Issue, check_time, check_values, issues_of, quantisation_step, silences_of, without_silent
 from lptn.logs.resampling import (
     ROUNDING,
     SEVERAL,
@@ -270,6 +270,7 @@ def read_log(
     optional: Collection[str] = (),
     strict: bool = True,
     guessing: bool = False,
+    keep_silent: bool = False,
 ) -> list[Run]:
     """Read a log into runs, one for each stretch between gaps in the inputs.
 
@@ -289,6 +290,7 @@ def read_log(
         outputs: temperature columns that the model predicts. Neither given: all columns are kept.
         optional: inputs that are kept where the log has them without a gap.
         strict: refuse values that can't be in the unit they are read in; else they are only among the runs' issues.
+        keep_silent: keep what a frozen, clamped or dead temperature sensor says; else it is no reading.
         guessing: take columns whose names say what they hold for what is missing; the runs' notes say which.
 
     Returns:
@@ -315,7 +317,7 @@ def read_log(
     guesses = guess(table, columns, inputs, outputs) if guessing else []
     columns |= {guessed.key: guessed.source for guessed in guesses}
     choice = choose_columns(table, columns, inputs, outputs, optional)
-    samples, of_values, issues = _checked_samples(table, choice, strict)
+    samples, of_values, issues = _checked_samples(table, choice, strict, keep_silent)
     choice, samples, gappy = _without_gappy(choice, samples, {*inputs, *outputs} or set(choice.inputs), table.mixed)
     choice, samples, empty = _without_empty(table, choice, samples)
     step, of_step = _step(step, samples.period)
@@ -330,7 +332,9 @@ def read_log(
     return [replace(run, issues=issues) for run in runs]
 
 
-def _checked_samples(table: Table, choice: ColumnChoice, strict: bool) -> tuple[Samples, list[str], tuple[Issue, ...]]:
+def _checked_samples(
+    table: Table, choice: ColumnChoice, strict: bool, keep_silent: bool
+) -> tuple[Samples, list[str], tuple[Issue, ...]]:
     """The log's samples in SI and degC, notes, and what looks wrong."""
     numbers = table.numbers(name for source in choice.sources.values() for name in source.columns)
     raw: dict[str, FloatArray] = {}
@@ -342,10 +346,13 @@ def _checked_samples(table: Table, choice: ColumnChoice, strict: bool) -> tuple[
         if marked := source.missing(numbers):
             notes.append(f"{key}: {marked} of {raw[key].size} numbers are no readings, by its entry in [columns].")
     with np.errstate(over="ignore", invalid="ignore"):  # what overflows here is refused as a time below
-        issues = issues_of(choice.sources, numbers, raw)
+        silent = silences_of(raw)
+        issues = issues_of(choice.sources, numbers, raw, silent)
     for issue in issues:
         if strict and issue.certain:
             raise InputError(table.path, *issue.error)
+    for key in () if keep_silent else silent.keys() & set(choice.outputs) - set(choice.inputs):
+        raw[key] = without_silent(raw[key], silent[key])
     time = raw.pop("time")
     keep, repeated = check_time(table, choice.sources["time"].columns[0], time)
     if keep.size < time.size:

@@ -1,0 +1,148 @@
+"""Stretches in which a channel says nothing: its sensor stands still, is gone, or is at the end of its range.
+
+A sensor that is alive shows its noise. One that gives bit for bit the same number for longer than its own noise and
+steps allow is *frozen*; *clamped* where that is the highest or lowest number that it gives, and one that it gives again
+and again; *dead* where the number is far from all around it, as 0 or full scale is. A torque that stands still, or is
+exactly zero while its joint moves, is found in the same way. What a channel says in such a stretch is no reading.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from lptn.basics.arrays import BoolArray, FloatArray, IntArray
+
+Kind = Literal["frozen", "clamped", "dead"]
+
+
+@dataclass(frozen=True)
+class Silence:
+    """One such stretch.
+
+    Args:
+        kind: of silence.
+        value: what the channel gives all the while, in SI or degC.
+        start: s, of the first of these readings.
+        stop: s, of the last.
+        rows: which rows of the log it covers, shape (n,).
+    """
+
+    kind: Kind
+    value: float
+    start: float
+    stop: float
+    rows: BoolArray
+
+
+_SHORTEST = 60.0  # s, of a number far from all others; nothing thermal is lost in less
+_STILL = 300.0  # s, of one among them: filters in drives let a steady motor's reading stand for two minutes
+_CHANCE = 1e-6  # that a live sensor would ever give the same number for so long
+_REVERSALS = 0.2  # share of changes that turn back: above it, what changes is noise; of a smooth rise there are none
+_LIVELY = 0.7  # share of readings like the one before, up to which noise shows at any temperature
+_LONGER = 20.0  # times the median time that a number stands: topics that repeat themselves stand for long
+_JUMPS = 3.0  # steps: a coarse sensor that was alive all the while never moves by so many at once
+_TOUCHES = 5  # readings at the end of its range, before and after it stays there
+_FAR = 10.0  # K from what was read before and after
+_FEWEST = 20  # readings, to know what a sensor is like
+
+
+def silences(
+    time: FloatArray, values: FloatArray, *, resolution: float = 0.0, temperature: bool = True
+) -> list[Silence]:
+    """Stretches in which a channel is silent, in order of time.
+
+    Args:
+        time: (n,) s.
+        values: (n,) in SI or degC, NaN where missing.
+        resolution: the sensor's steps, 0 for none.
+        temperature: whether it can be clamped, or dead at a number far from those around it; else it can be frozen.
+    """
+    there = np.flatnonzero(np.isfinite(values))
+    if there.size < _FEWEST:
+        return []
+    readings, stamps = values[there], time[there]
+    changes = np.flatnonzero(np.diff(readings) != 0)
+    first, last = np.concatenate(([0], changes + 1)), np.concatenate((changes, [readings.size - 1]))
+    spans = stamps[last] - stamps[first]
+    found = []
+    for k in np.flatnonzero(spans >= _SHORTEST):
+        lone = _is_alone(readings, first[k], last[k]) if temperature else False
+        if not lone and spans[k] < _STILL:
+            continue
+        if not lone and not _is_too_long(stamps, readings, first, last, int(k), resolution):
+            continue
+        rows = np.zeros(len(values), dtype=bool)
+        rows[there[first[k]] : there[last[k]] + 1] = True
+        kind: Kind = "dead" if lone else "frozen"
+        if kind == "frozen" and temperature and _is_end_of_range(readings, first[k], last[k]):
+            kind = "clamped"
+        found.append(Silence(kind, float(readings[first[k]]), float(stamps[first[k]]), float(stamps[last[k]]), rows))
+    return found
+
+
+def _is_alone(readings: FloatArray, first: int, last: int) -> bool:
+    """Whether a number is far from the readings just before and after it, and from nearly all others."""
+    beside = readings[[k for k in (first - 1, last + 1) if 0 <= k < readings.size]]
+    others = np.delete(readings, np.s_[first : last + 1])
+    if not beside.size or others.size < _FEWEST:
+        return False
+    outside = readings[first] < others.min() - _FAR or readings[first] > others.max() + _FAR
+    return bool((np.abs(beside - readings[first]) > _FAR).all() and outside)
+
+
+def _is_too_long(
+    stamps: FloatArray, readings: FloatArray, first: IntArray, last: IntArray, k: int, resolution: float
+) -> bool:
+    """Whether a live sensor of this noise and these steps would not stand still for so long."""
+    spans = stamps[last] - stamps[first]
+    steps = np.diff(np.delete(readings, np.s_[first[k] : last[k] + 1]))
+    moves = steps[steps != 0]
+    if moves.size < _FEWEST:
+        return False
+    usual = float(np.median(np.abs(moves)))
+    alike = 1.0 - moves.size / steps.size
+    noisy = float(np.mean(np.sign(moves[1:]) != np.sign(moves[:-1]))) > _REVERSALS
+    if noisy and alike <= _LIVELY:
+        return bool((last[k] - first[k]) * np.log(max(alike, 0.01)) < np.log(_CHANCE))
+    if noisy and resolution == 0:  # a topic that repeats itself until the next reading comes
+        return bool(spans[k] > _LONGER * np.median(np.delete(spans, k)))
+    # A sensor of coarse steps may stand still for as long as the temperature does.
+    value, step = readings[first[k]], max(resolution, usual)
+    beside = [abs(readings[j] - value) for j in (first[k] - 1, last[k] + 1) if 0 <= j < readings.size]
+    return bool(resolution > 0 and max(beside) >= _JUMPS * step)
+
+
+def _is_end_of_range(readings: FloatArray, first: int, last: int) -> bool:
+    """Whether a number is the highest, or lowest, of all, and one that noise brought the sensor to again and again."""
+    others, value = np.delete(readings, np.s_[first : last + 1]), readings[first]
+    return bool((value >= others.max() or value <= others.min()) and (others == value).sum() >= _TOUCHES)
+
+
+# --- Channels that say the same -------------------------------------------------------------------
+
+
+_ALIKE = 0.99  # share of rows in which two channels give the same number
+_MOVED = 0.5  # K; of two that stand still nothing is known
+
+
+def duplicates(values: Mapping[str, FloatArray]) -> dict[str, str]:
+    """Of temperature channels that say the same the later ones, each with the first.
+
+    Args:
+        values: by channel, (n,) degC each.
+    """
+    found: dict[str, str] = {}
+    names = list(values)
+    for number, name in enumerate(names):
+        for earlier in names[:number]:
+            both = np.isfinite(values[name]) & np.isfinite(values[earlier])
+            if earlier in found or both.sum() < _FEWEST or np.ptp(values[name][both]) < _MOVED:
+                continue
+            if float(np.mean(values[name][both] == values[earlier][both])) >= _ALIKE:
+                found[name] = earlier
+                break
+    return found
