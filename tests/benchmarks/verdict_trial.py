@@ -28,6 +28,8 @@ from tests.benchmarks.verdict_answers import (
     SILLY,
     TWO_MASSES,
     Answer,
+    ask,
+    ask_first,
     command_of,
     out_of_bounds,
     read_results,
@@ -320,13 +322,18 @@ def main() -> None:
     parser.add_argument("--outside", type=int, default=2, help="cases with what no catalogue has")
     parser.add_argument("--jobs", type=int, default=1, help="cases at a time")
     parser.add_argument("--limit", type=float, default=LIMIT, help="s of processor time for an answer")
+    parser.add_argument(
+        "--first", action="store_true", help="ask `lptn diagnose`: the first answer alone, for calibration"
+    )
     parser.add_argument("--figure", type=Path, help="reliability diagram to write, .svg or .png")
     chosen = parser.parse_args()
     numbers = {name: getattr(chosen, name) for name in ("most", "pairs", "nothing", "outside")}
     cases = [case for truth in chosen.truths for case in draw_cases(truth, chosen.tiers, chosen.seeds, **numbers)]
     if chosen.versions or chosen.two_masses:
         files = {case: partial(TRUTHS[case.truth].files, case) for case in cases}
-        run_missing(files, dict(chosen.versions), chosen.two_masses, chosen.out, jobs=chosen.jobs, limit=chosen.limit)
+        question = ask_first if chosen.first else ask
+        limits = {"jobs": chosen.jobs, "limit": chosen.limit}
+        run_missing(files, dict(chosen.versions), chosen.two_masses, chosen.out, **limits, question=question)
     results = read_results(chosen.out)
     versions = [name for name in chosen.judge if any((case, name) in results for case in cases)]
     print(table(results, cases, versions), misses(results, cases, versions), sep="\n\n")
