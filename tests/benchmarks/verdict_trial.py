@@ -322,9 +322,7 @@ def main() -> None:
     parser.add_argument("--outside", type=int, default=2, help="cases with what no catalogue has")
     parser.add_argument("--jobs", type=int, default=1, help="cases at a time")
     parser.add_argument("--limit", type=float, default=LIMIT, help="s of processor time for an answer")
-    parser.add_argument(
-        "--first", action="store_true", help="ask `lptn diagnose`: the first answer alone, for calibration"
-    )
+    parser.add_argument("--first", action="store_true", help="ask `lptn diagnose`: the first answer alone")
     parser.add_argument("--figure", type=Path, help="reliability diagram to write, .svg or .png")
     chosen = parser.parse_args()
     numbers = {name: getattr(chosen, name) for name in ("most", "pairs", "nothing", "outside")}
