@@ -121,6 +121,10 @@ def show_history(history: History) -> None:
                 sentence += "; the held-out data chose" if step.holdout else ""
             size = size_in_words(step, history.best.fit)
             sure = f"by the fitted data {percent(step.probability)} probable; " if step.probability else ""
+            likeliest = history.first.probabilities[:1] if number == 1 else []
+            if sure and likeliest and likeliest[0][0] not in (step.key, ("", "")):
+                key, probability = likeliest[0]
+                sure = f"{sure.removesuffix('; ')} ({in_words([key])}: {percent(probability)}); "
             text = f"Step {number}, {in_words([(step.effect, step.at)])}: {sure}{sentence}."
             print(for_people(f"{text}{f' Its {size}.' if size else ''}"))
     if any(step.probability for step in history.steps):
