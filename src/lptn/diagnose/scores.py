@@ -94,7 +94,7 @@ def score(fit: Fit, candidates: Sequence[Candidate], seed: int = 0) -> Scores:
     places = sites(candidates)
     baseline, by_site = _derivatives(fit, places)
     residuals = fit.problem.residuals(fit.z)
-    basis = np.linalg.qr(_regular(baseline[:, ~_held_by_bounds(fit, baseline.T @ residuals)]))[0]
+    basis = np.linalg.qr(_regular(baseline[:, ~_granted_no_more(fit, baseline.T @ residuals)]))[0]
     residuals = _projected(residuals, basis)
     directions = _directions(candidates, places, by_site, _projected(by_site, basis))
     ranked = [_score(candidate, own, residuals) for candidate, own in zip(candidates, directions, strict=True)]
@@ -127,11 +127,17 @@ def _derivatives(fit: Fit, places: Sequence[Site]) -> tuple[FloatArray, FloatArr
     return baseline, np.vstack([*blocks, penalties])
 
 
-def _held_by_bounds(fit: Fit, gradient: FloatArray) -> BoolArray:
-    """Which unknowns the residuals push against a bound, shape (size,): they can't follow what a candidate would do."""
+def _granted_no_more(fit: Fit, gradient: FloatArray) -> BoolArray:
+    """Which unknowns are errors of a run that are pushed beyond what is granted, shape (size,).
+
+    They can't follow what a candidate would do. (Parameters of the model itself at a bound could, if it were moved.)
+    """
     lower, upper = fit.problem.bounds()
+    granted = np.zeros(len(fit.z), dtype=bool)
+    parameters = fit.model.parameters
+    granted[: len(fit.problem.free)] = [parameters[k].declared.prior is not None for k in fit.problem.free]
     below, above = fit.z - lower < _AT_BOUND, upper - fit.z < _AT_BOUND
-    return np.asarray((below & (gradient > 0)) | (above & (gradient < 0)))
+    return np.asarray(granted & ((below & (gradient > 0)) | (above & (gradient < 0))))
 
 
 def _regular(baseline: FloatArray) -> FloatArray:

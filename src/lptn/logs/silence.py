@@ -140,9 +140,10 @@ def duplicates(values: Mapping[str, FloatArray]) -> dict[str, str]:
     for number, name in enumerate(names):
         for earlier in names[:number]:
             both = np.isfinite(values[name]) & np.isfinite(values[earlier])
-            if earlier in found or both.sum() < _FEWEST or np.ptp(values[name][both]) < _MOVED:
+            one, other = values[name][both], values[earlier][both]
+            if earlier in found or np.count_nonzero(np.diff(one)) < _FEWEST or np.ptp(one) < _MOVED:
                 continue
-            if float(np.mean(values[name][both] == values[earlier][both])) >= _ALIKE:
+            if float(np.mean(one == other)) >= _ALIKE:
                 found[name] = earlier
                 break
     return found
