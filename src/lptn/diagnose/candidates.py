@@ -418,9 +418,10 @@ AMBIENT_ERROR = 0.3
 """K, one standard deviation: how far an ambient sensor may be off in each run where nothing else is known of it. So
 much is granted to a platinum thermometer of class B at 0 °C [IEC60751], and air a metre away differs by as much."""
 TORQUE_ERROR = 0.015
-"""Share, one standard deviation: how far a joint's torque or current may be off in each run. Calibrated torque sensors
-of robot joints are off by one to two per cent of what they read, torques from currents by more: magnets lose 0.1 % of
-their flux a kelvin, gears some per cent of what passes them [Chen2017, sec. 3.1.2]. Losses are off by twice as much."""
+"""Share, one standard deviation: how far a joint's torque or current may be off in each run where nothing else is
+known of it. Magnets lose 0.1 % of their flux a kelvin (`lptn.effects.torque_constant_drop`), so that of two runs of which
+one is 15 K warmer the torques that currents stand for differ by as much. Losses are off by twice that. The table of
+`tests/benchmarks/verdict_sensitivity.py` says what verdicts owe to it: of four rough legs none changed from 1 to 2.3 %."""
 
 
 def with_errors_of_runs(
