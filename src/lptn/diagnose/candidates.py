@@ -419,9 +419,9 @@ AMBIENT_ERROR = 0.3
 much is granted to a platinum thermometer of class B at 0 °C [IEC60751], and air a metre away differs by as much."""
 TORQUE_ERROR = 0.015
 """Share, one standard deviation: how far a joint's torque or current may be off in each run where nothing else is
-known of it. Magnets lose 0.1 % of their flux a kelvin (`lptn.effects.torque_constant_drop`), so that of two runs of which
-one is 15 K warmer the torques that currents stand for differ by as much. Losses are off by twice that. The table of
-`tests/benchmarks/verdict_sensitivity.py` says what verdicts owe to it: of four rough legs none changed from 1 to 2.3 %."""
+known of it. Magnets lose 0.1 % of their flux a kelvin (`lptn.effects.torque_constant_drop`), so that of two runs of
+which one is 15 K warmer the torques that currents stand for differ by as much. Losses are off by twice that. Of four
+rough legs no verdict changed with 1.0 and 2.3 % (`tests/benchmarks/verdict_sensitivity.py --tiers rough --most 1`)."""
 
 
 def with_errors_of_runs(
