@@ -6,6 +6,7 @@ Logs of virtual robots, corrupted after they were made; beside them the same log
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -13,6 +14,7 @@ import numpy.typing as npt
 import pandas as pd
 import pytest
 
+from lptn.logs.columns import ColumnSource
 from lptn.logs.quality import Issue
 from lptn.logs.reading import read_log
 from lptn.virtual import leg_logs
@@ -135,3 +137,7 @@ def test_a_torque_that_no_joint_bears_is_refused() -> None:
     _torque_huge(log)
     with pytest.raises(ValueError, match="more than any joint bears"):
         read_log(log)
+    source = ColumnSource(("torque.FR_calf",), unit="N*m")
+    with pytest.raises(ValueError, match="more than any joint bears"):
+        read_log(log, {"torque.FR_calf": source})
+    read_log(log, {"torque.FR_calf": replace(source, valid=(-100.0, 100.0))})

@@ -492,10 +492,10 @@ def suspect_silence(key: str, source: ColumnSource, silent: list[Silence]) -> li
 def _suspect_torque(key: str, source: ColumnSource, values: FloatArray) -> list[Issue]:
     """Torques that no joint bears."""
     beyond = np.abs(np.nan_to_num(values)) > _MOST_TORQUE
-    if source.unit is not None or not beyond.any():
+    if np.isfinite(source.valid).any() or not beyond.any():  # who says what is valid knows the machine
         return []
     problem = f"{int(beyond.sum())} values up to {float(np.nanmax(np.abs(values))):.4g} N*m, more than any joint bears"
-    remedy = 'write its unit, such as unit = "mN*m", or valid = [-100, 100] for what can be, in its entry of [columns]'
+    remedy = 'write its unit, such as unit = "mN*m", or valid = [LEAST, GREATEST], in its entry of [columns]'
     return [Issue(key, source.columns[0], problem, remedy, True, kind="size")]
 
 

@@ -85,7 +85,7 @@ def silences(
 
 
 def _is_alone(readings: FloatArray, first: int, last: int) -> bool:
-    """Whether a number is far from the readings just before and after it, and from nearly all others."""
+    """Whether a number is far from the readings just before and after it, and from all others."""
     beside = readings[[k for k in (first - 1, last + 1) if 0 <= k < readings.size]]
     others = np.delete(readings, np.s_[first : last + 1])
     if not beside.size or others.size < _FEWEST:

@@ -323,8 +323,9 @@ def _which_data(history: History, data: DataSplit) -> str:
         fitted = "No parameter was fitted to it"
         granted = granted_in_words(history.best.fit.model)
         if granted or history.differing:
-            fitted = f"Nothing was fitted to it but that each run may have {granted}"
-            fitted += " or what differs in it" if history.differing else ""
+            own = [f"that each run may have {granted}"] if granted else []
+            own += ["what differs in it"] if history.differing else []
+            fitted = f"Nothing was fitted to it but {' and '.join(own)}"
         text += f" Held out: {_runs(data.holdout)}. {fitted}; it {among}says where the steps end."
     if data.test:
         return f"{text} Test: {_runs(data.test)}. It chose nothing, so its error is the one to quote."
