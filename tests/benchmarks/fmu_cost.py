@@ -21,6 +21,7 @@ from statistics import median
 from typing import Any
 from zipfile import ZipFile
 
+import fmpy
 import numpy as np
 
 from lptn.fmu import Session, export
@@ -123,6 +124,14 @@ def through_fmpy(fmu: Path, component: Any) -> tuple[float, float]:
         return arrays, timed(with_lists, 5000)
 
 
+def with_outputs(fmu: Path, kind: str) -> float:
+    """A step through fmpy that also reads every output whose name holds these words."""
+    outputs = [variable.name for variable in fmpy.read_model_description(fmu).modelVariables if kind in variable.name]
+    with Session(fmu, outputs=outputs) as session:
+        session.inputs[:] = [293.0 if name == "ambient.temperature" else 1.0 for name in session.input_names]
+        return timed(lambda: session.step(STEP), 500)
+
+
 def python_fmu(folder: Path) -> float | None:
     """The same model as a PythonFMU slave, through fmpy; `None` where the package is missing."""
     if find_spec("pythonfmu") is None:
@@ -180,6 +189,9 @@ def main() -> None:
             arrays, lists = through_fmpy(each.path, each.component)
             found[f"ours through fmpy, FMI {each.fmi}, arrays made once [us]"] = arrays
             found[f"ours through fmpy, FMI {each.fmi}, lists [us]"] = lists
+        limited = export(model, folder / "limited.fmu", admissible=True)
+        found["ours through fmpy, with each node's time to its limit [us]"] = with_outputs(fmi3.path, "time_to_limit")
+        found["ours through fmpy, with the 48 admissible torques [us]"] = with_outputs(limited.path, "admissible")
         found["PythonFMU through fmpy [us]"] = peer = python_fmu(folder)
         found["MuJoCo's A1, one step of 2 ms [us]"] = robot = mujoco_step()
     ours, best = found["ours in C [us]"], found["ours through fmpy, FMI 2, arrays made once [us]"]

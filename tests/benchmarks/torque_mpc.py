@@ -3,6 +3,7 @@
 Run it with ``python -m tests.benchmarks.torque_mpc`` and one of
 
 - ``peers``: do-mpc 5 in the same run, interleaved, processor time (do-mpc comes with the extra `benchmarks`),
+- ``robots``: ten further robots, 200 steps each from below and from above the limit,
 - ``optimality``: cost against the converged nonlinear program,
 - ``derating``: linear derating and a hard cut-off over ten tasks,
 - ``emitted``: the C step and the limiter as a robot runs them.
@@ -74,11 +75,16 @@ def activity(seed: int, periods: int) -> FloatArray:
 
 
 def run(
-    controllers: dict[str, Controller], start: float, steps: int, seed: int, failed: dict[str, list[int]] | None = None
+    controllers: dict[str, Controller],
+    start: float,
+    steps: int,
+    seed: int,
+    failed: dict[str, list[int]] | None = None,
+    noise: float = NOISE,
 ) -> dict[str, Outcome]:
     """Closed loops side by side, each on its own copy of the same true robot with the same noise."""
     robot = true_robot(seed)
-    worlds = {name: World(robot, start, NOISE, seed) for name in controllers}
+    worlds = {name: World(robot, start, noise, seed) for name in controllers}
     idle, request = World(robot, start), activity(seed, steps + STAGES)
     outcomes = {name: Outcome() for name in controllers}
     for k in range(steps):
@@ -180,6 +186,18 @@ def peers(steps: int, seed: int) -> None:
         slow, fast = (1e3 * np.array(outcomes[name].times) for name in (names[3], names[0]))
         median, most = np.median(slow) / np.median(fast), slow.max() / fast.max()
         print(f"16 growing stages: {median:.0f} times faster than do-mpc in the median, {most:.0f} in the worst case\n")
+
+
+def robots(steps: int) -> None:
+    """The worst temperature above the limit and the failures of ten robots, with noise as told and three times that."""
+    for noise, settings in ((NOISE, {}), (0.3, {"noise": 0.3})):
+        for start in (45.0, 62.0):
+            worst, failed = [], list[int]()
+            for seed in range(11, 21):
+                controller = ours(model_of(true_robot(seed), ERROR, seed), 16, failed, **settings)
+                worst.append(run({"ours": controller}, start, steps, seed, noise=noise)["ours"].violation)
+            above = ", ".join(f"{each:.3f}" for each in worst)
+            print(f"noise {noise} K, start {start:g} degC: above the limit {above} K; {sum(failed)} failures", flush=True)
 
 
 def optimality(seed: int, points: int) -> None:
@@ -338,12 +356,14 @@ def _built_and_run(folder: Path, source: str, lines: str) -> tuple[FloatArray, s
 def main() -> None:
     """Read the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=["peers", "optimality", "derating", "emitted"])
+    parser.add_argument("what", choices=["peers", "robots", "optimality", "derating", "emitted"])
     parser.add_argument("--steps", type=int, default=200)
     parser.add_argument("--seed", type=int, default=1)
     told = parser.parse_args()
     if told.what == "peers":
         peers(told.steps, told.seed)
+    elif told.what == "robots":
+        robots(told.steps)
     elif told.what == "optimality":
         optimality(told.seed, 12)
     elif told.what == "derating":
