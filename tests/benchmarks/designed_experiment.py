@@ -185,7 +185,8 @@ def refits(loaded: LoadedModel, logs: Sequence[Path], rivals: Sequence[str], at:
     # All that can have the effect: every node, or every joint.
     names = ("*", "*_*") if at == EVERYWHERE else (at,)
     known = candidates(loaded.model.network, columns)
-    found = [each for each in known if each.effect.key in rivals and each.at in names and not each.run]
+    widest = {each.effect.key: each for name in reversed(names) for each in known if each.at == name and not each.run}
+    found = [widest[rival] for rival in rivals if rival in widest]
     if len(found) != len(rivals):
         raise ValueError(f"rivals {rivals} at {at}: the model has room for {[each.key for each in found]}")
     return refit_all(base, score(base, found).ranked)

@@ -197,7 +197,7 @@ def robots(steps: int) -> None:
                 controller = ours(model_of(true_robot(seed), ERROR, seed), 16, failed, **settings)
                 worst.append(run({"ours": controller}, start, steps, seed, noise=noise)["ours"].violation)
             above = ", ".join(f"{each:.3f}" for each in worst)
-            print(f"noise {noise} K, start {start:g} degC: above the limit {above} K; {sum(failed)} failures", flush=True)
+            print(f"noise {noise} K, start {start:g} degC: above {above} K; {sum(failed)} failures", flush=True)
 
 
 def optimality(seed: int, points: int) -> None:
