@@ -44,21 +44,17 @@ CONSTANTS = (
     "lptn.diagnose.diagnosis.SIGNIFICANT",
     "lptn.diagnose.diagnosis._MOST_REFITS",
     "lptn.diagnose.diagnosis.HOPELESS",
-    "lptn.diagnose.diagnosis._NEAR",
     "lptn.diagnose.diagnosis._SAME_EFFECT_SHARE",
     "lptn.diagnose.diagnosis.MUCH_WORSE",
     "lptn.diagnose.diagnosis._MOST_BY_ONE",
     "lptn.diagnose.diagnosis._ELSEWHERE",
-    "lptn.diagnose.diagnosis._SILENT",
     "lptn.diagnose.diagnosis._RUNS_DIFFER",
     "lptn.diagnose.improvement._WORTH",
-    "lptn.diagnose.improvement._PROGRESS",
-    "lptn.diagnose.improvement._CLEARLY",
     "lptn.diagnose.improvement._MOST",
 )
 """What decides; constants of the search for a number, such as precisions, are left out."""
 FACTORS = (1 / 1.5, 1.5)
-ABOVE_ONE = frozenset(("HOPELESS", "_NEAR", "MUCH_WORSE", "_SILENT", "LACKING", "CLEARLY", "_SHOWS_PLAINLY", "_OCCAM"))
+ABOVE_ONE = frozenset(("HOPELESS", "MUCH_WORSE", "LACKING", "CLEARLY", "_SHOWS_PLAINLY", "_OCCAM"))
 """Ratios: what lies above one is changed."""
 STEPS = 3
 

@@ -7,7 +7,7 @@ import pytest
 
 from lptn.diagnose.candidates import candidates
 from lptn.diagnose.diagnosis import diagnose, for_search, refit_all
-from lptn.diagnose.fit_statistics import independent_readings
+from lptn.diagnose.fit_statistics import fitted_errors, independent_readings
 from lptn.diagnose.scores import Scores, score
 from lptn.identify.validation import fit_segments
 from lptn.virtual import Hidden
@@ -112,7 +112,7 @@ def test_p_values_run_from_chance_to_certainty(leg: Leg) -> None:
 def test_white_residuals_count_nearly_all_and_slow_ones_hardly(leg: Leg) -> None:
     model, data = leg()
     good = fit_segments(model, data.coarsened(5.0).fit)
-    assert independent_readings(good) > 0.5 * good.problem.readings
+    assert independent_readings(fitted_errors(good)) > 0.5 * good.problem.readings
     model, data = leg(Hidden("forced_convection", "FR_thigh"))
     poor = fit_segments(model, data.coarsened(5.0).fit)
-    assert independent_readings(poor) < 0.1 * poor.problem.readings
+    assert independent_readings(fitted_errors(poor)) < 0.1 * poor.problem.readings

@@ -143,8 +143,8 @@ class Diagnosis(Tabular):
 
     @property
     def helpful(self) -> tuple[Step, ...]:
-        """The refits that lower the misfit; the score promised as much of the others, their refit did not keep it."""
-        return tuple(step for step in self.refits if step.fit.cost < (1 - _HELPS) * self.fit.cost)
+        """The refits that pay for their parameters; the scores promised as much of the others."""
+        return tuple(step for step in self.refits if step.gain > 0)
 
     @property
     def best(self) -> Step | None:
@@ -237,7 +237,6 @@ SIGNIFICANT = 0.05
 _SEARCH_STEP = 5.0  # s; effects are sought on means over so long, which loses little and saves most of the time
 _MOST_STEPS = 4000  # of all fitted runs together: days of data get longer means, so that memory stays bounded
 _MOST_REFITS = 6  # the best by score; the best places of further effects come on top
-_HELPS = 1e-3  # share of the misfit that a refit must remove to be worth a line
 
 
 def diagnose(
@@ -321,7 +320,6 @@ HOPELESS = 1.5
 """Times the misfit of the most promising candidate from which on none is fitted to the end, or followed."""
 _ITERATIONS, _PRECISION = 25, 3e-4  # of the cost: enough to rank; the step that is kept is fitted to the end
 _SAME_EFFECT_SHARE = 0.2  # the best place of an effect is refitted if it scores so much of the best gain
-_NEAR = 1.3  # times the least misfit; a fit that was cut off so near to it may yet reach it
 _TYPICAL_RANGE = (0.02, 20.0)  # first-order amplitudes outside this share of the typical size are not trusted
 
 
@@ -358,7 +356,7 @@ def refit_all(base: Fit, scores: Sequence[Score], executor: Executor | None = No
     steps = [_refitted((base, scores[0], np.inf))]
     steps += run(_refitted, [(base, each, HOPELESS * steps[0].fit.cost) for each in scores[1:]])
     # A large effect is a long way from the baseline; cut off, it would seem worse than another name for the same.
-    near = _NEAR * min(step.fit.cost for step in steps)
+    near = HOPELESS * min(step.fit.cost for step in steps)
     cut_off = [k for k, step in enumerate(steps) if step.fit.status == "not converged" and step.fit.cost <= near]
     for k, longer in zip(cut_off, run(finished, [steps[k].fit for k in cut_off]), strict=True):
         steps[k] = _step(base, steps[k].declaration, unless_interrupted(longer))
@@ -496,7 +494,6 @@ def _holdout_decides(steps: list[Step]) -> list[Step]:
 
 _MOST_BY_ONE, _MOST_BY_THREE = 0.6, 0.8  # shares of the misfit beyond noise that are most of it
 _ELSEWHERE = 0.3  # share of the held-out error, squared and beyond noise, that must go with it
-_SILENT = 1.1  # mean squares so little above the noise show nothing that could go
 _RUNS_DIFFER = 0.3  # K; two runs differ by so much in their air and sensors alone
 
 
@@ -530,9 +527,7 @@ def explained_elsewhere(base: Fit, before: Errors | None, after: Errors | None) 
     if before is None or after is None:
         return True
     floor = float(np.mean(base.noise.floor**2))
-    if before.rmse**2 < _SILENT * floor:
-        return after.rmse <= before.rmse
-    return before.rmse**2 - after.rmse**2 > _ELSEWHERE * max(before.rmse**2 - floor, 0.0)
+    return before.rmse**2 - after.rmse**2 >= _ELSEWHERE * max(before.rmse**2 - floor, 0.0)
 
 
 def _three_together_explain(first: Diagnosis, data: DataSplit, refits: int, executor: Executor | None) -> bool:

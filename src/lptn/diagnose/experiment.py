@@ -40,6 +40,7 @@ from lptn.diagnose.fit_statistics import (
     block_misfits,
     block_numbers,
     criterion_difference,
+    fitted_errors,
     independent_readings,
 )
 from lptn.identify.fitting import Fit
@@ -307,7 +308,7 @@ class Rivals:
     def __init__(self, fits: Sequence[Fit]) -> None:
         self.fits = list(fits)
         self._density = noise_density(min(self.fits, key=lambda each: each.cost))
-        self._misfits = [block_misfits(each)[0].sum(axis=1) for each in self.fits]
+        self._misfits = [block_misfits(fitted_errors(each), each.problem.sigma)[0].sum(axis=1) for each in self.fits]
         self._priors = [self._prior(each) for each in self.fits]
 
     @property
@@ -389,7 +390,7 @@ def noise_density(done: Fit) -> FloatArray:
     difference of hundredths of a kelvin decides nothing.
     """
     bound_runs, errors = done.problem.bound_runs, done.residuals
-    repeated = max(1.0, done.problem.readings / independent_readings(done))
+    repeated = max(1.0, done.problem.readings / independent_readings(fitted_errors(done)))
     variance = np.empty(len(done.model.nodes))
     for row, floor in enumerate(done.noise.floor):
         residual = np.concatenate(

@@ -7,6 +7,7 @@ over a minute, where noise averages out and a missing effect does not.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import log
 
@@ -33,15 +34,29 @@ def criterion_difference(one: Fit, other: Fit) -> float:
     of that number (Schwarz's criterion [Schwarz1978]).
     """
     better = one if one.cost < other.cost else other
-    independent = independent_readings(better)
+    independent = independent_readings(fitted_errors(better))
     misfit = independent * log(max(one.cost, 1e-300) / max(other.cost, 1e-300))
     return misfit + (len(one.free) - len(other.free)) * log(independent)
 
 
-def independent_readings(fit: Fit) -> float:
-    """Number of readings that are as good as independent, from the residuals' correlation in time."""
+RunErrors = tuple[BoundRun, FloatArray]
+"""A run, and a model's errors there (predicted − measured) [K], shape (nodes, n); those count that the run counts."""
+
+
+def fitted_errors(fit: Fit) -> list[RunErrors]:
+    """The fitted runs with what the fit leaves of them."""
+    return list(zip(fit.problem.bound_runs, fit.residuals, strict=True))
+
+
+def predicted_errors(predictions: Sequence[Prediction]) -> list[RunErrors]:
+    """Predicted runs with the errors of their evaluation windows."""
+    return [(each.bound, each.readings - each.bound.measured) for each in predictions]
+
+
+def independent_readings(runs: Sequence[RunErrors]) -> float:
+    """Number of readings that are as good as independent, from the errors' correlation in time."""
     count = 0.0
-    for bound, error in zip(fit.problem.bound_runs, fit.residuals, strict=True):
+    for bound, error in runs:
         for row in range(len(error)):
             residual = error[row][bound.counted[row]]
             if residual.size > 2:
@@ -74,19 +89,23 @@ def block_numbers(bound: BoundRun) -> IntArray:
     return np.arange(len(bound)) // size
 
 
-def block_misfits(fit: Fit) -> tuple[FloatArray, IntArray]:
-    """Sum of squared weighted residuals of each node in each block, and the number of each block's run.
+def block_misfits(runs: Sequence[RunErrors], sigma: FloatArray) -> tuple[FloatArray, IntArray]:
+    """Sum of squared weighted errors of each node in each block, and the number of each block's run.
+
+    Args:
+        runs: with their errors.
+        sigma: standard deviation that weighs each node's errors [K], shape (nodes,).
 
     Returns:
         shapes (blocks, nodes) and (blocks,), run after run.
     """
-    misfits, runs = [], []
-    for number, (bound, error) in enumerate(zip(fit.problem.bound_runs, fit.residuals, strict=True)):
-        squares = np.where(bound.counted, error / fit.problem.sigma[:, None], 0.0) ** 2
+    misfits, numbers = [], []
+    for number, (bound, error) in enumerate(runs):
+        squares = np.where(bound.counted, error / sigma[:, None], 0.0) ** 2
         blocks = block_numbers(bound)
         misfits.append(np.stack([np.bincount(blocks, row) for row in squares], axis=1))
-        runs += [number] * len(misfits[-1])
-    return np.concatenate(misfits), np.array(runs)
+        numbers += [number] * len(misfits[-1])
+    return np.concatenate(misfits), np.array(numbers)
 
 
 # --- Lack of fit: how far residuals are beyond noise, node by node -------------------------------

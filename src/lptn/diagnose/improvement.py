@@ -45,7 +45,7 @@ from lptn.diagnose.diagnosis import (
 from lptn.diagnose.fit_statistics import TIE, criterion_difference, explained_share
 from lptn.diagnose.probability import in_occams_window, is_implausible, log_prior_of_sizes, probabilities
 from lptn.diagnose.runs_that_differ import RunDifference, runs_that_differ, with_differences
-from lptn.identify.comparison import predict
+from lptn.identify.comparison import Prediction, predict
 from lptn.identify.data import DataSplit
 from lptn.identify.fitting import Fit, finished
 from lptn.identify.validation import fit_segments, holdout_errors
@@ -227,12 +227,9 @@ Branch = tuple[Step, ...]
 """The given model, then a step for each effect that was added; the last step's fit is that of them all."""
 
 _WORTH = 0.05
-"""Share by which a step must lower the held-out error to be kept: the RMSE of some 200 independent residuals, an hour
+"""Share by which held-out errors must differ to speak for a step: the RMSE of some 200 independent residuals, an hour
 or two of a few nodes, is itself known to 1/√400."""
-_PROGRESS = 0.01  # share by which a step must lower it for the search to go on
 _WIDTH, _WIDTH_LATER = 4, 2  # branches followed side by side after the first step, and after later ones
-_BY_HOLDOUT = 2  # more branches that are looked at because they do well on held-out data
-_UNOPPOSED = 1e-3  # share by which a held-out error may rise and still speak against nothing
 _SAME = 1e-3  # two steps from one model whose misfits differ by less are one step with two names
 
 
@@ -281,7 +278,7 @@ class _Search:
             reached = min(_error(branch) for branch in beam)
             self.report(f"step {depth}: {_in_words(beam)}")
             # The first of a pair may help nobody alone, so one step without a gain is allowed at the start.
-            if reached > (1 - _PROGRESS) * best and depth > 1:
+            if reached > (1 - _WORTH) * best and depth > 1:
                 return
             best = min(best, reached)
 
@@ -298,7 +295,7 @@ class _Search:
             return chosen
         diagnosed = [branch for branch in self.branches if _effects(branch) in self._diagnoses]
         adequate = [branch for branch in diagnosed if self.diagnosis(branch).verdict == "adequate"]
-        unopposed = [branch for branch in adequate if _error(branch) <= _error(chosen) * (1 + _UNOPPOSED)]
+        unopposed = [branch for branch in adequate if _error(branch) <= _error(chosen) * (1 + _WORTH)]
         return min(unopposed, key=len, default=chosen)
 
     def _longer(self, branch: Branch) -> list[Branch]:
@@ -326,15 +323,14 @@ class _Search:
         # A short log may favour an alias; what held-out data prefer by more than any scatter is followed as well.
         least = min(_error(branch) for branch in level)
         preferred = [branch for branch in branches if branch in level or MUCH_WORSE * _error(branch) < least]
-        by_holdout = sorted(preferred, key=_error)[:_BY_HOLDOUT]
+        by_holdout = min(preferred, key=_error)
+        followed = hopeful[:width] if by_holdout in hopeful[:width] else [*hopeful[:width], by_holdout]
         # Fits that only ranked candidates ended early: where a valley is long, their held-out errors are accidents.
-        followed = [*hopeful[:width], *(branch for branch in by_holdout if branch not in hopeful[:width])]
         fits = (self.executor.map if self.executor else map)(finished, [branch[-1].fit for branch in followed])
         done = [
             _ending_in(branch, unless_interrupted(fit), self.data) for branch, fit in zip(followed, fits, strict=True)
         ]
-        best = min(done, key=_error)
-        return done[:width] if best in done[:width] else [*done[:width], best]
+        return done[:width] if min(done, key=_error) in done[:width] else done
 
 
 def _ending_in(branch: Branch, fit: Fit, data: DataSplit) -> Branch:
@@ -351,12 +347,8 @@ def _in_words(beam: Sequence[Branch]) -> str:
 # --- Which of the branches is kept, how far, and without which steps ---------------------------------
 
 
-_BLOCK = 120.0  # s; held-out errors further apart than this count as independent
-_CLEARLY = 2.0  # standard errors
-
-
 def _chosen(branches: Sequence[Branch], data: DataSplit) -> Branch:
-    """The shortest branch that reaches the best error; of equally long ones the clearly better, else the most probable.
+    """The shortest branch that reaches the best error; of equally long ones the most probable by all runs.
 
     Where that is another than the one with the best error, it is gone on with as far as it lowers the error.
     """
@@ -367,12 +359,11 @@ def _chosen(branches: Sequence[Branch], data: DataSplit) -> Branch:
                 best = branch
         return best
     least = min(_error(branch) for branch in branches)
-    enough = [branch for branch in branches if _error(branch) <= least * (1 + _WORTH)]
-    length = min(len(branch) for branch in enough)
-    level = _by_probability([branch for branch in branches if len(branch) == length])
-    best = next(branch for branch in level if branch in enough)
-    near = [branch for branch in level if branch is best or _error(branch) <= MUCH_WORSE * _error(best)]
-    chosen = next(branch for branch in near if branch is best or not _clearly_worse(branch, best, data))
+    length = min(len(branch) for branch in branches if _error(branch) <= least * (1 + _WORTH))
+    level = [branch for branch in branches if len(branch) == length]
+    fits = [branch[-1].fit for branch in level]
+    predicted = [[predict(fit.model, run, fit.problem.sigma) for run in data.holdout] for fit in fits]
+    chosen = level[int(np.argmax(_probabilities(level, predicted)))]
     further = [branch for branch in branches if _effects(branch) > _effects(chosen)]
     enough = [branch for branch in further if _error(branch) <= _error(chosen) * (1 - _WORTH)]
     return min(enough, key=_error, default=chosen)
@@ -389,36 +380,15 @@ def _probable(branches: Sequence[Branch]) -> list[Branch]:
     return [branches[number] for number in in_occams_window(_probabilities(branches))]
 
 
-def _probabilities(branches: Sequence[Branch]) -> FloatArray:
-    """Of each branch's last model, given that one of them is right, shape (branches,)."""
+def _probabilities(branches: Sequence[Branch], predicted: Sequence[Sequence[Prediction]] = ()) -> FloatArray:
+    """Of each branch's last model, given that one of them is right, shape (branches,); see `probabilities`."""
     odds = [sum(step.log_odds for step in branch) for branch in branches]
     sizes = [log_prior_of_sizes(branch[-1].fit, _declarations(branch)) for branch in branches]
-    return probabilities([branch[-1].fit for branch in branches], np.array(odds) + np.array(sizes))
+    return probabilities([branch[-1].fit for branch in branches], np.array(odds) + np.array(sizes), predicted)
 
 
 def _declarations(branch: Branch) -> list[EffectDeclaration]:
     return [declaration for step in branch for declaration in step.declarations]
-
-
-def _clearly_worse(branch: Branch, than: Branch, data: DataSplit) -> bool:
-    """Whether held-out errors differ by more than their own scatter."""
-    differences = _block_squares(branch[-1].fit, data) - _block_squares(than[-1].fit, data)
-    if differences.size < 2:
-        return _error(branch) > _error(than)
-    scatter = float(differences.std(ddof=1)) / np.sqrt(differences.size)
-    return bool(differences.mean() > _CLEARLY * scatter)
-
-
-def _block_squares(fit: Fit, data: DataSplit) -> FloatArray:
-    """Mean squared error of each block of held-out time that counts [K²], shape (blocks,)."""
-    blocks = []
-    for segment in data.holdout:
-        squares = predict(fit.model, segment, fit.problem.sigma).error ** 2
-        squares = squares[:, np.isfinite(squares).any(axis=0)]
-        size = max(1, round(_BLOCK / segment.run.step))
-        whole = squares.shape[1] // size * size
-        blocks.append(np.nanmean(squares[:, :whole].reshape(len(squares), -1, size), axis=(0, 2)))
-    return np.concatenate(blocks)
 
 
 def _pruned(branch: Branch, data: DataSplit, report: Report) -> Branch:

@@ -20,7 +20,14 @@ from lptn.basics.arrays import FloatArray
 from lptn.basics.parameters import Parameter
 from lptn.basics.places import EVERYWHERE
 from lptn.diagnose.candidates import Candidate
-from lptn.diagnose.fit_statistics import block_misfits, independent_readings
+from lptn.diagnose.fit_statistics import (
+    RunErrors,
+    block_misfits,
+    fitted_errors,
+    independent_readings,
+    predicted_errors,
+)
+from lptn.identify.comparison import Prediction
 from lptn.identify.fitting import Fit
 from lptn.model.network import EffectDeclaration
 
@@ -28,27 +35,53 @@ _DRAWS = 1000  # of the weights: a probability of a half is met within 0.016
 _OCCAM = 20.0  # times less probable than the best, from which on a model is out of Occam's window [MadiganRaftery1994]
 
 
-def probabilities(fits: Sequence[Fit], log_priors: FloatArray) -> FloatArray:
+def probabilities(
+    fits: Sequence[Fit], log_priors: FloatArray, predicted: Sequence[Sequence[Prediction]] = ()
+) -> FloatArray:
     """Probability of each of several fits to the same runs, given that one of them is right, shape (fits,).
 
     Args:
         fits: to compare.
         log_priors: logarithm of what is thought of each beforehand, up to a common constant, shape (fits,).
+        predicted: held-out runs as each fit predicts them; with them it is the probability by all runs.
     """
-    by_block = [block_misfits(fit) for fit in fits]
-    misfits, runs = np.array([misfit for misfit, _ in by_block]), by_block[0][1]
-    beside = np.array([2 * fit.cost for fit in fits]) - misfits.sum(axis=(1, 2))  # what priors and penalties cost
-    independent = independent_readings(min(fits, key=lambda fit: fit.cost))
+    costs = np.array([2 * fit.cost for fit in fits])
     free = np.array([len(fit.free) for fit in fits])
-    rng = np.random.default_rng(0)
-    of_blocks, of_nodes, of_runs = (
-        rng.dirichlet(np.ones(count), _DRAWS) * count for count in (*misfits.shape[1:], len(fits[0].problem.bound_runs))
-    )
-    weighted = np.einsum("db,dn,fbn->df", of_blocks * of_runs[:, runs], of_nodes, misfits)
-    costs = np.maximum(weighted + beside, 1e-300)
-    logarithms = -0.5 * independent * np.log(costs) - 0.5 * free * np.log(independent) + log_priors
+    sigma = fits[0].problem.sigma
+    logarithms = _log_likelihoods([fitted_errors(fit) for fit in fits], sigma, costs, free) + log_priors
+    if predicted:
+        logarithms += _log_likelihoods([predicted_errors(each) for each in predicted], sigma)
     each_draw = np.exp(logarithms - logarithms.max(axis=1, keepdims=True))
     return np.asarray((each_draw / each_draw.sum(axis=1, keepdims=True)).mean(axis=0))
+
+
+def _log_likelihoods(
+    models: Sequence[Sequence[RunErrors]],
+    sigma: FloatArray,
+    costs: FloatArray | None = None,
+    free: FloatArray | float = 0.0,
+) -> FloatArray:
+    """Schwarz's criterion of each model in each draw of weights, as a logarithm, shape (draws, models).
+
+    Args:
+        models: for each the runs with its errors.
+        sigma: standard deviation that weighs each node's errors [K], shape (nodes,).
+        costs: of each model, twice: the squares of its errors, and what priors and penalties add; the squares alone by
+            default.
+        free: the number of parameters that each was fitted with.
+    """
+    by_block = [block_misfits(runs, sigma) for runs in models]
+    misfits, runs = np.array([misfit for misfit, _ in by_block]), by_block[0][1]
+    squares = misfits.sum(axis=(1, 2))
+    costs = squares if costs is None else costs
+    independent = independent_readings(models[int(np.argmin(costs))])
+    rng = np.random.default_rng(0)
+    of_blocks, of_nodes, of_runs = (
+        rng.dirichlet(np.ones(count), _DRAWS) * count for count in (*misfits.shape[1:], len(models[0]))
+    )
+    weighted = np.einsum("db,dn,fbn->df", of_blocks * of_runs[:, runs], of_nodes, misfits)
+    of_draws = np.maximum(weighted + costs - squares, 1e-300)
+    return np.asarray(-0.5 * independent * np.log(of_draws) - 0.5 * free * np.log(independent))
 
 
 def in_occams_window(probabilities: FloatArray) -> list[int]:

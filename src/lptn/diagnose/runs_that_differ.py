@@ -14,8 +14,15 @@ from lptn.basics.places import EVERYWHERE, in_run
 from lptn.basics.processes import one_blas_thread
 from lptn.diagnose.candidates import Candidate, candidates
 from lptn.diagnose.diagnosis import refit
-from lptn.diagnose.fit_statistics import CLEARLY, TIE, cost_of_noise, criterion_difference, stands_out
-from lptn.diagnose.probability import implausible_amplitude
+from lptn.diagnose.fit_statistics import CLEARLY, cost_of_noise, criterion_difference, stands_out
+from lptn.diagnose.probability import (
+    are_rivals,
+    implausible_amplitude,
+    in_occams_window,
+    log_prior_of_sizes,
+    log_priors,
+    probabilities,
+)
 from lptn.identify.comparison import Errors, Prediction, predict, with_own_errors
 from lptn.identify.data import Segment
 from lptn.identify.fitting import Fit
@@ -140,16 +147,18 @@ class RunDifference:
 
 
 _HALF = 0.5  # of the error beyond noise must go before a cause is named
-_COMPARABLE = 0.5  # share of the best gain below which two causes are never indistinguishable
-_EQUAL = 1.0  # difference of criteria that says nothing at all
 _PROMISING = 0.5  # share of the best promise, to first order, below which no size is searched
 
 
 @dataclass(frozen=True)
 class _Trial:
-    """A candidate at its best amplitude: the run's fit with it, and its error in the evaluation window [K]."""
+    """A candidate at its best amplitude: the run's fit with it, and its error in the evaluation window [K].
+
+    `log_odds` is the logarithm of the odds beforehand that it is this cause.
+    """
 
     search: CauseSearch
+    log_odds: float
     amplitude: float
     fit: Fit
     rmse: float
@@ -161,9 +170,8 @@ def runs_that_differ(fit: Fit, segments: Sequence[Segment]) -> list[RunDifferenc
 
     Every effect that may differ from run to run is tried at each of its places, confined to that run, all other
     parameters held. The initial states come from the run's initialisation window as in any prediction; the amplitude
-    is fitted on the whole run. Causes are compared by Schwarz's criterion [Schwarz1978], counted in independent
-    residuals; between causes that explain the run equally well, a fit of all runs together decides, all parameters
-    free.
+    is fitted on the whole run. Causes are compared by `probabilities`: those that the best does not rule out on the run
+    itself by a fit of all runs together, all parameters free.
 
     Args:
         fit: the fitted model.
@@ -190,21 +198,24 @@ def _difference(fit: Fit, segment: Segment) -> RunDifference | None:
     if not stands_out(fit, before):
         return None
     base = _as_fit(fit, model, before, ())
-    searches = [
-        cause_search(model, segment, each, fit.problem.sigma) for each in possible_causes(model.network, segment)
-    ]
+    possible = possible_causes(model.network, segment)
+    searches = [cause_search(model, segment, each, fit.problem.sigma) for each in possible]
     least = _PROMISING * max((each.promise for each in searches), default=0.0)
-    trials = [_tried(fit, each) for each in searches if each.promise >= least]
+    trials = [
+        _tried(fit, each, float(log_odds))
+        for each, log_odds in zip(searches, log_priors(possible), strict=True)
+        if each.promise >= least
+    ]
     causes = (_cause(each) for each in _best_and_indistinguishable(fit, before, base, trials))
     return RunDifference(segment.run.name, Errors.of(before.error).rmse, fit.rmse, tuple(causes))
 
 
-def _tried(fit: Fit, search: CauseSearch) -> _Trial:
+def _tried(fit: Fit, search: CauseSearch, log_odds: float) -> _Trial:
     amplitude = search.best()
     explained = search.at(amplitude)
     after = predict(explained, search.segment, search.sigma)
     done = _as_fit(fit, explained, after, (search.index,))
-    return _Trial(search, amplitude, done, Errors.of(after.error).rmse)
+    return _Trial(search, log_odds, amplitude, done, Errors.of(after.error).rmse)
 
 
 def _as_fit(fit: Fit, model: Model, prediction: Prediction, free: tuple[int, ...]) -> Fit:
@@ -228,10 +239,7 @@ def _best_and_indistinguishable(fit: Fit, before: Prediction, base: Fit, trials:
     ranked = sorted((each for each in believed if each.fit.cost <= most), key=lambda each: each.fit.cost)
     if not ranked or criterion_difference(base, ranked[0].fit) <= 0:
         return []
-    best = ranked[0].fit
-    # One count of independent residuals, that of the best, for all.
-    near = min(TIE, (1 - _COMPARABLE) * criterion_difference(base, best))
-    kept = [each for each in ranked if criterion_difference(each.fit, best) <= near]
+    kept = [each for each in ranked if each is ranked[0] or are_rivals(each.fit, ranked[0].fit)]
     return kept if len(kept) == 1 else _decided_together(fit, base.model, before, kept)
 
 
@@ -240,12 +248,11 @@ def _decided_together(fit: Fit, model: Model, before: Prediction, kept: list[_Tr
     whole = _with_fitted(fit, model, before)
     declared = [each.search.candidate.declaration(each.amplitude, each.search.candidate.shapes[0]) for each in kept]
     done = [refit(whole, each) for each in declared]
-    best = min(done, key=lambda each: each.cost)
-    behind = [criterion_difference(each, best) for each in done]
-    order = sorted(zip(behind, kept, strict=True), key=lambda each: each[0])
-    # All sensors that read high by as much are a warm room: of equals, what supposes the fewest faults comes first.
-    equal = sorted((each for by, each in order if by <= _EQUAL), key=lambda each: len(each.search.candidate.places))
-    return [*equal, *(each for by, each in order if _EQUAL < by <= TIE)]
+    priors = [
+        trial.log_odds + log_prior_of_sizes(after, [each])
+        for trial, after, each in zip(kept, done, declared, strict=True)
+    ]
+    return [kept[k] for k in in_occams_window(probabilities(done, np.array(priors)))]
 
 
 def _with_fitted(fit: Fit, model: Model, before: Prediction) -> Fit:
