@@ -93,7 +93,7 @@ def show_history(history: History) -> None:
     """The steps, from the model as given to the best."""
     from lptn.cli.terminal import show_table
     from lptn.report.text import for_people, kelvin, percent
-    from lptn.report.words import size_in_words
+    from lptn.report.words import removed_in_words, size_in_words
 
     tested = any(step.test for step in history.steps)
     rows = []
@@ -126,7 +126,8 @@ def show_history(history: History) -> None:
                 key, probability = likeliest[0]
                 sure = f"{sure.removesuffix('; ')} ({in_words([key])}: {percent(probability)}); "
             text = f"Step {number}, {in_words([(step.effect, step.at)])}: {sure}{sentence}."
-            print(for_people(f"{text}{f' Its {size}.' if size else ''}"))
+            own = [text, f"Its {size}." if size else "", removed_in_words(history, number)]
+            print(for_people(" ".join(filter(None, own))))
     if any(step.probability for step in history.steps):
         print("Probable: given that one of the answers that were refitted at that step is right.")
     for warning in history.best.fit.uncertainty.warnings:

@@ -108,6 +108,36 @@ def block_misfits(runs: Sequence[RunErrors], sigma: FloatArray) -> tuple[FloatAr
     return np.concatenate(misfits), np.array(numbers)
 
 
+@dataclass(frozen=True)
+class Removed:
+    """What a larger model removes of the squared errors of the runs that it and a smaller one were fitted to.
+
+    Args:
+        share: of them all; below 0 where they grow.
+        by_node: share of what is removed, for each node; what one loses another may have gained.
+        by_run: likewise.
+    """
+
+    share: float
+    by_node: dict[str, float]
+    by_run: dict[str, float]
+
+    @classmethod
+    def between(cls, smaller: Fit, larger: Fit) -> Removed:
+        """By two fits to the same readings, each weighed by the smaller one's standard deviations."""
+        sigma = smaller.problem.sigma
+        (before, runs), (after, _) = (block_misfits(fitted_errors(fit), sigma) for fit in (smaller, larger))
+        gone = before - after
+        total = float(gone.sum())
+        names = [bound.run.name for bound in smaller.problem.bound_runs]
+        whole = total or 1.0
+        return cls(
+            total / max(float(before.sum()), 1e-300),
+            dict(zip(smaller.model.nodes, (gone.sum(axis=0) / whole).tolist(), strict=True)),
+            dict(zip(names, (np.bincount(runs, gone.sum(axis=1)) / whole).tolist(), strict=True)),
+        )
+
+
 # --- Lack of fit: how far residuals are beyond noise, node by node -------------------------------
 
 

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 import pandas as pd
@@ -42,7 +42,7 @@ from lptn.diagnose.diagnosis import (
     for_search,
     unless_interrupted,
 )
-from lptn.diagnose.fit_statistics import TIE, criterion_difference, explained_share
+from lptn.diagnose.fit_statistics import TIE, Removed, criterion_difference, explained_share
 from lptn.diagnose.probability import in_occams_window, is_implausible, log_prior_of_sizes, probabilities
 from lptn.diagnose.runs_that_differ import RunDifference, runs_that_differ, with_differences
 from lptn.identify.comparison import Prediction, predict
@@ -108,6 +108,7 @@ class History(Tabular):
                 "rmse_test": step.test.rmse if step.test else None,
                 "rmse_proof": step.test.rmse if step.test else None,
                 "probability": step.probability if step.effect else None,
+                "removed": asdict(Removed.between(self.steps[number - 1].fit, step.fit)) if number else None,
                 "indistinguishable_from": [list(key) for key in step.indistinguishable],
             }
             for number, step in enumerate(self.steps)
@@ -323,14 +324,15 @@ class _Search:
         # A short log may favour an alias; what held-out data prefer by more than any scatter is followed as well.
         least = min(_error(branch) for branch in level)
         preferred = [branch for branch in branches if branch in level or MUCH_WORSE * _error(branch) < least]
-        by_holdout = min(preferred, key=_error)
-        followed = hopeful[:width] if by_holdout in hopeful[:width] else [*hopeful[:width], by_holdout]
+        by_holdout = sorted(preferred, key=_error)[:width]
+        followed = [*hopeful[:width], *(branch for branch in by_holdout if branch not in hopeful[:width])]
         # Fits that only ranked candidates ended early: where a valley is long, their held-out errors are accidents.
         fits = (self.executor.map if self.executor else map)(finished, [branch[-1].fit for branch in followed])
         done = [
             _ending_in(branch, unless_interrupted(fit), self.data) for branch, fit in zip(followed, fits, strict=True)
         ]
-        return done[:width] if min(done, key=_error) in done[:width] else done
+        best = min(done, key=_error)
+        return done[:width] if best in done[:width] else [*done[:width], best]
 
 
 def _ending_in(branch: Branch, fit: Fit, data: DataSplit) -> Branch:

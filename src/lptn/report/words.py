@@ -9,6 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from lptn.diagnose.diagnosis import Step
+from lptn.diagnose.fit_statistics import Removed
 from lptn.diagnose.improvement import History
 from lptn.diagnose.scores import INDISTINGUISHABLE, Confusability, Detectable
 from lptn.identify.comparison import Comparison, Condition
@@ -83,6 +84,24 @@ def size_in_words(step: Step, last: Fit) -> str:
             text += f", {short_size(abs(value / fitted.declared.typical))} of what is usual there"
             return text + ("" if abs(value - parameter.off) >= _TOLD * error else "; not told from zero")
     return ""
+
+
+_MOST = 0.5  # share from which on a node or a run is said to be the one
+
+
+def removed_in_words(history: History, number: int) -> str:
+    """Where a step lowers the error of the fitted runs, such as `It removes 41 % of the squared error that was left of
+    the fitted runs, 92 % of that at winding, 70 % in Run5.`; empty where it lowers none.
+    """
+    removed = Removed.between(history.steps[number - 1].fit, history.steps[number].fit)
+    if removed.share <= 0:
+        return ""
+    text = f"It removes {100 * removed.share:.0f} % of the squared error that was left of the fitted runs"
+    for word, shares in (("at", removed.by_node), ("in", removed.by_run)):
+        name = max(shares, key=shares.__getitem__)
+        if len(shares) > 1 and shares[name] > _MOST:
+            text += f", {100 * min(shares[name], 1.0):.0f} % of that {word} {name}"
+    return f"{text}."
 
 
 def next_step(history: History) -> str:
@@ -299,6 +318,8 @@ def _sure(history: History, number: int, step: Step) -> str:
         text += "runs and by what is usual. "
     if size := size_in_words(step, history.best.fit):
         text += f"Its size: {size}. "
+    if removed := removed_in_words(history, number):
+        text += f"{removed} "
     refit = _first_refit(history) if number == 1 else None
     if refit is not None:
         text += f"Chance alone would score as high in {share_by_chance(history.first, refit)} of logs. "
