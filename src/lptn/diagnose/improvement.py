@@ -350,7 +350,7 @@ def _in_words(beam: Sequence[Branch]) -> str:
 
 
 def _chosen(branches: Sequence[Branch], data: DataSplit) -> Branch:
-    """The shortest branch that reaches the best error; of equally long ones the most probable by all runs.
+    """The shortest branch that reaches the best error; of equally long ones that do well the most probable by all runs.
 
     Where that is another than the one with the best error, it is gone on with as far as it lowers the error.
     """
@@ -362,7 +362,8 @@ def _chosen(branches: Sequence[Branch], data: DataSplit) -> Branch:
         return best
     least = min(_error(branch) for branch in branches)
     length = min(len(branch) for branch in branches if _error(branch) <= least * (1 + _WORTH))
-    level = [branch for branch in branches if len(branch) == length]
+    alike = [branch for branch in branches if len(branch) == length]
+    level = [branch for branch in alike if _error(branch) <= MUCH_WORSE * min(map(_error, alike))]
     fits = [branch[-1].fit for branch in level]
     predicted = [[predict(fit.model, run, fit.problem.sigma) for run in data.holdout] for fit in fits]
     chosen = level[int(np.argmax(_probabilities(level, predicted)))]
