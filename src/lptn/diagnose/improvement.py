@@ -305,7 +305,8 @@ class _Search:
         for step in self.diagnosis(branch).refits:
             same = any(abs(other[-1].fit.cost - step.fit.cost) < _SAME * step.fit.cost for other in longer)
             believed = not is_implausible(step.fit, _declarations((*branch, step)))
-            if believed and step.p_value < SIGNIFICANT and not same and step.fit.status != "given up":
+            beyond_chance = step.p_value < SIGNIFICANT and step.gain > 0
+            if believed and beyond_chance and not same and step.fit.status != "given up":
                 longer.append((*branch, step))
         return longer
 
@@ -363,7 +364,9 @@ def _chosen(branches: Sequence[Branch], data: DataSplit) -> Branch:
     least = min(_error(branch) for branch in branches)
     length = min(len(branch) for branch in branches if _error(branch) <= least * (1 + _WORTH))
     alike = [branch for branch in branches if len(branch) == length]
-    level = [branch for branch in alike if _error(branch) <= MUCH_WORSE * min(map(_error, alike))]
+    most = MUCH_WORSE * min(map(_error, alike))
+    most = min([most, *(_error(branch) for branch in branches if len(branch) < length)])
+    level = [branch for branch in alike if _error(branch) <= most]
     fits = [branch[-1].fit for branch in level]
     predicted = [[predict(fit.model, run, fit.problem.sigma) for run in data.holdout] for fit in fits]
     chosen = level[int(np.argmax(_probabilities(level, predicted)))]

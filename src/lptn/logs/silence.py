@@ -42,7 +42,11 @@ _SHORTEST = 60.0  # s, of a number far from all others; nothing thermal is lost 
 _STILL = 300.0  # s, of one among them: filters in drives let a steady motor's reading stand for two minutes
 _CHANCE = 1e-6  # that a live sensor would ever give the same number for so long
 _REVERSALS = 0.2  # share of changes that turn back: above it, what changes is noise; of a smooth rise there are none
-_LIVELY = 0.7  # share of readings like the one before, up to which noise shows at any temperature
+_LIVELY = 0.7  # share of readings like the one before, up to which a sensor without steps shows its noise
+_BY_TWO, _STAYS = 0.02, 0.85
+"""Where noise is 0.35 of a sensor's steps, such a share of its moves is by two steps at once, and a temperature in the
+middle of a step, where it shows least, gives the same number with this chance. With less noise it may do so for ever,
+however lively the sensor is near an edge."""
 _LONGER = 20.0  # times the median time that a number stands: topics that repeat themselves stand for long
 _JUMPS = 3.0  # steps: a coarse sensor that was alive all the while never moves by so many at once
 _TOUCHES = 5  # readings at the end of its range, before and after it stays there
@@ -99,14 +103,17 @@ def _is_too_long(
 ) -> bool:
     """Whether a live sensor of this noise and these steps would not stand still for so long."""
     spans = stamps[last] - stamps[first]
-    steps = np.diff(np.delete(readings, np.s_[first[k] : last[k] + 1]))
+    steps = np.delete(np.diff(readings), np.s_[max(first[k] - 1, 0) : last[k] + 1])
     moves = steps[steps != 0]
     if moves.size < _FEWEST:
         return False
     usual = float(np.median(np.abs(moves)))
     alike = 1.0 - moves.size / steps.size
     noisy = float(np.mean(np.sign(moves[1:]) != np.sign(moves[:-1]))) > _REVERSALS
-    if noisy and alike <= _LIVELY:
+    lively = alike <= _LIVELY
+    if resolution > 0:
+        alike, lively = _STAYS, float(np.mean(np.abs(moves) > 1.5 * resolution)) >= _BY_TWO
+    if noisy and lively:
         return bool((last[k] - first[k]) * np.log(max(alike, 0.01)) < np.log(_CHANCE))
     if noisy and resolution == 0:  # a topic that repeats itself until the next reading comes
         return bool(spans[k] > _LONGER * np.median(np.delete(spans, k)))
