@@ -12,9 +12,9 @@ import pytest
 
 from lptn.cli.main import main
 from lptn.logs.columns import ColumnSource, parse_columns, parse_map_option
-from lptn.logs.quality import quantisation_step
 from lptn.logs.reading import read_log
 from lptn.logs.run import Run
+from lptn.logs.silence import quantisation_step
 from lptn.robots.presets import presets
 
 Write = Callable[..., Path]

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.logs.columns import ColumnName, ColumnSource, as_line_or_option
-from lptn.logs.silence import Silence, duplicates, silences
+from lptn.logs.silence import Silence, duplicates, without_silent
 from lptn.logs.tables import Table
 
 AMBIENT = "temperature.ambient"
@@ -33,7 +33,8 @@ class Issue:
         remedy: what to write, or to do.
         certain: it can't be right as it is read.
         corrected: the entry of [columns] that the remedy proposes, if it proposes one.
-        kind: of what is odd: "unit", "wrap", "code", "frozen", "clamped", "dead", "duplicate", "size".
+        kind: of what is odd: "unit", "wrap", "code", "spike", "frozen", "clamped", "dead", "duplicate", "follows",
+            "size".
         stretch: s, the first and last time of what is odd; all of the log by default.
     """
 
@@ -334,7 +335,7 @@ def suspect_wrap(key: str, source: ColumnSource, raw: FloatArray) -> list[Issue]
     return []
 
 
-# --- Temperature sensors: fault codes among the readings, readings that do not move, and their resolution ---
+# --- Temperature sensors: fault codes among the readings, and readings that do not move ------------
 
 
 # degC that failing sensors are known to give: DS18B20 at power-up (85) and disconnected (-127), codes of drives and of
@@ -411,75 +412,24 @@ def _still_throughout(time: FloatArray, values: FloatArray, expected_to_move: bo
     return f"reads {values[0]:.6g} degC throughout, {span:.4g} s" if span >= _STUCK else ""
 
 
-_FINEST, _COARSEST = 0.02, 5.0  # K; finer is the file's rounding, coarser is a fault code such as 85 or 0
-_RETURNS = 3  # times that each level returns on average, before a grid is believed
-_OFF_GRID = 0.02  # of the step, by which a level may lie beside the grid
-
-
-def quantisation_step(values: FloatArray) -> float:
-    """The step, K, of the regular grid on which raw readings sit; 0.0 if there is none.
-
-    A grid is believed when each level returns three times on average, and all levels fit it within 2 %.
-
-    Args:
-        values: (n,) raw readings, K or degC; NaN is left out.
-    """
-    readings = values[np.isfinite(values)]
-    levels = np.unique(np.round(readings, 4))  # float32 and unit conversion blur the last digits
-    if levels.size < 2 or readings.size < _RETURNS * levels.size:
-        return 0.0
-    gaps = np.diff(levels)
-    step = float(np.median(gaps[gaps < 1.5 * gaps.min()]))
-    counts = np.round(gaps / step)
-    step = float(gaps.sum() / counts.sum())
-    regular = np.abs(gaps - counts * step).max() <= _OFF_GRID * step
-    return float(f"{step:.4g}") if regular and _FINEST <= step <= _COARSEST else 0.0
-
-
 # --- Channels that stand still, or say the same as another ---------------------------------------
 
 
-_MOVING = 0.05  # rad/s, mean of |speed|: a joint that moves
 _MOST_TORQUE = 1000.0  # N·m: no robot's joint bears more
-_UNITS = {"temperature": "degC", "torque": "N*m", "current": "A"}
-
-
-def silences_of(values: Mapping[str, FloatArray]) -> dict[str, list[Silence]]:
-    """Stretches in which sensors, and torques or currents, say nothing, by quantity.
-
-    Args:
-        values: time [s] and the quantities, (n,) each, in SI and degC.
-    """
-    found = {}
-    for key, each in values.items():
-        quantity, _, place = key.partition(".")
-        if quantity == "temperature":
-            found[key] = silences(values["time"], each, resolution=quantisation_step(each))
-        elif quantity in ("torque", "current"):
-            still = silences(values["time"], each, temperature=False)
-            speed = values.get(f"velocity.{place}", np.zeros(0))
-            found[key] = [one for one in still if one.value != 0 or _moves(speed, one)]
-    return {key: each for key, each in found.items() if each}
-
-
-def _moves(speed: FloatArray, silence: Silence) -> bool:
-    inside = np.abs(speed[silence.rows]) if speed.size else np.zeros(0)
-    return bool(np.isfinite(inside).any()) and float(np.nanmean(inside)) > _MOVING
-
-
-def without_silent(values: FloatArray, silent: list[Silence]) -> FloatArray:
-    """A channel's values, NaN where it is silent."""
-    return np.where(np.any([each.rows for each in silent], axis=0), np.nan, values) if silent else values
+_UNITS = {"temperature": "degC", "torque": "N*m", "current": "A", "velocity": "rad/s"}
 
 
 def suspect_silence(key: str, source: ColumnSource, silent: list[Silence]) -> list[Issue]:
-    """What a channel's silences mean: readings are left out; of torque and current the heat is not known."""
+    """What a channel's silences mean: readings are left out; of torque, current and speed the heat is not known."""
     quantity, _, place = key.partition(".")
     issues = []
     for each in silent:
-        number = f"{each.value:.6g}"
+        number, count = f"{each.value:.6g}", int(each.rows.sum())
         problem = f"{each.kind} at {number} {_UNITS[quantity]} from {each.start:.6g} to {each.stop:.6g} s"
-        if quantity == "temperature" and key != AMBIENT:
+        if each.kind == "spike":
+            spikes = f"{count} spike{'s' * (count > 1)} of up to {each.value:.3g} K"
+            problem = f"{spikes} in single readings from {each.start:.6g} to {each.stop:.6g} s"
+        if (quantity == "temperature" and key != AMBIENT) or each.kind == "spike":
             remedy = "these readings are left out"
         else:
             what = f"the heat of {place}" if quantity != "temperature" else "what leaves to the air"
@@ -507,6 +457,49 @@ def _suspect_duplicates(sources: Mapping[str, ColumnSource], values: Mapping[str
         Issue(key, sources[key].columns[0], f"the same readings as {other}", remedy, False, kind="duplicate")
         for key, other in duplicates(read).items()
     ]
+
+
+_MOST_POWER = 5000.0  # W, of torque and speed: the strongest joints of legged robots reach some 3 kW for a moment
+
+
+def _suspect_power(key: str, source: ColumnSource, values: Mapping[str, FloatArray]) -> list[Issue]:
+    """A speed with which the torque of its joint would be a power that no joint has: turns a minute, or the rotor's."""
+    torque = values.get(key.replace("velocity.", "torque.", 1))
+    if source.unit is not None or torque is None or not np.nanmax(np.abs(torque), initial=0.0) < _MOST_TORQUE:
+        return []
+    power = np.abs(torque * values[key])
+    if not np.isfinite(power).any() or (high := float(np.nanpercentile(power, 99))) <= _MOST_POWER:
+        return []
+    problem = (
+        f"with the joint's torque a power of {high / 1000:.3g} kW, which looks like rpm, or the speed of the rotor"
+    )
+    return [_in_unit(key, source, "rpm", problem, certain=False)]
+
+
+_FOLLOWS = 0.9  # share of the variance of an ambient that a joint's own warmth explains
+_LEAST_FOLLOWED = 2.0  # K, by which the ambient rises: less is the room, which a robot may warm
+_MOST_FOLLOWED = 1.0  # of a joint's warmth: what moves farther moves the joint
+
+
+def _suspect_ambient(sources: Mapping[str, ColumnSource], values: Mapping[str, FloatArray]) -> list[Issue]:
+    """An ambient sensor that is warmed by a joint: it goes with how much the joint is warmer than it."""
+    if AMBIENT not in sources:
+        return []
+    air = values[AMBIENT]
+    for key in (key for key in sources if _is_read_temperature(key, values[key]) and key != AMBIENT):
+        both = np.isfinite(air) & np.isfinite(values[key])
+        warmth, ambient = (values[key] - air)[both], air[both]
+        if both.sum() < _FEWEST_ROWS or min(np.ptp(ambient), np.ptp(warmth)) < _LEAST_FOLLOWED:
+            continue
+        correlation = float(np.corrcoef(ambient, warmth)[0, 1])
+        slope = correlation * float(ambient.std() / warmth.std())
+        if correlation > 0 and correlation**2 > _FOLLOWS and slope < _MOST_FOLLOWED:
+            problem = f"rises with {key}, by {slope:.2g} K for each kelvin that this is warmer"
+            remedy = (
+                "is the sensor near that joint? What leaves to the air can't be fitted with it; use one further away"
+            )
+            return [Issue(AMBIENT, sources[AMBIENT].columns[0], problem, remedy, False, kind="follows")]
+    return []
 
 
 # --- All that looks wrong in a log -----------------------------------------------------------------
@@ -538,12 +531,16 @@ def issues_of(
         of_column = suspect_wrap(key, source, raw) or suspect_unit(key, source, values[key])
         if not of_column and key.startswith("temperature."):
             others_move = any(moved > _MOVES for other, moved in ranges.items() if other != key)
-            alive = without_silent(values[key], silent.get(key, []))
+            alive = without_silent(values[key], [each for each in silent.get(key, []) if each.kind != "spike"])
             of_column = suspect_sensor(key, source, values["time"], raw, alive, others_move)
         elif not of_column and key.startswith("torque."):
             of_column = _suspect_torque(key, source, values[key])
-        issues += [*of_column, *suspect_silence(key, source, silent.get(key, []))]
-    issues += _suspect_duplicates(sources, values)
+        elif not of_column and key.startswith("velocity."):
+            of_column = _suspect_power(key, source, values)
+        coded = any(issue.kind == "code" for issue in of_column)  # and no spike
+        said = [each for each in silent.get(key, []) if not (coded and each.kind == "spike")]
+        issues += [*of_column, *suspect_silence(key, source, said)]
+    issues += [*_suspect_duplicates(sources, values), *_suspect_ambient(sources, values)]
     if not any(issue.key.startswith("temperature.") for issue in issues):
         issues += suspect_fahrenheit(sources, values)
     return tuple(issues)

@@ -17,7 +17,7 @@ from lptn.logs.bags import open_bag
 from lptn.logs.columns import ColumnSource
 from lptn.logs.guess import format_note, guess
 from lptn.logs.joining import join
-from lptn.logs.quality import Issue, check_time, check_values, issues_of, quantisation_step, silences_of, without_silent
+from lptn.logs.quality import Issue, check_time, check_values, issues_of
 from lptn.logs.resampling import (
     ROUNDING,
     SEVERAL,
@@ -32,6 +32,7 @@ from lptn.logs.resampling import (
     would_cut,
 )
 from lptn.logs.run import Run
+from lptn.logs.silence import quantisation_step, silences_of, without_silent
 from lptn.logs.tables import Table, column_sources, open_csv, open_parquet, table_of
 from lptn.logs.ulog import open_ulog
 

@@ -4,6 +4,8 @@ A sensor that is alive shows its noise. One that gives bit for bit the same numb
 steps allow is *frozen*; *clamped* where that is the highest or lowest number that it gives, and one that it gives again
 and again; *dead* where the number is far from all around it, as 0 or full scale is. A torque that stands still, or is
 exactly zero while its joint moves, is found in the same way. What a channel says in such a stretch is no reading.
+
+Single readings that no thermal mass could have are *spikes*.
 """
 
 from __future__ import annotations
@@ -16,16 +18,16 @@ import numpy as np
 
 from lptn.basics.arrays import BoolArray, FloatArray, IntArray
 
-Kind = Literal["frozen", "clamped", "dead"]
+Kind = Literal["frozen", "clamped", "dead", "spike"]
 
 
 @dataclass(frozen=True)
 class Silence:
-    """One such stretch.
+    """One such stretch, or all spikes of a channel together.
 
     Args:
         kind: of silence.
-        value: what the channel gives all the while, in SI or degC.
+        value: what the channel gives all the while, in SI or degC; of spikes how far they leap.
         start: s, of the first of these readings.
         stop: s, of the last.
         rows: which rows of the log it covers, shape (n,).
@@ -73,11 +75,12 @@ def silences(
     first, last = np.concatenate(([0], changes + 1)), np.concatenate((changes, [readings.size - 1]))
     spans = stamps[last] - stamps[first]
     found = []
+    rests = (spans >= _SHORTEST) & (readings[first] == 0) & (not temperature)  # joints that stand say so for long
     for k in np.flatnonzero(spans >= _SHORTEST):
         lone = _is_alone(readings, first[k], last[k]) if temperature else False
         if not lone and spans[k] < _STILL:
             continue
-        if not lone and not _is_too_long(stamps, readings, first, last, int(k), resolution):
+        if not lone and not _is_too_long(stamps, readings, first, last, int(k), rests, resolution, temperature):
             continue
         rows = np.zeros(len(values), dtype=bool)
         rows[there[first[k]] : there[last[k]] + 1] = True
@@ -99,11 +102,21 @@ def _is_alone(readings: FloatArray, first: int, last: int) -> bool:
 
 
 def _is_too_long(
-    stamps: FloatArray, readings: FloatArray, first: IntArray, last: IntArray, k: int, resolution: float
+    stamps: FloatArray,
+    readings: FloatArray,
+    first: IntArray,
+    last: IntArray,
+    k: int,
+    rests: BoolArray,
+    resolution: float,
+    temperature: bool,
 ) -> bool:
     """Whether a live sensor of this noise and these steps would not stand still for so long."""
     spans = stamps[last] - stamps[first]
-    steps = np.delete(np.diff(readings), np.s_[max(first[k] - 1, 0) : last[k] + 1])
+    alive = np.ones(readings.size - 1, dtype=bool)  # of the steps from each reading to the next
+    for span in (k, *np.flatnonzero(rests)):
+        alive[max(first[span] - 1, 0) : last[span] + 1] = False
+    steps = np.diff(readings)[alive]
     moves = steps[steps != 0]
     if moves.size < _FEWEST:
         return False
@@ -113,7 +126,8 @@ def _is_too_long(
     lively = alike <= _LIVELY
     if resolution > 0:
         alike, lively = _STAYS, float(np.mean(np.abs(moves) > 1.5 * resolution)) >= _BY_TWO
-    if noisy and lively:
+    # A filtered temperature may stand when it has risen; a torque or speed that moves all the time does not.
+    if lively and (noisy or not temperature):
         return bool((last[k] - first[k]) * np.log(max(alike, 0.01)) < np.log(_CHANCE))
     if noisy and resolution == 0:  # a topic that repeats itself until the next reading comes
         return bool(spans[k] > _LONGER * np.median(np.delete(spans, k)))
@@ -127,6 +141,106 @@ def _is_end_of_range(readings: FloatArray, first: int, last: int) -> bool:
     """Whether a number is the highest, or lowest, of all, and one that noise brought the sensor to again and again."""
     others, value = np.delete(readings, np.s_[first : last + 1]), readings[first]
     return bool((value >= others.max() or value <= others.min()) and (others == value).sum() >= _TOUCHES)
+
+
+# --- Single readings that no thermal mass could have ------------------------------------------------
+
+
+_LEAST_SPIKE = 3.0  # K
+_SPIKE, _SPIKE_STEPS = 8.0, 2.5  # times the usual move from reading to reading; steps of a coarse sensor
+_SPIKE_TIME = 10.0  # s between readings at most: in longer a winding may warm and cool by as much
+
+
+def spikes(time: FloatArray, values: FloatArray, *, resolution: float = 0.0) -> list[Silence]:
+    """Readings that leap away from the one before, and all the way back to the next; none, or all in one.
+
+    Args:
+        time: (n,) s.
+        values: (n,) degC, NaN where missing.
+        resolution: the sensor's steps [K], 0 for none.
+    """
+    there = np.flatnonzero(np.isfinite(values))
+    if there.size < _FEWEST:
+        return []
+    moves, steps = np.diff(values[there]), np.diff(time[there])
+    usual = float(np.median(np.abs(moves[moves != 0]))) if moves.any() else 0.0
+    least = max(_LEAST_SPIKE, _SPIKE_STEPS * resolution if resolution > 0 else _SPIKE * usual)
+    height = np.minimum(np.abs(moves[:-1]), np.abs(moves[1:]))
+    soon = np.maximum(steps[:-1], steps[1:]) <= _SPIKE_TIME
+    leaps = (height > least) & (moves[:-1] * moves[1:] < 0) & soon
+    if not leaps.any():
+        return []
+    rows = np.zeros(len(values), dtype=bool)
+    rows[there[1:-1][leaps]] = True
+    stamps = time[rows]
+    return [Silence("spike", float(height[leaps].max()), float(stamps[0]), float(stamps[-1]), rows)]
+
+
+# --- A sensor's steps -----------------------------------------------------------------------------
+
+
+_FINEST, _COARSEST = 0.02, 5.0  # K; finer is the file's rounding, coarser is a fault code such as 85 or 0
+_RETURNS = 3  # times that each level returns on average, before a grid is believed
+_OFF_GRID = 0.02  # of the step, by which a level may lie beside the grid
+
+
+def quantisation_step(values: FloatArray) -> float:
+    """The step, K, of the regular grid on which raw readings sit; 0.0 if there is none.
+
+    A grid is believed when each level returns three times on average, and all levels fit it within 2 %.
+
+    Args:
+        values: (n,) raw readings, K or degC; NaN is left out.
+    """
+    readings = values[np.isfinite(values)]
+    levels = np.unique(np.round(readings, 4))  # float32 and unit conversion blur the last digits
+    if levels.size < 2 or readings.size < _RETURNS * levels.size:
+        return 0.0
+    gaps = np.diff(levels)
+    step = float(np.median(gaps[gaps < 1.5 * gaps.min()]))
+    counts = np.round(gaps / step)
+    step = float(gaps.sum() / counts.sum())
+    regular = np.abs(gaps - counts * step).max() <= _OFF_GRID * step
+    return float(f"{step:.4g}") if regular and _FINEST <= step <= _COARSEST else 0.0
+
+
+# --- A whole log ----------------------------------------------------------------------------------
+
+
+_INPUTS = ("torque", "current", "velocity")
+_MOVING = 0.05  # rad/s, mean of |speed|: a joint that moves
+
+
+def silences_of(values: Mapping[str, FloatArray]) -> dict[str, list[Silence]]:
+    """Stretches in which sensors, and torques or currents, say nothing, by quantity.
+
+    Args:
+        values: time [s] and the quantities, (n,) each, in SI and degC.
+    """
+    found: dict[str, list[Silence]] = {}
+    # Speeds first: a joint of which nobody knows whether it moves may have no torque.
+    for key in sorted(values, key=lambda key: not key.startswith("velocity.")):
+        each, (quantity, _, place) = values[key], key.partition(".")
+        if quantity == "temperature":
+            resolution = quantisation_step(each)
+            found[key] = silences(values["time"], each, resolution=resolution)
+            found[key] += spikes(values["time"], without_silent(each, found[key]), resolution=resolution)
+        elif quantity in _INPUTS:
+            speed = f"velocity.{place}"
+            moving = without_silent(values.get(speed, np.zeros(each.size)), found.get(speed, []))
+            still = silences(values["time"], each, temperature=False)
+            found[key] = [one for one in still if one.value != 0 or (key != speed and _moves(moving, one))]
+    return {key: each for key, each in found.items() if each}
+
+
+def _moves(speed: FloatArray, silence: Silence) -> bool:
+    inside = np.abs(speed[silence.rows])
+    return bool(np.isfinite(inside).any()) and float(np.nanmean(inside)) > _MOVING
+
+
+def without_silent(values: FloatArray, silent: list[Silence]) -> FloatArray:
+    """A channel's values, NaN where it is silent."""
+    return np.where(np.any([each.rows for each in silent], axis=0), np.nan, values) if silent else values
 
 
 # --- Channels that say the same -------------------------------------------------------------------

@@ -1,0 +1,327 @@
+"""Ways in which a healthy log goes wrong, each with the channel and the kind that a reader has to say.
+
+A corruption changes a table as a logger, a sensor or a person does, after it was made. `expected` is the kind of
+`lptn.logs.quality.Issue`, or `"refused"` where nothing can be read. What stands at `"*"` is said of the whole log.
+
+    python -m tests.hardening.corruptions --seeds 4 5 6
+
+prints for each kind how often it was found, on logs of a leg and of a quadruped with sensors of 0.1 and of 1 K steps.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from lptn.basics.errors import InputError
+from lptn.logs.quality import Issue
+from lptn.logs.reading import read_log
+from lptn.virtual import leg_logs, quadruped_logs
+
+Log = pd.DataFrame
+Rng = np.random.Generator
+
+
+@dataclass(frozen=True)
+class Corruption:
+    """One way.
+
+    Args:
+        change: alters the log; gets it, the joint that is struck, and a generator of random numbers.
+        key: of the channel that is to be named, with `{joint}`; `"time"`, or `"*"` for any.
+        expected: kinds of which one is right.
+        coarse: whether it shows on a sensor of 1 K steps, too.
+    """
+
+    change: Callable[[Log, str, Rng], None]
+    key: str
+    expected: tuple[str, ...]
+    coarse: bool = True
+
+
+def _seconds(log: Log) -> npt.NDArray[np.float64]:
+    return np.asarray(log["time"] - log["time"].iloc[0], dtype=float)
+
+
+def _stretch(log: Log, rng: Rng, length: float) -> npt.NDArray[np.bool_]:
+    """A stretch somewhere in the log, not at its ends."""
+    seconds = _seconds(log)
+    start = rng.uniform(0.1, 0.9) * (seconds[-1] - length)
+    return np.asarray((seconds >= start) & (seconds <= start + length))
+
+
+def _frozen(key: str, length: float, more: float = 0.0) -> Callable[[Log, str, Rng], None]:
+    def change(log: Log, joint: str, rng: Rng) -> None:
+        rows, name = _stretch(log, rng, length), key.format(joint=joint)
+        log.loc[rows, name] = log.loc[rows, name].iloc[0] + more
+
+    return change
+
+
+def _frozen_twice(log: Log, joint: str, rng: Rng) -> None:
+    for _ in range(2):
+        _frozen("temperature.{joint}", 420)(log, joint, rng)
+
+
+def _frozen_from(share: float, until: float) -> Callable[[Log, str, Rng], None]:
+    def change(log: Log, joint: str, _rng: Rng) -> None:
+        seconds = _seconds(log)
+        rows = (seconds >= share * seconds[-1]) & (seconds <= until * seconds[-1])
+        log.loc[rows, f"temperature.{joint}"] = log.loc[rows, f"temperature.{joint}"].iloc[0]
+
+    return change
+
+
+def _stands_at(value: float, key: str = "temperature.{joint}", length: float = 900) -> Callable[[Log, str, Rng], None]:
+    def change(log: Log, joint: str, rng: Rng) -> None:
+        log.loc[_stretch(log, rng, length), key.format(joint=joint)] = value
+
+    return change
+
+
+def _ends_at(value: float) -> Callable[[Log, str, Rng], None]:
+    def change(log: Log, joint: str, _rng: Rng) -> None:
+        log.loc[_seconds(log) > 0.75 * _seconds(log)[-1], f"temperature.{joint}"] = value
+
+    return change
+
+
+def _begins_at(value: float) -> Callable[[Log, str, Rng], None]:
+    def change(log: Log, joint: str, _rng: Rng) -> None:
+        log.loc[_seconds(log) < 200, f"temperature.{joint}"] = value
+
+    return change
+
+
+def _now_and_then(value: float, share: float = 0.003) -> Callable[[Log, str, Rng], None]:
+    def change(log: Log, joint: str, rng: Rng) -> None:
+        log.loc[rng.random(len(log)) < share, f"temperature.{joint}"] = value
+
+    return change
+
+
+def _clamped(quantile: float, *, above: bool) -> Callable[[Log, str, Rng], None]:
+    def change(log: Log, joint: str, _rng: Rng) -> None:
+        name = f"temperature.{joint}"
+        limit = np.round(log[name].quantile(quantile))
+        log[name] = np.minimum(log[name], limit) if above else np.maximum(log[name], limit)
+
+    return change
+
+
+def _constant(log: Log, joint: str, _rng: Rng) -> None:
+    log[f"temperature.{joint}"] = log[f"temperature.{joint}"].iloc[0]
+
+
+def _duplicate(log: Log, joint: str, _rng: Rng) -> None:
+    others = [name for name in map(str, log) if name.startswith("temperature.") and name != f"temperature.{joint}"]
+    log[f"temperature.{joint}"] = log[others[0]]
+
+
+def _spiky(size: float) -> Callable[[Log, str, Rng], None]:
+    def change(log: Log, joint: str, rng: Rng) -> None:
+        name, rows = f"temperature.{joint}", rng.choice(np.arange(5, len(log) - 5, 3), 12, replace=False)
+        log.loc[rows, name] += np.round(size * rng.choice([-1.0, 1.0], rows.size) * rng.uniform(1, 1.5, rows.size))
+
+    return change
+
+
+def _scaled(key: str, scale: float, plus: float = 0.0) -> Callable[[Log, str, Rng], None]:
+    def change(log: Log, joint: str, _rng: Rng) -> None:
+        for name in (
+            [key.format(joint=joint)] if key != "temperature.*" else [n for n in map(str, log) if n.startswith("temp")]
+        ):
+            log[name] = log[name] * scale + plus
+
+    return change
+
+
+def _counts(log: Log, joint: str, _rng: Rng) -> None:
+    log[f"temperature.{joint}"] = np.round(4095 / 125 * log[f"temperature.{joint}"])
+
+
+def _wrapping(log: Log, joint: str, _rng: Rng) -> None:
+    log[f"temperature.{joint}"] = (np.round(log[f"temperature.{joint}"] * 2000)) % 65536
+
+
+def _renamed(old: str, new: str, scale: float = 1.0) -> Callable[[Log, str, Rng], None]:
+    def change(log: Log, joint: str, _rng: Rng) -> None:
+        log[new.format(joint=joint)] = log.pop(old.format(joint=joint)) * scale
+
+    return change
+
+
+def _single(key: str, value: float) -> Callable[[Log, str, Rng], None]:
+    def change(log: Log, joint: str, rng: Rng) -> None:
+        log.loc[int(rng.integers(100, len(log) - 100)), key.format(joint=joint)] = value
+
+    return change
+
+
+def _current(scale: float) -> Callable[[Log, str, Rng], None]:
+    def change(log: Log, joint: str, _rng: Rng) -> None:
+        log[f"current.{joint}"] = np.round(log[f"torque.{joint}"] * 2 * scale, 3)
+
+    return change
+
+
+def _time(scale: float, since: float = 0.0) -> Callable[[Log, str, Rng], None]:
+    def change(log: Log, _joint: str, _rng: Rng) -> None:
+        log["time"] = (log["time"] + since) * scale
+
+    return change
+
+
+def _swapped(log: Log, _joint: str, rng: Rng) -> None:
+    row = int(rng.integers(100, len(log) - 100))
+    log.loc[[row, row + 1], "time"] = log.loc[[row + 1, row], "time"].to_numpy()
+
+
+def _clock_restarts(log: Log, _joint: str, _rng: Rng) -> None:
+    half = len(log) // 2
+    log.loc[log.index[half:], "time"] -= log["time"].iloc[half]
+
+
+def _ambient_follows(log: Log, joint: str, _rng: Rng) -> None:
+    air = log["temperature.ambient"]
+    log["temperature.ambient"] = air + 0.3 * (log[f"temperature.{joint}"] - air)
+
+
+_SENSOR, _TORQUE, _SPEED = "temperature.{joint}", "torque.{joint}", "velocity.{joint}"
+_AIR = "temperature.ambient"
+_STILL = ("frozen", "clamped")  # at an end of the range the one is the other
+_UNIT = ("unit", "refused")
+
+CORRUPTIONS: dict[str, Corruption] = {
+    "a sensor freezes for 20 min": Corruption(_frozen(_SENSOR, 1200), _SENSOR, _STILL, coarse=False),
+    "a sensor freezes for 7 min": Corruption(_frozen(_SENSOR, 420), _SENSOR, _STILL, coarse=False),
+    "a sensor freezes twice": Corruption(_frozen_twice, _SENSOR, _STILL, coarse=False),
+    "a sensor wakes late": Corruption(_frozen_from(0.0, 0.4), _SENSOR, (*_STILL, "dead"), coarse=False),
+    "a sensor freezes to the end": Corruption(_frozen_from(0.6, 1.0), _SENSOR, _STILL, coarse=False),
+    "a sensor gives one number": Corruption(_constant, _SENSOR, _STILL),
+    "a sensor gives 0 for 15 min": Corruption(_stands_at(0.0), _SENSOR, ("dead", "code")),
+    "a sensor gives 0 to the end": Corruption(_ends_at(0.0), _SENSOR, ("dead", "code")),
+    "a sensor begins at 0": Corruption(_begins_at(0.0), _SENSOR, ("dead", "code")),
+    "a sensor gives full scale": Corruption(_stands_at(125.0), _SENSOR, ("dead", "code")),
+    "a sensor gives full scale to the end": Corruption(_ends_at(125.0), _SENSOR, ("dead", "code")),
+    "a sensor gives −40 for 15 min": Corruption(_stands_at(-40.0), _SENSOR, ("dead", "code")),
+    "a code −127 now and then": Corruption(_now_and_then(-127.0), _SENSOR, ("code",)),
+    "a code 255 now and then": Corruption(_now_and_then(255.0), _SENSOR, ("code",)),
+    "a code 85 at power-up": Corruption(_single(_SENSOR, 85.0), _SENSOR, ("code", "spike")),
+    "a single 0": Corruption(_single(_SENSOR, 0.0), _SENSOR, ("code", "spike")),
+    "firmware clamps the upper third": Corruption(_clamped(0.67, above=True), _SENSOR, _STILL, coarse=False),
+    "firmware clamps the upper half": Corruption(_clamped(0.5, above=True), _SENSOR, _STILL, coarse=False),
+    "firmware clamps below": Corruption(_clamped(0.5, above=False), _SENSOR, _STILL, coarse=False),
+    "two columns of one sensor": Corruption(_duplicate, "*", ("duplicate",)),
+    "spikes of 20 K": Corruption(_spiky(20.0), _SENSOR, ("spike", "code")),
+    "spikes of 8 K": Corruption(_spiky(8.0), _SENSOR, ("spike",)),
+    "kelvin": Corruption(_scaled("temperature.*", 1.0, 273.15), "*", _UNIT),
+    "one sensor in kelvin": Corruption(_scaled(_SENSOR, 1.0, 273.15), _SENSOR, _UNIT),
+    "Fahrenheit": Corruption(_scaled("temperature.*", 1.8, 32.0), "*", _UNIT),
+    "tenths of a degree": Corruption(_scaled(_SENSOR, 10.0), _SENSOR, _UNIT),
+    "hundredths of a degree": Corruption(_scaled(_SENSOR, 100.0), _SENSOR, _UNIT),
+    "thousandths of a degree": Corruption(_scaled(_SENSOR, 1000.0), _SENSOR, _UNIT),
+    "counts of a 12 bit converter": Corruption(_counts, _SENSOR, _UNIT),
+    "a counter of 16 bit that wraps": Corruption(_wrapping, _SENSOR, ("wrap", *_UNIT)),
+    "the air's sensor gives 0": Corruption(
+        _stands_at(0.0, "temperature.ambient"), "temperature.ambient", ("dead", "code")
+    ),
+    "the air in kelvin": Corruption(_scaled("temperature.ambient", 1.0, 273.15), "temperature.ambient", _UNIT),
+    "the air in Fahrenheit": Corruption(_scaled("temperature.ambient", 1.8, 32.0), "temperature.ambient", _UNIT),
+    "the air's sensor hangs at a motor": Corruption(_ambient_follows, "temperature.ambient", ("follows",)),
+    "a torque freezes": Corruption(_frozen(_TORQUE, 900, 1.0), _TORQUE, _STILL),
+    "a torque dies while the joint moves": Corruption(_stands_at(0.0, _TORQUE, 900), _TORQUE, ("frozen", "dead")),
+    "one torque of 18,000 N·m": Corruption(_single(_TORQUE, 18_000.0), _TORQUE, ("size", "refused")),
+    "torque in mN·m": Corruption(_scaled(_TORQUE, 1000.0), _TORQUE, ("size", *_UNIT)),
+    "torque in mN·m, named so": Corruption(_renamed(_TORQUE, "torque.{joint}_mNm", 1000.0), "*", _UNIT),
+    "an infinite torque": Corruption(_single(_TORQUE, np.inf), _TORQUE, ("refused",)),
+    "current in mA": Corruption(_current(1000.0), "current.{joint}", _UNIT),
+    # Of slow joints no number tells: at 86 times its speed a hip of 3 N·m still has a power that joints have.
+    "speed in rpm of the motor": Corruption(_scaled(_SPEED, 30 / np.pi * 9), _SPEED, _UNIT),
+    "a speed freezes": Corruption(_frozen(_SPEED, 900, 0.1), _SPEED, _STILL),
+    "time in ms since 1970": Corruption(_time(1e3, 1.7e9), "time", _UNIT),
+    "time in ns since 1970": Corruption(_time(1e9, 1.7e9), "time", _UNIT),
+    "time in µs": Corruption(_time(1e6), "time", _UNIT),
+    "two rows swapped": Corruption(_swapped, "time", ("refused",)),
+    "the clock starts again": Corruption(_clock_restarts, "time", ("refused",)),
+    "−300 degC once": Corruption(_single(_SENSOR, -300.0), _SENSOR, ("refused",)),
+}
+
+
+# --- Asked of the program ---------------------------------------------------------------------------
+
+
+ROBOTS, STEPS = ("leg", "quadruped"), (0.1, 1.0)
+
+
+@cache
+def _healthy(robot: str, seed: int, steps: float) -> Log:
+    if robot == "leg":
+        logs = leg_logs([], seed=seed, noise=0.1, quantisation=steps, columns="all")
+    else:
+        logs = quadruped_logs(seed=seed, runs="hour", noise=0.1, quantisation=steps)
+    return logs["fit1"].reset_index(drop=True)
+
+
+def healthy(robot: str, seed: int, steps: float) -> Log:
+    """A log in which nothing is wrong, to be changed."""
+    return _healthy(robot, seed, steps).copy()
+
+
+def issues_in(log: Log) -> list[Issue] | None:
+    """What is said of a log, `None` where it is refused."""
+    try:
+        return [issue for run in read_log(log, strict=False) for issue in run.issues]
+    except InputError:
+        return None
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What was said of a corrupted log: whether the corruption was found, and of which other channels something was."""
+
+    found: bool
+    blamed: frozenset[str]
+
+
+def ask(kind: str, robot: str, seed: int, steps: float) -> Answer:
+    """Corrupt a log, and read it."""
+    corruption = CORRUPTIONS[kind]
+    log, rng = healthy(robot, seed, steps), np.random.default_rng([seed, list(CORRUPTIONS).index(kind)])
+    joints = [name.removeprefix("torque.") for name in map(str, log) if name.startswith("torque.")]
+    joint = joints[int(rng.integers(len(joints)))]
+    corruption.change(log, joint, rng)
+    issues, key = issues_in(log), corruption.key.format(joint=joint)
+    if issues is None:
+        return Answer("refused" in corruption.expected, frozenset())
+    named = [issue for issue in issues if key in ("*", issue.key)]
+    others = frozenset(issue.key for issue in issues if issue not in named)
+    return Answer(any(issue.kind in corruption.expected for issue in named), others)
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seeds", type=int, nargs="+", default=[4, 5, 6])
+    seeds: list[int] = parser.parse_args().seeds
+    clean = [issues_in(healthy(robot, seed, steps)) for robot in ROBOTS for seed in seeds for steps in STEPS]
+    print(f"{len(clean)} healthy logs, something said of {sum(1 for issues in clean if issues != [])}\n")
+    print("| what is wrong | found | of | other channels named |\n| --- | --- | --- | --- |")
+    total = np.zeros(3, dtype=int)
+    for kind, corruption in CORRUPTIONS.items():
+        tiers = STEPS if corruption.coarse else STEPS[:1]
+        answers = [ask(kind, robot, seed, steps) for robot in ROBOTS for seed in seeds for steps in tiers]
+        row = np.array([sum(each.found for each in answers), len(answers), sum(len(each.blamed) for each in answers)])
+        print(f"| {kind} | {row[0]} | {row[1]} | {row[2]} |", flush=True)
+        total += row
+    print(f"| all {len(CORRUPTIONS)} | {total[0]} | {total[1]} | {total[2]} |")
+
+
+if __name__ == "__main__":
+    main()

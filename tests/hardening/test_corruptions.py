@@ -1,0 +1,24 @@
+"""What is wrong with a log is said on the line of that channel, and of no other; of a healthy log nothing is."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.hardening.corruptions import CORRUPTIONS, ROBOTS, STEPS, Answer, ask, healthy, issues_in
+
+SEED = 4
+UNSEEN = {"speed in rpm of the motor"}
+"""What slow joints can't show; where they are fast it is found."""
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+@pytest.mark.parametrize("steps", [*STEPS, 0.0])
+def test_of_a_healthy_log_nothing_is_said(robot: str, steps: float) -> None:
+    assert issues_in(healthy(robot, SEED, steps)) == []
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+@pytest.mark.parametrize("kind", [kind for kind in CORRUPTIONS if kind not in UNSEEN])
+def test_what_is_wrong_is_said_of_that_channel_alone(kind: str, robot: str) -> None:
+    for steps in STEPS if CORRUPTIONS[kind].coarse else STEPS[:1]:
+        assert ask(kind, robot, SEED, steps) == Answer(found=True, blamed=frozenset())
