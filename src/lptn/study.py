@@ -25,6 +25,7 @@ from lptn.identify.comparison import Comparison, Versus, compare, versus
 from lptn.identify.data import DataSplit, Log, Segment, holdout_segment, load_model, split_data, warn_of_absent_runs
 from lptn.identify.fitting import Checkpoint, Fit, finished
 from lptn.identify.validation import SymmetryTrial, fit_split, holdout_errors
+from lptn.logs.repeated import repeated_stretch
 from lptn.logs.run import Run
 from lptn.model.file import ModelFile, added
 from lptn.model.model import Model
@@ -396,3 +397,9 @@ def _refuse_twice(groups: dict[str, list[Run]]) -> None:
                 same = f"the same data as {before} ({where})"
                 raise InputError(source, job, same, "each log once: to fit, to hold out, or for the test")
             places[digest] = source, job
+    jobs = [(job, run) for job, runs in groups.items() for run in runs]
+    for number, (job, run) in enumerate(jobs):
+        for before, earlier in jobs[:number]:
+            if run.source != earlier.source and (stretch := repeated_stretch(earlier, run)) is not None:
+                same = f"the same readings as {earlier.source} ({before}), from {stretch[0]:.6g} to {stretch[1]:.6g} s"
+                raise InputError(run.source, job, same, "each stretch once: to fit, to hold out, or for the test")

@@ -1,0 +1,58 @@
+"""The same readings as data to fit and to hold out: found in any format, in part, as means; other days are not."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from lptn.basics.errors import InputError
+from lptn.logs.reading import read_log
+from lptn.logs.repeated import repeated_stretch
+from lptn.logs.run import Run
+from lptn.robots.presets import presets
+from lptn.study import Study
+from tests.hardening.corruptions import healthy
+
+
+def _run(log: pd.DataFrame, name: str = "log", step: float | None = None) -> Run:
+    (run,) = read_log(log, name=name, step=step)
+    return run
+
+
+@pytest.mark.parametrize("robot", ["leg", "quadruped"])
+@pytest.mark.parametrize("steps", [0.1, 1.0])
+def test_another_day_is_another(robot: str, steps: float) -> None:
+    assert repeated_stretch(_run(healthy(robot, 1, steps)), _run(healthy(robot, 2, steps))) is None
+
+
+@pytest.mark.parametrize("steps", [0.1, 1.0])
+def test_a_part_an_average_and_a_rounded_copy_are_found(steps: float) -> None:
+    log = healthy("quadruped", 1, steps)
+    run, part = _run(log), log[600:1500].reset_index(drop=True)
+    assert repeated_stretch(run, _run(part)) == (600.0, 824.0)
+    assert repeated_stretch(_run(part), run) is not None
+    later = part.assign(time=part["time"] - 5000.0)
+    assert repeated_stretch(run, _run(later)) == (-4400.0, -4176.0)
+    assert repeated_stretch(run, _run(log.round(3))) is not None
+    assert repeated_stretch(run, _run(log, step=10.0)) is not None
+
+
+def test_two_robots_that_cool_are_not_the_same_for_falling_alike() -> None:
+    time = np.arange(3000.0)
+    logs = [
+        pd.DataFrame({"time": time, "temperature.knee": np.round(22 + 20 * np.exp(-(time + late) / 900))})
+        for late in (0.0, 40.0)
+    ]
+    assert repeated_stretch(_run(logs[0]), _run(logs[1])) is None
+
+
+def test_a_study_refuses_a_log_that_it_has_in_another_format(tmp_path: Path) -> None:
+    log = healthy("leg", 1, 0.1)
+    (tmp_path / "leg.toml").write_text(presets()["leg"], encoding="utf-8")
+    log.to_csv(tmp_path / "monday.csv", index=False)
+    log[9000:].to_parquet(tmp_path / "tuesday.parquet")
+    with pytest.raises(InputError, match=r"the same readings as .*monday\.csv"):
+        Study(tmp_path / "leg.toml", fit=[tmp_path / "monday.csv"], holdout=tmp_path / "tuesday.parquet")
