@@ -289,3 +289,12 @@ def test_a_rounded_step_is_found_or_not_but_never_wrong() -> None:
 )
 def test_no_step_where_there_is_none(values: np.ndarray) -> None:
     assert quantisation_step(values) == 0.0
+
+
+def test_a_robot_that_was_warm_is_not_called_fahrenheit(write: Write) -> None:
+    """Without the room's temperature: sensors that begin apart were not at rest in one."""
+    falling = np.linspace(74.0, 66.0, 100)
+    warm = write({"time": TIME, "temperature.a": falling, "temperature.b": falling - 7.0})
+    assert not [issue for run in read_log(warm) for issue in run.issues]
+    cold = write({"time": TIME, "temperature.a": 1.8 * np.array(WARMING) + 32, "temperature.b": [68.0] * 99 + [70.0]})
+    assert [issue.kind for run in read_log(cold) for issue in run.issues] == ["unit"]

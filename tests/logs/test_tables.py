@@ -221,3 +221,14 @@ def test_a_frame_that_is_no_log_is_refused(broken: pd.DataFrame, place: str) -> 
     with pytest.raises(InputError, match="monday") as refused:
         read_log(broken, name="monday")
     assert place in str(refused.value)
+
+
+def test_a_last_line_that_was_cut_is_left_out_and_said(tmp_path: Path) -> None:
+    rows = "\n".join(f"{k},21.5" for k in range(30))
+    (tmp_path / "whole.csv").write_text(f"time,temperature.a\n{rows}\n")
+    (tmp_path / "cut.csv").write_text(f"time,temperature.a\n{rows}\n30,2")
+    whole, cut = (read_log(tmp_path / name)[0] for name in ("whole.csv", "cut.csv"))
+    assert (cut.columns["temperature.a"] == 21.5).all()
+    assert len(cut) == len(whole)
+    assert any("may be cut" in note for note in cut.notes)
+    assert not any("may be cut" in note for note in whole.notes)

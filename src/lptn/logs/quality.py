@@ -277,7 +277,7 @@ def _suspect_size(
 
 _COLDEST_FAHRENHEIT = (48.0, 120.0)  # degF, 9 … 49 degC: the coldest reading of a log in a room
 _OVER_ROOM = 30.0  # K over the room at the first reading: hardly any log begins so warm
-_SAME_START = 6.0  # degF, how close the first reading then is to the room's in degF
+_SAME_START = 6.0  # degF, how close the first readings then are to each other, and to the room's in degF
 
 
 def suspect_fahrenheit(sources: Mapping[str, ColumnSource], values: Mapping[str, FloatArray]) -> list[Issue]:
@@ -291,10 +291,12 @@ def suspect_fahrenheit(sources: Mapping[str, ColumnSource], values: Mapping[str,
     if not keys or any(sources[key].unit for key in keys):
         return []
     coldest = min(float(np.nanmin(values[key])) for key in keys)
-    if _COLDEST_FAHRENHEIT[0] < coldest < _COLDEST_FAHRENHEIT[1]:
+    starts = [float(values[key][np.isfinite(values[key])][0]) for key in keys]
+    # Sensors that begin apart are those of a robot that was warm.
+    if _COLDEST_FAHRENHEIT[0] < coldest < _COLDEST_FAHRENHEIT[1] and max(starts) - min(starts) < _SAME_START:
         problem = f"no temperature of the whole log is below {coldest:.4g} degC, which looks like degF"
         return [_in_unit(keys[0], sources[keys[0]], "degF", problem, certain=False)]
-    first = {key: float(values[key][np.isfinite(values[key])][0]) for key in keys}
+    first = dict(zip(keys, starts, strict=True))
     room = first.get(AMBIENT, np.nan)
     return [
         _in_unit(

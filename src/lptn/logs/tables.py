@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import gzip
 import hashlib
+import os
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -183,6 +184,8 @@ def open_csv(path: Path) -> Table:
     decimal = "," if separator == ";" and "," in "".join(head[1:]) else "."
 
     most = _MOST_NUMBERS // len(names)
+    cut = _ends_within_a_line(path)
+    notes = ["the file ends within a line, which is left out: its last number may be cut."] if cut else []
 
     def read(wanted: Sequence[str]) -> pd.DataFrame:
         # All columns are parsed: with usecols pandas lets a row pass that is too long, such as a torn one.
@@ -202,13 +205,23 @@ def open_csv(path: Path) -> Table:
             raise broken(path, error, "rows as long as the header") from error
         if len(frame) >= most:
             raise _too_large(path, f"{most} rows or more")
-        return frame.iloc[:, [names.index(name) for name in wanted]].set_axis(list(wanted), axis="columns")
+        whole = frame.iloc[: len(frame) - cut, [names.index(name) for name in wanted]]
+        return whole.set_axis(list(wanted), axis="columns")
 
     def where(row: int) -> str:
         line, _ = next(islice(_lines(path), row + 1, None), (0, ""))
         return f"line {line}" if line else f"row {row + 1}"  # of a file that pandas cuts into lines another way
 
-    return Table(path, names, read, where, digest=partial(fingerprint, path))
+    return Table(path, names, read, where, notes=notes, digest=partial(fingerprint, path))
+
+
+def _ends_within_a_line(path: Path) -> bool:
+    """Whether the last line of a plain file has no end: its writer was stopped, or the copy."""
+    if path.suffix != ".csv":
+        return False
+    with path.open("rb") as file:
+        file.seek(-1, os.SEEK_END)
+        return file.read(1) not in (b"\n", b"\r")
 
 
 def open_parquet(path: Path) -> Table:
