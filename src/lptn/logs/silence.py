@@ -41,7 +41,7 @@ class Silence:
 
 
 _SHORTEST = 60.0  # s, of a number far from all others; nothing thermal is lost in less
-_STILL = 300.0  # s, of one among them: filters in drives let a steady motor's reading stand for two minutes
+_STILL = 180.0  # s, of one among them: filters in drives let a steady motor's reading stand for two minutes
 _CHANCE = 1e-6  # that a live sensor would ever give the same number for so long
 _REVERSALS = 0.2  # share of changes that turn back: above it, what changes is noise; of a smooth rise there are none
 _LIVELY = 0.7  # share of readings like the one before, up to which a sensor without steps shows its noise
