@@ -70,3 +70,13 @@ def test_a_torque_that_no_joint_bears_is_refused() -> None:
     with pytest.raises(ValueError, match="more than any joint bears"):
         read_log(log, {"torque.FR_calf": source})
     read_log(log, {"torque.FR_calf": replace(source, valid=(-100.0, 100.0))})
+
+
+def test_the_heat_of_a_joint_whose_torque_froze_is_a_gap_unless_its_range_is_stated() -> None:
+    log = _log()
+    log.loc[_between(log, 300, 1200), "torque.FR_calf"] = 4.0
+    before, after = read_log(log)
+    assert before.time[-1] < 300
+    assert after.time[0] >= 1200
+    stated = {"torque.FR_calf": ColumnSource(("torque.FR_calf",), valid=(-100.0, 100.0))}
+    assert len(read_log(log, stated)) == 1

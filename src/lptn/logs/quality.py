@@ -16,7 +16,7 @@ import numpy.typing as npt
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.logs.columns import ColumnName, ColumnSource, as_line_or_option
-from lptn.logs.silence import Silence, duplicates, without_silent
+from lptn.logs.silence import INPUTS, Silence, duplicates, without_silent
 from lptn.logs.tables import Table
 
 AMBIENT = "temperature.ambient"
@@ -421,6 +421,14 @@ _MOST_TORQUE = 1000.0  # N·m: no robot's joint bears more
 _UNITS = {"temperature": "degC", "torque": "N*m", "current": "A", "velocity": "rad/s"}
 
 
+def is_unknown_input(key: str, source: ColumnSource) -> bool:
+    """Whether what a silent channel drives is unknown then: the heat of a joint whose torque or speed stands still.
+
+    Not where a user says what is valid, and so knows the machine.
+    """
+    return key.partition(".")[0] in INPUTS and not np.isfinite(source.valid).any()
+
+
 def suspect_silence(key: str, source: ColumnSource, silent: list[Silence]) -> list[Issue]:
     """What a channel's silences mean: readings are left out; of torque, current and speed the heat is not known."""
     quantity, _, place = key.partition(".")
@@ -433,9 +441,12 @@ def suspect_silence(key: str, source: ColumnSource, silent: list[Silence]) -> li
             problem = f"{spikes} in single readings from {each.start:.6g} to {each.stop:.6g} s"
         if (quantity == "temperature" and key != AMBIENT) or each.kind == "spike":
             remedy = "these readings are left out"
+        elif is_unknown_input(key, source):
+            remedy = f"the heat of {place} is not known there, so that the log is cut; if it was so, write"
+            remedy += " valid = [LEAST, GREATEST] in its entry of [columns]"
         else:
-            what = f"the heat of {place}" if quantity != "temperature" else "what leaves to the air"
-            remedy = f"{what} is not known there; with invalid = [{number}] in its entry of [columns] it is a gap"
+            what = "it is taken as valid" if quantity != "temperature" else "what leaves to the air is not known there"
+            remedy = f"{what}; with invalid = [{number}] in its entry of [columns] it is a gap"
         stretch = (each.start, each.stop)
         issues.append(Issue(key, source.columns[0], problem, remedy, False, kind=each.kind, stretch=stretch))
     return issues

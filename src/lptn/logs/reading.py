@@ -17,7 +17,7 @@ from lptn.logs.bags import open_bag
 from lptn.logs.columns import ColumnSource
 from lptn.logs.guess import format_note, guess
 from lptn.logs.joining import join
-from lptn.logs.quality import Issue, check_time, check_values, issues_of
+from lptn.logs.quality import Issue, check_time, check_values, is_unknown_input, issues_of
 from lptn.logs.resampling import (
     ROUNDING,
     SEVERAL,
@@ -291,7 +291,7 @@ def read_log(
         outputs: temperature columns that the model predicts. Neither given: all columns are kept.
         optional: inputs that are kept where the log has them without a gap.
         strict: refuse values that can't be in the unit they are read in; else they are only among the runs' issues.
-        keep_silent: keep what a frozen, clamped or dead temperature sensor says; else it is no reading.
+        keep_silent: keep what a channel says that is frozen, clamped or dead; else it is no reading, or a gap.
         guessing: take columns whose names say what they hold for what is missing; the runs' notes say which.
 
     Returns:
@@ -352,8 +352,9 @@ def _checked_samples(
     for issue in issues:
         if strict and issue.certain:
             raise InputError(table.path, *issue.error)
-    for key in () if keep_silent else silent.keys() & set(choice.outputs) - set(choice.inputs):
-        raw[key] = without_silent(raw[key], silent[key])
+    for key in () if keep_silent else silent:
+        if key in choice.outputs or is_unknown_input(key, choice.sources[key]):
+            raw[key] = without_silent(raw[key], silent[key])
     time = raw.pop("time")
     keep, repeated = check_time(table, choice.sources["time"].columns[0], time)
     if keep.size < time.size:

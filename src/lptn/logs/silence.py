@@ -207,7 +207,8 @@ def quantisation_step(values: FloatArray) -> float:
 # --- A whole log ----------------------------------------------------------------------------------
 
 
-_INPUTS = ("torque", "current", "velocity")
+INPUTS = ("torque", "current", "velocity")
+"""Quantities that drive a joint's heat."""
 _MOVING = 0.05  # rad/s, mean of |speed|: a joint that moves
 
 
@@ -225,7 +226,7 @@ def silences_of(values: Mapping[str, FloatArray]) -> dict[str, list[Silence]]:
             resolution = quantisation_step(each)
             found[key] = silences(values["time"], each, resolution=resolution)
             found[key] += spikes(values["time"], without_silent(each, found[key]), resolution=resolution)
-        elif quantity in _INPUTS:
+        elif quantity in INPUTS:
             speed = f"velocity.{place}"
             moving = without_silent(values.get(speed, np.zeros(each.size)), found.get(speed, []))
             still = silences(values["time"], each, temperature=False)
