@@ -47,6 +47,8 @@ def test_two_channels_with_the_same_readings() -> None:
     log["temperature.FR_calf"] = log["temperature.FR_hip"]
     (issue,) = _issues(log)
     assert issue.kind == "duplicate"
+    (run,) = read_log(log)
+    assert [name for name in run.columns if name.startswith("temperature.FR")] == ["temperature.FR_thigh"]
     assert {issue.key, issue.problem.rpartition(" ")[2]} == {"temperature.FR_calf", "temperature.FR_hip"}
 
 

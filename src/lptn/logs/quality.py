@@ -229,6 +229,7 @@ def _suspect_time_unit(source: ColumnSource, time: FloatArray) -> list[Issue]:
 _HOTTEST = 1000.0  # no motor or board survives that: 10 … 100 degC in hundredths of a degree
 _THOUSANDTHS = 10_000.0  # 10 … 100 degC in thousandths
 _TENTHS = 200.0  # 20 degC in tenths
+_NO_WINDING = 300.0  # degC: insulation of the best class bears 240, magnets less
 _KELVIN = (200.0, 500.0)  # all of a robot's temperatures, K
 _MOSTLY_KELVIN = (240.0, 450.0)  # the middle one, where a few readings are codes: -33 … 177 degC
 _MOSTLY = 0.9  # share of the readings above the lower of these
@@ -246,7 +247,7 @@ def _suspect_temperature_unit(key: str, source: ColumnSource, readings: FloatArr
     elif _MOSTLY_KELVIN[0] < middle < _MOSTLY_KELVIN[1] and float((readings > _MOSTLY_KELVIN[0]).mean()) > _MOSTLY:
         return [_in_unit(key, source, "K", f"most values around {middle:.4g}, which look like kelvin", certain=False)]
     elif middle > _TENTHS:
-        in_parts = (0.1, "tenths", False)
+        in_parts = (0.1, "tenths", middle > _NO_WINDING)
     if in_parts:
         scale, words, certain = in_parts
         corrected = replace(source, scale=source.scale * scale)
@@ -462,13 +463,19 @@ def _suspect_torque(key: str, source: ColumnSource, values: FloatArray) -> list[
     return [Issue(key, source.columns[0], problem, remedy, True, kind="size")]
 
 
-def _suspect_duplicates(sources: Mapping[str, ColumnSource], values: Mapping[str, FloatArray]) -> list[Issue]:
-    """Temperatures that are another column's, number by number."""
+def duplicates_of(sources: Mapping[str, ColumnSource], values: Mapping[str, FloatArray]) -> dict[str, str]:
+    """Temperatures that say number by number what another column says, by quantity, each with that other."""
     read = {key: values[key] for key in sources if key.startswith("temperature.") and key != AMBIENT}
-    remedy = "one of the two is not where it is said to be; leave it out, or map its own column"
+    found = duplicates(read)
+    return {key: other for key, other in found.items() if sources[key].columns != sources[other].columns}
+
+
+def _suspect_duplicates(sources: Mapping[str, ColumnSource], values: Mapping[str, FloatArray]) -> list[Issue]:
+    """Temperatures that are another column's."""
+    remedy = "one of the two is not where it is said to be, and beside others neither is used; map its own column"
     return [
         Issue(key, sources[key].columns[0], f"the same readings as {other}", remedy, False, kind="duplicate")
-        for key, other in duplicates(read).items()
+        for key, other in duplicates_of(sources, values).items()
     ]
 
 

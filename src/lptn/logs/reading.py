@@ -17,7 +17,7 @@ from lptn.logs.bags import open_bag
 from lptn.logs.columns import ColumnSource
 from lptn.logs.guess import format_note, guess
 from lptn.logs.joining import join
-from lptn.logs.quality import Issue, check_time, check_values, is_unknown_input, issues_of
+from lptn.logs.quality import Issue, check_time, check_values, duplicates_of, is_unknown_input, issues_of
 from lptn.logs.resampling import (
     ROUNDING,
     SEVERAL,
@@ -355,6 +355,9 @@ def _checked_samples(
     for key in () if keep_silent else silent:
         if key in choice.outputs or is_unknown_input(key, choice.sources[key]):
             raw[key] = without_silent(raw[key], silent[key])
+    alike = {key for pair in duplicates_of(choice.sources, raw).items() for key in pair}
+    if not keep_silent and not alike.issuperset(choice.outputs):  # of the only two sensors one is right
+        raw |= {key: np.full(raw[key].size, np.nan) for key in alike}
     time = raw.pop("time")
     keep, repeated = check_time(table, choice.sources["time"].columns[0], time)
     if keep.size < time.size:
