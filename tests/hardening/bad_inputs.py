@@ -224,7 +224,7 @@ LOGS = [
     _bad("log", FIT, "kelvin", log_csv=_column("temperature.motor", 300.0)),
     _bad("log", FIT, "no value in any row", log_csv=_column("torque.motor", None)),
     _bad("log", FIT, "torque.motor", log_csv=_column("torque.motor", 1e300)),
-    _bad("log", FIT, "5 rows", "at least 10", log_csv=lambda good: b"\n".join(good.split(b"\n")[:6])),
+    _bad("log", FIT, "5 rows", "at least 10", log_csv=lambda good: b"".join(good.splitlines(keepends=True)[:6])),
     _bad("log", FIT, "broken", log_csv=lambda good: good + b"1,2,3,4,5,6,7\n"),
     _bad("log", FIT, "UTF-8", log_csv=b"time,\xff\n1,2\n"),
     _bad("log", FIT, "more than once",
