@@ -82,3 +82,12 @@ def test_the_heat_of_a_joint_whose_torque_froze_is_a_gap_unless_its_range_is_sta
     assert after.time[0] >= 1200
     stated = {"torque.FR_calf": ColumnSource(("torque.FR_calf",), valid=(-100.0, 100.0))}
     assert len(read_log(log, stated)) == 1
+
+
+def test_spikes_of_the_air_are_left_out_too() -> None:
+    log = _log()
+    log.loc[[700, 9000], "temperature.ambient"] += 20.0
+    (issue,) = _issues(log)
+    assert (issue.key, issue.kind) == ("temperature.ambient", "spike")
+    (run,) = read_log(log)
+    assert run.columns["temperature.ambient"].max() < log["temperature.ambient"].median() + 1.0

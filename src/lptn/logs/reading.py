@@ -352,9 +352,12 @@ def _checked_samples(
     for issue in issues:
         if strict and issue.certain:
             raise InputError(table.path, *issue.error)
-    for key in () if keep_silent else silent:
-        if key in choice.outputs or is_unknown_input(key, choice.sources[key]):
-            raw[key] = without_silent(raw[key], silent[key])
+    for key, stretches in () if keep_silent else silent.items():
+        predicted = key in choice.outputs and key not in choice.inputs
+        if predicted or is_unknown_input(key, choice.sources[key]):
+            raw[key] = without_silent(raw[key], stretches)
+        else:  # surroundings that stand still may well be so
+            raw[key] = without_silent(raw[key], [each for each in stretches if each.kind == "spike"])
     alike = {key for pair in duplicates_of(choice.sources, raw).items() for key in pair}
     if not keep_silent and not alike.issuperset(choice.outputs):  # of the only two sensors one is right
         raw |= {key: np.full(raw[key].size, np.nan) for key in alike}

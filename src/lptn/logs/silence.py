@@ -163,7 +163,7 @@ def spikes(time: FloatArray, values: FloatArray, *, resolution: float = 0.0) -> 
     if there.size < _FEWEST:
         return []
     moves, steps = np.diff(values[there]), np.diff(time[there])
-    usual = float(np.median(np.abs(moves[moves != 0]))) if moves.any() else 0.0
+    usual = float(np.median(np.abs(moves)))
     least = max(_LEAST_SPIKE, _SPIKE_STEPS * resolution if resolution > 0 else _SPIKE * usual)
     height = np.minimum(np.abs(moves[:-1]), np.abs(moves[1:]))
     soon = np.maximum(steps[:-1], steps[1:]) <= _SPIKE_TIME
@@ -213,7 +213,7 @@ _MOVING = 0.05  # rad/s, mean of |speed|: a joint that moves
 
 
 def silences_of(values: Mapping[str, FloatArray]) -> dict[str, list[Silence]]:
-    """Stretches in which sensors, and torques or currents, say nothing, by quantity.
+    """Stretches in which sensors, torques, currents or speeds say nothing, and spikes, by quantity.
 
     Args:
         values: time [s] and the quantities, (n,) each, in SI and degC.
