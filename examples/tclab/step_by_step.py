@@ -10,8 +10,9 @@ from pathlib import Path
 from lptn.basics.style import show
 from lptn.diagnose.advice import advise
 from lptn.diagnose.candidates import candidates
-from lptn.diagnose.diagnosis import continued, for_search, refit
+from lptn.diagnose.diagnosis import for_search
 from lptn.diagnose.improvement import improve
+from lptn.diagnose.refits import continued, refit
 from lptn.diagnose.scores import score
 from lptn.diagnose.unexplained_heat import largest, unexplained_heat
 from lptn.identify.comparison import compare

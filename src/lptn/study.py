@@ -19,8 +19,9 @@ from lptn.basics.errors import InputError
 from lptn.basics.files import write_whole
 from lptn.diagnose.advice import Advice, advise
 from lptn.diagnose.candidates import AMBIENT_ERROR, TORQUE_ERROR
-from lptn.diagnose.diagnosis import Diagnosis, Step, continued, diagnose, for_search
+from lptn.diagnose.diagnosis import Diagnosis, Step, diagnose, for_search
 from lptn.diagnose.improvement import History, effects_added, improve, table_of_steps
+from lptn.diagnose.refits import continued
 from lptn.identify.comparison import Comparison, Versus, compare, versus
 from lptn.identify.data import DataSplit, Log, Segment, holdout_segment, load_model, split_data, warn_of_absent_runs
 from lptn.identify.fitting import Checkpoint, Fit, finished
@@ -235,7 +236,7 @@ class Study:
         last = self.diagnose()
         if self._advice is None or self._advice[0] is not last:
             first = self._diagnoses.get(0, last)
-            differing = self._improved.differing if self._improved else ()
+            differing = self._improved.differing if self._improved else last.differing
             self._advice = last, advise(first, last.fit, for_search(self.data), logger.info, differing)
         return self._advice[1]
 

@@ -13,8 +13,9 @@ import time
 from pathlib import Path
 
 from lptn.diagnose.candidates import candidates
-from lptn.diagnose.diagnosis import examine, for_search, refit
+from lptn.diagnose.diagnosis import examine, for_search
 from lptn.diagnose.fit_statistics import criterion_difference
+from lptn.diagnose.refits import refit
 from lptn.identify.data import DataSplit, load_model, split_data
 from lptn.identify.fitting import Fit
 from lptn.identify.validation import fit_segments

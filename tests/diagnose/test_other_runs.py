@@ -10,6 +10,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from lptn.basics.arrays import FloatArray
+from lptn.diagnose.diagnosis import diagnose
 from lptn.diagnose.improvement import improve
 from lptn.diagnose.runs_that_differ import RunDifference, runs_that_differ
 from lptn.effects import catalogue
@@ -205,6 +206,19 @@ def test_a_fan_in_the_held_out_run_is_granted_and_judges_nothing_else() -> None:
     assert [(each.run, each.effect) for each in history.differing] == [("run4", "surface_scale")]
     assert history.best.holdout is not None
     assert history.best.holdout.rmse < 2 * NOISE
+
+
+@pytest.mark.long
+def test_one_diagnosis_grants_it_as_the_whole_improvement_does() -> None:
+    fitted = [truth("monday", 1), truth("tuesday", 2)]
+    found = diagnose(Model(held_gain()), split_data(fitted, [truth("run4", 3, fan=3.0)]))
+    assert found.verdict == "adequate"
+    assert [(each.run, each.effect) for each in found.differing] == [("run4", "surface_scale")]
+    assert found.holdout is not None
+    assert found.holdout.rmse < 2 * NOISE
+    left = diagnose(Model(held_gain()), split_data(fitted, [truth("run4", 3, bursts=8.0)]))
+    assert left.verdict == "unexplained"
+    assert left.differing == ()
 
 
 @pytest.mark.long

@@ -22,6 +22,7 @@ from lptn.cli.options import (
 if TYPE_CHECKING:
     from lptn.diagnose.advice import Advice
     from lptn.diagnose.diagnosis import Diagnosis, Step
+    from lptn.diagnose.runs_that_differ import RunDifference
     from lptn.identify.fitting import Fit
 
 
@@ -83,7 +84,7 @@ def show_diagnosis(diagnosis: Diagnosis) -> None:
     print(f"The model is {VERDICTS[diagnosis.verdict]}.")
     print(f"RMSE {kelvin(diagnosis.fit.rmse)} on the fitted runs{held_out}, in steps of {step:g} s.")
     print(f"Misfit over one-minute means, 1 being the most that noise would leave: {lack}.")
-    show_errors_of_runs(diagnosis.fit)
+    show_what_runs_have_of_their_own(diagnosis.fit, diagnosis.differing)
     if not diagnosis.helpful:
         return
     if diagnosis.verdict == "missing":
@@ -124,10 +125,12 @@ def _is_finest(diagnosis: Diagnosis, finding: Step) -> bool:
     return finding.p_value <= (1 + 1e-9) / (1 + len(diagnosis.scores.null_gains))
 
 
-def show_errors_of_runs(fit: Fit) -> None:
-    """Which errors each run is granted, fitted to it alone."""
+def show_what_runs_have_of_their_own(fit: Fit, differing: Sequence[RunDifference]) -> None:
+    """Which errors each run is granted, and which held-out runs a parameter, fitted to each alone."""
     from lptn.report.text import granted_in_words
 
+    for each in differing:
+        print(f"{each.run} is predicted with one parameter of its own, fitted on it; it judges the rest of the model.")
     granted = granted_in_words(fit.model)
     if granted:
         print(

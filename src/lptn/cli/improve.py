@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter as Option
 from cyclopts import validators
 
-from lptn.cli.diagnose import VERDICTS, in_words, show_advice, show_errors_of_runs
+from lptn.cli.diagnose import VERDICTS, in_words, show_advice, show_what_runs_have_of_their_own
 from lptn.cli.options import (
     AmbientError,
     Holdout,
@@ -110,9 +110,7 @@ def show_history(history: History) -> None:
     if len(history.steps) > 1:
         print(f"With all that was added it is {_REMAINING[history.remaining]}.")
     print(_who_chose(history))
-    for each in history.differing:
-        print(f"{each.run} is predicted with one parameter of its own, fitted on it; it judges the rest of the model.")
-    show_errors_of_runs(history.best.fit)
+    show_what_runs_have_of_their_own(history.best.fit, history.differing)
     for number, step in enumerate(history.steps):
         if step.effect and step.at:
             sentence = "nothing else in the catalogue explains the fitted data as well"

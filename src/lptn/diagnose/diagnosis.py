@@ -10,6 +10,8 @@
 5. The verdict: `"adequate"` if nothing is beyond noise, nothing helps and no held-out run stands out; `"missing"` if
    the best candidate, or three one after the other, remove most of the misfit, on held-out runs too; else
    `"unexplained"`.
+6. Where nothing explains a held-out run, and one parameter that differs in it would, it is granted that parameter, and
+   the question is asked once more: a fan in one run says nothing of the model.
 """
 
 from __future__ import annotations
@@ -23,7 +25,6 @@ from typing import Literal
 import numpy as np
 import pandas as pd
 
-from lptn.basics.arrays import FloatArray
 from lptn.basics.tables import Tabular
 from lptn.diagnose.candidates import AMBIENT_ERROR, TORQUE_ERROR, possible_effects, with_errors_of_runs
 from lptn.diagnose.fit_statistics import (
@@ -35,15 +36,15 @@ from lptn.diagnose.fit_statistics import (
     stands_out,
 )
 from lptn.diagnose.probability import are_rivals, is_implausible, log_prior_of_sizes, log_priors, probabilities
+from lptn.diagnose.refits import continued, refit, unless_interrupted
+from lptn.diagnose.runs_that_differ import RunDifference, granted_differences
 from lptn.diagnose.scores import Score, Scores, score
 from lptn.identify.comparison import Errors, predict
 from lptn.identify.data import DataSplit
-from lptn.identify.fitting import Fit, finished, fit
-from lptn.identify.problem import Point
+from lptn.identify.fitting import Fit, finished
 from lptn.identify.validation import fit_segments, holdout_errors
 from lptn.model.model import Model
-from lptn.model.network import EffectDeclaration, Network
-from lptn.simulate.bound_run import BoundRun, bind, default_start, start_from
+from lptn.model.network import EffectDeclaration
 
 Verdict = Literal["adequate", "missing", "unexplained"]
 Key = tuple[str, str]
@@ -133,6 +134,7 @@ class Diagnosis(Tabular):
         holdout: its errors on held-out runs, `None` without any.
         scores: all candidates, scored.
         refits: those that were refitted, best first.
+        differing: held-out runs that are predicted with one parameter of their own, fitted on the run itself.
     """
 
     verdict: Verdict
@@ -140,6 +142,7 @@ class Diagnosis(Tabular):
     holdout: Errors | None
     scores: Scores
     refits: tuple[Step, ...]
+    differing: tuple[RunDifference, ...] = ()
 
     @property
     def helpful(self) -> tuple[Step, ...]:
@@ -268,6 +271,14 @@ def diagnose(
     report("fitting the model as it stands")
     base = unless_interrupted(fit_segments(model, coarse.fit))
     diagnosis = examine(base, coarse, refits=refits, executor=executor, report=report)
+    if diagnosis.verdict == "unexplained" and coarse.holdout:
+        report("looking for what differs in held-out runs")
+        likeliest = diagnosis.best.fit if diagnosis.best else base
+        granted, differing = granted_differences(model, likeliest, coarse.holdout)
+        if differing:
+            base = continued(base, granted.network)
+            diagnosis = examine(base, coarse, refits=refits, executor=executor, report=report)
+            diagnosis = replace(diagnosis, differing=differing)
     if diagnosis.verdict == "unexplained" and diagnosis.refits:
         report("looking for several effects at once")
         if _three_together_explain(diagnosis, coarse, refits, executor):
@@ -318,7 +329,6 @@ def examine(
 
 HOPELESS = 1.5
 """Times the misfit of the most promising candidate from which on none is fitted to the end, or followed."""
-_ITERATIONS, _PRECISION = 25, 3e-4  # of the cost: enough to rank; the step that is kept is fitted to the end
 _SAME_EFFECT_SHARE = 0.2  # the best place of an effect is refitted if it scores so much of the best gain
 _TYPICAL_RANGE = (0.02, 20.0)  # first-order amplitudes outside this share of the typical size are not trusted
 
@@ -387,61 +397,6 @@ def _size(declaration: EffectDeclaration | None, done: Fit) -> float:
     name = f"{declaration.name}.{amplitude.name}."
     fitted = next(each for each in done.model.parameters if each.name.startswith(name))
     return fitted.value / fitted.declared.typical
-
-
-def refit(base: Fit, declaration: EffectDeclaration, rival: float = np.inf) -> Fit:
-    """The baseline and one more effect, started from the baseline's solution; `rival` as for `identify.fit`."""
-    return continued(base, base.model.network.with_effects([declaration]), rival)
-
-
-def continued(base: Fit, network: Network, rival: float = np.inf) -> Fit:
-    """Fit a network that differs from a fitted one by some effects, started from its solution; as far as ranking needs.
-
-    Args:
-        base: the fit to start from.
-        network: the network to fit, to the same readings.
-        rival: a cost to beat; a fit that has no hope of it ends, with status `"given up"`.
-
-    Raises:
-        KeyboardInterrupt: Ctrl-C ended the fit.
-    """
-    model, problem = Model(network), base.problem
-    bound_runs = [replace(bind(model, bound.run), counted=bound.counted) for bound in problem.bound_runs]
-    old_values = {parameter.name: parameter.value for parameter in base.model.parameters}
-    values = np.array([old_values.get(parameter.name, parameter.value) for parameter in model.parameters])
-    starts = [
-        _carried_over(base.model, model, start, bound)
-        for start, bound in zip(base.point.starts, bound_runs, strict=True)
-    ]
-    return unless_interrupted(
-        fit(
-            model,
-            bound_runs,
-            symmetry_penalty=problem.symmetry_penalty,
-            sigma=problem.sigma,
-            guess=Point(values, starts),
-            iterations=_ITERATIONS,
-            rival=rival,
-            precision=_PRECISION,
-        )
-    )
-
-
-def _carried_over(old: Model, new: Model, states: FloatArray, bound: BoundRun) -> FloatArray:
-    """Initial states of the new model: those of the old one by name, new hidden states in equilibrium."""
-    nodes = dict(zip(new.nodes, default_start(new, bound).tolist(), strict=False))
-    return start_from(new, bound, nodes | dict(zip(old.states, states.tolist(), strict=True)))
-
-
-def unless_interrupted(done: Fit) -> Fit:
-    """A fit as it is; a search of many fits stops where one was stopped, since a half-done one decides nothing.
-
-    Raises:
-        KeyboardInterrupt: Ctrl-C ended the fit.
-    """
-    if done.status == "interrupted":
-        raise KeyboardInterrupt
-    return done
 
 
 # --- The order of the answers ---------------------------------------------------------------------

@@ -36,15 +36,14 @@ from lptn.diagnose.diagnosis import (
     Report,
     Step,
     Verdict,
-    continued,
     examine,
     explained_elsewhere,
     for_search,
-    unless_interrupted,
 )
 from lptn.diagnose.fit_statistics import TIE, Removed, criterion_difference, explained_share
 from lptn.diagnose.probability import in_occams_window, is_implausible, log_prior_of_sizes, probabilities
-from lptn.diagnose.runs_that_differ import RunDifference, runs_that_differ, with_differences
+from lptn.diagnose.refits import continued, unless_interrupted
+from lptn.diagnose.runs_that_differ import RunDifference, granted_differences
 from lptn.identify.comparison import Prediction, predict
 from lptn.identify.data import DataSplit
 from lptn.identify.fitting import Fit, finished
@@ -193,19 +192,17 @@ def improve(
     coarse = for_search(data)
     model = with_errors_of_runs(model, data, ambient_error, torque_error)
     search, kept, verdict = _searched(model, coarse, most, executor, report)
-    differing: list[RunDifference] = []
+    differing: tuple[RunDifference, ...] = ()
     if verdict == "unexplained" and coarse.holdout:
         report("looking for what differs in held-out runs")
-        differing = runs_that_differ(_by_probability(search.branches)[0][-1].fit, coarse.holdout)
-        if differing and all(each.explained for each in differing):
-            granted = with_differences(model, differing, coarse.holdout)
+        likeliest = _by_probability(search.branches)[0][-1].fit
+        granted, differing = granted_differences(model, likeliest, coarse.holdout)
+        if differing:
             search, kept, verdict = _searched(granted, coarse, most, executor, report)
-        else:
-            differing = []
     first, last = search.diagnosis(search.branches[0]), search.diagnosis(kept)
     report("fitting the steps at full resolution")
     steps = _at_full_resolution(kept, data)
-    return History(verdict, last.verdict, steps, first, last, len(search.branches), tuple(differing))
+    return History(verdict, last.verdict, steps, first, last, len(search.branches), differing)
 
 
 def _searched(

@@ -13,7 +13,6 @@ from lptn.basics.parameters import Parameter
 from lptn.basics.places import EVERYWHERE, in_run
 from lptn.basics.processes import one_blas_thread
 from lptn.diagnose.candidates import Candidate, candidates
-from lptn.diagnose.diagnosis import refit
 from lptn.diagnose.fit_statistics import CLEARLY, cost_of_noise, criterion_difference, stands_out
 from lptn.diagnose.probability import (
     are_rivals,
@@ -23,6 +22,7 @@ from lptn.diagnose.probability import (
     log_priors,
     probabilities,
 )
+from lptn.diagnose.refits import refit
 from lptn.identify.comparison import Errors, Prediction, predict, with_own_errors
 from lptn.identify.data import Segment
 from lptn.identify.fitting import Fit
@@ -380,6 +380,24 @@ def possible_causes(network: Network, segment: Segment) -> list[Candidate]:
     """Every effect that may differ from run to run, at each of its places, in this run alone."""
     run = segment.run.name.partition("#")[0]
     return [each for each in candidates(network, segment.run.columns, ["", run]) if each.run == run]
+
+
+def granted_differences(model: Model, fit: Fit, segments: Sequence[Segment]) -> tuple[Model, tuple[RunDifference, ...]]:
+    """A model whose badly predicted held-out runs have a parameter of their own, and which; as it is where that fails.
+
+    Args:
+        model: the model to question.
+        fit: the likeliest fit of it, or of it with an effect more: its predictions say which runs differ.
+        segments: the held-out runs.
+
+    Returns:
+        The model and what it grants; nothing where a run that differs is not explained, since held-out runs must not
+        be excused by halves.
+    """
+    differing = runs_that_differ(fit, segments)
+    if not all(each.explained for each in differing):
+        return model, ()
+    return with_differences(model, differing, segments), tuple(differing)
 
 
 def with_differences(model: Model, differing: Sequence[RunDifference], segments: Sequence[Segment]) -> Model:

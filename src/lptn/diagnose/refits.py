@@ -1,0 +1,71 @@
+"""A fitted model with one effect more, or less, fitted again from where it stood."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from lptn.basics.arrays import FloatArray
+from lptn.identify.fitting import Fit, fit
+from lptn.identify.problem import Point
+from lptn.model.model import Model
+from lptn.model.network import EffectDeclaration, Network
+from lptn.simulate.bound_run import BoundRun, bind, default_start, start_from
+
+_ITERATIONS, _PRECISION = 25, 3e-4  # of the cost: enough to rank; the step that is kept is fitted to the end
+
+
+def refit(base: Fit, declaration: EffectDeclaration, rival: float = np.inf) -> Fit:
+    """The baseline and one more effect, started from the baseline's solution; `rival` as for `identify.fit`."""
+    return continued(base, base.model.network.with_effects([declaration]), rival)
+
+
+def continued(base: Fit, network: Network, rival: float = np.inf) -> Fit:
+    """Fit a network that differs from a fitted one by some effects, started from its solution; as far as ranking needs.
+
+    Args:
+        base: the fit to start from.
+        network: the network to fit, to the same readings.
+        rival: a cost to beat; a fit that has no hope of it ends, with status `"given up"`.
+
+    Raises:
+        KeyboardInterrupt: Ctrl-C ended the fit.
+    """
+    model, problem = Model(network), base.problem
+    bound_runs = [replace(bind(model, bound.run), counted=bound.counted) for bound in problem.bound_runs]
+    old_values = {parameter.name: parameter.value for parameter in base.model.parameters}
+    values = np.array([old_values.get(parameter.name, parameter.value) for parameter in model.parameters])
+    starts = [
+        _carried_over(base.model, model, start, bound)
+        for start, bound in zip(base.point.starts, bound_runs, strict=True)
+    ]
+    return unless_interrupted(
+        fit(
+            model,
+            bound_runs,
+            symmetry_penalty=problem.symmetry_penalty,
+            sigma=problem.sigma,
+            guess=Point(values, starts),
+            iterations=_ITERATIONS,
+            rival=rival,
+            precision=_PRECISION,
+        )
+    )
+
+
+def _carried_over(old: Model, new: Model, states: FloatArray, bound: BoundRun) -> FloatArray:
+    """Initial states of the new model: those of the old one by name, new hidden states in equilibrium."""
+    nodes = dict(zip(new.nodes, default_start(new, bound).tolist(), strict=False))
+    return start_from(new, bound, nodes | dict(zip(old.states, states.tolist(), strict=True)))
+
+
+def unless_interrupted(done: Fit) -> Fit:
+    """A fit as it is; a search of many fits stops where one was stopped, since a half-done one decides nothing.
+
+    Raises:
+        KeyboardInterrupt: Ctrl-C ended the fit.
+    """
+    if done.status == "interrupted":
+        raise KeyboardInterrupt
+    return done
