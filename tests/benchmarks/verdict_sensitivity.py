@@ -1,6 +1,6 @@
 """How much verdicts depend on each constant of the decision: the same cases, one constant a half more, or less.
 
-    python -m tests.benchmarks.verdict_sensitivity --truths leg --tiers clean 1K rough --seeds 1431 --most 4
+    python -m tests.benchmarks.verdict_sensitivity --truths leg --tiers clean 1K rough --seeds 1431 --most 4 --first
 
 For each constant it prints how many answers changed, verdict or first effect and place, and how many first effects
 were right. A constant whose answers stay the same needs no better reason than the one it has. Cases are those of
@@ -16,10 +16,12 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from functools import cache
+from itertools import repeat
 from pathlib import Path
 
 import lptn
 from lptn.basics.processes import one_blas_thread
+from lptn.diagnose.diagnosis import diagnose
 from lptn.identify.data import DataSplit
 from lptn.model.model import Model
 from tests.benchmarks.verdict_cases import TRUTHS, Case, draw_cases
@@ -88,11 +90,15 @@ def question(case: Case) -> tuple[Model, DataSplit]:
 
 
 @one_blas_thread
-def said(case: Case) -> Said:
-    """What the program says of a case."""
+def said(case: Case, first: bool) -> Said:
+    """What the program says of a case: of one diagnosis, or of a whole improvement."""
     from lptn.diagnose.candidates import AMBIENT_ERROR, TORQUE_ERROR
 
-    history = lptn.improve(*question(case), most=STEPS, ambient_error=AMBIENT_ERROR, torque_error=TORQUE_ERROR)
+    model, data = question(case)
+    if first:
+        found = diagnose(model, data, ambient_error=AMBIENT_ERROR, torque_error=TORQUE_ERROR)
+        return found.verdict, found.best.key if found.best and found.verdict != "adequate" else None
+    history = lptn.improve(model, data, most=STEPS, ambient_error=AMBIENT_ERROR, torque_error=TORQUE_ERROR)
     return history.verdict, history.steps[1].key if len(history.steps) > 1 else None
 
 
@@ -104,13 +110,13 @@ def right(case: Case, answer: Said) -> bool:
     return first is not None and case.right(first)
 
 
-def answers_of(case: Case, constants: Sequence[str]) -> list[Said]:
+def answers_of(case: Case, constants: Sequence[str], first: bool) -> list[Said]:
     """As things are, then with each constant at each factor."""
-    answers = [said(case)]
+    answers = [said(case, first)]
     for constant in constants:
         for factor in FACTORS:
             with changed(constant, factor):
-                answers.append(said(case))
+                answers.append(said(case, first))
     return answers
 
 
@@ -122,12 +128,13 @@ def main() -> None:
     parser.add_argument("--seeds", nargs="+", type=int, default=[1431])
     parser.add_argument("--most", type=int, default=4)
     parser.add_argument("--constants", nargs="*", choices=CONSTANTS, default=CONSTANTS)
+    parser.add_argument("--first", action="store_true", help="ask for one diagnosis, in a fifth of the time")
     parser.add_argument("--jobs", type=int, default=1)
     chosen = parser.parse_args()
     numbers = {"most": chosen.most, "pairs": 1, "nothing": 1, "outside": 1}
     cases = [case for truth in chosen.truths for case in draw_cases(truth, chosen.tiers, chosen.seeds, **numbers)]
     with ProcessPoolExecutor(chosen.jobs) as executor:
-        of_cases = list(executor.map(answers_of, cases, [chosen.constants] * len(cases)))
+        of_cases = list(executor.map(answers_of, cases, repeat(chosen.constants), repeat(chosen.first)))
     now = [answers[0] for answers in of_cases]
     named = [case.kind != "outside" for case in cases]
 
