@@ -95,6 +95,7 @@ def export(
     start: Mapping[str, float] | float | None = None,
     admissible: bool = False,
     current_limits: Mapping[str, float] | float | None = None,
+    casadi: bool = False,
     compiler: Compiler = "auto",
     date: datetime | None = None,
 ) -> Exported:
@@ -113,6 +114,8 @@ def export(
         start: start temperature [degC] in the same way; 25 degC where none is given.
         admissible: `True` to add the admissible torque of each joint for 10 s, 60 s, 300 s and for ever as outputs.
         current_limits: of the joints [A] by name or pattern, or one of all; ends of the admissible torques.
+        casadi: `True` to let states and parameters be set in any mode: CasADi's import does so when it differentiates,
+            and the standard forbids it.
         compiler: `auto`, `zig` or `cc`.
         date: generation time in the FMU; now by default.
 
@@ -133,7 +136,7 @@ def export(
     exported = component(loaded, limits, start, admissible=admissible, current_limits=current_limits)
     steps = integration(exported, solver, step)
     identifier = _identifier(loaded.network.name)
-    entries = _texts(exported, identifier, fmi, steps, text, date)
+    entries = _texts(exported, identifier, fmi, steps, text, date, casadi)
     code = {name.removeprefix("sources/"): text for name, text in entries.items() if name.startswith("sources/")}
     libraries = compile_all(code, f"fmi{fmi}.c", identifier, targets, compiler)
     content = _archive(entries | _binaries(libraries, identifier, fmi))
@@ -192,6 +195,7 @@ def _texts(
     integration: Integration,
     model_text: str | None,
     date: datetime | None,
+    casadi: bool,
 ) -> dict[str, bytes]:
     """All files of an FMU but its binaries, by their path inside.
 
@@ -200,7 +204,11 @@ def _texts(
     """
     code, own = c_code(component, f"{identifier}_model"), _own_sources(fmi)
     values = _values(component, integration, fmi)
-    values |= {"identifier": identifier, "date": (date or datetime.now(UTC)).strftime("%Y-%m-%dT%H:%M:%SZ")}
+    values |= {
+        "casadi": casadi,
+        "identifier": identifier,
+        "date": (date or datetime.now(UTC)).strftime("%Y-%m-%dT%H:%M:%SZ"),
+    }
     # The same model gives the same token, so a saved state goes from one export to the next.
     without_token = _rendered("config.h.j2", values | {"token": ""})
     digest = hashlib.sha256("\n".join([str(fmi), code, without_token, *own.values()]).encode()).hexdigest()

@@ -75,7 +75,7 @@ _QUOTABLE = re.compile(r"[A-Za-z0-9_!#$%&()*+,\-./:;<>=?@\[\]^{}|~ ]+")
 _NAME_PARTS = re.compile(r"'(?:[^'\\]|\\.)+'|[^.']+")
 _QUANTITIES = {
     "velocity": "Joint speed",
-    "velocity_rms": "RMS of the joint speed over the communication step (the speed itself at short steps)",
+    "velocity_rms": "RMS of the joint speed over the communication step",
     "torque": "Joint torque",
     "current": "Winding current",
     "speed": "Speed",

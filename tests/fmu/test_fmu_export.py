@@ -17,7 +17,7 @@ from fmpy.validation import validate_fmu
 
 from lptn.basics.errors import InputError
 from lptn.fmu import Exported, export
-from lptn.fmu.compile import PLATFORMS, universal
+from lptn.fmu.compile import PLATFORMS, _run, universal
 from lptn.model.model import Model
 from lptn.robots.presets import presets
 from tests.builders import capacity, link
@@ -89,15 +89,17 @@ def test_dependencies_are_those_of_the_numbers(fmi: int, tmp_path: Path) -> None
         np.array([(v.start or 0.0) * rng.uniform(1.01, 1.1) + (0.7 if v.kind == "input" else 0.0) for v in block])
         for block in blocks
     ]
-    before = rates(*values).full().ravel()
     moved: dict[str, set[str]] = {variable.name: set() for variable in component.of("rate")}
-    for block, array in zip(blocks, values, strict=True):
-        for row, variable in enumerate(block):
-            kept, array[row] = array[row], array[row] * 1.03 + 0.01
-            changed = np.flatnonzero(rates(*values).full().ravel() != before)
-            array[row] = kept
-            for index in changed:
-                moved[component.of("rate")[index].name].add(variable.name)
+    for connected in (False, True):  # means of the motion: formed from the raw inputs, and inputs of their own
+        values[1] = np.abs(values[1]) if connected else values[1]
+        before = rates(*values).full().ravel()
+        for block, array in zip(blocks, values, strict=True):
+            for row, variable in enumerate(block):
+                kept, array[row] = array[row], array[row] * 1.03 + 0.01
+                changed = np.flatnonzero(rates(*values).full().ravel() != before)
+                array[row] = kept
+                for index in changed:
+                    moved[component.of("rate")[index].name].add(variable.name)
     description = read_model_description(str(exported.path))
     for parameter in description.derivatives:
         assert {each.name for each in parameter.dependencies} == moved[parameter.variable.name]
@@ -186,6 +188,20 @@ def test_without_any_compiler_one_line_says_so(tmp_path: Path, monkeypatch: pyte
     with pytest.raises(InputError, match="ziglang"):
         export(Model(network("leg")), tmp_path / "x.fmu", platforms=["win64", "darwin-arm64"])
     assert not list(tmp_path.iterdir())
+
+
+def test_who_waits_for_a_compiler_is_told_for_what(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """The first build for Windows took 330 s in silence."""
+    monkeypatch.setattr("lptn.fmu.compile._PATIENCE", 0.05)
+    slow = [sys.executable, "-c", "import time; time.sleep(0.4)"]
+    assert _run(slow, tmp_path, "win64") == (0, "")
+    assert "minutes for Windows" in caplog.text
+    caplog.clear()
+    monkeypatch.setattr("lptn.fmu.compile._PATIENCE", 20.0)
+    _run([sys.executable, "-c", ""], tmp_path, "win64")
+    assert not caplog.text
 
 
 # --- libraries for other platforms: the same digits everywhere ----------------------------------------
