@@ -133,6 +133,12 @@ class Unpacked:
         return description
 
 
+def unit_of(variable: Any) -> str | None:
+    """The unit of fmpy's description of a variable, its declared type's where it has none of its own."""
+    declared = variable.declaredType
+    return variable.unit or (declared.unit if declared is not None else None)
+
+
 def import_fmpy() -> Any:
     """The package `fmpy` with its two FMI modules.
 

@@ -41,6 +41,7 @@ ROOM = 25.0
 _BAND = 10.0  # K below the limit where derating begins
 _HORIZON = 3600.0  # s that the forecast looks ahead
 _INPUT_STARTS = {"powered": 1.0}  # a robot that is simulated is switched on; all other inputs start at rest
+_AT_LEAST_ZERO = ("powered", "fan", "irradiance")  # inputs that no robot has below 0
 _NOT_CONNECTED = -1.0  # of a mean that can't be negative: it is formed from the raw inputs
 _LEAST_POSITIVE = 1e-9  # the least value of a parameter that must be positive
 
@@ -170,10 +171,10 @@ class _Builder:
         self._add_parameters()
         outputs = self._add_outputs()
         for name, unit, description in self.admissible.outputs if self.admissible else ():
-            self._add(name, "admissible", unit, None, description)
+            self._add(name, "admissible", unit, None, description, minimum=0.0)
         for node in self.model.nodes:
-            description = f"Time until {node} reaches its limit, inputs held"
-            self._add(structured_name(node, "time_to_limit"), "forecast", "s", None, description)
+            description = f"Time until {node} reaches its limit, inputs held: connect a display or a planner"
+            self._add(structured_name(node, "time_to_limit"), "forecast", "s", None, description, minimum=0.0)
         rates = self.model.rhs(*self._model_arguments())
         values = ca.vertcat(*outputs)
         symbols = (self.x, self.u, self.p)
@@ -214,7 +215,17 @@ class _Builder:
         references = []
         for node in self.model.nodes:
             name, start = structured_name(node, "temperature"), self.start[node] + ZERO_CELSIUS
-            references.append(self._add(name, "state", "K", start, f"Temperature of {node}", celsius=True, minimum=0.0))
+            references.append(
+                self._add(
+                    name,
+                    "state",
+                    "K",
+                    start,
+                    f"Temperature of {node}, to be set before the start: connect a thermometer or a controller",
+                    celsius=True,
+                    minimum=0.0,
+                )
+            )
         for effect in self.model.balance.hidden:
             place, _ = places_of_owner(effect.place, ())
             name, start = structured_name(place, effect.name, "temperature"), self._resting(effect.ends)
@@ -236,11 +247,12 @@ class _Builder:
 
     def _add_inputs(self) -> None:
         for column, offset in zip(self.columns, self.input_offsets, strict=True):
-            hot = offset > 0
-            start = ROOM + offset if hot else _INPUT_STARTS.get(column.partition(".")[0], 0.0)
+            hot, quantity = offset > 0, column.partition(".")[0]
+            start = ROOM + offset if hot else _INPUT_STARTS.get(quantity, 0.0)
             start = _NOT_CONNECTED if _raw_of(column) else start
             name, unit, description = from_column(column), fmi_unit(column_unit(column)), column_description(column)
-            self._add(name, "input", unit, start, description, celsius=hot, minimum=0.0 if hot else None)
+            least = 0.0 if hot or quantity in _AT_LEAST_ZERO else None
+            self._add(name, "input", unit, start, description, celsius=hot, minimum=least)
 
     def _add_parameters(self) -> None:
         for parameter in self.model.parameters:
@@ -290,8 +302,9 @@ class _Builder:
         }
         for node, reading in zip(self.model.nodes, ca.vertsplit(own.readings), strict=True):
             if node in sensed:
-                name, description = structured_name(node, "reading"), f"What the sensor of {node} reads"
-                self._add(name, "output", "K", None, description, celsius=True)
+                name = structured_name(node, "reading")
+                description = f"What the sensor of {node} reads: connect what would read the real one"
+                self._add(name, "output", "K", None, description, celsius=True, minimum=0.0)
                 outputs.append(of_component(reading) + ZERO_CELSIUS)
         for flow in heat_flows(self.model):
             self._add(flow.name, "output", "W", None, flow.description)
@@ -299,8 +312,9 @@ class _Builder:
         band = self.p[self.model_parameters + len(self.model.nodes)]
         for row, node in enumerate(self.model.nodes):
             if node in with_torque:
-                description = f"Factor that a thermal limiter puts on the torque of {node}"
-                self._add(structured_name(node, "torque_scale"), "output", "1", None, description)
+                description = f"Thermal limiter of {node}: multiply the wanted torque by it, 1 below the limit's band"
+                name = structured_name(node, "torque_scale")
+                self._add(name, "output", "1", None, description, minimum=0.0, maximum=1.0)
                 outputs.append(ca.fmin(1, ca.fmax(0, (self.p[self.limited[row]] - self.x[row]) / band)))
         return outputs
 

@@ -22,6 +22,7 @@ from lptn.model.model import Model
 from lptn.simulate.bound_run import bind
 from lptn.simulate.readings import over_steps
 
+from .archive import unit_of
 from .component import component
 from .session import Session
 from .variables import ZERO_CELSIUS, from_column, is_temperature, to_column
@@ -247,4 +248,4 @@ def _reading(session: Session, node: str, outputs: Mapping[str, FloatArray]) -> 
 
 def _offset(session: Session, name: str) -> float:
     """What turns degC into a variable's unit by adding."""
-    return ZERO_CELSIUS if session.variables[name].unit == "K" and is_temperature(name) else 0.0
+    return ZERO_CELSIUS if unit_of(session.variables[name]) == "K" and is_temperature(name) else 0.0

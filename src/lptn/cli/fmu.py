@@ -65,6 +65,9 @@ def fmu(
     admissible: Admissible = False,
     current_limit: CurrentLimit = None,
     casadi: Casadi = False,
+    author: Annotated[str | None, Option(help="Author of the model, as importers show it.")] = None,
+    copyright: Annotated[str | None, Option(help="Copyright of the model.")] = None,  # noqa: A002
+    license: Annotated[str | None, Option(help="License of the model.")] = None,  # noqa: A002
     compiler: Annotated[str, Option(help="auto, zig or cc.")] = "auto",
     json: Json = None,
 ) -> None:
@@ -93,6 +96,9 @@ def fmu(
             admissible=admissible,
             current_limits=_limits(current_limit, "--current-limit", "A", "JOINT"),
             casadi=casadi,
+            author=author,
+            copyright=copyright,
+            license=license,
             compiler=cast("Compiler", compiler),
         )
     _show_export(done)
