@@ -27,12 +27,13 @@ class Admissible:
 
     Args:
         limiter: the limiter of the model; its limits are replaced by the component's parameters.
-        input_offsets: what each of the component's inputs exceeds the model's by: 273.15 for temperatures, else 0.
-        parameter_offsets: the same for the model's parameters.
+        model_inputs: the model's inputs from the component's.
+        parameter_offsets: what each of the component's parameters exceeds the model's by: 273.15 for temperatures,
+            else 0.
     """
 
     limiter: Limiter
-    input_offsets: tuple[float, ...]
+    model_inputs: ca.Function
     parameter_offsets: tuple[float, ...]
 
     @cached_property
@@ -56,7 +57,7 @@ class Admissible:
             parameters: number of the component's parameters.
         """
         x = ca.MX.sym("x", len(self.limiter.model.states))
-        u, p = ca.MX.sym("u", len(self.input_offsets)), ca.MX.sym("p", parameters)
+        u, p = ca.MX.sym("u", self.model_inputs.size1_in(0)), ca.MX.sym("p", parameters)
         values = self._values(x, u, p)
         arguments, sizes = ca.vertcat(x, u, p), (x.numel(), u.numel(), p.numel())
         seeds = [ca.MX.sym("d", size) for size in sizes]
@@ -72,7 +73,7 @@ class Admissible:
 
     def _values(self, x: Any, u: Any, p: Any) -> Any:
         limiter, own = self.limiter, len(self.parameter_offsets)
-        columns, inputs = limiter.model.inputs, u - ca.DM(self.input_offsets)
+        columns, inputs = limiter.model.inputs, self.model_inputs(u)
         load = [inputs[columns.index(f"{limiter.heating.request}.{joint}")] for joint in limiter.joints]
         conditions = [inputs[columns.index(column)] for column in limiter.conditions]
         limits = p[own : own + len(limiter.model.nodes)] - ZERO_CELSIUS  # they stand behind the model's parameters
@@ -105,7 +106,7 @@ def admissible_of(
     model: Model,
     limits: Mapping[str, float],
     current_limits: Mapping[str, float] | float | None,
-    input_offsets: Sequence[float],
+    model_inputs: ca.Function,
     parameter_offsets: Sequence[float],
 ) -> Admissible:
     """The limiter of a model for its FMU.
@@ -113,7 +114,7 @@ def admissible_of(
     Args:
         limits: degC by node.
         current_limits: of the joints [A], by name or pattern or one of all; none where nothing is said.
-        input_offsets: see `Admissible`.
+        model_inputs: see `Admissible`.
         parameter_offsets: see `Admissible`.
 
     Raises:
@@ -126,4 +127,4 @@ def admissible_of(
         if column not in model.inputs:
             mixed = f"joints driven by torque and by current, no {column}"
             raise InputError(model.network.origin, "admissible", mixed, "all joints driven by the same")
-    return Admissible(limiter, tuple(input_offsets), tuple(parameter_offsets))
+    return Admissible(limiter, model_inputs, tuple(parameter_offsets))

@@ -19,6 +19,7 @@ from typing import Any
 
 from lptn.basics.errors import InputError
 
+from .library import fault
 from .trust import is_own
 
 REALS = {"Real", "Float64"}
@@ -101,15 +102,20 @@ class Unpacked:
         return references
 
     def check_binary(self, fmpy: Any) -> None:
-        """Refuse an FMU without a library for this machine.
+        """Refuse an FMU without a whole library for this machine.
 
         Raises:
-            InputError: there is none.
+            InputError: there is none, or it was cut off.
         """
         platform = fmpy.platform if self.fmi == 2 else fmpy.platform_tuple
-        if not (self.folder / "binaries" / platform).is_dir():
+        folder = self.folder / "binaries" / platform
+        if not folder.is_dir():
             expected = "an FMU with this machine among its --platforms"
             raise InputError(self.path, "binaries", f"none for {platform}", expected)
+        library = folder / f"{self.description.coSimulation.modelIdentifier}{fmpy.sharedLibraryExtension}"
+        wrong = fault(library) if library.is_file() else "not there"
+        if wrong:
+            raise InputError(self.path, f"binaries/{platform}/{library.name}", wrong, "a library that loads")
 
     def close(self) -> None:
         """Remove the files."""
@@ -125,6 +131,12 @@ class Unpacked:
             version = f"FMI {description.fmiVersion}, Co-Simulation: {description.coSimulation is not None}"
             raise InputError(self.path, "modelDescription.xml", version, "FMI 2.0 or 3.0 for Co-Simulation")
         return description
+
+
+def unit_of(variable: Any) -> str | None:
+    """The unit of fmpy's description of a variable, its declared type's where it has none of its own."""
+    declared = variable.declaredType
+    return variable.unit or (declared.unit if declared is not None else None)
 
 
 def import_fmpy() -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import platform
 import shlex
@@ -28,6 +29,12 @@ _FLAGS = (
     "-shared",
 )
 _TIMEOUT = 1200.0  # s; the first build for Windows makes its C library
+_PATIENCE = 20.0  # s; a build takes 2 s where the compiler has the platform's C library, 20 s with admissible torques
+_PATIENTLY = (
+    "%s: still compiling. The first build for %s on a machine also builds that platform's C library: "
+    "less than a minute for Linux and macOS, 2 to 6 minutes for Windows; later ones take seconds"
+)
+_log = logging.getLogger("lptn.fmu")
 
 
 @dataclass(frozen=True)
@@ -140,6 +147,30 @@ def local_compiler() -> list[str] | None:
     return None if installed is None else [installed]
 
 
+def _run(words: Sequence[str], folder: Path, name: str) -> tuple[int, str]:
+    """Run a compiler: its exit code and what it said. Who waits long is told for what.
+
+    Raises:
+        InputError: it can't be run, or takes more than `_TIMEOUT`.
+    """
+    try:
+        with subprocess.Popen(
+            words, cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
+        ) as running:
+            try:
+                try:
+                    _, said = running.communicate(timeout=_PATIENCE)
+                except subprocess.TimeoutExpired:
+                    _log.warning(_PATIENTLY, name, name)
+                    _, said = running.communicate(timeout=_TIMEOUT)
+            except BaseException:
+                running.kill()
+                raise
+            return running.returncode, said
+    except (OSError, subprocess.TimeoutExpired) as error:
+        raise InputError(name, "compiler", str(error), "a working C compiler") from error
+
+
 def _compile(folder: Path, main: str, identifier: str, target: Platform, command: list[str]) -> bytes:
     (folder / target.name).mkdir()
     library = folder / target.name / f"{identifier}{target.suffix}"
@@ -150,12 +181,9 @@ def _compile(folder: Path, main: str, identifier: str, target: Platform, command
         words += ["-s"]
     if target.suffix == ".dylib":
         words += [f"-Wl,-install_name,@rpath/{library.name}"]
-    try:
-        done = subprocess.run(words, cwd=folder, capture_output=True, text=True, timeout=_TIMEOUT, check=False)
-    except (OSError, subprocess.TimeoutExpired) as error:
-        raise InputError(target.name, "compiler", str(error), "a working C compiler") from error
-    if done.returncode:
-        lines = done.stderr.splitlines() or ["no message"]
+    code, said = _run(words, folder, target.name)
+    if code:
+        lines = said.splitlines() or ["no message"]
         first = next((line for line in lines if "error" in line), lines[0])
         raise InputError(target.name, "compiler", first[:200], "C code that compiles")
     return library.read_bytes()

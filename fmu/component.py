@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,6 +13,7 @@ import casadi as ca
 from lptn.basics.errors import InputError
 from lptn.basics.parameters import ParameterInstance
 from lptn.basics.places import matching
+from lptn.logs.resampling import raw_keys
 from lptn.model.model import Model
 from lptn.model.network import EffectInstance, Link
 
@@ -39,6 +41,8 @@ ROOM = 25.0
 _BAND = 10.0  # K below the limit where derating begins
 _HORIZON = 3600.0  # s that the forecast looks ahead
 _INPUT_STARTS = {"powered": 1.0}  # a robot that is simulated is switched on; all other inputs start at rest
+_AT_LEAST_ZERO = ("powered", "fan", "irradiance")  # inputs that no robot has below 0
+_NOT_CONNECTED = -1.0  # of a mean that can't be negative: it is formed from the raw inputs
 _LEAST_POSITIVE = 1e-9  # the least value of a parameter that must be positive
 
 
@@ -50,7 +54,7 @@ class Component:
         model: the model behind it.
         variables: all variables in the order of their value references.
         x: states [K].
-        u: inputs, temperatures in kelvin.
+        u: inputs, temperatures in kelvin: the model's, then raw ones that only means are formed from.
         p: parameters, temperatures in kelvin; the model's, then limits, band and horizon.
         rates: dx/dt [K/s].
         outputs: the calculated outputs, states left out.
@@ -108,7 +112,7 @@ def component(
         from .admissible import admissible_of  # the planners are loaded only where they are needed
 
         builder.admissible = admissible_of(
-            model, builder.limits, current_limits, builder.input_offsets, builder.parameter_offsets
+            model, builder.limits, current_limits, builder.model_inputs(), builder.parameter_offsets
         )
     return builder.build()
 
@@ -128,6 +132,18 @@ def _by_node(model: Model, values: Mapping[str, float] | float | None, default: 
     return temperatures
 
 
+def _raw_of(column: str) -> tuple[str, ...]:
+    """The raw columns whose mean over a step a column is, none for a raw one."""
+    raw = raw_keys(column)
+    return () if raw == (column,) else raw
+
+
+def _raw_inputs(model: Model) -> tuple[str, ...]:
+    """The raw columns that a model takes means of, but not by themselves."""
+    raw = dict.fromkeys(each for column in model.inputs for each in _raw_of(column))
+    return tuple(column for column in raw if column not in model.inputs)
+
+
 class _Builder:
     """Collects variables block by block, for a value reference is a place in that order.
 
@@ -142,10 +158,11 @@ class _Builder:
         self.variables = [Variable("time", 0, "time", "s", None, "Simulation time")]
         self.model_parameters = len(model.parameters)
         self.limited = tuple(range(self.model_parameters, self.model_parameters + len(model.nodes)))
-        self.x, self.u = ca.SX.sym("x", len(model.states)), ca.SX.sym("u", len(model.inputs))
+        self.columns = (*model.inputs, *_raw_inputs(model))
+        self.x, self.u = ca.SX.sym("x", len(model.states)), ca.SX.sym("u", len(self.columns))
         self.p = ca.SX.sym("p", self.model_parameters + len(model.nodes) + 2)
         # What the component's values exceed the model's by: kelvin here, degC there.
-        self.input_offsets = [celsius_offset(column_unit(column)) for column in model.inputs]
+        self.input_offsets = [celsius_offset(column_unit(column)) for column in self.columns]
         self.parameter_offsets = [celsius_offset(parameter.declared.unit) for parameter in model.parameters]
 
     def build(self) -> Component:
@@ -154,10 +171,10 @@ class _Builder:
         self._add_parameters()
         outputs = self._add_outputs()
         for name, unit, description in self.admissible.outputs if self.admissible else ():
-            self._add(name, "admissible", unit, None, description)
+            self._add(name, "admissible", unit, None, description, minimum=0.0)
         for node in self.model.nodes:
-            description = f"Time until {node} reaches its limit, inputs held"
-            self._add(structured_name(node, "time_to_limit"), "forecast", "s", None, description)
+            description = f"Time until {node} reaches its limit, inputs held: connect a display or a planner"
+            self._add(structured_name(node, "time_to_limit"), "forecast", "s", None, description, minimum=0.0)
         rates = self.model.rhs(*self._model_arguments())
         values = ca.vertcat(*outputs)
         symbols = (self.x, self.u, self.p)
@@ -166,7 +183,24 @@ class _Builder:
     def _model_arguments(self) -> list[Any]:
         """The model's states, inputs and parameters as expressions of the component's."""
         own = self.p[: self.model_parameters] - ca.DM(self.parameter_offsets)
-        return [self.x - ZERO_CELSIUS, self.u - ca.DM(self.input_offsets), own]
+        return [self.x - ZERO_CELSIUS, self.model_inputs()(self.u), own]
+
+    def model_inputs(self) -> ca.Function:
+        """The model's inputs from the component's.
+
+        A mean over a step, such as `velocity_rms`, is formed from the raw input while it is negative: at a
+        simulator's step both are the same. So one velocity is enough, and a coarse step can still give its own mean.
+        """
+        u = ca.SX.sym("u", len(self.columns))
+        given = dict(zip(self.columns, ca.vertsplit(u - ca.DM(self.input_offsets)), strict=True))
+        inputs = []
+        for column in self.model.inputs:
+            raw = _raw_of(column)
+            own = given[column]
+            if raw:
+                own = ca.if_else(own < 0, ca.fabs(math.prod(given[each] for each in raw)), own)
+            inputs.append(own)
+        return ca.Function("inputs", [u], [ca.vertcat(*inputs)])
 
     def _add(self, name: str, kind: Kind, unit: str, start: float | None, description: str, **more: Any) -> int:
         if any(name == variable.name for variable in self.variables):
@@ -181,7 +215,17 @@ class _Builder:
         references = []
         for node in self.model.nodes:
             name, start = structured_name(node, "temperature"), self.start[node] + ZERO_CELSIUS
-            references.append(self._add(name, "state", "K", start, f"Temperature of {node}", celsius=True, minimum=0.0))
+            references.append(
+                self._add(
+                    name,
+                    "state",
+                    "K",
+                    start,
+                    f"Temperature of {node}, to be set before the start: connect a thermometer or a controller",
+                    celsius=True,
+                    minimum=0.0,
+                )
+            )
         for effect in self.model.balance.hidden:
             place, _ = places_of_owner(effect.place, ())
             name, start = structured_name(place, effect.name, "temperature"), self._resting(effect.ends)
@@ -202,11 +246,13 @@ class _Builder:
         return sum(temperatures) / len(temperatures) + ZERO_CELSIUS
 
     def _add_inputs(self) -> None:
-        for column, offset in zip(self.model.inputs, self.input_offsets, strict=True):
-            hot = offset > 0
-            start = ROOM + offset if hot else _INPUT_STARTS.get(column.partition(".")[0], 0.0)
+        for column, offset in zip(self.columns, self.input_offsets, strict=True):
+            hot, quantity = offset > 0, column.partition(".")[0]
+            start = ROOM + offset if hot else _INPUT_STARTS.get(quantity, 0.0)
+            start = _NOT_CONNECTED if _raw_of(column) else start
             name, unit, description = from_column(column), fmi_unit(column_unit(column)), column_description(column)
-            self._add(name, "input", unit, start, description, celsius=hot, minimum=0.0 if hot else None)
+            least = 0.0 if hot or quantity in _AT_LEAST_ZERO else None
+            self._add(name, "input", unit, start, description, celsius=hot, minimum=least)
 
     def _add_parameters(self) -> None:
         for parameter in self.model.parameters:
@@ -256,8 +302,9 @@ class _Builder:
         }
         for node, reading in zip(self.model.nodes, ca.vertsplit(own.readings), strict=True):
             if node in sensed:
-                name, description = structured_name(node, "reading"), f"What the sensor of {node} reads"
-                self._add(name, "output", "K", None, description, celsius=True)
+                name = structured_name(node, "reading")
+                description = f"What the sensor of {node} reads: connect what would read the real one"
+                self._add(name, "output", "K", None, description, celsius=True, minimum=0.0)
                 outputs.append(of_component(reading) + ZERO_CELSIUS)
         for flow in heat_flows(self.model):
             self._add(flow.name, "output", "W", None, flow.description)
@@ -265,8 +312,9 @@ class _Builder:
         band = self.p[self.model_parameters + len(self.model.nodes)]
         for row, node in enumerate(self.model.nodes):
             if node in with_torque:
-                description = f"Factor that a thermal limiter puts on the torque of {node}"
-                self._add(structured_name(node, "torque_scale"), "output", "1", None, description)
+                description = f"Thermal limiter of {node}: multiply the wanted torque by it, 1 below the limit's band"
+                name = structured_name(node, "torque_scale")
+                self._add(name, "output", "1", None, description, minimum=0.0, maximum=1.0)
                 outputs.append(ca.fmin(1, ca.fmax(0, (self.p[self.limited[row]] - self.x[row]) / band)))
         return outputs
 

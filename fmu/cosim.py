@@ -15,12 +15,14 @@ from lptn.identify.comparison import Errors, predict
 from lptn.identify.data import LoadedModel, split_data
 from lptn.identify.noise import balanced_sigma, estimate_noise
 from lptn.logs.reading import read_log
+from lptn.logs.resampling import raw_keys
 from lptn.logs.run import Run
 from lptn.model.file import parse_model, read_model_file
 from lptn.model.model import Model
 from lptn.simulate.bound_run import bind
 from lptn.simulate.readings import over_steps
 
+from .archive import unit_of
 from .component import component
 from .session import Session
 from .variables import ZERO_CELSIUS, from_column, is_temperature, to_column
@@ -221,14 +223,17 @@ def _cosimulated(session: Session, plan: _Plan, ramps: bool) -> CosimulatedRun:
 
 def _inputs(session: Session, plan: _Plan) -> FloatArray:
     """The inputs of each step as the FMU takes them, shape (n, number of inputs)."""
-    names = session.input_names
-    lacking = [name for name in names if name not in plan.inputs]
-    if lacking:
-        expected = "an FMU of the same inputs as the model that it is compared with"
-        raise InputError(session.path, "inputs", f"{lacking[0]}, which the model lacks", expected)
-    order = np.array([plan.inputs.index(name) for name in names], dtype=int)
-    offsets = np.array([_offset(session, name) for name in names])
-    return np.ascontiguousarray((plan.values[order] + offsets[:, None]).T)
+    means = {key for name in plan.inputs for key in raw_keys(to_column(name))}
+    rows = []
+    for name in session.input_names:
+        if name in plan.inputs:
+            rows.append(plan.values[plan.inputs.index(name)] + _offset(session, name))
+        elif to_column(name) in means:  # the model wants its mean alone, which the log gives
+            rows.append(np.zeros(len(plan.run)))
+        else:
+            expected = "an FMU of the same inputs as the model that it is compared with"
+            raise InputError(session.path, "inputs", f"{name}, which the model lacks", expected)
+    return np.ascontiguousarray(np.array(rows).reshape(len(rows), len(plan.run)).T)
 
 
 def _reading(session: Session, node: str, outputs: Mapping[str, FloatArray]) -> FloatArray:
@@ -243,4 +248,4 @@ def _reading(session: Session, node: str, outputs: Mapping[str, FloatArray]) -> 
 
 def _offset(session: Session, name: str) -> float:
     """What turns degC into a variable's unit by adding."""
-    return ZERO_CELSIUS if session.variables[name].unit == "K" and is_temperature(name) else 0.0
+    return ZERO_CELSIUS if unit_of(session.variables[name]) == "K" and is_temperature(name) else 0.0

@@ -26,6 +26,7 @@ from lptn.model.network import Network
 from .codegen import Integration, c_code, integration, jacobian_moves, structure
 from .compile import Compiler, Platform, compile_all, platforms_of, universal
 from .component import Component, component
+from .terminals import terminals
 from .trust import remember
 from .variables import unit_definitions
 
@@ -95,6 +96,10 @@ def export(
     start: Mapping[str, float] | float | None = None,
     admissible: bool = False,
     current_limits: Mapping[str, float] | float | None = None,
+    casadi: bool = False,
+    author: str | None = None,
+    copyright: str | None = None,  # noqa: A002
+    license: str | None = None,  # noqa: A002
     compiler: Compiler = "auto",
     date: datetime | None = None,
 ) -> Exported:
@@ -113,6 +118,11 @@ def export(
         start: start temperature [degC] in the same way; 25 degC where none is given.
         admissible: `True` to add the admissible torque of each joint for 10 s, 60 s, 300 s and for ever as outputs.
         current_limits: of the joints [A] by name or pattern, or one of all; ends of the admissible torques.
+        casadi: `True` to let states and parameters be set in any mode: CasADi's import does so when it differentiates,
+            and the standard forbids it.
+        author: of the model, as importers show it; nobody by default.
+        copyright: of the model, in one sentence.
+        license: of the model; what holds for the C sources is in the FMU's `documentation/licenses` in any case.
         compiler: `auto`, `zig` or `cc`.
         date: generation time in the FMU; now by default.
 
@@ -133,7 +143,8 @@ def export(
     exported = component(loaded, limits, start, admissible=admissible, current_limits=current_limits)
     steps = integration(exported, solver, step)
     identifier = _identifier(loaded.network.name)
-    entries = _texts(exported, identifier, fmi, steps, text, date)
+    about = {"author": author, "copyright": copyright, "license": license}
+    entries = _texts(exported, identifier, fmi, steps, text, date, {"casadi": casadi, "about": about})
     code = {name.removeprefix("sources/"): text for name, text in entries.items() if name.startswith("sources/")}
     libraries = compile_all(code, f"fmi{fmi}.c", identifier, targets, compiler)
     content = _archive(entries | _binaries(libraries, identifier, fmi))
@@ -192,6 +203,7 @@ def _texts(
     integration: Integration,
     model_text: str | None,
     date: datetime | None,
+    options: Mapping[str, Any],
 ) -> dict[str, bytes]:
     """All files of an FMU but its binaries, by their path inside.
 
@@ -200,7 +212,11 @@ def _texts(
     """
     code, own = c_code(component, f"{identifier}_model"), _own_sources(fmi)
     values = _values(component, integration, fmi)
-    values |= {"identifier": identifier, "date": (date or datetime.now(UTC)).strftime("%Y-%m-%dT%H:%M:%SZ")}
+    values |= {
+        **options,
+        "identifier": identifier,
+        "date": (date or datetime.now(UTC)).strftime("%Y-%m-%dT%H:%M:%SZ"),
+    }
     # The same model gives the same token, so a saved state goes from one export to the next.
     without_token = _rendered("config.h.j2", values | {"token": ""})
     digest = hashlib.sha256("\n".join([str(fmi), code, without_token, *own.values()]).encode()).hexdigest()
@@ -218,9 +234,13 @@ def _texts(
     }
     if fmi == 3:
         texts["sources/buildDescription.xml"] = _rendered("buildDescription.xml.j2", values)
+        texts["terminalsAndIcons/terminalsAndIcons.xml"] = _rendered("terminalsAndIcons.xml.j2", values)
+        texts["terminalsAndIcons/icon.svg"] = _resource("icon/icon.svg")
     if model_text is not None:
         texts["resources/model.toml"] = model_text
-    return {path: text.encode() for path, text in texts.items()}
+    picture = (files("lptn.fmu") / "icon" / "icon.png").read_bytes()
+    icon = {"model.png" if fmi == 2 else "terminalsAndIcons/icon.png": picture}
+    return {path: text.encode() for path, text in texts.items()} | icon
 
 
 def _values(component: Component, integration: Integration, fmi: int) -> dict[str, Any]:
@@ -241,6 +261,8 @@ def _values(component: Component, integration: Integration, fmi: int) -> dict[st
         "bound_moves": jacobian_moves(component),
         "structure": structure(component),
         "definitions": unit_definitions(variable.unit for variable in variables),
+        "types": list(dict.fromkeys(variable.type for variable in variables if variable.type)),
+        "terminals": terminals(variables),
         "solver": integration.solver,
         "step": integration.step,
         "fastest": integration.fastest,

@@ -14,6 +14,47 @@ ZERO_CELSIUS = 273.15  # K
 
 
 @dataclass(frozen=True)
+class DeclaredType:
+    """A type that all variables of a quantity share.
+
+    Args:
+        name: of the type.
+        quantity: its physical quantity, as the Modelica Standard Library (`Modelica.Units.SI`) calls it.
+        unit: unit of the values.
+        nominal: their usual size in a robot's joint.
+        celsius: whether people see it in degC.
+        relative: whether it is a difference, to which no offset of a display unit applies.
+    """
+
+    name: str
+    quantity: str
+    unit: str
+    nominal: float
+    celsius: bool = False
+    relative: bool = False
+
+
+_TEMPERATURE = DeclaredType("Temperature", "ThermodynamicTemperature", "K", 300.0, celsius=True)
+_DIFFERENCE = DeclaredType("TemperatureDifference", "ThermodynamicTemperature", "K", 10.0, relative=True)
+_HEAT_FLOW = DeclaredType("HeatFlowRate", "Power", "W", 10.0)
+_TYPES = {
+    each.unit: each
+    for each in (
+        DeclaredType("TemperatureSlope", "TemperatureSlope", "K/s", 0.1),
+        DeclaredType("Torque", "Torque", "N*m", 10.0),
+        DeclaredType("AngularVelocity", "AngularVelocity", "rad/s", 10.0),
+        DeclaredType("Current", "ElectricCurrent", "A", 10.0),
+        DeclaredType("Velocity", "Velocity", "m/s", 1.0),
+        DeclaredType("Power", "Power", "W", 10.0),
+        DeclaredType("HeatCapacity", "HeatCapacity", "J/K", 100.0),
+        DeclaredType("ThermalResistance", "ThermalResistance", "K/W", 1.0),
+        DeclaredType("Time", "Time", "s", 100.0),
+        DeclaredType("Ratio", "", "1", 1.0),
+    )
+}
+
+
+@dataclass(frozen=True)
 class Variable:
     """One variable.
 
@@ -63,9 +104,13 @@ class Variable:
         return {"state": "exact", "parameter": "exact", "time": None, "input": None}.get(self.kind, "calculated")
 
     @property
-    def nominal(self) -> float | None:
-        """The usual size, where the default of 1 would mislead a solver."""
-        return 300.0 if self.celsius else None
+    def type(self) -> DeclaredType | None:
+        """The declared type that it shares with others of its quantity, `None` for a unit of its own."""
+        if self.unit == "K":
+            return _TEMPERATURE if self.celsius else _DIFFERENCE
+        if self.kind in ("output", "admissible") and self.unit == "W":
+            return _HEAT_FLOW
+        return _TYPES.get(self.unit)
 
 
 # --- names: `FR_calf.torque` for the log column `torque.FR_calf` -----------------------------------
@@ -73,14 +118,21 @@ class Variable:
 _IDENTIFIER = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 _QUOTABLE = re.compile(r"[A-Za-z0-9_!#$%&()*+,\-./:;<>=?@\[\]^{}|~ ]+")
 _NAME_PARTS = re.compile(r"'(?:[^'\\]|\\.)+'|[^.']+")
+_MEAN = "leave it at -1, or connect it where steps are so coarse that the input itself tells too little"
 _QUANTITIES = {
-    "velocity": "Joint speed",
-    "velocity_rms": "RMS of the joint speed over the communication step (the speed itself at short steps)",
-    "torque": "Joint torque",
-    "current": "Winding current",
-    "speed": "Speed",
-    "power": "Power",
-    "temperature": "Temperature",
+    "velocity": ("Joint speed", "connect the speed of the joint, of either sign"),
+    "velocity_rms": ("RMS of the joint speed over a step", _MEAN),
+    "torque": ("Joint torque", "connect the torque of the joint's drive, measured or commanded, of either sign"),
+    "torque_abs": ("Mean magnitude of the joint torque over a step", _MEAN),
+    "current": ("Winding current", "connect the current of the joint's motor (q-axis), of either sign"),
+    "current_abs": ("Mean magnitude of the winding current over a step", _MEAN),
+    "mechanical_power": ("Mean magnitude of the mechanical power over a step", _MEAN),
+    "speed": ("Speed", "connect how fast it moves through the air"),
+    "power": ("Power", "connect the electrical power that becomes heat there"),
+    "powered": ("Whether the drive is on", "connect 1 while it is on, 0 while it is off, or the share of a step"),
+    "fan": ("Speed of the fan", "connect 0 for a fan that stands to 1 for full speed"),
+    "irradiance": ("Irradiance", "connect the radiation that falls on it"),
+    "temperature": ("Temperature", "connect what is measured there, or the output of another model, in kelvin"),
 }
 
 
@@ -112,6 +164,12 @@ def to_column(name: str) -> str:
     return f"{parts[-1]}.{'.'.join(parts[:-1])}" if len(parts) > 1 else name
 
 
+def first_place(name: str) -> tuple[str, str]:
+    """A variable's place as it stands in its name, and the rest: `FR_calf` and `to_ambient.heat_flow`."""
+    place = _NAME_PARTS.match(name)
+    return (place[0], name[place.end() + 1 :]) if place else (name, "")
+
+
 def is_temperature(name: str) -> bool:
     """Whether a variable's name is that of a temperature or a sensor's reading, which logs hold in degC."""
     return to_column(name).partition(".")[0] in ("temperature", "reading")
@@ -120,7 +178,8 @@ def is_temperature(name: str) -> bool:
 def column_description(column: str) -> str:
     """What a person reads of the variable of a log column."""
     quantity, _, place = column.partition(".")
-    return f"{_QUANTITIES.get(quantity, quantity)} of {place}" if place else quantity
+    title, advice = _QUANTITIES.get(quantity, (quantity.replace("_", " ").capitalize(), "connect the log's column"))
+    return f"{title} of {place}: {advice}" if place else f"{title}: {advice}"
 
 
 def places_of_owner(owner: str, prescribed: Iterable[str]) -> tuple[str, str]:

@@ -13,31 +13,64 @@
 #define FORECASTS (OUTPUTS + NY)
 #define END (FORECASTS + NZ)
 #define COLD 150.0 /* K; no robot is so cold: somebody has set degrees Celsius */
+#define ULPS 4.0         /* of a time: what the arithmetic of an importer may lose */
+#define PART_OF_STEP 1e-6 /* of a communication step: what may lie between its begin and the end of the last one */
 
 /* --- what is said ------------------------------------------------------------------------------- */
 
-static void core_say(Instance *I, Status status, const char *category, const char *format, va_list list) {
-    char text[512];
-    vsnprintf(text, sizeof text, format, list);
-    if (I->log) I->log(I, status, category, text);
+/* The categories in the order of their bits. */
+static const struct {
+    const char *name;
+    Status status;
+} CATEGORIES[] = {{"logStatusWarning", WARNING}, {"logStatusDiscard", DISCARD}, {"logStatusError", ERROR}};
+
+enum { CATEGORY_COUNT = sizeof CATEGORIES / sizeof *CATEGORIES };
+
+static void core_say(Instance *I, int category, const char *function, const char *format, va_list list) {
+    char longer[256], text[512];
+    if (!I->log || !(I->logged & 1 << category)) return;
+    snprintf(longer, sizeof longer, "%s: %s", function, format);
+    vsnprintf(text, sizeof text, longer, list);
+    I->log(I, CATEGORIES[category].status, CATEGORIES[category].name, text);
 }
 
 static Status core_fail(Instance *I, const char *function, const char *format, ...) {
-    char longer[256];
     va_list list;
-    snprintf(longer, sizeof longer, "%s: %s", function, format);
     va_start(list, format);
-    core_say(I, ERROR, "logStatusError", longer, list);
+    core_say(I, 2, function, format, list);
     va_end(list);
     return ERROR;
 }
 
-static void core_warn(Instance *I, const char *format, ...) {
+/* A trial that an importer may repeat otherwise: discarded in Model Exchange, where solvers try; an error elsewhere. */
+static Status core_discard(Instance *I, int discard, const char *function, const char *format, ...) {
     va_list list;
-    if (!I->logging) return;
     va_start(list, format);
-    core_say(I, WARNING, "logStatusWarning", format, list);
+    core_say(I, discard ? 1 : 2, function, format, list);
     va_end(list);
+    return discard ? DISCARD : ERROR;
+}
+
+static void core_warn(Instance *I, const char *function, const char *format, ...) {
+    va_list list;
+    va_start(list, format);
+    core_say(I, 0, function, format, list);
+    va_end(list);
+}
+
+static Status core_set_logging(Instance *I, const char *function, int on, size_t n, const char *const *categories) {
+    int wanted = n ? 0 : LOG_ALL, k;
+    size_t i;
+    if (n && !categories) return core_fail(I, function, "null pointer");
+    for (i = 0; i < n; i++) {
+        for (k = 0; k < CATEGORY_COUNT; k++)
+            if (categories[i] && !strcmp(categories[i], CATEGORIES[k].name)) break;
+        if (k == CATEGORY_COUNT)
+            return core_fail(I, function, "no log category \"%s\"", categories[i] ? categories[i] : "");
+        wanted |= 1 << k;
+    }
+    I->logged = on ? wanted : LOG_OFF;
+    return OK;
 }
 
 static const char *mode_name(int64_t mode) {
@@ -57,6 +90,13 @@ static int core_refuses(Instance *I, const char *function, int modes) {
     if (!I || I->magic != MAGIC) return 1;
     if (I->data.mode & modes) return 0;
     core_fail(I, function, "not allowed in %s", mode_name(I->data.mode));
+    return 1;
+}
+
+/* Nonzero, and said, where a function is one of the other interface type. */
+static int core_refuses_type(Instance *I, const char *function, int type) {
+    if (I->data.type == type) return 0;
+    core_fail(I, function, "for %s only", type == MODEL_EXCHANGE ? "Model Exchange" : "Co-Simulation");
     return 1;
 }
 
@@ -92,7 +132,7 @@ static Instance *core_new(const char *name, int type, Logger log, int logging) {
     if (!I) return NULL;
     I->magic = MAGIC;
     I->log = log;
-    I->logging = logging;
+    I->logged = logging ? LOG_ALL : LOG_OFF;
     I->data.type = type;
     I->name = calloc(strlen(name && *name ? name : "unnamed") + 1, 1);
     if (I->name) strcpy(I->name, name && *name ? name : "unnamed");
@@ -112,6 +152,12 @@ static void core_free(Instance *I) {
     free(I);
 }
 
+/* What two times that mean the same may differ by [s]: the rounding of either, and a part of the step between them.
+   Communication points are absolute: near 1.7e9 s, today as a robot stamps it, they are a quarter of a microsecond apart. */
+static double same_time(double one, double other, double step) {
+    return ULPS * DBL_EPSILON * fmax(fabs(one), fabs(other)) + PART_OF_STEP * step;
+}
+
 static Status core_start(Instance *I, const char *function, double start, int has_stop, double stop) {
     if (!isfinite(start)) return core_fail(I, function, "start time %g refused", start);
     if (has_stop && !(stop >= start)) return core_fail(I, function, "stop time %g before start time %g", stop, start);
@@ -119,6 +165,9 @@ static Status core_start(Instance *I, const char *function, double start, int ha
     I->data.stop = has_stop ? stop : INFINITY;
     return OK;
 }
+
+/* Where fmi2SetContinuousStates and fmi3SetContinuousStates are allowed. */
+#define SET_STATES (ANY_MODE ? EVENT | CONTINUOUS : CONTINUOUS)
 
 /* --- values --------------------------------------------------------------------------------------- */
 
@@ -156,6 +205,13 @@ static int core_unknown(Instance *I, const char *function, const uint32_t *refer
     return 0;
 }
 
+/* Finite inputs can be so large that what follows from them is not. */
+static Status core_finite(Instance *I, const char *function, const char *name, double value) {
+    if (isfinite(value)) return OK;
+    return core_discard(I, I->data.type == MODEL_EXCHANGE, function, "%s is not finite (%g) for these states, inputs and parameters",
+                        name, value);
+}
+
 static Status core_get(Instance *I, const char *function, const uint32_t *references, size_t n, double *values) {
     size_t i;
     if (core_unknown(I, function, references, n, values)) return ERROR;
@@ -169,17 +225,22 @@ static Status core_get(Instance *I, const char *function, const uint32_t *refere
         else if (r < FORECASTS) know_outputs(I), values[i] = I->outputs[r - OUTPUTS];
         else know_forecasts(I), values[i] = I->forecasts[r - FORECASTS];
     }
+    for (i = 0; i < n; i++) {
+        Status status = core_finite(I, function, NAMES[references[i]], values[i]);
+        if (status != OK) return status;
+    }
     return OK;
 }
 
-/* The modes in which a variable may be set. States in event mode, and states and parameters in continuous-time mode,
-   go beyond the standard, but importers that differentiate (CasADi) set them so. */
+/* The modes in which a variable may be set (FMI 2.0.4, 3.2.3 and 4.2.4; FMI 3.0.1, 2.3, 3.2 and 4.2). An FMU for
+   CasADi takes states and parameters in any mode: CasADi sets them so when it differentiates. */
 static int settable(uint32_t r) {
+    enum { BEFORE = INSTANTIATED | INITIALIZATION, MORE = ANY_MODE ? EVENT | CONTINUOUS : 0 };
     if (r == 0 || r >= OUTPUTS) return 0;
-    if (r < RATES) return INSTANTIATED | INITIALIZATION | EVENT | CONTINUOUS;
+    if (r < RATES) return BEFORE | STATES_ONE_BY_ONE | MORE;
     if (r < INPUTS) return 0;
-    if (r < PARAMETERS) return INSTANTIATED | INITIALIZATION | EVENT | CONTINUOUS | STEP | UPDATE;
-    return INSTANTIATED | INITIALIZATION | EVENT | CONTINUOUS | STEP;
+    if (r < PARAMETERS) return BEFORE | EVENT | CONTINUOUS | STEP | UPDATE;
+    return BEFORE | EVENT | STEP | MORE;
 }
 
 static Status check_value(Instance *I, const char *function, uint32_t r, double value) {
@@ -187,13 +248,12 @@ static Status check_value(Instance *I, const char *function, uint32_t r, double 
     if (!settable(r)) return core_fail(I, function, "%s (%u) is calculated and can't be set", NAMES[r], shown);
     if (!(settable(r) & I->data.mode))
         return core_fail(I, function, "%s (%u) can't be set in %s", NAMES[r], shown, mode_name(I->data.mode));
-    if (!isfinite(value)) return core_fail(I, function, "%s (%u): %g refused", NAMES[r], shown, value);
-    if (value < LEAST[r] || value > MOST[r])
-        return core_fail(I, function, "%s (%u): %g refused, it must lie from %g to %g", NAMES[r], shown, value,
-                         LEAST[r], MOST[r]);
+    if (!(value >= LEAST[r] && value <= MOST[r]) || !isfinite(value))
+        return core_discard(I, I->data.mode == CONTINUOUS, function, "%s (%u): %g refused, it must lie from %g to %g",
+                            NAMES[r], shown, value, LEAST[r], MOST[r]);
     if (CELSIUS[r] && value < COLD && !I->warned_cold) {
         I->warned_cold = 1;
-        core_warn(I, "%s: %s (%u) is set to %g: that is kelvin, not degrees Celsius", function, NAMES[r], shown, value);
+        core_warn(I, function, "%s (%u) is set to %g: that is kelvin, not degrees Celsius", NAMES[r], shown, value);
     }
     return OK;
 }
@@ -202,8 +262,10 @@ static Status check_value(Instance *I, const char *function, uint32_t r, double 
 static Status core_set(Instance *I, const char *function, const uint32_t *references, size_t n, const double *values) {
     size_t i;
     if (core_unknown(I, function, references, n, values)) return ERROR;
-    for (i = 0; i < n; i++)
-        if (check_value(I, function, references[i], values[i]) != OK) return ERROR;
+    for (i = 0; i < n; i++) {
+        Status status = check_value(I, function, references[i], values[i]);
+        if (status != OK) return status;
+    }
     for (i = 0; i < n; i++) {
         uint32_t r = references[i];
         if (r < RATES) I->data.x[r - STATES] = values[i];
@@ -234,8 +296,8 @@ static Status core_set_states(Instance *I, const char *function, const double *s
     size_t i;
     if (n != NX || !states) return core_fail(I, function, "%u states given, the model has %d", (unsigned)n, NX);
     for (i = 0; i < n; i++)
-        if (!isfinite(states[i]) || states[i] < 0)
-            return core_fail(I, function, "%s: %g refused", NAMES[STATES + i], states[i]);
+        if (!isfinite(states[i]) || states[i] < LEAST[STATES + i])
+            return core_discard(I, 1, function, "%s: %g refused", NAMES[STATES + i], states[i]);
     memcpy(I->data.x, states, NX * sizeof(double));
     core_forget(I);
     return OK;
@@ -245,6 +307,10 @@ static Status core_rates(Instance *I, const char *function, double *rates, size_
     if (n != NX || !rates) return core_fail(I, function, "%u rates asked for, the model has %d", (unsigned)n, NX);
     know_rates(I);
     memcpy(rates, I->rates, NX * sizeof(double));
+    for (n = 0; n < NX; n++) {
+        Status status = core_finite(I, function, NAMES[RATES + n], rates[n]);
+        if (status != OK) return status;
+    }
     return OK;
 }
 

@@ -2,6 +2,7 @@
 #ifndef LPTN_CORE_H
 #define LPTN_CORE_H
 
+#include <float.h>
 #include <math.h>
 #include <stdarg.h>
 #include <stdint.h>
@@ -25,6 +26,9 @@ typedef enum {
 } Mode;
 
 enum { MODEL_EXCHANGE, CO_SIMULATION };
+
+/* Log categories; one says what it says only while its bit is set. */
+enum { LOG_WARNING = 1, LOG_DISCARD = 2, LOG_ERROR = 4, LOG_ALL = 7 };
 enum { SPACE_U = NU > 0 ? NU : 1, SPACE_Y = NY > 0 ? NY : 1 };
 
 /* All that a call can change, in one piece without padding: this is what the state functions copy and serialise. */
@@ -64,7 +68,7 @@ typedef struct Instance {
     double last_time;
     char *name;
     Logger log;
-    int logging;
+    int logged; /* bits of the log categories that are on */
     void *environment; /* the importer's */
     void *callbacks;   /* the wrapper's */
 } Instance;
@@ -72,7 +76,9 @@ typedef struct Instance {
 static Instance *core_new(const char *name, int type, Logger log, int logging);
 static void core_free(Instance *);
 static Status core_fail(Instance *, const char *function, const char *format, ...);
+static Status core_set_logging(Instance *, const char *function, int on, size_t, const char *const *categories);
 static int core_refuses(Instance *, const char *function, int modes);
+static int core_refuses_type(Instance *, const char *function, int type);
 static void core_reset(Instance *);
 static Status core_start(Instance *, const char *function, double start, int has_stop, double stop);
 static Status core_get(Instance *, const char *function, const uint32_t *, size_t, double *);

@@ -28,6 +28,15 @@ static Status check_derivative(Instance *I, const char *function, const uint32_t
     return OK;
 }
 
+static Status finite_derivatives(Instance *I, const char *function, const uint32_t *references, size_t n, const double *values) {
+    size_t i;
+    for (i = 0; i < n; i++)
+        if (!isfinite(values[i]))
+            return core_fail(I, function, "a derivative at %s is not finite (%g) for these states, inputs and parameters",
+                             NAMES[references[i]], values[i]);
+    return OK;
+}
+
 static void forward(Instance *I, const Known *seed, const uint32_t *unknowns, size_t n, double *result) {
     const double *arguments[] = {I->data.x, I->data.u, I->data.p, seed->x, seed->u, seed->p};
     double rates[NX], outputs[SPACE_Y], times[NZ], moved[NZ];
@@ -59,7 +68,7 @@ static Status core_forward(Instance *I, const char *function, const uint32_t *un
     for (i = 0; i < nk; i++)
         if (knowns[i]) *known_place(&sown, knowns[i]) += seed[i];
     forward(I, &sown, unknowns, nu, result);
-    return OK;
+    return finite_derivatives(I, function, unknowns, nu, result);
 }
 
 /* Forecasts have no reverse code: their gradient is found direction by direction. */
@@ -99,7 +108,7 @@ static Status core_reverse(Instance *I, const char *function, const uint32_t *un
     for (i = 0; i < NX; i++) found.x[i] += direct[i];
     for (i = 0; i < nk; i++) result[i] = knowns[i] ? *known_place(&found, knowns[i]) : 0;
     if (forecasts) reverse_forecasts(I, times, knowns, nk, result);
-    return OK;
+    return finite_derivatives(I, function, knowns, nk, result);
 }
 
 /* Time derivatives of outputs along the present motion: rates of the states, slopes of the inputs. */
@@ -119,5 +128,5 @@ static Status core_output_slopes(Instance *I, const char *function, const uint32
     memcpy(seed.x, I->rates, sizeof seed.x);
     memcpy(seed.u, I->data.slope, sizeof seed.u);
     forward(I, &seed, references, n, values);
-    return OK;
+    return finite_derivatives(I, function, references, n, values);
 }

@@ -1,9 +1,10 @@
 /* FMI 2.0, Model Exchange and Co-Simulation, over the core. */
 #include "fmi2Functions.h"
 
+#define STATES_ONE_BY_ONE 0 /* fmi2SetReal sets no states in continuous-time mode */
+#define LOG_OFF LOG_ERROR   /* an error is no debug message */
 #include "core.c"
 
-#define ME_ONLY (EVENT | CONTINUOUS)
 #define RUNNING (EVENT | CONTINUOUS | STEP)
 #define ANY (INSTANTIATED | INITIALIZATION | RUNNING | TERMINATED)
 
@@ -11,6 +12,11 @@
 #define REQUIRE(modes, name)                       \
     Instance *I = c;                               \
     if (core_refuses(I, name, modes)) return fmi2Error
+
+/* The same for a function of one interface type. */
+#define REQUIRE_ONE(type, modes, name) \
+    REQUIRE(modes, name);              \
+    if (core_refuses_type(I, name, type)) return fmi2Error
 
 static void say(Instance *I, Status status, const char *category, const char *message) {
     const fmi2CallbackFunctions *callbacks = I->callbacks;
@@ -34,10 +40,7 @@ const char *fmi2GetVersion(void) { return fmi2Version; }
 
 fmi2Status fmi2SetDebugLogging(fmi2Component c, fmi2Boolean on, size_t n, const fmi2String categories[]) {
     REQUIRE(ANY, "fmi2SetDebugLogging");
-    (void)n;
-    (void)categories;
-    I->logging = on;
-    return fmi2OK;
+    return (fmi2Status)core_set_logging(I, "fmi2SetDebugLogging", on, n, (const char *const *)categories);
 }
 
 fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, fmi2String resources,
@@ -106,7 +109,7 @@ fmi2Status fmi2Reset(fmi2Component c) {
 /* --- values ---------------------------------------------------------------------------------------- */
 
 fmi2Status fmi2GetReal(fmi2Component c, const fmi2ValueReference vr[], size_t n, fmi2Real values[]) {
-    REQUIRE(ANY, "fmi2GetReal");
+    REQUIRE(ANY & ~INSTANTIATED, "fmi2GetReal");
     return (fmi2Status)core_get(I, "fmi2GetReal", vr, n, values);
 }
 
@@ -173,7 +176,7 @@ fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReferenc
 /* --- Model Exchange -------------------------------------------------------------------------------- */
 
 fmi2Status fmi2EnterEventMode(fmi2Component c) {
-    REQUIRE(ME_ONLY, "fmi2EnterEventMode");
+    REQUIRE(EVENT | CONTINUOUS, "fmi2EnterEventMode");
     I->data.mode = EVENT;
     return fmi2OK;
 }
@@ -200,30 +203,30 @@ fmi2Status fmi2CompletedIntegratorStep(fmi2Component c, fmi2Boolean no_return, f
 }
 
 fmi2Status fmi2SetTime(fmi2Component c, fmi2Real time) {
-    REQUIRE(ME_ONLY, "fmi2SetTime");
+    REQUIRE(EVENT | CONTINUOUS, "fmi2SetTime");
     if (!isfinite(time)) return (fmi2Status)core_fail(I, "fmi2SetTime", "%g refused", time);
     I->data.time = time;
     return fmi2OK;
 }
 
 fmi2Status fmi2SetContinuousStates(fmi2Component c, const fmi2Real x[], size_t n) {
-    REQUIRE(ME_ONLY, "fmi2SetContinuousStates");
+    REQUIRE(SET_STATES, "fmi2SetContinuousStates");
     return (fmi2Status)core_set_states(I, "fmi2SetContinuousStates", x, n);
 }
 
 fmi2Status fmi2GetDerivatives(fmi2Component c, fmi2Real rates[], size_t n) {
-    REQUIRE(ME_ONLY | INITIALIZATION | TERMINATED, "fmi2GetDerivatives");
+    REQUIRE_ONE(MODEL_EXCHANGE, ANY & ~INSTANTIATED, "fmi2GetDerivatives");
     return (fmi2Status)core_rates(I, "fmi2GetDerivatives", rates, n);
 }
 
 fmi2Status fmi2GetEventIndicators(fmi2Component c, fmi2Real indicators[], size_t n) {
-    REQUIRE(ME_ONLY | INITIALIZATION | TERMINATED, "fmi2GetEventIndicators");
+    REQUIRE_ONE(MODEL_EXCHANGE, ANY & ~INSTANTIATED, "fmi2GetEventIndicators");
     (void)indicators;
     return n ? (fmi2Status)core_fail(I, "fmi2GetEventIndicators", "there are none") : fmi2OK;
 }
 
 fmi2Status fmi2GetContinuousStates(fmi2Component c, fmi2Real x[], size_t n) {
-    REQUIRE(ME_ONLY | INITIALIZATION | TERMINATED, "fmi2GetContinuousStates");
+    REQUIRE_ONE(MODEL_EXCHANGE, ANY & ~INSTANTIATED, "fmi2GetContinuousStates");
     if (n != NX || !x) return (fmi2Status)core_fail(I, "fmi2GetContinuousStates", "there are %d states", NX);
     memcpy(x, I->data.x, NX * sizeof(double));
     return fmi2OK;
@@ -231,7 +234,7 @@ fmi2Status fmi2GetContinuousStates(fmi2Component c, fmi2Real x[], size_t n) {
 
 fmi2Status fmi2GetNominalsOfContinuousStates(fmi2Component c, fmi2Real nominals[], size_t n) {
     size_t i;
-    REQUIRE(ANY, "fmi2GetNominalsOfContinuousStates");
+    REQUIRE_ONE(MODEL_EXCHANGE, ANY, "fmi2GetNominalsOfContinuousStates");
     if (n != NX || !nominals) return (fmi2Status)core_fail(I, "fmi2GetNominalsOfContinuousStates", "there are %d states", NX);
     for (i = 0; i < n; i++) nominals[i] = NOMINAL;
     return fmi2OK;
@@ -241,13 +244,13 @@ fmi2Status fmi2GetNominalsOfContinuousStates(fmi2Component c, fmi2Real nominals[
 
 fmi2Status fmi2SetRealInputDerivatives(fmi2Component c, const fmi2ValueReference vr[], size_t n, const fmi2Integer orders[],
                                        const fmi2Real values[]) {
-    REQUIRE(STEP, "fmi2SetRealInputDerivatives");
+    REQUIRE_ONE(CO_SIMULATION, INSTANTIATED | INITIALIZATION | STEP, "fmi2SetRealInputDerivatives");
     return (fmi2Status)core_set_slopes(I, "fmi2SetRealInputDerivatives", vr, n, orders, values);
 }
 
 fmi2Status fmi2GetRealOutputDerivatives(fmi2Component c, const fmi2ValueReference vr[], size_t n, const fmi2Integer orders[],
                                         fmi2Real values[]) {
-    REQUIRE(STEP | TERMINATED, "fmi2GetRealOutputDerivatives");
+    REQUIRE_ONE(CO_SIMULATION, STEP | TERMINATED, "fmi2GetRealOutputDerivatives");
     return (fmi2Status)core_output_slopes(I, "fmi2GetRealOutputDerivatives", vr, n, orders, values);
 }
 
@@ -259,40 +262,40 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real from, fmi2Real step, fmi2Boolean
 }
 
 fmi2Status fmi2CancelStep(fmi2Component c) {
-    REQUIRE(ANY, "fmi2CancelStep");
+    REQUIRE_ONE(CO_SIMULATION, ANY, "fmi2CancelStep");
     return (fmi2Status)core_fail(I, "fmi2CancelStep", "no step is under way: steps end before fmi2DoStep returns");
 }
 
 fmi2Status fmi2GetStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Status *value) {
-    REQUIRE(STEP | TERMINATED, "fmi2GetStatus");
+    REQUIRE_ONE(CO_SIMULATION, STEP | TERMINATED, "fmi2GetStatus");
     if (!value || kind != fmi2DoStepStatus) return fmi2Discard;
     *value = (fmi2Status)I->last_step;
     return fmi2OK;
 }
 
 fmi2Status fmi2GetRealStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Real *value) {
-    REQUIRE(STEP | TERMINATED, "fmi2GetRealStatus");
+    REQUIRE_ONE(CO_SIMULATION, STEP | TERMINATED, "fmi2GetRealStatus");
     if (!value || kind != fmi2LastSuccessfulTime) return fmi2Discard;
     *value = I->last_time;
     return fmi2OK;
 }
 
 fmi2Status fmi2GetIntegerStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Integer *value) {
-    REQUIRE(STEP | TERMINATED, "fmi2GetIntegerStatus");
+    REQUIRE_ONE(CO_SIMULATION, STEP | TERMINATED, "fmi2GetIntegerStatus");
     (void)kind;
     (void)value;
     return fmi2Discard;
 }
 
 fmi2Status fmi2GetBooleanStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Boolean *value) {
-    REQUIRE(STEP | TERMINATED, "fmi2GetBooleanStatus");
+    REQUIRE_ONE(CO_SIMULATION, STEP | TERMINATED, "fmi2GetBooleanStatus");
     if (!value || kind != fmi2Terminated) return fmi2Discard;
     *value = fmi2False;
     return fmi2OK;
 }
 
 fmi2Status fmi2GetStringStatus(fmi2Component c, const fmi2StatusKind kind, fmi2String *value) {
-    REQUIRE(STEP | TERMINATED, "fmi2GetStringStatus");
+    REQUIRE_ONE(CO_SIMULATION, STEP | TERMINATED, "fmi2GetStringStatus");
     (void)kind;
     (void)value;
     return fmi2Discard;

@@ -1,9 +1,10 @@
 /* FMI 3.0, Model Exchange and Co-Simulation, over the core. */
 #include "fmi3Functions.h"
 
+#define STATES_ONE_BY_ONE CONTINUOUS /* fmi3SetFloat64 sets states as fmi3SetContinuousStates does */
+#define LOG_OFF 0                    /* no message at all */
 #include "core.c"
 
-#define ME_ONLY (EVENT | CONTINUOUS)
 #define RUNNING (EVENT | CONTINUOUS | STEP)
 #define OUTSIDE (INSTANTIATED | INITIALIZATION | RUNNING | TERMINATED)
 #define ANY (OUTSIDE | UPDATE)
@@ -13,11 +14,16 @@
     Instance *I = instance;                      \
     if (core_refuses(I, name, modes)) return fmi3Error
 
+/* The same for a function of one interface type. */
+#define REQUIRE_ONE(type, modes, name) \
+    REQUIRE(modes, name);              \
+    if (core_refuses_type(I, name, type)) return fmi3Error
+
 typedef struct {
     fmi3LogMessageCallback log;
     fmi3IntermediateUpdateCallback update;
-    bool early, ended;
-    double from;
+    bool early;
+    double return_at; /* asked for in the step that is under way; infinite where it isn't */
 } Callbacks;
 
 static void say(Instance *I, Status status, const char *category, const char *message) {
@@ -31,10 +37,7 @@ const char *fmi3GetVersion(void) { return fmi3Version; }
 
 fmi3Status fmi3SetDebugLogging(fmi3Instance instance, fmi3Boolean on, size_t n, const fmi3String categories[]) {
     REQUIRE(OUTSIDE, "fmi3SetDebugLogging");
-    (void)n;
-    (void)categories;
-    I->logging = on;
-    return fmi3OK;
+    return (fmi3Status)core_set_logging(I, "fmi3SetDebugLogging", on, n, (const char *const *)categories);
 }
 
 static Instance *make(const char *function, int type, fmi3String name, fmi3String token, bool logging,
@@ -83,8 +86,8 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3
     I = make("fmi3InstantiateCoSimulation", CO_SIMULATION, name, token, logging, environment, log);
     if (!I) return NULL;
     for (i = 0; i < n; i++)
-        if (!required || required[i] >= END) {
-            core_fail(I, "fmi3InstantiateCoSimulation", "unknown intermediate variable");
+        if (!required || !(settable(required[i]) & UPDATE)) {
+            core_fail(I, "fmi3InstantiateCoSimulation", "an intermediate variable that is no input");
             fmi3FreeInstance(I);
             return NULL;
         }
@@ -133,7 +136,7 @@ fmi3Status fmi3ExitInitializationMode(fmi3Instance instance) {
 }
 
 fmi3Status fmi3EnterEventMode(fmi3Instance instance) {
-    REQUIRE(ME_ONLY, "fmi3EnterEventMode");
+    REQUIRE(CONTINUOUS, "fmi3EnterEventMode");
     I->data.mode = EVENT;
     return fmi3OK;
 }
@@ -365,30 +368,30 @@ fmi3Status fmi3CompletedIntegratorStep(fmi3Instance instance, fmi3Boolean no_ret
 }
 
 fmi3Status fmi3SetTime(fmi3Instance instance, fmi3Float64 time) {
-    REQUIRE(ME_ONLY, "fmi3SetTime");
+    REQUIRE(EVENT | CONTINUOUS, "fmi3SetTime");
     if (!isfinite(time)) return (fmi3Status)core_fail(I, "fmi3SetTime", "%g refused", time);
     I->data.time = time;
     return fmi3OK;
 }
 
 fmi3Status fmi3SetContinuousStates(fmi3Instance instance, const fmi3Float64 x[], size_t n) {
-    REQUIRE(ME_ONLY, "fmi3SetContinuousStates");
+    REQUIRE(SET_STATES, "fmi3SetContinuousStates");
     return (fmi3Status)core_set_states(I, "fmi3SetContinuousStates", x, n);
 }
 
 fmi3Status fmi3GetContinuousStateDerivatives(fmi3Instance instance, fmi3Float64 rates[], size_t n) {
-    REQUIRE(ME_ONLY | INITIALIZATION | TERMINATED, "fmi3GetContinuousStateDerivatives");
+    REQUIRE_ONE(MODEL_EXCHANGE, OUTSIDE & ~INSTANTIATED, "fmi3GetContinuousStateDerivatives");
     return (fmi3Status)core_rates(I, "fmi3GetContinuousStateDerivatives", rates, n);
 }
 
 fmi3Status fmi3GetEventIndicators(fmi3Instance instance, fmi3Float64 indicators[], size_t n) {
-    REQUIRE(ME_ONLY | INITIALIZATION | TERMINATED, "fmi3GetEventIndicators");
+    REQUIRE_ONE(MODEL_EXCHANGE, OUTSIDE & ~INSTANTIATED, "fmi3GetEventIndicators");
     (void)indicators;
     return n ? (fmi3Status)core_fail(I, "fmi3GetEventIndicators", "there are none") : fmi3OK;
 }
 
 fmi3Status fmi3GetContinuousStates(fmi3Instance instance, fmi3Float64 x[], size_t n) {
-    REQUIRE(ME_ONLY | INITIALIZATION | TERMINATED, "fmi3GetContinuousStates");
+    REQUIRE_ONE(MODEL_EXCHANGE, OUTSIDE & ~INSTANTIATED, "fmi3GetContinuousStates");
     if (n != NX || !x) return (fmi3Status)core_fail(I, "fmi3GetContinuousStates", "there are %d states", NX);
     memcpy(x, I->data.x, NX * sizeof(double));
     return fmi3OK;
@@ -396,21 +399,21 @@ fmi3Status fmi3GetContinuousStates(fmi3Instance instance, fmi3Float64 x[], size_
 
 fmi3Status fmi3GetNominalsOfContinuousStates(fmi3Instance instance, fmi3Float64 nominals[], size_t n) {
     size_t i;
-    REQUIRE(OUTSIDE, "fmi3GetNominalsOfContinuousStates");
+    REQUIRE_ONE(MODEL_EXCHANGE, OUTSIDE, "fmi3GetNominalsOfContinuousStates");
     if (n != NX || !nominals) return (fmi3Status)core_fail(I, "fmi3GetNominalsOfContinuousStates", "there are %d states", NX);
     for (i = 0; i < n; i++) nominals[i] = NOMINAL;
     return fmi3OK;
 }
 
 fmi3Status fmi3GetNumberOfEventIndicators(fmi3Instance instance, size_t *n) {
-    REQUIRE(OUTSIDE, "fmi3GetNumberOfEventIndicators");
+    REQUIRE_ONE(MODEL_EXCHANGE, OUTSIDE, "fmi3GetNumberOfEventIndicators");
     if (!n) return (fmi3Status)core_fail(I, "fmi3GetNumberOfEventIndicators", "null pointer");
     *n = 0;
     return fmi3OK;
 }
 
 fmi3Status fmi3GetNumberOfContinuousStates(fmi3Instance instance, size_t *n) {
-    REQUIRE(OUTSIDE, "fmi3GetNumberOfContinuousStates");
+    REQUIRE_ONE(MODEL_EXCHANGE, OUTSIDE, "fmi3GetNumberOfContinuousStates");
     if (!n) return (fmi3Status)core_fail(I, "fmi3GetNumberOfContinuousStates", "null pointer");
     *n = NX;
     return fmi3OK;
@@ -422,7 +425,7 @@ fmi3Status fmi3EnterStepMode(fmi3Instance instance) { return absent(instance, "f
 
 fmi3Status fmi3GetOutputDerivatives(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, const fmi3Int32 orders[],
                                     fmi3Float64 values[], size_t nv) {
-    REQUIRE(STEP | UPDATE | TERMINATED, "fmi3GetOutputDerivatives");
+    REQUIRE_ONE(CO_SIMULATION, STEP | UPDATE | TERMINATED, "fmi3GetOutputDerivatives");
     if (n != nv) return (fmi3Status)core_fail(I, "fmi3GetOutputDerivatives", "sizes do not match");
     return (fmi3Status)core_output_slopes(I, "fmi3GetOutputDerivatives", vr, n, orders, values);
 }
@@ -444,8 +447,8 @@ static int show(Instance *I, double time) {
     I->data.mode = UPDATE;
     callbacks->update(I->environment, time, false, true, true, callbacks->early, &end, &at);
     I->data.mode = STEP;
-    callbacks->ended = callbacks->early && end && at <= time;
-    return callbacks->ended;
+    if (callbacks->early && end && at < callbacks->return_at) callbacks->return_at = at;
+    return time >= callbacks->return_at;
 }
 
 fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 from, fmi3Float64 step, fmi3Boolean no_return, fmi3Boolean *event,
@@ -457,12 +460,12 @@ fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 from, fmi3Float64 step,
     REQUIRE(STEP, "fmi3DoStep");
     (void)no_return;
     callbacks = I->callbacks;
-    callbacks->ended = false;
+    callbacks->return_at = INFINITY;
     time = I->data.time;
     status = core_step(I, "fmi3DoStep", from, step, callbacks->update ? &hooks : NULL, &time);
     if (event) *event = fmi3False;
     if (terminate) *terminate = fmi3False;
-    if (early) *early = callbacks->ended;
+    if (early) *early = status == OK && time < from + step;
     if (reached) *reached = time;
     return (fmi3Status)status;
 }

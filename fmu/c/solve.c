@@ -154,7 +154,7 @@ static int inner_step(Instance *I, const double *x, const double *u0, const doub
 
 /* How many inner steps a communication step takes: none longer than the exported one, none too long for RK4 at the
    present parameters and inputs. */
-static double inner_steps(Instance *I, double step) {
+static double inner_steps(Instance *I, const char *function, double step) {
     double n = ceil(step / INNER_STEP * (1 - 1e-12));
     double needed;
     if (n < 1) n = 1;
@@ -164,7 +164,7 @@ static double inner_steps(Instance *I, double step) {
     if (needed > n) {
         if (!I->warned_step) {
             I->warned_step = 1;
-            core_warn(I, "inner steps of %g s are too long for these parameters and inputs: now %g s", step / n, step / needed);
+            core_warn(I, function, "inner steps of %g s are too long for these parameters and inputs: now %g s", step / n, step / needed);
         }
         n = needed;
     }
@@ -177,11 +177,12 @@ static Status core_step(Instance *I, const char *function, double from, double s
     uint64_t k, steps;
     int i;
     if (!(step > 0) || !isfinite(step)) return core_fail(I, function, "step size %g, must be positive", step);
-    if (!(fabs(from - d->time) <= 1e-9 * (1 + fabs(d->time))))
+    if (!(from + step > from)) return core_fail(I, function, "a step of %g s is lost in the rounding of the time %.17g", step, from);
+    if (!(fabs(from - d->time) <= same_time(from, d->time, step)))
         return core_fail(I, function, "communication point %.17g, but the last step ended at %.17g", from, d->time);
-    if (from + step > d->stop + 1e-9 * (1 + fabs(d->stop)))
-        return core_fail(I, function, "step to %.17g beyond the stop time %g", from + step, d->stop);
-    n = inner_steps(I, step);
+    if (from + step - d->stop > same_time(from, from + step, step))
+        return core_fail(I, function, "step to %.17g beyond the stop time %.17g", from + step, d->stop);
+    n = inner_steps(I, function, step);
     if (!(n <= MOST_STEPS)) return core_fail(I, function, "%g inner steps needed; export with ros2 or step shorter", n);
     steps = (uint64_t)n;
     h = step / n;
@@ -189,10 +190,11 @@ static Status core_step(Instance *I, const char *function, double from, double s
     memcpy(u_before, d->u, sizeof u_before);
     memcpy(u0, d->u, sizeof u0);
     for (k = 0; k < steps; k++) {
-        double end = k + 1 == steps ? from + step : from + step * ((double)(k + 1) / n);
+        /* Of the step, not of the time: near 1.7e9 s a difference of times has lost a short step's last digits. */
+        double gone = k + 1 == steps ? step : step * ((double)(k + 1) / n), end = from + gone;
         memcpy(u1, u0, sizeof u1);
         if (d->sloped)
-            for (i = 0; i < NU; i++) u1[i] = u_before[i] + d->slope[i] * (end - from);
+            for (i = 0; i < NU; i++) u1[i] = u_before[i] + d->slope[i] * gone;
         if (hooks && hooks->before) {
             memcpy(d->u, u1, sizeof u1);
             hooks->before(I, end);

@@ -35,6 +35,8 @@ def inputs_of(model: Model) -> FloatArray:
             rows[:, column] = np.round(22.0 + 2.0 * np.sin(np.arange(JUMPS) / 9), 3)
         if name.startswith(("powered.", "power.", "speed.")):
             rows[:, column] = np.abs(rows[:, column]) / 6
+        if name.startswith("velocity_rms."):
+            rows[:, column] = np.abs(rows[:, column])
     return rows
 
 

@@ -42,10 +42,16 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Build]:
 
     @cache
     def build(
-        name: str, fmi: int = 3, solver: str = "rk4", step: float | None = None, admissible: bool = False
+        name: str,
+        fmi: int = 3,
+        solver: str = "rk4",
+        step: float | None = None,
+        admissible: bool = False,
+        casadi: bool = False,
     ) -> Exported:
-        path = folder / f"{name}.{fmi}.{solver}.{step}.{admissible}.fmu"
-        return export(Model(network(name)), path, fmi=fmi, solver=solver, step=step, admissible=admissible)
+        path = folder / f"{name}.{fmi}.{solver}.{step}.{admissible}.{casadi}.fmu"
+        options = {"fmi": fmi, "solver": solver, "step": step, "admissible": admissible, "casadi": casadi}
+        return export(Model(network(name)), path, **options)
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_STATE_HOME", str(folder))

@@ -95,7 +95,9 @@ def _instance(built: Build, folder: Path, said: list[str]) -> Any:
         unzipDirectory=str(folder),
         instanceName="one",
     )
-    fmu.instantiate(logMessage=lambda environment, status, category, message: said.append(message.decode()))
+    fmu.instantiate(
+        loggingOn=True, logMessage=lambda environment, status, category, message: said.append(message.decode())
+    )
     return fmu
 
 

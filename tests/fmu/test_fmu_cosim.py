@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import stat
+import struct
 import zipfile
 from collections.abc import Callable
 from dataclasses import replace
@@ -17,6 +18,8 @@ import pytest
 
 from lptn.cli.main import main
 from lptn.fmu import cosimulate, export
+from lptn.fmu.compile import universal
+from lptn.fmu.library import fault
 from lptn.model.file import parse_model
 from lptn.robots.presets import presets
 from tests.builders import effect
@@ -271,3 +274,57 @@ def test_sources_alone_need_no_compiler(tmp_path: Path, monkeypatch: pytest.Monk
     with zipfile.ZipFile(path) as archive:
         assert not any(name.startswith("binaries") for name in archive.namelist())
     assert json.loads(found.read_text())["platforms"] == []
+
+
+# --- libraries that were cut off: one line, where loading one kills the process ---------------------
+
+
+def _with_library(fmu: Path, change: Callable[[bytes], bytes], target: Path) -> Path:
+    with zipfile.ZipFile(fmu) as archive, zipfile.ZipFile(target, "w") as changed:
+        for name in archive.namelist():
+            content = archive.read(name)
+            changed.writestr(name, change(content) if name.startswith("binaries/") else content)
+    return target
+
+
+@pytest.mark.parametrize("share", [0.0, 0.001, 0.01, 0.3, 0.6, 0.9, 0.999])
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_a_library_that_was_cut_off_gives_a_line(
+    fmi: int, share: float, built: Build, log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def cut(content: bytes) -> bytes:
+        return content[: int(share * len(content))]
+
+    path = _with_library(built("leg", fmi).path, cut, tmp_path / "cut.fmu")
+    said = _refused(["cosim", path, log, "--trust"], capsys)
+    assert "binaries/" in said
+    assert "a library that loads" in said
+
+
+@pytest.mark.parametrize("platform", ["linux64", "linux-aarch64", "win64", "darwin-x86_64", "darwin-arm64"])
+def test_headers_of_a_whole_library_end_inside_it(platform: str, tmp_path: Path) -> None:
+    """Made by hand after the formats' descriptions: one segment, which ends with the file."""
+    body, size = b"code" * 100, 400
+    if platform.startswith("linux"):
+        head = b"\x7fELF\x02\x01\x01".ljust(16, b"\0") + struct.pack(
+            "<HHIQQQIHHHHHH", 3, 62, 1, 0, 64, 0, 0, 64, 56, 1, 0, 0, 0
+        )
+        head += struct.pack("<IIQQQQQQ", 1, 5, 120, 0, 0, size, size, 4096)
+    elif platform == "win64":
+        head = b"MZ".ljust(60, b"\0") + struct.pack("<I", 64) + b"PE\0\0"
+        head += struct.pack("<HHIIIHH", 0x8664, 1, 0, 0, 0, 0, 0x2000)
+        head += b".text\0\0\0" + struct.pack("<IIIIIIHHI", size, 4096, size, 128, 0, 0, 0, 0, 0)
+    else:
+        head = struct.pack("<IIIIIIII", 0xFEEDFACF, 7, 3, 6, 1, 72, 0, 0)
+        head += struct.pack("<II16sQQQQIIII", 0x19, 72, b"__TEXT", 0, 4096, 104, size, 5, 5, 0, 0)
+    path = tmp_path / "library"
+    path.write_bytes(head + body)
+    assert fault(path) is None
+    path.write_bytes((head + body)[:-1])
+    assert "cut off" in str(fault(path))
+    if platform.startswith("darwin"):
+        one = head + body
+        path.write_bytes(universal([one, one]))
+        assert fault(path) is None
+    path.write_bytes(b"not a library at all")
+    assert fault(path) == "no shared library of 64 bits"

@@ -169,7 +169,7 @@ class _Point:
 @pytest.mark.long
 @pytest.mark.parametrize(("name", "fmi"), [("leg", 2), ("leg", 3), ("everything", 3), ("quadruped", 3)])
 def test_jacobians_before_and_after_an_adjoint_call(name: str, fmi: int, built: Build, tmp_path: Path) -> None:
-    exported = built(name, fmi)
+    exported = built(name, fmi, casadi=True)
     imported = _imported(exported, tmp_path)
     point = _Point(exported, imported)
     jacobians = imported.create("J", ["x", "u", "p"], ["jac_ode_x", "jac_ode_u", "jac_ode_p"])
@@ -186,7 +186,7 @@ def test_jacobians_before_and_after_an_adjoint_call(name: str, fmi: int, built: 
 
 def test_a_simulation_of_the_import_is_the_models(built: Build, tmp_path: Path) -> None:
     """Model Exchange by CasADi's CVODES: the same end as the model's own."""
-    exported = built("leg")
+    exported = built("leg", casadi=True)
     imported, model = _imported(exported, tmp_path), exported.component.model
     rates = imported.create("rates", ["x", "u", "p"], ["ode"])
     x, u, p = ca.MX.sym("x", 3), ca.MX.sym("u", 4), ca.MX.sym("p", len(imported.p()))

@@ -10,14 +10,17 @@ from datetime import UTC, datetime
 from pathlib import Path
 from zipfile import ZipFile
 
+import fmpy
 import numpy as np
 import pytest
 from fmpy import read_model_description
 from fmpy.validation import validate_fmu
+from lxml import etree
 
 from lptn.basics.errors import InputError
 from lptn.fmu import Exported, export
-from lptn.fmu.compile import PLATFORMS, universal
+from lptn.fmu.archive import unit_of
+from lptn.fmu.compile import PLATFORMS, _run, universal
 from lptn.model.model import Model
 from lptn.robots.presets import presets
 from tests.builders import capacity, link
@@ -44,13 +47,17 @@ def test_names_units_and_start_values(fmi: int, tmp_path: Path) -> None:
     assert description.coSimulation is not None
     variables = {variable.name: variable for variable in description.modelVariables}
     calf = variables["FR_calf.temperature"]
-    assert (calf.causality, calf.unit, calf.displayUnit) == ("output", "K", "degC")
+    temperature = calf.declaredType
+    assert (calf.causality, temperature.unit, temperature.displayUnit) == ("output", "K", "degC")
+    assert (temperature.quantity, float(temperature.nominal), float(calf.min)) == ("ThermodynamicTemperature", 300.0, 0)
     assert float(calf.start) == 31.0 + 273.15
     assert variables["der(FR_calf.temperature)"].derivative is calf
     assert float(variables["FR_calf.temperature_limit"].start) == 90.0 + 273.15
     assert float(variables["FR_hip.temperature_limit"].start) == 70.0 + 273.15
     torque = variables["FR_calf.torque"]
-    assert (torque.causality, torque.unit) == ("input", "N*m")
+    assert (torque.causality, unit_of(torque)) == ("input", "N*m")
+    assert "connect the torque" in torque.description
+    assert float(description.defaultExperiment.tolerance) == 1e-6
     resistance = variables["FR_hip.to_FR_thigh.resistance"]
     assert (resistance.causality, resistance.variability, float(resistance.start)) == ("parameter", "tunable", 3.0)
     for name in ("FR_calf.copper_loss.heat_flow", "FR_calf.to_ambient.heat_flow", "FR_calf.time_to_limit"):
@@ -59,6 +66,65 @@ def test_names_units_and_start_values(fmi: int, tmp_path: Path) -> None:
     (celsius,) = kelvin.displayUnits
     assert celsius.name == "degC"
     assert 300.0 * float(celsius.factor or 1) + float(celsius.offset) == pytest.approx(26.85)
+
+
+SCHEMAS = Path(fmpy.__file__).parent / "schema"
+CHECKED = {
+    2: {"modelDescription.xml": "fmi2/fmi2ModelDescription.xsd"},
+    3: {
+        "modelDescription.xml": "fmi3/fmi3ModelDescription.xsd",
+        "terminalsAndIcons/terminalsAndIcons.xml": "fmi3/fmi3TerminalsAndIcons.xsd",
+        "sources/buildDescription.xml": "fmi3/fmi3BuildDescription.xsd",
+    },
+}
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_the_standards_own_schemas_find_no_fault(fmi: int, tmp_path: Path) -> None:
+    schemas = {path: etree.XMLSchema(file=str(SCHEMAS / name)) for path, name in CHECKED[fmi].items()}
+    for name in (*presets(), "everything", "bare"):
+        about = {"author": 'J. "Doe" & Söhne', "copyright": "© 2026 J. Doe", "license": "CC-BY-4.0"}
+        exported = export(Model(network(name)), tmp_path / "x.fmu", fmi=fmi, platforms=(), **about)
+        with ZipFile(exported.path) as archive:
+            for path, schema in schemas.items():
+                schema.assertValid(etree.fromstring(archive.read(path)))
+            assert archive.read("terminalsAndIcons/icon.png" if fmi == 3 else "model.png").startswith(b"\x89PNG")
+            root = etree.fromstring(archive.read("modelDescription.xml"))
+        assert {key: root.get(key) for key in about} == about
+
+
+def test_a_terminal_a_joint_joins_what_is_connected_to_it(tmp_path: Path) -> None:
+    exported = export(Model(network("quadruped")), tmp_path / "x.fmu", platforms=())
+    with ZipFile(exported.path) as archive:
+        root = etree.fromstring(archive.read("terminalsAndIcons/terminalsAndIcons.xml"))
+    found = {each.get("name"): each for each in root.iter("Terminal")}
+    members = {
+        name: {each.get("memberName"): each.get("variableName") for each in terminal}
+        for name, terminal in found.items()
+    }
+    joints = {name for name, terminal in found.items() if terminal.get("terminalKind") == "lptn.joint"}
+    assert len(joints) == 12
+    for joint in joints:
+        wanted = {"torque", "velocity", "powered", "temperature", "to_ambient.heat_flow", "copper_loss.heat_flow"}
+        assert wanted <= set(members[joint])
+        assert members[joint]["torque"] == f"{joint}.torque"
+    assert found["ambient"].get("terminalKind") == "lptn.temperature"
+    assert members["ambient"] == {"temperature": "ambient.temperature"}
+    # Two joints are alike: what fits one terminal fits the other.
+    of_one, of_other = ({each for each in members[name] if "to_F" not in each} for name in ("FR_calf", "FL_calf"))
+    assert of_one == of_other
+    shown = {variable.name for variable in exported.component.variables if variable.causality in ("input", "output")}
+    assert {name for terminal in members.values() for name in terminal.values()} == shown
+
+
+def test_types_are_declared_once(tmp_path: Path) -> None:
+    exported = export(Model(network("quadruped")), tmp_path / "x.fmu", platforms=())
+    with ZipFile(exported.path) as archive:
+        text = archive.read("modelDescription.xml").decode()
+    assert text.count('displayUnit="degC"') == 1
+    assert text.count('quantity="') < 20
+    assert text.count('declaredType="Temperature"') > 20
 
 
 def test_units_have_the_right_base_exponents(tmp_path: Path) -> None:
@@ -89,15 +155,17 @@ def test_dependencies_are_those_of_the_numbers(fmi: int, tmp_path: Path) -> None
         np.array([(v.start or 0.0) * rng.uniform(1.01, 1.1) + (0.7 if v.kind == "input" else 0.0) for v in block])
         for block in blocks
     ]
-    before = rates(*values).full().ravel()
     moved: dict[str, set[str]] = {variable.name: set() for variable in component.of("rate")}
-    for block, array in zip(blocks, values, strict=True):
-        for row, variable in enumerate(block):
-            kept, array[row] = array[row], array[row] * 1.03 + 0.01
-            changed = np.flatnonzero(rates(*values).full().ravel() != before)
-            array[row] = kept
-            for index in changed:
-                moved[component.of("rate")[index].name].add(variable.name)
+    for connected in (False, True):  # means of the motion: formed from the raw inputs, and inputs of their own
+        values[1] = np.abs(values[1]) if connected else values[1]
+        before = rates(*values).full().ravel()
+        for block, array in zip(blocks, values, strict=True):
+            for row, variable in enumerate(block):
+                kept, array[row] = array[row], array[row] * 1.03 + 0.01
+                changed = np.flatnonzero(rates(*values).full().ravel() != before)
+                array[row] = kept
+                for index in changed:
+                    moved[component.of("rate")[index].name].add(variable.name)
     description = read_model_description(str(exported.path))
     for parameter in description.derivatives:
         assert {each.name for each in parameter.dependencies} == moved[parameter.variable.name]
@@ -186,6 +254,20 @@ def test_without_any_compiler_one_line_says_so(tmp_path: Path, monkeypatch: pyte
     with pytest.raises(InputError, match="ziglang"):
         export(Model(network("leg")), tmp_path / "x.fmu", platforms=["win64", "darwin-arm64"])
     assert not list(tmp_path.iterdir())
+
+
+def test_who_waits_for_a_compiler_is_told_for_what(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """The first build for Windows took 330 s in silence."""
+    monkeypatch.setattr("lptn.fmu.compile._PATIENCE", 0.05)
+    slow = [sys.executable, "-c", "import time; time.sleep(0.4)"]
+    assert _run(slow, tmp_path, "win64") == (0, "")
+    assert "minutes for Windows" in caplog.text
+    caplog.clear()
+    monkeypatch.setattr("lptn.fmu.compile._PATIENCE", 20.0)
+    _run([sys.executable, "-c", ""], tmp_path, "win64")
+    assert not caplog.text
 
 
 # --- libraries for other platforms: the same digits everywhere ----------------------------------------

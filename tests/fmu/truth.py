@@ -22,6 +22,8 @@ def steps(model: Model, n: int, seed: int = 0) -> FloatArray:
             found[:, column] = rng.uniform(10.0, 30.0, n)
         if name.startswith(("powered", "power.")):
             found[:, column] = rng.uniform(0.0, 1.0, n)
+        if name.startswith(("velocity_rms.", "torque_abs.", "mechanical_power.", "fan.", "irradiance.")):
+            found[:, column] = np.abs(found[:, column])  # means of magnitudes; negative ones are not connected
     return found
 
 

@@ -42,6 +42,14 @@ CurrentLimit = Annotated[
         negative="",
     ),
 ]
+Casadi = Annotated[
+    bool,
+    Option(
+        name="--casadi",
+        help="Let states and parameters be set in any mode, as CasADi's import does and the standard forbids.",
+        negative="",
+    ),
+]
 
 
 def fmu(
@@ -56,6 +64,10 @@ def fmu(
     limit: Limit = None,
     admissible: Admissible = False,
     current_limit: CurrentLimit = None,
+    casadi: Casadi = False,
+    author: Annotated[str | None, Option(help="Author of the model, as importers show it.")] = None,
+    copyright: Annotated[str | None, Option(help="Copyright of the model.")] = None,  # noqa: A002
+    license: Annotated[str | None, Option(help="License of the model.")] = None,  # noqa: A002
     compiler: Annotated[str, Option(help="auto, zig or cc.")] = "auto",
     json: Json = None,
 ) -> None:
@@ -83,6 +95,10 @@ def fmu(
             limits=_limits(limit),
             admissible=admissible,
             current_limits=_limits(current_limit, "--current-limit", "A", "JOINT"),
+            casadi=casadi,
+            author=author,
+            copyright=copyright,
+            license=license,
             compiler=cast("Compiler", compiler),
         )
     _show_export(done)
