@@ -106,6 +106,7 @@ def structs(heating: Heating, limits: int, stages: int) -> Structs:
         ("doubt", _D * x),
         *((name, _D) for name in ("gain_doubt", "tolerance")),
         ("iterations", _I),
+        ("warm", _I),
     ]
     state = [
         ("x", _D * x),

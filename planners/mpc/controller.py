@@ -26,10 +26,10 @@ _MEANING = {
     4: "a request is no number; taken as zero",
     64: "a condition is no number; the last good one, else zero, stands in for it",
     8: "a request lies above the current limit and is cut to it",
-    32: "the solver did not converge; one constant scale for all joints instead",
+    32: "the solver did not converge; this is the best plan that it met, not proven to be the best there is",
 }
 _NO_SLACK = 1e-3  # K; less is the solver's own
-_SHORTCUT, _TOO_HOT, _FALLBACK = 1, 16, 32
+_SHORTCUT, _TOO_HOT, _NOT_BEST = 1, 16, 32
 
 
 @dataclass(frozen=True)
@@ -68,8 +68,8 @@ class Plan:
 
     @property
     def converged(self) -> bool:
-        """Whether this is the optimum, not a fallback."""
-        return not self.status & _FALLBACK
+        """Whether this is the optimum, not only the best plan that was met."""
+        return not self.status & _NOT_BEST
 
     @property
     def given_up(self) -> tuple[str, ...]:
@@ -288,7 +288,7 @@ class TorqueMPC:
         to.recovery = settings.recovery
         to.linear, to.quadratic = settings.prices
         to.noise, to.doubt[:], to.gain_doubt = settings.noise, settings.doubt.tolist(), settings.model_error
-        to.tolerance, to.iterations = settings.tolerance, settings.iterations
+        to.tolerance, to.iterations, to.warm = settings.tolerance, settings.iterations, settings.warm
 
 
 def _fill(to: FloatArray, values: Values | FloatArray, names: Sequence[str], what: str) -> None:

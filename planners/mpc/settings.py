@@ -37,6 +37,7 @@ class Settings:
         doubt: heat that the model may lack, as a rate of each state [K/s].
         tolerance: on the duality gap; the cost of admitting nothing is 1.
         iterations: of the solver, at most.
+        warm: of them, from the last plan; the others are kept for a cold start.
     """
 
     stages: FloatArray
@@ -50,7 +51,8 @@ class Settings:
     model_error: float
     doubt: FloatArray
     tolerance: float = 1e-6
-    iterations: int = 80
+    iterations: int = 100
+    warm: int = 50
 
     @property
     def planned_limits(self) -> FloatArray:

@@ -1,5 +1,9 @@
 /* Primal-dual interior point for the heat scales: convex cost, linear steps, soft limits; the dynamics are linearised
- * anew on the way down. One factorisation serves a predictor and a corrector (Mehrotra 1992). */
+ * anew on the way down. One factorisation serves a predictor and a corrector (Mehrotra 1992).
+ *
+ * Mehrotra's corrector takes the predictor's second-order error as if the whole predictor could be gone; where only a
+ * thirtieth of it can, that correction is thirty times too large and the iterates can go round in circles for ever. It is
+ * therefore taken for the share that can be gone (Colombo and Gondzio 2008). */
 
 #define BOUNDARY 0.995 /* share of the way to the nearest bound */
 #define FIRST 1e-3     /* duality gap at which the dynamics are linearised for the second time */
@@ -102,15 +106,15 @@ static double longest(const lptn_mpc_work *w) {
     return most;
 }
 
-static void correct(lptn_mpc_work *w) {
+static void correct(lptn_mpc_work *w, double share) {
     for (int k = 0; k < LPTN_N; k++) {
         for (int j = 0; j < LPTN_NU; j++) {
-            w->cl[k][j] = w->ds[k][j] * w->dl[k][j];
-            w->cu[k][j] = -w->ds[k][j] * w->du[k][j];
+            w->cl[k][j] = share * w->ds[k][j] * w->dl[k][j];
+            w->cu[k][j] = -share * w->ds[k][j] * w->du[k][j];
         }
         for (int l = 0; l < LPTN_NL; l++) {
-            w->ct[k][l] = w->dt[k][l] * w->dy[k][l];
-            w->ce[k][l] = w->de[k][l] * w->dz[k][l];
+            w->ct[k][l] = share * w->dt[k][l] * w->dy[k][l];
+            w->ce[k][l] = share * w->de[k][l] * w->dz[k][l];
         }
     }
 }
@@ -149,32 +153,52 @@ static int is_sound(const lptn_mpc_work *w) {
     return isfinite(sum);
 }
 
-/* Whether the scales in w->s became the optimum. */
-static int solve(const lptn_mpc_settings *o, lptn_mpc_state *m, lptn_mpc_work *w, lptn_mpc_result *out) {
+/* Keep the scales if none so far were better: cost, and the price of passing limits or of stages that miss each other. */
+static void keep_best(const lptn_mpc_settings *o, lptn_mpc_work *w) {
+    double price = 0;
+    for (int k = 0; k < LPTN_N; k++) {
+        for (int j = 0; j < LPTN_NU; j++) price += w->a[k][j] * (1 - sqrt(w->s[k][j])) * (1 - sqrt(w->s[k][j]));
+        for (int l = 0; l < LPTN_NL; l++) {
+            const int i = o->node[l];
+            const double over = fmax(w->x[k + 1][i] + fabs(w->gap[k][i]) - w->limit[k][l], 0);
+            price += o->linear * over + 0.5 * o->quadratic * over * over;
+        }
+    }
+    if (!(price < w->least)) return;
+    w->least = price;
+    memcpy(w->best, w->s, sizeof w->best);
+}
+
+/* One attempt from the scales in w->s, ended after `most` iterations in all; whether they became the optimum. A careful one
+ * aims every step at the central path and corrects nothing: half as fast, and nothing can send it round in circles. */
+static int attempt(const lptn_mpc_settings *o, lptn_mpc_state *m, lptn_mpc_work *w, int careful, int most,
+                   lptn_mpc_result *out) {
     const double pairs = 2.0 * LPTN_N * (LPTN_NU + LPTN_NL);
-    int since = 0;
+    int since = 0, linearised = 2;
     double full = 0;
     guess(o, m, w);
     bound(o, m, w, 0, out);
     out->error = renew(o, w);
-    out->linearisations = 2;
     begin(o, w);
-    for (out->iterations = 0; out->iterations < o->iterations; out->iterations++) {
-        double mu = complementarity(w, 0);
+    for (; out->iterations < most; out->iterations++) {
+        const double mu = complementarity(w, 0);
         out->gap = mu * pairs;
-        if (since >= REPEAT || (out->gap < FIRST && out->linearisations < 3) || (out->gap < o->tolerance && since)) {
+        if (since >= REPEAT || (out->gap < FIRST && linearised < 3) || (out->gap < o->tolerance && since)) {
             out->error = renew(o, w);
-            out->linearisations++;
+            linearised++;
             since = 0;
         }
-        if (out->gap < o->tolerance && out->error < AGREED && full > 0.9) return 1;
+        keep_best(o, w);
+        if (out->gap < o->tolerance && out->error < AGREED && full > 0.9) break;
         curvatures(o, w);
-        if (!factorise(o, w)) return 0;
+        if (!factorise(o, w)) break;
         forget_corrections(w);
-        direction(o, w, 0);
-        const double trial = fmin(1, longest(w)), ratio = complementarity(w, trial) / mu;
-        correct(w);
-        direction(o, w, fmax(mu * fmax(ratio * ratio * ratio, LEAST), 0.1 * o->tolerance / pairs));
+        direction(o, w, careful ? 0.3 * mu : 0);
+        if (!careful) {
+            const double trial = fmin(1, longest(w)), ratio = complementarity(w, trial) / mu;
+            correct(w, trial);
+            direction(o, w, fmax(mu * fmax(ratio * ratio * ratio, LEAST), 0.1 * o->tolerance / pairs));
+        }
         full = fmin(1, BOUNDARY * longest(w));
         if (full < SHORT) {
             /* Too near a corner for a second-order step: back to the middle first. */
@@ -182,9 +206,23 @@ static int solve(const lptn_mpc_settings *o, lptn_mpc_state *m, lptn_mpc_work *w
             direction(o, w, 0.5 * mu);
             full = fmin(1, BOUNDARY * longest(w));
         }
-        if (!is_sound(w)) return 0;
+        if (!is_sound(w)) break;
         move(w, full);
         since++;
     }
+    out->linearisations += linearised;
+    return out->gap < o->tolerance && out->error < AGREED && full > 0.9;
+}
+
+/* Whether the scales in w->s became the optimum; else they are the best that were met. A second attempt knows nothing
+ * of the last plan. */
+static int solve(const lptn_mpc_settings *o, lptn_mpc_state *m, lptn_mpc_work *w, lptn_mpc_result *out) {
+    w->least = 1e300;
+    memcpy(w->best, w->s, sizeof w->best);
+    if (attempt(o, m, w, 0, o->warm < o->iterations ? o->warm : o->iterations, out)) return 1;
+    for (int k = 0; k < LPTN_N; k++)
+        for (int j = 0; j < LPTN_NU; j++) w->s[k][j] = 0.5 * (w->lo[k][j] + w->hi[k][j]);
+    if (attempt(o, m, w, 1, o->iterations, out)) return 1;
+    memcpy(w->s, w->best, sizeof w->s);
     return 0;
 }

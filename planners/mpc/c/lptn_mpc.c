@@ -52,23 +52,11 @@ static int all_stays_cool(const lptn_mpc_settings *o, lptn_mpc_work *w) {
     return 1;
 }
 
-/* The largest scale for all joints and stages that keeps the limits, where the solver gave up. */
-static void constant_scale(const lptn_mpc_settings *o, lptn_mpc_work *w) {
-    double low = FLOOR, high = 1.0;
-    for (int n = 0; n < 30; n++) {
-        const double middle = 0.5 * (low + high);
-        int cool = 1;
-        for (int k = 0; k < LPTN_N && cool; k++) {
-            for (int j = 0; j < LPTN_NU; j++) w->s[k][j] = fmax(w->lo[k][j], middle * w->hi[k][j]);
-            if (n == 0) linearise(o, w, k, w->x[k]);
-            advance(w, k, w->x[k], w->s[k], w->x[k + 1]);
-            for (int l = 0; l < LPTN_NL; l++) cool &= w->x[k + 1][o->node[l]] <= w->limit[k][l];
-        }
-        if (cool) low = middle;
-        else high = middle;
-    }
+/* The course under the scales in w->s, rolled out. */
+static void roll_out(const lptn_mpc_settings *o, const lptn_mpc_state *m, lptn_mpc_work *w) {
+    memcpy(w->x[0], m->x, sizeof m->x);
     for (int k = 0; k < LPTN_N; k++) {
-        for (int j = 0; j < LPTN_NU; j++) w->s[k][j] = fmax(w->lo[k][j], low * w->hi[k][j]);
+        linearise(o, w, k, w->x[k]);
         advance(w, k, w->x[k], w->s[k], w->x[k + 1]);
     }
 }
@@ -108,9 +96,8 @@ void lptn_mpc_step(const lptn_mpc_settings *o, lptn_mpc_state *m, lptn_mpc_work 
     } else {
         memcpy(w->s, start, sizeof start);
         if (!solve(o, m, w, out)) {
-            out->status |= LPTN_FALLBACK;
-            for (int k = 0; k <= LPTN_N; k++) memcpy(w->x[k], m->x, sizeof m->x);
-            constant_scale(o, w);
+            out->status |= LPTN_NOT_BEST;
+            roll_out(o, m, w);
         }
     }
     report(o, m, w, out);

@@ -12,7 +12,7 @@
 #define LPTN_NO_REQUEST 4  /* a request was no number: taken as zero */
 #define LPTN_CURRENT_CUT 8 /* a request lies above the current limit */
 #define LPTN_TOO_HOT 16    /* a bound can't be met everywhere: see the slack */
-#define LPTN_FALLBACK 32   /* the solver did not converge: one constant scale for all joints instead */
+#define LPTN_NOT_BEST 32   /* the solver did not converge: the best plan that it met, which may not be the optimum */
 #define LPTN_NO_CONDITION 64 /* a condition was no number: the last good one stood in for it, else zero */
 
 /* What does not change from step to step. */
@@ -32,7 +32,7 @@ typedef struct {
                                    as they are */
     double gain_doubt;          /* relative error that the controlled heat may have */
     double tolerance;           /* on the duality gap */
-    int iterations;             /* at most */
+    int iterations, warm;       /* at most; the first `warm` of them from the last plan, the others from a cold start */
 } lptn_mpc_settings;
 
 /* What is kept between steps; all zero before the first. */
@@ -68,6 +68,7 @@ typedef struct {
     double x[LPTN_N + 1][LPTN_NX], dx[LPTN_N + 1][LPTN_NX];
     double gap[LPTN_N][LPTN_NX], P[LPTN_N][LPTN_NX][LPTN_NXP]; /* x+ less the next stage's x; cost to go */
     double bias[LPTN_NX], gain[LPTN_NX], limit[LPTN_N][LPTN_NL];
+    double best[LPTN_N][LPTN_NU], least;  /* the best scales that were met, and their price */
     double heat[LPTN_HEAT_OUT], casadi[LPTN_HEAT_W + 1];
 } lptn_mpc_work;
 
