@@ -182,6 +182,17 @@ class Study:
         """The steps that `redo` would add again, the next one first."""
         return tuple(reversed(self._undone))
 
+    @property
+    def diagnosed(self) -> Diagnosis | None:
+        """What `diagnose` said of the model as it is now; `None` where it was not asked yet."""
+        return self._diagnoses.get(max(len(self._steps) - 1, 0))
+
+    @property
+    def advised(self) -> Advice | None:
+        """What `advise` said of the model as it is now; `None` where it was not asked yet."""
+        known = self._advice is not None and self._advice[0] is self.diagnosed
+        return self._advice[1] if self._advice and known else None
+
     def __repr__(self) -> str:
         data = (("fitted", self.data.fit), ("held out", self.data.holdout), ("test", self.data.test))
         runs = ", ".join(f"{len(segments)} {job}" for job, segments in data if segments) or "none"
