@@ -22,14 +22,26 @@ from lptn.diagnose.candidates import AMBIENT_ERROR, TORQUE_ERROR
 from lptn.diagnose.diagnosis import Diagnosis, Step, diagnose, for_search
 from lptn.diagnose.improvement import History, effects_added, improve, table_of_steps
 from lptn.diagnose.refits import continued
-from lptn.identify.comparison import Comparison, Versus, compare, versus
-from lptn.identify.data import DataSplit, Log, Segment, holdout_segment, load_model, split_data, warn_of_absent_runs
+from lptn.diagnose.unexplained_heat import UnexplainedHeat, unexplained_heat
+from lptn.identify.comparison import Comparison, Prediction, Versus, compare, predict, versus
+from lptn.identify.data import (
+    DataSplit,
+    Log,
+    Segment,
+    Stretch,
+    holdout_segment,
+    load_model,
+    split_data,
+    warn_of_absent_runs,
+    without_stretches,
+)
 from lptn.identify.fitting import Checkpoint, Fit, finished
 from lptn.identify.validation import SymmetryTrial, fit_split, holdout_errors
 from lptn.logs.repeated import repeated_stretch
 from lptn.logs.run import Run
 from lptn.model.file import ModelFile, added
 from lptn.model.model import Model
+from lptn.simulate.simulation import simulate
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -122,8 +134,11 @@ class Study:
         self.executor = executor
         groups = {name: self._read(name, logs) for name, logs in (("fit", fit), ("holdout", holdout), ("test", test))}
         _refuse_twice(groups)
-        self.data: DataSplit = split_data(groups["fit"], groups["holdout"], groups["test"], holdout_after)
+        self._given = split_data(groups["fit"], groups["holdout"], groups["test"], holdout_after)
+        self.data: DataSplit = self._given
         """The segments of the runs that are fitted, held out, and kept for the test."""
+        self.stretches: tuple[Stretch, ...] = ()
+        """What was left out or held out of the runs as they were read."""
         self._steps: list[Step] = []
         self._undone: list[Step] = []
         self._diagnoses: dict[int, Diagnosis] = {}  # by the number of the step
@@ -162,6 +177,22 @@ class Study:
     def history(self) -> pd.DataFrame:
         """A row for each step: effect, place, free parameters, errors [K] on fitted, held-out and test data."""
         return table_of_steps(self._steps)
+
+    @property
+    def undone(self) -> tuple[Step, ...]:
+        """The steps that `redo` would add again, the next one first."""
+        return tuple(reversed(self._undone))
+
+    @property
+    def diagnosed(self) -> Diagnosis | None:
+        """What `diagnose` said of the model as it is now; `None` where it was not asked yet."""
+        return self._diagnoses.get(max(len(self._steps) - 1, 0))
+
+    @property
+    def advised(self) -> Advice | None:
+        """What `advise` said of the model as it is now; `None` where it was not asked yet."""
+        known = self._advice is not None and self._advice[0] is self.diagnosed
+        return self._advice[1] if self._advice and known else None
 
     def __repr__(self) -> str:
         data = (("fitted", self.data.fit), ("held out", self.data.holdout), ("test", self.data.test))
@@ -218,6 +249,36 @@ class Study:
             return versus(self.model, against.model, self._shown(), against._shown())
         compared = compare(self.model, self._shown())
         return StudyComparison(compared.model, compared.predictions, compared.noise)
+
+    def predictions(self, step: int = -1) -> dict[str, list[Prediction]]:
+        """What the model of a step predicts on every run: fitted ones as the fit leaves them, others freely.
+
+        Args:
+            step: its number in `steps`; the last by default.
+
+        Returns:
+            Predictions by the jobs of their runs, `"fit"`, `"holdout"` and `"test"`.
+
+        Raises:
+            InputError: nothing was fitted yet.
+        """
+        if not self._steps:
+            raise InputError("study", "predictions", "no fitted model", "fit() before")
+        fit = self._steps[step].fit
+        fitted = [
+            Prediction(segment, bound, path.readings, path.states)
+            for segment, bound, start in zip(self.data.fit, fit.problem.bound_runs, fit.point.starts, strict=True)
+            for path in [simulate(fit.model, bound, fit.point.values, start)]
+        ]
+        others = {"holdout": self.data.holdout, "test": self.data.test}
+        return {"fit": fitted} | {
+            job: [predict(fit.model, segment, fit.problem.sigma) for segment in segments]
+            for job, segments in others.items()
+        }
+
+    def unexplained_heat(self) -> list[UnexplainedHeat]:
+        """The heat that each fitted run asks for beyond the model as it is now, in the steps of a search."""
+        return unexplained_heat(self.diagnose().fit)
 
     def diagnose(self) -> Diagnosis:
         """Say which effect of the catalogue is missing, where, how sure, and what else would look the same.
@@ -305,6 +366,34 @@ class Study:
         self._improved = history if before == 0 else None
         return self
 
+    def leave_out(self, run: str, start: float, stop: float) -> Study:
+        """Leave a stretch out: it is neither fitted nor predicted, as if the log had a gap there; then fit again.
+
+        Args:
+            run: name of a run as it was read, or of a piece of it.
+            start: s, in the log's clock.
+            stop: s.
+
+        Raises:
+            InputError: no such run, or nothing would be left to fit.
+        """
+        return self._use(*self.stretches, Stretch(self._as_read(run), start, stop))
+
+    def hold_out(self, run: str, start: float, stop: float) -> Study:
+        """Hold a stretch of a fitted run out, so that it tests the model in place of shaping it; then fit again.
+
+        Arguments and errors are those of `leave_out`.
+        """
+        return self._use(*self.stretches, Stretch(self._as_read(run), start, stop, held_out=True))
+
+    def use_again(self, stretch: Stretch | None = None) -> Study:
+        """Take back that a stretch was left out or held out, and fit again.
+
+        Args:
+            stretch: one of `stretches`; all by default.
+        """
+        return self._use(*(each for each in self.stretches if stretch is not None and each != stretch))
+
     # --- what to take away --------------------------------------------------------------------
 
     def save(self, path: str | Path) -> None:
@@ -354,6 +443,26 @@ class Study:
         for number, log in enumerate(several, start=1):
             runs += [log] if isinstance(log, Run) else self._loaded.runs([log], named=f"{name}{number}")
         return runs
+
+    def _as_read(self, run: str) -> str:
+        """The name of the run that a piece was cut from."""
+        groups = (*self._given.fit, *self._given.holdout, *self._given.test)
+        names = (segment.run.name for segment in groups)
+        return next((name for name in names if run == name or run.startswith(f"{name}#")), run)
+
+    def _use(self, *stretches: Stretch) -> Study:
+        """Fit all steps again, on the data without these stretches."""
+        data = without_stretches(self._given, stretches)
+        added = self._steps[1:]
+        fitted = bool(self._steps)
+        self.stretches, self.data, self._improved = stretches, data, None
+        for told_of_other_data in (self._steps, self._undone, self._diagnoses):
+            told_of_other_data.clear()
+        if fitted:
+            self.fit()
+        for step in added:
+            self.add(replace(step, probability=0.0, p_value=1.0, indistinguishable=()))  # said of other data
+        return self
 
     def _shown(self) -> Sequence[Segment]:
         segments = self.data.holdout or tuple(holdout_segment(segment.run) for segment in self.data.fit)

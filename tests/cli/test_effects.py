@@ -6,7 +6,8 @@ import re
 
 import pytest
 
-from lptn.cli.catalogue import catalogue_json, columns_text, docstring_text, equations, show_effects
+from lptn.basics.equations import equations_of
+from lptn.cli.catalogue import catalogue_json, columns_text, docstring_text, show_effects
 from lptn.effects import Effect, catalogue
 
 _LATEX = re.compile(r"\\|[{}^]|\.\. math|:math:|\[[A-Z]\w+\d{4}")
@@ -14,7 +15,7 @@ _LATEX = re.compile(r"\\|[{}^]|\.\. math|:math:|\[[A-Z]\w+\d{4}")
 
 @pytest.mark.parametrize("effect", catalogue().values(), ids=catalogue())
 def test_no_latex_and_no_key_of_the_bibliography_is_left(effect: type[Effect]) -> None:
-    assert equations(effect)
+    assert equations_of(effect.__doc__ or "")
     assert not _LATEX.search(docstring_text(effect))
 
 

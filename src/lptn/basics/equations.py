@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import re
 from collections import deque
 
@@ -28,6 +29,17 @@ def equation_text(latex: str) -> str:
     """
     tokens = deque(_TOKEN.findall(latex))
     return " ".join(_sequence(tokens).split()).replace("( ", "(").replace(" )", ")")
+
+
+MATH = ".. math::"
+"""What a docstring's block of equations begins with."""
+
+
+def equations_of(docstring: str) -> list[str]:
+    """The equations of a docstring as Unicode text, such as `R(v) = R₀ / (1 + γ |v|)`."""
+    blocks = inspect.cleandoc(docstring).split("\n\n")
+    latex = " ".join(block.removeprefix(MATH) for block in blocks if block.startswith(MATH))
+    return [equation_text(each).strip().removesuffix(",") for each in latex.split(r"\qquad") if each.strip()]
 
 
 def _sequence(tokens: deque[str]) -> str:

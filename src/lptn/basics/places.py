@@ -67,7 +67,8 @@ def run_label(run: str) -> str:
 def is_of_run(name: str, pattern: str) -> bool:
     """Whether a run, or the log that it is a piece of (`monday#2`), is what a name or glob means."""
     whole = name.partition("#")[0]
-    return pattern in (name, whole) or fnmatchcase(name, pattern) or fnmatchcase(whole, pattern)
+    piece = name.startswith(f"{pattern}#")  # of a piece that was cut once more, `monday#2#1`
+    return piece or pattern in (name, whole) or fnmatchcase(name, pattern) or fnmatchcase(whole, pattern)
 
 
 def expand_pair(patterns: Sequence[str], names: Sequence[str]) -> list[tuple[str, str]]:

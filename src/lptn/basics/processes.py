@@ -54,11 +54,17 @@ def pool_of(jobs: int) -> ProcessPoolExecutor:
     Args:
         jobs: how many.
     """
-    return ProcessPoolExecutor(jobs, initializer=_begin, initargs=(os.getpid(),))
+    return ProcessPoolExecutor(jobs, initializer=begin_as_worker, initargs=(os.getpid(),))
 
 
-def _begin(parent: int) -> None:
-    # The parent says what there is to say; a traceback from each worker is of no use to anybody.
+def begin_as_worker(parent: int) -> None:
+    """Make this process fall silent at Ctrl-C, and end with its parent.
+
+    The parent says what there is to say; a traceback from each worker is of no use to anybody.
+
+    Args:
+        parent: its number.
+    """
     signal.signal(signal.SIGINT, lambda *_: os._exit(130))
     threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
 

@@ -6,7 +6,7 @@ import inspect
 import re
 from collections.abc import Iterable, Mapping
 
-from lptn.basics.equations import equation_text
+from lptn.basics.equations import MATH, equation_text, equations_of
 from lptn.basics.parameters import LARGEST, Parameter
 from lptn.cli.terminal import show_table
 from lptn.effects import Effect, catalogue, effect_named
@@ -16,7 +16,6 @@ from lptn.model.heat_balance import input_column
 from lptn.references import Citation, cite, works_cited
 
 _OURS = "lptn.effects."
-_MATH = ".. math::"
 _ROLE = re.compile(r":math:`([^`]*)`")
 _EMPHASIS = re.compile(r"\*(\w+)\*")
 
@@ -60,7 +59,7 @@ def catalogue_json(key: str | None) -> dict[str, object]:
             "at": effect.site,
             "needs": list(effect.needs),
             "options": {option: list(words) for option, words in effect.options.items()},
-            "equations": equations(effect),
+            "equations": equations_of(effect.__doc__ or ""),
             "looks_like": effect.signature.looks_like,
             "excitation": effect.excitation.needs,
             "separate_by": effect.signature.separate_by,
@@ -80,13 +79,6 @@ def docstring_text(effect: type[Effect]) -> str:
     """An effect's docstring for people: equations in Unicode, a line each, and sources by author and year."""
     blocks = inspect.cleandoc(effect.__doc__ or effect.title).split("\n\n")
     return "\n\n".join(_block_text(block) for block in blocks)
-
-
-def equations(effect: type[Effect]) -> list[str]:
-    """The equations of an effect's docstring in Unicode, such as `R(v) = R₀ / (1 + γ |v|)`."""
-    blocks = inspect.cleandoc(effect.__doc__ or "").split("\n\n")
-    latex = " ".join(block.removeprefix(_MATH) for block in blocks if block.startswith(_MATH))
-    return [equation_text(each).strip().removesuffix(",") for each in latex.split(r"\qquad") if each.strip()]
 
 
 def cited_by(effect: type[Effect]) -> tuple[str, str]:
@@ -137,8 +129,8 @@ def _sentence(text: str) -> str:
 
 def _block_text(block: str) -> str:
     """A paragraph of a docstring, or its equations."""
-    if block.startswith(_MATH):
-        lines = block.removeprefix(_MATH).split(r"\qquad")
+    if block.startswith(MATH):
+        lines = block.removeprefix(MATH).split(r"\qquad")
         return "\n".join(f"    {equation_text(line).strip().removesuffix(',')}" for line in lines)
     text = _ROLE.sub(lambda match: equation_text(match[1]), " ".join(block.splitlines()))
     return cite(_EMPHASIS.sub(r"\1", text))
@@ -206,8 +198,8 @@ def _prose(effect: type[Effect]) -> list[str]:
     lines: list[str] = []
     formula: list[str] | None = None
     for line in inspect.cleandoc(effect.__doc__ or effect.title).splitlines():
-        if line.startswith(_MATH):
-            formula = [line.removeprefix(_MATH).strip()]
+        if line.startswith(MATH):
+            formula = [line.removeprefix(MATH).strip()]
         elif formula is not None and line.startswith(" "):
             formula.append(line.strip())
         else:

@@ -25,6 +25,7 @@ from lptn.cli.improve import improve
 from lptn.cli.monitor import monitor
 from lptn.cli.motor import motor
 from lptn.cli.new import new
+from lptn.cli.open import open as open_workbench
 from lptn.cli.plan import plan
 from lptn.cli.report import report
 from lptn.cli.simulate import simulate
@@ -59,6 +60,7 @@ for _command in (
     motor,
 ):
     app.command(_command)
+app.command(open_workbench, name="open")
 add_completion(app)
 
 

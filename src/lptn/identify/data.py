@@ -119,6 +119,102 @@ def holdout_segment(run: Run) -> Segment:
     return Segment(run, (float("-inf"), border), (border, float("inf")))
 
 
+# --- Stretches that somebody looked at and does not want to fit: a door stood open, or the fit is to be tried there ---
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """A stretch of a run that is not fitted.
+
+    Args:
+        run: name of the run, as it was read.
+        start: s, in the log's clock.
+        stop: s; the stretch ends before it.
+        held_out: it is held out; else it is left out wholly.
+    """
+
+    run: str
+    start: float
+    stop: float
+    held_out: bool = False
+
+
+def without_stretches(data: DataSplit, stretches: Sequence[Stretch]) -> DataSplit:
+    """The data without stretches of their runs; those that are to be held out stand among the held-out data.
+
+    A run is cut there as it is at a gap: the pieces, `monday#1` and `monday#2`, each have a start of their own, since
+    what went on in a stretch that was left out is not known.
+
+    Args:
+        data: the runs as they were given.
+        stretches: in any order; what two have in common is left out or held out once.
+
+    Raises:
+        InputError: a stretch is in no run or too short to be held out, or nothing is left to fit.
+    """
+    runs = dict.fromkeys(segment.run.name for segment in (*data.fit, *data.holdout, *data.test))
+    for stretch in stretches:
+        if stretch.run not in runs:
+            raise InputError("stretch", stretch.run, "no such run", f"one of {_listed(list(runs))}")
+    pieces: dict[tuple[int, float, float], Run] = {}  # fitted and held-out segments of one run share its pieces
+    fit = [piece for segment in data.fit for piece in _outside(segment, stretches, pieces)]
+    held = [_inside(data, stretch, pieces) for stretch in stretches if stretch.held_out]
+    holdout = [piece for segment in data.holdout for piece in _outside(segment, stretches, pieces)]
+    test = [piece for segment in data.test for piece in _outside(segment, stretches, pieces)]
+    if data.fit and not fit:
+        raise InputError("stretch", stretches[-1].run, "nothing is left to fit", "a shorter stretch")
+    return DataSplit(tuple(fit), (*holdout, *held), tuple(test))
+
+
+Pieces = dict[tuple[int, float, float], Run]
+
+
+def _outside(segment: Segment, stretches: Sequence[Stretch], pieces: Pieces) -> list[Segment]:
+    """The pieces of a segment outside the stretches of its run."""
+    run = segment.run
+    own = sorted((each for each in stretches if each.run == run.name), key=lambda each: each.start)
+    if not own:
+        return [segment]
+    rest, begin, end = [], float(run.time[0]), float(run.time[-1] + run.step)
+    for number, each in enumerate([*own, Stretch(run.name, end, end)], start=1):
+        piece = _piece(run, begin, min(each.start, end), f"#{number}", pieces)
+        begin = max(begin, each.stop)
+        if piece is not None and _steps_in(piece, segment.evaluation) >= _LEAST_INITIALISATION_STEPS:
+            started = _steps_in(piece, segment.initialisation) >= _LEAST_INITIALISATION_STEPS
+            windows = segment.initialisation, segment.evaluation
+            rest.append(Segment(piece, *windows) if started else holdout_segment(piece))
+    return rest
+
+
+def _inside(data: DataSplit, stretch: Stretch, pieces: Pieces) -> Segment:
+    """A stretch of a fitted run as a held-out segment."""
+    for segment in data.fit:
+        if segment.run.name == stretch.run:
+            first, last = segment.evaluation
+            start, stop = max(stretch.start, first), min(stretch.stop, last)
+            if (piece := _piece(segment.run, start, stop, f"#{start:g}s", pieces)) is not None:
+                return holdout_segment(piece)
+    found = f"{stretch.start:g} to {stretch.stop:g} s"
+    raise InputError(stretch.run, "stretch to hold out", found, f"{_LEAST_PIECE} fitted steps or more")
+
+
+_LEAST_PIECE = 2 * _LEAST_INITIALISATION_STEPS  # steps: half of them find the start of what is held out
+
+
+def _piece(run: Run, start: float, stop: float, name: str, pieces: Pieces) -> Run | None:
+    """A run from start to stop [s], `None` where it would be too short."""
+    if _steps_in(run, (start, stop)) < _LEAST_PIECE:
+        return None
+    key = id(run), start, stop
+    if key not in pieces:
+        pieces[key] = replace(run.slice(start, stop), name=f"{run.name}{name}")
+    return pieces[key]
+
+
+def _steps_in(run: Run, window: Window) -> int:
+    return int(((run.time >= window[0]) & (run.time < window[1])).sum())
+
+
 # --- A model file and the logs read for it: columns that the model needs, or that the catalogue could use ---
 
 

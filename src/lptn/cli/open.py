@@ -1,0 +1,76 @@
+"""The command `lptn open`: the workbench, a study as a page in this machine's browser."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter as Option
+from cyclopts import validators
+
+from lptn.cli.options import AmbientError, Holdout, HoldoutAfter, Map, Test, TorqueError, needs_logs
+
+
+def open(  # noqa: A001 - the command's name
+    model: Path,
+    /,
+    *logs: Path,
+    holdout: Holdout = None,
+    holdout_after: HoldoutAfter = None,
+    test: Test = None,
+    browser: Annotated[bool, Option(help="Show the page in the browser; else the address is printed alone.")] = True,
+    port: Annotated[
+        int,
+        Option(
+            help="Port of the page's server; by default any that is free.",
+            validator=validators.Number(gte=0, lte=65535),
+        ),
+    ] = 0,
+    ambient_error: AmbientError = None,
+    torque_error: TorqueError = None,
+    map: Map = None,  # noqa: A002 - the option's name
+) -> None:
+    """Open the workbench in the browser: where the model fails, what is missing, add it, and watch the error fall.
+
+    The page is served on this machine to this machine alone. What is done there is kept: the same command goes on from
+    it. Ctrl-C ends it.
+
+    Example: lptn open leg.toml monday.parquet --holdout friday.parquet
+    """
+    from lptn.cli.terminal import progress
+    from lptn.workbench.opening import Opening
+    from lptn.workbench.server import serve
+    from lptn.workbench.session import Session
+
+    needs_logs(logs)
+    opening = Opening(
+        model,
+        logs,
+        tuple(holdout or ()),
+        tuple(test or ()),
+        holdout_after,
+        tuple(map or ()),
+        ambient_error,
+        torque_error,
+    )
+    session = Session(opening)
+    with progress("reading"):
+        session.open()
+
+    def ready(address: str) -> None:
+        print(f"The workbench, until Ctrl-C; kept in {session.folder}", flush=True)
+        print(address, flush=True)
+        if browser:
+            _show(address)
+
+    serve(session, port, ready)
+
+
+def _show(address: str) -> None:
+    """Show an address in the browser, where there is a screen: a browser in the terminal would take its place."""
+    import os
+    import sys
+    import webbrowser
+
+    if sys.platform in ("win32", "darwin") or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
+        webbrowser.open(address)

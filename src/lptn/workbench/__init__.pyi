@@ -1,0 +1,4 @@
+from .server import serve as serve
+from .session import Session as Session
+
+__all__: list[str]

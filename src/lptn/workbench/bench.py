@@ -1,0 +1,176 @@
+"""A study on the workbench: it does what the page orders, and knows what the page has to be told of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from lptn.basics.arrays import FloatArray
+from lptn.basics.errors import InputError
+from lptn.diagnose.diagnosis import Diagnosis, Step, for_search
+from lptn.diagnose.unexplained_heat import UnexplainedHeat
+from lptn.identify.comparison import Prediction, predict
+from lptn.identify.data import Segment
+from lptn.study import Study
+from lptn.workbench.lines import RunLines
+from lptn.workbench.orders import Add, Cut, Plain
+
+JOBS = ("fit", "holdout", "test")
+"""What a run may be there for, in the order in which a page shows them."""
+
+
+@dataclass
+class News:
+    """Lines that the page's side does not have yet.
+
+    Args:
+        runs: by segment, without any model's line; where there are some, all older lines are of other data.
+        predicted: by segment and model.
+        attempts: by segment and answer: times and readings; they replace all older ones.
+        heat: by segment; it replaces all older one.
+    """
+
+    runs: dict[str, RunLines] = field(default_factory=dict)
+    predicted: dict[tuple[str, str], FloatArray] = field(default_factory=dict)
+    attempts: dict[tuple[str, str], tuple[FloatArray, FloatArray]] = field(default_factory=dict)
+    heat: dict[str, UnexplainedHeat] = field(default_factory=dict)
+
+
+class Bench:
+    """A study, and what was worked out of it for plots.
+
+    Args:
+        study: the study.
+        folder: of the session; report and FMU go there, too.
+        fingerprint: of the files and options that the study was made from.
+    """
+
+    def __init__(self, study: Study, folder: Path, fingerprint: str) -> None:
+        self.study, self.folder, self.fingerprint = study, folder, fingerprint
+        self.attempts: dict[str, dict[tuple[str, str], tuple[FloatArray, FloatArray]]] = {}
+        """Lines of the answers to the diagnosis of each model."""
+        self.heat: dict[str, dict[str, UnexplainedHeat]] = {}
+        """Unexplained heat of each model, by segment."""
+        self._predictions: dict[str, dict[str, Prediction]] = {}
+        self._told: set[tuple[str, str]] = set()
+
+    # --- what can be ordered --------------------------------------------------------------------
+
+    def do(self, order: Plain | Add | Cut) -> None:
+        """Do what the page ordered.
+
+        Raises:
+            InputError: it can't be done with this model and these logs.
+        """
+        if isinstance(order, Add):
+            answer = next((step for step in self._answers if step.key == (order.effect, order.at)), None)
+            self.study.add(answer or order.effect, "" if answer else order.at)
+        elif isinstance(order, Cut):
+            self._cut(order)
+        elif order.what == "report":
+            self.study.report(self.folder / "story.html")
+        elif order.what == "fmu":
+            self.study.export_fmu(self.folder / "model.fmu")
+        else:
+            getattr(self.study, order.what)()
+            if order.what == "improve":
+                self.study.advise()
+
+    def _cut(self, order: Cut) -> None:
+        if order.what == "use_again":
+            again = [each for each in self.study.stretches if (each.run, each.start, each.stop) == _stretch(order)]
+            if not again:
+                raise InputError("stretch", order.run, "not left out", "a stretch that was")
+            self.study.use_again(again[0])
+        else:
+            getattr(self.study, order.what)(*_stretch(order))
+        for known in (self.attempts, self.heat, self._predictions, self._told):
+            known.clear()
+
+    def look_closer(self) -> None:
+        """What takes time and may come after a diagnosis: what each answer would change, heat, the next experiment."""
+        name = self.model
+        if self.study.diagnosed is None:
+            return
+        if name not in self.attempts:
+            self.attempts[name] = dict(self._attempted(self.study.diagnosed))
+        if name not in self.heat:
+            heat = self.study.unexplained_heat()
+            self.heat[name] = {f"fit {number}": each for number, each in enumerate(heat)}
+        self.study.advise()
+
+    def _attempted(self, diagnosis: Diagnosis) -> list[tuple[tuple[str, str], tuple[FloatArray, FloatArray]]]:
+        """What the page's runs would look like with each answer added: the refits' own predictions."""
+        coarse = for_search(self.study.data)
+        lines = []
+        for step in diagnosis.helpful:
+            problem = step.fit.problem
+            fitted = [
+                (bound.run, bound.measured + error)
+                for bound, error in zip(problem.bound_runs, step.fit.residuals, strict=True)
+            ]
+            others = [predict(step.fit.model, segment, problem.sigma) for segment in (*coarse.holdout, *coarse.test)]
+            runs = [*fitted, *((each.bound.run, each.readings) for each in others)]
+            for segment, (run, readings) in zip(segments(self.study), runs, strict=True):
+                # A mean over a step is what was there in its middle.
+                middle = run.time + (run.step / 2 if run.averaged else 0.0)
+                lines.append(((segment, name_of(step)), (middle, readings)))
+        return lines
+
+    # --- what there is to show ------------------------------------------------------------------
+
+    @property
+    def model(self) -> str:
+        """What the model as it is now is called on the page: its effects, one after the other."""
+        return names_of(self.study.steps)[-1] if self.study.steps else ""
+
+    @property
+    def _answers(self) -> tuple[Step, ...]:
+        return self.study.diagnosed.helpful if self.study.diagnosed else ()
+
+    def predictions(self, number: int) -> dict[str, Prediction]:
+        """What the model of a step predicts, by segment."""
+        name = names_of(self.study.steps)[number]
+        if name not in self._predictions:
+            by_job = self.study.predictions(number)
+            of_all = [prediction for job in JOBS for prediction in by_job[job]]
+            self._predictions[name] = dict(zip(segments(self.study), of_all, strict=True))
+        return self._predictions[name]
+
+    def news(self) -> News:
+        """The lines that were not told yet."""
+        news = News()
+        if not self.study.steps:
+            return news
+        nodes = tuple(self.study.model.nodes)
+        for number in {0, len(self.study.steps) - 1}:
+            name = names_of(self.study.steps)[number]
+            for segment, prediction in self.predictions(number).items():
+                if (segment, "") not in self._told:
+                    news.runs[segment] = RunLines.of(prediction, nodes)
+                if (segment, f"model {name}") not in self._told:
+                    news.predicted[segment, name] = prediction.readings
+                self._told |= {(segment, ""), (segment, f"model {name}")}
+        news.attempts = self.attempts.get(self.model, {})
+        news.heat = self.heat.get(self.model, {})
+        return news
+
+
+def segments(study: Study) -> dict[str, Segment]:
+    """The study's segments by the names that the page has for them."""
+    groups = zip(JOBS, (study.data.fit, study.data.holdout, study.data.test), strict=True)
+    return {f"{job} {number}": segment for job, group in groups for number, segment in enumerate(group)}
+
+
+def name_of(step: Step) -> str:
+    """An effect with its place, empty for the model as given."""
+    return f"{step.effect} at {step.at}" if step.effect else ""
+
+
+def names_of(steps: tuple[Step, ...]) -> list[str]:
+    """What the models of steps are called: each after all effects that were added up to it."""
+    return ["; ".join(filter(None, map(name_of, steps[: number + 1]))) or "as given" for number in range(len(steps))]
+
+
+def _stretch(order: Cut) -> tuple[str, float, float]:
+    return order.run, order.start, order.stop

@@ -1,0 +1,169 @@
+"""The process that holds the study: it does what the page orders, and can be ended in the midst of it.
+
+A refit can't be stopped from outside its thread, but a process can. So the study lives in one that the server starts,
+and that puts what it has into the session's folder after each order. Once it is ended, the next one begins there.
+"""
+
+from __future__ import annotations
+
+import io
+import logging
+import pickle
+import sys
+import traceback
+from multiprocessing.connection import Connection
+from pathlib import Path
+
+from pydantic import BaseModel, ValidationError
+
+import lptn
+from lptn.basics.errors import InputError, one_line
+from lptn.basics.files import write_whole
+from lptn.basics.processes import begin_as_worker
+from lptn.identify.data import Stretch
+from lptn.study import Study
+from lptn.workbench.bench import Bench
+from lptn.workbench.content import content_of
+from lptn.workbench.opening import Opening
+from lptn.workbench.orders import Add, Cut, Plain
+
+logger = logging.getLogger("lptn")
+
+STUDY, STEPS = "study.pickle", "steps.json"
+"""Files of a session: the study as this version of lptn holds it, and what was done, for any other version."""
+
+
+def work(pipe: Connection, opening: Opening, sessions: Path, parent: int, after_a_stop: bool = False) -> None:
+    """Read the study, go on from where its session ended, and do orders until the other side closes.
+
+    Says `("opened", folder)`, `("said", text)`, `("warned", text)`, `("shown", content, news)`, `("done",)`,
+    `("failed", text)`, or `("refused", error)` where it can't begin.
+
+    Args:
+        pipe: where orders come from and answers go.
+        opening: the model file, logs and options.
+        sessions: the folder of all sessions.
+        parent: the server's process.
+        after_a_stop: somebody ended the work before: it does not begin by itself.
+    """
+    begin_as_worker(parent)
+    logger.setLevel(logging.INFO)
+    logger.addHandler(_Telling(pipe))
+    try:
+        bench = _opened(pipe, opening, sessions, after_a_stop)
+    except InputError as error:
+        pipe.send(("refused", error))
+        return
+    except OSError as error:
+        expected = "a folder that can be written"
+        pipe.send(("refused", InputError(sessions, "session", error.strerror or str(error), expected)))
+        return
+    while True:
+        _show(pipe, bench, opening)
+        pipe.send(("done",))
+        try:
+            order = pipe.recv()
+        except EOFError:
+            return
+        _done(pipe, bench, opening, order)
+
+
+def _done(pipe: Connection, bench: Bench, opening: Opening, order: Plain | Add | Cut) -> None:
+    try:
+        bench.do(order)
+        if order.what == "diagnose":
+            _show(pipe, bench, opening)  # the answers, before the rest of them is worked out
+        if order.what in ("diagnose", "improve"):
+            bench.look_closer()
+        _save(bench, opening)
+    except InputError as error:
+        pipe.send(("failed", one_line(error)))
+    except Exception as error:  # a bug of ours: the page says it, the terminal has the rest, and the study stays
+        traceback.print_exc(file=sys.stderr)
+        pipe.send(("failed", f"{type(error).__name__}: {one_line(error)}"))
+
+
+def _show(pipe: Connection, bench: Bench, opening: Opening) -> None:
+    pipe.send(("shown", content_of(bench, opening), bench.news()))
+
+
+class _Telling(logging.Handler):
+    """Sends what the library logs."""
+
+    def __init__(self, pipe: Connection) -> None:
+        super().__init__(logging.INFO)
+        self._pipe = pipe
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self._pipe.send(("warned" if record.levelno >= logging.WARNING else "said", record.getMessage()))
+
+
+# --- the session's folder -----------------------------------------------------------------------------------
+
+
+class _Done(BaseModel):
+    """What was done in a session, as its folder says it."""
+
+    model: str
+    logs: list[str]
+    stretches: list[Stretch] = []
+    steps: list[tuple[str, str]] = []
+
+
+def _opened(pipe: Connection, opening: Opening, sessions: Path, after_a_stop: bool) -> Bench:
+    """The study as its session left it, or as its files give it.
+
+    Raises:
+        InputError: a file can't be used.
+        OSError: the folder can't be made.
+    """
+    study = opening.study()
+    fingerprint = opening.fingerprint(study)
+    folder = sessions / f"{opening.model.stem}-{fingerprint[:10]}"
+    folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+    pipe.send(("opened", folder))
+    bench = Bench(study, folder, fingerprint)
+    try:
+        stored = io.BytesIO((folder / STUDY).read_bytes())
+        # The folder is this user's own, as the programs are that this user runs: a pickle from there is trusted.
+        if pickle.load(stored) == _written_by(fingerprint):
+            bench.study, bench.attempts, bench.heat = pickle.load(stored)
+            return bench
+    except FileNotFoundError:
+        pass
+    except Exception:
+        logger.info("the session's study can't be read; its steps are done again")
+    if not after_a_stop:
+        _do_again(study, folder)
+        _save(bench, opening)
+    return bench
+
+
+def _do_again(study: Study, folder: Path) -> None:
+    """The first fit, and the steps that a session of another version took."""
+    study.fit()
+    try:
+        done = _Done.model_validate_json((folder / STEPS).read_bytes())
+    except (OSError, ValidationError):
+        return
+    try:
+        for stretch in done.stretches:
+            (study.hold_out if stretch.held_out else study.leave_out)(stretch.run, stretch.start, stretch.stop)
+        for effect, at in done.steps:
+            study.add(effect, at)
+    except InputError as error:
+        logger.warning("not all of the session's steps can be done again: %s", one_line(error))
+
+
+def _save(bench: Bench, opening: Opening) -> None:
+    study = bench.study
+    logs = [str(log) for log in (*opening.fit, *opening.holdout, *opening.test)]
+    steps = [step.key for step in study.steps[1:]]
+    done = _Done(model=str(opening.model), logs=logs, stretches=list(study.stretches), steps=steps)
+    write_whole(bench.folder / STEPS, done.model_dump_json(indent=2) + "\n")
+    stored = pickle.dumps(_written_by(bench.fingerprint)) + pickle.dumps((study, bench.attempts, bench.heat))
+    write_whole(bench.folder / STUDY, stored)
+
+
+def _written_by(fingerprint: str) -> tuple[str, ...]:
+    return lptn.__version__, sys.version, fingerprint

@@ -1,0 +1,273 @@
+"""What the page says of a study: head, steps, tiles, answers, data, and the lines that would do the same elsewhere."""
+
+from __future__ import annotations
+
+import shlex
+from typing import Any
+
+import numpy as np
+
+from lptn.basics.equations import equations_of
+from lptn.diagnose.diagnosis import Diagnosis, Step
+from lptn.effects import catalogue
+from lptn.identify.comparison import Errors
+from lptn.identify.data import Segment, Stretch
+from lptn.report.diagnosis_figures import noise_alone
+from lptn.report.text import experiment_for, few, for_people, kelvin, named, percent, place_of, title_of
+from lptn.report.words import size_in_words
+from lptn.study import Study
+from lptn.workbench.bench import Bench, name_of, names_of, segments
+from lptn.workbench.opening import Opening
+
+_JOB_NAMES = {"fit": "fitted", "holdout": "held out", "test": "test"}
+_PLAIN = 0.5  # share of its RMSE from which an error's mean says to which side it is
+
+
+def content_of(bench: Bench, opening: Opening) -> dict[str, Any]:
+    """The page's content, as JSON holds it; `given` and `now` name the models whose lines are drawn.
+
+    Args:
+        bench: the study with what was worked out of it.
+        opening: how it was opened.
+    """
+    study = bench.study
+    content: dict[str, Any] = {
+        "name": study.model.network.name,
+        "nodes": list(study.model.nodes),
+        "segments": [_segment(study, key, segment) for key, segment in segments(study).items()],
+        "issues": _issues(study),
+        "stretches": [_stretch(each) for each in study.stretches],
+        "fitted": bool(study.steps),
+        "effects": {key: effect.title for key, effect in sorted(catalogue().items())},
+        "commands": commands(study, opening),
+        "python": python_lines(study, opening),
+        "file": study.file.text,
+    }
+    if not study.steps:
+        return content
+    names = names_of(study.steps)
+    return content | {
+        "given": names[0],
+        "now": names[-1],
+        "head": _head(bench),
+        "steps": [_step(step) for step in study.steps],
+        "undone": [_step(step) for step in study.undone],
+        "tiles": _tiles(bench),
+        "parameters": _parameters(study.steps[-1]),
+        "answers": _answers(study, study.diagnosed, bench) if study.diagnosed else None,
+        "advice": [for_people(each) for each in study.advised.sentences] if study.advised else [],
+    }
+
+
+# --- head: how far the model is off, and what is said of it -----------------------------------------------
+
+
+def _head(bench: Bench) -> dict[str, Any]:
+    study = bench.study
+    first, last = study.steps[0], study.steps[-1]
+    which = "held out" if first.holdout else "fitted"
+    floor = noise_alone(first.fit)
+    return {
+        "which": which,
+        "given": _error(first),
+        "now": _error(last),
+        "floor": floor,
+        "found": [named(*step.key) for step in study.steps[1:]],
+        "sentence": _sentence(bench, floor),
+    }
+
+
+def _error(step: Step) -> float:
+    return step.holdout.rmse if step.holdout else step.fit.rmse
+
+
+def _sentence(bench: Bench, floor: float) -> str:
+    """What is known of the model as it is now."""
+    study = bench.study
+    diagnosis = study.diagnosed
+    if diagnosis is None:
+        return _worst(bench, floor)
+    subject = "With what was added the model" if len(study.steps) > 1 else "The model as given"
+    if diagnosis.verdict == "adequate":
+        return f"{subject} is adequate: what is left is no more than the sensors’ noise."
+    if diagnosis.verdict == "unexplained":
+        return f"{subject} is wrong by more than noise, and the catalogue explains little of it. {_worst(bench, floor)}"
+    more = " more" if len(study.steps) > 1 else ""
+    best = diagnosis.best
+    if best is None:
+        return f"{subject} lacks something{more}, but no single effect helps. {_worst(bench, floor)}"
+    names = [named(*key) for key in dict.fromkeys([best.key, *best.indistinguishable])]
+    rivals = f" – or {few(names[1:], 2)}, which these data can’t rule out" if len(names) > 1 else ""
+    return f"{subject} lacks something{more}: first of all {names[0]}{rivals}."
+
+
+def _worst(bench: Bench, floor: float) -> str:
+    """Where the model as it is now errs most, on data that no fit saw where there are any."""
+    study = bench.study
+    shown = segments(study)
+    judged = [key for key in shown if not key.startswith("fit")] or list(shown)
+    predictions = bench.predictions(len(study.steps) - 1)
+    errors = {
+        (node, key): Errors.of(predictions[key].error[row])
+        for key in judged
+        for row, node in enumerate(study.model.nodes)
+    }
+    errors = {where: each for where, each in errors.items() if each.count}
+    (node, key), worst = max(errors.items(), key=lambda each: each[1].rmse)
+    if worst.rmse <= 2 * floor:
+        return "It errs nowhere by much more than the sensors’ noise."
+    side = "" if abs(worst.mean) < _PLAIN * worst.rmse else f", predicted too {'hot' if worst.mean > 0 else 'cold'}"
+    return f"It errs most at {node} in {shown[key].run.name}: {kelvin(worst.rmse)}{side}."
+
+
+# --- steps, tiles, parameters --------------------------------------------------------------------------------
+
+
+def _step(step: Step) -> dict[str, Any]:
+    return {
+        "name": named(*step.key) if step.effect else "as given",
+        "effect": step.effect,
+        "at": step.at,
+        "parameters": step.parameters,
+        "fit": step.fit.rmse,
+        "holdout": step.holdout.rmse if step.holdout else None,
+        "test": step.test.rmse if step.test else None,
+    }
+
+
+def _segment(study: Study, key: str, segment: Segment) -> dict[str, Any]:
+    """A run on the page; `from` and `to` are where its errors count."""
+    run, (start, stop) = segment.run, segment.evaluation
+    first, last = float(run.time[0]), float(run.time[-1] + run.step)
+    job = key.partition(" ")[0]
+    return {
+        "key": key,
+        "run": run.name,
+        "job": _JOB_NAMES[job],
+        "start": first,
+        "stop": min(stop, last) if job == "fit" else last,
+        "from": max(start, first),
+        "to": min(stop, last),
+    }
+
+
+def _tiles(bench: Bench) -> dict[str, dict[str, list[dict[str, float] | None]]]:
+    """For each segment, for the models as given and now, the errors of each node; `None` where nothing is measured."""
+    tiles: dict[str, dict[str, list[dict[str, float] | None]]] = {key: {} for key in segments(bench.study)}
+    for name, number in (("given", 0), ("now", len(bench.study.steps) - 1)):
+        for key, prediction in bench.predictions(number).items():
+            errors = [Errors.of(row) for row in prediction.error]
+            tiles[key][name] = [
+                {"rmse": each.rmse, "mean": each.mean, "max": each.max} if each.count else None for each in errors
+            ]
+    return tiles
+
+
+def _parameters(step: Step) -> list[dict[str, Any]]:
+    """The free parameters with their standard errors, `None` where these are not determined."""
+    table = step.fit.to_pandas()
+    return [
+        {
+            "name": row["parameter"],
+            "value": row["value"],
+            "error": row["standard error"] if np.isfinite(row["standard error"]) else None,
+            "unit": row["unit"],
+        }
+        for row in table[table["free"]].to_dict("records")
+        if "_granted." not in row["parameter"]
+    ]
+
+
+# --- answers ------------------------------------------------------------------------------------------------
+
+
+def _answers(study: Study, diagnosis: Diagnosis, bench: Bench) -> dict[str, Any]:
+    tried = {answer for _, answer in bench.attempts.get(bench.model, {})}
+    ranks = {step.key: rank for rank, step in enumerate(diagnosis.helpful, start=1)}
+    shown = []
+    for step in diagnosis.helpful:
+        effect = catalogue()[step.effect or ""]
+        shown.append(
+            {
+                "effect": step.effect,
+                "at": step.at,
+                "key": name_of(step),
+                "title": title_of(step.effect or ""),
+                "place": place_of(step.at or ""),
+                "probability": step.probability,
+                "probable": percent(step.probability),
+                "p": step.p_value,
+                "fit": step.fit.rmse,
+                "holdout": step.holdout.rmse if step.holdout else None,
+                "size": size_in_words(step, step.fit),
+                "equations": equations_of(effect.__doc__ or ""),
+                "looks_like": effect.signature.looks_like,
+                "separate_by": experiment_for(effect),
+                "same": [named(*key) for key in step.indistinguishable],
+                "ranks": [ranks[key] for key in step.indistinguishable if key in ranks],
+                "tried": name_of(step) in tried,
+            }
+        )
+    return {
+        "verdict": diagnosis.verdict,
+        "answers": shown,
+        "nothing": 1 - sum(step.probability for step in diagnosis.refits),
+    }
+
+
+# --- data -----------------------------------------------------------------------------------------------------
+
+
+def _issues(study: Study) -> list[dict[str, Any]]:
+    """What looks wrong in the logs; `stretch` is from and to [s], `None` for all of a log."""
+    found = {}
+    for run in study.runs:
+        for issue in run.issues:
+            place = issue.key.partition(".")[2]
+            content = {"run": run.name, "key": issue.key, "place": place, "kind": issue.kind}
+            content |= {"problem": for_people(issue.problem), "remedy": for_people(issue.remedy)}
+            found.setdefault((run.source, issue.sentence), content | {"stretch": issue.stretch})
+    return list(found.values())
+
+
+def _stretch(stretch: Stretch) -> dict[str, Any]:
+    return {"run": stretch.run, "start": stretch.start, "stop": stretch.stop, "held_out": stretch.held_out}
+
+
+# --- the same without the page --------------------------------------------------------------------------------
+
+
+def commands(study: Study, opening: Opening) -> list[str]:
+    """Commands that do what was done here; stretches that were left out have none, Python does."""
+    lines, file = [], str(opening.model)
+    for number, step in enumerate(study.steps[1:], start=1):
+        words = ["lptn", "add", file, step.effect or "", "--at", step.at or "", "-o", f"step{number}.toml"]
+        lines.append(shlex.join(words))
+        file = f"step{number}.toml"
+    logs = list(map(str, opening.fit))
+    options = ["--holdout-after", f"{opening.holdout_after:g}"] if opening.holdout_after is not None else []
+    mapped = [word for text in opening.columns for word in ("--map", text)]
+    lines.append(shlex.join(["lptn", "fit", file, *logs, *options, *mapped, "-o", "better.toml"]))
+    if opening.holdout:
+        lines.append(shlex.join(["lptn", "compare", "better.toml", *map(str, opening.holdout), *mapped]))
+    return lines
+
+
+def python_lines(study: Study, opening: Opening) -> str:
+    """A script that does what was done here."""
+    given = [("fit", opening.fit), ("holdout", opening.holdout), ("test", opening.test)]
+    words = [repr(str(opening.model)), *(f"{name}={list(map(str, logs))}" for name, logs in given if logs)]
+    options = {
+        "holdout_after": opening.holdout_after,
+        "columns": list(opening.columns) or None,
+        "ambient_error": opening.ambient_error,
+        "torque_error": opening.torque_error,
+    }
+    words += [f"{name}={value!r}" for name, value in options.items() if value is not None]
+    lines = ["import lptn", "", f"study = lptn.Study({', '.join(words)})"]
+    for each in study.stretches:
+        call = "hold_out" if each.held_out else "leave_out"
+        lines.append(f"study.{call}({each.run!r}, {each.start:.6g}, {each.stop:.6g})")
+    lines.append("study.fit()")
+    lines += [f"study.add({step.effect!r}, at={step.at!r})" for step in study.steps[1:]]
+    return "\n".join([*lines, 'study.save("better.toml")', 'study.report("story.html")', ""])

@@ -1,0 +1,93 @@
+"""Who may talk to the workbench: this machine's browser with the token, and no page of anybody else's.
+
+A server on loopback is open to every program and every web page on the machine. So each request needs the cookie that
+the address with its token was answered with; its `Host` must be this server's own, against names that are bound to
+127.0.0.1 by others (DNS rebinding); an `Origin` must be ours, against other pages' requests; and what a page of ours
+loads comes from here alone.
+"""
+
+from __future__ import annotations
+
+import secrets
+from http.cookies import CookieError, SimpleCookie
+
+from starlette.datastructures import Headers, MutableHeaders, QueryParams
+from starlette.responses import PlainTextResponse, RedirectResponse, Response
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+_POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src 'self'; "
+    "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+)
+HEADERS = {
+    "content-security-policy": _POLICY,
+    "x-content-type-options": "nosniff",
+    "referrer-policy": "no-referrer",
+    "cross-origin-opener-policy": "same-origin",
+    "cross-origin-resource-policy": "same-origin",
+    "cache-control": "no-store",
+}
+"""Of every answer."""
+
+
+class Gate:
+    """Lets through what carries the token, for this server's own names.
+
+    Args:
+        app: what stands behind the gate.
+        port: of the server.
+        token: the secret in the address.
+    """
+
+    def __init__(self, app: ASGIApp, port: int, token: str) -> None:
+        self._app, self._token = app, token
+        self._hosts = (f"127.0.0.1:{port}", f"localhost:{port}")
+        self._cookie = f"lptn-{port}"  # cookies of a host are those of all its ports
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer a request here, or pass it on."""
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+            return
+
+        async def send_with_headers(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                MutableHeaders(scope=message).update(HEADERS)
+            await send(message)
+
+        refused = self._answer(scope)
+        await (refused or self._app)(scope, receive, send_with_headers)
+
+    def _answer(self, scope: Scope) -> Response | None:
+        """What is answered at the gate, `None` for what may pass."""
+        headers = Headers(scope=scope)
+        host, origin = headers.get("host", ""), headers.get("origin")
+        if host not in self._hosts:
+            return PlainTextResponse("This is not the address that `lptn open` printed.", 421)
+        if origin is not None and origin != f"http://{host}":
+            return PlainTextResponse("Other pages may not use the workbench.", 403)
+        if scope["method"] == "POST" and origin is None:
+            return PlainTextResponse("Orders come from the workbench's own page.", 403)
+        given = QueryParams(scope["query_string"]).get("token")
+        if given is not None:
+            return self._admitted() if self._is_token(given) else _refused()
+        return None if self._is_token(self._cookie_of(headers)) else _refused()
+
+    def _admitted(self) -> Response:
+        answer = RedirectResponse("/", 303)
+        answer.set_cookie(self._cookie, self._token, httponly=True, samesite="strict")
+        return answer
+
+    def _is_token(self, given: str) -> bool:
+        return secrets.compare_digest(given.encode(), self._token.encode())
+
+    def _cookie_of(self, headers: Headers) -> str:
+        try:
+            cookie = SimpleCookie(headers.get("cookie", "")).get(self._cookie)
+        except CookieError:
+            return ""
+        return cookie.value if cookie else ""
+
+
+def _refused() -> Response:
+    return PlainTextResponse("Open the address that `lptn open` printed last, with its token.", 401)

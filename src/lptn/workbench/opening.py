@@ -1,0 +1,51 @@
+"""What a workbench is opened with: a model file, logs, options."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from lptn.identify.fitting import fingerprint_of
+from lptn.study import Study
+
+
+@dataclass(frozen=True)
+class Opening:
+    """A model file with its logs; arguments as for `lptn.Study`."""
+
+    model: Path
+    fit: tuple[Path, ...]
+    holdout: tuple[Path, ...] = ()
+    test: tuple[Path, ...] = ()
+    holdout_after: float | None = None
+    columns: tuple[str, ...] = ()
+    ambient_error: float | None = None
+    torque_error: float | None = None
+
+    def study(self) -> Study:
+        """Read it all.
+
+        Raises:
+            InputError: a file can't be used.
+        """
+        return Study(
+            self.model,
+            self.fit,
+            self.holdout,
+            self.test,
+            holdout_after=self.holdout_after,
+            columns=self.columns,
+            ambient_error=self.ambient_error,
+            torque_error=self.torque_error,
+        )
+
+    def fingerprint(self, study: Study) -> str:
+        """What tells one session from another: the model's text, the logs' contents and jobs, the options."""
+        groups = (("fit", study.data.fit), ("holdout", study.data.holdout), ("test", study.data.test))
+        logs = [(f"{job} {each.run.name}", each.run.fingerprint) for job, group in groups for each in group]
+        options = {
+            "holdout_after": self.holdout_after,
+            "columns": list(self.columns),
+            "errors": [study.ambient_error, study.torque_error],
+        }
+        return fingerprint_of(study.file.text, logs, options)

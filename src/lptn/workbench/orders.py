@@ -1,0 +1,58 @@
+"""What the page may ask for: each order is one button, with what it says checked before anything is done."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, TypeAdapter, model_validator
+
+
+class _Order(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Plain(_Order):
+    """Orders that say all by their name."""
+
+    what: Literal["fit", "diagnose", "improve", "undo", "redo", "report", "fmu"]
+
+
+class Add(_Order):
+    """Add an effect, an answer of the last diagnosis or any other, and fit again."""
+
+    what: Literal["add"]
+    effect: str = Field(min_length=1, max_length=100)
+    at: str = Field(min_length=1, max_length=300)
+
+
+class Cut(_Order):
+    """Leave a stretch of a run out, hold it out, or use it again."""
+
+    what: Literal["leave_out", "hold_out", "use_again"]
+    run: str = Field(max_length=300)
+    start: FiniteFloat
+    stop: FiniteFloat
+
+    @model_validator(mode="after")
+    def _forwards(self) -> Cut:
+        if self.stop <= self.start:
+            raise ValueError("a stretch ends after it begins")
+        return self
+
+
+Order = Annotated[Plain | Add | Cut, Field(discriminator="what")]
+order: TypeAdapter[Plain | Add | Cut] = TypeAdapter(Order)
+"""Checks what the page sent."""
+
+
+class LinesAsked(BaseModel):
+    """Which lines a plot wants: of one node in one run, from a time to another, at most so many points."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    segment: str
+    node: str
+    start: FiniteFloat | None = None
+    stop: FiniteFloat | None = None
+    points: int = Field(default=1500, ge=10, le=20000)
+    attempt: str = ""

@@ -1,0 +1,96 @@
+// The page: asks for the study's state, draws what changed, gives orders. What is drawn stands in sections.js and plots.js.
+
+import { h } from "/sections.js";
+import * as sections from "/sections.js";
+import { Plots } from "/plots.js";
+
+const BUSY = 400, IDLE = 1500, HIDDEN = 6000;  // ms between two questions
+const place = id => document.getElementById(id);
+
+export const page = {
+  state: {}, picked: [], attempt: "", shown: "now", failed: "",
+  async order(order) { page.failed = await post("/order", order); await ask(); },
+  async stop() { page.failed = await post("/stop", {}); await ask(); },
+  pick(segment, node, beside = false) {
+    const there = page.picked.findIndex(each => each.segment === segment && each.node === node);
+    if (beside) there < 0 ? page.picked.push({ segment, node }) : page.picked.splice(there, 1);
+    else page.picked = [{ segment, node }];
+    if (!page.picked.length) page.picked = [{ segment, node }];
+    draw();
+  },
+  attemptTo(answer) { page.attempt = answer; draw(); },
+  show(which) { page.shown = which; draw(); },
+};
+const plots = new Plots(place("plots"), page);
+
+async function post(path, content) {
+  try {
+    const answer = await fetch(path, { method: "POST", headers: { "content-type": "application/json" }, body: JSON.stringify(content) });
+    return answer.ok ? "" : (await answer.json().catch(() => ({}))).error ?? `${answer.status}`;
+  } catch { return "The server does not answer."; }
+}
+
+let version = -1, timer = 0, asking = false;
+async function ask() {
+  if (asking) return;
+  asking = true;
+  clearTimeout(timer);
+  let wait = document.hidden ? HIDDEN : page.state.busy ? BUSY : IDLE;
+  try {
+    const answer = await fetch(`/state?since=${version}`);
+    if (answer.status === 200) {
+      take(await answer.json());
+      wait = page.state.busy ? BUSY : IDLE;
+    } else if (answer.status !== 204) gone(await answer.text());
+    else if (page.away) { page.away = ""; draw(); }
+  } catch { gone("The server has ended. `lptn open` with the same files goes on from here."); }
+  asking = false;
+  timer = setTimeout(ask, wait);
+}
+document.addEventListener("visibilitychange", () => document.hidden || ask());
+
+function gone(why) { page.away = why; version = -1; draw(); }
+
+function take(state) {
+  page.away = "";
+  version = state.version;
+  page.state = state;
+  const known = new Set(state.segments?.map(each => each.key));
+  page.picked = page.picked.filter(each => known.has(each.segment) && state.nodes.includes(each.node));
+  if (!page.picked.length && state.tiles) page.picked = [sections.worst(state)];
+  if (!state.answers?.answers.some(each => each.key === page.attempt && each.tried)) page.attempt = "";
+  draw();
+}
+
+// A section is made anew where what it shows has changed; what had the keyboard's focus, or stood open, has it again.
+const before = {};
+function redraw(id, shown, make) {
+  const now = JSON.stringify(shown);
+  if (before[id] === now) return;
+  before[id] = now;
+  const section = place(id), focused = section.contains(document.activeElement) ? document.activeElement.id : "";
+  const open = [...section.querySelectorAll("details[open]")].map(each => each.id);
+  const scrolled = section.querySelector(".tiles")?.scrollTop;
+  section.replaceChildren(...make().flat(3).filter(Boolean));
+  for (const each of open) if (each && place(each)) place(each).open = true;
+  if (scrolled) section.querySelector(".tiles").scrollTop = scrolled;
+  if (focused) place(focused)?.focus();
+}
+
+export function draw() {
+  const { state, attempt, picked, shown, failed, away } = page, busy = !!state.busy;
+  document.title = state.name ? `${state.name} – lptn` : "lptn";
+  place("name").textContent = state.name ?? "lptn";
+  redraw("work", [state.busy, state.failed, failed, away], () => sections.work(page));
+  redraw("head", [state.head], () => sections.head(state));
+  redraw("steps", [state.steps, state.undone, state.head, attempt, busy, state.answers], () => sections.steps(page));
+  redraw("where", [state.tiles, picked, shown], () => sections.where(page));
+  redraw("missing", [state.answers, state.advice, attempt, busy, state.fitted, state.now], () => sections.missing(page));
+  redraw("data", [state.segments, state.issues, state.stretches, state.notes, busy, state.parameters], () => sections.data(page));
+  redraw("out", [state.commands, state.python, state.files, busy, state.folder, state.fitted], () => sections.out(page));
+  if (state.tiles) plots.draw();
+}
+
+setInterval(() => page.state.busy && redraw("work", [page.state.busy, Date.now() / 1000 | 0], () => sections.work(page)), 1000);
+ask();
+export { h };

@@ -1,0 +1,199 @@
+// Time plots: drag to zoom, hover to read. Lines come from the server for the window that is shown, thinned to its width.
+
+import uPlot from "/uPlot.js";
+import { h, kelvin } from "/sections.js";
+
+const GRID = [1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1200, 1800, 3600, 7200, 14400, 28800, 86400];  // s between ticks
+const LONG = 600, EPOCH = 1e6;  // s: minutes from here on; a clock that did not begin with the log
+const MOST_INPUTS = 5;
+const UNITS = { torque: "N·m", current: "A", velocity: "rad/s", power: "W", speed: "m/s", temperature: "°C" };
+const color = name => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+const sync = uPlot.sync("time");
+
+export class Plots {
+  constructor(section, page) {
+    this.section = section, this.page = page, this.windows = {}, this.views = new Map();
+    this.bar = h("div", { className: "row" });
+    this.list = h("div");
+    section.append(this.bar, this.list);
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.draw(true));
+    addEventListener("resize", () => this.draw(true));
+  }
+
+  // Views that are picked, made anew where a model or a run has changed.
+  draw(anew = false) {
+    const { state, picked, attempt } = this.page;
+    this.drawBar();
+    const wanted = picked.map(each => ({ ...each, id: `${each.segment} ${each.node}` }));
+    for (const [id, view] of this.views) if (!wanted.some(each => each.id === id)) { view.remove(); this.views.delete(id); }
+    for (const each of wanted) {
+      const what = JSON.stringify([state.now, state.given, state.head.now, state.stretches, state.answers?.answers.length, state.advice.length, wanted.length > 1, attempt]);
+      let view = this.views.get(each.id);
+      if (!view) this.views.set(each.id, view = new View(this, each));
+      if (anew || view.what !== what) { view.what = what; view.load(anew); }
+      this.list.append(view.element);
+    }
+  }
+
+  drawBar() {
+    const { state, picked } = this.page, at = picked[0], key = JSON.stringify([at, state.segments, state.nodes, !!state.busy, this.windows]);
+    if (this.shown === key) return;
+    this.shown = key;
+    const segment = state.segments.find(each => each.key === at.segment), window = this.windows[segment.key];
+    const choose = (id, label, options, value, onchange) => h("select", { id, ariaLabel: label, onchange: event => onchange(event.target.value) },
+      options.map(([key, text]) => h("option", { value: key, selected: key === value }, text)));
+    const cut = (what, label) => h("button", {
+      id: what, disabled: !window || !!state.busy,
+      onclick: () => { this.page.order({ what, run: segment.run, start: window[0], stop: window[1] }); this.zoom(segment.key, null); },
+    }, label);
+    const focused = this.bar.contains(document.activeElement) ? document.activeElement.id : "";
+    this.bar.replaceChildren(...[h("h2", { style: "margin: 0 10px 0 0" }, "Over time"),
+      choose("node", "node", state.nodes.map(node => [node, node]), at.node, node => this.page.pick(at.segment, node)),
+      choose("run", "run", state.segments.map(each => [each.key, `${each.run} (${each.job})`]), at.segment, key => this.page.pick(key, at.node)),
+      h("button", { id: "whole", disabled: !window, onclick: () => this.zoom(segment.key, null) }, "Whole run"),
+      cut("leave_out", "Leave this stretch out"), segment.job === "fitted" && cut("hold_out", "Hold it out"),
+      h("small", null, window ? `${clock(window[0])} to ${clock(window[1])} s` : "Drag over a stretch to zoom; + − ← → with the keyboard.")].filter(Boolean));
+    if (focused) document.getElementById(focused)?.focus();
+  }
+
+  zoom(segment, window) {
+    if (window) this.windows[segment] = window; else delete this.windows[segment];
+    this.drawBar();
+    for (const view of this.views.values()) if (view.segment === segment) view.load();
+  }
+}
+
+const clock = value => Number(value.toPrecision(5)).toString();
+
+class View {
+  constructor(plots, { segment, node }) {
+    Object.assign(this, { plots, segment, node, charts: [], asked: 0 });
+    this.stack = h("div", { className: "stack", tabIndex: 0, role: "group", ariaLabel: `${node} over time; + and − zoom, arrows move, 0 shows the whole run`, onkeydown: event => this.key(event) });
+    this.element = h("div", { className: "view" }, this.title = h("h3"), this.stack);
+  }
+
+  remove() { this.charts.forEach(each => each.destroy()); this.element.remove(); }
+
+  get run() { return this.plots.page.state.segments.find(each => each.key === this.segment); }
+  get window() { return this.plots.windows[this.segment] ?? [this.run.start, this.run.stop]; }
+
+  async load(anew = true) {
+    const { run, plots } = this, page = plots.page, number = ++this.asked, zoomed = plots.windows[this.segment];
+    const asked = new URLSearchParams({ segment: this.segment, node: this.node, points: 1600, attempt: page.attempt });
+    if (zoomed) { asked.set("start", zoomed[0]); asked.set("stop", zoomed[1]); }
+    const answer = await fetch(`/lines?${asked}`);
+    if (!answer.ok || number !== this.asked) return;
+    const lines = await answer.json();
+    const tile = page.state.tiles[this.segment]?.now[page.state.nodes.indexOf(this.node)];
+    this.title.textContent = `${this.node} in ${run.run} (${run.job})${tile ? `: RMSE ${kelvin(tile.rmse)}` : ""}`;
+    const names = Object.keys(lines).join() + (plots.page.picked.length > 1);
+    if (anew !== true && names === this.names || names === this.names && anew === true && !this.dark_changed()) this.charts.forEach(chart => {
+      chart.batch(() => { chart.setData(chart.names.map(name => lines[name]), false); chart.setScale("x", { min: this.window[0], max: this.window[1] }); });
+    });
+    else { this.names = names; this.build(lines); }
+  }
+
+  dark_changed() { const now = color("--paper") + this.stack.clientWidth, was = this.look; this.look = now; return was !== now; }
+
+  build(lines) {
+    this.charts.forEach(each => each.destroy());
+    const one = this.plots.page.picked.length === 1, state = this.plots.page.state;
+    const line = (name, label, stroke, more) => ({ name, label, stroke, width: 1.5, ...more });
+    const models = ["given", "now", "attempt"].filter(each => each in lines).map(each => line(each,
+      { given: "as given", now: state.given === state.now ? "model as given" : "now", attempt: "with the answer tried" }[each],
+      color(each === "now" && state.given === state.now ? "--given" : `--${each}`), { dash: each === "given" ? [7, 4] : each === "attempt" ? [2, 3] : undefined, width: each === "now" ? 2 : 1.6 }));
+    const errors = models.map(each => ({ ...each, name: `error ${each.name}` }));
+    const panels = [
+      { unit: "°C", label: "temperature [°C]", height: 250, series: [line("measured", "measured", color("--ink"), { width: 1.1 }), ...models] },
+      { unit: "K", label: "error [K]", height: 150, series: errors, floor: state.head.floor },
+    ];
+    if ("heat" in lines && one) panels.push({
+      unit: "W", label: "unexplained heat [W]", height: 130, zero: true, band: true,
+      series: [line("heat low", "from", color("--soft"), { width: 0.5 }), line("heat high", "to", color("--soft"), { width: 0.5 }), line("heat", "heat that the model lacks", color("--attempt"))],
+    });
+    const inputs = Object.keys(lines).filter(name => name.includes(".")).filter(name => lines[name].some(value => value !== lines[name][0]));
+    if (one) for (const name of inputs.slice(0, MOST_INPUTS)) {
+      const unit = UNITS[name.split(".")[0]] ?? "";
+      panels.push({ unit, label: unit, height: 82, series: [line(name, name, color("--soft"), { width: 1 })] });
+    }
+    this.charts = panels.map((panel, k) => this.chart(panel, lines, k === panels.length - 1));
+    this.look = color("--paper") + this.stack.clientWidth;
+  }
+
+  chart({ unit, label, height, series, floor, zero, band }, lines, last) {
+    const { run } = this, origin = Math.abs(run.start) > EPOCH ? run.start : 0, minutes = run.stop - run.start > LONG;
+    const ink = color("--soft"), grid = { stroke: color("--shade"), width: 1 }, ticks = { stroke: color("--line"), width: 1, size: 4 };
+    const number = value => value == null ? "–" : `${Number(value.toPrecision(4))} ${unit}`;
+    const options = {
+      width: this.stack.clientWidth || 1200, height: height + (last ? 30 : 0),
+      padding: [8, 8, last ? null : 0, 0],
+      cursor: {
+        sync: { key: sync.key, setSeries: false }, drag: { x: true, y: false, setScale: false }, points: { size: 6 },
+        bind: { dblclick: () => () => this.plots.zoom(this.segment, null) },
+      },
+      legend: { live: true },
+      scales: { x: { time: false, auto: false, min: this.window[0], max: this.window[1] }, y: { range: (_, low, high) => limits(low, high, floor, zero) } },
+      axes: [
+        { show: last, stroke: ink, grid, ticks, incrs: GRID, size: 42, label: minutes ? "time [min]" : "time [s]", labelSize: 16, font: "12px system-ui, sans-serif", labelFont: "12px system-ui, sans-serif",
+          values: (_, splits) => splits.map(each => minutes ? Number(((each - origin) / 60).toFixed(2)) : Number((each - origin).toFixed(2))) },
+        { stroke: ink, grid, ticks, label, labelSize: 18, size: 46, space: 26, font: "12px system-ui, sans-serif", labelFont: "12px system-ui, sans-serif" },
+      ],
+      series: [{ label: "time", value: (_, value) => value == null ? "–" : minutes ? `${((value - origin) / 60).toFixed(2)} min` : `${(value - origin).toFixed(1)} s` },
+        ...series.map(({ name, ...rest }) => ({ ...rest, points: { show: false }, value: (_, value) => number(value) }))],
+      bands: band ? [{ series: [2, 1], fill: color("--shade") }] : undefined,
+      hooks: { drawClear: [chart => this.shade(chart, floor, zero)], setSelect: [chart => this.selected(chart)] },
+    };
+    const names = ["time", ...series.map(each => each.name)];
+    const chart = new uPlot(options, names.map(name => lines[name]), this.stack);
+    chart.names = names;
+    return chart;
+  }
+
+  // Time that was fitted or only sets the start, stretches in which a channel is odd, the band of the sensors' noise.
+  shade(chart, floor, zero) {
+    const { ctx, bbox } = chart, { from, start, to, stop } = this.run;
+    const x = value => Math.min(Math.max(chart.valToPos(value, "x", true), bbox.left), bbox.left + bbox.width);
+    const fill = (low, high, style) => { if (high > low) { ctx.fillStyle = style; ctx.fillRect(x(low), bbox.top, x(high) - x(low), bbox.height); } };
+    ctx.save();
+    fill(start, from, color("--shade"));
+    fill(to, stop, color("--shade"));
+    for (const issue of this.plots.page.state.issues)
+      if (issue.stretch && this.run.run.startsWith(issue.run) && (issue.place === this.node || !this.plots.page.state.nodes.includes(issue.place)))
+        fill(issue.stretch[0], issue.stretch[1], color("--mark"));
+    if (floor != null || zero) {
+      const y = value => chart.valToPos(value, "y", true);
+      if (floor) { ctx.fillStyle = color("--mark"); ctx.fillRect(bbox.left, y(2 * floor), bbox.width, Math.max(y(-2 * floor) - y(2 * floor), 1)); }
+      ctx.fillStyle = color("--soft");
+      ctx.fillRect(bbox.left, y(0), bbox.width, 1);
+    }
+    ctx.restore();
+  }
+
+  selected(chart) {
+    const { left, width } = chart.select;
+    if (width < 4) return;
+    const window = [chart.posToVal(left, "x"), chart.posToVal(left + width, "x")];
+    chart.setSelect({ left: 0, width: 0, top: 0, height: 0 }, false);
+    this.plots.zoom(this.segment, window);
+  }
+
+  key(event) {
+    if (event.ctrlKey || event.metaKey || event.altKey) return;
+    const [low, high] = this.window, width = high - low, { start, stop } = this.run;
+    const moved = { "+": [0.25, -0.25], "=": [0.25, -0.25], "-": [-0.5, 0.5], ArrowLeft: [-0.25, -0.25], ArrowRight: [0.25, 0.25] }[event.key];
+    if (event.key === "0" || event.key === "Escape") this.plots.zoom(this.segment, null);
+    else if (moved) {
+      const shift = moved[0] === moved[1] ? Math.min(Math.max(moved[0] * width, start - low), stop - high) : null;
+      const window = shift == null ? [Math.max(low + moved[0] * width, start), Math.min(high + moved[1] * width, stop)] : [low + shift, high + shift];
+      this.plots.zoom(this.segment, window[0] <= start && window[1] >= stop ? null : window);
+    } else return;
+    event.preventDefault();
+  }
+}
+
+function limits(low, high, floor, zero) {
+  if (low == null) return [0, 1];
+  if (floor != null || zero) { low = Math.min(low, -2 * (floor ?? 0)); high = Math.max(high, 2 * (floor ?? 0)); }
+  const margin = 0.06 * (high - low) || 0.5;
+  return [low - margin, high + margin];
+}

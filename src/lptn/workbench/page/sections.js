@@ -1,0 +1,210 @@
+// Sections of the page that are text, tables and buttons: each a function from the state to elements.
+
+export function h(tag, properties, ...children) {
+  const element = document.createElement(tag);
+  for (const [name, value] of Object.entries(properties ?? {})) {
+    if (name.startsWith("on")) element.addEventListener(name.slice(2), value);
+    else if (name in element && name !== "list") element[name] = value;
+    else element.setAttribute(name, value);
+  }
+  element.append(...children.flat(3).filter(child => child != null && child !== false));
+  return element;
+}
+
+export const digits = (value, count = 3) => value == null ? "–" : Number(value).toPrecision(count).replace("-", "−");
+export const kelvin = value => value == null ? "–" : `${digits(value)} K`;
+const signed = value => `${value < 0 ? "−" : "+"}${Math.abs(value) < 9.95 ? Math.abs(value).toPrecision(2) : Math.abs(value).toFixed(0)}`;
+const capital = text => text.charAt(0).toUpperCase() + text.slice(1);
+const listed = items => items.length < 2 ? items.join("") : `${items.slice(0, -1).join(", ")} and ${items.at(-1)}`;
+const duration = seconds => seconds < 60 ? `${seconds | 0} s` : `${seconds / 60 | 0} min ${seconds % 60 | 0} s`;
+
+// --- what is being done -----------------------------------------------------------------------------------
+
+export function work(page) {
+  const { busy, failed } = page.state;
+  if (page.away) return [h("span", { className: "failed" }, page.away)];
+  if (busy) {
+    const said = busy.said.at(-1), seconds = Date.now() / 1000 - busy.since;
+    const line = `${capital(busy.words)}${said ? ` – ${said}` : ""}${seconds > 2 ? ` (${duration(seconds)})` : ""}`;
+    return [h("i"), h("span", { title: busy.said.join("\n") }, line), busy.what !== "open" || page.state.segments || busy.words !== "reading"
+      ? h("button", { id: "stop", onclick: page.stop }, "Stop") : null];
+  }
+  return page.failed || failed ? [h("span", { className: "failed" }, page.failed || failed)] : [];
+}
+
+// --- head and steps --------------------------------------------------------------------------------------
+
+export function head(state) {
+  const it = state.head;
+  if (!it) return [h("p", { className: "lead soft" }, state.version ? "The model as given is being fitted." : "")];
+  const which = it.which.replace(" ", "-");
+  const figure = (name, value, label, count) => h("div", { className: name }, h("b", null, `${digits(value, count)} K`), h("small", null, label));
+  const added = it.found.length > 0;
+  return [
+    h("div", { className: "figures" },
+      figure("given", it.given, `${which} error, as given`),
+      added && figure("now", it.now, `${which} error now`),
+      figure("floor", it.floor, "the sensors’ own noise", 2)),
+    h("p", { className: "lead" }, added ? `Found: ${listed(it.found)}. ` : "", it.sentence),
+  ];
+}
+
+export function steps(page) {
+  const { steps, undone, head, answers, busy } = page.state;
+  if (!steps) return [];
+  const held = head.which === "held out", tested = steps.some(step => step.test != null);
+  const error = step => held ? step.holdout : step.fit;
+  const tried = answers?.answers.find(each => each.key === page.attempt);
+  const rows = [...steps, ...(tried ? [{ ...tried, name: `try: ${tried.title}${tried.place === "everywhere" ? " " : " at "}${tried.place}`, attempt: true }] : []), ...undone.map(step => ({ ...step, undone: true }))];
+  const most = Math.max(...rows.map(error)) || 1;
+  const bar = (step, number) => {
+    const filled = h("i", { className: step.attempt ? "attempt" : number === 0 ? "zero" : "" }), floor = h("u", { title: `the sensors’ noise: ${kelvin(head.floor)}` });
+    filled.style.width = `${100 * error(step) / most}%`;
+    floor.style.left = `${100 * head.floor / most}%`;
+    return h("td", { className: "bar" }, h("span", null, filled, floor));
+  };
+  // A row is kept for what may be tried: the page must not move under the mouse that tries it.
+  const kept = answers?.answers.length && !tried && h("tr", null, h("td", { innerHTML: "&nbsp;" }));
+  const table = h("table", null,
+    h("thead", null, h("tr", null, ["", "effect", "parameters", "fitted", ...(held ? ["held out"] : []), ...(tested ? ["test"] : []), ""].map((name, k) =>
+      h("th", { className: k < 2 ? "" : name ? "n" : "bar" }, name)))),
+    h("tbody", null, rows.map((step, number) => h("tr", { className: step.undone ? "undone" : "" },
+      h("td", { className: "soft" }, step.attempt ? "?" : step.undone ? "" : `${number}`),
+      h("td", null, step.name), h("td", { className: "n soft" }, step.parameters ?? ""),
+      h("td", { className: "n" }, kelvin(step.fit)),
+      held && h("td", { className: "n" }, kelvin(step.holdout)), tested && h("td", { className: "n" }, kelvin(step.test)),
+      bar(step, number))), kept));
+  return [
+    h("h2", null, "Steps"), table,
+    h("div", { className: "row", style: "margin-top: 8px" },
+      h("button", { id: "undo", disabled: busy || steps.length < 2, onclick: () => page.order({ what: "undo" }) }, "Undo"),
+      h("button", { id: "redo", disabled: busy || !undone.length, onclick: () => page.order({ what: "redo" }) }, "Redo"),
+      h("small", null, `Bars: RMSE on ${held ? "held-out" : "fitted"} data; the mark is the sensors’ noise.`)),
+  ];
+}
+
+// --- where it fails ----------------------------------------------------------------------------------------
+
+const judged = state => state.segments.filter(each => each.job !== "fitted").length
+  ? state.segments.filter(each => each.job !== "fitted") : state.segments;
+
+export function worst(state) {
+  let found = { segment: state.segments[0].key, node: state.nodes[0] }, most = -1;
+  for (const { key } of judged(state)) state.tiles[key].now.forEach((each, k) => {
+    if (each && each.rmse > most) { most = each.rmse; found = { segment: key, node: state.nodes[k] }; }
+  });
+  return found;
+}
+
+export function where(page) {
+  const { state, picked, shown } = page;
+  if (!state.tiles) return [];
+  const order = [...judged(state), ...state.segments.filter(each => !judged(state).includes(each))];
+  const most = Math.max(...order.flatMap(({ key }) => state.tiles[key].given.map(each => each?.rmse ?? 0)), 1e-9);
+  const css = getComputedStyle(document.documentElement);
+  const tile = (segment, node, k) => {
+    const each = state.tiles[segment.key][shown][k];
+    if (!each) return h("td", { title: "not measured" }, "·");
+    const side = each.mean < 0 ? "--cold" : "--hot", share = Math.min(each.rmse / most, 1) ** 0.75;
+    const way = Math.abs(each.mean) < 0.3 * each.rmse ? "to both sides" : each.mean < 0 ? "too cold" : "too hot";
+    const button = h("button", {
+      id: `tile ${segment.key} ${node}`,
+      title: `${node}, ${segment.run} (${segment.job}): RMSE ${kelvin(each.rmse)}, mean ${signed(each.mean)} K, largest ${kelvin(each.max)}; ${way}`,
+      ariaPressed: picked.some(p => p.segment === segment.key && p.node === node),
+      onclick: event => page.pick(segment.key, node, event.shiftKey || event.ctrlKey || event.metaKey),
+    }, signed(each.mean < 0 ? -each.rmse : each.rmse));
+    button.style.background = `rgb(${css.getPropertyValue(side)} / ${share * css.getPropertyValue("--most")})`;
+    return h("td", null, button);
+  };
+  const choice = (name, label) => h("button", { id: `show ${name}`, ariaPressed: shown === name, onclick: () => page.show(name) }, label);
+  return [
+    h("div", { className: "row" }, h("h2", { style: "margin: 0 auto 0 0" }, "Where it fails"), state.given !== state.now && [choice("given", "as given"), choice("now", "now")]),
+    h("p", null, h("small", null, "RMSE in K; + the model is too hot (orange), − too cold (blue). A tile opens its plot, with Shift beside the others.")),
+    h("div", { className: `tiles${order.length > 5 ? " narrow" : ""}` }, h("table", null,
+      h("thead", null, h("tr", null, h("td"), order.map(each => h("th", { scope: "col" }, h("span", null, `${each.run} (${each.job})`))))),
+      h("tbody", null, state.nodes.map((node, k) => h("tr", null, h("th", { scope: "row" }, node), order.map(each => tile(each, node, k))))))),
+  ];
+}
+
+// --- what is missing ----------------------------------------------------------------------------------------
+
+export function missing(page) {
+  const { state } = page, { answers, busy } = state;
+  if (!state.steps) return state.fitted === false && !busy && state.name
+    ? [h("button", { id: "fit", className: "first", onclick: () => page.order({ what: "fit" }) }, "Fit the model as given")] : [];
+  const ask = (what, label, first) => h("button", { id: what, className: first ? "first" : "", disabled: busy, onclick: () => page.order({ what }) }, label);
+  const title = h("h2", null, "What is missing");
+  const other = addAnother(page);
+  if (!answers) return [title,
+    h("p", null, "Every effect of the catalogue is scored at every place; the best are fitted, and get a probability."),
+    h("div", { className: "row" }, ask("diagnose", "Find what is missing", true), ask("improve", "Add it all by itself")), other];
+  const group = new Set(answers.answers.length && answers.answers[0].same.length ? [1, ...answers.answers[0].ranks] : []);
+  const change = each => {
+    const [name, before] = each.holdout != null ? ["held out", state.steps.at(-1).holdout] : ["fitted", state.steps.at(-1).fit];
+    return `${name} ${digits(before)} → ${kelvin(each.holdout ?? each.fit)}`;
+  };
+  const answer = (each, k) => h("li", {
+    className: group.has(k + 1) ? "group" : "",
+    onmouseenter: () => each.tried && !page.pinned && page.attemptTo(each.key),
+    onmouseleave: () => page.pinned || page.attemptTo(""),
+  },
+    h("div", { className: "name" },
+      h("span", null, h("b", null, each.title), ` ${each.place === "everywhere" ? "" : "at "}${each.place}`),
+      h("button", {
+        id: `try ${each.key}`, disabled: !each.tried, ariaPressed: page.attempt === each.key,
+        onclick: () => { page.pinned = page.pinned === each.key ? "" : each.key; page.attemptTo(page.pinned); },
+      }, "Try"),
+      h("button", { id: `add ${each.key}`, className: k === 0 ? "first" : "", disabled: busy, onclick: () => { page.pinned = ""; page.order({ what: "add", effect: each.effect, at: each.at }); } }, "Add")),
+    h("div", null, `${each.probable} probable`, h("span", { className: "soft" }, ` · ${change(each)}`)),
+    h("details", { id: `more ${each.key}` }, h("summary", null, "Equation, signs, experiment"),
+      each.equations.map(equation => h("div", { className: "equation" }, equation)),
+      each.size && h("p", null, `${capital(each.size)}.`),
+      h("p", null, `Without it: ${each.looks_like}.`),
+      each.same.length ? h("p", null, `These data can’t tell it from ${listed(each.same)}.`) : null,
+      h("p", null, `What would tell it from others: ${each.separate_by}.`)));
+  return [title,
+    h("p", null, { adequate: "Nothing that these data show is missing.", missing: "", unexplained: "The catalogue explains little of what is left; trust no answer below much." }[answers.verdict],
+      answers.answers.length ? "" : " No effect of the catalogue helps."),
+    group.size > 1 && h("p", null, h("small", null, "What the bar on the left joins, these data can’t tell apart: one answer with several names.")),
+    h("ol", { className: "answers" }, answers.answers.map(answer)),
+    state.advice.map(text => h("p", null, h("small", null, text))),
+    h("div", { className: "row" }, ask("improve", "Add what is missing by itself")), other];
+}
+
+function addAnother(page) {
+  const { effects, nodes, busy } = page.state;
+  const kind = h("select", { id: "other effect", ariaLabel: "effect" }, Object.entries(effects).map(([key, title]) => h("option", { value: key }, title)));
+  const at = h("input", { id: "other place", ariaLabel: "place", placeholder: `${nodes[0]}, a~b or *`, list: "places", size: 18 });
+  return h("details", { id: "other", style: "margin-top: 10px" }, h("summary", null, "Add another effect"),
+    h("div", { className: "row", style: "margin-top: 6px" }, kind, "at", at, h("datalist", { id: "places" }, ["*", ...nodes].map(value => h("option", { value }))),
+      h("button", { disabled: busy, onclick: () => page.order({ what: "add", effect: kind.value, at: at.value.trim() || "*" }) }, "Add")));
+}
+
+// --- data, and what to take away --------------------------------------------------------------------------
+
+export function data(page) {
+  const { segments, stretches, issues, notes, parameters, busy } = page.state;
+  if (!segments) return [];
+  const again = each => h("li", { className: "row" }, `${each.run}, ${digits(each.start, 4)} to ${digits(each.stop, 4)} s: ${each.held_out ? "held out" : "left out"}`,
+    h("button", { disabled: busy, onclick: () => page.order({ what: "use_again", run: each.run, start: each.start, stop: each.stop }) }, "Use again"));
+  const row = each => h("tr", null, h("td", null, each.name), h("td", { className: "n" }, digits(each.value)), h("td", { className: "n soft" }, each.error == null ? "" : `± ${digits(each.error, 2)}`), h("td", { className: "soft" }, each.unit === "1" ? "" : each.unit));
+  return [h("h2", null, "Data and parameters"),
+    stretches.length ? h("ul", { className: "plain" }, stretches.map(again)) : null,
+    issues.length ? h("ul", null, issues.map(each => h("li", null, `${each.run}, ${each.key}: ${each.problem}; `, h("span", { className: "soft" }, `${each.remedy}.`))))
+      : h("p", { className: "soft" }, "Nothing looks wrong in the logs."),
+    notes.filter(note => !issues.some(each => note.includes(each.key))).map(note => h("p", null, h("small", null, note))),
+    parameters && h("details", { id: "parameters" }, h("summary", null, `${parameters.length} fitted parameters with standard errors`), h("table", null, parameters.map(row)))];
+}
+
+export function out(page) {
+  const { commands, python, files, busy, folder, fitted } = page.state;
+  if (!fitted) return [];
+  const made = (what, name, label, verb) => h("span", { className: "row" }, h("button", { id: `make ${what}`, disabled: busy, onclick: () => page.order({ what }) }, verb),
+    files.includes(name) && h("a", { className: "button", id: `get ${what}`, href: `/result/${name}`, download: name }, label));
+  return [h("h2", null, "Take away"),
+    h("div", { className: "row" }, h("a", { className: "button", id: "get model", href: "/model", download: "better.toml" }, "Model file"),
+      made("report", "story.html", "story.html", "Write the report"), made("fmu", "model.fmu", "model.fmu", "Build the FMU")),
+    h("details", { id: "commands" }, h("summary", null, "The same as commands"), h("pre", null, commands.join("\n"))),
+    h("details", { id: "python" }, h("summary", null, "The same in Python"), h("pre", null, python)),
+    h("p", null, h("small", null, `What is done here is kept in ${folder}; the same command goes on from it.`))];
+}

@@ -1,0 +1,187 @@
+"""The page's server, on this machine alone: files of the page, the study's state, lines of plots, orders.
+
+Tabs ask for the state by its version, twice a second while something is being done: a stream for each tab would use up
+the six connections that a browser grants a host, and the seventh tab would hang.
+"""
+
+from __future__ import annotations
+
+import json
+import secrets
+import socket
+import threading
+from collections.abc import Callable
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import uvicorn
+from pydantic import ValidationError
+from starlette.applications import Starlette
+from starlette.concurrency import run_in_threadpool
+from starlette.middleware import Middleware
+from starlette.requests import Request
+from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, Response
+from starlette.routing import Route
+
+from lptn.basics.errors import InputError
+from lptn.workbench.gate import Gate
+from lptn.workbench.orders import LinesAsked, order
+from lptn.workbench.session import BusyError, Session
+
+_LARGEST_ORDER = 10_000  # bytes; an order is a sentence
+_PAGE = {
+    "": ("index.html", "text/html"),
+    "style.css": ("style.css", "text/css"),
+    "page.js": ("page.js", "text/javascript"),
+    "sections.js": ("sections.js", "text/javascript"),
+    "plots.js": ("plots.js", "text/javascript"),
+    "uPlot.js": ("uplot/uPlot.esm.js", "text/javascript"),
+    "uPlot.css": ("uplot/uPlot.css", "text/css"),
+}
+_RESULTS = {"story.html": "text/html", "model.fmu": "application/octet-stream"}
+
+
+def application(session: Session, port: int, token: str) -> Starlette:
+    """The server's application.
+
+    Args:
+        session: what tabs look at.
+        port: of the server.
+        token: the secret in the address.
+    """
+    site = _Site(session)
+    routes = [Route(f"/{name}", _page) for name in _PAGE]
+    routes += [
+        Route("/favicon.ico", _nothing),  # browsers ask for it unasked
+        Route("/state", site.state),
+        Route("/lines", site.lines),
+        Route("/order", site.order, methods=["POST"]),
+        Route("/stop", site.stop, methods=["POST"]),
+        Route("/result/{name}", site.result),
+        Route("/model", site.model),
+    ]
+    return Starlette(routes=routes, middleware=[Middleware(Gate, port=port, token=token)])
+
+
+async def _page(request: Request) -> Response:
+    name, kind = _PAGE[request.url.path.removeprefix("/")]
+    return Response(files("lptn.workbench").joinpath("page", name).read_bytes(), media_type=kind)
+
+
+async def _nothing(_: Request) -> Response:
+    return Response(status_code=204)
+
+
+class _Site:
+    """What is answered from a session."""
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+
+    async def state(self, request: Request) -> Response:
+        try:
+            since = int(request.query_params.get("since", "-1"))
+        except ValueError:
+            return _wrong("since: a whole number")
+        content = self._session.state(since)
+        return Response(status_code=204) if content is None else JSONResponse(content)
+
+    async def lines(self, request: Request) -> Response:
+        try:
+            asked = LinesAsked.model_validate(dict(request.query_params))
+            return JSONResponse(await run_in_threadpool(self._session.lines, asked))
+        except ValidationError as error:
+            return _wrong(_in_words(error))
+        except InputError as error:
+            return _wrong(str(error))
+
+    async def order(self, request: Request) -> Response:
+        body = await request.body()
+        if len(body) > _LARGEST_ORDER:
+            return _wrong("an order is short")
+        try:
+            self._session.do(order.validate_json(body))
+        except ValidationError as error:
+            return _wrong(_in_words(error))
+        except BusyError as error:
+            return JSONResponse({"error": str(error)}, 409)
+        return JSONResponse({}, 202)
+
+    async def stop(self, _: Request) -> Response:
+        await run_in_threadpool(self._session.stop)
+        return JSONResponse({}, 202)
+
+    async def result(self, request: Request) -> Response:
+        name = request.path_params["name"]
+        path = (self._session.folder or Path()) / name
+        if name not in _RESULTS or not path.is_file():
+            return PlainTextResponse("not made yet", 404)
+        return FileResponse(path, media_type=_RESULTS[name], filename=name)
+
+    async def model(self, _: Request) -> Response:
+        headers = {"content-disposition": 'attachment; filename="better.toml"'}
+        return PlainTextResponse(self._session.model_file, headers=headers)
+
+
+def _wrong(what: str) -> Response:
+    return JSONResponse({"error": what}, 422)
+
+
+def _in_words(error: ValidationError) -> str:
+    """What was wrong, in one line."""
+    found: list[dict[str, Any]] = json.loads(error.json(include_url=False, include_context=False))
+    return "; ".join(f"{'.'.join(map(str, each['loc'])) or 'order'}: {each['msg']}" for each in found)
+
+
+# --- a server from its start to its end ------------------------------------------------------------------------
+
+
+def listening(port: int) -> socket.socket:
+    """A socket of loopback.
+
+    Args:
+        port: its number; 0 for any that is free.
+
+    Raises:
+        InputError: the port is taken.
+    """
+    listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    try:
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listener.bind(("127.0.0.1", port))
+    except OSError as error:
+        listener.close()
+        raise InputError("command line", "--port", f"{port}: {error.strerror}", "a port that is free") from error
+    return listener
+
+
+def serve(session: Session, port: int = 0, ready: Callable[[str], None] = lambda _: None) -> None:
+    """Serve a session's page until Ctrl-C.
+
+    Args:
+        session: an open session.
+        port: of the server; by default any that is free.
+        ready: called with the address, token and all, once it answers.
+
+    Raises:
+        InputError: the port is taken.
+    """
+    token = secrets.token_urlsafe(32)
+    with listening(port) as listener:
+        number = listener.getsockname()[1]
+        config = uvicorn.Config(
+            application(session, number, token),
+            log_level="error",
+            lifespan="off",
+            server_header=False,
+            date_header=False,
+            timeout_graceful_shutdown=1,
+        )
+        server = uvicorn.Server(config)
+        listener.listen(128)  # a request that comes before the server answers waits
+        threading.Timer(0.0, ready, [f"http://127.0.0.1:{number}/?token={token}"]).start()
+        try:
+            server.run(sockets=[listener])
+        finally:
+            session.close()

@@ -1,0 +1,240 @@
+"""A session: the process that holds the study, what it told so far, and its state as every tab sees it."""
+
+from __future__ import annotations
+
+import contextlib
+import multiprocessing
+import os
+import threading
+import time
+from collections.abc import Callable
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any
+
+import platformdirs
+
+from lptn.basics.errors import InputError
+from lptn.basics.files import finite
+from lptn.report.text import for_people
+from lptn.workbench.bench import News
+from lptn.workbench.calculation import work
+from lptn.workbench.lines import RunLines
+from lptn.workbench.opening import Opening
+from lptn.workbench.orders import Add, Cut, LinesAsked, Plain
+
+_MOST_SAID = 200  # sentences of one order that are kept
+_GRACE = 2.0  # s in which a process that was ended is gone
+
+_BEGINNING = "reading"
+_WORDS = {
+    "fit": "fitting the model as given",
+    "diagnose": "asking what is missing",
+    "improve": "adding what is missing, step by step",
+    "add": "fitting with the effect added",
+    "report": "writing the report",
+    "fmu": "building the FMU",
+    "leave_out": "fitting without the stretch",
+    "hold_out": "fitting without the stretch",
+    "use_again": "fitting with the stretch",
+    "undo": "taking back",
+    "redo": "adding again",
+}
+
+
+class BusyError(RuntimeError):
+    """An order was given while another is being done."""
+
+
+class Session:
+    """A study that several tabs look at.
+
+    Args:
+        opening: model file, logs and options.
+        sessions: the folder of all sessions; by default in the user's state folder.
+    """
+
+    def __init__(self, opening: Opening, sessions: Path | None = None) -> None:
+        self.opening = opening
+        self._sessions = platformdirs.user_state_path("lptn") / "sessions" if sessions is None else sessions
+        self.folder: Path | None = None
+        """Where the session is kept; known once the logs are read."""
+        self._lock = threading.Condition()
+        self._version = 0
+        self._content: dict[str, Any] = {}
+        self._file = ""
+        self._busy: dict[str, Any] | None = None
+        self._failed = ""
+        self._notes: list[str] = []
+        self._lines: dict[str, RunLines] = {}
+        self._refused: InputError | None = None
+        self._process: multiprocessing.process.BaseProcess | None = None
+        self._pipe: Connection | None = None
+
+    # --- the process that works -----------------------------------------------------------------
+
+    def open(self, said: Callable[[str], None] = lambda _: None) -> Session:
+        """Start the process, and wait until it has read the logs.
+
+        Args:
+            said: called with what is being done meanwhile.
+
+        Raises:
+            InputError: a file can't be used.
+        """
+        self._begin()
+        with self._lock:
+            while self.folder is None and self._refused is None:
+                self._lock.wait(0.1)
+                said(_BEGINNING)
+            if self._refused is not None:
+                raise self._refused
+        return self
+
+    def _begin(self, after_a_stop: bool = False) -> None:
+        # A copy of this process would have the server's threads' locks; a new one has nothing.
+        context = multiprocessing.get_context("spawn")
+        here, there = context.Pipe()
+        arguments = (there, self.opening, self._sessions, os.getpid(), after_a_stop)
+        process = context.Process(target=work, args=arguments, daemon=True)
+        self._busy = {"what": "open", "words": _BEGINNING, "said": [], "since": time.time()}
+        self._process, self._pipe = process, here
+        process.start()
+        there.close()
+        threading.Thread(target=self._listen, args=(process, here), daemon=True).start()
+
+    def _listen(self, process: multiprocessing.process.BaseProcess, pipe: Connection) -> None:
+        """Take in what a process says, until it ends."""
+        with contextlib.suppress(EOFError, OSError):
+            while True:
+                kind, *rest = pipe.recv()
+                with self._lock:
+                    if self._process is not process:
+                        return
+                    getattr(self, f"_heard_{kind}")(*rest)
+                    self._changed()
+        process.join(_GRACE)
+        with self._lock:
+            if self._process is process and self._refused is None:
+                self._failed = f"the calculation ended by itself (status {process.exitcode}); it goes on from before"
+                self._begin(after_a_stop=True)
+                self._changed()
+
+    def _heard_opened(self, folder: Path) -> None:
+        self.folder = folder
+        if self._busy is not None and not self._content:
+            self._busy["words"] = _WORDS["fit"]
+
+    def _heard_said(self, text: str) -> None:
+        if self._busy is not None:
+            self._busy["said"] = [*self._busy["said"][-_MOST_SAID:], for_people(text)]
+
+    def _heard_warned(self, text: str) -> None:
+        if text not in self._notes:
+            self._notes.append(text)
+
+    def _heard_failed(self, text: str) -> None:
+        self._failed = for_people(text)
+
+    def _heard_refused(self, error: InputError) -> None:
+        self._refused = error
+        self._failed = str(error)
+
+    def _heard_shown(self, content: dict[str, Any], news: News) -> None:
+        self._file = str(content.pop("file"))
+        self._content = finite(content)
+        lines = news.runs or self._lines
+        for (segment, model), readings in news.predicted.items():
+            lines[segment] = lines[segment].with_line(model, readings)
+        for segment in lines:
+            attempts = {answer: line for (where, answer), line in news.attempts.items() if where == segment}
+            lines[segment] = lines[segment].with_answers(attempts, news.heat.get(segment))
+        self._lines = lines
+
+    def _heard_done(self) -> None:
+        self._busy = None
+
+    def _changed(self) -> None:
+        self._version += 1
+        self._lock.notify_all()
+
+    # --- what tabs ask for -----------------------------------------------------------------------
+
+    def state(self, since: int = -1) -> dict[str, Any] | None:
+        """All that a page shows but the lines; `None` where nothing has changed since a version.
+
+        Args:
+            since: the version that the page has.
+        """
+        with self._lock:
+            if since == self._version:
+                return None
+            files = [name for name in ("story.html", "model.fmu") if self.folder and (self.folder / name).is_file()]
+            state = {
+                "version": self._version,
+                "busy": self._busy and {**self._busy, "said": list(self._busy["said"])},
+                "failed": self._failed,
+                "notes": list(self._notes),
+                "folder": str(self.folder or ""),
+                "files": files,
+            }
+            return {**self._content, **state}
+
+    @property
+    def model_file(self) -> str:
+        """The text of the model file as it is now."""
+        return self._file
+
+    def lines(self, asked: LinesAsked) -> dict[str, list[float | None]]:
+        """The lines that a plot wants.
+
+        Raises:
+            InputError: no such run or node.
+        """
+        with self._lock:
+            lines = self._lines.get(asked.segment)
+            models = {name: self._content.get(name, "") for name in ("given", "now")}
+        if lines is None:
+            raise InputError("plot", "run", asked.segment, f"one of {', '.join(self._lines) or 'none yet'}")
+        if models["given"] == models["now"]:
+            del models["given"]
+        return lines.window(asked.node, models, asked.start, asked.stop, asked.points, asked.attempt)
+
+    def do(self, order: Plain | Add | Cut) -> None:
+        """Have an order done.
+
+        Raises:
+            BusyError: another one is being done.
+        """
+        with self._lock:
+            if self._busy is not None or self._pipe is None:
+                raise BusyError(f"{(self._busy or {}).get('words', 'nothing is open')}: stop that first")
+            words = _WORDS[order.what]
+            self._busy, self._failed = {"what": order.what, "words": words, "said": [], "since": time.time()}, ""
+            self._pipe.send(order)
+            self._changed()
+
+    def stop(self) -> None:
+        """End what is being done; the study stays as it was before."""
+        with self._lock:
+            if self._busy is None or (self._busy["what"] == "open" and not self.folder):
+                return
+            process = self._process
+            self._begin(after_a_stop=True)
+            self._failed = ""
+            self._changed()
+        _end(process)
+
+    def close(self) -> None:
+        """End the process; what was done stays in the folder."""
+        with self._lock:
+            process, self._process = self._process, None
+            if self._pipe is not None:
+                self._pipe.close()
+        _end(process)
+
+
+def _end(process: multiprocessing.process.BaseProcess | None) -> None:
+    if process is not None:
+        process.kill()
+        process.join(_GRACE)
