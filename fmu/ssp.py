@@ -303,7 +303,7 @@ def _system_text(
         connectors = ElementTree.SubElement(element, "ssd:Connectors")
         for variable in unpacked.variables.values():
             if variable.causality in ("input", "output"):
-                words = {"name": variable.name, "kind": variable.causality}
+                words = {"name": str(variable.name), "kind": str(variable.causality)}
                 connector = ElementTree.SubElement(connectors, "ssd:Connector", words)
                 unit = unit_of(variable)
                 units.append(unit or "")
@@ -430,10 +430,12 @@ def _has_dimension(unit: str) -> bool:
 
 def _add_units(root: Any, part: str, units: Iterable[str]) -> None:
     definitions = [unit for unit in unit_definitions(units) if unit.exponents is not None]
-    parent = ElementTree.SubElement(root, f"{part}:Units") if definitions else None
+    if not definitions:
+        return
+    parent = ElementTree.SubElement(root, f"{part}:Units")
     for unit in definitions:
         entry = ElementTree.SubElement(parent, "ssc:Unit", name=unit.name)
-        bases = {base: str(power) for base, power in unit.exponents.items()}
+        bases = {base: str(power) for base, power in (unit.exponents or {}).items()}
         factor = {"factor": repr(unit.factor)} if unit.factor != 1 else {}
         ElementTree.SubElement(entry, "ssc:BaseUnit", {**bases, **factor})
 

@@ -45,6 +45,7 @@ def _valid(text: bytes, schema: str) -> None:
 # --- parameter values -----------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_every_parameter_of_a_quadruped_goes_into_one_file_and_comes_back(tmp_path: Path) -> None:
     path = tmp_path / "quadruped.ssv"
     assert write_values(Model(network("quadruped")), path) == 148
@@ -54,6 +55,7 @@ def test_every_parameter_of_a_quadruped_goes_into_one_file_and_comes_back(tmp_pa
     assert {name: value.value for name, value in read_values(path).items()} == starts
 
 
+@pytest.mark.long
 def test_values_of_a_fitted_model_make_its_fmu_of_the_nominal_one(tmp_path: Path) -> None:
     """To the last bit, although the native code is another model's."""
     text = presets()["leg"]
@@ -90,6 +92,7 @@ def log(tmp_path: Path) -> Path:
     return path
 
 
+@pytest.mark.long
 def test_cosim_takes_values_from_a_file_in_any_unit(log: Path, built: Build, tmp_path: Path) -> None:
     path = tmp_path / "hot.ssv"
     head = '<ParameterSet xmlns="http://ssp-standard.org/SSP1/SystemStructureParameterValues" version="1.0" name="hot">'
@@ -171,6 +174,7 @@ def _both(torque: float, seconds: float, held: float | None = None) -> np.ndarra
     return state
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["ssd", "ssp"])
 def test_two_connected_fmus_are_one_model(kind: str, fmus: dict[str, Path], tmp_path: Path) -> None:
     path = tmp_path / f"drive.{kind}"
@@ -205,6 +209,7 @@ def test_a_systems_file_is_what_the_standard_and_fmpy_read(fmus: dict[str, Path]
     assert pairs == set(CONNECTIONS)
 
 
+@pytest.mark.long
 def test_the_command_connects_fmus_and_drives_them_by_a_log(fmus: dict[str, Path], tmp_path: Path) -> None:
     n = 40
     table = pd.DataFrame({"time": np.arange(n), "temperature.air": 25.0, "torque.winding": 6.0})
