@@ -257,9 +257,8 @@ def _cosimulated(session: Driven, plan: _Plan, ramps: bool, given: Mapping[str, 
     start = {
         name: value + plan.offset(session, name) for name, value in plan.start.items() if name in session.variables
     }
-    session.reset(
-        given | start | dict(zip(session.input_names, inputs[0].tolist(), strict=True)), start=float(run.time[0])
-    )
+    entrances = dict(zip(session.input_names, inputs[0].tolist(), strict=True))
+    session.reset({**given, **start, **entrances}, start=float(run.time[0]))
     table = np.empty((len(run) + 1, len(session.output_names)))
     table[0] = session.outputs
     begun = time.perf_counter()

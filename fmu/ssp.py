@@ -83,7 +83,8 @@ def write_values(
         entry = ElementTree.SubElement(values, "ssv:Parameter", name=variable.name, description=variable.description)
         unit = {"unit": variable.unit} if _has_dimension(variable.unit) else {}
         ElementTree.SubElement(entry, "ssv:Real", {"value": repr(float(variable.start or 0.0)), **unit})
-    _add_units(root, "ssv", (variable.unit for variable in parameters))
+    units = [unit for unit in unit_definitions(each.unit for each in parameters) if unit.exponents is not None]
+    _add_units(root, "ssv", {unit.name: _base(unit.exponents, unit.factor) for unit in units})
     write_whole(Path(path), _text(root))
     return len(parameters)
 
@@ -296,8 +297,9 @@ def _system_text(
     root = ElementTree.Element("ssd:SystemStructureDescription", _head("ssd", name))
     system = ElementTree.SubElement(root, "ssd:System", name=name)
     elements = ElementTree.SubElement(system, "ssd:Elements")
-    units = []
+    units: dict[str, dict[str, str]] = {}
     for component, unpacked in opened.items():
+        known = _units_of(unpacked)
         words = {"name": component, "type": "application/x-fmu-sharedlibrary", "source": sources[component]}
         element = ElementTree.SubElement(elements, "ssd:Component", words)
         connectors = ElementTree.SubElement(element, "ssd:Connectors")
@@ -306,9 +308,9 @@ def _system_text(
                 words = {"name": str(variable.name), "kind": str(variable.causality)}
                 connector = ElementTree.SubElement(connectors, "ssd:Connector", words)
                 unit = unit_of(variable)
-                units.append(unit or "")
-                known = {"unit": unit} if _has_dimension(unit or "") else {}
-                ElementTree.SubElement(connector, "ssc:Real", known)
+                if unit in known:
+                    units[unit] = known[unit]
+                ElementTree.SubElement(connector, "ssc:Real", {"unit": unit} if unit in known else {})
     if pairs:
         drawn = ElementTree.SubElement(system, "ssd:Connections")
         for pair in pairs:
@@ -424,20 +426,32 @@ def _head(part: str, name: str) -> dict[str, str]:
 
 
 def _has_dimension(unit: str) -> bool:
-    """Whether SSP can define a unit; one whose exponents are parameters has no dimension."""
+    """Whether SSP can define a unit of ours; one whose exponents are parameters has no dimension."""
     return any(each.exponents is not None for each in unit_definitions([unit]))
 
 
-def _add_units(root: Any, part: str, units: Iterable[str]) -> None:
-    definitions = [unit for unit in unit_definitions(units) if unit.exponents is not None]
-    if not definitions:
-        return
-    parent = ElementTree.SubElement(root, f"{part}:Units")
-    for unit in definitions:
-        entry = ElementTree.SubElement(parent, "ssc:Unit", name=unit.name)
-        bases = {base: str(power) for base, power in (unit.exponents or {}).items()}
-        factor = {"factor": repr(unit.factor)} if unit.factor != 1 else {}
-        ElementTree.SubElement(entry, "ssc:BaseUnit", {**bases, **factor})
+def _units_of(unpacked: Unpacked) -> dict[str, dict[str, str]]:
+    """The base units of an FMU's own units, as SSP gives them, by unit."""
+    names = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
+    found = {}
+    for unit in unpacked.description.unitDefinitions:
+        base = unit.baseUnit
+        if base is not None:
+            exponents = {name: int(getattr(base, name) or 0) for name in names}
+            found[unit.name] = _base(exponents, float(base.factor or 1), float(base.offset or 0))
+    return found
+
+
+def _base(exponents: Mapping[str, int] | None, factor: float = 1.0, offset: float = 0.0) -> dict[str, str]:
+    bases = {base: str(power) for base, power in (exponents or {}).items() if power}
+    numbers = {"factor": (factor, 1.0), "offset": (offset, 0.0)}
+    return bases | {name: repr(value) for name, (value, usual) in numbers.items() if value != usual}
+
+
+def _add_units(root: Any, part: str, units: Mapping[str, Mapping[str, str]]) -> None:
+    parent = ElementTree.SubElement(root, f"{part}:Units") if units else root
+    for name, base in units.items():
+        ElementTree.SubElement(ElementTree.SubElement(parent, "ssc:Unit", name=name), "ssc:BaseUnit", dict(base))
 
 
 def _text(root: Any) -> bytes:

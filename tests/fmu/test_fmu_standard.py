@@ -60,7 +60,7 @@ def test_steps_of_any_size_at_any_time_follow_the_leg(
 
 @FMI
 def test_a_state_that_is_restored_takes_its_communication_point_along(fmi: int, built: Build, tmp_path: Path) -> None:
-    """A step is tried, taken back and made shorter, as masters that control their error do, at a time stamp of today."""
+    """A step is tried and taken back, as masters that control their error do, at a time stamp of today."""
     save, load = ("GetFMUstate", "SetFMUstate") if fmi == 2 else ("GetFMUState", "SetFMUState")
     with Raw(built("leg", fmi), tmp_path) as leg:
         leg.start(EPOCH)
