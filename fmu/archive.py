@@ -172,7 +172,17 @@ def unpack(content: bytes, path: Path, folder: Path) -> None:
         folder: where to.
 
     Raises:
-        InputError: no ZIP archive, a path that leads outside, a link, a name twice, too much inside, XML with entities.
+        InputError: see `unpack_files`; or no model description, or one with entities.
+    """
+    unpack_files(content, path, folder)
+    _check_description(folder / "modelDescription.xml", path)
+
+
+def unpack_files(content: bytes, path: Path, folder: Path) -> None:
+    """Unpack a ZIP archive, an FMU or a system of them, into an empty folder.
+
+    Raises:
+        InputError: no ZIP archive, a path that leads outside, a link, a name twice, too much inside.
     """
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
@@ -186,7 +196,6 @@ def unpack(content: bytes, path: Path, folder: Path) -> None:
         raise
     except _DAMAGED as error:
         raise InputError(path, "archive", str(error) or "a damaged archive", _EXPECTED) from error
-    _check_description(folder / "modelDescription.xml", path)
 
 
 def _check_names(entries: list[zipfile.ZipInfo], path: Path) -> None:

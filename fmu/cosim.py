@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import time
+from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from lptn.basics.errors import InputError
 from lptn.identify.comparison import Errors, predict
 from lptn.identify.data import LoadedModel, split_data
 from lptn.identify.noise import balanced_sigma, estimate_noise
+from lptn.logs.columns import parse_map_option
 from lptn.logs.reading import read_log
 from lptn.logs.resampling import raw_keys
 from lptn.logs.run import Run
@@ -24,8 +26,12 @@ from lptn.simulate.readings import over_steps
 
 from .archive import unit_of
 from .component import component
+from .connected import Connected
 from .session import Session
-from .variables import ZERO_CELSIUS, from_column, is_temperature, to_column
+from .ssp import in_units_of, read_values
+from .variables import ZERO_CELSIUS, from_column, is_temperature
+
+Driven = Session | Connected
 
 
 @dataclass(frozen=True)
@@ -39,6 +45,7 @@ class CosimulatedRun:
         measured: what the log holds [degC], shape (nodes, n), NaN where nothing counts.
         predicted: what the model predicts [degC], shape (nodes, n); `None` without a model.
         outputs: all outputs by name at the n ends of steps, in the FMU's units.
+        table: the same by log column, temperatures in degC, with the ends of steps as `time`.
         seconds: time that the steps took.
     """
 
@@ -48,6 +55,7 @@ class CosimulatedRun:
     measured: FloatArray
     predicted: FloatArray | None
     outputs: Mapping[str, FloatArray]
+    table: Mapping[str, FloatArray]
     seconds: float
 
     @property
@@ -113,33 +121,57 @@ def cosimulate(
     mapped: Mapping[str, str] | None = None,
     ramps: bool = False,
     trust: bool = False,
+    parameters: str | Path | None = None,
 ) -> Cosimulation:
-    """Drive an FMU with the inputs of logs.
+    """Drive an FMU, or a system of FMUs, with the inputs of logs.
 
     Args:
-        fmu: the FMU.
+        fmu: the FMU, or an `.ssd` or `.ssp` file that connects several.
         logs: CSV or Parquet files.
         model: a model file to compare with; by default the one inside the FMU, if any.
             The starts of the runs are fitted with it too.
-        mapped: other people's columns, as `--map` takes them.
+        mapped: other people's columns, as `--map` takes them; and for what has no model inside the columns of its
+            variables, by their names.
         ramps: `True` to let the inputs go in straight lines from sample to sample; by default they hold.
         trust: `True` to run the native code of an FMU that was not exported on this machine.
+        parameters: an SSV file whose values an FMU takes over.
 
     Raises:
         InputError: an FMU or log that can't be used, or native code that is not trusted.
         FmuError: the FMU refuses an input.
     """
+    if Path(fmu).suffix in (".ssd", ".ssp"):
+        return _cosimulate_system(Path(fmu), logs, model, mapped or {}, ramps, trust, parameters)
     with Session(fmu, ramps=ramps, trust=trust) as session:
         text = session.unpacked.model_text
-        if model is None and text is None:
-            plans = _plans_by_names(session, logs)
+        given = {} if parameters is None else in_units_of(read_values(parameters), session.unpacked, parameters)
+        if (model is None and text is None) or session.variables.keys() & (mapped or {}).keys():
+            plans = _plans_by_names(session, logs, mapped or {})
         else:
             inside = session.path / "resources" / "model.toml"
             file = parse_model(text or "", inside) if model is None else read_model_file(Path(model))
             loaded = LoadedModel(file, Model(file.network), dict(mapped or {}))
             plans = _plans_by_model(loaded.model, loaded.runs([Path(log) for log in logs]))
-        done = tuple(_cosimulated(session, plan, ramps) for plan in plans)
+        done = tuple(_cosimulated(session, plan, ramps, given) for plan in plans)
         return Cosimulation(Path(fmu), str(session.unpacked.description.fmiVersion), done)
+
+
+def _cosimulate_system(
+    path: Path,
+    logs: Sequence[str | Path],
+    model: str | Path | None,
+    mapped: Mapping[str, str],
+    ramps: bool,
+    trust: bool,
+    parameters: str | Path | None,
+) -> Cosimulation:
+    """A system of FMUs with the inputs that nothing inside it drives."""
+    for option, value in (("--model", model), ("--parameters", parameters), ("--ramps", ramps or None)):
+        if value is not None:
+            raise InputError(path, option, "a system of FMUs", "one FMU; a system's file says its own parameters")
+    with Connected(path, trust=trust) as system:
+        done = tuple(_cosimulated(system, plan, False, {}) for plan in _plans_by_names(system, logs, mapped))
+        return Cosimulation(path, "SSP 1.0", done)
 
 
 @dataclass(frozen=True)
@@ -154,6 +186,7 @@ class _Plan:
         measured: readings that count [degC], shape (nodes, n), NaN elsewhere.
         predicted: what the model predicts [degC], shape (nodes, n); `None` without a model.
         start: temperatures [degC] and indicators of runs to start from, by variable.
+        columns: the log's columns of variables that are called otherwise.
     """
 
     run: Run
@@ -163,6 +196,17 @@ class _Plan:
     measured: FloatArray
     predicted: FloatArray | None
     start: Mapping[str, float]
+    columns: Mapping[str, str] = field(default_factory=dict)
+
+    def column(self, driven: Driven, name: str) -> str:
+        """The log column of a variable."""
+        return self.columns.get(name) or driven.column(name)
+
+    def offset(self, driven: Driven, name: str) -> float:
+        """What turns degC into a variable's unit by adding."""
+        variable = driven.variables.get(name)
+        kelvin = variable is not None and unit_of(variable) == "K" and is_temperature(self.column(driven, name))
+        return ZERO_CELSIUS if kelvin else 0.0
 
 
 def _plans_by_model(model: Model, runs: Sequence[Run]) -> list[_Plan]:
@@ -183,31 +227,38 @@ def _plans_by_model(model: Model, runs: Sequence[Run]) -> list[_Plan]:
     return plans
 
 
-def _plans_by_names(session: Session, logs: Sequence[str | Path]) -> list[_Plan]:
-    """Runs for an FMU without a model: its names say which columns it needs, and each run starts as first measured."""
-    names = [name.removesuffix(".temperature") for name in session.output_names if name.endswith(".temperature")]
-    all_nodes = [name for name in names if "." not in name]
-    inputs = [to_column(name) for name in session.input_names]
-    outputs = [to_column(f"{node}.temperature") for node in all_nodes]
+def _plans_by_names(driven: Driven, logs: Sequence[str | Path], mapped: Mapping[str, str]) -> list[_Plan]:
+    """Runs for what has no model: its names say which columns it needs, and each run starts as first measured."""
+    columns = {name: mapped.get(name) or driven.column(name) for name in (*driven.input_names, *driven.output_names)}
+    others = {key: text for key, text in mapped.items() if key not in columns}
+    sources = dict(parse_map_option(f"{key}={text}") for key, text in others.items())
+    temperatures = {name: columns[name] for name in driven.output_names if columns[name].startswith("temperature.")}
+    inputs = [columns[name] for name in driven.input_names]
     plans = []
-    for run in (run for log in logs for run in read_log(log, inputs=inputs, outputs=outputs)):
-        nodes = tuple(node for node in all_nodes if run.has(f"temperature.{node}"))
-        if not nodes:
-            nothing = "no reading of any output of the FMU"
-            raise InputError(run.source, "temperature columns", nothing, "temperature.<node>")
-        measured = np.stack([run.temperature(node) for node in nodes])
+    outputs = list(dict.fromkeys(temperatures.values()))
+    for run in (run for log in logs for run in read_log(log, sources, inputs=inputs, outputs=outputs)):
+        # Two components may show one place; each is compared with what was measured there.
+        seen = {name: column.partition(".")[2] for name, column in temperatures.items() if run.has(column)}
+        measured = np.array([run.temperature(place) for place in seen.values()]).reshape(len(seen), len(run))
         values = np.array([run.columns[column] for column in inputs]).reshape(len(inputs), len(run))
-        first = {f"{node}.temperature": row[np.isfinite(row)][:1] for node, row in zip(nodes, measured, strict=True)}
-        start = {name: float(value[0]) for name, value in first.items() if value.size}
+        first = {name: row[np.isfinite(row)][:1] for name, row in zip(seen, measured, strict=True)}
+        start = {
+            name: float(value[0])
+            for name, value in first.items()
+            if value.size and driven.variables[name].start is not None  # a state, which is what can be set
+        }
         counted = np.where(np.isfinite(measured), measured, np.nan)
-        plans.append(_Plan(run, nodes, tuple(session.input_names), values, counted, None, start))
+        plans.append(_Plan(run, tuple(seen), tuple(driven.input_names), values, counted, None, start, columns))
     return plans
 
 
-def _cosimulated(session: Session, plan: _Plan, ramps: bool) -> CosimulatedRun:
+def _cosimulated(session: Driven, plan: _Plan, ramps: bool, given: Mapping[str, float]) -> CosimulatedRun:
     run, inputs = plan.run, _inputs(session, plan)
-    start = {name: value + _offset(session, name) for name, value in plan.start.items() if name in session.variables}
-    session.reset(start | dict(zip(session.input_names, inputs[0].tolist(), strict=True)), start=float(run.time[0]))
+    start = {
+        name: value + plan.offset(session, name) for name, value in plan.start.items() if name in session.variables
+    }
+    entrances = dict(zip(session.input_names, inputs[0].tolist(), strict=True))
+    session.reset({**given, **start, **entrances}, start=float(run.time[0]))
     table = np.empty((len(run) + 1, len(session.output_names)))
     table[0] = session.outputs
     begun = time.perf_counter()
@@ -216,19 +267,32 @@ def _cosimulated(session: Session, plan: _Plan, ramps: bool) -> CosimulatedRun:
         table[k + 1] = session.step(run.step, inputs[min(k + 1, len(run) - 1)] if ramps else None)
     seconds = time.perf_counter() - begun
     outputs = dict(zip(session.output_names, table.T, strict=True))
-    readings = over_steps(np.stack([_reading(session, node, outputs) for node in plan.nodes]), run.averaged)
+    rows = [_reading(session, plan, node, outputs) for node in plan.nodes]
+    readings = over_steps(np.array(rows).reshape(len(rows), len(run) + 1), run.averaged)
     ends = {name: values[1:] for name, values in outputs.items()}
-    return CosimulatedRun(run, plan.nodes, readings, plan.measured, plan.predicted, ends, seconds)
+    nodes = tuple(node.removesuffix(".temperature") for node in plan.nodes)
+    shown = _table(session, plan, ends)
+    return CosimulatedRun(run, nodes, readings, plan.measured, plan.predicted, ends, shown, seconds)
 
 
-def _inputs(session: Session, plan: _Plan) -> FloatArray:
+def _table(driven: Driven, plan: _Plan, outputs: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+    """Outputs by log column; by their own name where two have the same column."""
+    columns = Counter(plan.column(driven, name) for name in outputs)
+    table = {"time": plan.run.time + plan.run.step}
+    for name, values in outputs.items():
+        column = plan.column(driven, name)
+        table[column if columns[column] == 1 else name] = values - plan.offset(driven, name)
+    return table
+
+
+def _inputs(session: Driven, plan: _Plan) -> FloatArray:
     """The inputs of each step as the FMU takes them, shape (n, number of inputs)."""
-    means = {key for name in plan.inputs for key in raw_keys(to_column(name))}
+    means = {key for name in plan.inputs for key in raw_keys(session.column(name))}
     rows = []
     for name in session.input_names:
         if name in plan.inputs:
-            rows.append(plan.values[plan.inputs.index(name)] + _offset(session, name))
-        elif to_column(name) in means:  # the model wants its mean alone, which the log gives
+            rows.append(plan.values[plan.inputs.index(name)] + plan.offset(session, name))
+        elif session.column(name) in means:  # the model wants its mean alone, which the log gives
             rows.append(np.zeros(len(plan.run)))
         else:
             expected = "an FMU of the same inputs as the model that it is compared with"
@@ -236,16 +300,11 @@ def _inputs(session: Session, plan: _Plan) -> FloatArray:
     return np.ascontiguousarray(np.array(rows).reshape(len(rows), len(plan.run)).T)
 
 
-def _reading(session: Session, node: str, outputs: Mapping[str, FloatArray]) -> FloatArray:
-    """What the sensor of a node reads [degC], or its temperature where the FMU has no sensor there."""
-    temperature = from_column(f"temperature.{node}")
+def _reading(session: Driven, plan: _Plan, node: str, outputs: Mapping[str, FloatArray]) -> FloatArray:
+    """What the sensor of a node, or an output, reads [degC]; its temperature where the FMU has no sensor there."""
+    temperature = node if node in outputs else from_column(f"temperature.{node}")
     sensor = temperature.removesuffix("temperature") + "reading"
     name = sensor if sensor in outputs else temperature
     if name not in outputs:
         raise InputError(session.path, "outputs", f"no {temperature}", "the temperature of each node of the model")
-    return outputs[name] - _offset(session, name)
-
-
-def _offset(session: Session, name: str) -> float:
-    """What turns degC into a variable's unit by adding."""
-    return ZERO_CELSIUS if unit_of(session.variables[name]) == "K" and is_temperature(name) else 0.0
+    return outputs[name] - plan.offset(session, name)

@@ -139,7 +139,7 @@ def export(
     if path.suffix.lower() != ".fmu":  # importers want it; nor can a slip then overwrite the model file
         raise InputError(path, "--output", f"a file name ending in '{path.suffix}'", "one ending in .fmu")
     targets = platforms_of(platforms)
-    loaded, text = _loaded(model)
+    loaded, text = model_and_text(model)
     exported = component(loaded, limits, start, admissible=admissible, current_limits=current_limits)
     steps = integration(exported, solver, step)
     identifier = _identifier(loaded.network.name)
@@ -153,8 +153,8 @@ def export(
     return Exported(path, fmi, tuple(target.name for target in targets), steps, exported, len(content))
 
 
-def _loaded(model: Model | Network | ModelFile | str | Path) -> tuple[Model, str | None]:
-    """The model, and the text of its file if it has one."""
+def model_and_text(model: Model | Network | ModelFile | str | Path) -> tuple[Model, str | None]:
+    """The model of a network or file, and the text of the file if there is one."""
     if isinstance(model, Model):
         return model, None
     if isinstance(model, Network):

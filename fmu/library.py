@@ -32,11 +32,11 @@ def _end(content: bytes) -> int | None:
     if content[:2] == b"MZ":
         return _end_of_pe(content)
     if content[:4] == struct.pack("<I", _MACH):
-        return _end_of_mach(content, 0)
+        return _end_of_mach(content)
     if content[:4] == struct.pack(">I", _FAT):
         (count,) = struct.unpack_from(">I", content, 4)
         parts = [struct.unpack_from(">IIIII", content, 8 + 20 * row) for row in range(count)]
-        return max(offset + size for _, _, offset, size, _ in parts)
+        return int(max(offset + size for _, _, offset, size, _ in parts))
     return None
 
 
@@ -49,7 +49,7 @@ def _end_of_elf(content: bytes) -> int:
     for row in range(count):
         offset, _, _, in_file = struct.unpack_from(f"{order}QQQQ", content, segments + size * row + 8)
         ends.append(offset + in_file)
-    return max(ends)
+    return int(max(ends))
 
 
 def _end_of_pe(content: bytes) -> int:
@@ -64,19 +64,19 @@ def _end_of_pe(content: bytes) -> int:
     for row in range(count):
         size, offset = struct.unpack_from("<II", content, table + 40 * row + 16)
         ends.append(size + offset)
-    return max(ends)
+    return int(max(ends))
 
 
-def _end_of_mach(content: bytes, begin: int) -> int:
+def _end_of_mach(content: bytes) -> int:
     """The end of the last segment (<mach-o/loader.h>)."""
-    commands, size = struct.unpack_from("<II", content, begin + 16)
-    position, ends = begin + 32, [begin + 32 + size]
+    commands, size = struct.unpack_from("<II", content, 16)
+    position, ends = 32, [32 + size]
     for _ in range(commands):
         command, length = struct.unpack_from("<II", content, position)
         if command == _SEGMENT:
             offset, in_file = struct.unpack_from("<QQ", content, position + 40)
-            ends.append(begin + offset + in_file)
+            ends.append(offset + in_file)
         if length < 8:
             raise ValueError
         position += length
-    return max(ends)
+    return int(max(ends))

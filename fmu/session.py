@@ -14,6 +14,7 @@ from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 
 from .archive import Unpacked, import_fmpy
+from .variables import to_column
 
 
 class FmuError(RuntimeError):
@@ -206,6 +207,10 @@ class Session:
         pointer = values.ctypes.data_as(ctypes.POINTER(ctypes.c_double))
         arguments = (self._instance, array, len(references), pointer)
         return arguments if self._fmi == 2 else (*arguments, len(references))
+
+    def column(self, name: str) -> str:
+        """The log column of a variable."""
+        return to_column(name)
 
     # --- calls ---------------------------------------------------------------------------------
 

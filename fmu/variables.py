@@ -170,9 +170,9 @@ def first_place(name: str) -> tuple[str, str]:
     return (place[0], name[place.end() + 1 :]) if place else (name, "")
 
 
-def is_temperature(name: str) -> bool:
-    """Whether a variable's name is that of a temperature or a sensor's reading, which logs hold in degC."""
-    return to_column(name).partition(".")[0] in ("temperature", "reading")
+def is_temperature(column: str) -> bool:
+    """Whether a log column is a temperature or a sensor's reading, which logs hold in degC."""
+    return column.partition(".")[0] in ("temperature", "reading")
 
 
 def column_description(column: str) -> str:

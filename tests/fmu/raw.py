@@ -53,7 +53,8 @@ class Raw:
         with ZipFile(exported.path) as archive:
             archive.extractall(folder)
             root = ElementTree.fromstring(archive.read("modelDescription.xml"))
-        self.fmi, self.said, self.time = exported.fmi, [], 0.0
+        self.said: list[tuple[str, str]] = []
+        self.fmi, self.time = exported.fmi, 0.0
         self.names = exported.variables
         library = next(path for path in (folder / "binaries").rglob("*") if path.is_file())
         self._library = ctypes.CDLL(str(library))
@@ -69,7 +70,7 @@ class Raw:
             self.instance = make(b"raw", int(not exchange), self._token, b"", ctypes.byref(self._kept), 0, int(logging))
         else:
             hear = _LOG3(lambda *words: self.said.append((words[2].decode(), words[3].decode())))
-            called = _UPDATE(lambda *words: self._updated(update, words)) if update else ctypes.cast(None, _UPDATE)
+            called = _UPDATE(lambda *words: self._updated(update, words)) if update else _UPDATE()
             self._kept = (hear, called)
             name = "ModelExchange" if exchange else "CoSimulation"
             make = getattr(self._library, f"fmi3Instantiate{name}")

@@ -29,13 +29,20 @@ def cosim(
         bool, Option(help="The FMU's inputs go in straight lines from sample to sample; the model's hold.", negative="")
     ] = False,
     trust: Annotated[bool, Option(help="Run the native code of an FMU from elsewhere.", negative="")] = False,
+    parameters: Annotated[
+        Path | None,
+        Option(help="Parameter values for the FMU: an SSV file, as lptn fmu MODEL -o VALUES.ssv writes it."),
+    ] = None,
     output: Outputs = None,
     json: Json = None,
     map: Map = None,  # noqa: A002
 ) -> None:
-    """Drive an FMU with logs; compare with its model and with what was measured.
+    """Drive an FMU with logs, or FMUs connected by an .ssd or .ssp file; compare with the model and what was measured.
+
+    An FMU of anybody's: --map says which column drives an input or is compared with an output, by the FMU's names.
 
     Example: lptn cosim leg.fmu friday.parquet -o outputs.csv
+    Example: lptn cosim motor.fmu friday.csv --map tau=torque.knee --map T_case=temperature.knee --trust
     """
     from lptn.cli.terminal import progress, write_json
     from lptn.fmu.cosim import cosimulate
@@ -47,7 +54,7 @@ def cosim(
     pairs = dict(text.partition("=")[::2] for text in map or ())
     try:
         with progress("co-simulating"):
-            done = cosimulate(fmu, logs, model=model, mapped=pairs, ramps=ramps, trust=trust)
+            done = cosimulate(fmu, logs, model=model, mapped=pairs, ramps=ramps, trust=trust, parameters=parameters)
     except FmuError as error:
         raise InputError(fmu, "FMU", str(error), "inputs that it takes") from error
     _show_cosimulation(done)
@@ -86,14 +93,8 @@ def _write_outputs(done: Cosimulation, path: Path) -> None:
     import pandas as pd
 
     from lptn.basics.files import write_whole
-    from lptn.fmu.variables import ZERO_CELSIUS, is_temperature, to_column
 
-    tables = []
-    for run in done.runs:
-        columns = {"time": run.run.time + run.run.step}
-        for name, values in run.outputs.items():
-            columns[to_column(name)] = values - ZERO_CELSIUS if is_temperature(name) else values
-        tables.append(pd.DataFrame(columns))
+    tables = [pd.DataFrame(dict(run.table)) for run in done.runs]
     table = pd.concat(tables, ignore_index=True)
     if path.suffix == ".csv":
         write_whole(path, table.to_csv(index=False, float_format="%.9g"))

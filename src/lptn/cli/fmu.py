@@ -11,6 +11,8 @@ from lptn.basics.errors import InputError
 from lptn.cli.options import Json, Output, check_outputs
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from lptn.fmu.compile import Compiler
     from lptn.fmu.exporter import Exported
 
@@ -42,6 +44,14 @@ CurrentLimit = Annotated[
         negative="",
     ),
 ]
+Connect = Annotated[
+    list[str] | None,
+    Option(
+        name="--connect",
+        help="With -o SYSTEM.ssd or .ssp and FMUs: OUTPUT=INPUT, each FMU.VARIABLE; may be given again.",
+        negative="",
+    ),
+]
 Casadi = Annotated[
     bool,
     Option(
@@ -55,7 +65,7 @@ Casadi = Annotated[
 def fmu(
     model: Path,
     /,
-    *,
+    *others: Path,
     output: Output,
     fmi: Annotated[int, Option(help="Version of the standard: 2 or 3.")] = 3,
     platforms: Platforms = None,
@@ -68,18 +78,31 @@ def fmu(
     author: Annotated[str | None, Option(help="Author of the model, as importers show it.")] = None,
     copyright: Annotated[str | None, Option(help="Copyright of the model.")] = None,  # noqa: A002
     license: Annotated[str | None, Option(help="License of the model.")] = None,  # noqa: A002
+    connect: Connect = None,
     compiler: Annotated[str, Option(help="auto, zig or cc.")] = "auto",
     json: Json = None,
 ) -> None:
     """Write a model as an FMU: Model Exchange and Co-Simulation in native code, for other people's simulators.
 
+    To an .ssv file go the values of all its parameters; to an .ssd or .ssp file a system of FMUs that are there.
+
     Example: lptn fmu fitted.toml -o leg.fmu --fmi 3 --platforms linux64,win64
+    Example: lptn fmu fitted.toml -o fitted.ssv
+    Example: lptn fmu motor.fmu body.fmu -o robot.ssd --connect motor.case.temperature=body.motor.temperature
     """
     from lptn.cli.terminal import progress, write_json
     from lptn.fmu.exporter import export
 
     check_outputs(output, json)
-    check_outputs(json, inputs=(model,))
+    check_outputs(json, inputs=(model, *others))
+    if output.suffix in (".ssd", ".ssp"):
+        _write_system([model, *others], output, connect or ())
+        return
+    if others or connect:
+        raise InputError(output, "--output", "several FMUs", "a file name ending in .ssd or .ssp")
+    if output.suffix == ".ssv":
+        _write_values(model, output, _limits(limit))
+        return
     if compiler not in ("auto", "zig", "cc"):
         raise InputError("command line", "--compiler", f"'{compiler}'", "auto, zig or cc")
     if current_limit and not admissible:
@@ -103,6 +126,28 @@ def fmu(
         )
     _show_export(done)
     write_json(json, done.as_json())
+
+
+def _write_system(fmus: list[Path], output: Path, connect: Sequence[str]) -> None:
+    from lptn.fmu.ssp import write_system
+
+    names = [path.stem for path in fmus]
+    if len(set(names)) < len(names):
+        raise InputError("command line", "FMUs", f"two called {names[0]}", "file names that tell them apart")
+    pairs = []
+    for text in connect:
+        start, equals, end = text.partition("=")
+        if not equals:
+            raise InputError("command line", "--connect", f"'{text}'", "OUTPUT=INPUT, each FMU.VARIABLE")
+        pairs.append((start.strip(), end.strip()))
+    done = write_system(output, dict(zip(names, fmus, strict=True)), pairs, output.stem)
+    print(f"{output}: {', '.join(done.components)}; {len(done.connections)} connections")
+
+
+def _write_values(model: Path, output: Path, limits: dict[str, float] | None) -> None:
+    from lptn.fmu.ssp import write_values
+
+    print(f"{output}: {write_values(model, output, limits)} parameters")
 
 
 def _platforms(text: str | None) -> list[str] | None:

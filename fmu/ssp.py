@@ -1,0 +1,490 @@
+"""System Structure and Parameterization (SSP 1.0): parameter values, mappings, systems of FMUs, written and read."""
+
+from __future__ import annotations
+
+import io
+import math
+import os
+import tempfile
+import zipfile
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path, PurePosixPath
+from typing import Any
+from urllib.parse import quote, unquote
+from xml.etree import ElementTree
+
+from lptn.basics.errors import InputError
+from lptn.basics.files import write_whole
+from lptn.basics.units import convert
+from lptn.model.file import ModelFile
+from lptn.model.model import Model
+from lptn.model.network import Network
+
+from .archive import Unpacked, unit_of, unpack_files
+from .component import component as component_of
+from .exporter import model_and_text
+from .variables import unit_definitions
+
+_NAMESPACES = {
+    part: f"http://ssp-standard.org/SSP1/SystemStructure{name}"
+    for part, name in {
+        "ssc": "Common",
+        "ssd": "Description",
+        "ssv": "ParameterValues",
+        "ssm": "ParameterMapping",
+    }.items()
+}
+_ROOT = "SystemStructure.ssd"  # of an SSP archive
+_NUMBERS = ("Real", "Integer")
+
+
+# --- parameter values -----------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Value:
+    """A parameter's value.
+
+    Args:
+        value: the number.
+        unit: its unit, empty for that of the variable.
+    """
+
+    value: float
+    unit: str = ""
+
+
+def write_values(
+    model: Model | Network | ModelFile | str | Path,
+    path: str | Path,
+    limits: Mapping[str, float] | float | None = None,
+) -> int:
+    """Write all parameters of a model as an SSV file: what an FMU of the same network takes over at once.
+
+    Args:
+        model: a model, a network, or a model file or its path.
+        path: the file, its name ends in `.ssv`.
+        limits: temperature limits [degC] as for `export`.
+
+    Returns:
+        How many there are.
+
+    Raises:
+        InputError: a model that can't be read, a limit of no node, or another file ending.
+    """
+    if Path(path).suffix != ".ssv":
+        raise InputError(Path(path), "--output", f"a file name ending in '{Path(path).suffix}'", "one ending in .ssv")
+    loaded, _ = model_and_text(model)
+    parameters = component_of(loaded, limits).of("parameter")
+    root = ElementTree.Element("ssv:ParameterSet", _head("ssv", loaded.network.name))
+    values = ElementTree.SubElement(root, "ssv:Parameters")
+    for variable in parameters:
+        entry = ElementTree.SubElement(values, "ssv:Parameter", name=variable.name, description=variable.description)
+        unit = {"unit": variable.unit} if _has_dimension(variable.unit) else {}
+        ElementTree.SubElement(entry, "ssv:Real", {"value": repr(float(variable.start or 0.0)), **unit})
+    units = [unit for unit in unit_definitions(each.unit for each in parameters) if unit.exponents is not None]
+    _add_units(root, "ssv", {unit.name: _base(unit.exponents, unit.factor) for unit in units})
+    write_whole(Path(path), _text(root))
+    return len(parameters)
+
+
+def read_values(path: str | Path) -> dict[str, Value]:
+    """The numbers of an SSV file by name.
+
+    Raises:
+        InputError: it can't be read, or holds no numbers.
+    """
+    root = _read(Path(path), "ssv:ParameterSet")
+    return _values(root, Path(path))
+
+
+def _values(root: Any, path: Path) -> dict[str, Value]:
+    found: dict[str, Value] = {}
+    for entry in root.iterfind("ssv:Parameters/ssv:Parameter", _NAMESPACES):
+        name = entry.get("name") or ""
+        for kind in _NUMBERS:
+            number = entry.find(f"ssv:{kind}", _NAMESPACES)
+            if number is not None:
+                found[name] = Value(_number(number.get("value"), path, name), number.get("unit") or "")
+    if not found:
+        raise InputError(path, "Parameters", "no numbers", "ssv:Real elements with a value")
+    return found
+
+
+def read_mapping(path: str | Path) -> list[Entry]:
+    """The entries of an SSM file.
+
+    Raises:
+        InputError: it can't be read, or asks for more than a linear transformation.
+    """
+    return _mapping(_read(Path(path), "ssm:ParameterMapping"), Path(path))
+
+
+@dataclass(frozen=True)
+class Entry:
+    """An entry of a mapping: `target` is `factor` times `source` plus `offset`."""
+
+    source: str
+    target: str
+    factor: float = 1.0
+    offset: float = 0.0
+
+
+def _mapping(root: Any, path: Path) -> list[Entry]:
+    entries = []
+    for entry in root.iterfind("ssm:MappingEntry", _NAMESPACES):
+        source, target = entry.get("source") or "", entry.get("target") or ""
+        factor, offset = _transformation(entry, path, target)
+        entries.append(Entry(source, target, factor, offset))
+    return entries
+
+
+def _transformation(entry: Any, path: Path, place: str) -> tuple[float, float]:
+    """Factor and offset of a mapping's entry or of a connection."""
+    for child in entry:
+        kind = child.tag.rpartition("}")[2]
+        if kind == "LinearTransformation":
+            return _number(child.get("factor", "1"), path, place), _number(child.get("offset", "0"), path, place)
+        if kind.endswith("Transformation"):
+            raise InputError(path, place, kind, "a LinearTransformation, or none")
+    return 1.0, 0.0
+
+
+def mapped(values: Mapping[str, Value], mapping: Iterable[Entry]) -> dict[str, Value]:
+    """Values by the names that a mapping gives them; those that it does not name are left out, as SSP wants it."""
+    return {
+        entry.target: Value(entry.factor * values[entry.source].value + entry.offset, values[entry.source].unit)
+        for entry in mapping
+        if entry.source in values
+    }
+
+
+def in_units_of(values: Mapping[str, Value], unpacked: Unpacked, source: str | Path) -> dict[str, float]:
+    """Values as an FMU takes them.
+
+    Args:
+        values: by the names of the FMU's variables.
+        unpacked: the FMU.
+        source: where they come from, for messages.
+
+    Raises:
+        InputError: a name that the FMU has no parameter, state or input for, or a unit of something else.
+    """
+    found = {}
+    for name, value in values.items():
+        variable = unpacked.variables.get(name)
+        if variable is None or variable.start is None:
+            raise InputError(Path(source), name, "no such parameter", f"a parameter of {unpacked.path.name}")
+        unit = unit_of(variable) or ""
+        try:
+            found[name] = convert(value.value, value.unit, unit) if value.unit and unit else value.value
+        except ValueError as error:
+            raise InputError(Path(source), name, str(error), f"a value in {unit}") from error
+    return found
+
+
+# --- systems of FMUs ------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Connection:
+    """An output of one component to an input of another: `factor` times it plus `offset`.
+
+    An empty component is the system itself: its inputs are driven from outside, its outputs seen there.
+    """
+
+    start: tuple[str, str]
+    end: tuple[str, str]
+    factor: float = 1.0
+    offset: float = 0.0
+
+
+@dataclass(frozen=True)
+class SystemStructure:
+    """A system of FMUs.
+
+    Args:
+        name: of the system.
+        components: FMU files by the component's name.
+        connections: what is connected.
+        values: start values by component and variable.
+        step: communication step [s] that the file proposes, `None` where it doesn't.
+    """
+
+    name: str
+    components: Mapping[str, Path]
+    connections: Sequence[Connection]
+    values: Mapping[str, Mapping[str, Value]] = field(default_factory=dict)
+    step: float | None = None
+
+
+def write_system(
+    path: str | Path, fmus: Mapping[str, str | Path], connections: Sequence[tuple[str, str]], name: str = "system"
+) -> SystemStructure:
+    """Write a system of FMUs as an SSD file, or as an SSP archive that holds the FMUs too.
+
+    Args:
+        path: the file; it ends in `.ssd` or `.ssp`.
+        fmus: FMU files by the name of the component.
+        connections: pairs of an output and an input, each `component.variable`.
+        name: of the system.
+
+    Raises:
+        InputError: an FMU that can't be read, a connection to something that is not there, of different units, or of an
+            input twice.
+    """
+    target = Path(path)
+    if target.suffix not in (".ssd", ".ssp"):
+        raise InputError(target, "--output", f"a file name ending in '{target.suffix}'", "one ending in .ssd or .ssp")
+    files = {component: Path(file) for component, file in fmus.items()}
+    opened = {component: Unpacked(file, trust=True) for component, file in files.items()}  # read, not run
+    try:
+        pairs = [_pair(start, end, opened, target) for start, end in connections]
+        _check_connections(pairs, opened, target)
+        inside = target.suffix == ".ssp"
+        sources = {
+            component: f"resources/{component}.fmu" if inside else _beside(file, target)
+            for component, file in files.items()
+        }
+        text = _system_text(name, sources, opened, pairs)
+    finally:
+        for each in opened.values():
+            each.close()
+    write_whole(target, _archive(text, files) if inside else text)
+    return SystemStructure(name, files, pairs)
+
+
+def _beside(file: Path, target: Path) -> str:
+    """A file's address as seen from another."""
+    return quote(Path(os.path.relpath(file.resolve(), target.resolve().parent)).as_posix())
+
+
+def _pair(start: str, end: str, opened: Mapping[str, Unpacked], path: Path) -> Connection:
+    return Connection(_ends(start, opened, path), _ends(end, opened, path))
+
+
+def _ends(text: str, opened: Iterable[str], path: Path) -> tuple[str, str]:
+    for component in opened:
+        if text.startswith(f"{component}."):
+            return component, text[len(component) + 1 :]
+    raise InputError(path, "connection", f'"{text}"', f"component.variable, with one of {', '.join(opened)}")
+
+
+def _check_connections(pairs: Iterable[Connection], opened: Mapping[str, Unpacked], path: Path) -> None:
+    """Refuse what can't be connected: each end there and of its kind, the same unit, an input once."""
+    driven: set[tuple[str, str]] = set()
+    for pair in pairs:
+        units = []
+        for (component, name), wanted in ((pair.start, ("output",)), (pair.end, ("input",))):
+            if not component:
+                continue
+            variable = opened[component].variables.get(name)
+            if variable is None or variable.causality not in wanted:
+                raise InputError(path, "connection", f"{component}.{name}", f"an {wanted[0]} of {component}")
+            units.append(unit_of(variable))
+        if len(set(units)) == 2 and None not in units and (pair.factor, pair.offset) == (1.0, 0.0):
+            both = f"{'.'.join(pair.start)} in {units[0]} to {'.'.join(pair.end)} in {units[1]}"
+            raise InputError(path, "connection", both, "the same unit, or a transformation")
+        if pair.end in driven:
+            raise InputError(path, "connection", f"{'.'.join(pair.end)} twice", "one connection to an input")
+        driven.add(pair.end)
+
+
+def _system_text(
+    name: str, sources: Mapping[str, str], opened: Mapping[str, Unpacked], pairs: Sequence[Connection]
+) -> bytes:
+    root = ElementTree.Element("ssd:SystemStructureDescription", _head("ssd", name))
+    system = ElementTree.SubElement(root, "ssd:System", name=name)
+    elements = ElementTree.SubElement(system, "ssd:Elements")
+    units: dict[str, dict[str, str]] = {}
+    for component, unpacked in opened.items():
+        known = _units_of(unpacked)
+        words = {"name": component, "type": "application/x-fmu-sharedlibrary", "source": sources[component]}
+        element = ElementTree.SubElement(elements, "ssd:Component", words)
+        connectors = ElementTree.SubElement(element, "ssd:Connectors")
+        for variable in unpacked.variables.values():
+            if variable.causality in ("input", "output"):
+                words = {"name": str(variable.name), "kind": str(variable.causality)}
+                connector = ElementTree.SubElement(connectors, "ssd:Connector", words)
+                unit = unit_of(variable)
+                if unit in known:
+                    units[unit] = known[unit]
+                ElementTree.SubElement(connector, "ssc:Real", {"unit": unit} if unit in known else {})
+    if pairs:
+        drawn = ElementTree.SubElement(system, "ssd:Connections")
+        for pair in pairs:
+            words = {
+                "startElement": pair.start[0],
+                "startConnector": pair.start[1],
+                "endElement": pair.end[0],
+                "endConnector": pair.end[1],
+            }
+            ElementTree.SubElement(drawn, "ssd:Connection", words)
+    _add_units(root, "ssd", units)
+    return _text(root)
+
+
+def _archive(text: bytes, files: Mapping[str, Path]) -> bytes:
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr(_ROOT, text)
+        for component, file in files.items():
+            archive.writestr(f"resources/{component}.fmu", file.read_bytes())
+    return stream.getvalue()
+
+
+class OpenedSystem:
+    """A system read from its file; the FMUs of an SSP archive lie unpacked until `close`.
+
+    Args:
+        path: an `.ssd` or `.ssp` file.
+
+    Raises:
+        InputError: it can't be read, or holds what is not supported here: systems within systems, signal dictionaries.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        self.path = Path(path)
+        self._folder: tempfile.TemporaryDirectory[str] | None = None
+        file = self.path
+        try:
+            if self.path.suffix == ".ssp":
+                self._folder = tempfile.TemporaryDirectory(prefix="lptn-ssp-", ignore_cleanup_errors=True)
+                unpack_files(_bytes(self.path), self.path, Path(self._folder.name))
+                file = Path(self._folder.name) / _ROOT
+            self.structure = _structure(_read(file, "ssd:SystemStructureDescription"), file, self.path)
+        except BaseException:
+            self.close()
+            raise
+
+    def close(self) -> None:
+        """Remove what was unpacked."""
+        if self._folder is not None:
+            self._folder.cleanup()
+
+
+def _structure(root: Any, file: Path, shown: Path) -> SystemStructure:
+    system = root.find("ssd:System", _NAMESPACES)
+    if system is None:
+        raise InputError(shown, "System", "none", "an SSD file with a System")
+    components: dict[str, Path] = {}
+    values: dict[str, dict[str, Value]] = {}
+    for element in system.iterfind("ssd:Elements/*", _NAMESPACES):
+        kind, name = element.tag.rpartition("}")[2], element.get("name") or ""
+        if kind != "Component":
+            raise InputError(shown, f"Elements/{name}", kind, "components alone: no systems within systems")
+        components[name] = _file(element.get("source") or "", file, shown)
+        values[name] = _bound(element, file, shown)
+    for name, value in _bound(system, file, shown).items():
+        component, variable = _ends(name, components, shown)
+        values[component].setdefault(variable, value)
+    connections = []
+    for entry in system.iterfind("ssd:Connections/ssd:Connection", _NAMESPACES):
+        start = (entry.get("startElement") or "", entry.get("startConnector") or "")
+        end = (entry.get("endElement") or "", entry.get("endConnector") or "")
+        for component, _ in (start, end):
+            if component and component not in components:
+                raise InputError(shown, "Connections", f'"{component}"', f"one of {', '.join(components)}")
+        connections.append(Connection(start, end, *_transformation(entry, shown, ".".join(end))))
+    return SystemStructure(system.get("name") or root.get("name") or "system", components, connections, values)
+
+
+def _bound(element: Any, file: Path, shown: Path) -> dict[str, Value]:
+    """The values that an element's parameter bindings give; the last one wins."""
+    found: dict[str, Value] = {}
+    for binding in element.iterfind("ssd:ParameterBindings/ssd:ParameterBinding", _NAMESPACES):
+        source, inside = binding.get("source"), binding.find("ssd:ParameterValues/ssv:ParameterSet", _NAMESPACES)
+        if binding.get("sourceBase", "SSD") != "SSD":
+            raise InputError(shown, "ParameterBinding", 'sourceBase="component"', "files beside the system's")
+        values = _values(inside, shown) if source is None else read_values(_file(source, file, shown))
+        mapping = binding.find("ssd:ParameterMapping", _NAMESPACES)
+        if mapping is not None:
+            inner = mapping.find("ssm:ParameterMapping", _NAMESPACES)
+            source = mapping.get("source")
+            entries = _mapping(inner, shown) if source is None else read_mapping(_file(source, file, shown))
+            values = mapped(values, entries)
+        prefix = binding.get("prefix", "")
+        found |= {prefix + name: value for name, value in values.items()}
+    return found
+
+
+def _file(source: str, file: Path, shown: Path) -> Path:
+    """A file that another one names, relative to it."""
+    name = unquote(source)
+    if not name or "://" in name or PurePosixPath(name).is_absolute():
+        raise InputError(shown, "source", f'"{source}"', "a path relative to the file")
+    return file.parent / name
+
+
+# --- XML ------------------------------------------------------------------------------------------
+
+
+def _head(part: str, name: str) -> dict[str, str]:
+    spaces = {f"xmlns:{each}": address for each, address in _NAMESPACES.items() if each in (part, "ssc")}
+    return {**spaces, "version": "1.0", "name": name}
+
+
+def _has_dimension(unit: str) -> bool:
+    """Whether SSP can define a unit of ours; one whose exponents are parameters has no dimension."""
+    return any(each.exponents is not None for each in unit_definitions([unit]))
+
+
+def _units_of(unpacked: Unpacked) -> dict[str, dict[str, str]]:
+    """The base units of an FMU's own units, as SSP gives them, by unit."""
+    names = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
+    found = {}
+    for unit in unpacked.description.unitDefinitions:
+        base = unit.baseUnit
+        if base is not None:
+            exponents = {name: int(getattr(base, name) or 0) for name in names}
+            found[unit.name] = _base(exponents, float(base.factor or 1), float(base.offset or 0))
+    return found
+
+
+def _base(exponents: Mapping[str, int] | None, factor: float = 1.0, offset: float = 0.0) -> dict[str, str]:
+    bases = {base: str(power) for base, power in (exponents or {}).items() if power}
+    numbers = {"factor": (factor, 1.0), "offset": (offset, 0.0)}
+    return bases | {name: repr(value) for name, (value, usual) in numbers.items() if value != usual}
+
+
+def _add_units(root: Any, part: str, units: Mapping[str, Mapping[str, str]]) -> None:
+    parent = ElementTree.SubElement(root, f"{part}:Units") if units else root
+    for name, base in units.items():
+        ElementTree.SubElement(ElementTree.SubElement(parent, "ssc:Unit", name=name), "ssc:BaseUnit", dict(base))
+
+
+def _text(root: Any) -> bytes:
+    ElementTree.indent(root)
+    return bytes(ElementTree.tostring(root, encoding="UTF-8", xml_declaration=True)) + b"\n"
+
+
+def _read(path: Path, tag: str) -> Any:
+    text = _bytes(path)
+    part, _, name = tag.partition(":")
+    if b"<!DOCTYPE" in text or b"<!ENTITY" in text or b"\0" in text:
+        raise InputError(path, "file", "a document type or entities", "plain XML in UTF-8")
+    try:
+        root = ElementTree.fromstring(text)
+    except (ElementTree.ParseError, ValueError, LookupError) as error:
+        raise InputError(path, "file", str(error), f"XML with {name} (SSP 1.0)") from error
+    if root.tag != f"{{{_NAMESPACES[part]}}}{name}":
+        raise InputError(path, "file", root.tag, f"XML with {name} (SSP 1.0)")
+    return root
+
+
+def _bytes(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise InputError(path, "file", error.strerror or str(error), "a file of SSP 1.0") from error
+
+
+def _number(text: str | None, path: Path, place: str) -> float:
+    try:
+        value = float(text or "")
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise InputError(path, place, f"'{text}'", "a number")
+    return value
