@@ -110,9 +110,14 @@ class TorqueMPC:
         weights: of a squared deviation, by joint.
         rates: largest change of a joint's torque or current in a second, 0 for none. It acts on the coming period; a
             request that falls faster is followed.
-        recovery: s that a node above its limit may take to come down to it. 0: as fast as can be, and everything
-            that warms it, be it ever so little, is cut to next to nothing meanwhile. It counts anew from each step,
-            so in closed loop the node comes down like an exponential of that time.
+        floors: torque [N*m] or current [A] that a joint gets whatever gets hot, where so much is asked (and the
+            current limit allows it): what holds the robot up. It comes before the temperature limits, without end.
+        priorities: whole numbers, by joint: a joint gives way by a hundredth of the share by which one a level lower
+            does. From -2 to 2.
+        recovery: time constant τ [s] of a node above its limit: it comes down by dT/dt = −(T − limit)/τ, which is
+            the same course at every step. By default τ = 10 K / (the node's cooling at its limit, without load,
+            in air of 25 degC [K/s]): its heat falls from what holds the limit to none at 10 K above it. 0: as fast as
+            can be, and everything that warms it, be it ever so little, is cut to next to nothing meanwhile.
         margin: K by which the plan stays below the limits.
         noise: standard deviation of a reading [K].
         model_error: what the model's heat flows may be off by, relative. 0 where temperatures come from an estimator of
@@ -137,7 +142,9 @@ class TorqueMPC:
         stages: int = 16,
         weights: Each = 1.0,
         rates: Each = 0.0,
-        recovery: float = 0.0,
+        floors: Each = 0.0,
+        priorities: Each = 0.0,
+        recovery: float | None = None,
         margin: float = 0.15,
         noise: float = 0.1,
         model_error: float = 0.2,
@@ -146,7 +153,8 @@ class TorqueMPC:
         self.heating = heating(model, requested_by(model) if request is None else request)
         self.settings = settle(
             self.heating, limits, period=period, horizon=horizon, stages=stages, margin=margin, weights=weights,
-            current_limits=current_limits, rates=rates, recovery=recovery, noise=noise, model_error=model_error,
+            current_limits=current_limits, rates=rates, floors=floors, priorities=priorities, recovery=recovery,
+            noise=noise, model_error=model_error,
         )  # fmt: skip
         self.joints, self.conditions = self.heating.joints, self.heating.conditions
         count, limited = len(self.settings.stages), len(self.settings.limits)
@@ -285,7 +293,7 @@ class TorqueMPC:
             settings.rates.tolist(),
         )
         to.p[:] = [*model.values.tolist(), 0.0]
-        to.recovery = settings.recovery
+        to.floor[:], to.recovery[:] = settings.floors.tolist(), settings.recovery.tolist()
         to.linear, to.quadratic = settings.prices
         to.noise, to.doubt[:], to.gain_doubt = settings.noise, settings.doubt.tolist(), settings.model_error
         to.tolerance, to.iterations, to.warm = settings.tolerance, settings.iterations, settings.warm

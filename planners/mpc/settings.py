@@ -17,6 +17,8 @@ from ..values import Each, checked_by_place
 _POSITIVE = 1e-12  # the least positive number that is taken for one
 _ROOM = 25.0  # degC
 _LEAST_COOLING = 0.1  # of the fastest state's; a state that hardly cools may lack heat all the same
+BAND = 10.0  # K above its limit at which a node, by default, is to cool as fast as it does without any load
+_LEVEL, _MOST_LEVELS = 100.0, 2  # of weights: a joint gives way by a hundredth of the share of one a level below
 _SLACK_LINEAR, _SLACK_QUADRATIC = 10.0, 10.0  # per K and K² at one stage; admitting nothing at all costs 1
 
 
@@ -31,7 +33,8 @@ class Settings:
         weights: of a squared deviation of each joint, shape (joints,).
         currents: limits [A], shape (joints,), infinite for none.
         rates: largest change of the request's unit per second, shape (joints,), 0 for none.
-        recovery: s that a node above its limit may take to come down to it.
+        floors: of the request's unit that each joint gets whatever gets hot, shape (joints,).
+        recovery: time constant with which each limited node comes down from above its limit [s], shape (limited nodes,).
         noise: of a reading, standard deviation [K].
         model_error: relative; 0: readings are taken as they are, and nothing is learnt of what the model lacks.
         doubt: heat that the model may lack, as a rate of each state [K/s].
@@ -46,7 +49,8 @@ class Settings:
     weights: FloatArray
     currents: FloatArray
     rates: FloatArray
-    recovery: float
+    floors: FloatArray
+    recovery: FloatArray
     noise: float
     model_error: float
     doubt: FloatArray
@@ -62,7 +66,8 @@ class Settings:
     def limits_from(self, start: FloatArray) -> FloatArray:
         """Limits at the stages' ends [degC], shape (limited nodes, stages), with the recovery from a start [degC]."""
         ends, limits = np.cumsum(self.stages), self.planned_limits[:, None]
-        left = np.maximum(0.0, 1 - ends / self.recovery) if self.recovery > 0 else np.zeros_like(ends)
+        slow = self.recovery[:, None] > 0
+        left = np.where(slow, np.exp(-ends / np.where(slow, self.recovery[:, None], 1.0)), 0.0)
         return np.asarray(limits + left * np.maximum(start[:, None] - limits, 0.0))
 
     @property
@@ -82,7 +87,9 @@ def settle(
     weights: Each,
     current_limits: Each,
     rates: Each,
-    recovery: float,
+    floors: Each,
+    priorities: Each,
+    recovery: float | None,
     noise: float,
     model_error: float,
 ) -> Settings:
@@ -98,7 +105,7 @@ def settle(
         raise InputError(model.network.origin, "limits", "none", f"a limit for one of {', '.join(model.nodes)}")
     for place, value, least in (
         ("margin", margin, 0.0),
-        ("recovery", recovery, 0.0),
+        ("recovery", 0.0 if recovery is None else recovery, 0.0),
         ("noise", noise, 0.0),
         ("model_error", model_error, 0.0),
     ):
@@ -106,17 +113,23 @@ def settle(
             raise InputError(model.network.origin, place, f"{value:g}", "a number from 0 up")
     lengths = growing_stages(period, horizon, stages)
     joints = heating.joints
+    cooling = _cooling(heating, bounds)
+    slow = BAND / cooling[[model.nodes.index(node) for node in bounds]]
+    levels = _by_joint(priorities, joints, "priorities", 0.0, least=-_MOST_LEVELS)
+    if np.any(levels > _MOST_LEVELS):
+        raise InputError(model.network.origin, "priorities", f"{levels.max():g}", f"at most {_MOST_LEVELS}")
     return Settings(
         lengths,
         bounds,
         margin,
-        _by_joint(weights, joints, "weights", 1.0),
+        _by_joint(weights, joints, "weights", 1.0) * _LEVEL ** (levels - levels.max()),
         _by_joint(current_limits, joints, "current_limits", math.inf, infinite=True),
         _by_joint(rates, joints, "rates", 0.0, least=0.0),
-        recovery,
+        _by_joint(floors, joints, "floors", 0.0, least=0.0),
+        slow if recovery is None else np.full(len(bounds), float(recovery)),
         noise,
         model_error,
-        model_error * _cooling(heating, bounds),
+        model_error * cooling,
     )
 
 

@@ -1,7 +1,8 @@
 /* Bounds of the heat scales: current limit at the expected temperatures, rate limit of the first stage; and of the
  * temperatures at the ends of the stages. */
 
-#define INSIDE 0.02 /* of the way from one bound to the other, where the solver starts at most */
+#define INSIDE 0.02   /* of the way from one bound to the other, where the solver starts at most */
+#define NEARLY 0.9999 /* of the upper bound, where a floor may lie at most: the solver needs an inside */
 
 static void bound(const lptn_mpc_settings *o, const lptn_mpc_state *m, lptn_mpc_work *w, int first,
                   lptn_mpc_result *out) {
@@ -21,6 +22,7 @@ static void bound(const lptn_mpc_settings *o, const lptn_mpc_state *m, lptn_mpc_
                 hi = fmin(hi, fmax(up * up, 1e-6));
                 lo = fmax(FLOOR * hi, fmin(down * down, 0.98 * hi));
             }
+            if (o->floor[j] > 0 && c > 0) lo = fmax(lo, fmin(o->floor[j] / c * (o->floor[j] / c), NEARLY * hi));
             w->lo[k][j] = lo, w->hi[k][j] = hi;
             if (first) {
                 const double *kept = m->scale[k + 1 < LPTN_N ? k + 1 : k];
@@ -31,13 +33,14 @@ static void bound(const lptn_mpc_settings *o, const lptn_mpc_state *m, lptn_mpc_
     }
 }
 
-/* A node that begins above its limit may take the time of recovery to come down to it, in a straight line. */
+/* What a node is above its limit falls by dT/dt = -(T - limit)/recovery, at each step the same course. */
 static void limit(const lptn_mpc_settings *o, const lptn_mpc_state *m, lptn_mpc_work *w) {
     double time = 0;
     for (int k = 0; k < LPTN_N; k++) {
         time += o->stage[k];
-        const double left = o->recovery > 0 ? fmax(0.0, 1 - time / o->recovery) : 0.0;
-        for (int l = 0; l < LPTN_NL; l++)
+        for (int l = 0; l < LPTN_NL; l++) {
+            const double left = o->recovery[l] > 0 ? exp(-time / o->recovery[l]) : 0.0;
             w->limit[k][l] = o->limit[l] + left * fmax(0.0, m->x[o->node[l]] - o->limit[l]);
+        }
     }
 }

@@ -24,8 +24,9 @@ typedef struct {
     double weight[LPTN_NU];     /* of a squared deviation of each joint */
     double most[LPTN_NU];       /* current limit [A] */
     double rate[LPTN_NU];       /* largest change of a request's unit per second; 0 for none */
+    double floor[LPTN_NU];      /* of the request's unit that a joint gets whatever gets hot, if so much is asked */
     double p[LPTN_NP + 1];      /* parameters of the model */
-    double recovery;            /* s that a node above its limit may take to come down to it */
+    double recovery[LPTN_NL];   /* time constant with which a node above its limit comes down to it [s]; 0: at once */
     double linear, quadratic;   /* price of slack, per K and per K^2; the cost of admitting nothing at all is 1 */
     double noise;               /* of a reading, standard deviation [K] */
     double doubt[LPTN_NX];      /* heat that the model may lack, as a rate of each state [K/s]; 0: readings are taken
