@@ -42,6 +42,8 @@ class ControllerTable(Strict):
     horizon: Positive = 300.0
     stages: Annotated[int, Field(ge=1, le=200, strict=True)] = 16
     noise: NotNegative = 0.1
+    resolution: NotNegative = 0.0
+    level: Annotated[float, Field(ge=0.5, lt=1)] = 0.95
     model_error: NotNegative = 0.2
 
 

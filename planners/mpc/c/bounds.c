@@ -2,6 +2,7 @@
  * temperatures at the ends of the stages. */
 
 #define INSIDE 0.02   /* of the way from one bound to the other, where the solver starts at most */
+#define MARGIN_FREED 60.0 /* s, time constant: short beside a node's minutes, long beside a period of noise */
 #define NEARLY 0.9999 /* of the upper bound, where a floor may lie at most: the solver needs an inside */
 
 static void bound(const lptn_mpc_settings *o, const lptn_mpc_state *m, lptn_mpc_work *w, int first,
@@ -33,14 +34,20 @@ static void bound(const lptn_mpc_settings *o, const lptn_mpc_state *m, lptn_mpc_
     }
 }
 
-/* What a node is above its limit falls by dT/dt = -(T - limit)/recovery, at each step the same course. */
-static void limit(const lptn_mpc_settings *o, const lptn_mpc_state *m, lptn_mpc_work *w) {
+/* What a node is above its limit falls by dT/dt = -(T - limit)/recovery, at each step the same course; what it is within the
+ * margin, in a minute: were that as slow, nodes would drift to the hot end of what the readings' noise leaves open. */
+static void limit(const lptn_mpc_settings *o, const lptn_mpc_state *m, lptn_mpc_work *w, lptn_mpc_result *out) {
     double time = 0;
+    for (int l = 0; l < LPTN_NL; l++) out->margin[l] = margin_of(o, m, o->node[l]);
     for (int k = 0; k < LPTN_N; k++) {
         time += o->stage[k];
         for (int l = 0; l < LPTN_NL; l++) {
-            const double left = o->recovery[l] > 0 ? exp(-time / o->recovery[l]) : 0.0;
-            w->limit[k][l] = o->limit[l] + left * fmax(0.0, m->x[o->node[l]] - o->limit[l]);
+            const double slow = o->recovery[l], margin = out->margin[l], over = m->x[o->node[l]] - o->limit[l];
+            double left = 0;
+            if (slow > 0)
+                left = exp(-time / slow) * fmax(over, 0.0) +
+                       exp(-time / fmin(slow, MARGIN_FREED)) * fmin(fmax(over + margin, 0.0), margin);
+            w->limit[k][l] = o->limit[l] - margin + left;
         }
     }
 }
