@@ -138,7 +138,7 @@ class TrackKind:
         """The optimum over the whole task, a stage for each period; by IPOPT where the C solver can't be had."""
         settings = task.settings | {"horizon": task.duration, "stages": len(task.asked)}
         try:
-            mpc = TorqueMPC(task.model, task.file.limits, **settings, model_error=0.0)
+            mpc = TorqueMPC(task.model, task.file.limits, **settings, model_error=0.0, level=0.5)
         except (OSError, CalledProcessError):
             return _by_ipopt(task, settings, "there is no C compiler")
         plan = mpc.step(task.start[: len(task.model.nodes)], task.asked, task.conditions)
@@ -151,14 +151,17 @@ class TrackKind:
         """The controller of the table `[controller]` as C, with a `main.c` that runs it."""
         table = task.file.controller
         mpc = TorqueMPC(task.model, task.file.limits, **task.settings, horizon=table.horizon, stages=table.stages,
-                        noise=table.noise, model_error=table.model_error)  # fmt: skip
+                        noise=table.noise, resolution=table.resolution, level=table.level,
+                        model_error=table.model_error)  # fmt: skip
         return mpc.emit(folder, task.start, task.asked, task.conditions)
 
 
 def _by_ipopt(task: Task, settings: dict[str, Any], why: str) -> TrackAnswer:
     heat = heating(task.model, task.request)
     given = {key: value for key, value in settings.items() if key != "request"}
-    spread = settle(heat, task.file.limits, **given, noise=0.1, model_error=0.0)
+    spread = settle(
+        heat, task.file.limits, **given, noise=0.1, resolution=0.0, level=0.5, model_error=0.0, standard_errors={}
+    )
     solution = Reference(heat, spread).solve(task.start, task.asked, task.conditions)
     given_up = () if solution.converged else ("IPOPT did not converge either; this plan is not proven best",)
     worst = {node: over for node, over in zip(spread.limits, solution.slack.max(axis=0), strict=True) if over > _COUNTS}

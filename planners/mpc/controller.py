@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
@@ -43,6 +44,7 @@ class Plan:
         temperatures: expected at the n + 1 ends of the stages [degC], shape (states, stages + 1).
         slack: by how much each limit less its margin is passed at the end of each stage [K], shape (stages, limited
             nodes).
+        margin: what is kept below each limit for what is not known, beside a fixed one [K], shape (limited nodes,).
         cost: 0 for all that was requested, 1 for nothing.
         iterations: of the solver, 0 where the full request stays cool.
         status: bits of `c/lptn_mpc.h`.
@@ -55,6 +57,7 @@ class Plan:
     currents: FloatArray
     temperatures: FloatArray
     slack: FloatArray
+    margin: FloatArray
     cost: float
     iterations: int
     status: int
@@ -110,13 +113,23 @@ class TorqueMPC:
         weights: of a squared deviation, by joint.
         rates: largest change of a joint's torque or current in a second, 0 for none. It acts on the coming period; a
             request that falls faster is followed.
-        recovery: s that a node above its limit may take to come down to it. 0: as fast as can be, and everything
-            that warms it, be it ever so little, is cut to next to nothing meanwhile. It counts anew from each step,
-            so in closed loop the node comes down like an exponential of that time.
-        margin: K by which the plan stays below the limits.
-        noise: standard deviation of a reading [K].
+        floors: torque [N*m] or current [A] that a joint gets whatever gets hot, where so much is asked (and the
+            current limit allows it): what holds the robot up. It comes before the temperature limits, without end.
+        priorities: whole numbers, by joint: a joint gives way by a hundredth of the share by which one a level lower
+            does. From -2 to 2.
+        recovery: time constant τ [s] of a node above its limit: it comes down by dT/dt = −(T − limit)/τ, which is
+            the same course at every step. By default τ = 10 K / (the node's cooling at its limit, without load,
+            in air of 25 degC [K/s]): its heat falls from what holds the limit to none at 10 K above it. 0: as fast as
+            can be, and everything that warms it, be it ever so little, is cut to next to nothing meanwhile.
+        level: probability with which a node that is held at its limit is to be below it. The margin for it follows
+            from the covariance of the estimate, one period on; `Plan.margin` tells it.
+        margin: K that is kept beside it.
+        noise: standard deviation of a reading [K], its rounding aside.
+        resolution: step to which readings are rounded [K]: 1 where a drive tells whole degrees.
         model_error: what the model's heat flows may be off by, relative. 0 where temperatures come from an estimator of
-            your own: then readings are taken as they are.
+            your own: then readings are taken as they are, with an error of `noise`.
+        standard_errors: of the model's parameters by name, as in the table `[fit]` of its file; they add to
+            `model_error`.
 
     Raises:
         InputError: an unknown place, a number that can't be used, or a model without currents or torques.
@@ -137,16 +150,23 @@ class TorqueMPC:
         stages: int = 16,
         weights: Each = 1.0,
         rates: Each = 0.0,
-        recovery: float = 0.0,
-        margin: float = 0.15,
+        floors: Each = 0.0,
+        priorities: Each = 0.0,
+        recovery: float | None = None,
+        level: float = 0.95,
+        margin: float = 0.0,
         noise: float = 0.1,
+        resolution: float = 0.0,
         model_error: float = 0.2,
+        standard_errors: Mapping[str, float] | None = None,
     ) -> None:
         self.model = model
         self.heating = heating(model, requested_by(model) if request is None else request)
         self.settings = settle(
             self.heating, limits, period=period, horizon=horizon, stages=stages, margin=margin, weights=weights,
-            current_limits=current_limits, rates=rates, recovery=recovery, noise=noise, model_error=model_error,
+            current_limits=current_limits, rates=rates, floors=floors, priorities=priorities, recovery=recovery,
+            noise=noise, resolution=resolution, level=level, model_error=model_error,
+            standard_errors=standard_errors or {},
         )  # fmt: skip
         self.joints, self.conditions = self.heating.joints, self.heating.conditions
         count, limited = len(self.settings.stages), len(self.settings.limits)
@@ -218,6 +238,7 @@ class TorqueMPC:
             np.array(result.plan),
             np.array(result.x).T,
             np.array(result.slack),
+            np.array(result.margin),
             result.cost,
             result.iterations,
             result.status,
@@ -285,9 +306,10 @@ class TorqueMPC:
             settings.rates.tolist(),
         )
         to.p[:] = [*model.values.tolist(), 0.0]
-        to.recovery = settings.recovery
+        to.floor[:], to.recovery[:] = settings.floors.tolist(), settings.recovery.tolist()
         to.linear, to.quadratic = settings.prices
-        to.noise, to.doubt[:], to.gain_doubt = settings.noise, settings.doubt.tolist(), settings.model_error
+        to.noise, to.grain, to.sigmas = math.hypot(settings.noise, settings.grain), settings.grain, settings.sigmas
+        to.doubt[:], to.gain_doubt[:] = settings.doubt.tolist(), settings.gain_doubt.tolist()
         to.tolerance, to.iterations, to.warm = settings.tolerance, settings.iterations, settings.warm
 
 

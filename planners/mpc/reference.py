@@ -70,7 +70,9 @@ class Reference:
         weight = np.maximum(weight / weight.sum(), 1e-9) if weight.sum() > 0 else np.full_like(weight, 1 / weight.size)
         most = self._most(start, request, conditions, p)
         nodes = [self.heating.model.nodes.index(node) for node in settings.limits]
-        lower = np.concatenate([np.ravel(_FLOOR * most), np.full(n * len(start), -ca.inf), np.zeros(n * len(nodes))])
+        asked = np.maximum(np.abs(request), 1e-12)
+        least = np.maximum(_FLOOR * most, np.minimum((settings.floors / asked) ** 2, most))
+        lower = np.concatenate([np.ravel(least), np.full(n * len(start), -ca.inf), np.zeros(n * len(nodes))])
         upper = np.concatenate([np.ravel(most), np.full(n * (len(start) + len(nodes)), ca.inf)])
         guess = np.concatenate([np.ravel(0.5 * most), np.tile(start, n), np.full(n * len(nodes), 0.1)])
         parameters = [start, np.ravel(request**2), np.ravel(conditions), np.ravel(weight),

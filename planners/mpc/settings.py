@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
+import casadi as ca
 import numpy as np
 from scipy.optimize import brentq
+from scipy.special import ndtri
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
@@ -17,6 +20,8 @@ from ..values import Each, checked_by_place
 _POSITIVE = 1e-12  # the least positive number that is taken for one
 _ROOM = 25.0  # degC
 _LEAST_COOLING = 0.1  # of the fastest state's; a state that hardly cools may lack heat all the same
+BAND = 10.0  # K above its limit at which a node, by default, is to cool as fast as it does without any load
+_LEVEL, _MOST_LEVELS = 100.0, 2  # of weights: a joint gives way by a hundredth of the share of one a level below
 _SLACK_LINEAR, _SLACK_QUADRATIC = 10.0, 10.0  # per K and K² at one stage; admitting nothing at all costs 1
 
 
@@ -27,14 +32,18 @@ class Settings:
     Args:
         stages: lengths [s], shape (stages,).
         limits: degC by node; the margin is not taken off yet.
-        margin: K that planning stays below each limit.
+        margin: K that planning stays below each limit beside what the estimate's covariance asks for.
         weights: of a squared deviation of each joint, shape (joints,).
         currents: limits [A], shape (joints,), infinite for none.
         rates: largest change of the request's unit per second, shape (joints,), 0 for none.
-        recovery: s that a node above its limit may take to come down to it.
+        floors: of the request's unit that each joint gets whatever gets hot, shape (joints,).
+        recovery: time constant with which a node comes down from above its limit [s], shape (limited nodes,).
         noise: of a reading, standard deviation [K].
+        resolution: step of the readings [K].
+        level: probability with which a node at its limit is to be below it.
         model_error: relative; 0: readings are taken as they are, and nothing is learnt of what the model lacks.
         doubt: heat that the model may lack, as a rate of each state [K/s].
+        gain_doubt: relative error of the controlled heat of each state.
         tolerance: on the duality gap; the cost of admitting nothing is 1.
         iterations: of the solver, at most.
         warm: of them, from the last plan; the others are kept for a cold start.
@@ -46,24 +55,39 @@ class Settings:
     weights: FloatArray
     currents: FloatArray
     rates: FloatArray
-    recovery: float
+    floors: FloatArray
+    recovery: FloatArray
     noise: float
+    resolution: float
+    level: float
     model_error: float
     doubt: FloatArray
+    gain_doubt: FloatArray
     tolerance: float = 1e-6
     iterations: int = 100
     warm: int = 50
 
     @property
     def planned_limits(self) -> FloatArray:
-        """Limits with the margin off [degC], shape (limited nodes,)."""
+        """Limits with the fixed margin off [degC], shape (limited nodes,)."""
         return np.array(list(self.limits.values())) - self.margin
 
     def limits_from(self, start: FloatArray) -> FloatArray:
         """Limits at the stages' ends [degC], shape (limited nodes, stages), with the recovery from a start [degC]."""
         ends, limits = np.cumsum(self.stages), self.planned_limits[:, None]
-        left = np.maximum(0.0, 1 - ends / self.recovery) if self.recovery > 0 else np.zeros_like(ends)
+        slow = self.recovery[:, None] > 0
+        left = np.where(slow, np.exp(-ends / np.where(slow, self.recovery[:, None], 1.0)), 0.0)
         return np.asarray(limits + left * np.maximum(start[:, None] - limits, 0.0))
+
+    @property
+    def grain(self) -> float:
+        """Of a reading's rounding, standard deviation [K]."""
+        return self.resolution / math.sqrt(12)
+
+    @property
+    def sigmas(self) -> float:
+        """Standard deviations of a normal error that it stays below with the probability `level`."""
+        return float(ndtri(self.level))
 
     @property
     def prices(self) -> tuple[float, float]:
@@ -82,9 +106,14 @@ def settle(
     weights: Each,
     current_limits: Each,
     rates: Each,
-    recovery: float,
+    floors: Each,
+    priorities: Each,
+    recovery: float | None,
     noise: float,
+    resolution: float,
+    level: float,
     model_error: float,
+    standard_errors: Mapping[str, float],
 ) -> Settings:
     """Check settings and spread them.
 
@@ -98,35 +127,77 @@ def settle(
         raise InputError(model.network.origin, "limits", "none", f"a limit for one of {', '.join(model.nodes)}")
     for place, value, least in (
         ("margin", margin, 0.0),
-        ("recovery", recovery, 0.0),
+        ("recovery", 0.0 if recovery is None else recovery, 0.0),
         ("noise", noise, 0.0),
+        ("resolution", resolution, 0.0),
         ("model_error", model_error, 0.0),
     ):
         if not (math.isfinite(value) and value >= least):
             raise InputError(model.network.origin, place, f"{value:g}", "a number from 0 up")
+    if not 0.5 <= level < 1:
+        raise InputError(model.network.origin, "level", f"{level:g}", "a probability from 0.5 up, less than 1")
     lengths = growing_stages(period, horizon, stages)
     joints = heating.joints
+    cooling = _cooling(heating, bounds)
+    slow = BAND / cooling[[model.nodes.index(node) for node in bounds]]
+    levels = _by_joint(priorities, joints, "priorities", 0.0, least=-_MOST_LEVELS)
+    if np.any(levels > _MOST_LEVELS):
+        raise InputError(model.network.origin, "priorities", f"{levels.max():g}", f"at most {_MOST_LEVELS}")
     return Settings(
         lengths,
         bounds,
         margin,
-        _by_joint(weights, joints, "weights", 1.0),
+        _by_joint(weights, joints, "weights", 1.0) * _LEVEL ** (levels - levels.max()),
         _by_joint(current_limits, joints, "current_limits", math.inf, infinite=True),
         _by_joint(rates, joints, "rates", 0.0, least=0.0),
-        recovery,
+        _by_joint(floors, joints, "floors", 0.0, least=0.0),
+        slow if recovery is None else np.full(len(bounds), float(recovery)),
         noise,
+        resolution,
+        level,
         model_error,
-        model_error * _cooling(heating, bounds),
+        *_doubts(heating, bounds, model_error, standard_errors),
     )
+
+
+def _at_the_limits(heating: Heating, limits: dict[str, float]) -> tuple[FloatArray, FloatArray]:
+    """States at their limits [degC], and the conditions of a room."""
+    model = heating.model
+    hot = np.array([limits.get(node, max(limits.values())) for node in model.nodes])[np.array(model.owners)]
+    return hot, np.array([_ROOM if name.startswith("temperature") else 0.0 for name in heating.conditions])
+
+
+def _doubts(
+    heating: Heating, limits: dict[str, float], model_error: float, standard_errors: Mapping[str, float]
+) -> tuple[FloatArray, FloatArray]:
+    """Standard deviations of the heat that the model may lack, as a rate of each state [K/s], and of the relative error
+    of its controlled heat: `model_error`, and the parameters' standard errors by their slopes at the limits."""
+    model, cooling = heating.model, _cooling(heating, limits)
+    relative = np.full(len(cooling), model_error)
+    if not model_error or not standard_errors:
+        return model_error * cooling, relative
+    names = [parameter.name for parameter in model.parameters]
+    unknown = set(standard_errors) - set(names)
+    if unknown:
+        place = f"standard_errors.{sorted(unknown)[0]}"
+        raise InputError(model.network.origin, place, "no such parameter", f"some of {', '.join(names[:8])}, …")
+    hot, room = _at_the_limits(heating, limits)
+    errors = np.array([standard_errors.get(name, 0.0) for name in names])
+    none = ca.substitute(heating.rates, heating.heat, ca.SX.zeros(heating.heat.shape))
+    all_ones = ca.substitute(heating.rates, heating.heat, ca.SX.ones(heating.heat.shape)) - none
+    slopes = ca.Function("slopes", [heating.x, heating.d, heating.p],
+                         [ca.jacobian(none, heating.p), ca.jacobian(all_ones, heating.p), all_ones])  # fmt: skip
+    missing, of_heat, heat = (np.asarray(value.full()) for value in slopes(hot, room, model.values))
+    share = np.abs(of_heat) / np.maximum(np.abs(heat), 1e-300) * (np.abs(heat) > 0)
+    return (np.sqrt((model_error * cooling) ** 2 + (missing**2) @ errors**2),
+            np.sqrt(relative**2 + (share**2) @ errors**2))  # fmt: skip
 
 
 def _cooling(heating: Heating, limits: dict[str, float]) -> FloatArray:
     """How fast each state would cool at its limit, in a room and without load [K/s]: the scale of the heat that may be
     missing."""
-    model = heating.model
-    hot = np.array([limits.get(node, max(limits.values())) for node in model.nodes])[np.array(model.owners)]
-    room = np.array([_ROOM if name.startswith("temperature") else 0.0 for name in heating.conditions])
-    rates = heating.rate_function()(hot, np.zeros(len(heating.joints)), room, model.values)
+    hot, room = _at_the_limits(heating, limits)
+    rates = heating.rate_function()(hot, np.zeros(len(heating.joints)), room, heating.model.values)
     cooling = np.abs(np.asarray(rates.full()).ravel())
     return np.asarray(np.maximum(cooling, _LEAST_COOLING * cooling.max()))
 

@@ -27,7 +27,7 @@ class TaskTable(Strict):
     period: Positive = 5.0
     repeat: Annotated[int, Field(ge=1, le=1000, strict=True)] = 1
     margin: NotNegative = 0.15
-    recovery: NotNegative = 0.0
+    recovery: NotNegative | None = None
 
 
 class PhaseTable(Strict):
@@ -42,6 +42,8 @@ class ControllerTable(Strict):
     horizon: Positive = 300.0
     stages: Annotated[int, Field(ge=1, le=200, strict=True)] = 16
     noise: NotNegative = 0.1
+    resolution: NotNegative = 0.0
+    level: Annotated[float, Field(ge=0.5, lt=1)] = 0.95
     model_error: NotNegative = 0.2
 
 
@@ -54,6 +56,8 @@ class File(Strict):
     current_limits: dict[str, Positive] = Field(default_factory=dict)
     weights: dict[str, Positive] = Field(default_factory=dict)
     rates: dict[str, NotNegative] = Field(default_factory=dict)
+    floors: dict[str, NotNegative] = Field(default_factory=dict)
+    priorities: ByPlace = Field(default_factory=dict)
     controller: ControllerTable = ControllerTable()
 
 
@@ -94,6 +98,8 @@ class Task:
             "current_limits": self.file.current_limits or float("inf"),
             "weights": self.file.weights or 1.0,
             "rates": self.file.rates or 0.0,
+            "floors": self.file.floors or 0.0,
+            "priorities": self.file.priorities or 0.0,
             "period": self.period,
             "margin": self.file.task.margin,
             "recovery": self.file.task.recovery,
@@ -124,7 +130,7 @@ def read_task(table: Mapping[str, Any], origin: str, model: Model) -> Task:
             asked += [np.array([levels.get(joint, 0.0) for joint in heat.joints])] * steps
             around += [conditions_of(given, heat.conditions, origin)] * steps
         by_place(file.limits, model.nodes, origin, "limits")
-        for name in ("current_limits", "weights", "rates"):
+        for name in ("current_limits", "weights", "rates", "floors", "priorities"):
             by_place(getattr(file, name), heat.joints, origin, name)
         repeated = file.task.repeat
         _refuse_many(len(asked) * repeated, period, origin)

@@ -1,9 +1,9 @@
 """Whether `TorqueMPC` ever gives up: closed loops over random robots, settings, starts, warm starts and requests.
 
-Run it with ``python -m tests.benchmarks.torque_mpc_stress --steps 10000``. Each robot is one of `lptn.virtual`, its model up to 30 %
-off; horizon, period, number of stages, recovery, rates, weights and current limits are drawn anew. Within a loop requests jump
-(to nothing, to ten times, to another posture, stage by stage), temperatures jump, readings go missing, and one step in ten begins from
-a warm start that has nothing to do with the problem.
+Run it with ``python -m tests.benchmarks.torque_mpc_stress --steps 10000``. Each robot is one of `lptn.virtual`, its
+model up to 30 % off; horizon, period, number of stages, recovery, floors, rates, weights and current limits are drawn
+anew. Within a loop requests jump (to nothing, to ten times, to another posture, stage by stage), temperatures jump,
+readings go missing, and one step in ten begins from a warm start that has nothing to do with the problem.
 """
 
 from __future__ import annotations
@@ -37,6 +37,7 @@ def controller(random: np.random.Generator, seed: int) -> TorqueMPC:
         rates=float(random.choice([0, 0, 0.5, 5])),
         weights={"*": 1.0, "FL_*": float(random.choice([1, 1, 10, 1000]))},
         current_limits=float(random.choice([np.inf, 25, 40])),
+        floors={"*": 0.0, "RR_*": float(random.choice([0, 0, 3, 15]))},
         noise=float(random.choice([0.02, 0.1, 0.3])),
         **({"recovery": recovery} if random.random() < 0.7 else {}),
     )  # fmt: skip

@@ -16,12 +16,15 @@ from lptn.basics.errors import InputError
 from lptn.model.model import Model
 from lptn.planners import TorqueMPC
 from lptn.planners.mpc.reference import Reference
+from tests.benchmarks.torque_mpc_levels import loop
 from tests.builders import LEG, effect, leg
 from tests.planners.truth import World, conditions, model_of, true_robot
 
 LIMIT = 60.0
 REQUEST = np.array([6.0, 10.0, 14.0])
 AROUND = {"temperature.ambient": 25.0}
+KNOWN: dict[str, float] = {"level": 0.5, "margin": 0.15}
+"""Settings for which the limits are those of a plan that knows all: no margin for what is not known."""
 
 
 @cache
@@ -37,7 +40,7 @@ def quadruped(error: float) -> Model:
 
 
 def test_it_finds_what_ipopt_finds() -> None:
-    mpc = TorqueMPC(leg_model(), LIMIT, period=5, horizon=150, stages=30)
+    mpc = TorqueMPC(leg_model(), LIMIT, period=5, horizon=150, stages=30, **KNOWN)
     reference = Reference(mpc.heating, mpc.settings)
     for start in (50.0, 55.0, 59.0, 61.0):
         mpc.reset()
@@ -123,7 +126,7 @@ def test_the_rate_limit_holds() -> None:
 
 @pytest.mark.parametrize(("start", "steps"), [(45.0, 120), (61.0, 40), (63.0, 60)])
 def test_limits_hold_on_a_robot_that_is_ten_percent_off(start: float, steps: int) -> None:
-    mpc = TorqueMPC(quadruped(0.1), {"*_*": LIMIT}, request="torque")
+    mpc = TorqueMPC(quadruped(0.1), {"*_*": LIMIT}, request="torque", recovery=0.0)
     world, idle = World(true_robot(1), start, 0.1, seed=2), World(true_robot(1), start)
     request, around = np.tile([7.0, 12.0, 18.0], 4), conditions(mpc.conditions)
     for _ in range(steps):
@@ -152,13 +155,57 @@ def test_a_copy_at_other_values_plans_with_its_own() -> None:
     model = leg_model()
     weak = {f"resistance.{node}~ambient": 30.0 for node in LEG}
     values = np.array([weak.get(parameter.name, parameter.value) for parameter in model.parameters])
-    mpc = TorqueMPC(model.with_values(values), LIMIT, period=5, horizon=150, stages=30)
+    mpc = TorqueMPC(model.with_values(values), LIMIT, period=5, horizon=150, stages=30, **KNOWN)
     plan = mpc.step(np.full(3, 55.0), REQUEST, AROUND)
     found = Reference(mpc.heating, mpc.settings).solve(
         np.full(3, 55.0), np.tile(REQUEST, (30, 1)), np.full((30, 1), 25.0)
     )
     assert plan.cost == pytest.approx(found.cost, rel=2e-4)
-    assert plan.cost > 1.05 * TorqueMPC(model, LIMIT, horizon=150).step(np.full(3, 55.0), REQUEST, AROUND).cost
+    assert plan.cost > 1.05 * TorqueMPC(model, LIMIT, horizon=150, **KNOWN).step(np.full(3, 55.0), REQUEST, AROUND).cost
+
+
+# --- what is not known ---------------------------------------------------------------------------------
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("resolution", [0.0, 1.0])
+def test_limits_are_passed_no_oftener_than_the_level_says(resolution: float) -> None:
+    """Parameters 20 % off, an ambient that is unknown by up to 10 K, noise or whole degrees, in closed loop."""
+    for level in (0.8, 0.95):
+        runs = [loop(seed, level, 0.5 if not resolution else 0.1, resolution) for seed in (300,)]
+        over, held = (np.concatenate(parts) for parts in zip(*runs, strict=True))
+        assert held.sum() > 300
+        assert (over[held] > 0).mean() < 1 - level
+
+
+def test_the_margin_is_what_the_level_asks_of_the_covariance() -> None:
+    """Readings taken as they are: their own noise. A filter: less, the longer it has looked; more for whole degrees."""
+    start = np.full(3, 55.0)
+    plain = TorqueMPC(leg_model(), LIMIT, noise=0.5, model_error=0.0).step(start, REQUEST, AROUND)
+    np.testing.assert_allclose(plain.margin, 1.645 * 0.5 * 1.0, rtol=1e-3)
+    more = TorqueMPC(leg_model(), LIMIT, noise=0.5, model_error=0.0, level=0.99).step(start, REQUEST, AROUND)
+    np.testing.assert_allclose(more.margin, 2.326 * 0.5, rtol=1e-3)
+    assert np.all(more.admitted < plain.admitted)
+    fine, coarse = TorqueMPC(leg_model(), LIMIT), TorqueMPC(leg_model(), LIMIT, resolution=1.0)
+    first = fine.step(start, REQUEST, AROUND).margin
+    for _ in range(30):
+        found, rough = (mpc.step(start, REQUEST, AROUND).margin for mpc in (fine, coarse))
+    assert np.all(found < first)
+    assert np.all(rough > 1.645 / np.sqrt(12))
+
+
+def test_standard_errors_of_parameters_widen_the_margin() -> None:
+    name = "resistance.FR_calf~ambient"
+    known = TorqueMPC(leg_model(), LIMIT, model_error=0.05)
+    doubted = TorqueMPC(leg_model(), LIMIT, model_error=0.05, standard_errors={name: 5.0})
+    # Heat to the air (60 - 25) / 10 W, by half unsure, on 300 J/K; the other nodes as before.
+    added = np.sqrt(doubted.settings.doubt**2 - known.settings.doubt**2)
+    np.testing.assert_allclose(added, [0, 0, 35 / 10 * 0.5 / 300], atol=1e-6)
+    start = np.full(3, 55.0)
+    margins = [mpc.step(start, REQUEST, AROUND).margin for mpc in (known, doubted)]
+    assert margins[1][2] > margins[0][2]
+    with pytest.raises(InputError, match="no such parameter"):
+        TorqueMPC(leg_model(), LIMIT, standard_errors={"resistance.nowhere": 1.0})
 
 
 # --- what can go wrong --------------------------------------------------------------------------------
@@ -178,30 +225,87 @@ def test_a_missing_reading_is_predicted() -> None:
 def test_a_node_that_was_never_read_counts_as_hot() -> None:
     warm = TorqueMPC(leg_model(), LIMIT).step([40.0, np.nan, 58.0], REQUEST, AROUND)
     assert warm.temperatures[1, 0] == 58.0
-    blind = TorqueMPC(leg_model(), LIMIT).step([np.nan] * 3, REQUEST, AROUND)
-    seen = TorqueMPC(leg_model(), LIMIT).step(np.full(3, LIMIT - 0.15), REQUEST, AROUND)
+    blind = TorqueMPC(leg_model(), LIMIT, **KNOWN).step([np.nan] * 3, REQUEST, AROUND)
+    seen = TorqueMPC(leg_model(), LIMIT, **KNOWN).step(np.full(3, LIMIT - 0.15), REQUEST, AROUND)
     np.testing.assert_allclose(blind.admitted, seen.admitted)
 
 
 @pytest.mark.parametrize("start", [63.0, 90.0, 300.0])
 def test_a_start_above_the_limit_admits_next_to_nothing(start: float) -> None:
-    plan = TorqueMPC(leg_model(), LIMIT).step(np.full(3, start), REQUEST, AROUND)
+    plan = TorqueMPC(leg_model(), LIMIT, recovery=0.0).step(np.full(3, start), REQUEST, AROUND)
     assert plan.converged
     assert np.all(np.abs(plan.admitted) <= 0.05 * REQUEST)
     assert plan.given_up[0].startswith("a limit less its margin can't be met: FR_hip by ")
 
 
 def test_a_recovery_spares_the_neighbours() -> None:
-    """A hot calf: at once, all that warms it is cut; in a minute, it comes down in time without the hip's help."""
-    start, grid = np.array([40.0, 40.0, 63.0]), {"period": 5.0, "horizon": 150.0, "stages": 30}
-    at_once = TorqueMPC(leg_model(), LIMIT, **grid).step(start, REQUEST, AROUND)
-    mpc = TorqueMPC(leg_model(), LIMIT, recovery=90.0, **grid)
+    """A hot calf: at once, all that warms it is cut; with a time constant of half a minute the hip goes on."""
+    start, grid = np.array([40.0, 40.0, 63.0]), {"period": 5.0, "horizon": 150.0, "stages": 30, **KNOWN}
+    at_once = TorqueMPC(leg_model(), LIMIT, recovery=0.0, **grid).step(start, REQUEST, AROUND)
+    mpc = TorqueMPC(leg_model(), LIMIT, recovery=60.0, **grid)
     slowly = mpc.step(start, REQUEST, AROUND)
     assert at_once.admitted[0] < 0.1 * REQUEST[0]
     assert slowly.admitted[0] > 0.8 * REQUEST[0]
-    assert slowly.temperatures[2, 19] <= LIMIT
+    course = mpc.settings.planned_limits[2] + (63.0 - mpc.settings.planned_limits[2]) * np.exp(
+        -np.arange(31) * 5 / 60.0
+    )
+    assert np.all(slowly.temperatures[2] <= course + 1e-3)
     found = Reference(mpc.heating, mpc.settings).solve(start, np.tile(REQUEST, (30, 1)), np.full((30, 1), 25.0))
     assert slowly.cost == pytest.approx(found.cost, rel=1e-3)
+
+
+def test_torque_falls_smoothly_with_what_a_node_is_above_its_limit() -> None:
+    """From what holds the limit to nothing at 10 K above it, the same law at a hair above the limit as anywhere."""
+    mpc, above = TorqueMPC(leg_model(), LIMIT, level=0.5), np.array([0.0, 0.05, 1.0, 2.0, 4.0, 6.0, 8.0, 10.0, 12.0])
+    shares = []
+    for over in above:
+        mpc.reset()
+        plan = mpc.step(np.full(3, LIMIT + over), np.full(3, 14.0), AROUND)
+        shares.append((plan.admitted**2).sum())
+    shares = np.array(shares) / shares[0]
+    assert shares[1] > 0.98
+    assert np.all(np.diff(shares) < 1e-6)
+    # Heat in proportion to what is left of the band, but that air of 25 degC cools a hotter node a little better.
+    np.testing.assert_allclose(shares[2:7], 1 - above[2:7] / 10, atol=0.25)
+    assert shares[-1] < 0.35
+
+
+def test_a_node_above_its_limit_comes_down_by_the_law() -> None:
+    """In closed loop, by an integrator: from 6 K above, exponentially, and no faster than the law asks."""
+    tau = 300.0
+    mpc = TorqueMPC(leg_model(), LIMIT, level=0.5, model_error=0.0, recovery=tau)
+    T, course = np.array([50.0, 55.0, 66.0]), []
+
+    def slope(_: float, T: FloatArray, torque: FloatArray) -> FloatArray:
+        heat = 0.15 * (1 + 0.0039 * (T - 25)) * (torque / 0.84) ** 2 - (T - 25.0) / 10
+        heat[:2] += np.array([1, -1]) * (T[1] - T[0]) / 3
+        heat[1:] += np.array([1, -1]) * (T[2] - T[1]) / 2
+        return np.asarray(heat / 300)
+
+    for _ in range(40):
+        torque = mpc.step(T, np.full(3, 14.0), AROUND).admitted
+        T = solve_ivp(slope, (0, 5), T, args=(torque,), rtol=1e-8).y[:, -1]
+        course.append(T[2] - LIMIT)
+    np.testing.assert_allclose(course, 6 * np.exp(-np.arange(1, 41) * 5 / tau), atol=0.1)
+
+
+def test_floors_come_first() -> None:
+    """What holds the robot up is given though the calf is hot; where less is asked, that is given whole."""
+    mpc = TorqueMPC(leg_model(), LIMIT, floors={"FR_calf": 8.0, "FR_thigh": 30.0}, recovery=0.0)
+    plan = mpc.step([50.0, 50.0, 66.0], REQUEST, AROUND)
+    assert plan.converged
+    assert plan.admitted[2] >= 8.0 * 0.999
+    assert plan.admitted[1] >= REQUEST[1] * 0.999
+    assert plan.admitted[0] < 0.1 * REQUEST[0]
+    assert "can't be met: FR_" in plan.given_up[0]
+
+
+def test_priorities_say_who_gives_way_first() -> None:
+    equal = TorqueMPC(leg_model(), LIMIT).step(np.full(3, 57.0), REQUEST, AROUND)
+    first = TorqueMPC(leg_model(), LIMIT, priorities={"FR_calf": 1}).step(np.full(3, 57.0), REQUEST, AROUND)
+    assert equal.admitted[2] < 0.6 * REQUEST[2]
+    assert first.admitted[2] > equal.admitted[2] * 1.1
+    assert np.all(first.admitted[:2] < 0.3 * REQUEST[:2])
 
 
 def test_an_infeasible_task_is_answered_with_its_slack() -> None:
@@ -285,6 +389,10 @@ def test_mistakes_are_said_in_one_line() -> None:
         {"limits": {}},
         {"limits": 60.0, "margin": -1.0},
         {"limits": 60.0, "weights": {"FR_hip": 0.0}},
+        {"limits": 60.0, "recovery": -1.0},
+        {"limits": 60.0, "floors": -1.0},
+        {"limits": 60.0, "level": 1.0},
+        {"limits": 60.0, "priorities": 3},
     )
     for wrong in mistakes:
         with pytest.raises(InputError):

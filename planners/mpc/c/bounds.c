@@ -1,7 +1,9 @@
 /* Bounds of the heat scales: current limit at the expected temperatures, rate limit of the first stage; and of the
  * temperatures at the ends of the stages. */
 
-#define INSIDE 0.02 /* of the way from one bound to the other, where the solver starts at most */
+#define INSIDE 0.02   /* of the way from one bound to the other, where the solver starts at most */
+#define MARGIN_FREED 60.0 /* s, time constant: short beside a node's minutes, long beside a period of noise */
+#define NEARLY 0.9999 /* of the upper bound, where a floor may lie at most: the solver needs an inside */
 
 static void bound(const lptn_mpc_settings *o, const lptn_mpc_state *m, lptn_mpc_work *w, int first,
                   lptn_mpc_result *out) {
@@ -21,6 +23,7 @@ static void bound(const lptn_mpc_settings *o, const lptn_mpc_state *m, lptn_mpc_
                 hi = fmin(hi, fmax(up * up, 1e-6));
                 lo = fmax(FLOOR * hi, fmin(down * down, 0.98 * hi));
             }
+            if (o->floor[j] > 0 && c > 0) lo = fmax(lo, fmin(o->floor[j] / c * (o->floor[j] / c), NEARLY * hi));
             w->lo[k][j] = lo, w->hi[k][j] = hi;
             if (first) {
                 const double *kept = m->scale[k + 1 < LPTN_N ? k + 1 : k];
@@ -31,13 +34,20 @@ static void bound(const lptn_mpc_settings *o, const lptn_mpc_state *m, lptn_mpc_
     }
 }
 
-/* A node that begins above its limit may take the time of recovery to come down to it, in a straight line. */
-static void limit(const lptn_mpc_settings *o, const lptn_mpc_state *m, lptn_mpc_work *w) {
+/* What a node is above its limit falls by dT/dt = -(T - limit)/recovery, at each step the same course; what it is within the
+ * margin, in a minute: were that as slow, nodes would drift to the hot end of what the readings' noise leaves open. */
+static void limit(const lptn_mpc_settings *o, const lptn_mpc_state *m, lptn_mpc_work *w, lptn_mpc_result *out) {
     double time = 0;
+    for (int l = 0; l < LPTN_NL; l++) out->margin[l] = margin_of(o, m, o->node[l]);
     for (int k = 0; k < LPTN_N; k++) {
         time += o->stage[k];
-        const double left = o->recovery > 0 ? fmax(0.0, 1 - time / o->recovery) : 0.0;
-        for (int l = 0; l < LPTN_NL; l++)
-            w->limit[k][l] = o->limit[l] + left * fmax(0.0, m->x[o->node[l]] - o->limit[l]);
+        for (int l = 0; l < LPTN_NL; l++) {
+            const double slow = o->recovery[l], margin = out->margin[l], over = m->x[o->node[l]] - o->limit[l];
+            double left = 0;
+            if (slow > 0)
+                left = exp(-time / slow) * fmax(over, 0.0) +
+                       exp(-time / fmin(slow, MARGIN_FREED)) * fmin(fmax(over + margin, 0.0), margin);
+            w->limit[k][l] = o->limit[l] - margin + left;
+        }
     }
 }

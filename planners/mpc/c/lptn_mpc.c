@@ -70,7 +70,7 @@ static void report(const lptn_mpc_settings *o, lptn_mpc_state *m, const lptn_mpc
             out->cost += w->a[k][j] * (1 - scale) * (1 - scale);
         }
         for (int l = 0; l < LPTN_NL; l++) {
-            out->slack[k][l] = fmax(w->x[k + 1][o->node[l]] - o->limit[l], 0.0);
+            out->slack[k][l] = fmax(w->x[k + 1][o->node[l]] - (o->limit[l] - out->margin[l]), 0.0);
             out->worst = fmax(out->worst, out->slack[k][l]);
         }
     }
@@ -87,7 +87,7 @@ void lptn_mpc_step(const lptn_mpc_settings *o, lptn_mpc_state *m, lptn_mpc_work 
     observe(o, m, w, measured, applied, out);
     take(o, m, w, request, conditions, out);
     for (int k = 0; k <= LPTN_N; k++) memcpy(w->x[k], m->x, sizeof m->x);
-    limit(o, m, w);
+    limit(o, m, w, out);
     bound(o, m, w, 1, out);
     double start[LPTN_N][LPTN_NU];
     memcpy(start, w->s, sizeof start);

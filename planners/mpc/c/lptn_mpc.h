@@ -18,19 +18,22 @@
 /* What does not change from step to step. */
 typedef struct {
     double stage[LPTN_N];       /* lengths [s]; the first is the control period */
-    double limit[LPTN_NL];      /* degC, the margin taken off */
+    double limit[LPTN_NL];      /* degC, the fixed margin taken off */
     int node[LPTN_NL];          /* which state each limit is for */
     int owner[LPTN_NX];         /* node that a state belongs to */
     double weight[LPTN_NU];     /* of a squared deviation of each joint */
     double most[LPTN_NU];       /* current limit [A] */
     double rate[LPTN_NU];       /* largest change of a request's unit per second; 0 for none */
+    double floor[LPTN_NU];      /* of the request's unit that a joint gets whatever gets hot, if so much is asked */
     double p[LPTN_NP + 1];      /* parameters of the model */
-    double recovery;            /* s that a node above its limit may take to come down to it */
+    double recovery[LPTN_NL];   /* time constant with which a node above its limit comes down to it [s]; 0: at once */
     double linear, quadratic;   /* price of slack, per K and per K^2; the cost of admitting nothing at all is 1 */
-    double noise;               /* of a reading, standard deviation [K] */
+    double noise;               /* of a reading, its rounding included, standard deviation [K] */
+    double grain;               /* of the rounding alone, which no averaging removes [K] */
+    double sigmas;              /* standard deviations of the estimate that are kept as a margin */
     double doubt[LPTN_NX];      /* heat that the model may lack, as a rate of each state [K/s]; 0: readings are taken
                                    as they are */
-    double gain_doubt;          /* relative error that the controlled heat may have */
+    double gain_doubt[LPTN_NX]; /* relative error that the controlled heat may have */
     double tolerance;           /* on the duality gap */
     int iterations, warm;       /* at most; the first `warm` of them from the last plan, the others from a cold start */
 } lptn_mpc_settings;
@@ -40,6 +43,8 @@ typedef struct {
     double x[LPTN_NX], bias[LPTN_NX]; /* estimate [degC]; heat that the model lacks, as a rate [K/s] */
     double gain[LPTN_NX];             /* relative error of the controlled heat */
     double spread[LPTN_NN][3][3];     /* covariance of each node's temperature, bias and gain */
+    double made[LPTN_NN];             /* what the controlled heat warmed each node by, over the last period [K/s] */
+    int guessed[LPTN_NN];             /* nobody has read it yet: taken to be as hot as can be */
     double applied[LPTN_NU], conditions[LPTN_ND + 1];
     double scale[LPTN_N][LPTN_NU];    /* of the heat, as solved last */
     int started;
@@ -49,7 +54,8 @@ typedef struct {
     double admitted[LPTN_NU];        /* for the coming control period, in the request's unit */
     double plan[LPTN_N][LPTN_NU];    /* for each stage */
     double x[LPTN_N + 1][LPTN_NX];   /* expected at the stages' ends [degC] */
-    double slack[LPTN_N][LPTN_NL];   /* by how much each limit is passed [K] */
+    double slack[LPTN_N][LPTN_NL];   /* by how much each limit less its margin is passed [K] */
+    double margin[LPTN_NL];          /* of this step, for what is not known [K] */
     double cost, worst, error, gap;  /* cost, 1 for admitting nothing; largest slack [K]; by how much a stage's
                                         end misses the next one's start [K]; duality gap */
     int iterations, linearisations, status;

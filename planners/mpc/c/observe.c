@@ -24,8 +24,9 @@ static void begin_node(const lptn_mpc_settings *o, lptn_mpc_state *m, int i, int
     memset(m->spread[i], 0, sizeof m->spread[i]);
     m->spread[i][0][0] = read ? o->noise * o->noise : GUESSED * GUESSED;
     m->spread[i][1][1] = o->doubt[i] * o->doubt[i];
-    m->spread[i][2][2] = o->gain_doubt * o->gain_doubt;
+    m->spread[i][2][2] = o->gain_doubt[i] * o->gain_doubt[i];
     m->bias[i] = m->gain[i] = 0;
+    m->guessed[i] = !read;
 }
 
 static void begin_estimate(const lptn_mpc_settings *o, lptn_mpc_state *m, const double *measured) {
@@ -42,7 +43,7 @@ static void begin_estimate(const lptn_mpc_settings *o, lptn_mpc_state *m, const 
 /* The estimate one control period on, under what was applied. */
 static void predict(const lptn_mpc_settings *o, lptn_mpc_state *m, lptn_mpc_work *w) {
     const double h = o->stage[0];
-    double ones[LPTN_NU], heat[LPTN_NU], made[LPTN_NN], *rates, *slope, *controlled, *unused;
+    double ones[LPTN_NU], heat[LPTN_NU], *made = m->made, *rates, *slope, *controlled, *unused;
     for (int j = 0; j < LPTN_NU; j++) ones[j] = 1, heat[j] = m->applied[j] * m->applied[j];
     memcpy(w->bias, m->bias, sizeof w->bias), memcpy(w->gain, m->gain, sizeof w->gain);
     evaluate(o, w, m->x, heat, m->conditions, &rates, &slope, &controlled, &unused);
@@ -61,12 +62,13 @@ static void predict(const lptn_mpc_settings *o, lptn_mpc_state *m, lptn_mpc_work
         P[0][1] = P[1][0] = moved[1], P[0][2] = P[2][0] = moved[2];
         P[0][0] = own + STEADY * STEADY * o->noise * o->noise;
         P[1][1] += o->doubt[i] * o->doubt[i] * h / BIAS_HOLDS;
-        P[2][2] += o->gain_doubt * o->gain_doubt * h / GAIN_HOLDS;
+        P[2][2] += o->gain_doubt[i] * o->gain_doubt[i] * h / GAIN_HOLDS;
     }
 }
 
 static void correct_node(const lptn_mpc_settings *o, lptn_mpc_state *m, int i, double reading) {
     double(*P)[3] = m->spread[i], gain[3], top[3];
+    m->guessed[i] = 0;
     const double innovation = reading - m->x[i], whole = P[0][0] + o->noise * o->noise;
     if (!(o->doubt[i] > 0) || !(whole > 0)) {
         m->x[i] = reading;
@@ -84,6 +86,22 @@ static void correct_node(const lptn_mpc_settings *o, lptn_mpc_state *m, int i, d
     m->gain[i] = fmax(-MOST_GAIN, fmin(m->gain[i] + gain[2] * innovation, MOST_GAIN));
     for (int a = 0; a < 3; a++)
         for (int b = 0; b < 3; b++) P[a][b] -= gain[a] * top[b];
+}
+
+/* What is kept below a limit for what is not known: so many standard deviations of the node's temperature one period on, by
+ * the filter's covariance. Later stages need no more: by then there will have been a reading. */
+static double margin_of(const lptn_mpc_settings *o, const lptn_mpc_state *m, int i) {
+    const double h = o->stage[0], row[3] = {1, h, h * m->made[i]};
+    double variance = o->grain * o->grain + STEADY * STEADY * o->noise * o->noise;
+    if (i >= LPTN_NN) return 0;
+    if (m->guessed[i] || !(o->doubt[i] > 0)) {
+        /* A guess is on the safe side as it is; readings taken as they are have their own noise. */
+        variance = o->noise * o->noise;
+    } else {
+        for (int a = 0; a < 3; a++)
+            for (int b = 0; b < 3; b++) variance += row[a] * m->spread[i][a][b] * row[b];
+    }
+    return o->sigmas * fmin(sqrt(fmax(variance, 0)), GUESSED);
 }
 
 /* Readings into the estimate; what was applied has moved it on by one period. */
