@@ -138,6 +138,8 @@ def _show(ahead: Forecast) -> None:
     cycles = f" ({window.cycles} gait cycles of {window.period:.3g} s)" if window.cycles and window.period else ""
     print(f"Taken to go on: {window.why}{cycles}.")
     print(f"Uncertainty of the model: {ahead.trust}.")
+    for doubt in ahead.doubts:
+        print(f"Not believed: {doubt}. Since then the forecast goes on from the model and the other sensors.")
 
 
 def _time(one: NodeForecast) -> str:

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, get_args
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Literal, NamedTuple, get_args
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
-from lptn.basics.arrays import FloatArray
+from lptn.basics.arrays import BoolArray, FloatArray
 from lptn.basics.errors import InputError
 from lptn.basics.parameters import Transform
 from lptn.model.model import Model
+from lptn.online.aliveness import Aliveness
 from lptn.online.augmented_model import AugmentedModel, ModelError, by_node
 from lptn.online.quantisation import as_gaussian, coarse_noise
 from lptn.simulate.bound_run import BoundRun
@@ -35,6 +36,7 @@ class Estimate:
             predicted − measured everywhere else.
         spreads: standard deviations expected of the innovations, rounding included [K].
         parameters: learnt parameters in their units, by name, each with its standard deviation.
+        untrusted: sensors whose readings are not taken in at present, by node, each with the reason in words.
     """
 
     nodes: tuple[str, ...]
@@ -43,6 +45,7 @@ class Estimate:
     innovations: FloatArray
     spreads: FloatArray
     parameters: dict[str, tuple[float, float]]
+    untrusted: dict[str, str] = field(default_factory=dict)
 
     def temperature(self, node: str) -> tuple[float, float]:
         """Temperature of a node [degC] and its standard deviation [K].
@@ -90,6 +93,25 @@ _UNKNOWN = 0.3  # standard deviation of a learnt parameter's coordinate: some 30
 _WALK = 0.05  # how far a learnt parameter's coordinate walks in an hour
 _HOUR, _DAY = 3600.0, 86400.0  # s; what was known a day ago is worth no more than a new start
 _LEAST_NOISE = 0.02  # K; no sensor of a robot is quieter
+_KEPT, _PART = 900.0, 30.0
+"""s: so far back an update can be taken again without a sensor that is found to stand, in parts of so long. What stands
+for longer before it is noticed is one of coarse steps, of which the filter has learnt little meanwhile."""
+
+
+class _Update(NamedTuple):
+    """One update as it was made, to make it again: the time then, inputs, readings that were taken in, length."""
+
+    clock: float
+    u: FloatArray
+    y: FloatArray
+    dt: float
+
+
+class _Part(NamedTuple):
+    """Some updates in turn, and the filter before the first of them: mean, covariance, resting, last inputs."""
+
+    before: tuple[FloatArray, FloatArray, FloatArray, FloatArray]
+    updates: list[_Update]
 
 
 class Estimator:
@@ -97,6 +119,12 @@ class Estimator:
 
     The state is the model's own, augmented by what `error` allows and by the doubtful parameters. The covariance
     is corrected in Joseph's form, :math:`(I-KH)P(I-KH)^\top + KRK^\top`, which keeps it positive for any gain.
+
+    It leans on no sensor that is not alive: one that stands bit for bit for longer than its steps, its noise and the
+    movement of the model explain, or that leaps. It then goes on from the model and the other sensors, surer of
+    nothing than its covariance says, `Estimate.untrusted` says why, and what it took from a standing sensor before that
+    was noticed is taken back. A sensor that moves again near what is expected is read again. Offsets and drifts are
+    found by `lptn.monitor`.
 
     Args:
         model: the model, at the values to start from.
@@ -112,6 +140,7 @@ class Estimator:
         learn_air: whether the air's error is learnt; else it only widens the uncertainty.
         start: temperatures to start from [degC] by node; by default the first readings.
         rounding: how the steps enter; the default is best, the others are there to be compared.
+        watch: whether sensors that are not alive are left out.
 
     Raises:
         InputError: an unknown node, parameter or column; a start that is infinite.
@@ -140,6 +169,7 @@ class Estimator:
         learn_air: bool = True,
         start: Mapping[str, float] | None = None,
         rounding: Rounding = "cell",
+        watch: bool = True,
     ) -> None:
         if rounding not in get_args(Rounding):
             raise ValueError(f"rounding: found {rounding!r}; expected one of {', '.join(get_args(Rounding))}")
@@ -161,6 +191,9 @@ class Estimator:
         self._z = np.full(layout.size, np.nan)
         self._covariance = np.zeros((len(self._z), len(self._z)))
         self._since_correction = np.eye(len(self._z))
+        self.aliveness = Aliveness(self._noise, self._step) if watch else None
+        """What is known of the sensors; `None` where they are not watched."""
+        self._recent: list[_Part] = []
         self.last: Correction | None = None
         """The linear algebra of the last update's correction; `None` where nothing was read."""
 
@@ -196,10 +229,22 @@ class Estimator:
         """
         u, y = _inputs_of(self.model, inputs), _readings_of(self.model, readings)
         self._refuse_time(dt)
+        self._remember(u, dt)
         if not self.running:
             self._begin(y, u)
         self._advance(u, dt)
-        return self._correct(y)
+        if self.aliveness is None:
+            return self._correct(y, np.isfinite(y))
+        predicted, by_state = self.augmented.readings(self._z)
+        before = self.aliveness.silent
+        taken, again = self.aliveness.judge(y, predicted, np.einsum("ij,jk,ik->i", by_state, self._covariance, by_state))
+        if (self.aliveness.silent & ~before).any():
+            self._take_back(self.aliveness.silent & ~before)
+        if again.any():  # the filter starts anew where it was contradicted
+            where = np.flatnonzero((by_state[again] != 0).any(axis=0) & (np.arange(self.size) < len(self.model.states)))
+            self._covariance[where, where] += _UNREAD**2
+        self._recent[-1].updates[-1].y[:] = np.where(taken, y, np.nan)
+        return self._correct(y, taken)
 
     def advance(self, inputs: Mapping[str, float], dt: float) -> None:
         """Advance by `dt` seconds without any reading.
@@ -209,6 +254,7 @@ class Estimator:
         """
         u = _inputs_of(self.model, inputs)
         self._refuse_time(dt)
+        self._remember(u, dt)
         if not self.running:
             self._begin(np.full(len(self.model.nodes), math.nan), u)
         self._advance(u, dt)
@@ -243,6 +289,7 @@ class Estimator:
             "covariance": self._covariance.copy(),
             "resting": self._resting.copy(),
             "inputs": self._last_inputs.copy(),
+            "sensors": np.zeros((0, len(self.model.nodes))) if self.aliveness is None else self.aliveness.state(),
         }
 
     def restore(self, state: Mapping[str, FloatArray]) -> None:
@@ -261,6 +308,38 @@ class Estimator:
         self._covariance = np.array(state["covariance"], dtype=float)
         self._resting = np.array(state["resting"], dtype=float)
         self._last_inputs = np.array(state["inputs"], dtype=float)
+        self._recent = []
+        if self.aliveness is not None:
+            self.aliveness.restore(np.array(state["sensors"], dtype=float))
+
+    def _remember(self, u: FloatArray, dt: float) -> None:
+        """Keep what is needed to make the last updates again."""
+        if self.aliveness is None:
+            return
+        self.aliveness.clock += dt
+        now = self.aliveness.clock
+        if not self._recent or now - self._recent[-1].updates[0].clock >= _PART:
+            kept = [part for part in self._recent if now - part.updates[-1].clock <= _KEPT]
+            before = (self._z.copy(), self._covariance.copy(), self._resting.copy(), self._last_inputs.copy())
+            self._recent = [*kept, _Part(before, [])]
+        self._recent[-1].updates.append(_Update(now, u, np.full(len(self.model.nodes), math.nan), dt))
+
+    def _take_back(self, found: BoolArray) -> None:
+        """Make the last updates again without the readings of sensors that were found to stand since."""
+        since = np.where(found, self.aliveness.since, math.inf) if self.aliveness else np.full(found.size, math.inf)
+        first = max((k for k, part in enumerate(self._recent) if part.updates[0].clock <= since.min()), default=0)
+        self._z, self._covariance, self._resting, self._last_inputs = (a.copy() for a in self._recent[first].before)
+        for number, part in enumerate(self._recent[first:]):
+            if number:
+                state = (self._z, self._covariance, self._resting, self._last_inputs)
+                for kept, value in zip(part.before, state, strict=True):
+                    kept[:] = value
+            for update in part.updates:
+                update.y[update.clock > since] = math.nan
+                if not self.running:
+                    self._begin(update.y, update.u)
+                self._advance(update.u, update.dt)
+                self._correct(update.y, np.isfinite(update.y))
 
     def _choose_parameters(self, walks: Mapping[str, float], covariance: FloatArray | None) -> None:
         """The parameters that become states: those to learn, and those whose covariance is given."""
@@ -331,19 +410,20 @@ class Estimator:
         self._covariance[where, where] += (self._change * change) ** 2
         self._last_inputs = u
 
-    def _correct(self, y: FloatArray) -> Estimate:
+    def _correct(self, y: FloatArray, taken: BoolArray) -> Estimate:
+        """Take in the readings that are `taken`; innovations are those of all."""
         self.last = None
         predicted, by_state = self.augmented.readings(self._z)
         innovation, spreads = y - predicted, np.full(len(y), math.nan)
+        prior = by_state @ self._covariance @ by_state.T
         seen = np.isfinite(innovation)
-        h, noise, step = by_state[seen], self._noise[seen], self._step[seen]
-        cross = self._covariance @ h.T
-        prior = h @ cross
-        spreads[seen] = np.sqrt(np.diag(prior) + noise + step**2 / 12)
-        surprise, variance = innovation[seen], noise + step**2 / 12
+        spreads[seen] = np.sqrt(np.diag(prior) + self._noise + self._step**2 / 12)[seen]
+        h, noise, step = by_state[taken], self._noise[taken], self._step[taken]
+        cross, prior = self._covariance @ h.T, prior[np.ix_(taken, taken)]
+        surprise, variance = innovation[taken], noise + step**2 / 12
         if self._rounding == "cell" and step.any():
             surprise, variance = as_gaussian(surprise, np.diag(prior), noise, step)
-        if seen.any():
+        if taken.any():
             self._take_in(h, cross, prior + np.diag(variance), surprise, variance)
         return self._estimate(innovation, spreads)
 
@@ -379,8 +459,11 @@ class Estimator:
             for index, value, error, chosen in zip(self.doubtful, values, errors, self._learnt, strict=True)
             if chosen
         }
+        watched = self.aliveness
+        reasons = {} if watched is None else {node: watched.why_not(k) for k, node in enumerate(self.model.nodes)}
+        doubts = {node: reason for node, reason in reasons.items() if reason}
         return Estimate(
-            tuple(self.model.nodes), self._z[:nodes].copy(), deviations[:nodes], innovation, spreads, learnt
+            tuple(self.model.nodes), self._z[:nodes].copy(), deviations[:nodes], innovation, spreads, learnt, doubts
         )
 
     def _refuse_time(self, dt: float) -> None:

@@ -14,6 +14,7 @@ from lptn.logs.run import Run
 from lptn.model.model import Model
 from lptn.online.augmented_model import ModelError
 from lptn.online.estimator import Correction, Estimator, run_filter
+from lptn.online.sensor_faults import Alarm, Kind
 from lptn.simulate.bound_run import BoundRun, bind
 
 OFFSET, DRIFT = 0, 1
@@ -141,7 +142,8 @@ def coarsely_bound(model: Model, run: Run, step: float) -> BoundRun:
 
 def gaussian_estimator(model: Model, noise: Noise, error: ModelError) -> Estimator:
     """An estimator for coarse steps; rounding enters as white noise, since the likelihood ratios are of Gaussians."""
-    return Estimator(model, noise=dict(zip(model.nodes, noise.floor.tolist(), strict=True)), error=error)
+    white = dict(zip(model.nodes, noise.floor.tolist(), strict=True))
+    return Estimator(model, noise=white, error=error, watch=False)
 
 
 def fault_statistics(
@@ -160,3 +162,38 @@ def fault_statistics(
     for k, _ in enumerate(run_filter(estimator, bound, measured)):
         time = float(bound.run.time[k]) + delay
         yield time, ratios.update(time, estimator.last, np.isfinite(measured[:, k]))
+
+
+# --- The first sensor that is called --------------------------------------------------------------
+
+_SETTLED = 240.0  # s behind an alarm: by then offset and drift can be told apart
+
+
+def first_alarm(estimator: Estimator, bound: BoundRun, measured: FloatArray, limits: FloatArray) -> Alarm | None:
+    """The first alarm among the sensors that are read; its kind as it looks some minutes later.
+
+    Args:
+        estimator: fresh.
+        bound: the run.
+        measured: readings [degC] as they are to be believed, shape (nodes, n).
+        limits: weight that calls an offset, a drift [standard deviations], shape (2, nodes).
+    """
+    alarm: Alarm | None = None
+    row = 0
+    for time, statistics in fault_statistics(estimator, bound, measured):
+        if alarm is None:
+            excess = statistics.weight / limits
+            if excess.max() > 1:
+                row = int(excess.max(axis=0).argmax())
+                alarm = _alarm(estimator.model.nodes[row], statistics, row, limits, time)
+        elif time <= alarm.time + _SETTLED:
+            alarm = _alarm(estimator.model.nodes[row], statistics, row, limits, alarm.time)
+        else:
+            break
+    return alarm
+
+
+def _alarm(node: str, statistics: FaultStatistics, row: int, limits: FloatArray, time: float) -> Alarm:
+    kind = int((statistics.weight[:, row] / limits[:, row]).argmax())
+    name: Kind = "drift" if kind == DRIFT else "offset"
+    return Alarm(node, name, time, float(statistics.onset[kind, row]), float(statistics.size[kind, row]))

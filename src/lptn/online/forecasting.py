@@ -23,8 +23,10 @@ from lptn.logs.run import Run
 from lptn.model.file import FitTable
 from lptn.model.model import Model
 from lptn.online.augmented_model import AugmentedModel, ModelError
+from lptn.online.believed import Doubt, refuse_none, standing_or_leaping, wandering, without
 from lptn.online.estimator import Estimator, run_filter
 from lptn.online.operating_point import Gait, OperatingPoint, WindowChoice, find_gait, present_operating_point
+from lptn.online.quantisation import coarse_noise
 from lptn.simulate.bound_run import BoundRun, bind, default_start
 from lptn.simulate.dynamics import zero_order_hold
 
@@ -81,6 +83,7 @@ class Forecast:
         trust: where the uncertainty of the model is from, in words.
         log: time [s] until the end of the log, 0 there, shape (k,).
         measured: its readings [degC], shape (names, k), NaN where missing.
+        doubts: sensors on which the forecast does not lean at the end of the log, and why.
     """
 
     nodes: dict[str, NodeForecast]
@@ -94,6 +97,7 @@ class Forecast:
     trust: str
     log: FloatArray
     measured: FloatArray
+    doubts: tuple[Doubt, ...] = ()
 
     def as_json(self) -> dict[str, object]:
         """The forecast as other tools read it: s and degC; what is never reached is null."""
@@ -108,6 +112,7 @@ class Forecast:
                 "why": self.window.why,
             },
             "nodes": {name: _json(node) for name, node in self.nodes.items()},
+            "not_believed": {doubt.node: {"since": doubt.since, "why": doubt.why} for doubt in self.doubts},
             "path": {
                 "time": self.time.tolist(),
                 "temperature": dict(zip(self.names, self.temperature.tolist(), strict=True)),
@@ -238,22 +243,11 @@ def present(model: Model, run: Run, noise: Noise, uncertainty: ModelUncertainty)
     """
     blocks = _blocks(run)
     bound = bind(model, blocks)
-    white = np.maximum(noise.white / np.sqrt(max(1.0, blocks.step / run.step)), _LEAST_NOISE)
-    learn = [model.parameters[index].name for index in model.free] if uncertainty.adequate else []
-    size = float(np.sqrt(np.mean((uncertainty.error / _warming(model, bound)) ** 2)))
+    size = _missing_heat(model, bound, uncertainty)
 
     def filtered(scale: float) -> tuple[float, Estimator]:
         """Logarithm of the posterior probability of missing heat of that scale, and the estimator with it."""
-        estimator = Estimator(
-            model,
-            noise=dict(zip(model.nodes, white.tolist(), strict=True)),
-            step=dict(zip(model.nodes, noise.step.tolist(), strict=True)),
-            error=ModelError(heat=scale * size, heat_time=_HEAT_TIME, air=_AIR),
-            learn=dict.fromkeys(learn, 0.0),
-            covariance=uncertainty.covariance,
-            learn_air=uncertainty.adequate,
-            rounding="white",  # means over blocks lie between a sensor's steps
-        )
+        estimator = _of_blocks(model, blocks.step / run.step, noise, uncertainty, _error(scale * size))
         # A factor of two from the usual scale is one standard deviation.
         likelihood = -0.5 * (log(scale / _USUAL_SCALE) / log(2.0)) ** 2
         for _ in run_filter(estimator, bound):
@@ -263,6 +257,95 @@ def present(model: Model, run: Run, noise: Noise, uncertainty: ModelUncertainty)
         return likelihood, estimator
 
     return max(map(filtered, _SCALES), key=lambda pair: pair[0])[1]
+
+
+def _missing_heat(model: Model, bound: BoundRun, uncertainty: ModelUncertainty) -> float:
+    """The size that the fit's errors suggest [W]."""
+    return float(np.sqrt(np.mean((uncertainty.error / _warming(model, bound)) ** 2)))
+
+
+def _error(heat: float) -> ModelError:
+    return ModelError(heat=heat, heat_time=_HEAT_TIME, air=_AIR)
+
+
+def _estimator(
+    model: Model, white: FloatArray, step: FloatArray, uncertainty: ModelUncertainty, error: ModelError, *, watch: bool
+) -> Estimator:
+    """An estimator with what the fit leaves open; readings are means, or are taken one by one and watched."""
+    learn = [model.parameters[index].name for index in model.free] if uncertainty.adequate else []
+    return Estimator(
+        model,
+        noise=dict(zip(model.nodes, white.tolist(), strict=True)),
+        step=dict(zip(model.nodes, step.tolist(), strict=True)),
+        error=error,
+        learn=dict.fromkeys(learn, 0.0),
+        covariance=uncertainty.covariance,
+        learn_air=uncertainty.adequate,
+        rounding="cell" if watch else "white",  # means over blocks lie between a sensor's steps
+        watch=watch,
+    )
+
+
+def _of_blocks(
+    model: Model, count: float, noise: Noise, uncertainty: ModelUncertainty, error: ModelError
+) -> Estimator:
+    """An estimator for means over so many readings."""
+    white = np.maximum(noise.white / np.sqrt(max(1.0, count)), _LEAST_NOISE)
+    return _estimator(model, white, noise.step, uncertainty, error, watch=False)
+
+
+# --- Sensors that are alive -----------------------------------------------------------------------
+
+_FAULT = 6.0
+"""Standard deviations of an offset or drift that is called: chance among some thousand onsets at some ten sensors, times
+one faulty sensor in a thousand logs, is met by 5.5."""
+_MISSING = 60.0  # s without a reading at the end of a log, that is worth a word
+
+
+def believed(model: Model, run: Run, uncertainty: ModelUncertainty) -> tuple[Run, list[Doubt]]:
+    """The end of a run without the readings of sensors that are not alive, and the sensors that are not at its end.
+
+    Raises:
+        InputError: no sensor is alive.
+    """
+    run = run.slice(float(run.time[-1]) - _MEMORY, float("inf"))
+    bound, nodes = bind(model, run), tuple(model.nodes)
+    noise, size = estimate_noise([bound], nodes), _missing_heat(model, bound, uncertainty)
+    coarse = [coarse_noise([bound], row, step) if step > 0 else 0.0 for row, step in enumerate(noise.step)]
+    # A sensor that stands for most of the log shows no noise of its own.
+    white = np.maximum(np.maximum(noise.white, coarse), max(_LEAST_NOISE, float(np.median(noise.white))))
+    watching = _estimator(model, white, noise.step, uncertainty, _error(_USUAL_SCALE * size), watch=True)
+    left_out, doubts = standing_or_leaping(watching, bound)
+    run = without(run, nodes, left_out)
+    refuse_none(run, nodes, doubts)
+    noise = estimate_noise([bind(model, run)], nodes)
+    blocks = _blocks(run)
+    error = present(model, run, noise, uncertainty).error
+
+    def fresh() -> Estimator:
+        return _of_blocks(model, blocks.step / run.step, noise, uncertainty, error)
+
+    limits = np.full((2, len(nodes)), _FAULT)
+    _, wander = wandering(fresh, bind(model, blocks), limits)
+    since = {doubt.node: doubt.since for doubt in wander}
+    later = np.array([run.time >= since.get(node, inf) for node in nodes])
+    run = without(run, nodes, later)
+    doubts += [doubt for doubt in wander if doubt.node not in {each.node for each in doubts}]
+    refuse_none(run, nodes, doubts)
+    return run, doubts
+
+
+def _without_readings(bound: BoundRun, model: Model, doubts: Sequence[Doubt]) -> list[Doubt]:
+    """Sensors that the log measures, but not at its end."""
+    found, known = [], {doubt.node for doubt in doubts}
+    for node, readings in zip(model.nodes, bound.measured, strict=True):
+        finite = np.flatnonzero(np.isfinite(readings))
+        last = int(finite[-1]) + 1 if finite.size else 0
+        seconds = (readings.size - last) * bound.run.step
+        if bound.run.has(f"temperature.{node}") and seconds >= _MISSING and node not in known:
+            since = float(bound.run.time[min(last, readings.size - 1)])
+            found.append(Doubt(node, since, f"has no reading to be believed in the last {seconds:.0f} s"))
+    return found
 
 
 def _blocks(run: Run) -> Run:
@@ -310,7 +393,8 @@ def forecast(
     square, and held. Gait cycles are a hundred times shorter than any thermal time constant, so holding their
     average is repeating them. The interval holds: errors of the parameters, heat that the model lacks (autocorrelated),
     a cooling that differs from run to run, the present temperatures (noise and steps of the sensors), and
-    the scatter of what was averaged.
+    the scatter of what was averaged. Sensors that are not alive are left out (see `Forecast.doubts`); from where they
+    cease to be, the model goes on alone, and the interval is as wide as the filter's covariance then says.
 
     Args:
         model: the fitted model.
@@ -328,7 +412,7 @@ def forecast(
         Times, temperatures and their intervals.
 
     Raises:
-        InputError: the log is too short, lacks an input or measures no node; a limit for a node that the model lacks.
+        InputError: the log is too short, lacks an input, measures no node or has no sensor that is alive; a limit for a node that the model lacks.
         ValueError: a coverage, number of cycles or window out of range.
 
     Source: [QuadrupedLPTN, application 3].
@@ -353,7 +437,9 @@ def forecast(
         speeds = [values for name, values in run.columns.items() if name.startswith("velocity.")]
         gait = find_gait(speeds, run.step)
     point = present_operating_point(bound, model.inputs, window, cycles, gait)
-    estimator = present(model, run, estimate_noise([bound], model.nodes), uncertainty)
+    kept, doubts = believed(model, run, uncertainty)
+    doubts += _without_readings(bound, model, doubts)
+    estimator = present(model, kept, estimate_noise([bind(model, kept)], model.nodes), uncertainty)
     time, mean, deviation, settles = _held(estimator, point)
     half = float(ndtri(0.5 + coverage / 2)) * deviation
     low, high = mean - half, mean + half
@@ -385,6 +471,7 @@ def forecast(
         trust=uncertainty.source,
         log=run.time - run.time[-1] - run.step,
         measured=bound.measured,
+        doubts=tuple(doubts),
     )
 
 

@@ -8,21 +8,17 @@ from math import inf
 
 import numpy as np
 
-from lptn.basics.arrays import FloatArray
 from lptn.logs.run import Run
 from lptn.model.model import Model
 from lptn.online.calibration import Calibration, uncalibrated
 from lptn.online.fault_likelihood import (
-    DRIFT,
     STEP,
-    FaultStatistics,
     coarsely_bound,
-    fault_statistics,
+    first_alarm,
     gaussian_estimator,
 )
 from lptn.online.sensor_faults import (
     Alarm,
-    Kind,
     MonitoredRun,
     believable,
     dropouts,
@@ -30,7 +26,6 @@ from lptn.online.sensor_faults import (
     offset_or_drift,
     or_stuck,
 )
-from lptn.simulate.bound_run import BoundRun
 
 THRESHOLD = 10.0
 """K; the threshold of [QuadrupedLPTN, application 2]."""
@@ -136,9 +131,6 @@ def alarms_by_threshold(watched: MonitoredRun, threshold: float) -> tuple[Alarm,
 
 # --- The statistical detector: what a fault of each kind would do to a filter's innovations -------
 
-_SETTLED = 240.0  # s behind an alarm: by then offset and drift can be told apart
-
-
 def alarms_by_statistics(model: Model, watched: MonitoredRun, calibration: Calibration) -> tuple[Alarm, ...]:
     """The first alarm at each sensor.
 
@@ -151,7 +143,8 @@ def alarms_by_statistics(model: Model, watched: MonitoredRun, calibration: Calib
     faulty_since = np.full(len(model.nodes), inf)
     while True:
         trusted = np.where(coarse.run.time >= faulty_since[:, None], np.nan, measured)
-        alarm = _first(model, coarse, trusted, calibration)
+        estimator = gaussian_estimator(model, calibration.noise, calibration.error)
+        alarm = first_alarm(estimator, coarse, trusted, calibration.limits)
         if alarm is None:
             return first_at_each_sensor(alarms)
         faulty_since[model.nodes.index(alarm.node)] = alarm.onset - coarse.run.step
@@ -166,27 +159,3 @@ def _standing(watched: MonitoredRun, calibration: Calibration) -> list[Alarm]:
         if far.size:
             alarms.append(or_stuck(watched, offset_or_drift(watched, row, int(far[0]))))
     return alarms
-
-
-def _first(model: Model, coarse: BoundRun, measured: FloatArray, calibration: Calibration) -> Alarm | None:
-    """The first alarm among sensors that still count; its kind as it looks some minutes later."""
-    alarm: Alarm | None = None
-    row = 0
-    estimator = gaussian_estimator(model, calibration.noise, calibration.error)
-    for time, statistics in fault_statistics(estimator, coarse, measured):
-        if alarm is None:
-            excess = statistics.weight / calibration.limits
-            if excess.max() > 1:
-                row = int(excess.max(axis=0).argmax())
-                alarm = _alarm(model.nodes[row], statistics, row, calibration, time)
-        elif time <= alarm.time + _SETTLED:
-            alarm = _alarm(model.nodes[row], statistics, row, calibration, alarm.time)
-        else:
-            break
-    return alarm
-
-
-def _alarm(node: str, statistics: FaultStatistics, row: int, calibration: Calibration, time: float) -> Alarm:
-    kind = int((statistics.weight[:, row] / calibration.limits[:, row]).argmax())
-    name: Kind = "drift" if kind == DRIFT else "offset"
-    return Alarm(node, name, time, float(statistics.onset[kind, row]), float(statistics.size[kind, row]))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
@@ -172,8 +172,9 @@ def leg_logs(
     start: Start = "cold",
     rate: float = 10.0,
     columns: Columns = "asked",
+    runs: Mapping[str, Run] | None = None,
 ) -> dict[str, pd.DataFrame]:
-    """Simulate two runs to fit and one to hold out.
+    """Simulate two runs to fit and one to hold out, or runs of your own.
 
     Equal arguments give equal logs. Calls that differ only in ``hidden`` share parameters, movements, noise.
 
@@ -194,6 +195,7 @@ def leg_logs(
             effect away. Below 10 Hz torque_abs.<joint> (N·m, mean |torque|) and mechanical_power.<joint> (W, mean
             |torque × velocity|); power.pc and power.battery (W), speed.fan (share of full speed), irradiance.global
             (W/m²).
+        runs: in place of those three.
 
     Returns:
         "fit1", "fit2" and "holdout", each with the columns time (s), torque.<joint> (N·m), velocity.<joint>
@@ -205,7 +207,7 @@ def leg_logs(
     check_one_of("rate", rate, RATES, " Hz")
     check_one_of("start", start, get_args(Start))
     check_one_of("columns", columns, get_args(Columns))
-    sensor, runs = Sensor(noise, quantisation, dropouts), draw_runs(seed)
+    sensor, runs = Sensor(noise, quantisation, dropouts), draw_runs(seed) if runs is None else runs
     leg = draw_leg(seed, max(scatter, ROUGH_SCATTER) if rough else scatter)
     if rough:
         roughen(leg)

@@ -1,0 +1,118 @@
+"""Which readings of a run are to be believed, by the model and its own errors: those of sensors that are alive.
+
+Reading by reading a filter leaves out sensors that stand or leap (`aliveness`); of the others, offsets and drifts that the
+model's errors don't explain are found by their likelihood ratio (`fault_likelihood`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from lptn.basics.arrays import BoolArray, FloatArray
+from lptn.basics.errors import InputError
+from lptn.logs.run import Run
+from lptn.online.estimator import Estimator, run_filter
+from lptn.online.fault_likelihood import first_alarm
+from lptn.online.sensor_faults import Alarm
+from lptn.simulate.bound_run import BoundRun
+
+
+@dataclass(frozen=True)
+class Doubt:
+    """A sensor that is not believed.
+
+    Args:
+        node: whose sensor.
+        since: s of the log's clock; readings from then on are left out.
+        why: in words.
+    """
+
+    node: str
+    since: float
+    why: str
+
+    def __str__(self) -> str:
+        return f"{self.node}: {self.why}"
+
+
+def without(run: Run, nodes: tuple[str, ...], left_out: BoolArray) -> Run:
+    """A run without the readings that are `left_out`, shape (nodes, n)."""
+    columns = dict(run.columns)
+    for node, rows in zip(nodes, left_out, strict=True):
+        if rows.any():
+            columns[f"temperature.{node}"] = np.where(rows, np.nan, columns[f"temperature.{node}"])
+    return replace(run, columns=columns)
+
+
+def standing_or_leaping(estimator: Estimator, bound: BoundRun) -> tuple[BoolArray, list[Doubt]]:
+    """Readings of sensors that stand, and single ones that leap, shape (nodes, n); and those not believed at the end.
+
+    Args:
+        estimator: fresh, one that watches its sensors.
+        bound: the run.
+    """
+    sensors, time = estimator.aliveness, bound.run.time
+    if sensors is None:
+        raise ValueError("estimator: found one that does not watch its sensors; expected watch=True")
+    left_out = np.zeros(bound.measured.shape, dtype=bool)
+    estimate = None
+    for k, estimate in enumerate(run_filter(estimator, bound)):
+        left_out[:, k] = sensors.far & np.isfinite(bound.measured[:, k])
+        for row in np.flatnonzero(sensors.silent):
+            # The first of the readings that stand was one.
+            since = time[k] - (sensors.clock - sensors.since[row])
+            left_out[row, : k + 1] |= time[: k + 1] > since + 0.5 * bound.run.step
+    reasons = {} if estimate is None else estimate.untrusted
+    nodes = estimator.model.nodes
+    return left_out, [Doubt(node, _since(left_out[nodes.index(node)], time), why) for node, why in reasons.items()]
+
+
+def _since(rows: BoolArray, time: FloatArray) -> float:
+    """Since when all readings have been left out [s]."""
+    kept = np.flatnonzero(~rows)
+    return float(time[min(kept[-1] + 1, time.size - 1)] if kept.size else time[0])
+
+
+def wandering(
+    make: Callable[[], Estimator], bound: BoundRun, limits: FloatArray
+) -> tuple[BoolArray, list[Doubt]]:
+    """Readings of sensors that are off, or drift, by more than the model's errors explain, shape (nodes, n).
+
+    None is called unless most of the sensors agree with the model: of one sensor and one model nothing says which is wrong.
+
+    Args:
+        make: gives a fresh estimator that takes all readings in.
+        bound: the run, in steps of some 10 s.
+        limits: weight that calls an offset, a drift [standard deviations], shape (2, nodes).
+    """
+    left_out, doubts = np.zeros(bound.measured.shape, dtype=bool), []
+    seen = int(np.isfinite(bound.measured).any(axis=1).sum())
+    while 2 * len(doubts) < seen:
+        measured = np.where(left_out, np.nan, bound.measured)
+        estimator = make()
+        alarm = first_alarm(estimator, bound, measured, limits)
+        if alarm is None:
+            return left_out, doubts
+        left_out[estimator.model.nodes.index(alarm.node)] |= bound.run.time >= alarm.onset - bound.run.step
+        doubts.append(Doubt(alarm.node, alarm.onset, _why(alarm, float(bound.run.time[-1]) + bound.run.step)))
+    return np.zeros_like(left_out), []
+
+
+def _why(alarm: Alarm, end: float) -> str:
+    size = 0.0 if alarm.size is None else alarm.size
+    what = f"is off by {size:+.2g} K" if alarm.kind == "offset" else f"drifts by {3600 * size:+.2g} K/h"
+    return f"{what}, as it seems, for {end - alarm.onset:.0f} s"
+
+
+def refuse_none(run: Run, nodes: tuple[str, ...], doubts: list[Doubt]) -> None:
+    """Refuse a run in which no sensor is alive.
+
+    Raises:
+        InputError: it is such a one.
+    """
+    readings = [run.columns[f"temperature.{node}"] for node in nodes if run.has(f"temperature.{node}")]
+    if not any(np.isfinite(each).any() for each in readings):
+        raise InputError(run.source, "temperature columns", "; ".join(map(str, doubts)), "a sensor that is alive")
