@@ -104,7 +104,8 @@ class Study:
         fit: logs whose runs parameters are fitted to, and missing effects sought in.
         holdout: logs that no fit sees; they tell apart what the fitted runs can't, and end the selection.
         test: logs looked at once, in the report, when all is decided.
-        holdout_after: time [s, in each log's clock] from which the logs to fit are held out themselves.
+        holdout_after: time [s, in each log's clock] from which the logs to fit are held out themselves; `"+300"` for
+            300 s after each log's start.
         columns: other people's column names, such as `"temperature.FR_calf=T3[degF]"`; `"guess"` to have them guessed.
         ambient_error: how far the ambient sensor may be off in each run [K], one standard deviation; 0.3 by default.
         torque_error: how far each joint's torque or current may be off in each run, as a share, one standard deviation;
@@ -122,7 +123,7 @@ class Study:
         holdout: Logs = (),
         test: Logs = (),
         *,
-        holdout_after: float | None = None,
+        holdout_after: float | str | None = None,
         columns: Sequence[str] = (),
         ambient_error: float | None = None,
         torque_error: float | None = None,

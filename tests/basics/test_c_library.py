@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
+import subprocess
+import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -47,6 +51,102 @@ def test_no_library_is_taken_from_another_user_s_folder(cache: Path, monkeypatch
     mine = os.getuid()
     monkeypatch.setattr("os.getuid", lambda: mine + 1)
     with pytest.raises(PermissionError, match="others can write"):
+        shared_library(SOURCES, "one.c", ())
+
+
+@pytest.mark.parametrize("spoil", ["truncated", "other bytes", "empty"])
+def test_a_library_that_is_not_whole_is_made_anew(spoil: str) -> None:
+    path = shared_library(SOURCES, "one.c", ())
+    content = path.read_bytes()
+    path.write_bytes({"truncated": content[: len(content) // 2], "empty": b""}.get(spoil, b"\0" + content[1:]))
+    again = shared_library(SOURCES, "one.c", ())
+    assert ctypes.CDLL(str(again)).one() == 1
+    assert [each.name for each in again.parent.iterdir()] == [again.name]
+
+
+def test_a_link_in_the_cache_is_not_loaded(tmp_path: Path) -> None:
+    path = shared_library(SOURCES, "one.c", ())
+    elsewhere = tmp_path / "elsewhere.so"
+    path.rename(elsewhere)
+    path.symlink_to(elsewhere)
+    assert not shared_library(SOURCES, "one.c", ()).is_symlink()
+    assert elsewhere.exists()
+
+
+def test_no_library_is_taken_through_a_link_into_a_folder_that_others_can_write(cache: Path, tmp_path: Path) -> None:
+    shared_library(SOURCES, "one.c", ())
+    shared = tmp_path / "shared"
+    shared.mkdir()
+    cache.rename(shared / "native")
+    cache.symlink_to(shared / "native")
+    shared_library(SOURCES, "one.c", ())  # a link into a folder of one's own, on another disk perhaps, is fine
+    shared.chmod(0o777)
+    with pytest.raises(PermissionError, match="others can write"):
+        shared_library(SOURCES, "one.c", ())
+    shared.chmod(0o1777)  # as /tmp, where nobody can rename what others made
+    shared_library(SOURCES, "one.c", ())
+
+
+def script(path: Path, text: str) -> Path:
+    path.write_text(f"#!/bin/sh\n{text}\n")
+    path.chmod(0o700)
+    return path
+
+
+@pytest.fixture
+def fresh_compiler() -> Iterator[None]:
+    """The compiler is looked for anew, before and after."""
+    compiler.cache_clear()
+    yield
+    compiler.cache_clear()
+
+
+@pytest.mark.usefixtures("fresh_compiler")
+def test_a_compiler_with_flags(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    real = compiler()
+    assert real is not None
+    noted = script(tmp_path / "my cc", f'echo "$@" > "{tmp_path}/asked"; exec {real[0]} "$@"')
+    monkeypatch.setenv("CC", f"'{noted}' -DTWO=2 -g0")
+    compiler.cache_clear()
+    path = shared_library({"two.c": "int two(void) { return TWO; }\n"}, "two.c", ("-O1",))
+    assert ctypes.CDLL(str(path)).two() == 2
+    assert (tmp_path / "asked").read_text().startswith("-DTWO=2 -g0 -O1")
+
+
+@pytest.mark.usefixtures("fresh_compiler")
+@pytest.mark.parametrize("named", ["no-such-compiler -O2", "cc 'unclosed"])
+def test_a_compiler_that_is_none(named: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("CC", named)
+    compiler.cache_clear()
+    with pytest.raises(OSError, match="no C compiler"):
+        shared_library(SOURCES, "one.c", ())
+
+
+@pytest.mark.usefixtures("fresh_compiler")
+def test_a_compiler_that_hangs_is_stopped_with_all_it_started(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    hangs = script(tmp_path / "cc", f'sleep 600 & echo $! > "{tmp_path}/child"; wait')
+    monkeypatch.setenv("CC", str(hangs))
+    monkeypatch.setattr("lptn.basics.c_library._LONGEST", 0.5)
+    compiler.cache_clear()
+    with pytest.raises(OSError, match="no end of the compilation"):
+        shared_library(SOURCES, "one.c", ())
+    child = int((tmp_path / "child").read_text())
+    for _ in range(100):
+        try:
+            os.kill(child, 0)
+        except ProcessLookupError:
+            return
+        if Path(f"/proc/{child}/stat").exists() and Path(f"/proc/{child}/stat").read_text().split()[2] == "Z":
+            return  # ended, and waits for whoever inherits it
+        time.sleep(0.02)
+    pytest.fail("what the compiler started is still there")
+
+
+@pytest.mark.usefixtures("fresh_compiler")
+def test_a_compiler_that_waits_for_a_line_gets_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("CC", str(script(tmp_path / "cc", "read line; exit 3")))
+    compiler.cache_clear()
+    with pytest.raises(subprocess.CalledProcessError):
         shared_library(SOURCES, "one.c", ())
 
 

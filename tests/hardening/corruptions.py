@@ -111,6 +111,22 @@ def _now_and_then(value: float, share: float = 0.003) -> Callable[[Log, str, Rng
     return change
 
 
+def _twice(value: float) -> Callable[[Log, str, Rng], None]:
+    def change(log: Log, joint: str, rng: Rng) -> None:
+        for row in rng.integers(100, len(log) - 100, 3):
+            log.loc[row : row + 1, f"temperature.{joint}"] = value
+
+    return change
+
+
+def _without_air(change: Callable[[Log, str, Rng], None]) -> Callable[[Log, str, Rng], None]:
+    def both(log: Log, joint: str, rng: Rng) -> None:
+        del log["temperature.ambient"]
+        change(log, joint, rng)
+
+    return both
+
+
 def _clamped(quantile: float, *, above: bool) -> Callable[[Log, str, Rng], None]:
     def change(log: Log, joint: str, _rng: Rng) -> None:
         name = f"temperature.{joint}"
@@ -217,6 +233,7 @@ CORRUPTIONS: dict[str, Corruption] = {
     "a sensor gives full scale to the end": Corruption(_ends_at(125.0), _SENSOR, ("dead", "code")),
     "a sensor gives −40 for 15 min": Corruption(_stands_at(-40.0), _SENSOR, ("dead", "code")),
     "a code −127 now and then": Corruption(_now_and_then(-127.0), _SENSOR, ("code",)),
+    "a code −127 in two readings in a row": Corruption(_twice(-127.0), _SENSOR, ("code",)),
     "a code 255 now and then": Corruption(_now_and_then(255.0), _SENSOR, ("code",)),
     "a code 85 at power-up": Corruption(_single(_SENSOR, 85.0), _SENSOR, ("code", "spike")),
     "a single 0": Corruption(_single(_SENSOR, 0.0), _SENSOR, ("code", "spike")),
@@ -227,8 +244,10 @@ CORRUPTIONS: dict[str, Corruption] = {
     "spikes of 20 K": Corruption(_spiky(20.0), _SENSOR, ("spike", "code")),
     "spikes of 8 K": Corruption(_spiky(8.0), _SENSOR, ("spike",)),
     "kelvin": Corruption(_scaled("temperature.*", 1.0, 273.15), "*", _UNIT),
+    "kelvin, and no column for the air": Corruption(_without_air(_scaled("temperature.*", 1.0, 273.15)), "*", _UNIT),
     "one sensor in kelvin": Corruption(_scaled(_SENSOR, 1.0, 273.15), _SENSOR, _UNIT),
     "Fahrenheit": Corruption(_scaled("temperature.*", 1.8, 32.0), "*", _UNIT),
+    "Fahrenheit, and no column for the air": Corruption(_without_air(_scaled("temperature.*", 1.8, 32.0)), "*", _UNIT),
     "tenths of a degree": Corruption(_scaled(_SENSOR, 10.0), _SENSOR, _UNIT),
     "hundredths of a degree": Corruption(_scaled(_SENSOR, 100.0), _SENSOR, _UNIT),
     "thousandths of a degree": Corruption(_scaled(_SENSOR, 1000.0), _SENSOR, _UNIT),

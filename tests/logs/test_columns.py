@@ -62,7 +62,7 @@ def test_a_norm_joins_columns() -> None:
 @pytest.mark.parametrize(
     ("key", "entry", "found", "expected"),
     [
-        ("temperature.a", {"column": "T", "units": "K"}, "key 'units'", "column, norm, unit, scale, offset"),
+        ("temperature.a", {"column": "T", "units": "K"}, "key 'units'", "column, norm, product, mean, rate, unit"),
         ("temperature", "T", "key 'temperature'", "<quantity>.<place>"),
         ("torque.a", {"column": "M", "unit": "W"}, "unit 'W'", "a unit of torque, such as N*m"),
         ("torque.a", {"column": "M", "unit": "%"}, "unit '%'", "a unit of torque"),
@@ -117,7 +117,7 @@ def test_a_wrong_map_option_is_named(refuse: object, text: str) -> None:
         ColumnSource(("T1",)),
         ColumnSource(("T[3]",)),
         ColumnSource(("Motor temp [degC]",), "degC"),
-        ColumnSource(("T",), "K", 2.0, -1.5, False, 65536.0, (850.0, -127.0), (-40.0, 2000.0)),
+        ColumnSource(("T",), "K", 2.0, -1.5, "norm", 65536.0, (850.0, -127.0), (-40.0, 2000.0)),
         ColumnSource(('a "quoted" name',), "K"),
     ],
 )
@@ -128,11 +128,36 @@ def test_lines_to_paste_are_read_as_they_are_meant(source: ColumnSource) -> None
     assert parse_map_option(option) == ("temperature.a", source)
 
 
-@pytest.mark.parametrize("way", ["norm", "product"])
-def test_lines_of_several_columns(way: str) -> None:
-    source = ColumnSource(("i_d", "i_q"), "mA", product=way == "product")
+@pytest.mark.parametrize(
+    "source",
+    [
+        ColumnSource(("i_d", "i_q"), "mA", how="norm"),
+        ColumnSource(("u_dc", "i_dc"), "mA", how="product"),
+        ColumnSource(("A 1", "A 2"), "mA", how="mean", invalid=(850.0,)),
+    ],
+)
+def test_lines_of_several_columns(source: ColumnSource) -> None:
     assert parse_columns(tomllib.loads(toml_line("current.a", source)), "m", "[columns]") == {"current.a": source}
-    assert map_option("current.a", source) == ""
+    option = map_option("current.a", source).removeprefix('--map "').removesuffix('"')
+    assert parse_map_option(option) == ("current.a", source)
+
+
+def test_a_name_with_a_comma_has_no_option() -> None:
+    assert map_option("current.a", ColumnSource(("i, d", "i, q"), how="mean")) == ""
+
+
+def test_a_mean_is_missing_where_one_of_its_columns_is() -> None:
+    source = parse_map_option("temperature.a=[degF; mean=T1,T2]")[1]
+    values = source.values("temperature.a", {"T1": np.array([32.0, 50.0]), "T2": np.array([68.0, np.nan])})
+    np.testing.assert_allclose(values, [10.0, np.nan])
+
+
+def test_a_rate_is_of_time_alone() -> None:
+    source = ColumnSource((), rate=50.0)
+    assert parse_columns({"time": {"rate": 50}}, "m", "[columns]") == {"time": source}
+    assert parse_map_option("time=[rate=50]") == ("time", source)
+    assert parse_columns(tomllib.loads(toml_line("time", source)), "m", "[columns]") == {"time": source}
+    assert map_option("time", source) == '--map "time=[rate=50]"'
 
 
 @pytest.mark.parametrize(
@@ -147,6 +172,9 @@ def test_lines_of_several_columns(way: str) -> None:
         ({"column": "T", "valid": 3}, "3"),
         ({"column": "T", "product": ["a", "b"]}, "both column and product"),
         ({"product": ["a"]}, "['a']"),
+        ({"mean": ["a"]}, "['a']"),
+        ({"mean": "a"}, "'a'"),
+        ({"rate": 50}, "50"),
     ],
 )
 def test_a_wrong_setting_is_named(refuse: Refuse, entry: dict[str, object], found: str) -> None:

@@ -106,12 +106,15 @@ def test_long_steps_of_whole_numbers_are_an_uncertain_issue(write: Write) -> Non
     assert "ms" in issue.remedy
 
 
-def test_surroundings_like_a_room_in_fahrenheit_are_an_issue(write: Write) -> None:
-    path = write({"time": TIME, "temperature.a": WARMING, "temperature.ambient": [72.0] * 100})
+def test_surroundings_like_a_room_in_fahrenheit_are_an_issue(write: Write, refuse: Refuse) -> None:
+    path = write({"time": TIME, "temperature.a": WARMING, "temperature.ambient": [58.0] * 100})
     (issue,) = only(path).issues
     assert issue.key == "temperature.ambient"
     assert "degF" in issue.problem
-    assert only(path, proposed(issue.sentence)).columns["temperature.ambient"][0] == pytest.approx(22.22, abs=0.01)
+    assert only(path, proposed(issue.sentence)).columns["temperature.ambient"][0] == pytest.approx(14.44, abs=0.01)
+    path = write({"time": TIME, "temperature.a": WARMING, "temperature.ambient": [72.0] * 100})
+    said = refuse(path, read_log, path)  # no chamber is as hot
+    assert only(path, proposed(said)).columns["temperature.ambient"][0] == pytest.approx(22.22, abs=0.01)
 
 
 def test_motors_in_fahrenheit_beside_a_room_in_celsius_are_an_issue(write: Write) -> None:
@@ -156,7 +159,7 @@ def test_counts_that_change_their_sign_from_row_to_row(write: Write, refuse: Ref
     np.testing.assert_allclose(only(path, proposed(said)).columns["current.a"], np.abs(truth) / 1000)
 
 
-def test_a_fault_code_is_noted_and_missing_only_when_mapped(write: Write) -> None:
+def test_a_fault_code_is_said_and_no_reading(write: Write) -> None:
     readings = list(WARMING)
     for row in (10, 11, 40):
         readings[row] = 850.0
@@ -165,7 +168,7 @@ def test_a_fault_code_is_noted_and_missing_only_when_mapped(write: Write) -> Non
     (issue,) = run.issues
     assert issue.problem.startswith("3 readings of exactly 850 degC")
     assert issue.sentence in run.notes
-    assert run.temperature("a")[10] == 850.0
+    assert np.flatnonzero(np.isnan(run.temperature("a"))).tolist() == [10, 11, 40]
     run = only(path, proposed(issue.sentence))
     assert np.flatnonzero(np.isnan(run.temperature("a"))).tolist() == [10, 11, 40]
     assert "temperature.a: 3 of 100 numbers are no readings, by its entry in [columns]." in run.notes
@@ -232,7 +235,7 @@ def test_a_sensor_that_never_moves_while_others_do(write: Write) -> None:
     table: dict[str, list[object]] = {"time": list(range(700)), "temperature.a": [25.0] * 700}
     assert not only(write(table)).issues
     (issue,) = only(write(table | {"temperature.b": list(warm)})).issues
-    assert issue.problem == "reads 25 degC throughout, 699 s"
+    assert issue.problem == "reads 25 degC throughout, 699 s, while another one moves"
 
 
 def test_every_command_warns_of_issues(write: Write, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -296,5 +299,18 @@ def test_a_robot_that_was_warm_is_not_called_fahrenheit(write: Write) -> None:
     falling = np.linspace(74.0, 66.0, 100)
     warm = write({"time": TIME, "temperature.a": falling, "temperature.b": falling - 7.0})
     assert not [issue for run in read_log(warm) for issue in run.issues]
-    cold = write({"time": TIME, "temperature.a": 1.8 * np.array(WARMING) + 32, "temperature.b": [68.0] * 99 + [70.0]})
-    assert [issue.kind for run in read_log(cold) for issue in run.issues] == ["unit"]
+    cools = write({"time": TIME, "temperature.a": falling, "temperature.b": falling - 2.0})
+    assert [issue.certain for run in read_log(cools) for issue in run.issues] == [False, False]
+
+
+def test_a_whole_log_in_fahrenheit_waits_until_its_unit_is_named(write: Write, refuse: Refuse) -> None:
+    """Nothing in degC begins at rest at 68 degC, and a robot that is so warm cools when it does less."""
+    path = write({"time": TIME, "temperature.a": 1.8 * np.array(WARMING) + 32, "temperature.b": [68.0] * 99 + [70.0]})
+    said = refuse(path, read_log, path)
+    assert "as all sensors do, and none of them ever cools: which looks like degF" in said
+    columns = proposed(said)
+    assert "column 'temperature.b'" in refuse(path, read_log, path, columns)  # one is named, the other not yet
+    columns |= {"temperature.b": ColumnSource(("temperature.b",), "degF")}
+    assert only(path, columns).temperature("b")[0] == pytest.approx(20.0)
+    stated = {f"temperature.{name}": ColumnSource((f"temperature.{name}",), "degC") for name in "ab"}
+    assert not only(path, stated).issues

@@ -419,6 +419,7 @@ def test_a_name_that_stands_twice_is_refused_when_needed(tmp_path: Path, refuse:
 
 
 def test_files_that_are_no_logs(tmp_path: Path, refuse: Refuse) -> None:
+    (tmp_path / "log.docx").write_text("x")
     (tmp_path / "log.xlsx").write_text("x")
     (tmp_path / "empty.csv").write_text("")
     (tmp_path / "binary.csv").write_bytes(b"\xff\xfe\x00\x81" * 50)
@@ -426,7 +427,8 @@ def test_files_that_are_no_logs(tmp_path: Path, refuse: Refuse) -> None:
     for name, found in [
         ("none.csv", "no such file"),
         ("folder.csv", "a folder"),
-        ("log.xlsx", "the ending '.xlsx'"),
+        ("log.docx", "the ending '.docx'"),
+        ("log.xlsx", "a broken file"),
         ("empty.csv", "an empty file"),
         ("binary.csv", "a file that can't be read"),
     ]:

@@ -15,13 +15,15 @@ PAGE = (Path(lptn.logs.__file__).parent / "README.md").read_text()
 
 def test_its_tables_are_read() -> None:
     blocks = re.findall(r"```toml\n(.*?)```", PAGE, flags=re.DOTALL)
-    assert len(blocks) == 2
+    assert len(blocks) == 3
     found: dict[str, ColumnSource] = {}
     for block in blocks:
         found |= parse_columns(tomllib.loads(block)["columns"], "README.md", "[columns]")
     assert found["temperature.FR_calf"].invalid == (850.0, -127.0)
     assert found["current.FR_hip"].wrap == 65536.0
-    assert found["power.battery"].product
+    assert found["power.battery"].how == "product"
+    assert found["temperature.FR_thigh"].how == "mean"
+    assert found["time"].rate == 50.0
 
 
 def test_its_options_are_read() -> None:

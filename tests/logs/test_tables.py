@@ -25,9 +25,10 @@ from lptn.logs.reading import read_log
 from tests.logs.ulog_bytes import FORMATS, battery, definitions, esc_status, header
 
 Refuse = Callable[..., str]
-ENDINGS = (".csv", ".csv.gz", ".parquet", ".mcap", ".db3", ".ulg")
+ENDINGS = (".csv", ".csv.gz", ".xlsx", ".parquet", ".mcap", ".db3", ".ulg")
 MAGIC = {
     ".csv": b"time,temperature.a\n",
+    ".xlsx": b"PK\x03\x04",
     ".csv.gz": b"\x1f\x8b\x08\x00\x00\x00\x00\x00\x00\x03",
     ".parquet": b"PAR1",
     ".mcap": b"\x89MCAP0\r\n\x01\x0f\x00\x00\x00\x00\x00\x00\x00\x04\x00\x00\x00ros2",
@@ -58,6 +59,8 @@ def whole(ending: str) -> bytes:
             table.to_csv(path, index=False)
         elif ending == ".parquet":
             table.to_parquet(path)
+        elif ending == ".xlsx":
+            table.to_excel(path, index=False)
         elif ending == ".ulg":
             body = (esc_status(k, 1, [(60, 1.0, 20 + k)] * 4) + battery(k + 0.1, 16.0, 1.0, 25.0) for k in range(rows))
             path.write_bytes(header() + definitions(FORMATS) + b"".join(body))
@@ -115,7 +118,7 @@ def test_random_tables_of_text(text: str) -> None:
 
 
 def test_more_numbers_than_a_memory_holds(tmp_path: Path, refuse: Refuse, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(tables, "_MOST_NUMBERS", 1000)
+    monkeypatch.setattr(tables, "MOST_NUMBERS", 1000)
     table = pd.DataFrame({"time": np.arange(600.0), "temperature.a": 20.0})
     table.to_parquet(tmp_path / "log.parquet")
     table.to_csv(tmp_path / "log.csv", index=False)
@@ -150,16 +153,17 @@ def test_a_line_that_never_ends(tmp_path: Path, refuse: Refuse) -> None:
     path = tmp_path / "log.csv.gz"
     path.write_bytes(gzip.compress(b"a" * 50_000_000))
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    assert "a line of a million characters" in refuse(path, read_log, path)
+    assert "a line of 16 million characters" in refuse(path, read_log, path)
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 100_000  # kB
 
 
-@pytest.mark.parametrize("module", ["rosbags", "pyulog"])
+@pytest.mark.parametrize("module", ["rosbags", "pyulog", "openpyxl"])
 def test_a_package_that_is_not_installed(
     tmp_path: Path, refuse: Refuse, monkeypatch: pytest.MonkeyPatch, module: str
 ) -> None:
-    ending, extra = {"rosbags": (".mcap", "ros"), "pyulog": (".ulg", "ulog")}[module]
-    for name in ("bags", "ulog"):
+    extras = {"rosbags": (".mcap", "ros"), "pyulog": (".ulg", "ulog"), "openpyxl": (".xlsx", "excel")}
+    ending, extra = extras[module]
+    for name in ("bags", "ulog", "spreadsheets"):
         monkeypatch.setattr(f"lptn.logs.{name}.find_spec", lambda _: None)
     path = tmp_path / f"log{ending}"
     path.write_bytes(whole(ending))

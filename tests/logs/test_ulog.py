@@ -62,7 +62,7 @@ def test_rows_of_other_topics_are_no_gaps(tmp_path: Path) -> None:
 def test_a_mapping_names_topics_and_fields(tmp_path: Path) -> None:
     columns = {
         "temperature.motor": ColumnSource(("esc_status.esc[1].esc_temperature",)),
-        "power.motor": ColumnSource(("battery_status.voltage_v", "battery_status.current_a"), product=True),
+        "power.motor": ColumnSource(("battery_status.voltage_v", "battery_status.current_a"), how="product"),
     }
     (run,) = read_log(
         flight(tmp_path / "flight.ulg"), columns, inputs=["power.motor"], outputs=["temperature.motor"], step=1.0

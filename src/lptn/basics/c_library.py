@@ -4,28 +4,41 @@ from __future__ import annotations
 
 import hashlib
 import os
+import shlex
 import shutil
+import signal
+import stat
 import subprocess
 import tempfile
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
 import platformdirs
 
-from lptn.basics.files import write_whole
+from lptn.basics.files import fingerprint, write_whole
+
+_LONGEST = 600.0  # s, of one compilation: what is compiled here takes seconds, on a busy machine a minute
+_DIGITS = 32  # of a hash in a library's name
 
 
 @cache
-def compiler() -> str | None:
-    """The C compiler: `$CC`, or the system's; `None` where there is none."""
-    return shutil.which(os.environ.get("CC", "cc"))
+def compiler() -> tuple[str, ...] | None:
+    """The C compiler with the flags that stand behind it: `$CC`, or the system's `cc`; `None` where there is none."""
+    try:
+        program, *flags = shlex.split(os.environ.get("CC", "").strip() or "cc")
+    except ValueError:  # a quotation mark that is not closed
+        return None
+    found = shutil.which(program)
+    return None if found is None else (found, *flags)
 
 
 def shared_library(sources: Mapping[str, str], main: str, options: Sequence[str]) -> Path:
     """A shared library, from the cache or compiled anew.
 
-    The cache is native code that is loaded without a question, so its folder is the user's alone.
+    The cache is native code that is loaded without a question, so its folder is the user's alone, and a file in it is
+    taken only if it is whole.
 
     Args:
         sources: contents by file name.
@@ -33,26 +46,73 @@ def shared_library(sources: Mapping[str, str], main: str, options: Sequence[str]
         options: of the compiler.
 
     Returns:
-        The library's path; its name is a hash of all that it was made from.
+        The library's path; its name is a hash of all that it was made from, and one of its bytes.
 
     Raises:
-        OSError: no C compiler, or the cache can't be written, or others can write to it.
+        OSError: no C compiler, or it does not come to an end, or the cache can't be written, or others can write to it.
         subprocess.CalledProcessError: the compiler failed.
     """
     command = compiler()
     if command is None:
         raise OSError("no C compiler")
-    content = "\n".join([command, *options, main, *(f"{name}\n{text}" for name, text in sorted(sources.items()))])
-    path = _own_folder() / f"{hashlib.sha256(content.encode()).hexdigest()[:32]}.so"
-    if not path.exists():
-        with tempfile.TemporaryDirectory() as name:
-            folder = Path(name)
-            for file, text in sources.items():
-                (folder / file).write_text(text, encoding="utf-8")
-            compile_it = [command, *options, "-shared", "-fPIC", main, "-o", "library.so", "-lm"]
-            subprocess.run(compile_it, cwd=folder, check=True, capture_output=True)
-            write_whole(path, (folder / "library.so").read_bytes())
+    content = "\n".join([*command, *options, main, *(f"{name}\n{text}" for name, text in sorted(sources.items()))])
+    name, folder = hashlib.sha256(content.encode()).hexdigest()[:_DIGITS], _own_folder()
+    for path in folder.glob(f"{name}-*.so"):
+        if _is_whole(path):
+            return path
+        path.unlink(missing_ok=True)
+    with tempfile.TemporaryDirectory() as scratch:
+        for file, text in sources.items():
+            (Path(scratch) / file).write_text(text, encoding="utf-8")
+        _run([*command, *options, "-shared", "-fPIC", main, "-o", "library.so", "-lm"], Path(scratch))
+        library = (Path(scratch) / "library.so").read_bytes()
+    path = folder / f"{name}-{hashlib.sha256(library).hexdigest()[:_DIGITS]}.so"
+    write_whole(path, library)
     return path
+
+
+def _is_whole(path: Path) -> bool:
+    """Whether a library is a file of the user's, no link to elsewhere, and has the bytes that its name says."""
+    status = path.lstat()
+    if not stat.S_ISREG(status.st_mode) or not _is_own(status):
+        return False
+    return fingerprint(path)[:_DIGITS] == path.stem.partition("-")[2]
+
+
+def _run(command: Sequence[str], folder: Path) -> None:
+    """Run a compiler; what it started ends with it, in the time that it has or at Ctrl-C.
+
+    Raises:
+        OSError: it can't be started, or does not come to an end.
+        subprocess.CalledProcessError: it failed.
+    """
+    process = subprocess.Popen(
+        command,
+        cwd=folder,
+        stdin=subprocess.DEVNULL,  # a program that is no compiler may wait for a line
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        start_new_session=True,  # a compiler is several processes
+    )
+    try:
+        output, errors = process.communicate(timeout=_LONGEST)
+    except BaseException as error:
+        _end(process)
+        if isinstance(error, subprocess.TimeoutExpired):
+            raise TimeoutError(f"{command[0]}: no end of the compilation after {_LONGEST:g} s") from error
+        raise
+    if process.returncode:
+        raise subprocess.CalledProcessError(process.returncode, command, output, errors)
+
+
+def _end(process: subprocess.Popen[bytes]) -> None:
+    """End a process that leads a session of its own, with all in it."""
+    with suppress(ProcessLookupError):
+        if hasattr(os, "killpg"):
+            os.killpg(process.pid, signal.SIGKILL)
+        else:  # Windows
+            process.kill()
+    process.communicate()
 
 
 def _own_folder() -> Path:
@@ -62,11 +122,32 @@ def _own_folder() -> Path:
         OSError: it can't be made, or somebody else could put a library into it.
     """
     cache = platformdirs.user_cache_path("lptn")
-    cache.mkdir(parents=True, exist_ok=True)
+    cache.mkdir(mode=0o700, parents=True, exist_ok=True)
     folder = cache / "native"
     folder.mkdir(mode=0o700, exist_ok=True)
     if hasattr(os, "getuid"):  # Windows keeps a user's folders to the user
         status = folder.stat()
-        if status.st_uid != os.getuid() or status.st_mode & 0o022:
+        if not _is_own(status) or status.st_mode & 0o022:
             raise PermissionError(f"{folder}: others can write to it, so no native code is loaded from there")
+        # Who can rename a folder above, on the way that was written or behind a link, can put another in its place.
+        for place in (folder.absolute(), folder.resolve()):
+            for above in place.parents:
+                if _others_can_rename_in(above):
+                    raise PermissionError(f"{above}: others can write to it, so no native code is loaded from {folder}")
     return folder
+
+
+def _is_own(status: os.stat_result) -> bool:
+    return not hasattr(os, "getuid") or status.st_uid == os.getuid()
+
+
+def _others_can_rename_in(folder: Path) -> bool:
+    """Whether somebody but the user and root can rename what stands in a folder."""
+    status = folder.stat()
+    if status.st_uid not in (0, os.getuid()):
+        return True
+    if status.st_mode & stat.S_ISVTX:  # as in /tmp, where only who made a thing can rename it
+        return False
+    # Where each user has a group of their own, folders that this group can write to are usual.
+    by_group = status.st_mode & stat.S_IWGRP and status.st_gid != os.getgid()
+    return bool(status.st_mode & stat.S_IWOTH or by_group)

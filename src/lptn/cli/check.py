@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter as Option
 
 from lptn.basics.errors import InputError
-from lptn.cli.options import Json, Map, check_outputs
+from lptn.cli.options import Json, Map, Rate, check_outputs, column_options
 
 if TYPE_CHECKING:
     from lptn.diagnose.excitation import Identifiability
@@ -31,6 +31,7 @@ def check(
     guess: Guessing = False,
     json: Json = None,
     map: Map = None,  # noqa: A002 - the option's name
+    rate: Rate = None,
 ) -> None:
     """Say what a model file and logs hold, what is wrong with them, and which effects they could reveal.
 
@@ -44,7 +45,7 @@ def check(
     from lptn.simulate.bound_run import bind
 
     check_outputs(json, inputs=(model, *logs))
-    loaded = load_model(model, [*(map or ()), *([GUESS] if guess else [])])
+    loaded = load_model(model, [*column_options(map, rate), *([GUESS] if guess else [])])
     with progress("reading"):
         contents = [_content(loaded, log) for log in logs]
     _show_model(loaded.model)
@@ -233,6 +234,8 @@ def _missing_lines(content: LogContent, proposed: Sequence[str]) -> Iterator[str
     if not left:
         return
     yield f"  The model needs, and no column's name points to: {_some(left)}."
+    if "time" in left:
+        yield "    Rows without times, at one rate? --rate 50, for 50 a second."
     yield f'    Say which column holds it, and its unit: --map "{left[0]}=COLUMN[UNIT]"'
     if "temperature.ambient" in left:
         yield (

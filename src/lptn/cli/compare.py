@@ -7,7 +7,17 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter as Option
 
-from lptn.cli.options import Json, Map, Picture, check_outputs, check_picture, needs_logs, write_figure
+from lptn.cli.options import (
+    Json,
+    Map,
+    Picture,
+    Rate,
+    check_outputs,
+    check_picture,
+    column_options,
+    needs_logs,
+    write_figure,
+)
 
 if TYPE_CHECKING:
     from lptn.identify.comparison import Comparison, Versus
@@ -25,6 +35,7 @@ def compare(
     plot: Picture = None,
     report: Annotated[Path | None, Option(help="HTML report to write.")] = None,
     map: Map = None,  # noqa: A002 - the option's name
+    rate: Rate = None,
 ) -> None:
     """Predict logs and show where the model fails, or how much better it is than another.
 
@@ -39,8 +50,8 @@ def compare(
     check_outputs(json, plot, report, inputs=(model, *logs, *(() if against is None else (against,))))
     check_picture(plot)
     with progress("reading"):
-        study = Study(model, holdout=logs, columns=map or ())
-        other = None if against is None else Study(against, holdout=logs, columns=map or ())
+        study = Study(model, holdout=logs, columns=column_options(map, rate))
+        other = None if against is None else Study(against, holdout=logs, columns=column_options(map, rate))
     if other is None:
         _compare(study, json, plot, report)
     else:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter as Option
 
 from lptn.basics.errors import InputError
-from lptn.cli.options import Json, Map, check_outputs, needs_logs
+from lptn.cli.options import Json, Map, Rate, check_outputs, column_options, needs_logs
 
 if TYPE_CHECKING:
     from lptn.fmu.cosim import Cosimulation
@@ -36,6 +36,7 @@ def cosim(
     output: Outputs = None,
     json: Json = None,
     map: Map = None,  # noqa: A002
+    rate: Rate = None,
 ) -> None:
     """Drive an FMU with logs, or FMUs connected by an .ssd or .ssp file; compare with the model and what was measured.
 
@@ -51,7 +52,7 @@ def cosim(
     needs_logs(logs)
     check_outputs(output, json, inputs=(fmu, *logs, *(() if model is None else (model,))))
     _check_table(output)
-    pairs = dict(text.partition("=")[::2] for text in map or ())
+    pairs = dict(text.partition("=")[::2] for text in column_options(map, rate))
     try:
         with progress("co-simulating"):
             done = cosimulate(fmu, logs, model=model, mapped=pairs, ramps=ramps, trust=trust, parameters=parameters)

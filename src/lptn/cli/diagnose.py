@@ -13,8 +13,10 @@ from lptn.cli.options import (
     Jobs,
     Json,
     Map,
+    Rate,
     TorqueError,
     check_outputs,
+    column_options,
     executor_of,
     needs_logs,
 )
@@ -37,6 +39,7 @@ def diagnose(
     json: Json = None,
     jobs: Jobs = 1,
     map: Map = None,  # noqa: A002 - the option's name
+    rate: Rate = None,
 ) -> None:
     """Say which effect is missing, where, how sure, and what else would look the same.
 
@@ -53,7 +56,7 @@ def diagnose(
             logs,
             holdout or (),
             holdout_after=holdout_after,
-            columns=map or (),
+            columns=column_options(map, rate),
             ambient_error=ambient_error,
             torque_error=torque_error,
             executor=executor,

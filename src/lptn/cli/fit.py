@@ -12,7 +12,17 @@ from cyclopts import Parameter as Option
 from cyclopts import validators
 
 from lptn.basics.errors import InputError
-from lptn.cli.options import Holdout, HoldoutAfter, Json, Map, SymmetryPenalty, check_outputs, needs_logs
+from lptn.cli.options import (
+    Holdout,
+    HoldoutAfter,
+    Json,
+    Map,
+    Rate,
+    SymmetryPenalty,
+    check_outputs,
+    column_options,
+    needs_logs,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -51,6 +61,7 @@ def fit(
     json: Json = None,
     jobs: FitJobs = 1,
     map: Map = None,  # noqa: A002 - the option's name
+    rate: Rate = None,
 ) -> None:
     """Fit the free parameters; Ctrl-C keeps the best point so far, and the same command goes on from it.
 
@@ -65,12 +76,12 @@ def fit(
     if each is None:
         if jobs > 1:
             raise InputError("command line", "--jobs", "no --each beside it", "one process for one fit")
-        _fit_one(model, logs, output, holdout or [], holdout_after, symmetry_penalty, json, map or [])
+        _fit_one(model, logs, output, holdout or [], holdout_after, symmetry_penalty, json, column_options(map, rate))
         return
     if logs or holdout:
         beside = "LOGS" if logs else "--holdout"
         raise InputError("command line", "--each", f"{beside} beside it", "all logs behind --each, or no --each")
-    _fit_each(model, each, output, holdout_after, symmetry_penalty, json, jobs, map or [])
+    _fit_each(model, each, output, holdout_after, symmetry_penalty, json, jobs, column_options(map, rate))
 
 
 # --- one robot --------------------------------------------------------------------------------------------
@@ -81,7 +92,7 @@ def _fit_one(
     logs: tuple[Path, ...],
     output: Path | None,
     holdout: list[Path],
-    holdout_after: float | None,
+    holdout_after: float | str | None,
     symmetry_penalty: float | Literal["auto"],
     json: Path | None,
     mapped: list[str],
@@ -160,7 +171,7 @@ def _fit_each(
     model: Path,
     places: list[Path],
     output: Path | None,
-    holdout_after: float | None,
+    holdout_after: float | str | None,
     symmetry_penalty: float | Literal["auto"],
     json: Path | None,
     jobs: int,

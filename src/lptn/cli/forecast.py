@@ -10,7 +10,7 @@ from cyclopts import Parameter as Option
 from cyclopts import validators
 
 from lptn.basics.errors import InputError
-from lptn.cli.options import Json, Map, Picture, check_outputs, check_picture, write_figure
+from lptn.cli.options import Json, Map, Picture, Rate, check_outputs, check_picture, column_options, write_figure
 
 if TYPE_CHECKING:
     from lptn.identify.data import LoadedModel
@@ -39,6 +39,7 @@ def forecast(
     json: Json = None,
     plot: Picture = None,
     map: Map = None,  # noqa: A002 - the option's name
+    rate: Rate = None,
 ) -> None:
     """Say when each joint reaches a temperature limit if the robot goes on as it does at the log's end.
 
@@ -51,7 +52,7 @@ def forecast(
     check_outputs(json, plot, inputs=(model, log))
     check_picture(plot)
     limits, chosen = _limits(limit), _window(window)
-    loaded = load_model(model, map or ())
+    loaded = load_model(model, column_options(map, rate))
     with progress("forecasting"):
         run = loaded.runs([log])[-1]
         trust = _knowledge(loaded, run)

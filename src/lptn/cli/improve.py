@@ -17,9 +17,11 @@ from lptn.cli.options import (
     Json,
     Map,
     OptionalOutput,
+    Rate,
     Test,
     TorqueError,
     check_outputs,
+    column_options,
     executor_of,
     needs_logs,
     typed,
@@ -48,6 +50,7 @@ def improve(
     report: Annotated[Path | None, Option(help="HTML report to write.")] = None,
     jobs: Jobs = 1,
     map: Map = None,  # noqa: A002 - the option's name
+    rate: Rate = None,
 ) -> None:
     """Diagnose, add the missing effect, refit, until nothing is missing; print the history of steps.
 
@@ -66,7 +69,7 @@ def improve(
             holdout or (),
             test or (),
             holdout_after=holdout_after,
-            columns=map or (),
+            columns=column_options(map, rate),
             ambient_error=ambient_error,
             torque_error=torque_error,
             executor=executor,

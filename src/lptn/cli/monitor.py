@@ -10,7 +10,17 @@ from cyclopts import Parameter as Option
 from cyclopts import validators
 
 from lptn.basics.errors import InputError
-from lptn.cli.options import Json, Map, Picture, check_outputs, check_picture, needs_logs, write_figure
+from lptn.cli.options import (
+    Json,
+    Map,
+    Picture,
+    Rate,
+    check_outputs,
+    check_picture,
+    column_options,
+    needs_logs,
+    write_figure,
+)
 
 if TYPE_CHECKING:
     from lptn.logs.run import Run
@@ -49,6 +59,7 @@ def monitor(
     json: Json = None,
     plot: Picture = None,
     map: Map = None,  # noqa: A002 - the option's name
+    rate: Rate = None,
 ) -> None:
     """Find faults of temperature sensors: drift, offset, stuck, dropout.
 
@@ -61,7 +72,7 @@ def monitor(
     needs_logs(logs)
     check_outputs(json, plot, calibration if healthy else None, inputs=(model, *logs, *(healthy or ())))
     check_picture(plot)
-    loaded = load_model(model, map or ())
+    loaded = load_model(model, column_options(map, rate))
     runs, healthy_runs = loaded.runs(logs, keep_silent=True), loaded.runs(healthy or [])
     _refuse_shared(runs, healthy_runs)
     with progress("reading") as report:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import shlex
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import Executor
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter as Option
-from cyclopts import validators
+from cyclopts import Token, validators
 
 from lptn.basics.errors import InputError
 
@@ -29,9 +29,25 @@ Holdout = Annotated[
     list[Path] | None,
     Option(name="--holdout", help="Logs that no fit sees.", negative="", consume_multiple=True),
 ]
+
+
+def _time_or_after(_type: object, tokens: Sequence[Token]) -> float | str:
+    """A time in the log's clock, or, with its sign kept, one after the log's start."""
+    text = tokens[0].value.strip()
+    try:
+        float(text)
+    except ValueError:
+        raise ValueError(f"{text!r} is no time in s, nor seconds after the start such as +300") from None
+    return text if text.startswith("+") else float(text)
+
+
 HoldoutAfter = Annotated[
-    float | None,
-    Option(name="--holdout-after", help="Hold out the fitted logs' own time from here on, in s."),
+    float | str | None,
+    Option(
+        name="--holdout-after",
+        help="Hold out the fitted logs' own time from here on, in s; +300: 300 s after each log's start.",
+        converter=_time_or_after,
+    ),
 ]
 Test = Annotated[
     list[Path] | None,
@@ -43,6 +59,14 @@ Map = Annotated[
         name="--map",
         help="Other people's column: temperature.FR_calf=T3[degF]; may be given again. guess: by their names.",
         negative="",
+    ),
+]
+Rate = Annotated[
+    float | None,
+    Option(
+        name="--rate",
+        help="Rows a second [Hz], of logs without a column of times.",
+        validator=validators.Number(gt=0),
     ),
 ]
 AmbientError = Annotated[
@@ -77,6 +101,11 @@ SymmetryPenalty = Annotated[
         validator=_not_negative,
     ),
 ]
+
+
+def column_options(columns: Sequence[str] | None, rate: float | None) -> list[str]:
+    """What `--map` and `--rate` say together, as `--map` does."""
+    return [*(columns or ()), *([f"time=[rate={rate:.12g}]"] if rate is not None else [])]
 
 
 def typed() -> str:

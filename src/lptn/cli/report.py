@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from lptn.cli.improve import improve
-from lptn.cli.options import Holdout, HoldoutAfter, Jobs, Map, Output, Test
+from lptn.cli.options import Holdout, HoldoutAfter, Jobs, Map, Output, Rate, Test
 
 
 def report(
@@ -18,6 +18,7 @@ def report(
     test: Test = None,
     jobs: Jobs = 1,
     map: Map = None,  # noqa: A002 - the option's name
+    rate: Rate = None,
 ) -> None:
     """Tell the whole story in one HTML file: log, fit, where it fails, what is missing, errors on held-out data.
 
@@ -32,4 +33,5 @@ def report(
         report=output,
         jobs=jobs,
         map=map,
+        rate=rate,
     )

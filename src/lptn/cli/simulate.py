@@ -4,10 +4,19 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from lptn.cli.options import Json, Map, Output, check_outputs
+from lptn.cli.options import Json, Map, Output, Rate, check_outputs, column_options
 
 
-def simulate(model: Path, log: Path, /, *, output: Output, json: Json = None, map: Map = None) -> None:  # noqa: A002
+def simulate(
+    model: Path,
+    log: Path,
+    /,
+    *,
+    output: Output,
+    json: Json = None,
+    map: Map = None,  # noqa: A002 - the option's name
+    rate: Rate = None,
+) -> None:
     """Predict a log's temperatures and write them as a log (.csv or .parquet).
 
     Example: lptn simulate fitted.toml friday.parquet -o predicted.csv
@@ -19,6 +28,6 @@ def simulate(model: Path, log: Path, /, *, output: Output, json: Json = None, ma
     check_outputs(output, json, inputs=(model, log))
     check_ending(output)
     with progress("predicting"):
-        predicted = Study(model, holdout=log, columns=map or ()).compare()
+        predicted = Study(model, holdout=log, columns=column_options(map, rate)).compare()
         write_predictions(predicted, output)
     write_json(json, predicted.as_json())

@@ -219,7 +219,7 @@ def fit_each(
     in_flight: int | None = None,
     mapped: Sequence[str] = (),
     symmetry_penalty: float | Literal["auto"] = 0.0,
-    holdout_after: float | None = None,
+    holdout_after: float | str | None = None,
     report: Report = lambda _: None,
     on_outcome: Callable[[Outcome], None] = lambda _: None,
 ) -> Fleet:

@@ -9,7 +9,8 @@ from pathlib import Path
 
 from lptn.basics.errors import InputError
 
-_ENDINGS = (".csv", ".csv.gz", ".parquet", ".mcap", ".db3", ".ulg", ".ulog")
+# No .txt: beside logs that is what somebody wrote about them.
+_ENDINGS = (".csv", ".csv.gz", ".tsv", ".xlsx", ".parquet", ".mcap", ".db3", ".ulg", ".ulog")
 _BAG = "metadata.yaml"  # what makes a folder a log: a ROS 2 bag
 
 

@@ -44,7 +44,7 @@ class FleetFit:
     text: str
     mapped: tuple[str, ...] = ()
     symmetry_penalty: float | Literal["auto"] = 0.0
-    holdout_after: float | None = None
+    holdout_after: float | str | None = None
     number: str = ""
 
     @property

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -76,7 +77,7 @@ def split_data(
     runs: Sequence[Run],
     holdout: Sequence[Run] = (),
     test: Sequence[Run] = (),
-    holdout_after: float | None = None,
+    holdout_after: float | str | None = None,
 ) -> DataSplit:
     """Arrange runs by their jobs.
 
@@ -84,7 +85,8 @@ def split_data(
         runs: to fit.
         holdout: runs held out whole.
         test: runs looked at once, at the end.
-        holdout_after: time [s, in each log's clock] from which the fitted runs themselves are held out.
+        holdout_after: time [s, in each log's clock] from which the fitted runs themselves are held out; `"+300"` for
+            300 s after each log's start, which all pieces of a split log share.
 
     Raises:
         InputError: `holdout_after` leaves nothing to fit, or nothing to hold out.
@@ -100,14 +102,39 @@ def split_data(
     at_the_end = tuple(holdout_segment(run) for run in test)
     if holdout_after is None:
         return DataSplit(tuple(Segment(run, _EVERYTHING, _EVERYTHING) for run in runs), later, at_the_end)
-    fitted = [run for run in runs if (run.time < holdout_after).sum() >= _LEAST_INITIALISATION_STEPS]
-    continued = [run for run in fitted if (run.time >= holdout_after).sum() >= _LEAST_INITIALISATION_STEPS]
+    borders = _borders(runs, holdout_after)
+    fitted = [(run, at) for run, at in borders if (run.time < at).sum() >= _LEAST_INITIALISATION_STEPS]
+    continued = [(run, at) for run, at in fitted if (run.time >= at).sum() >= _LEAST_INITIALISATION_STEPS]
     if not fitted or not continued:
         span = f"{min(run.time[0] for run in runs):g} to {max(run.time[-1] for run in runs):g} s"
-        raise InputError("--holdout-after", f"{holdout_after:g} s", f"logs from {span}", "a time inside a log")
-    before, after = (float("-inf"), holdout_after), (holdout_after, float("inf"))
-    first = tuple(Segment(run, before, before) for run in fitted)
-    return DataSplit(first, (*(Segment(run, before, after) for run in continued), *later), at_the_end)
+        expected = "a time inside a log"
+        if not isinstance(holdout_after, str):
+            expected += "; with a plus, such as +300, so many seconds after each log's start"
+        raise InputError("--holdout-after", _as_written(holdout_after), f"logs from {span}", expected)
+    first = tuple(Segment(run, (-math.inf, at), (-math.inf, at)) for run, at in fitted)
+    rest = tuple(Segment(run, (-math.inf, at), (at, math.inf)) for run, at in continued)
+    return DataSplit(first, (*rest, *later), at_the_end)
+
+
+def _borders(runs: Sequence[Run], holdout_after: float | str) -> list[tuple[Run, float]]:
+    """Each run with the time, s of its clock, from which it is held out."""
+    if not isinstance(holdout_after, str):
+        return [(run, holdout_after) for run in runs]
+    try:
+        seconds = float(holdout_after)
+    except ValueError:
+        seconds = math.nan
+    if not (holdout_after.startswith("+") and math.isfinite(seconds)):
+        expected = 'a time in s, or with a plus the seconds after each log\'s start, such as "+300"'
+        raise InputError("--holdout-after", "its value", f"'{holdout_after}'", expected)
+    start: dict[str, float] = {}
+    for run in runs:
+        start[run.fingerprint] = min(start.get(run.fingerprint, math.inf), float(run.time[0]))
+    return [(run, start[run.fingerprint] + seconds) for run in runs]
+
+
+def _as_written(holdout_after: float | str) -> str:
+    return f"{holdout_after} s" if isinstance(holdout_after, str) else f"{holdout_after:g} s"
 
 
 def holdout_segment(run: Run) -> Segment:

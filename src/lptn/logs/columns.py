@@ -5,10 +5,10 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import NoReturn
+from typing import Literal, NoReturn
 
 import numpy as np
 
@@ -65,40 +65,55 @@ def is_key(name: str) -> bool:
     return _KEY.fullmatch(name) is not None
 
 
+Combined = Literal["norm", "product", "mean"]
+_COMBINED: Mapping[Combined, Callable[[Sequence[FloatArray]], FloatArray]] = {
+    "norm": lambda columns: np.sqrt(np.sum(np.square(columns), axis=0)),
+    "product": lambda columns: np.prod(columns, axis=0),
+    "mean": lambda columns: np.mean(columns, axis=0),  # where one is missing, the others' mean would be another one's
+}
+
+
 @dataclass(frozen=True)
 class ColumnSource:
     """Where a quantity stands in a log: `scale * x + offset` in `unit`, x a column or made of several.
 
     Attributes:
-        columns: names in the file; several are combined as the root of the sum of their squares, or multiplied.
+        columns: names in the file; none of a time that is counted from the rows.
         unit: what `scale * x + offset` is in; None for SI (degC for temperatures).
         scale: factor on x.
         offset: added after scaling, in `unit`.
-        product: several columns are multiplied: voltage and current.
+        how: several columns are one: the root of the sum of their squares, their product (voltage and current), or
+            their mean (two sensors on one housing).
         wrap: what a counter of few bits jumps by, 65536 for one of 16 bit; 0 for none. Of what is no time, the
             middle value is taken to lie between -wrap/2 and wrap/2.
         invalid: numbers in the file that stand for no reading, such as 850.
         valid: least and greatest number in the file that is a reading.
+        rate: rows a second, of a log without a time column.
     """
 
     columns: tuple[str, ...]
     unit: str | None = None
     scale: float = 1.0
     offset: float = 0.0
-    product: bool = False
+    how: Combined = "norm"
     wrap: float = 0.0
     invalid: tuple[float, ...] = ()
     valid: tuple[float, float] = (-math.inf, math.inf)
+    rate: float = 0.0
+
+    def parts(self) -> tuple[ColumnSource, ...]:
+        """What a mean is taken of, each as a source of its own; this one itself of all else."""
+        if self.how != "mean":
+            return (self,)
+        return tuple(replace(self, columns=(name,), how="norm") for name in self.columns)
 
     def values(self, key: str, raw: Mapping[str, FloatArray]) -> FloatArray:
         """The quantity `key` in SI (degC), (n,), from the file's columns `raw`, (n,) each; NaN where invalid."""
         quantity = key.partition(".")[0]
         columns = [self._unwrapped(self._readings(raw[name]), quantity) for name in self.columns]
         x = columns[0]
-        if self.product:
-            x = np.prod(columns, axis=0)
-        elif len(columns) > 1:
-            x = np.sqrt(np.sum(np.square(columns), axis=0))
+        if len(columns) > 1:
+            x = _COMBINED[self.how](columns)
         return to_si(self.scale * x + self.offset, quantity, self.unit)
 
     def missing(self, raw: Mapping[str, FloatArray]) -> int:
@@ -124,16 +139,17 @@ class ColumnSource:
 # --- Where it stands, read: the `[columns]` table and the option `--map` ---------------------------
 
 
-_OPTION = re.compile(r"(?P<key>[^=]+)=(?P<column>.+?)(?:\[(?P<unit>[^\[\]]*)\])?")
-_COLUMN_ENTRIES = ("column", "norm", "product")
-_ENTRIES = ("column", "norm", "unit", "scale", "offset", "product", "wrap", "invalid", "valid")
+_OPTION = re.compile(r"(?P<key>[^=]+)=(?P<column>.*?)(?:\[(?P<unit>[^\[\]]*)\])?")
+_COLUMN_ENTRIES = ("column", "norm", "product", "mean", "rate")  # of which an entry has one
+_ENTRIES = (*_COLUMN_ENTRIES, "unit", "scale", "offset", "wrap", "invalid", "valid")
+_EXAMPLES = {"norm": '["i_d", "i_q"]', "product": '["u_dc", "i_dc"]', "mean": '["T1", "T2"]'}
 
 
 def parse_columns(table: Mapping[str, object], file: str | Path, place: str) -> dict[str, ColumnSource]:
     """Read a `[columns]` table.
 
-    An entry is a name, `{ column = "T1" }`, `{ norm = ["i_d", "i_q"] }` or `{ product = ["u_dc", "i_dc"] }`, with
-    unit, scale, offset, wrap, invalid and valid.
+    An entry is a name, `{ column = "T1" }`, `{ norm = ["i_d", "i_q"] }`, `{ product = ["u_dc", "i_dc"] }` or
+    `{ mean = ["T1", "T2"] }`, with unit, scale, offset, wrap, invalid and valid; or, of `time`, `{ rate = 50 }`.
 
     Args:
         table: the table as it was read from TOML.
@@ -149,8 +165,9 @@ def parse_columns(table: Mapping[str, object], file: str | Path, place: str) -> 
 def parse_map_option(text: str, option: str = "--map") -> tuple[str, ColumnSource]:
     """Read `temperature.a=T1`, `temperature.a=T1[degF]` or `temperature.a=T1[degC; invalid=850,-127]`.
 
-    Behind the unit may stand scale, offset, wrap, invalid and valid. A name that ends in a bracket is written with
-    another one behind it: `T[x][]`.
+    Behind the unit may stand scale, offset, wrap, invalid and valid. Without a column one of `mean=T1,T2`, `norm=…`,
+    `product=…` stands there, or of time `rate=50`: `temperature.a=[degC; mean=T1,T2]`. A name that ends in a bracket
+    is written with another one behind it: `T[x][]`.
 
     Raises:
         InputError: the text or its unit can't be used.
@@ -159,15 +176,19 @@ def parse_map_option(text: str, option: str = "--map") -> tuple[str, ColumnSourc
     if match is None:
         raise InputError(option, "its value", f"'{text}'", "<quantity>.<place>=COLUMN or …=COLUMN[UNIT]")
     key, (unit, *settings) = match["key"].strip(), [word.strip() for word in (match["unit"] or "").split(";")]
-    entry: dict[str, object] = {"column": match["column"].strip()}
+    entry: dict[str, object] = {"unit": unit} if unit else {}
     if "=" in unit:
-        unit, settings = "", [unit, *settings]
-    if unit:
-        entry["unit"] = unit
+        entry, settings = {}, [unit, *settings]
     for setting in filter(None, settings):
         name, _, value = (word.strip() for word in setting.partition("="))
-        numbers = [_number_or_text(word) for word in value.split(",")]
+        words = [word.strip() for word in value.split(",")]
+        numbers = [_number_or_text(word) for word in words]
         entry[name] = numbers if name in {"invalid", "valid"} else numbers[0] if len(numbers) == 1 else value
+        if name in _EXAMPLES:
+            entry[name] = words
+    column = match["column"].strip()
+    if column or not entry.keys() & set(_COLUMN_ENTRIES):
+        entry["column"] = column
     return key, _Entry(key, entry, option, key).source()
 
 
@@ -215,33 +236,49 @@ class _Entry:
             InputError: a name, unit or number that can't be used.
         """
         low, high = self.numbers("valid", (-math.inf, math.inf))[:2]
+        how, columns = self.columns()
+        if how == "rate":
+            return self.rate()
         return ColumnSource(
-            self.columns(),
+            columns,
             self.unit(),
             self.number("scale", 1.0),
             self.number("offset", 0.0),
-            "product" in self.table,
+            how if how in _EXAMPLES else "norm",  # type: ignore[arg-type]
             self.number("wrap", 0.0),
             self.numbers("invalid", ()),
             (low, high),
         )
 
-    def columns(self) -> tuple[str, ...]:
+    def rate(self) -> ColumnSource:
+        rate = self.table["rate"]
+        if self.key not in ("time", "time.2"):
+            self.refuse("rate", shown(rate), "a rate for time alone: time = { rate = 50 }")
+        others = [name for name in self.table if name != "rate"]
+        if others:
+            self.refuse("", f"{others[0]} beside rate", "rate alone: the rows of the log a second")
+        if not _is_finite_number(rate) or not rate > 0:  # type: ignore[operator]
+            self.refuse("rate", shown(rate), "the rows of the log a second, such as 50")
+        return ColumnSource((), rate=float(rate))  # type: ignore[arg-type]
+
+    def columns(self) -> tuple[str, tuple[str, ...]]:
+        """How an entry says where its values stand, and the names of their columns."""
         names = [name for name in _COLUMN_ENTRIES if name in self.table]
         if len(names) != 1:
-            problem = f"both {names[0]} and {names[1]}" if names else "neither column nor norm"
-            self.refuse("", problem, 'one of them: column = "T1" or norm = ["i_d", "i_q"]')
+            problem = f"both {names[0]} and {names[1]}" if names else "neither column nor norm, product or mean"
+            self.refuse("", problem, 'one of them: column = "T1" or mean = ["T1", "T2"]')
         name, value = names[0], self.table[names[0]]
+        if name == "rate":
+            return name, ()
         if name == "column":
             if isinstance(value, str) and value:
-                return (str(value),)
+                return name, (str(value),)
             self.refuse(name, shown(value), "the name of a column")
         listed = value if isinstance(value, Sequence) and not isinstance(value, str) else ()
         columns = tuple(str(column) for column in listed if isinstance(column, str) and column)
         if len(columns) < 2 or len(columns) < len(listed):
-            example = '["i_d", "i_q"]' if name == "norm" else '["u_dc", "i_dc"]'
-            self.refuse(name, shown(value), f"two or more column names, such as {example}")
-        return columns
+            self.refuse(name, shown(value), f"two or more column names, such as {_EXAMPLES[name]}")
+        return name, columns
 
     def unit(self) -> str | None:
         if "unit" not in self.table:
@@ -291,6 +328,8 @@ def _is_finite_number(value: object) -> bool:
 def toml_line(key: str, source: ColumnSource) -> str:
     """A line of `[columns]`, such as `"temperature.a" = { column = "T1", unit = "degF" }`."""
     name = key if key == "time" else json.dumps(key, ensure_ascii=False)
+    if source.rate:
+        return f"{name} = {{ rate = {source.rate:.12g} }}"
     columns = [json.dumps(column, ensure_ascii=False) for column in source.columns]
     settings = [f'unit = "{source.unit}"'] if source.unit else []
     settings += [
@@ -299,17 +338,24 @@ def toml_line(key: str, source: ColumnSource) -> str:
     ]
     if len(columns) == 1 and not settings:
         return f"{name} = {columns[0]}"
-    several = f"{'product' if source.product else 'norm'} = [{', '.join(columns)}]"
+    several = f"{source.how} = [{', '.join(columns)}]"
     where = several if len(columns) > 1 else f"column = {columns[0]}"
     return f"{name} = {{ {', '.join([where, *settings])} }}"
 
 
 def map_option(key: str, source: ColumnSource) -> str:
-    """An option such as `--map "temperature.a=T1[degF]"`; a mapping of several columns has none, and gives ''."""
-    if len(source.columns) != 1:
-        return ""
-    column = source.columns[0]
+    """An option such as `--map "temperature.a=T1[degF]"`; '' for columns of several whose names have a comma."""
     settings = [f"{word}={','.join(numbers)}" for word, numbers in _settings(source)]
+    if len(source.columns) == 1:
+        column = source.columns[0]
+    else:
+        column = ""
+        settings = [
+            f"{source.how}={','.join(source.columns)}" if source.columns else f"rate={source.rate:g}",
+            *settings,
+        ]
+        if any("," in name or ";" in name or "]" in name or "[" in name for name in source.columns):
+            return ""
     inside = "; ".join([source.unit, *settings] if source.unit else settings)
     bracket = f"[{inside}]" if inside or column.endswith("]") else ""
     return f'--map "{key}={column}{bracket}"'
@@ -367,6 +413,19 @@ _BRACKETED = re.compile(r"[\[(]\s*([^\[\]()]+?)\s*[\])]\s*$")
 _WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+|°|µ|%")
 _ELECTRICAL = ("erpm", "e rpm")
 """Speeds in electrical turns: the number of pole pairs, which no log says, makes them mechanical."""
+_OTHER_UNITS = frozenset(("%", "v", "mv", "hz", "w m", "deg", "rad", "h", "pa", "bar", "n", "m", "mm", "kg", "j"))
+"""Units, written in the same way, of what no model asks for."""
+
+
+def is_unit(cell: str) -> bool:
+    """Whether a cell below a name is the unit of what stands there; a dash or nothing says that it has none."""
+    text = cell.strip()
+    if len(text) > 2 and text[0] + text[-1] in {"[]", "()"}:
+        return True
+    words = " ".join(words_of(text))
+    if not words:
+        return not any(map(str.isalpha, text))
+    return words in _OTHER_UNITS or any(words in endings for endings in _UNITS.values())
 
 
 def words_of(name: str) -> tuple[str, ...]:
@@ -387,8 +446,10 @@ class ColumnName:
     bracket: str
 
     @classmethod
-    def of(cls, name: str) -> ColumnName:
-        """A name taken apart; what stands in a bracket and is no unit are words of it."""
+    def of(cls, name: str, unit: str = "") -> ColumnName:
+        """A name taken apart, or with what a row of units says of it; no unit in a bracket are words of the name."""
+        if unit:
+            return cls(words_of(name), unit)
         match = _BRACKETED.search(name)
         if match is None:
             return cls(words_of(name), "")

@@ -8,11 +8,14 @@ proposed but once.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.logs.columns import ColumnName, ColumnSource, map_option, toml_line, words_of
 from lptn.logs.quality import suspect_unit
@@ -73,7 +76,7 @@ def guess(
     sources = column_sources(table, columns)
     wanted = {"time", *(key for column in (*inputs, *outputs) for key in raw_keys(column, sources)), *columns}
     taken = {name for key, source in sources.items() if key in wanted for name in source.columns}
-    free = [name for name in table.names if name not in taken and table.names.count(name) == 1]
+    free = [name for name, times in Counter(table.names).items() if name not in taken and times == 1]
     names = {name: ColumnName.of(name) for name in free}
     places = [key.partition(".")[2] for key in (*outputs, *inputs) if key.startswith("temperature.")]
     places = [place for place in dict.fromkeys(places) if place != "ambient"]
@@ -87,8 +90,21 @@ def guess(
         rest = [key for key in missing if key not in choice and key != "time"]
         chosen = {column for column, _ in choice.values()}
         choice |= method(rest, {name: parts for name, parts in names.items() if name not in chosen}, places)
-    guesses = (_with_unit(table, key, *choice[key]) for key in missing if key in choice)
+    numbers = _numbers(table, [column for column, _ in choice.values()])
+    guesses = (_with_unit(table, key, *choice[key], numbers) for key in missing if key in choice)
     return [guess for guess in guesses if guess is not None]
+
+
+def _numbers(table: Table, columns: Sequence[str]) -> dict[str, FloatArray]:
+    """Those of the columns that hold numbers, (n,) each: read together, or where one of them holds text one by one."""
+    try:
+        return table.numbers(columns)
+    except InputError:
+        numbers: dict[str, FloatArray] = {}
+        for column in columns:
+            with suppress(InputError):
+                numbers |= table.numbers([column])
+        return numbers
 
 
 # --- Logs of opensourceleg, by the columns that its examples log -----------------------------------
@@ -112,21 +128,18 @@ def _of_opensourceleg(table: Table) -> bool:
     return all(any(wanted <= of_column for of_column in words) for wanted in _OPENSOURCELEG)
 
 
-def _with_unit(table: Table, key: str, column: str, why: str) -> Guess | None:
+def _with_unit(table: Table, key: str, column: str, why: str, numbers: Mapping[str, FloatArray]) -> Guess | None:
     """The guess with its unit, from the name or else from the values; `None` for a column without numbers."""
     quantity = key.partition(".")[0]
     source = ColumnSource((column,))
-    try:
-        values = table.numbers([column])[column]
-    except InputError:
-        return None
+    values = numbers.get(column, np.empty(0))
     if not np.isfinite(values).any():
         return None
-    if unit := ColumnName.of(column).unit(quantity):
+    if unit := ColumnName.of(column, table.units.get(column, "")).unit(quantity):
         return Guess(key, replace(source, unit=unit), f"{why}, unit and all")
     if quantity == "current" and _of_opensourceleg(table):
         return Guess(key, replace(source, unit="mA"), f"{why}; opensourceleg logs mA")
-    for issue in suspect_unit(key, source, values):
+    for issue in suspect_unit(key, source, values, table.units.get(column, "")):
         if issue.corrected:
             return Guess(key, issue.corrected, f"{why}; {issue.problem}")
     return Guess(key, source, why)

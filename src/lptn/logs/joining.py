@@ -16,8 +16,9 @@ import pandas as pd
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.logs.columns import ColumnSource
-from lptn.logs.quality import AMBIENT, check_time, suspect_unit
+from lptn.logs.quality import check_time, suspect_unit
 from lptn.logs.resampling import on_one_time
+from lptn.logs.silence import AMBIENT
 from lptn.logs.tables import Table, check_size, column_sources
 
 # --- Two logs made one table -----------------------------------------------------------------------
@@ -57,7 +58,8 @@ def join(
         seconds, note = _aligned(path, one, other, rest)
     else:
         seconds, note = shift, f"{second.path.name}: its clock set forward by {shift:.6g} s, as given."
-    renamed = {name: f"{name}:2" if name in first.names else name for name in second.names if name != other.column}
+    taken = set(first.names)
+    renamed = {name: f"{name}:2" if name in taken else name for name in second.names if name != other.column}
     names = ("time", *(name for name in first.names if name not in {one.column, "time"}), *renamed.values())
     notes = [note, *first.notes, *second.notes]
     doubled = [name for name, new in renamed.items() if new != name]
@@ -77,6 +79,8 @@ def join(
         where=lambda row: f"row {row + 1} of both",
         kind=f"{first.kind} joined with {second.kind}",
         mixed=True,
+        units={name: unit for name, unit in first.units.items() if name not in {one.column, "time"}}
+        | {renamed[name]: unit for name, unit in second.units.items() if name in renamed},
         defaults=dict(second.defaults) | dict(first.defaults),
         notes=notes,
         digest=lambda: hashlib.sha256(f"{first.digest()} {second.digest()}".encode()).hexdigest(),
@@ -95,7 +99,7 @@ class _Timed:
             raise InputError(table.path, f"column {key}", problem, f"a line in [columns] / --map {key}=YOURNAME")
         self.column = source.columns[0]
         time = source.values("time", table.numbers(source.columns))
-        for issue in suspect_unit("time", source, time):
+        for issue in suspect_unit("time", source, time, table.units.get(self.column, "")):
             if issue.certain:
                 remedy = issue.remedy.replace('"time=', f'"{key}=').replace("write time =", f'write "{key}" =')
                 raise InputError(table.path, f"column '{issue.column}'", issue.problem, remedy)
@@ -243,9 +247,9 @@ def shift_of(warm_time: FloatArray, temperature: FloatArray, heat_time: FloatArr
     try:
         half = _fitted(on, warm_time, temperature, heat_time, heat, 0.5)
     except NoOnsetError:  # too noisy for half the rise
-        return Shift(whole.seconds, 2 * whole.error)
+        return _known(Shift(whole.seconds, 2 * whole.error))
     # What the equation leaves out shows in how far half the rise says otherwise.
-    return Shift(whole.seconds, float(np.hypot(whole.error, half.seconds - whole.seconds)))
+    return _known(Shift(whole.seconds, float(np.hypot(whole.error, half.seconds - whole.seconds))))
 
 
 def _fitted(
@@ -298,9 +302,18 @@ def _least(
     spread = (inside[-1] - inside[0]) / 6  # from three standard errors below to three above
     periods = (float(np.median(np.diff(stamps))) for stamps in (time, heat_time))
     error = float(np.sqrt(spread**2 + sum(period**2 / 12 for period in periods)))  # a stamp is uniform in its period
-    if error > _LARGEST_ERROR:
-        raise NoOnsetError(f"the rise is too gradual: the shift is known to ± {error:.2g} s only")
-    return Shift(float(tried[best]), error)
+    return _known(Shift(float(tried[best]), error))
+
+
+def _known(shift: Shift) -> Shift:
+    """The same.
+
+    Raises:
+        NoOnsetError: its error leaves it open.
+    """
+    if shift.error > _LARGEST_ERROR:
+        raise NoOnsetError(f"the rise is too gradual: the shift is known to ± {shift.error:.2g} s only")
+    return shift
 
 
 def _sum_of_squares(readings: FloatArray, put_in: FloatArray, gone: FloatArray) -> float:

@@ -16,10 +16,8 @@ import numpy.typing as npt
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.logs.columns import ColumnName, ColumnSource, as_line_or_option
-from lptn.logs.silence import INPUTS, Silence, duplicates, without_silent
+from lptn.logs.silence import AMBIENT, INPUTS, Silence, duplicates
 from lptn.logs.tables import Table
-
-AMBIENT = "temperature.ambient"
 
 
 @dataclass(frozen=True)
@@ -156,23 +154,37 @@ _UNAMBIGUOUS = {  # units that nothing else at a name's end means; "c" or "s" ma
     "velocity": {"rpm", "deg/s", "turn/s"},
     "power": {"mW", "kW"},
 }
+_SI = {
+    "time": "s",
+    "temperature": "degC",
+    "torque": "N*m",
+    "current": "A",
+    "velocity": "rad/s",
+    "speed": "m/s",
+    "power": "W",
+}
 _COLDEST_KELVIN = 150.0  # a column T_K whose middle value is below was converted to degC, and kept its name
 
 
-def suspect_unit(key: str, source: ColumnSource, values: FloatArray) -> list[Issue]:
+def suspect_unit(key: str, source: ColumnSource, values: FloatArray, stated: str = "") -> list[Issue]:
     """Another unit than SI, by the column's name or its values; nothing where the mapping names a unit.
 
     Args:
         key: `time` or `<quantity>.<place>`.
         source: where the values come from.
         values: (n,) as read, in SI or degC if `source` says nothing else; NaN where missing.
+        stated: what a row of units in the file says.
     """
     readings = values[np.isfinite(values)]
-    if source.unit is not None or len(source.columns) > 1 or readings.size == 0:
+    of_several = len(source.columns) > 1 and source.how != "mean"
+    if source.unit is not None or of_several or readings.size == 0:
         return []
+    quantity = key.partition(".")[0]
+    unit = ColumnName.of(source.columns[0], stated).unit(quantity) if stated else ""
+    if unit and unit != _SI[quantity] and source.scale == 1:
+        return [_in_unit(key, source, unit, f"the row of units below the names says {unit}")]
     if key == "time":
         return _suspect_time_unit(source, values)
-    quantity = key.partition(".")[0]
     name = ColumnName.of(source.columns[0])
     named = name.unit(quantity)
     converted = named == "K" and np.median(readings) < _COLDEST_KELVIN
@@ -194,8 +206,7 @@ def suspect_unit(key: str, source: ColumnSource, values: FloatArray) -> list[Iss
 
 def _in_unit(key: str, source: ColumnSource, unit: str, problem: str, certain: bool = True) -> Issue:
     """The issue that a column seems to be in `unit`."""
-    si = {"time": "s", "temperature": "degC", "torque": "N*m", "current": "A", "velocity": "rad/s", "power": "W"}
-    remedy = f"write {{}}; if it is {si.get(key.partition('.')[0], '')} all the same, say so as its unit"
+    remedy = f"write {{}}; if it is {_SI.get(key.partition('.')[0], '')} all the same, say so as its unit"
     return _correctable(key, problem, replace(source, unit=unit), certain, remedy)
 
 
@@ -234,6 +245,7 @@ _KELVIN = (200.0, 500.0)  # all of a robot's temperatures, K
 _MOSTLY_KELVIN = (240.0, 450.0)  # the middle one, where a few readings are codes: -33 … 177 degC
 _MOSTLY = 0.9  # share of the readings above the lower of these
 _ROOM_FAHRENHEIT = (55.0, 120.0)  # surroundings of 13 … 49 degC, degF
+_NO_ROOM = 60.0  # degC: no robot works in surroundings as warm, nor begins at rest so
 
 
 def _suspect_temperature_unit(key: str, source: ColumnSource, readings: FloatArray) -> list[Issue]:
@@ -254,7 +266,7 @@ def _suspect_temperature_unit(key: str, source: ColumnSource, readings: FloatArr
         return [_correctable(key, f"values around {middle:.4g}", corrected, certain, f"for {words} write {{}}")]
     if key == AMBIENT and _ROOM_FAHRENHEIT[0] < middle < _ROOM_FAHRENHEIT[1]:
         problem = f"surroundings at {middle:.4g} degC, which look like degF"
-        return [_in_unit(key, source, "degF", problem, certain=False)]
+        return [_in_unit(key, source, "degF", problem, certain=middle > _NO_ROOM)]
     return []
 
 
@@ -277,6 +289,7 @@ def _suspect_size(
 
 
 _COLDEST_FAHRENHEIT = (48.0, 120.0)  # degF, 9 … 49 degC: the coldest reading of a log in a room
+_COOLED = 3.0  # K, by which a robot that was so warm cools whenever it does less
 _OVER_ROOM = 30.0  # K over the room at the first reading: hardly any log begins so warm
 _SAME_START = 6.0  # degF, how close the first readings then are to each other, and to the room's in degF
 
@@ -289,15 +302,19 @@ def suspect_fahrenheit(sources: Mapping[str, ColumnSource], values: Mapping[str,
         values: (n,) each, as read.
     """
     keys = [key for key in sources if _is_read_temperature(key, values[key])]
-    if not keys or any(sources[key].unit for key in keys):
+    if any(sources[key].unit not in (None, "degF") for key in keys):
         return []
-    coldest = min(float(np.nanmin(values[key])) for key in keys)
-    starts = [float(values[key][np.isfinite(values[key])][0]) for key in keys]
+    several, keys = len(keys) > 1, [key for key in keys if sources[key].unit is None]
+    first = {key: float(values[key][np.isfinite(values[key])][0]) for key in keys}
+    starts = list(first.values())
+    coldest = min((float(np.nanmin(values[key])) for key in keys), default=np.nan)
     # Sensors that begin apart are those of a robot that was warm.
     if _COLDEST_FAHRENHEIT[0] < coldest < _COLDEST_FAHRENHEIT[1] and max(starts) - min(starts) < _SAME_START:
         problem = f"no temperature of the whole log is below {coldest:.4g} degC, which looks like degF"
-        return [_in_unit(keys[0], sources[keys[0]], "degF", problem, certain=False)]
-    first = dict(zip(keys, starts, strict=True))
+        certain = several and coldest > max(_NO_ROOM, min(starts) - _COOLED)
+        if certain:
+            problem = "begins at {:.4g} degC, as all sensors do, and none of them ever cools: which looks like degF"
+        return [_in_unit(key, sources[key], "degF", problem.format(first[key]), certain=certain) for key in keys]
     room = first.get(AMBIENT, np.nan)
     return [
         _in_unit(
@@ -338,119 +355,97 @@ def suspect_wrap(key: str, source: ColumnSource, raw: FloatArray) -> list[Issue]
     return []
 
 
-# --- Temperature sensors: fault codes among the readings, and readings that do not move ------------
-
-
-# degC that failing sensors are known to give: DS18B20 at power-up (85) and disconnected (-127), codes of drives and of
-# converters of 8 and 16 bit.
-_FAULT_CODES = (0.0, -127.0, 85.0, -999.0, 999.0, 255.0, 65535.0, 32767.0, -32768.0)
-_FAR = 30.0  # K, from the readings on both sides: no sensor on a motor moves so far from row to row
-_FAR_OF_CODE = 10.0  # K, the same for a number that is among the fault codes
-_TOO_HOT = 150.0  # degC: a number beyond, or below its negative, may be a code though it occurs but once
-_MOST_CODES = 4  # of one sensor; with more of them it is noise
-_STUCK = 600.0  # s
-_MOVES = 3.0  # K, by which another temperature moves while this one is stuck throughout
-
-
-def suspect_sensor(
-    key: str, source: ColumnSource, time: FloatArray, raw: FloatArray, values: FloatArray, others_move: bool
-) -> list[Issue]:
-    """Fault codes among the readings of a temperature sensor, and one that does not move.
-
-    Args:
-        key: `temperature.<place>`.
-        source: where the readings come from.
-        time: (n,) s.
-        raw: (n,) as in the file.
-        values: (n,) degC.
-        others_move: whether another temperature of the log moves.
-    """
-    issues = []
-    there = np.flatnonzero(np.isfinite(values))
-    codes = _fault_codes(values[there])
-    coded = np.isin(values[there], codes)
-    if codes and len(source.columns) == 1:
-        in_file = [float(np.median(raw[there][values[there] == code])) for code in codes]
-        count = int(coded.sum())
-        listed = " and ".join(f"{code:.6g}" for code in codes)
-        problem = f"{count} reading{'s' * (count > 1)} of exactly {listed} degC, far from those around: a fault code"
-        invalid = replace(source, invalid=(*source.invalid, *in_file))
-        issues.append(_correctable(key, problem, invalid, False, kind="code"))
-    rest = there[~coded]
-    if problem := _still_throughout(time[rest], values[rest], others_move and key != AMBIENT):
-        remedy = "if the sensor was stuck, write invalid = [that number] in its entry of [columns]"
-        issues.append(Issue(key, source.columns[0], problem, remedy, False, kind="frozen"))
-    return issues
-
-
-def _fault_codes(readings: FloatArray) -> list[float]:
-    """Values that stand exactly the same, and each time far from the readings on both sides."""
-    if readings.size < 3:
-        return []
-    starts = np.flatnonzero(np.concatenate(([True], np.diff(readings) != 0)))
-    levels = readings[starts]
-    distance = np.fmin(np.abs(np.diff(levels, prepend=np.nan)), np.abs(np.diff(levels, append=np.nan)))
-    codes = []
-    for level in np.unique(levels[distance > _FAR_OF_CODE]):
-        distances = distance[levels == level]
-        listed = level in _FAULT_CODES
-        far = (distances > (_FAR_OF_CODE if listed else _FAR)).all()
-        if far and (listed or abs(level) > _TOO_HOT or distances.size > 1):
-            codes.append(float(level))
-    # A minority: of a sensor that reads nothing else, nothing tells which is the code.
-    return codes if np.isin(readings, codes).mean() < 0.5 and len(codes) <= _MOST_CODES else []
-
-
-def _still_throughout(time: FloatArray, values: FloatArray, expected_to_move: bool) -> str:
-    """What is odd about a sensor that gives one value all the time; '' where nothing is.
-
-    Args:
-        time: (n,) s.
-        values: (n,) degC, without NaN.
-        expected_to_move: whether one value throughout is odd; people write one number for the room.
-    """
-    if time.size < 3 or not expected_to_move or (values != values[0]).any():
-        return ""
-    span = float(time[-1] - time[0])
-    return f"reads {values[0]:.6g} degC throughout, {span:.4g} s" if span >= _STUCK else ""
-
-
 # --- Channels that stand still, or say the same as another ---------------------------------------
 
 
 _MOST_TORQUE = 1000.0  # N·m: no robot's joint bears more
-_UNITS = {"temperature": "degC", "torque": "N*m", "current": "A", "velocity": "rad/s"}
 
 
-def is_unknown_input(key: str, source: ColumnSource) -> bool:
-    """Whether what a silent channel drives is unknown then: the heat of a joint whose torque or speed stands still.
+@dataclass(frozen=True)
+class Roles:
+    """What a log's columns are to a model: it decides what becomes of what a silent channel says.
 
-    Not where a user says what is valid, and so knows the machine.
+    Args:
+        predicted: temperatures that the model predicts, and that are not given to it.
+        one_speaks: whether one of these says more than one number throughout.
     """
-    return key.partition(".")[0] in INPUTS and not np.isfinite(source.valid).any()
+
+    predicted: frozenset[str]
+    one_speaks: bool = True
+
+    def left_out(self, key: str, source: ColumnSource, silence: Silence) -> bool:
+        """Whether what a channel says in a silence is taken for no reading: a hole in a sensor's, a gap in an input's.
+
+        Single readings are, and all that a predicted temperature says, but for one number throughout where no other
+        says more. Of a torque, current or speed, and of a given temperature that is dead, the log is cut, for what they
+        bring in is not known; a given temperature that stands still may well do so. Who says what is valid knows the
+        machine.
+        """
+        stated = bool(np.isfinite(source.valid).any())
+        if not silence.lasts:
+            return True
+        if key in self.predicted:
+            return not silence.whole or (self.one_speaks and not stated)
+        return not stated and (key.partition(".")[0] in INPUTS or silence.kind == "dead")
 
 
-def suspect_silence(key: str, source: ColumnSource, silent: list[Silence]) -> list[Issue]:
-    """What a channel's silences mean: readings are left out; of torque, current and speed the heat is not known."""
+def suspect_silence(
+    key: str, source: ColumnSource, silent: list[Silence], numbers: Mapping[str, FloatArray], roles: Roles
+) -> list[Issue]:
+    """What a channel's silences mean, and what is done with them.
+
+    Args:
+        key: the quantity.
+        source: where it stands.
+        silent: its silences.
+        numbers: the file's columns, (n,) each, as they stand there.
+        roles: what the columns are to the model.
+    """
+    issues = [_of_codes(key, source, [each for each in silent if each.kind == "code"], numbers)]
     quantity, _, place = key.partition(".")
-    issues = []
-    for each in silent:
+    unit = _SI.get(quantity, "")
+    for each in (each for each in silent if each.kind != "code"):
         number, count = f"{each.value:.6g}", int(each.rows.sum())
-        problem = f"{each.kind} at {number} {_UNITS[quantity]} from {each.start:.6g} to {each.stop:.6g} s"
+        problem = f"{each.kind} at {number} {unit} from {each.start:.6g} to {each.stop:.6g} s"
+        entry = "in its entry of [columns]"
         if each.kind == "spike":
-            spikes = f"{count} spike{'s' * (count > 1)} of up to {each.value:.3g} K"
-            problem = f"{spikes} in single readings from {each.start:.6g} to {each.stop:.6g} s"
-        if (quantity == "temperature" and key != AMBIENT) or each.kind == "spike":
+            problem = f"{count} spike{'s' * (count > 1)} of up to {each.value:.3g} K in single readings "
+            problem += f"from {each.start:.6g} to {each.stop:.6g} s"
             remedy = "these readings are left out"
-        elif is_unknown_input(key, source):
-            remedy = f"the heat of {place} is not known there, so that the log is cut; if it was so, write"
-            remedy += " valid = [LEAST, GREATEST] in its entry of [columns]"
+        elif each.whole:
+            problem = f"reads {number} {unit} throughout, {each.stop - each.start:.4g} s, while another one moves"
+            remedy = "it is the only sensor, and counts all the same; if it was stuck, nothing can be concluded from it"
+            if roles.left_out(key, source, each):
+                remedy = f"it is left out; if it is alive all the same, write valid = [LEAST, GREATEST] {entry}"
+        elif not roles.left_out(key, source, each):
+            remedy = f"it is taken as it stands; with invalid = [{number}] {entry} it is a gap"
+        elif key in roles.predicted:
+            remedy = "these readings are left out"
         else:
-            what = "it is taken as valid" if quantity != "temperature" else "what leaves to the air is not known there"
-            remedy = f"{what}; with invalid = [{number}] in its entry of [columns] it is a gap"
+            what = f"the heat of {place}" if quantity in INPUTS else "what it gives to the model"
+            remedy = (
+                f"{what} is not known there, so that the log is cut; if it was so, write valid = [LEAST, GREATEST] "
+            )
+            remedy += entry
+        if each.column:
+            problem = f"its column '{each.column}' {'is ' * (not each.whole)}{problem}"
         stretch = (each.start, each.stop)
-        issues.append(Issue(key, source.columns[0], problem, remedy, False, kind=each.kind, stretch=stretch))
-    return issues
+        column = each.column or source.columns[0]
+        issues.append([Issue(key, column, problem, remedy, False, kind=each.kind, stretch=stretch)])
+    return [issue for some in issues for issue in some]
+
+
+def _of_codes(key: str, source: ColumnSource, codes: list[Silence], numbers: Mapping[str, FloatArray]) -> list[Issue]:
+    """The fault codes of a channel, all in one."""
+    if not codes or (len(source.columns) > 1 and source.how != "mean"):
+        return []
+    count = int(sum(code.rows.sum() for code in codes))
+    listed = " and ".join(f"{code.value:.6g}" for code in codes)
+    in_file = [float(np.median(numbers[code.column or source.columns[0]][code.rows])) for code in codes]
+    problem = f"{count} reading{'s' * (count > 1)} of exactly {listed} degC, far from those around: a fault code"
+    corrected = replace(source, invalid=tuple(dict.fromkeys((*source.invalid, *in_file))))
+    remedy = "these readings are left out; to have it in the model file, write {}"
+    return [_correctable(key, problem, corrected, False, remedy, kind="code")]
 
 
 def _suspect_torque(key: str, source: ColumnSource, values: FloatArray) -> list[Issue]:
@@ -530,6 +525,8 @@ def issues_of(
     numbers: Mapping[str, FloatArray],
     values: Mapping[str, FloatArray],
     silent: Mapping[str, list[Silence]],
+    roles: Roles,
+    units: Mapping[str, str],
 ) -> tuple[Issue, ...]:
     """What looks wrong in a log's columns: another unit, a counter that wraps, a sensor that is dead.
 
@@ -541,28 +538,28 @@ def issues_of(
         numbers: the file's columns, (n,) each, as they stand there.
         values: the quantities, (n,) each, in SI and degC.
         silent: their silences, by `silences_of`.
+        roles: what the columns are to the model.
+        units: what a row of units in the file says of a column.
     """
-    ranges = {
-        key: np.ptp(values[key][np.isfinite(values[key])]) for key in values if _is_read_temperature(key, values[key])
-    }
     issues: list[Issue] = []
     for key, source in sources.items():
         raw = numbers[source.columns[0]]
-        of_column = suspect_wrap(key, source, raw) or suspect_unit(key, source, values[key])
-        if not of_column and key.startswith("temperature."):
-            others_move = any(moved > _MOVES for other, moved in ranges.items() if other != key)
-            alive = without_silent(values[key], [each for each in silent.get(key, []) if each.kind != "spike"])
-            of_column = suspect_sensor(key, source, values["time"], raw, alive, others_move)
-        elif not of_column and key.startswith("torque."):
+        of_column = suspect_wrap(key, source, raw)
+        of_column = of_column or suspect_unit(key, source, values[key], units.get(source.columns[0], ""))
+        said = silent.get(key, [])
+        if of_column:
+            said = [each for each in said if each.lasts]  # readings in another unit look like codes, and like spikes
+        elif key.startswith("torque."):
             of_column = _suspect_torque(key, source, values[key])
-        elif not of_column and key.startswith("velocity."):
+        elif key.startswith("velocity."):
             of_column = _suspect_power(key, source, values)
-        coded = any(issue.kind == "code" for issue in of_column)  # and no spike
-        said = [each for each in silent.get(key, []) if not (coded and each.kind == "spike")]
-        issues += [*of_column, *suspect_silence(key, source, said)]
+        issues += [*of_column, *suspect_silence(key, source, said, numbers, roles)]
     issues += [*_suspect_duplicates(sources, values), *_suspect_ambient(sources, values)]
-    if not any(issue.key.startswith("temperature.") for issue in issues):
-        issues += suspect_fahrenheit(sources, values)
+    of_air = [issue.corrected for issue in issues if issue.key == AMBIENT]
+    in_other_units = [issue for issue in issues if issue.key.startswith("temperature.") and issue.key != AMBIENT]
+    if not in_other_units and all(corrected and corrected.unit == "degF" for corrected in of_air):
+        others = [issue for issue in suspect_fahrenheit(sources, values) if issue.key != AMBIENT or not of_air]
+        issues += others
     return tuple(issues)
 
 

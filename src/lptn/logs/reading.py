@@ -15,9 +15,11 @@ from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.logs.bags import open_bag
 from lptn.logs.columns import ColumnSource
+from lptn.logs.csv_files import ENDINGS as CSV_ENDINGS
+from lptn.logs.csv_files import open_csv
 from lptn.logs.guess import format_note, guess
-from lptn.logs.joining import join
-from lptn.logs.quality import Issue, check_time, check_values, duplicates_of, is_unknown_input, issues_of
+from lptn.logs.joining import SECOND_TIME, join
+from lptn.logs.quality import Issue, Roles, check_time, check_values, duplicates_of, issues_of
 from lptn.logs.resampling import (
     ROUNDING,
     SEVERAL,
@@ -32,16 +34,17 @@ from lptn.logs.resampling import (
     would_cut,
 )
 from lptn.logs.run import Run
-from lptn.logs.silence import quantisation_step, silences_of, without_silent
-from lptn.logs.tables import Table, column_sources, open_csv, open_parquet, table_of
+from lptn.logs.silence import Silence, of_sensor, quantisation_step, silences_of, without_silent
+from lptn.logs.spreadsheets import open_spreadsheet
+from lptn.logs.tables import Table, column_sources, open_parquet, table_of, with_times
 from lptn.logs.ulog import open_ulog
 
 # --- A log opened by its path: one file or folder, or two logs of one run that are joined ---------
 
 
 _PAIR = re.compile(r"(?P<first>.+?)\+(?P<second>[^+]+?)(?:@(?P<shift>[-+]?\d+(?:\.\d+)?))?")
-_FORMATS = ".csv, .csv.gz, .parquet, .mcap, .db3 or .ulg file, or the folder of a ROS 2 bag"
-_ENDINGS = (".gz", ".csv", ".parquet", ".mcap", ".db3", ".ulg", ".ulog")
+_FORMATS = ".csv, .tsv, .txt, .xlsx, .parquet, .mcap, .db3 or .ulg file, or the folder of a ROS 2 bag"
+_ENDINGS = (".csv", ".tsv", ".txt", ".xlsx", ".xlsm", ".parquet", ".mcap", ".db3", ".ulg", ".ulog")
 
 
 def open_log(path: Path, columns: Mapping[str, ColumnSource]) -> tuple[Table, dict[str, ColumnSource]]:
@@ -57,9 +60,22 @@ def open_log(path: Path, columns: Mapping[str, ColumnSource]) -> tuple[Table, di
     """
     pair = pair_of(path)
     if pair is None:
-        return open_table(path), dict(columns)
+        return _timed(open_table(path), columns)
     first, second, shift = pair
-    return join(path, open_table(first), open_table(second), shift, columns)
+    own = {SECOND_TIME: columns[SECOND_TIME]} if SECOND_TIME in columns else {}
+    one, rest = _timed(open_table(first), columns)
+    other, _ = _timed(open_table(second), own, SECOND_TIME)
+    return join(path, one, other, shift, {key: source for key, source in rest.items() if not source.rate})
+
+
+def _timed(
+    table: Table, columns: Mapping[str, ColumnSource], key: str = "time"
+) -> tuple[Table, dict[str, ColumnSource]]:
+    """A log whose rows are its clock with a column of times, and the mapping that is left; any other as it is."""
+    source = columns.get(key)
+    if source is None or not source.rate:
+        return table, dict(columns)
+    return with_times(table, source.rate), {other: columns[other] for other in columns if other != key}
 
 
 def open_table(path: Path) -> Table:
@@ -78,7 +94,9 @@ def open_table(path: Path) -> Table:
         return open_ulog(path)
     if path.name.endswith(".parquet"):
         return open_parquet(path)
-    if path.name.endswith((".csv", ".csv.gz")):
+    if path.suffix in {".xlsx", ".xlsm"}:
+        return open_spreadsheet(path)
+    if path.name.endswith(CSV_ENDINGS):
         return open_csv(path)
     raise InputError(path, "log", f"the ending '{path.suffix}'", f"a {_FORMATS}")
 
@@ -225,6 +243,8 @@ def _instead(table: Table, sources: Mapping[str, ColumnSource], key: str, purpos
     expected = f"a column of that name, or a line in [columns] / --map {proposal or f'{key}=YOURNAME'}"
     if guessed and proposal:
         expected += f" ({guessed.why}; `lptn check` proposes all such lines, --map guess takes them)"
+    if key == "time":
+        expected += "; where rows have no times but come at one rate, --rate 50 for 50 a second"
     if key.startswith("temperature.") and purpose == key:
         expected += without_column(key)
     return expected
@@ -280,8 +300,9 @@ def read_log(
     a step holds about one sample.
 
     Args:
-        log: a `.csv`, `.csv.gz`, `.parquet`, `.mcap`, `.db3` or `.ulg` file, the folder of a ROS 2 bag, two logs of one
-            run with clocks of their own, `a.csv+b.csv` (see `lptn.logs.joining`), or a data frame with a column `time`
+        log: a `.csv`, `.tsv`, `.txt` (each perhaps `.gz`), `.xlsx`, `.parquet`, `.mcap`, `.db3` or `.ulg` file, the
+            folder of a ROS 2 bag, two logs of one run with clocks of their own, `a.csv+b.csv` (see
+            `lptn.logs.joining`), or a data frame with a column `time`
             [s], or an index of times.
         columns: where the quantities stand, for a log whose columns are not called `<quantity>.<place>`.
         name: what the run of a data frame is called; files have names of their own.
@@ -312,7 +333,7 @@ def read_log(
         if value is not None and not (math.isfinite(value) and value > 0):
             raise InputError(path, setting, f"{value:g} s", "a time above 0 s")
     if isinstance(log, pd.DataFrame):
-        table, columns = table_of(log, name), dict(columns or {})
+        table, columns = _timed(table_of(log, name), columns or {})
     else:
         table, columns = open_log(path, columns or {})
     guesses = guess(table, columns, inputs, outputs) if guessing else []
@@ -346,18 +367,18 @@ def _checked_samples(
             check_values(table, key, source, raw[key])
         if marked := source.missing(numbers):
             notes.append(f"{key}: {marked} of {raw[key].size} numbers are no readings, by its entry in [columns].")
+    predicted = frozenset(choice.outputs) - frozenset(choice.inputs)
     with np.errstate(over="ignore", invalid="ignore"):  # what overflows here is refused as a time below
-        silent = silences_of(raw)
-        issues = issues_of(choice.sources, numbers, raw, silent)
+        silent = _silences(choice.sources, numbers, raw)
+        speaking = [key for key in predicted if not any(each.whole for each in silent.get(key, []))]
+        roles = Roles(predicted, bool(speaking))
+        issues = issues_of(choice.sources, numbers, raw, silent, roles, table.units)
     for issue in issues:
         if strict and issue.certain:
             raise InputError(table.path, *issue.error)
     for key, stretches in () if keep_silent else silent.items():
-        predicted = key in choice.outputs and key not in choice.inputs
-        if predicted or is_unknown_input(key, choice.sources[key]):
-            raw[key] = without_silent(raw[key], stretches)
-        else:  # surroundings that stand still may well be so
-            raw[key] = without_silent(raw[key], [each for each in stretches if each.kind == "spike"])
+        left_out = [each for each in stretches if roles.left_out(key, choice.sources[key], each)]
+        raw[key] = without_silent(raw[key], left_out)
     alike = {key for pair in duplicates_of(choice.sources, raw).items() for key in pair}
     if not keep_silent and not alike.issuperset(choice.outputs):  # of the only two sensors one is right
         raw |= {key: np.full(raw[key].size, np.nan) for key in alike}
@@ -368,6 +389,19 @@ def _checked_samples(
     samples = Samples(time, raw)
     notes += [*repeated, *_temperature_notes(samples, table.mixed), *(issue.sentence for issue in issues)]
     return samples, notes, issues
+
+
+def _silences(
+    sources: Mapping[str, ColumnSource], numbers: Mapping[str, FloatArray], values: Mapping[str, FloatArray]
+) -> dict[str, list[Silence]]:
+    """All silences; of a mean those of each of its columns, for half a dead sensor looks alive."""
+    silent = silences_of(values)
+    for key, source in sources.items():
+        if source.how == "mean" and key.startswith("temperature."):
+            parts = {part.columns[0]: part.values(key, numbers) for part in source.parts()}
+            own = {name: of_sensor(values["time"], part) for name, part in parts.items()}
+            silent[key] = [replace(each, column=name) for name, found in own.items() for each in found]
+    return silent
 
 
 def _temperature_notes(samples: Samples, mixed: bool) -> list[str]:

@@ -176,9 +176,10 @@ def _gaps(
         notes.append(f"{name}: {_count(own & long)} {longest}; the log is split there.")
     lead, trail = stamps[0] - time[0], time[-1] - stamps[-1]
     if max(lead, trail) > (usual if slow else 0.0):
-        notes.append(f"{name}: no value in the first {lead:.4g} s and the last {trail:.4g} s; cut off.")
-    ends = [(-np.inf, float(stamps[0])), (float(stamps[-1] + period), np.inf)]
-    return ends + list(zip((stamps[:-1] + period)[long].tolist(), stamps[1:][long].tolist(), strict=True)), notes
+        ends = [f"the {end} {length:.4g} s" for end, length in (("first", lead), ("last", trail)) if length > 0]
+        notes.append(f"{name}: no value in {' and '.join(ends)}; cut off.")
+    outside = [(-np.inf, float(stamps[0])), (float(stamps[-1] + period), np.inf)]
+    return outside + list(zip((stamps[:-1] + period)[long].tolist(), stamps[1:][long].tolist(), strict=True)), notes
 
 
 def _count(gaps: npt.NDArray[np.bool_]) -> str:

@@ -5,7 +5,8 @@ steps allow is *frozen*; *clamped* where that is the highest or lowest number th
 and again; *dead* where the number is far from all around it, as 0 or full scale is. A torque that stands still, or is
 exactly zero while its joint moves, is found in the same way. What a channel says in such a stretch is no reading.
 
-Single readings that no thermal mass could have are *spikes*.
+Single readings that no thermal mass could have are *spikes*; numbers that come back exactly, far from what is read
+before and after, are *codes* by which a sensor says that it has no reading.
 """
 
 from __future__ import annotations
@@ -18,12 +19,12 @@ import numpy as np
 
 from lptn.basics.arrays import BoolArray, FloatArray, IntArray
 
-Kind = Literal["frozen", "clamped", "dead", "spike"]
+Kind = Literal["frozen", "clamped", "dead", "spike", "code"]
 
 
 @dataclass(frozen=True)
 class Silence:
-    """One such stretch, or all spikes of a channel together.
+    """One such stretch, or all spikes, or all readings of one code, of a channel together.
 
     Args:
         kind: of silence.
@@ -31,6 +32,8 @@ class Silence:
         start: s, of the first of these readings.
         stop: s, of the last.
         rows: which rows of the log it covers, shape (n,).
+        column: of several that are averaged the one; '' for a quantity of one column.
+        whole: the channel never says anything else.
     """
 
     kind: Kind
@@ -38,6 +41,13 @@ class Silence:
     start: float
     stop: float
     rows: BoolArray
+    column: str = ""
+    whole: bool = False
+
+    @property
+    def lasts(self) -> bool:
+        """Whether it is a stretch, and not single readings here and there."""
+        return self.kind not in ("spike", "code")
 
 
 _SHORTEST = 60.0  # s, of a number far from all others; nothing thermal is lost in less
@@ -52,7 +62,7 @@ however lively the sensor is near an edge."""
 _LONGER = 20.0  # times the median time that a number stands: topics that repeat themselves stand for long
 _JUMPS = 3.0  # steps: a coarse sensor that was alive all the while never moves by so many at once
 _TOUCHES = 5  # readings at the end of its range, before and after it stays there
-_FAR = 10.0  # K from what was read before and after
+_FAR = 10.0  # K from what was read before and after: a number that is dead, or a code
 _FEWEST = 20  # readings, to know what a sensor is like
 
 
@@ -176,6 +186,47 @@ def spikes(time: FloatArray, values: FloatArray, *, resolution: float = 0.0) -> 
     return [Silence("spike", float(height[leaps].max()), float(stamps[0]), float(stamps[-1]), rows)]
 
 
+# --- Codes: numbers that a sensor gives for no reading ------------------------------------------------
+
+
+# degC that failing sensors are known to give: DS18B20 at power-up (85) and disconnected (-127), codes of drives and of
+# converters of 8 and 16 bit.
+_FAULT_CODES = (0.0, -127.0, 85.0, -999.0, 999.0, 255.0, 65535.0, 32767.0, -32768.0)
+_FAR_OF_UNLISTED = 30.0  # K, from the readings on both sides: no sensor on a motor moves so far from row to row
+_TOO_HOT = 150.0  # degC: a number beyond, or below its negative, may be a code though it occurs but once
+_MOST_CODES = 4  # of one sensor; with more of them it is noise
+
+
+def codes(time: FloatArray, values: FloatArray) -> list[Silence]:
+    """Values that stand exactly the same, and each time far from the readings on both sides; one for each code.
+
+    Args:
+        time: (n,) s.
+        values: (n,) degC, NaN where missing.
+    """
+    there = np.flatnonzero(np.isfinite(values))
+    readings = values[there]
+    if readings.size < 3:
+        return []
+    levels = readings[np.concatenate(([True], np.diff(readings) != 0))]
+    distance = np.fmin(np.abs(np.diff(levels, prepend=np.nan)), np.abs(np.diff(levels, append=np.nan)))
+    found = []
+    for level in np.unique(levels[distance > _FAR]):
+        distances = distance[levels == level]
+        listed = level in _FAULT_CODES
+        far = (distances > (_FAR if listed else _FAR_OF_UNLISTED)).all()
+        if far and (listed or abs(level) > _TOO_HOT or distances.size > 1):
+            found.append(float(level))
+    # A minority: of a sensor that reads nothing else, nothing tells which is the code.
+    if np.isin(readings, found).mean() >= 0.5 or len(found) > _MOST_CODES:
+        return []
+    stamps = [time[values == level] for level in found]
+    return [
+        Silence("code", level, float(own[0]), float(own[-1]), np.asarray(values == level))
+        for level, own in zip(found, stamps, strict=True)
+    ]
+
+
 # --- A sensor's steps -----------------------------------------------------------------------------
 
 
@@ -207,31 +258,60 @@ def quantisation_step(values: FloatArray) -> float:
 # --- A whole log ----------------------------------------------------------------------------------
 
 
+AMBIENT = "temperature.ambient"
 INPUTS = ("torque", "current", "velocity")
 """Quantities that drive a joint's heat."""
 _MOVING = 0.05  # rad/s, mean of |speed|: a joint that moves
 
 
 def silences_of(values: Mapping[str, FloatArray]) -> dict[str, list[Silence]]:
-    """Stretches in which sensors, torques, currents or speeds say nothing, and spikes, by quantity.
+    """Stretches in which sensors, torques, currents or speeds say nothing, spikes, and codes, by quantity.
 
     Args:
         values: time [s] and the quantities, (n,) each, in SI and degC.
     """
     found: dict[str, list[Silence]] = {}
+    still = _still_throughout(values)
     # Speeds first: a joint of which nobody knows whether it moves may have no torque.
     for key in sorted(values, key=lambda key: not key.startswith("velocity.")):
         each, (quantity, _, place) = values[key], key.partition(".")
         if quantity == "temperature":
-            resolution = quantisation_step(each)
-            found[key] = silences(values["time"], each, resolution=resolution)
-            found[key] += spikes(values["time"], without_silent(each, found[key]), resolution=resolution)
+            found[key] = still[key] if key in still else of_sensor(values["time"], each)
         elif quantity in INPUTS:
             speed = f"velocity.{place}"
             moving = without_silent(values.get(speed, np.zeros(each.size)), found.get(speed, []))
-            still = silences(values["time"], each, temperature=False)
-            found[key] = [one for one in still if one.value != 0 or (key != speed and _moves(moving, one))]
+            stands = silences(values["time"], each, temperature=False)
+            found[key] = [one for one in stands if one.value != 0 or (key != speed and _moves(moving, one))]
     return {key: each for key, each in found.items() if each}
+
+
+def of_sensor(time: FloatArray, values: FloatArray) -> list[Silence]:
+    """What a temperature sensor says that is no reading: stretches, codes and spikes; (n,) s and degC."""
+    resolution = quantisation_step(values)
+    found = silences(time, values, resolution=resolution)
+    found += codes(time, without_silent(values, found))
+    return found + spikes(time, without_silent(values, found), resolution=resolution)
+
+
+_STUCK = 600.0  # s
+_MOVED_APART, _MOVED_STEPS = 3.0, 5.0
+"""K, and steps of the coarsest of the others, by which another temperature moves while this one gives one number: a
+motor that idles beside one that works warms by a part of that."""
+
+
+def _still_throughout(values: Mapping[str, FloatArray]) -> dict[str, list[Silence]]:
+    """Temperatures that are one number throughout while another one moves; people write one number for the room."""
+    read = {key: each[np.isfinite(each)] for key, each in values.items() if key.startswith("temperature.")}
+    ranges = {key: float(np.ptp(each)) for key, each in read.items() if each.size}
+    coarsest = max((quantisation_step(each) for key, each in read.items() if ranges.get(key)), default=0.0)
+    moved = max(ranges.values(), default=0.0) > max(_MOVED_APART, _MOVED_STEPS * coarsest)
+    found = {}
+    for key, extent in ranges.items():
+        rows = np.isfinite(values[key])
+        stamps = values["time"][rows]
+        if moved and not extent and stamps.size >= 3 and key != AMBIENT and stamps[-1] - stamps[0] >= _STUCK:
+            found[key] = [Silence("frozen", float(read[key][0]), float(stamps[0]), float(stamps[-1]), rows, whole=True)]
+    return found
 
 
 def _moves(speed: FloatArray, silence: Silence) -> bool:

@@ -132,7 +132,7 @@ def _defaults(names: Sequence[str], topics: Mapping[str, Mapping[str, Any]]) -> 
             quantity, unit = _ESC_FIELDS[match["field"]]
             sources[f"{quantity}.esc{match['number']}"] = ColumnSource((name,), unit)
     several = {
-        "power.battery": ColumnSource(("battery_status.voltage_v", "battery_status.current_a"), product=True),
+        "power.battery": ColumnSource(("battery_status.voltage_v", "battery_status.current_a"), how="product"),
         "temperature.battery": ColumnSource(("battery_status.temperature",), "degC"),
         "speed.base": ColumnSource(tuple(f"vehicle_local_position.v{axis}" for axis in "xyz")),
     }

@@ -1,0 +1,162 @@
+"""Spreadsheets (.xlsx) as logs: the sheet that holds a table, perhaps with metadata above it and units below its names.
+
+Values are those that the program which saved the file had worked out; formulas are not evaluated.
+"""
+
+from __future__ import annotations
+
+import datetime
+import zipfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property, partial
+from importlib.util import find_spec
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from lptn.basics.errors import InputError
+from lptn.basics.files import fingerprint
+from lptn.logs.layout import LOOKED_AT, Layout, find_layout
+from lptn.logs.tables import Table, broken, too_large
+
+_MOST_CELLS = 20_000_000  # a sheet has a million rows at most; so many cells take a minute and 2 GB
+_MOST_BYTES = 2_000_000_000  # of what is packed in the file
+
+
+def open_spreadsheet(path: Path) -> Table:
+    """Open a spreadsheet, and find the sheet with the longest table among the first rows of each.
+
+    Raises:
+        InputError: `openpyxl` is not installed, the file is broken or too large, or no sheet holds a table.
+    """
+    if find_spec("openpyxl") is None:
+        raise InputError(path, "log", "a spreadsheet", "pip install 'lptn[excel]', or the sheet saved as CSV")
+    try:
+        with zipfile.ZipFile(path) as archive:
+            if sum(part.file_size for part in archive.infolist()) > _MOST_BYTES:
+                raise too_large(path, "more than 2 GB unpacked")
+        heads = _heads(path)
+    except InputError:
+        raise
+    except Exception as error:  # of broken bytes the library makes errors of many kinds
+        raise broken(path, error, "a whole .xlsx file") from error
+    sheets = {
+        name: _Sheet(path, name, rows, find_layout([_texts(row) for _, row in rows])) for name, rows in heads.items()
+    }
+    tables = {name: sheet for name, sheet in sheets.items() if sheet.layout.rows}
+    if not tables:
+        raise InputError(path, "log", "no table in any sheet", "a row of column names, and rows of numbers below it")
+    name, sheet = max(tables.items(), key=lambda item: item[1].layout.rows)
+    notes = []
+    if len(tables) > 1:
+        others = ", ".join(f"'{other}'" for other in tables if other != name)
+        notes.append(f"log: sheet '{name}' is read; {others} not (another sheet: save it as CSV).")
+    if sheet.layout.header:
+        notes.append(f"log: its table begins in row {sheet.header_row}; what stands above is left out.")
+
+    def read(wanted: Sequence[str]) -> pd.DataFrame:
+        return sheet.frame[1][list(wanted)]
+
+    def where(row: int) -> str:
+        return f"sheet '{name}', row {sheet.frame[0][row]}"
+
+    units = dict(zip(sheet.names, sheet.layout.units, strict=False))
+    return Table(
+        path, sheet.names, read, where, "spreadsheet", units=units, notes=notes, digest=partial(fingerprint, path)
+    )
+
+
+Row = tuple[int, tuple[Any, ...]]  # its number in the sheet, and its values
+
+
+@dataclass(frozen=True)
+class _Sheet:
+    """A sheet, its first rows and where its table begins among them."""
+
+    path: Path
+    name: str
+    head: Sequence[Row]
+    layout: Layout
+
+    @property
+    def header_row(self) -> int:
+        return self.head[self.layout.header][0]
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Of the columns, without the empty ones behind the last."""
+        names = [text.strip() for text in _texts(self.head[self.layout.header][1])]
+        while not names[-1]:
+            names.pop()
+        return tuple(names)
+
+    @cached_property
+    def frame(self) -> tuple[list[int], pd.DataFrame]:
+        """The numbers of the rows in the sheet, and their values.
+
+        Raises:
+            InputError: the file is broken, or too large.
+        """
+        first, width = self.head[self.layout.first][0], len(self.names)
+        numbers: list[int] = []
+        rows: list[list[Any]] = []
+        try:
+            with _Book(self.path) as book:
+                for number, values in _rows(book[self.name]):
+                    if number < first:
+                        continue
+                    if len(rows) * width > _MOST_CELLS:
+                        raise too_large(self.path, f"a spreadsheet of more than {_MOST_CELLS:.0e} cells")
+                    numbers.append(number)
+                    rows.append([_plain(value) for value in values[:width]] + [None] * (width - len(values)))
+        except InputError:
+            raise
+        except Exception as error:
+            raise broken(self.path, error, "a whole .xlsx file") from error
+        columns = {name: pd.Series([row[k] for row in rows]) for k, name in reversed(list(enumerate(self.names)))}
+        return numbers, pd.DataFrame(columns)
+
+
+class _Book:
+    """A workbook, open for reading row by row, closed in the end."""
+
+    def __init__(self, path: Path) -> None:
+        from openpyxl import load_workbook
+
+        self._book = load_workbook(path, read_only=True, data_only=True, keep_links=False)
+
+    def __enter__(self) -> Any:
+        return self._book
+
+    def __exit__(self, *_: object) -> None:
+        self._book.close()
+
+
+def _heads(path: Path) -> dict[str, list[Row]]:
+    """The first rows of each sheet of cells."""
+    with _Book(path) as book:
+        return {sheet.title: list(islice(_rows(sheet), LOOKED_AT)) for sheet in book.worksheets}
+
+
+def _rows(sheet: Any) -> Any:
+    """The rows that hold something, each with its number from 1."""
+    sheet.reset_dimensions()  # what a file says of its own size may be wrong
+    for number, values in enumerate(sheet.iter_rows(values_only=True), start=1):
+        if any(value is not None for value in values):
+            yield number, values
+
+
+def _texts(values: Sequence[Any]) -> list[str]:
+    return ["" if value is None else str(_plain(value)) for value in values]
+
+
+def _plain(value: Any) -> Any:
+    """Times of the day and durations in s; all else as it is."""
+    if isinstance(value, datetime.timedelta):
+        return value.total_seconds()
+    if isinstance(value, datetime.time):
+        return 3600.0 * value.hour + 60.0 * value.minute + value.second + 1e-6 * value.microsecond
+    return value

@@ -1,0 +1,267 @@
+"""Files as people have them: lines above the table, units below its names, quotes, spreadsheets, rows without times."""
+
+from __future__ import annotations
+
+import csv
+import datetime
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from lptn.basics.errors import InputError
+from lptn.identify.data import split_data
+from lptn.logs.columns import ColumnSource, parse_map_option
+from lptn.logs.layout import Layout, find_layout
+from lptn.logs.reading import open_log, read_log
+from lptn.logs.run import Run
+
+Refuse = Callable[..., str]
+
+NAMES = ["time", "torque.a", "temperature.a"]
+ROWS = [[str(k), str(k % 7), f"{20 + 0.5 * k}"] for k in range(40)]
+
+
+def read(path: Path) -> Run:
+    (run,) = read_log(path)
+    np.testing.assert_allclose(run.temperature("a"), 20 + 0.5 * np.arange(40))
+    np.testing.assert_allclose(run.columns["torque.a"], np.arange(40) % 7)
+    return run
+
+
+PREAMBLES = {
+    "none": "",
+    "sentences": "ACME 3000 logger\nFirmware 1.2, rev B\n",
+    "keys and values": "Serial,12345\nStart,2025-03-01 12:00:00\n\n",
+    "a table of its own": "Parameter,Value\nRate,50\nGain,3\n",
+    "as wide as the table": "ACME,3000,logger\nserial,12,x\n",
+    "dotted": "\n\nexported by: A. Nobody, 3 rows, 2 columns;\n---\n",
+}
+
+
+@pytest.mark.parametrize("units", ["", "s,Nm,degC", "[s],[N m],[°C]", "s,N*m,-"])
+@pytest.mark.parametrize("preamble", PREAMBLES)
+def test_what_stands_above_and_below_the_names(tmp_path: Path, preamble: str, units: str) -> None:
+    lines = [",".join(NAMES), *filter(None, [units]), *map(",".join, ROWS)]
+    (tmp_path / "log.csv").write_text(PREAMBLES[preamble] + "\n".join(lines) + "\n")
+    run = read(tmp_path / "log.csv")
+    assert any("what stands above is left out" in note for note in run.notes) == bool(PREAMBLES[preamble].strip())
+    assert not run.issues
+
+
+def test_a_line_is_named_as_it_stands_in_the_file(tmp_path: Path, refuse: Refuse) -> None:
+    path = tmp_path / "log.csv"
+    rows = [*ROWS[:5], ["5", "off", "22.5"], *ROWS[6:]]
+    path.write_text("made by: me\n\n" + "\n".join(map(",".join, [NAMES, ["s", "Nm", "degC"], *rows])) + "\n")
+    assert "line 10, column 'torque.a': found 'off'" in refuse(path, read_log, path)
+
+
+def test_a_row_of_units_is_heard(tmp_path: Path, refuse: Refuse) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text("\n".join(map(",".join, [NAMES, ["ms", "Nm", "°F"], *ROWS])) + "\n")
+    said = refuse(path, read_log, path)
+    assert "column 'time': found the row of units below the names says ms" in said
+    columns = {"time": ColumnSource(("time",), "ms")}
+    said = refuse(path, read_log, path, columns)
+    assert 'write "temperature.a" = { column = "temperature.a", unit = "degF" }' in said
+    columns |= {"temperature.a": ColumnSource(("temperature.a",), "degF")}
+    assert read_log(path, columns, step=0.001)[0].temperature("a")[0] == pytest.approx(-6.667, abs=0.01)
+
+
+@pytest.mark.parametrize("separator", [",", ";", "\t"])
+@pytest.mark.parametrize("ending", [".csv", ".tsv", ".txt"])
+def test_quoted_cells_with_commas_in_their_names(tmp_path: Path, separator: str, ending: str) -> None:
+    names = ["time", "torque, a, N·m; measured", "temp, a"]
+    with (tmp_path / f"log{ending}").open("w", newline="") as file:
+        writer = csv.writer(file, delimiter=separator, quoting=csv.QUOTE_ALL)
+        writer.writerows([names, *ROWS])
+    columns = {"torque.a": ColumnSource((names[1],)), "temperature.a": ColumnSource((names[2],))}
+    (run,) = read_log(tmp_path / f"log{ending}", columns)
+    np.testing.assert_allclose(run.temperature("a"), 20 + 0.5 * np.arange(40))
+
+
+def test_decimal_commas_between_tabs(tmp_path: Path) -> None:
+    rows = [[cell.replace(".", ",") for cell in row] for row in ROWS]
+    (tmp_path / "log.txt").write_text("\n".join(map("\t".join, [NAMES, *rows])))
+    (run,) = read_log(tmp_path / "log.txt")
+    np.testing.assert_allclose(run.temperature("a"), 20 + 0.5 * np.arange(39))  # the last line has no end
+
+
+@pytest.mark.parametrize(
+    ("clock", "seconds"),
+    [
+        ("{h}:{m:02}:{s:02}", 61.0),
+        ("{h:02}:{m:02}:{s:02}.5", 61.0),
+        ("{whole}:{s:02}.25", 61.0),
+    ],
+)
+def test_times_of_the_day(tmp_path: Path, clock: str, seconds: float) -> None:
+    at = [int(seconds * k) for k in range(40)]
+    stamps = [clock.format(h=t // 3600, m=t % 3600 // 60, s=t % 60, whole=t // 60) for t in at]
+    rows = [[stamp, *row[1:]] for stamp, row in zip(stamps, ROWS, strict=True)]
+    (tmp_path / "log.csv").write_text("\n".join(map(",".join, [NAMES, *rows])) + "\n")
+    (run,) = read_log(tmp_path / "log.csv")
+    assert run.step == seconds
+
+
+def test_hours_and_minutes_are_not_taken_for_minutes_and_seconds(tmp_path: Path, refuse: Refuse) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text("\n".join(map(",".join, [NAMES, *([f"12:{k:02}", *row[1:]] for k, row in enumerate(ROWS))])))
+    assert "line 2, column 'time': found '12:00'; expected a number" in refuse(path, read_log, path)
+
+
+@pytest.mark.parametrize(
+    ("rows", "header", "units"),
+    [
+        ([["a", "b"], ["1", "2"]], 0, ()),
+        ([["a", "b"], ["m", "s"], ["1", "2"]], 0, ("m", "s")),
+        ([["x", "y"], ["time", "power"], ["1", "2"]], 1, ()),  # two lines of words: the second is no unit
+        ([["time", "T"], ["1", "2"], ["3", "4"], ["time", "T"], ["5", "6"]], 0, ()),  # a logger that was restarted
+        ([["1", "2"], ["3", "4"]], 0, ()),
+        ([["nan", "nan"], ["a", "b"], ["2026-01-01T00:00:00Z", "nan"]], 1, ()),
+    ],
+)
+def test_the_layout(rows: Sequence[Sequence[str]], header: int, units: tuple[str, ...]) -> None:
+    layout = find_layout(rows)
+    assert (layout.header, layout.units) == (header, units)
+    assert isinstance(layout, Layout)
+
+
+# --- Spreadsheets -----------------------------------------------------------------------------------------------------
+
+
+def workbook(path: Path, sheets: Mapping[str, Sequence[Sequence[object]]]) -> Path:
+    from openpyxl import Workbook
+
+    book = Workbook()
+    book.remove(book.worksheets[0])
+    for name, rows in sheets.items():
+        sheet = book.create_sheet(name)
+        for row in rows:
+            sheet.append(row)
+    book.save(path)
+    return path
+
+
+VALUES: list[list[object]] = [[k, k % 7, 20 + 0.5 * k] for k in range(40)]
+
+
+def test_a_spreadsheet_with_metadata_units_and_another_sheet(tmp_path: Path, refuse: Refuse) -> None:
+    above: list[list[object]] = [["measured by", "me"], ["on", datetime.date(2026, 1, 1)], []]
+    table: list[list[object]] = [*above, list(NAMES), ["s", "Nm", "degC"], *VALUES]
+    path = workbook(tmp_path / "log.xlsx", {"notes": [["nothing"]], "data": table, "old": [["a", "b"], [1, 2]]})
+    run = read(path)
+    assert any("sheet 'data' is read; 'old' not" in note for note in run.notes)
+    assert any("begins in row 4" in note for note in run.notes)
+    broken = workbook(tmp_path / "off.xlsx", {"data": [*table[:7], [2, "off", 21.0], *table[8:]]})
+    assert "sheet 'data', row 8, column 'torque.a': found 'off'" in refuse(broken, read_log, broken)
+
+
+def test_times_of_a_spreadsheet(tmp_path: Path) -> None:
+    begin = datetime.datetime(2026, 1, 1, 23, 59, 50)
+    dated = [[begin + datetime.timedelta(seconds=k), *row[1:]] for k, row in enumerate(VALUES)]
+    read(workbook(tmp_path / "dates.xlsx", {"data": [list(NAMES), *dated]}))
+    clock = [[datetime.time(1, k // 60, k % 60), *row[1:]] for k, row in enumerate(VALUES)]
+    assert read(workbook(tmp_path / "clock.xlsx", {"data": [list(NAMES), *clock]})).time[0] == 3600.0
+
+
+def test_a_spreadsheet_without_a_table(tmp_path: Path, refuse: Refuse) -> None:
+    path = workbook(tmp_path / "log.xlsx", {"data": [["nothing", "here"]]})
+    assert "no table in any sheet" in refuse(path, read_log, path)
+
+
+# --- Rows without times -----------------------------------------------------------------------------------------------
+
+
+def test_rows_at_a_rate(tmp_path: Path) -> None:
+    (tmp_path / "log.csv").write_text("\n".join(",".join(row[1:]) for row in [NAMES, *ROWS]) + "\n")
+    _, source = parse_map_option("time=[rate=0.5]")
+    (run,) = read_log(tmp_path / "log.csv", {"time": source})
+    assert run.step == 2.0
+    assert any("counted from its rows, 0.5 a second" in note for note in run.notes)
+    (framed,) = read_log(pd.read_csv(tmp_path / "log.csv"), {"time": source})
+    np.testing.assert_array_equal(framed.temperature("a"), run.temperature("a"))
+
+
+def test_a_log_without_times_is_told_of_the_rate(tmp_path: Path, refuse: Refuse) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text("\n".join(",".join(row[1:]) for row in [NAMES, *ROWS]) + "\n")
+    assert "--rate 50 for 50 a second" in refuse(path, read_log, path)
+
+
+def test_two_logs_of_which_one_has_no_times(tmp_path: Path) -> None:
+    time = np.arange(400.0)
+    heat = np.where(time > 60, 30.0, 0.0)
+    warm = 20 + 0.05 * np.maximum(time - 60, 0)
+    pd.DataFrame({"time": time, "temperature.a": warm}).to_csv(tmp_path / "warm.csv", index=False)
+    pd.DataFrame({"power.a": heat}).to_csv(tmp_path / "heat.csv", index=False)
+    _, rate = parse_map_option("time.2=[rate=1]")
+    table, left = open_log(tmp_path / "warm.csv+heat.csv@0", {"time.2": rate})
+    assert not left
+    numbers = table.numbers(["time", "power.a"])
+    np.testing.assert_array_equal(numbers["power.a"], heat)
+
+
+def test_a_log_that_ends_early_ends_the_run_and_is_no_zero_afterwards(tmp_path: Path) -> None:
+    time = np.arange(400.0)
+    frame = pd.DataFrame({"time": time, "power.a": 30.0, "temperature.a": 20 + 0.05 * time})
+    frame[["time", "temperature.a"]].to_csv(tmp_path / "warm.csv", index=False)
+    frame[["time", "power.a"]].iloc[:150].to_csv(tmp_path / "heat.csv", index=False)
+    (run,) = read_log(tmp_path / "warm.csv+heat.csv@0", inputs=["power.a"], outputs=["temperature.a"])
+    assert len(run) == 150
+    assert (run.columns["power.a"] == 30.0).all()
+    assert "power.a: no value in the last 250 s; cut off." in run.notes
+
+
+# --- A mean of several columns ----------------------------------------------------------------------------------------
+
+
+def test_a_mean_whose_one_sensor_dies_says_so_and_loses_what_both_say_then() -> None:
+    rng, time = np.random.default_rng(2), np.arange(1500.0)
+    one, other = (30 + 0.01 * time + rng.normal(0, 0.05, 1500) for _ in range(2))
+    other[400:900] = other[400]
+    one[1200:1202] = -127.0
+    frame = pd.DataFrame({"time": time, "T1": one, "T2": other})
+    _, source = parse_map_option("temperature.a=[mean=T1,T2]")
+    (run,) = read_log(frame, {"temperature.a": source}, outputs=["temperature.a"])
+    missing = np.flatnonzero(np.isnan(run.temperature("a"))).tolist()
+    assert missing == [*range(400, 900), 1200, 1201]
+    frozen, coded = sorted(run.issues, key=lambda issue: issue.kind, reverse=True)
+    assert frozen.problem.startswith("its column 'T2' is frozen at ")
+    assert (frozen.column, coded.column) == ("T2", "T1")
+    assert "invalid = [-127]" in coded.remedy
+
+
+# --- From when on a log is held out -----------------------------------------------------------------------------------
+
+
+def pieces() -> list[Run]:
+    """A log that begins at 1000 s, with a gap in its input from 1200 to 1400 s."""
+    time = np.arange(1000.0, 1600.0)
+    power = np.where((time >= 1200) & (time < 1400), np.nan, 5.0)
+    return read_log(pd.DataFrame({"time": time, "power.a": power, "temperature.a": 20.0 + 0.01 * time}))
+
+
+def test_seconds_after_the_start_count_from_the_log_s() -> None:
+    runs = pieces()
+    assert len(runs) == 2
+    data = split_data(runs, holdout_after="+450")
+    assert [segment.evaluation for segment in data.holdout] == [(1450.0, np.inf)]
+    assert data == split_data(runs, holdout_after=1450.0)
+
+
+@pytest.mark.parametrize(
+    ("after", "said"),
+    [
+        ("+9000", "found logs from 1000 to 1599 s; expected a time inside a log"),
+        ("450", "found '450'; expected a time in s, or with a plus"),
+        ("+x", "found '+x'"),
+        (450.0, "with a plus, such as +300, so many seconds after each log's start"),
+    ],
+)
+def test_a_time_that_holds_out_nothing(after: float | str, said: str) -> None:
+    with pytest.raises(InputError) as refused:
+        split_data(pieces(), holdout_after=after)
+    assert said in str(refused.value)
