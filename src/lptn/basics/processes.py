@@ -7,13 +7,15 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from functools import cache, wraps
 from types import FrameType
-from typing import ParamSpec, TypeVar
+from typing import TYPE_CHECKING, ParamSpec, TypeVar
 
-from threadpoolctl import ThreadpoolController
+if TYPE_CHECKING:  # every command imports this file, few need threads or processes
+    from concurrent.futures import ProcessPoolExecutor
+
+    from threadpoolctl import ThreadpoolController
 
 # --- Small matrix products on one thread: several threads wait for each other longer than they work ---
 
@@ -24,6 +26,8 @@ Result = TypeVar("Result")
 
 @cache
 def _libraries() -> ThreadpoolController:
+    from threadpoolctl import ThreadpoolController
+
     return ThreadpoolController()
 
 
@@ -54,6 +58,8 @@ def pool_of(jobs: int) -> ProcessPoolExecutor:
     Args:
         jobs: how many.
     """
+    from concurrent.futures import ProcessPoolExecutor
+
     return ProcessPoolExecutor(jobs, initializer=_begin, initargs=(os.getpid(),))
 
 

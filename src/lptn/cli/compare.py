@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter as Option
 
-from lptn.cli.options import Json, Map, Picture, check_outputs, check_picture, needs_logs, write_figure
+from lptn.cli.options import Json, Map, Picture, check_inputs, check_outputs, check_picture, needs_logs, write_figure
 
 if TYPE_CHECKING:
     from lptn.identify.comparison import Comparison, Versus
@@ -32,12 +32,13 @@ def compare(
 
     Example: lptn compare whole-body.toml friday.parquet --against single-nodes.toml --report versus.html
     """
-    from lptn.cli.terminal import progress
-    from lptn.study import Study
-
     needs_logs(logs)
     check_outputs(json, plot, report, inputs=(model, *logs, *(() if against is None else (against,))))
     check_picture(plot)
+    check_inputs(model, *logs)
+    from lptn.cli.terminal import progress
+    from lptn.study import Study
+
     with progress("reading"):
         study = Study(model, holdout=logs, columns=map or ())
         other = None if against is None else Study(against, holdout=logs, columns=map or ())

@@ -37,13 +37,13 @@ def cosim(
 
     Example: lptn cosim leg.fmu friday.parquet -o outputs.csv
     """
+    needs_logs(logs)
+    check_outputs(output, json, inputs=(fmu, *logs, *(() if model is None else (model,))))
+    _check_table(output)
     from lptn.cli.terminal import progress, write_json
     from lptn.fmu.cosim import cosimulate
     from lptn.fmu.session import FmuError
 
-    needs_logs(logs)
-    check_outputs(output, json, inputs=(fmu, *logs, *(() if model is None else (model,))))
-    _check_table(output)
     pairs = dict(text.partition("=")[::2] for text in map or ())
     try:
         with progress("co-simulating"):

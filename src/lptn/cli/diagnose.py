@@ -14,6 +14,7 @@ from lptn.cli.options import (
     Json,
     Map,
     TorqueError,
+    check_inputs,
     check_outputs,
     executor_of,
     needs_logs,
@@ -41,11 +42,12 @@ def diagnose(
 
     Example: lptn diagnose leg.toml monday.parquet --holdout friday.parquet --json found.json
     """
+    needs_logs(logs)
+    check_outputs(json, inputs=(model, *logs, *(holdout or ())))
+    check_inputs(model, *logs, *(holdout or ()))
     from lptn.cli.terminal import progress, write_json
     from lptn.study import Study
 
-    needs_logs(logs)
-    check_outputs(json, inputs=(model, *logs, *(holdout or ())))
     with progress("reading"), executor_of(jobs) as executor:
         study = Study(
             model,

@@ -12,7 +12,7 @@ from cyclopts import Parameter as Option
 from cyclopts import validators
 
 from lptn.basics.errors import InputError
-from lptn.cli.options import Holdout, HoldoutAfter, Json, Map, SymmetryPenalty, check_outputs, needs_logs
+from lptn.cli.options import Holdout, HoldoutAfter, Json, Map, SymmetryPenalty, check_inputs, check_outputs, needs_logs
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -86,14 +86,15 @@ def _fit_one(
     json: Path | None,
     mapped: list[str],
 ) -> None:
+    needs_logs(logs)
+    check_outputs(output, json, inputs=(*logs, *holdout))
+    check_outputs(json, inputs=(model,))  # only the fitted model may take its place
+    check_inputs(model, *logs, *holdout)
     from lptn.cli.terminal import progress, write_json
     from lptn.identify.fitting import Checkpoint, fingerprint_of
     from lptn.report.text import kelvin
     from lptn.study import Study
 
-    needs_logs(logs)
-    check_outputs(output, json, inputs=(*logs, *holdout))
-    check_outputs(json, inputs=(model,))  # only the fitted model may take its place
     with progress("reading"):
         study = Study(model, logs, holdout, holdout_after=holdout_after, columns=mapped)
     given, segments = study.model, study.data.fit

@@ -19,6 +19,7 @@ from lptn.cli.options import (
     OptionalOutput,
     Test,
     TorqueError,
+    check_inputs,
     check_outputs,
     executor_of,
     needs_logs,
@@ -53,12 +54,13 @@ def improve(
 
     Example: lptn improve leg.toml monday.parquet --holdout friday.parquet -o better.toml --report story.html
     """
-    from lptn.cli.terminal import progress, show_written, write_json
-    from lptn.study import Study
-
     needs_logs(logs)
     check_outputs(output, json, report, inputs=(*logs, *(holdout or ()), *(test or ())))
     check_outputs(json, report, inputs=(model,))  # only the better model may take its place
+    check_inputs(model, *logs, *(holdout or ()), *(test or ()))
+    from lptn.cli.terminal import progress, show_written, write_json
+    from lptn.study import Study
+
     with progress("reading"), executor_of(jobs) as executor:
         study = Study(
             model,

@@ -10,7 +10,7 @@ from cyclopts import Parameter as Option
 from cyclopts import validators
 
 from lptn.basics.errors import InputError
-from lptn.cli.options import Json, Map, Picture, check_outputs, check_picture, needs_logs, write_figure
+from lptn.cli.options import Json, Map, Picture, check_inputs, check_outputs, check_picture, needs_logs, write_figure
 
 if TYPE_CHECKING:
     from lptn.logs.run import Run
@@ -54,13 +54,14 @@ def monitor(
 
     Example: lptn monitor fitted.toml today.parquet --threshold 10 --healthy monday.parquet tuesday.parquet
     """
+    needs_logs(logs)
+    check_outputs(json, plot, calibration if healthy else None, inputs=(model, *logs, *(healthy or ())))
+    check_picture(plot)
+    check_inputs(model, *logs, *(healthy or ()))
     from lptn.cli.terminal import progress, write_json
     from lptn.identify.data import load_model
     from lptn.online.monitoring import monitor as watch
 
-    needs_logs(logs)
-    check_outputs(json, plot, calibration if healthy else None, inputs=(model, *logs, *(healthy or ())))
-    check_picture(plot)
     loaded = load_model(model, map or ())
     runs, healthy_runs = loaded.runs(logs, keep_silent=True), loaded.runs(healthy or [])
     _refuse_shared(runs, healthy_runs)

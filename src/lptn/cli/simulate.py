@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from lptn.cli.options import Json, Map, Output, check_outputs
+from lptn.cli.options import Json, Map, Output, check_inputs, check_outputs
 
 
 def simulate(model: Path, log: Path, /, *, output: Output, json: Json = None, map: Map = None) -> None:  # noqa: A002
@@ -12,11 +12,12 @@ def simulate(model: Path, log: Path, /, *, output: Output, json: Json = None, ma
 
     Example: lptn simulate fitted.toml friday.parquet -o predicted.csv
     """
+    check_outputs(output, json, inputs=(model, log))
+    check_inputs(model, log)
     from lptn.cli.terminal import progress, write_json
     from lptn.identify.comparison import check_ending, write_predictions
     from lptn.study import Study
 
-    check_outputs(output, json, inputs=(model, log))
     check_ending(output)
     with progress("predicting"):
         predicted = Study(model, holdout=log, columns=map or ()).compare()
