@@ -7,8 +7,8 @@ import tomllib
 from pathlib import Path
 
 import lptn.logs
-from lptn.logs.columns import ColumnSource, parse_columns, parse_map_option
 from lptn.basics.errors import LOG_FILE
+from lptn.logs.columns import ColumnSource, parse_columns, parse_map_option
 
 PAGE = (Path(lptn.logs.__file__).parent / "README.md").read_text()
 
