@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -25,7 +26,8 @@ Result = TypeVar("Result")
 
 
 @cache
-def _libraries() -> ThreadpoolController:
+def _libraries(_scipy: bool) -> ThreadpoolController:
+    """Those that are loaded; SciPy brings a BLAS of its own, later than NumPy."""
     from threadpoolctl import ThreadpoolController
 
     return ThreadpoolController()
@@ -40,7 +42,7 @@ def one_blas_thread(function: Callable[Arguments, Result]) -> Callable[Arguments
 
     @wraps(function)
     def alone(*arguments: Arguments.args, **named: Arguments.kwargs) -> Result:
-        with _libraries().limit(limits=1, user_api="blas"):
+        with _libraries("scipy.linalg" in sys.modules).limit(limits=1, user_api="blas"):
             return function(*arguments, **named)
 
     return alone

@@ -102,6 +102,7 @@ def inline_svg(figure: Figure, label: str) -> Markup:
     with matplotlib.rc_context(_SETTINGS), warnings.catch_warnings():
         # The text stays text, and the reader's machine has fonts that this one may lack.
         warnings.filterwarnings("ignore", message="Glyph .* missing from font")
+        _lay_out(figure)
         figure.savefig(written, format="svg", metadata=_NO_METADATA)
     text = written.getvalue()
     # The prolog names a DTD on another machine; the page has no use for it.
@@ -113,6 +114,14 @@ def inline_svg(figure: Figure, label: str) -> Markup:
     body = re.sub(r'<g id="[^"]*"', "<g", body)
     body = _PATH.sub(_shortened, body)
     return Markup(head + f' role="img" aria-label="{escape(label)}"' + body)
+
+
+def _lay_out(figure: Figure) -> None:
+    """Place the axes once: `savefig` would draw a figure that has a layout engine twice, the first time for nothing."""
+    engine = figure.get_layout_engine()
+    if engine is not None:
+        engine.execute(figure)
+        figure.set_layout_engine("none")
 
 
 def _shortened(path: re.Match[str]) -> str:
