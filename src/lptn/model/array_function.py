@@ -12,8 +12,8 @@ from lptn.basics.arrays import FloatArray
 class ArrayFunction:
     """A CasADi function with one dense result.
 
-    CasADi copies each argument into a matrix of its own, and the result back, number by number: of a small function called
-    thousands of times that is four fifths of the time. Here it works in NumPy's memory.
+    CasADi copies each argument into a matrix of its own, and the result back, number by number: of a small function
+    called thousands of times that is four fifths of the time. Here it works in NumPy's memory.
 
     Args:
         function: all its arguments and its result must be dense.
