@@ -17,8 +17,8 @@ import numpy as np
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError, shown
-from lptn.basics.files import write_whole
-from lptn.basics.toml import mistakes_by_line, text_of, toml_of
+from lptn.basics.files import text_of, write_whole
+from lptn.basics.toml import mistakes_by_line, toml_of
 from lptn.model.model import Model
 
 from .values import by_place

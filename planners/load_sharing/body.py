@@ -17,7 +17,8 @@ from pydantic import Field, ValidationError
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
-from lptn.basics.toml import from_validation, text_of
+from lptn.basics.files import text_of
+from lptn.basics.toml import from_validation
 from lptn.model.file import Number, Strict
 
 PARTS = ("hip", "thigh", "calf")

@@ -12,8 +12,9 @@ from pydantic import Field, TypeAdapter, ValidationError
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError, shown
+from lptn.basics.files import text_of
 from lptn.basics.places import matching
-from lptn.basics.toml import mistakes_by_line, text_of, toml_of
+from lptn.basics.toml import mistakes_by_line, toml_of
 from lptn.model.file import Number, Strict, parse_model, read_model_file
 from lptn.model.network import Network
 from lptn.robots.presets import presets

@@ -22,7 +22,6 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
-import pandas as pd
 
 from lptn.robots.presets import presets
 from lptn.virtual import LEG_JOINTS, Run, Segment, leg_logs

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import io
+import re
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from types import SimpleNamespace
 
+import matplotlib
 import numpy as np
 import pytest
 from matplotlib import pyplot
 from matplotlib.axes import Axes
+from matplotlib.backend_bases import RendererBase
 from matplotlib.figure import Figure
 
 from lptn.basics.errors import InputError
-from lptn.basics.style import ERROR, decimated, new_figure, show
+from lptn.basics.style import ERROR, decimated, inline_svg, new_figure, show
 from lptn.identify.comparison import Comparison, compare
 from lptn.identify.data import holdout_segment
 from lptn.report.comparison_figures import (
@@ -187,3 +191,27 @@ def test_a_figure_is_shown_where_a_notebook_runs(missing: Told, monkeypatch: pyt
     show(figure)
     (picture,) = shown
     assert picture.startswith(b"\x89PNG")
+
+
+def test_a_figure_is_drawn_once_where_its_layout_engine_puts_it() -> None:
+    class Counted(Figure):
+        draws = 0
+
+        def draw(self, renderer: RendererBase) -> None:
+            self.draws += 1
+            super().draw(renderer)
+
+    def drawn(kind: type[Figure]) -> Figure:
+        figure = kind(figsize=(4, 3), dpi=150, layout="constrained")
+        figure.add_subplot().set_ylabel("a label of\ntwo lines")
+        return figure
+
+    usual, once = io.StringIO(), drawn(Counted)
+    with matplotlib.rc_context({"svg.fonttype": "none", "svg.hashsalt": "lptn"}):
+        drawn(Figure).savefig(usual, format="svg")
+    paths = re.findall(r'<path d="M ([\d.]+)', usual.getvalue())
+    assert [f"{float(x):.1f}" for x in re.findall(r'<path d="M ([\d.]+)', inline_svg(once, ""))] == [
+        f"{float(x):.1f}" for x in paths
+    ]
+    assert once.draws == 1
+    assert once.get_layout_engine() is not None

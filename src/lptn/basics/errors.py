@@ -18,6 +18,11 @@ def one_line(text: object) -> str:
     )
 
 
+# What is expected where a file of the two kinds that most commands read is not one.
+MODEL_FILE = "a model file (`lptn new` writes one)"
+LOG_FILE = "a .csv, .tsv, .txt, .xlsx, .parquet, .mcap, .db3 or .ulg file, or the folder of a ROS 2 bag"
+
+
 class InputError(ValueError):
     """A file, option or value from outside that can't be used.
 

@@ -1,4 +1,4 @@
-"""Files written whole or not at all, and numbers as JSON can hold them."""
+"""Files read as text, files written whole or not at all, and numbers as JSON can hold them."""
 
 from __future__ import annotations
 
@@ -25,6 +25,32 @@ def finite(content: Any) -> Any:
     if isinstance(content, list | tuple):
         return [finite(value) for value in content]
     return None if isinstance(content, float) and not math.isfinite(content) else content
+
+
+# --- Files as they are read -----------------------------------------------------------------------
+
+
+def text_of(path: Path, expected: str) -> str:
+    """The text of a user's file.
+
+    Args:
+        path: the file.
+        expected: what it should have been, for the message.
+
+    Raises:
+        InputError: there is no such file, or it can't be read as text.
+    """
+    try:
+        return path.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "bytes that are not UTF-8 text"
+        raise InputError(path, "file", reason or "no file", expected) from error
+
+
+def fingerprint(path: Path) -> str:
+    """The SHA-256 of a file's bytes, as hexadecimal digits."""
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 # --- Files written whole or not at all ------------------------------------------------------------
@@ -142,12 +168,6 @@ def _locked(folder: Path) -> Iterator[None]:
         yield
     finally:
         os.close(handle)
-
-
-def fingerprint(path: Path) -> str:
-    """The SHA-256 of a file's bytes, as hexadecimal digits."""
-    with path.open("rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 def _bytes(content: str | bytes) -> bytes:

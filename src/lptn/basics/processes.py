@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from functools import cache, wraps
 from types import FrameType
-from typing import ParamSpec, TypeVar
+from typing import TYPE_CHECKING, ParamSpec, TypeVar
 
-from threadpoolctl import ThreadpoolController
+if TYPE_CHECKING:  # every command imports this file, few need threads or processes
+    from concurrent.futures import ProcessPoolExecutor
+
+    from threadpoolctl import ThreadpoolController
 
 # --- Small matrix products on one thread: several threads wait for each other longer than they work ---
 
@@ -23,7 +26,10 @@ Result = TypeVar("Result")
 
 
 @cache
-def _libraries() -> ThreadpoolController:
+def _libraries(_scipy: bool) -> ThreadpoolController:
+    """Those that are loaded; SciPy brings a BLAS of its own, later than NumPy."""
+    from threadpoolctl import ThreadpoolController
+
     return ThreadpoolController()
 
 
@@ -36,7 +42,7 @@ def one_blas_thread(function: Callable[Arguments, Result]) -> Callable[Arguments
 
     @wraps(function)
     def alone(*arguments: Arguments.args, **named: Arguments.kwargs) -> Result:
-        with _libraries().limit(limits=1, user_api="blas"):
+        with _libraries("scipy.linalg" in sys.modules).limit(limits=1, user_api="blas"):
             return function(*arguments, **named)
 
     return alone
@@ -54,6 +60,8 @@ def pool_of(jobs: int) -> ProcessPoolExecutor:
     Args:
         jobs: how many.
     """
+    from concurrent.futures import ProcessPoolExecutor
+
     return ProcessPoolExecutor(jobs, initializer=begin_as_worker, initargs=(os.getpid(),))
 
 

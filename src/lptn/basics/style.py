@@ -6,6 +6,8 @@ import io
 import re
 import sys
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib import import_module
 from typing import Any
 
@@ -14,6 +16,7 @@ import numpy as np
 from markupsafe import Markup, escape
 from matplotlib import colormaps
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.colors import Colormap, Normalize
 from matplotlib.figure import Figure
 
@@ -85,7 +88,13 @@ def rmse_norm(largest: float, noise: float) -> Normalize:
 # --- A figure as SVG text that can stand inside an HTML page, the same bytes every time -----------
 
 
-_SETTINGS: dict[Any, Any] = {"svg.fonttype": "none", "svg.hashsalt": "lptn"}
+_SETTINGS: dict[Any, Any] = {
+    "svg.fonttype": "none",
+    "svg.hashsalt": "lptn",
+    "figure.autolayout": False,
+    "figure.constrained_layout.use": False,
+}
+_POINTS = 72.0  # an inch, the unit of SVG files
 _NO_METADATA = {"Date": None, "Creator": None, "Format": None, "Type": None}
 _PATH = re.compile(r' d="([^"]*)"')
 _LONG_NUMBER = re.compile(r"(\d+\.\d\d)\d+")
@@ -102,7 +111,8 @@ def inline_svg(figure: Figure, label: str) -> Markup:
     with matplotlib.rc_context(_SETTINGS), warnings.catch_warnings():
         # The text stays text, and the reader's machine has fonts that this one may lack.
         warnings.filterwarnings("ignore", message="Glyph .* missing from font")
-        figure.savefig(written, format="svg", metadata=_NO_METADATA)
+        with _laid_out(figure):
+            figure.savefig(written, format="svg", metadata=_NO_METADATA)
     text = written.getvalue()
     # The prolog names a DTD on another machine; the page has no use for it.
     text = text[text.index("<svg") :]
@@ -113,6 +123,26 @@ def inline_svg(figure: Figure, label: str) -> Markup:
     body = re.sub(r'<g id="[^"]*"', "<g", body)
     body = _PATH.sub(_shortened, body)
     return Markup(head + f' role="img" aria-label="{escape(label)}"' + body)
+
+
+@contextmanager
+def _laid_out(figure: Figure) -> Iterator[None]:
+    """Within it the axes stand where the layout engine puts them, without the engine.
+
+    `savefig` would draw a figure that has an engine twice, the first time for nothing.
+    """
+    engine, canvas, dpi = figure.get_layout_engine(), figure.canvas, figure.dpi
+    if engine is not None:
+        FigureCanvasSVG(figure)  # texts are as wide as SVG will have them
+        figure.dpi = _POINTS
+        engine.execute(figure)
+        figure.dpi = dpi
+        figure.set_canvas(canvas)
+        figure.set_layout_engine(None)
+    try:
+        yield
+    finally:
+        figure.set_layout_engine(engine)
 
 
 def _shortened(path: re.Match[str]) -> str:

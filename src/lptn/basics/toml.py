@@ -83,23 +83,6 @@ _KINDS = {
 """What pydantic expected, by its kind of error."""
 
 
-def text_of(path: Path, expected: str) -> str:
-    """The text of a user's file.
-
-    Args:
-        path: the file.
-        expected: what it should have been, for the message.
-
-    Raises:
-        InputError: there is no such file, or it can't be read as text.
-    """
-    try:
-        return path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "bytes that are not UTF-8 text"
-        raise InputError(path, "file", reason or "no file", expected) from error
-
-
 def toml_of(path: Path, text: str) -> dict[str, Any]:
     """A TOML text as plain Python values.
 

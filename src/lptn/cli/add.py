@@ -8,7 +8,7 @@ from typing import Annotated
 from cyclopts import Parameter as Option
 
 from lptn.basics.errors import InputError
-from lptn.cli.options import Output
+from lptn.cli.options import Output, check_inputs
 
 
 def add(
@@ -26,8 +26,9 @@ def add(
 
     Example: lptn add leg.toml forced_convection --at "*" -o next.toml
     """
-    from lptn.model.file import added, read_model_file
-
     if run and "@" in at:
         raise InputError("command line", "--run", f"'{run}' beside --at {at}", "the run in one place")
+    check_inputs(model)
+    from lptn.model.file import added, read_model_file
+
     added(read_model_file(model), effect, at, run).write(output)

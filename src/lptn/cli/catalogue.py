@@ -11,8 +11,6 @@ from lptn.basics.parameters import LARGEST, Parameter
 from lptn.cli.terminal import show_table
 from lptn.effects import Effect, catalogue, effect_named
 from lptn.effects.base import SITES
-from lptn.logs.resampling import raw_keys
-from lptn.model.heat_balance import input_column
 from lptn.references import Citation, cite, works_cited
 
 _OURS = "lptn.effects."
@@ -96,6 +94,9 @@ def where_text(effect: type[Effect]) -> str:
 
 def columns_text(effect: type[Effect], place: str = "<place>") -> str:
     """The log columns that an effect needs, as code: `torque.<place>` or `current.<place>`."""
+    from lptn.logs.resampling import raw_keys  # here and not above: a list of effects needs no logs and no model
+    from lptn.model.heat_balance import input_column
+
     said = [
         " and ".join(f"`{column}`" for column in raw_keys(input_column(name, place)))
         for name in effect.options.get("input", effect.needs)

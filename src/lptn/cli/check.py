@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter as Option
 
 from lptn.basics.errors import InputError
-from lptn.cli.options import Json, Map, Rate, check_outputs, column_options
+from lptn.cli.options import Json, Map, Rate, check_inputs, check_outputs, column_options
 
 if TYPE_CHECKING:
     from lptn.diagnose.excitation import Identifiability
@@ -39,12 +39,13 @@ def check(
 
     Example: lptn check leg.toml monday.parquet
     """
+    check_outputs(json, inputs=(model, *logs))
+    check_inputs(model, *logs)
     from lptn.cli.terminal import progress, write_json
     from lptn.diagnose.excitation import excitation, identifiability
     from lptn.identify.data import GUESS, load_model, warn_of_absent_runs
     from lptn.simulate.bound_run import bind
 
-    check_outputs(json, inputs=(model, *logs))
     loaded = load_model(model, [*column_options(map, rate), *([GUESS] if guess else [])])
     with progress("reading"):
         contents = [_content(loaded, log) for log in logs]

@@ -12,6 +12,7 @@ from lptn.cli.options import (
     Map,
     Picture,
     Rate,
+    check_inputs,
     check_outputs,
     check_picture,
     column_options,
@@ -43,12 +44,13 @@ def compare(
 
     Example: lptn compare whole-body.toml friday.parquet --against single-nodes.toml --report versus.html
     """
-    from lptn.cli.terminal import progress
-    from lptn.study import Study
-
     needs_logs(logs)
     check_outputs(json, plot, report, inputs=(model, *logs, *(() if against is None else (against,))))
     check_picture(plot)
+    check_inputs(model, *logs)
+    from lptn.cli.terminal import progress
+    from lptn.study import Study
+
     with progress("reading"):
         study = Study(model, holdout=logs, columns=column_options(map, rate))
         other = None if against is None else Study(against, holdout=logs, columns=column_options(map, rate))

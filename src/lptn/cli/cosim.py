@@ -45,13 +45,13 @@ def cosim(
     Example: lptn cosim leg.fmu friday.parquet -o outputs.csv
     Example: lptn cosim motor.fmu friday.csv --map tau=torque.knee --map T_case=temperature.knee --trust
     """
+    needs_logs(logs)
+    check_outputs(output, json, inputs=(fmu, *logs, *(() if model is None else (model,))))
+    _check_table(output)
     from lptn.cli.terminal import progress, write_json
     from lptn.fmu.cosim import cosimulate
     from lptn.fmu.session import FmuError
 
-    needs_logs(logs)
-    check_outputs(output, json, inputs=(fmu, *logs, *(() if model is None else (model,))))
-    _check_table(output)
     pairs = dict(text.partition("=")[::2] for text in column_options(map, rate))
     try:
         with progress("co-simulating"):

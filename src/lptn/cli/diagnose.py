@@ -15,6 +15,7 @@ from lptn.cli.options import (
     Map,
     Rate,
     TorqueError,
+    check_inputs,
     check_outputs,
     column_options,
     executor_of,
@@ -45,11 +46,12 @@ def diagnose(
 
     Example: lptn diagnose leg.toml monday.parquet --holdout friday.parquet --json found.json
     """
+    needs_logs(logs)
+    check_outputs(json, inputs=(model, *logs, *(holdout or ())))
+    check_inputs(model, *logs, *(holdout or ()))
     from lptn.cli.terminal import progress, write_json
     from lptn.study import Study
 
-    needs_logs(logs)
-    check_outputs(json, inputs=(model, *logs, *(holdout or ())))
     with progress("reading"), executor_of(jobs) as executor:
         study = Study(
             model,

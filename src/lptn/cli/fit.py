@@ -19,6 +19,7 @@ from lptn.cli.options import (
     Map,
     Rate,
     SymmetryPenalty,
+    check_inputs,
     check_outputs,
     column_options,
     needs_logs,
@@ -97,14 +98,15 @@ def _fit_one(
     json: Path | None,
     mapped: list[str],
 ) -> None:
+    needs_logs(logs)
+    check_outputs(output, json, inputs=(*logs, *holdout))
+    check_outputs(json, inputs=(model,))  # only the fitted model may take its place
+    check_inputs(model, *logs, *holdout)
     from lptn.cli.terminal import progress, write_json
     from lptn.identify.fitting import Checkpoint, fingerprint_of
     from lptn.report.text import kelvin
     from lptn.study import Study
 
-    needs_logs(logs)
-    check_outputs(output, json, inputs=(*logs, *holdout))
-    check_outputs(json, inputs=(model,))  # only the fitted model may take its place
     with progress("reading"):
         study = Study(model, logs, holdout, holdout_after=holdout_after, columns=mapped)
     given, segments = study.model, study.data.fit

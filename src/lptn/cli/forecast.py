@@ -10,7 +10,17 @@ from cyclopts import Parameter as Option
 from cyclopts import validators
 
 from lptn.basics.errors import InputError
-from lptn.cli.options import Json, Map, Picture, Rate, check_outputs, check_picture, column_options, write_figure
+from lptn.cli.options import (
+    Json,
+    Map,
+    Picture,
+    Rate,
+    check_inputs,
+    check_outputs,
+    check_picture,
+    column_options,
+    write_figure,
+)
 
 if TYPE_CHECKING:
     from lptn.identify.data import LoadedModel
@@ -45,13 +55,14 @@ def forecast(
 
     Example: lptn forecast fitted.toml now.parquet --limit 60
     """
+    check_outputs(json, plot, inputs=(model, log))
+    check_picture(plot)
+    limits, chosen = _limits(limit), _window(window)
+    check_inputs(model, log)
     from lptn.cli.terminal import progress, write_json
     from lptn.identify.data import load_model
     from lptn.online.forecasting import forecast as forecast_of
 
-    check_outputs(json, plot, inputs=(model, log))
-    check_picture(plot)
-    limits, chosen = _limits(limit), _window(window)
     loaded = load_model(model, column_options(map, rate))
     with progress("forecasting"):
         run = loaded.runs([log])[-1]

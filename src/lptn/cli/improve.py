@@ -20,6 +20,7 @@ from lptn.cli.options import (
     Rate,
     Test,
     TorqueError,
+    check_inputs,
     check_outputs,
     column_options,
     executor_of,
@@ -56,12 +57,13 @@ def improve(
 
     Example: lptn improve leg.toml monday.parquet --holdout friday.parquet -o better.toml --report story.html
     """
-    from lptn.cli.terminal import progress, show_written, write_json
-    from lptn.study import Study
-
     needs_logs(logs)
     check_outputs(output, json, report, inputs=(*logs, *(holdout or ()), *(test or ())))
     check_outputs(json, report, inputs=(model,))  # only the better model may take its place
+    check_inputs(model, *logs, *(holdout or ()), *(test or ()))
+    from lptn.cli.terminal import progress, show_written, write_json
+    from lptn.study import Study
+
     with progress("reading"), executor_of(jobs) as executor:
         study = Study(
             model,

@@ -15,6 +15,7 @@ from lptn.cli.options import (
     Map,
     Picture,
     Rate,
+    check_inputs,
     check_outputs,
     check_picture,
     column_options,
@@ -65,13 +66,14 @@ def monitor(
 
     Example: lptn monitor fitted.toml today.parquet --threshold 10 --healthy monday.parquet tuesday.parquet
     """
+    needs_logs(logs)
+    check_outputs(json, plot, calibration if healthy else None, inputs=(model, *logs, *(healthy or ())))
+    check_picture(plot)
+    check_inputs(model, *logs, *(healthy or ()))
     from lptn.cli.terminal import progress, write_json
     from lptn.identify.data import load_model
     from lptn.online.monitoring import monitor as watch
 
-    needs_logs(logs)
-    check_outputs(json, plot, calibration if healthy else None, inputs=(model, *logs, *(healthy or ())))
-    check_picture(plot)
     loaded = load_model(model, column_options(map, rate))
     runs, healthy_runs = loaded.runs(logs, keep_silent=True), loaded.runs(healthy or [])
     _refuse_shared(runs, healthy_runs)

@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import Parameter as Option
 from cyclopts import Token, validators
 
-from lptn.basics.errors import InputError
+from lptn.basics.errors import LOG_FILE, MODEL_FILE, InputError
+from lptn.basics.files import text_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -120,6 +121,22 @@ def needs_logs(logs: tuple[Path, ...]) -> None:
     """Refuse a command without a log."""
     if not logs:
         raise InputError("command line", "LOGS", "no log", "one log file or more after the model file")
+
+
+def check_inputs(model: Path, *logs: Path) -> None:
+    """Refuse files that are not there before a second of imports that their readers need.
+
+    Args:
+        model: the model file.
+        logs: logs; of two that are joined the readers say more.
+
+    Raises:
+        InputError: the model file can't be read, or there is no such log.
+    """
+    text_of(model, MODEL_FILE)
+    for log in logs:
+        if "+" not in str(log) and not log.exists():
+            raise InputError(log, "log", "no such file", LOG_FILE)
 
 
 def check_outputs(*paths: Path | None, inputs: Iterable[Path] = ()) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from lptn.cli.options import Json, Map, Output, Rate, check_outputs, column_options
+from lptn.cli.options import Json, Map, Output, Rate, check_inputs, check_outputs, column_options
 
 
 def simulate(
@@ -21,11 +21,12 @@ def simulate(
 
     Example: lptn simulate fitted.toml friday.parquet -o predicted.csv
     """
+    check_outputs(output, json, inputs=(model, log))
+    check_inputs(model, log)
     from lptn.cli.terminal import progress, write_json
     from lptn.identify.comparison import check_ending, write_predictions
     from lptn.study import Study
 
-    check_outputs(output, json, inputs=(model, log))
     check_ending(output)
     with progress("predicting"):
         predicted = Study(model, holdout=log, columns=column_options(map, rate)).compare()

@@ -177,11 +177,11 @@ def _predicted_gain(gradient: FloatArray, hessian: FloatArray, step: FloatArray)
 
 def _bounded_step(gradient: FloatArray, hessian: FloatArray, lower: FloatArray, upper: FloatArray) -> FloatArray:
     """The optimum of the quadratic model within the bounds, shape (size,)."""
-    from scipy.optimize import lsq_linear  # heavy, and few commands need it
-
     free = np.asarray(np.linalg.solve(hessian, -gradient), dtype=float)
     if np.all(free >= lower) and np.all(free <= upper):
         return free
+    from scipy.optimize import lsq_linear  # heavy, and most steps end within the bounds
+
     factor = np.linalg.cholesky(hessian)
     side = np.linalg.solve(factor, -gradient)
     # The solver wants a little room between bounds.

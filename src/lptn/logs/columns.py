@@ -49,6 +49,8 @@ def to_si(values: FloatArray, quantity: str, unit: str | None) -> FloatArray:
     name = _SPELLINGS.get(unit, unit)
     if quantity.startswith("velocity"):
         name = _TURNS.get(unit, name)
+    if quantity in _SI and name == _SI[quantity][0]:  # the usual case, and pint takes half a second to begin
+        return np.asarray(values, dtype=np.float64)
     measured = registry().Quantity(values, registry().parse_units(name))
     converted = measured.to(_SI[quantity][0]) if quantity in _SI else measured.to_base_units()
     return np.asarray(converted.magnitude, dtype=np.float64)

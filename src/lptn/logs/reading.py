@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from lptn.basics.arrays import FloatArray
-from lptn.basics.errors import InputError
+from lptn.basics.errors import LOG_FILE, InputError
 from lptn.logs.bags import open_bag
 from lptn.logs.columns import ColumnSource
 from lptn.logs.csv_files import ENDINGS as CSV_ENDINGS
@@ -43,7 +43,6 @@ from lptn.logs.ulog import open_ulog
 
 
 _PAIR = re.compile(r"(?P<first>.+?)\+(?P<second>[^+]+?)(?:@(?P<shift>[-+]?\d+(?:\.\d+)?))?")
-_FORMATS = ".csv, .tsv, .txt, .xlsx, .parquet, .mcap, .db3 or .ulg file, or the folder of a ROS 2 bag"
 _ENDINGS = (".csv", ".tsv", ".txt", ".xlsx", ".xlsm", ".parquet", ".mcap", ".db3", ".ulg", ".ulog")
 
 
@@ -85,9 +84,9 @@ def open_table(path: Path) -> Table:
         InputError: there is no such file, its format is not known, or it can't be read.
     """
     if not path.exists():
-        raise InputError(path, "log", "no such file", f"a {_FORMATS}")
+        raise InputError(path, "log", "no such file", LOG_FILE)
     if path.is_dir() and not (path / "metadata.yaml").is_file():
-        raise InputError(path, "log", "a folder", f"a {_FORMATS} with its metadata.yaml")
+        raise InputError(path, "log", "a folder", f"{LOG_FILE} with its metadata.yaml")
     if path.is_dir() or path.suffix in {".mcap", ".db3"}:
         return open_bag(path)
     if path.suffix in {".ulg", ".ulog"}:
@@ -98,7 +97,7 @@ def open_table(path: Path) -> Table:
         return open_spreadsheet(path)
     if path.name.endswith(CSV_ENDINGS):
         return open_csv(path)
-    raise InputError(path, "log", f"the ending '{path.suffix}'", f"a {_FORMATS}")
+    raise InputError(path, "log", f"the ending '{path.suffix}'", LOG_FILE)
 
 
 def pair_of(path: Path) -> tuple[Path, Path, float | None] | None:

@@ -12,7 +12,6 @@ from typing import NoReturn
 
 import numpy as np
 import pandas as pd
-import pyarrow.parquet as pq
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
@@ -195,6 +194,8 @@ def open_parquet(path: Path) -> Table:
     Raises:
         InputError: it can't be read.
     """
+    import pyarrow.parquet as pq  # here, since most logs are CSV
+
     try:
         with pq.ParquetFile(path) as file:
             names, rows = tuple(file.schema_arrow.names), int(file.metadata.num_rows)

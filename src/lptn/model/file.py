@@ -11,11 +11,11 @@ from typing import Annotated, Any
 import tomlkit
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from lptn.basics.errors import InputError, shown
-from lptn.basics.files import write_whole
+from lptn.basics.errors import MODEL_FILE, InputError, shown
+from lptn.basics.files import text_of, write_whole
 from lptn.basics.parameters import LARGEST, Parameter, Share
 from lptn.basics.places import is_glob, run_label
-from lptn.basics.toml import expectation, first_mistake, found_in, mistakes_by_line, place_of, text_of, toml_of
+from lptn.basics.toml import expectation, first_mistake, found_in, mistakes_by_line, place_of, toml_of
 from lptn.basics.units import convert
 from lptn.effects import effect_named
 from lptn.logs.columns import ColumnSource, parse_columns
@@ -523,7 +523,7 @@ def read_model_file(path: Path) -> ModelFile:
     Raises:
         InputError: it can't be read, is not TOML, or says something that can't be a model; with its line.
     """
-    return parse_model(text_of(path, "a model file (`lptn new` writes one)"), path)
+    return parse_model(text_of(path, MODEL_FILE), path)
 
 
 def parse_model(text: str, path: Path) -> ModelFile:

@@ -11,6 +11,7 @@ import numpy as np
 from lptn.basics.arrays import FloatArray
 from lptn.basics.parameters import ParameterInstance
 from lptn.basics.places import is_of_run
+from lptn.model.array_function import ArrayFunction
 from lptn.model.heat_balance import HeatBalance
 from lptn.model.network import Network
 
@@ -144,12 +145,12 @@ class Model:
     @property
     def rhs(self) -> ca.Function:
         """(x, u, p) -> dx/dt [K/s]."""
-        return self._function("rhs", lambda: self._rhs, "xdot")
+        return self._function("rhs", lambda: ca.densify(self._rhs), "xdot")
 
     @property
     def output(self) -> ca.Function:
         """(x, p) -> what the sensors of the dynamic nodes read [degC]."""
-        make = lambda: ca.Function("output", [self._x, self._p], [self._y], ["x", "p"], ["y"])  # noqa: E731
+        make = lambda: ca.Function("output", [self._x, self._p], [ca.densify(self._y)], ["x", "p"], ["y"])  # noqa: E731
         return self.made_once("output", make)
 
     @property
@@ -174,8 +175,7 @@ class Model:
         if self.reads_directly:
             return states[: len(self.nodes)]
         n = states.shape[1]
-        readings = self.made_once(("output", n), lambda: self.output.map(n))
-        return np.asarray(readings(states, np.repeat(p[:, None], n, axis=1)).full())
+        return self.made_once(("output", n), lambda: ArrayFunction(self.output, n, common=(1,)))(states, p)
 
     @property
     def state_jacobian(self) -> ca.Function:

@@ -76,9 +76,7 @@ def _since(rows: BoolArray, time: FloatArray) -> float:
     return float(time[min(kept[-1] + 1, time.size - 1)] if kept.size else time[0])
 
 
-def wandering(
-    make: Callable[[], Estimator], bound: BoundRun, limits: FloatArray
-) -> tuple[BoolArray, list[Doubt]]:
+def wandering(make: Callable[[], Estimator], bound: BoundRun, limits: FloatArray) -> tuple[BoolArray, list[Doubt]]:
     """Readings of sensors that are off, or drift, by more than the model's errors explain, shape (nodes, n).
 
     None is called unless most of the sensors agree with the model: of one sensor and one model nothing says which is wrong.

@@ -237,7 +237,9 @@ class Estimator:
             return self._correct(y, np.isfinite(y))
         predicted, by_state = self.augmented.readings(self._z)
         before = self.aliveness.silent
-        taken, again = self.aliveness.judge(y, predicted, np.einsum("ij,jk,ik->i", by_state, self._covariance, by_state))
+        taken, again = self.aliveness.judge(
+            y, predicted, np.einsum("ij,jk,ik->i", by_state, self._covariance, by_state)
+        )
         if (self.aliveness.silent & ~before).any():
             self._take_back(self.aliveness.silent & ~before)
         if again.any():  # the filter starts anew where it was contradicted

@@ -286,9 +286,7 @@ def _estimator(
     )
 
 
-def _of_blocks(
-    model: Model, count: float, noise: Noise, uncertainty: ModelUncertainty, error: ModelError
-) -> Estimator:
+def _of_blocks(model: Model, count: float, noise: Noise, uncertainty: ModelUncertainty, error: ModelError) -> Estimator:
     """An estimator for means over so many readings."""
     white = np.maximum(noise.white / np.sqrt(max(1.0, count)), _LEAST_NOISE)
     return _estimator(model, white, noise.step, uncertainty, error, watch=False)

@@ -131,6 +131,7 @@ def alarms_by_threshold(watched: MonitoredRun, threshold: float) -> tuple[Alarm,
 
 # --- The statistical detector: what a fault of each kind would do to a filter's innovations -------
 
+
 def alarms_by_statistics(model: Model, watched: MonitoredRun, calibration: Calibration) -> tuple[Alarm, ...]:
     """The first alarm at each sensor.
 

@@ -13,7 +13,8 @@ from typing import Annotated, Literal
 from pydantic import BeforeValidator, Field
 
 from lptn.basics.errors import InputError
-from lptn.basics.toml import mistakes_by_line, text_of, toml_of
+from lptn.basics.files import text_of
+from lptn.basics.toml import mistakes_by_line, toml_of
 from lptn.basics.units import convert
 from lptn.model.file import Strict
 

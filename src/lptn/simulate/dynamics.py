@@ -18,6 +18,7 @@ import numpy as np
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.c_library import shared_library
+from lptn.model.array_function import ArrayFunction
 from lptn.model.model import Model
 
 # --- The linearised rates dx/dt = f(x, u, p) ------------------------------------------------------
@@ -55,29 +56,30 @@ class Linearisation:
             u: inputs, shape (inputs, n).
             p: parameters, shape (m,).
         """
-        return self._rates(x, u, np.repeat(p[:, None], x.shape[1], axis=1))
+        return self._rates(x, u, p)
 
     def readings(self, x: FloatArray, p: FloatArray) -> FloatArray:
         """[C D] at n points: d readings/dx beside d readings/dp, shape (n, nodes, core + chosen)."""
-        return self._readings(x, np.repeat(p[:, None], x.shape[1], axis=1))
+        return self._readings(x, p)
 
 
 class _Stacked:
-    """A sparse Jacobian evaluated over columns of arguments into a dense stack."""
+    """A sparse Jacobian evaluated over columns of arguments, the last one common to all, into a dense stack."""
 
     def __init__(self, arguments: list[ca.SX], jacobian: ca.SX) -> None:
         self._shape = jacobian.shape
         self._pattern = np.array(jacobian.sparsity().get_triplet(), dtype=int).reshape(2, -1)
         nonzeros = ca.vertcat(*jacobian.nonzeros())  # type: ignore[call-overload]
         self._function = ca.Function("nonzeros", arguments, [ca.densify(nonzeros)])
-        self._maps: dict[int, ca.Function] = {}
+        self._maps: dict[int, ArrayFunction] = {}
 
     def __call__(self, *arguments: FloatArray) -> FloatArray:
         n = arguments[0].shape[1]
-        mapped = self._maps.setdefault(n, self._function.map(n))
+        if n not in self._maps:
+            self._maps[n] = ArrayFunction(self._function, n, common=(len(arguments) - 1,))
         stack = np.zeros((n, *self._shape))
         rows, columns = self._pattern
-        stack[:, rows, columns] = mapped(*arguments).full().T.reshape(n, -1)
+        stack[:, rows, columns] = self._maps[n](*arguments).T.reshape(n, -1)
         return stack
 
 
@@ -293,7 +295,7 @@ class Stepper:
     def _interpreted(
         self, start: FloatArray, derivative: FloatArray, inputs: FloatArray, p: FloatArray, h: float, substeps: int
     ) -> tuple[FloatArray, FloatArray]:
-        path = self.model.run(inputs.shape[1])(start, inputs, p, h).full()
+        path = _path(self.model, start, inputs, p, h)
         states = np.hstack([start[:, None], path])
         derivatives = np.empty((inputs.shape[1] // substeps + 1, *derivative.shape))
         derivatives[0] = derivative
@@ -309,11 +311,11 @@ class Stepper:
 
     def _of_steps(self, x: FloatArray, u: FloatArray, p: FloatArray, h: float) -> FloatArray:
         """Derivative of each of n RK4 steps by its states and by the parameters, shape (n, core, core + chosen)."""
-        rates = self.model.made_once(("rates", x.shape[1]), lambda: self.model.rhs.map(x.shape[1]))
-        repeated = np.repeat(p[:, None], x.shape[1], axis=1)
+        n = x.shape[1]
+        rates = self.model.made_once(("rates", n), lambda: ArrayFunction(self.model.rhs, n, common=(2,)))
         point, slopes = x, [self.linearisation.rates(x, u, p)]
         for share in (h / 2, h / 2, h):
-            point = x + share * rates(point, u, repeated).full()
+            point = x + share * rates(point, u, p)
             slopes.append(self.linearisation.rates(point, u, p))
         return runge_kutta_derivative(slopes, h)
 
@@ -331,5 +333,11 @@ def states_at_ends(
     if kernel is not None:
         return np.ascontiguousarray(kernel.run(start, inputs, p, step, substeps, None)[0].T)
     fine = np.repeat(inputs, substeps, axis=1)
-    path = model.run(fine.shape[1])(start, fine, p, step / substeps).full()
+    path = _path(model, start, fine, p, step / substeps)
     return np.hstack([start[:, None], path[:, substeps - 1 :: substeps]])
+
+
+def _path(model: Model, start: FloatArray, inputs: FloatArray, p: FloatArray, h: float) -> FloatArray:
+    """States after each of n Runge-Kutta steps by the interpreter, shape (states, n)."""
+    n = inputs.shape[1]
+    return model.made_once(("path", n), lambda: ArrayFunction(model.run(n)))(start, inputs, p, h)

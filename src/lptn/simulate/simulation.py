@@ -9,6 +9,7 @@ from math import ceil, log2
 import numpy as np
 
 from lptn.basics.arrays import FloatArray
+from lptn.model.array_function import ArrayFunction
 from lptn.model.model import Model
 from lptn.simulate.bound_run import BoundRun, default_start
 from lptn.simulate.dynamics import RATE_OF_A_STEP, Stepper, states_at_ends, stepper
@@ -34,9 +35,9 @@ def substeps(model: Model, bound: BoundRun, values: FloatArray, start: FloatArra
     """
     sample = np.unique(np.linspace(0, len(bound) - 1, min(len(bound), _SAMPLED)).astype(int))
     n, step = len(sample), bound.run.step
-    jacobians = model.made_once(("state_jacobian", n), lambda: model.state_jacobian.map(n))
-    states, parameters = (np.repeat(column[:, None], n, axis=1) for column in (start, values))
-    stacked = jacobians(states, bound.inputs[:, sample], parameters).full().reshape(len(start), n, -1)
+    make = lambda: ArrayFunction(model.state_jacobian, n, common=(0, 2))  # noqa: E731
+    jacobians = model.made_once(("state_jacobian", n), make)
+    stacked = jacobians(start, bound.inputs[:, sample], values).reshape(len(start), n, -1)
     if not np.isfinite(stacked).all():
         raise SimulationError(f"the rates of run {bound.run.name} are not finite at these parameters")
     fastest = float(np.abs(np.linalg.eigvals(np.moveaxis(stacked, 1, 0))).max())

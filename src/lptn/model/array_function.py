@@ -1,0 +1,50 @@
+"""A CasADi function called on NumPy's arrays where they lie."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from lptn.basics.arrays import FloatArray
+
+
+class ArrayFunction:
+    """A CasADi function with one dense result.
+
+    CasADi copies each argument into a matrix of its own, and the result back, number by number: of a small function
+    called thousands of times that is four fifths of the time. Here it works in NumPy's memory.
+
+    Args:
+        function: all its arguments and its result must be dense.
+        points: columns of the arguments at which it is evaluated at once, side by side in the result; `None` for the
+            function as it is.
+        common: numbers of the arguments that are one column for all points.
+    """
+
+    def __init__(self, function: ca.Function, points: int | None = None, common: tuple[int, ...] = ()) -> None:
+        self._function = function if points is None else function.map("points", "serial", points, list(common), [])
+        patterns = [self._function.sparsity_in(k) for k in range(self._function.n_in())]
+        if not all(pattern.is_dense() for pattern in [*patterns, self._function.sparsity_out(0)]):
+            raise ValueError(f"{function.name()}: an argument or the result is sparse")
+        self._sizes = [pattern.numel() for pattern in patterns]
+        self._rows, self._columns = self._function.size_out(0)
+
+    def __call__(self, *arguments: npt.ArrayLike) -> FloatArray:
+        """The result, shape (rows, columns).
+
+        Raises:
+            ValueError: an argument has not the size that the function takes.
+        """
+        # A buffer of its own for each call: models are shared between threads.
+        buffer, evaluate = self._function.buffer()
+        # CasADi's matrices lie column by column; the list keeps the memory alive.
+        held = [np.ascontiguousarray(np.transpose(argument), dtype=np.float64).reshape(-1) for argument in arguments]
+        if [column.size for column in held] != self._sizes:
+            raise ValueError(f"arguments of {[column.size for column in held]} numbers in place of {self._sizes}")
+        for k, column in enumerate(held):
+            buffer.set_arg(k, memoryview(column))
+        result = np.empty((self._columns, self._rows))
+        buffer.set_res(0, memoryview(result.reshape(-1)))
+        evaluate()
+        return result.T
