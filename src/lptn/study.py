@@ -297,7 +297,7 @@ class Study:
         """What to do next: the experiment that tells rivals apart, where heat is unexplained, runs that differ."""
         last = self.diagnose()
         if self._advice is None or self._advice[0] is not last:
-            first = self._diagnoses.get(0, last)
+            first = self._diagnoses.get(0, last) if self._improved else last  # what the search chose among
             differing = self._improved.differing if self._improved else last.differing
             self._advice = last, advise(first, last.fit, for_search(self.data), logger.info, differing)
         return self._advice[1]

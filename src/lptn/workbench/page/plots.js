@@ -69,7 +69,7 @@ class View {
   constructor(plots, { segment, node }) {
     Object.assign(this, { plots, segment, node, charts: [], asked: 0 });
     this.stack = h("div", { className: "stack", tabIndex: 0, role: "group", ariaLabel: `${node} over time; + and − zoom, arrows move, 0 shows the whole run`, onkeydown: event => this.key(event) });
-    this.element = h("div", { className: "view" }, this.title = h("h3"), this.stack);
+    this.element = h("div", { className: "view" }, this.title = h("h3"), this.stack, this.still = h("small"));
   }
 
   remove() { this.charts.forEach(each => each.destroy()); this.element.remove(); }
@@ -111,7 +111,9 @@ class View {
       unit: "W", label: "unexplained heat [W]", height: 130, zero: true, band: true,
       series: [line("heat low", "from", color("--soft"), { width: 0.5 }), line("heat high", "to", color("--soft"), { width: 0.5 }), line("heat", "heat that the model lacks", color("--attempt"))],
     });
-    const inputs = Object.keys(lines).filter(name => name.includes(".")).filter(name => lines[name].some(value => value !== lines[name][0]));
+    const all = Object.keys(lines).filter(name => name.includes(".")), inputs = all.filter(name => lines[name].some(value => value !== lines[name][0]));
+    const still = all.filter(name => !inputs.includes(name)).map(name => `${name} ${Number(lines[name][0]?.toPrecision(3))} ${UNITS[name.split(".")[0]] ?? ""}`);
+    this.still.textContent = one && still.length ? `Constant in this run: ${still.join(", ")}.` : "";
     if (one) for (const name of inputs.slice(0, MOST_INPUTS)) {
       const unit = UNITS[name.split(".")[0]] ?? "";
       panels.push({ unit, label: unit, height: 82, series: [line(name, name, color("--soft"), { width: 1 })] });

@@ -121,7 +121,10 @@ export function where(page) {
     h("div", { className: "row" }, h("h2", { style: "margin: 0 auto 0 0" }, "Where it fails"), state.given !== state.now && [choice("given", "as given"), choice("now", "now")]),
     h("p", null, h("small", null, "RMSE in K; + the model is too hot (orange), − too cold (blue). A tile opens its plot, with Shift beside the others.")),
     h("div", { className: `tiles${order.length > 5 ? " narrow" : ""}` }, h("table", null,
-      h("thead", null, h("tr", null, h("td"), order.map(each => h("th", { scope: "col" }, h("span", null, `${each.run} (${each.job})`))))),
+      h("thead", null,
+        h("tr", null, h("td"), ["held out", "test", "fitted"].map(job => [job, order.filter(each => each.job === job).length]).filter(([, count]) => count)
+          .map(([job, count]) => h("th", { scope: "colgroup", colSpan: count, className: "job" }, job))),
+        h("tr", null, h("td"), order.map(each => h("th", { scope: "col" }, h("span", null, each.run))))),
       h("tbody", null, state.nodes.map((node, k) => h("tr", null, h("th", { scope: "row" }, node), order.map(each => tile(each, node, k))))))),
   ];
 }
@@ -165,11 +168,14 @@ export function missing(page) {
   return [title,
     h("p", null, { adequate: "Nothing that these data show is missing.", missing: "", unexplained: "The catalogue explains little of what is left; trust no answer below much." }[answers.verdict],
       answers.answers.length ? "" : " No effect of the catalogue helps."),
-    group.size > 1 && h("p", null, h("small", null, "What the bar on the left joins, these data can’t tell apart: one answer with several names.")),
+    group.size > 1 && h("p", null, h("small", null, "What the bar on the left joins, these data can’t tell apart: one answer with several names.",
+      held(answers) ? " Held-out data speak against the more probable names that stand below." : "")),
     h("ol", { className: "answers" }, answers.answers.map(answer)),
-    state.advice.map(text => h("p", null, h("small", null, text))),
+    state.advice.length ? h("details", { id: "advice", open: true }, h("summary", null, "What to do next"), state.advice.map(text => h("p", null, h("small", null, text)))) : null,
     h("div", { className: "row" }, ask("improve", "Add what is missing by itself")), other];
 }
+
+const held = ({ answers }) => answers[0].holdout != null && answers.some(each => each.probability > answers[0].probability && answers[0].ranks.includes(answers.indexOf(each) + 1));
 
 function addAnother(page) {
   const { effects, nodes, busy } = page.state;

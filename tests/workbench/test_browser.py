@@ -1,0 +1,153 @@
+"""The workbench in a real browser: from opening to a fallen error, and on from where a killed server was."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from urllib.request import urlopen
+
+import pytest
+from playwright.sync_api import Browser, Page, expect, sync_playwright
+
+from tests.workbench.conftest import EXAMPLE
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+pytestmark = [
+    pytest.mark.long,
+    pytest.mark.skipif(CHROMIUM is None, reason="no chromium: the workbench is not looked at in a browser"),
+]
+PATIENCE = 120_000  # ms, for a fit on a busy machine
+WORDS = [str(EXAMPLE / "two_heaters.toml"), str(EXAMPLE / "log.csv"), "--holdout-after", "300", "--no-browser"]
+
+
+class Server:
+    """`lptn open`, as a person starts it."""
+
+    def __init__(self, state: Path, port: int = 0) -> None:
+        surroundings = os.environ | {"XDG_STATE_HOME": str(state), "PYTHONUNBUFFERED": "1"}
+        words = [sys.executable, "-m", "lptn", "open", *WORDS, "--port", str(port)]
+        self.process = subprocess.Popen(words, env=surroundings, stdout=subprocess.PIPE, text=True)
+        assert self.process.stdout is not None
+        lines = [self.process.stdout.readline().strip() for _ in range(2)]
+        found = re.fullmatch(r"(http://127\.0\.0\.1:(\d+))/\?token=\S+", lines[1])
+        assert found, lines
+        self.address, self.home, self.port = found[0], found[1], int(found[2])
+
+    def kill(self) -> None:
+        """As a crash does."""
+        self.process.kill()
+        self.process.wait()
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    """Debian's browser, without a screen."""
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        yield browser
+        browser.close()
+
+
+def _order(page: Page, button: str) -> None:
+    """Press a button, and wait until what it orders is done."""
+    page.locator(f"[id='{button}']").click()
+    expect(page.locator("#stop")).to_be_visible(timeout=PATIENCE)
+    expect(page.locator("#stop")).to_be_hidden(timeout=PATIENCE)
+
+
+def _now(page: Page) -> float:
+    return float(page.locator(".figures .now b").inner_text().removesuffix(" K"))
+
+
+def test_from_opening_to_a_fallen_error(browser: Browser, tmp_path: Path) -> None:
+    server = Server(tmp_path)
+    asked: list[str] = []
+    complaints: list[str] = []
+    try:
+        context = browser.new_context(viewport={"width": 1280, "height": 900})
+        page = context.new_page()
+        page.on("request", lambda request: asked.append(request.url))
+        page.on("pageerror", lambda error: complaints.append(str(error)))
+        page.on("console", lambda message: message.type == "error" and complaints.append(message.text))
+        page.goto(server.address)
+        expect(page.locator(".figures .given b")).to_have_text("4.73 K", timeout=PATIENCE)
+        assert page.url == f"{server.home}/"  # the token is not in the history
+        expect(page.locator(".view h3")).to_contain_text("heater2 in log (held out)")  # the worst tile
+
+        _order(page, "diagnose")
+        expect(page.locator(".answers li")).to_have_count(2)
+        page.locator(".answers li").first.hover()  # what it would change, at once
+        expect(page.locator("#steps tbody")).to_contain_text("try: sensor lag")
+        _order(page, "add sensor_lag at *")
+        assert _now(page) == pytest.approx(3.88, abs=0.02)
+
+        other = context.new_page()  # a second tab sees the same
+        other.goto(f"{server.home}/")
+        expect(other.locator("#steps tbody tr")).to_have_count(2, timeout=PATIENCE)
+
+        page.locator("#other summary").click()
+        page.locator("[id='other effect']").select_option("conduction")
+        page.locator("[id='other place']").fill("heater1~heater2")
+        page.locator("#other button").click()
+        expect(other.locator(".figures .now b")).to_have_text("1.00 K", timeout=PATIENCE)
+        expect(page.locator("#steps tbody tr")).to_have_count(3)
+
+        page.locator("#diagnose").click()  # and stopped
+        page.locator("#stop").click()
+        expect(page.locator("#stop")).to_be_hidden(timeout=PATIENCE)
+        assert _now(page) == pytest.approx(1.0, abs=0.01)
+        page.locator("#undo").click()
+        expect(page.locator(".figures .now b")).to_have_text("3.88 K", timeout=PATIENCE)
+        page.locator("#redo").click()
+        expect(page.locator(".figures .now b")).to_have_text("1.00 K", timeout=PATIENCE)
+
+        with page.expect_download() as download:
+            page.locator("[id='get model']").click()
+        assert 'kind = "conduction"' in Path(download.value.path()).read_text()
+        page.locator("#commands summary").click()
+        expect(page.locator("#commands")).to_contain_text("lptn add step1.toml conduction --at 'heater1~heater2'")
+
+        server.kill()
+        server = Server(tmp_path, server.port)
+        expect(page.locator("#work .failed")).to_be_visible(timeout=PATIENCE)  # its token is of the old server
+        page.goto(server.address)
+        expect(page.locator(".figures .now b")).to_have_text("1.00 K", timeout=PATIENCE)
+        assert {url[: len(server.home)] for url in asked} == {server.home}
+        assert not [each for each in complaints if "401" not in each and "ERR_CONNECTION_REFUSED" not in each]
+    finally:
+        server.kill()
+
+
+def test_zoom_and_a_stretch_left_out(browser: Browser, tmp_path: Path) -> None:
+    server = Server(tmp_path)
+    try:
+        page = browser.new_page(viewport={"width": 1280, "height": 900})
+        page.goto(server.address)
+        page.locator("[id='tile fit 0 heater1']").click(timeout=PATIENCE)
+        expect(page.locator(".view h3")).to_contain_text("heater1 in log (fitted)")
+        plot = page.locator(".u-over").first
+        plot.scroll_into_view_if_needed()
+        box = plot.bounding_box()
+        assert box is not None
+        with page.expect_response(re.compile("/lines.*start=")) as answered:
+            page.mouse.move(box["x"] + 0.4 * box["width"], box["y"] + 40)
+            page.mouse.down()
+            page.mouse.move(box["x"] + 0.6 * box["width"], box["y"] + 40, steps=4)
+            page.mouse.up()
+        times = answered.value.json()["time"]
+        assert (times[0], times[-1]) == (pytest.approx(120, abs=3), pytest.approx(180, abs=3))
+        with page.expect_response(re.compile("/lines.*start=")) as answered:
+            page.locator(".stack").press("ArrowRight")
+        assert answered.value.json()["time"][0] == pytest.approx(135, abs=4)
+        _order(page, "leave_out")
+        expect(page.locator("#data li")).to_contain_text("left out")
+        expect(page.locator("[id='tile fit 1 heater1']")).to_be_visible()  # the log's two pieces
+        with pytest.raises(OSError, match="401"):
+            urlopen(f"{server.home}/?token=guessed")
+    finally:
+        server.kill()

@@ -1,0 +1,67 @@
+"""Lines of plots: thinned without losing a peak or the last readings, and cut to the window that is asked for."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lptn.basics.errors import InputError
+from lptn.workbench.lines import RunLines, thinned
+
+TIME = np.arange(100_003) * 0.1
+
+
+def test_every_peak_stays_and_so_does_the_end() -> None:
+    rng = np.random.default_rng(0)
+    lines = rng.normal(0.0, 1.0, (3, TIME.size))
+    lines[0, 777], lines[1, -2], lines[2, -1] = 50.0, -60.0, 70.0
+    at, kept = thinned(TIME, lines, 1000)
+    assert at.size == kept.shape[1] <= 1003
+    assert (np.diff(at) > 0).all()
+    assert (at[0], at[-1]) == (TIME[0], TIME[-1])
+    np.testing.assert_array_equal(kept.max(axis=1), lines.max(axis=1))
+    np.testing.assert_array_equal(kept.min(axis=1), lines.min(axis=1))
+    np.testing.assert_array_equal(kept[:, -1], lines[:, -1])
+    assert abs(at[kept[0].argmax()] - TIME[777]) < 0.1 * TIME.size / 400
+
+
+def test_a_gap_stays_a_gap_and_a_short_line_itself() -> None:
+    values = np.sin(TIME)
+    values[30_000:40_000] = np.nan
+    at, kept = thinned(TIME, values[None, :], 500)
+    inside = (at > 3020) & (at < 3980)
+    assert inside.any()
+    assert np.isnan(kept[0, inside]).all()
+    assert np.isfinite(kept[0, ~((at > 2980) & (at < 4020))]).all()
+    short = thinned(TIME[:100], values[None, :100], 500)
+    np.testing.assert_array_equal(short[1][0], values[:100])
+
+
+def _lines() -> RunLines:
+    measured = np.stack([20 + TIME / 1000, np.full(TIME.size, np.nan)])
+    inputs = {"torque.hip": np.sin(TIME), "torque.knee": np.cos(TIME), "speed.base": TIME}
+    lines = RunLines(("hip", "knee"), TIME, measured, inputs)
+    return lines.with_line("as given", measured + 1.5)
+
+
+def test_a_window_has_the_readings_of_its_time() -> None:
+    shown = _lines().window("hip", {"now": "as given"}, 500.0, 510.0)
+    assert shown["time"][0] == pytest.approx(499.9)
+    assert shown["time"][-1] == pytest.approx(510.1)
+    assert len(shown["time"]) == 103
+    assert all(each == pytest.approx(1.5, abs=1e-4) for each in shown["error now"])
+    assert {"torque.hip", "speed.base"} <= set(shown)
+    assert "torque.knee" not in shown
+
+
+def test_what_was_not_measured_is_null_and_an_unknown_node_refused() -> None:
+    assert set(_lines().window("knee", {"now": "as given"}, points=50)["measured"]) == {None}
+    with pytest.raises(InputError, match="hip, knee"):
+        _lines().window("elbow", {})
+
+
+def test_a_clock_that_counts_from_1970_keeps_its_milliseconds() -> None:
+    lines = _lines()
+    epoch = RunLines(lines.nodes, TIME + 1.7e9, lines.measured, lines.inputs)
+    at = epoch.window("hip", {}, 1.7e9, 1.7e9 + 1.0)["time"]
+    assert np.diff(np.array(at, dtype=float)) == pytest.approx(0.1, abs=1e-3)

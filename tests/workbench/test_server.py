@@ -1,0 +1,176 @@
+"""The server: who may talk to it, what it answers, what it refuses."""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from starlette.testclient import TestClient
+
+from lptn.basics.errors import InputError
+from lptn.workbench.bench import Bench
+from lptn.workbench.content import content_of
+from lptn.workbench.server import application, listening
+from lptn.workbench.session import Session
+from tests.workbench.conftest import OPENING
+
+ADDRESS = "http://127.0.0.1:8000"
+ORIGIN = {"origin": ADDRESS}
+
+
+@pytest.fixture(scope="module")
+def session(bench: Bench) -> Session:
+    """A session that heard of the fit, and whose process does nothing."""
+    session = Session(OPENING, bench.folder)
+    session._heard_opened(bench.folder)
+    session._heard_shown(content_of(bench, OPENING), bench.news())
+    return session
+
+
+@pytest.fixture
+def stranger(session: Session) -> Iterator[TestClient]:
+    """A browser that was not given the token."""
+    with TestClient(application(session, 8000, "secret"), base_url=ADDRESS, follow_redirects=False) as client:
+        yield client
+
+
+@pytest.fixture
+def browser(stranger: TestClient) -> TestClient:
+    """A browser that opened the address with the token."""
+    assert stranger.get("/?token=secret").status_code == 303
+    return stranger
+
+
+def test_the_token_is_answered_with_a_cookie_and_an_address_without_it(stranger: TestClient) -> None:
+    assert stranger.get("/").status_code == 401
+    assert stranger.get("/?token=guessed").status_code == 401
+    assert stranger.get("/state").status_code == 401
+    answer = stranger.get("/?token=secret")
+    assert (answer.status_code, answer.headers["location"]) == (303, "/")
+    assert "HttpOnly" in answer.headers["set-cookie"]
+    assert "SameSite=strict" in answer.headers["set-cookie"]
+    assert stranger.get("/").status_code == 200
+    assert stranger.get("/", headers={"cookie": "lptn-8000=guessed"}).status_code == 401
+
+
+@pytest.mark.parametrize("host", ["evil.example", "127.0.0.1", "127.0.0.1:8001", "localhost:80", ""])
+def test_another_host_is_refused(browser: TestClient, host: str) -> None:
+    assert browser.get("/state", headers={"host": host}).status_code == 421
+
+
+@pytest.mark.parametrize("origin", ["http://evil.example", "null", "http://127.0.0.1:8001", "https://127.0.0.1:8000"])
+def test_another_page_is_refused(browser: TestClient, origin: str) -> None:
+    assert browser.get("/state", headers={"origin": origin}).status_code == 403
+    assert browser.post("/order", json={"what": "undo"}, headers={"origin": origin}).status_code == 403
+
+
+def test_an_order_needs_an_origin(browser: TestClient) -> None:
+    assert browser.post("/order", json={"what": "undo"}).status_code == 403
+    assert browser.post("/stop").status_code == 403
+
+
+def test_every_answer_lets_a_page_load_from_here_alone(stranger: TestClient) -> None:
+    for path in ("/", "/?token=secret", "/state", "/page.js", "/nothing"):
+        answer = stranger.get(path)
+        assert answer.headers["content-security-policy"].startswith("default-src 'none'; script-src 'self'")
+        assert answer.headers["cache-control"] == "no-store"
+
+
+def test_the_page_and_all_that_it_names_is_there(browser: TestClient) -> None:
+    page = browser.get("/").text
+    for name in ("/uPlot.css", "/style.css", "/page.js"):
+        assert name in page
+        assert browser.get(name).status_code == 200
+    for name in ("/sections.js", "/plots.js", "/uPlot.js"):
+        assert browser.get(name).headers["content-type"].startswith("text/javascript")
+    assert browser.get("/../pyproject.toml").status_code == 404
+
+
+def test_the_state_is_told_once_a_version(browser: TestClient) -> None:
+    state = browser.get("/state").json()
+    assert state["name"] == "two heaters"
+    assert state["head"]["given"] == pytest.approx(4.725, abs=1e-3)
+    assert [each["job"] for each in state["segments"]] == ["fitted", "held out"]
+    assert state["tiles"]["holdout 0"]["now"][1]["mean"] > 4  # predicted minus measured: too hot
+    assert browser.get(f"/state?since={state['version']}").status_code == 204
+    assert "file" not in state
+    assert browser.get("/model").text.startswith("#") or "[model]" in browser.get("/model").text
+
+
+def test_lines_of_a_window(browser: TestClient) -> None:
+    asked = {"segment": "holdout 0", "node": "heater2", "points": "100"}
+    whole = browser.get("/lines", params=asked).json()
+    assert 90 <= len(whole["time"]) <= 103
+    assert whole["time"][-1] == 598.0
+    assert max(whole["error now"]) == pytest.approx(9.94, abs=0.01)
+    part = browser.get("/lines", params=asked | {"start": "300", "stop": "310"}).json()
+    assert part["time"] == [float(k) for k in range(299, 312)]
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"node": "elbow"},
+        {"segment": "fit 9"},
+        {"points": "many"},
+        {"points": "1"},
+        {"points": "1000000000"},
+        {"start": "nan"},
+        {"stop": "inf"},
+        {"nonsense": "1"},
+    ],
+)
+def test_nonsense_is_answered_in_a_line(browser: TestClient, wrong: dict[str, str]) -> None:
+    answer = browser.get("/lines", params={"segment": "holdout 0", "node": "heater1"} | wrong)
+    assert answer.status_code == 422
+    assert "\n" not in answer.json()["error"]
+    assert browser.get("/state?since=x").status_code == 422
+
+
+@pytest.mark.parametrize(
+    "order",
+    [
+        b"",
+        b"[]",
+        b'{"what": "format"}',
+        b'{"what": "undo", "more": 1}',
+        b'{"what": "add", "effect": "fan"}',
+        b'{"what": "leave_out", "run": "log", "start": 5, "stop": 5}',
+        b'{"what": "leave_out", "run": "log", "start": 0, "stop": 1e999}',
+        b'{"what": "add", "effect": "fan", "at": "' + b"x" * 20_000 + b'"}',
+    ],
+)
+def test_a_nonsense_order_is_refused(browser: TestClient, order: bytes) -> None:
+    answer = browser.post("/order", content=order, headers=ORIGIN)
+    assert answer.status_code == 422
+    assert answer.json()["error"]
+
+
+def test_nothing_else_of_the_folder_is_given_away(browser: TestClient, session: Session) -> None:
+    assert session.folder is not None
+    (session.folder / "study.pickle").write_bytes(b"")
+    assert browser.get("/result/study.pickle").status_code == 404
+    assert browser.get("/result/story.html").status_code == 404
+    (session.folder / "story.html").write_text("told")
+    assert browser.get("/result/story.html").text == "told"
+    assert "attachment" in browser.get("/result/story.html").headers["content-disposition"]
+
+
+def test_a_taken_port_is_said() -> None:
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", 0))
+        other.listen()
+        with pytest.raises(InputError, match="--port"):
+            listening(other.getsockname()[1])
+
+
+def test_the_commands_and_python_lines_do_the_same(bench: Bench, tmp_path: Path) -> None:
+    content = content_of(bench, OPENING)
+    assert content["commands"][-1].startswith("lptn fit ")
+    script = content["python"].replace("better.toml", str(tmp_path / "better.toml"))
+    there: dict[str, object] = {}
+    exec(script.replace('study.report("story.html")\n', ""), there)
+    assert repr(there["study"]) == repr(bench.study)
+    assert (tmp_path / "better.toml").is_file()
