@@ -115,3 +115,33 @@ def test_improve_goes_the_whole_way(tmp_path: Path) -> None:
     assert "</html>" in (tmp_path / "story.html").read_text(encoding="utf-8")
     study.export_fmu(tmp_path / "heaters.fmu", platforms=[])
     assert (tmp_path / "heaters.fmu").stat().st_size > 0
+
+
+def test_a_stretch_is_left_out_or_held_out_and_used_again() -> None:
+    study = lptn.Study(MODEL, fit=LOG, holdout_after=300)
+    study.fit()
+    before = study.history
+    study.leave_out("log", 100, 150)
+    assert [segment.run.name for segment in study.data.fit] == ["log#1", "log#2"]
+    assert all(not ((run.time >= 100) & (run.time < 150)).any() for run in study.runs)
+    study.hold_out("log#2", 200, 260)  # a piece goes by its name, too
+    assert [segment.run.name for segment in study.data.holdout] == ["log#3", "log#200s"]
+    held_out = study.data.holdout[-1]
+    assert (held_out.run.time[0], held_out.run.time[-1]) == (200, 259)
+    predicted = study.predictions()
+    errors = np.concatenate([each.error[each.bound.counted] for each in predicted["fit"]])
+    assert np.sqrt(np.mean(errors**2)) == pytest.approx(study.steps[-1].fit.rmse)
+    assert len(predicted["holdout"]) == 2
+    study.use_again(study.stretches[0])
+    assert [each.held_out for each in study.stretches] == [True]
+    pd.testing.assert_frame_equal(study.use_again().history, before, rtol=1e-6)
+
+
+def test_a_stretch_that_can_not_be_is_refused() -> None:
+    study = lptn.Study(MODEL, fit=LOG, holdout_after=300)
+    for run, start, stop in (("lag", 0, 100), ("log", -100, 400)):
+        with pytest.raises(InputError, match=r"no such run|nothing is left"):
+            study.leave_out(run, start, stop)
+    with pytest.raises(InputError, match="to hold out"):
+        study.hold_out("log", 400, 500)  # held out already
+    assert not study.stretches

@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.workbench.lines import RunLines, thinned
 
-TIME = np.arange(100_003) * 0.1
+TIME: FloatArray = np.linspace(0.0, 10_000.2, 100_003)
 
 
 def test_every_peak_stays_and_so_does_the_end() -> None:

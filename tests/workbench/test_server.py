@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import socket
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -174,3 +176,8 @@ def test_the_commands_and_python_lines_do_the_same(bench: Bench, tmp_path: Path)
     exec(script.replace('study.report("story.html")\n', ""), there)
     assert repr(there["study"]) == repr(bench.study)
     assert (tmp_path / "better.toml").is_file()
+
+
+def test_other_commands_do_not_wait_for_the_server_to_load() -> None:
+    script = "import sys, lptn.cli.main; sys.exit(bool({'starlette', 'uvicorn'} & set(sys.modules)))"
+    assert subprocess.run([sys.executable, "-c", script], check=False).returncode == 0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated
 
@@ -63,7 +64,9 @@ def open(  # noqa: A001 - the command's name
         if browser:
             _show(address)
 
-    serve(session, port, ready)
+    with suppress(KeyboardInterrupt):
+        serve(session, port, ready)
+    print("Ended; the same command goes on from here.")
 
 
 def _show(address: str) -> None:

@@ -220,7 +220,7 @@ def _answers(study: Study, diagnosis: Diagnosis, bench: Bench) -> dict[str, Any]
 
 def _issues(study: Study) -> list[dict[str, Any]]:
     """What looks wrong in the logs; `stretch` is from and to [s], `None` for all of a log."""
-    found = {}
+    found: dict[tuple[str, str], dict[str, Any]] = {}
     for run in study.runs:
         for issue in run.issues:
             place = issue.key.partition(".")[2]

@@ -106,7 +106,9 @@ class RunLines:
             for name, values in (("heat", heat), ("heat low", heat - band), ("heat high", heat + band)):
                 columns[name] = np.interp(time, self.heat.time, values, left=np.nan, right=np.nan)
         at, thin = thinned(time, np.array(list(columns.values()), dtype=float), points)
-        return {"time": np.round(at, 3).tolist()} | {name: _plain(values) for name, values in zip(columns, thin, strict=True)}
+        return {"time": np.round(at, 3).tolist()} | {
+            name: _plain(values) for name, values in zip(columns, thin, strict=True)
+        }
 
 
 def thinned(time: FloatArray, columns: FloatArray, most: int) -> tuple[FloatArray, FloatArray]:

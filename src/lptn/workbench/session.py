@@ -7,7 +7,6 @@ import multiprocessing
 import os
 import threading
 import time
-from collections.abc import Callable
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
@@ -24,6 +23,7 @@ from lptn.workbench.opening import Opening
 from lptn.workbench.orders import Add, Cut, LinesAsked, Plain
 
 _MOST_SAID = 200  # sentences of one order that are kept
+_HEARS_CTRL_C = 0.5  # s after which a wait looks whether somebody pressed it
 _GRACE = 2.0  # s in which a process that was ended is gone
 
 _BEGINNING = "reading"
@@ -70,14 +70,12 @@ class Session:
         self._refused: InputError | None = None
         self._process: multiprocessing.process.BaseProcess | None = None
         self._pipe: Connection | None = None
+        self._worked = False  # whether the process did what it began with
 
     # --- the process that works -----------------------------------------------------------------
 
-    def open(self, said: Callable[[str], None] = lambda _: None) -> Session:
+    def open(self) -> Session:
         """Start the process, and wait until it has read the logs.
-
-        Args:
-            said: called with what is being done meanwhile.
 
         Raises:
             InputError: a file can't be used.
@@ -85,8 +83,7 @@ class Session:
         self._begin()
         with self._lock:
             while self.folder is None and self._refused is None:
-                self._lock.wait(0.1)
-                said(_BEGINNING)
+                self._lock.wait(_HEARS_CTRL_C)
             if self._refused is not None:
                 raise self._refused
         return self
@@ -98,7 +95,7 @@ class Session:
         arguments = (there, self.opening, self._sessions, os.getpid(), after_a_stop)
         process = context.Process(target=work, args=arguments, daemon=True)
         self._busy = {"what": "open", "words": _BEGINNING, "said": [], "since": time.time()}
-        self._process, self._pipe = process, here
+        self._process, self._pipe, self._worked = process, here, False
         process.start()
         there.close()
         threading.Thread(target=self._listen, args=(process, here), daemon=True).start()
@@ -116,9 +113,18 @@ class Session:
         process.join(_GRACE)
         with self._lock:
             if self._process is process and self._refused is None:
-                self._failed = f"the calculation ended by itself (status {process.exitcode}); it goes on from before"
-                self._begin(after_a_stop=True)
+                self._ended(process.exitcode)
                 self._changed()
+
+    def _ended(self, status: int | None) -> None:
+        """The process ended by itself, as where memory is short; what can't even begin is not begun again."""
+        found = f"the calculation ended by itself (status {status})"
+        if not self._worked:
+            self._refused = InputError("workbench", "process", found, "one that reads the logs")
+            self._failed, self._busy = str(self._refused), None
+            return
+        self._begin(after_a_stop=True)
+        self._failed = f"{found}; the study is as it was before"
 
     def _heard_opened(self, folder: Path) -> None:
         self.folder = folder
@@ -152,7 +158,7 @@ class Session:
         self._lines = lines
 
     def _heard_done(self) -> None:
-        self._busy = None
+        self._busy, self._worked = None, True
 
     def _changed(self) -> None:
         self._version += 1

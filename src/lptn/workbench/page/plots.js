@@ -82,8 +82,8 @@ class View {
     const asked = new URLSearchParams({ segment: this.segment, node: this.node, points: 1600, attempt: page.attempt });
     if (zoomed) { asked.set("start", zoomed[0]); asked.set("stop", zoomed[1]); }
     const answer = await fetch(`/lines?${asked}`);
-    if (!answer.ok || number !== this.asked) return;
     const lines = await answer.json();
+    if (!answer.ok || number !== this.asked) return;  // refused, or another window is wanted meanwhile
     const tile = page.state.tiles[this.segment]?.now[page.state.nodes.indexOf(this.node)];
     this.title.textContent = `${this.node} in ${run.run} (${run.job})${tile ? `: RMSE ${kelvin(tile.rmse)}` : ""}`;
     const names = Object.keys(lines).join() + (plots.page.picked.length > 1);
