@@ -94,8 +94,8 @@ class Limiter:
 
         Returns:
             0 where even no torque does not keep the limits; where nothing else limits, the current limit, or
-            infinity. What follows from a NaN is 0. Every value was tried on the course: it is never above the largest that keeps the
-            limits (by RK4), and in the cases tried at most 1e-8 of it below.
+            infinity. What follows from a NaN is 0. Every value was tried on the course: it is never above the
+            largest that keeps the limits (by RK4), and in the cases tried at most 1e-8 of it below.
         """
         arguments = (self._states(temperatures), in_order(load, self.joints, "load", 0.0),
                      in_order(conditions, self.conditions, "conditions", np.nan), self.model.values, self.limits,
