@@ -16,6 +16,18 @@ from lptn.basics.c_library import shared_library
 _OPTIONS = ("-std=c99", "-O2", "-ftree-vectorize", "-ffp-contract=off")
 """Without contraction of products and sums a robot computes the same digits as Python does here."""
 
+_QUIET = """\
+#if defined(__GNUC__)
+#pragma GCC diagnostic push
+#pragma GCC diagnostic ignored "-Wunused-parameter" /* CasADi's functions all have the same parameters */
+#endif
+"""
+_LOUD = """
+#if defined(__GNUC__)
+#pragma GCC diagnostic pop
+#endif
+"""
+
 
 def compiled(sources: Mapping[str, str], main: str) -> ctypes.CDLL:
     """A library of C sources, loaded.
@@ -36,7 +48,7 @@ def c_code(function: ca.Function, file: str) -> str:
     """A CasADi function as C, in CasADi's calling convention with `long long` for integers."""
     generator = ca.CodeGenerator(file, {"with_header": False, "casadi_int": "long long"})
     generator.add(function)
-    return str(generator.dump())
+    return f"{_QUIET}{generator.dump()}{_LOUD}"
 
 
 class CompiledFunction:

@@ -28,8 +28,11 @@ HORIZONS = (10.0, 60.0, 300.0, inf)
 """Seconds for which a torque is asked; infinite: continuous."""
 _UNLIMITED = 1e9  # degC, A
 _LARGEST_SCALE = 1e6  # a factor on the load above which nothing limits it
-_ITERATIONS = 3  # of Newton's method; it starts from no heat and squares its error in each one
-_STEADY_ITERATIONS = 5  # in the steady state, which depends more on z
+_ITERATIONS = 3  # of Newton's method beyond the first from no heat; each squares its error
+_STEADY_ITERATIONS = 6  # of Newton's method in the steady state, which depends more on z; the last one tells the error
+_ROUNDING = 1e-9  # K; of a course of thousands of sums
+_UNSURE = 1e-2  # of a steady heat: more is not taken off near thermal runaway, where iterations jump
+_MOLTEN = 1000.0  # K; heat that would warm a node by so much is none that the model knows: copper melts at 1085 degC
 _LEAST_STEPS = 3  # of RK4 in a horizon
 _TYPICAL_HOT = 60.0  # degC, for nodes without a limit
 _RATE = 1.0  # product of an RK4 step and a bound of the fastest rate
@@ -90,8 +93,9 @@ class Limiter:
             conditions: the model's other inputs, by column or in order.
 
         Returns:
-            0 where even no torque does not keep the limits; the current limit where nothing else limits. What follows
-            from a NaN is 0.
+            0 where even no torque does not keep the limits; where nothing else limits, the current limit, or
+            infinity. What follows from a NaN is 0. Every value was tried on the course: it is never above the
+            largest that keeps the limits (by RK4), and in the cases tried at most 1e-8 of it below.
         """
         arguments = (self._states(temperatures), in_order(load, self.joints, "load", 0.0),
                      in_order(conditions, self.conditions, "conditions", np.nan), self.model.values, self.limits,
@@ -227,18 +231,50 @@ def _largest(heating: Heating, seconds: float, steps: int) -> ca.Function:
     horizon, in the steady state. Each iteration takes the least root of all temperatures, each linear in z.
     """
     s = _symbols(heating, ca.MX)
-    z, at = ca.MX(0), s.x
-    if isinf(seconds):
-        settle = _steady(heating)
-        for _ in range(_STEADY_ITERATIONS):
-            z, at = settle(at, z, s.base, s.direction, s.most, s.d, s.p, s.limits)
-    else:
-        better = _course(heating, seconds, steps)
-        for _ in range(_ITERATIONS):
-            z = better(s.x, z, s.base, s.direction, s.most, s.d, s.p, s.limits)
+    rest = (s.base, s.direction, s.d, s.p, s.limits)
+    z, most = _steady_root(heating, s) if isinf(seconds) else _root(heating, seconds, steps, s, rest)
+    # What is not limited at the heat above which the model says nothing is limited by nothing.
+    z = ca.if_else(ca.logic_and(z >= most, most < s.most), inf, z)
     # C's minimum passes over what is no number; a sum does not.
     sound = ca.fabs(ca.sum1(s.x) + ca.sum1(s.base) + ca.sum1(s.d)) < _NEVER
     return ca.Function("largest", [s.x, s.base, s.direction, s.most, s.d, s.p, s.limits], [ca.if_else(sound, z, 0)])
+
+
+def _root(heating: Heating, seconds: float, steps: int, s: _Symbols, rest: tuple[Any, ...]) -> tuple[Any, Any]:
+    """The largest z that was tried and keeps the limits, and the most that was considered.
+
+    The hottest excess over a limit is convex in z where losses grow with temperature, so Newton's method comes to the
+    root from above, on the unsafe side, and a chord from below. All are tried, and only what was seen to keep the
+    limits is an answer, whatever the shape.
+    """
+    course, excess = _course(heating, seconds, steps), _course(heating, seconds, steps, slopes=False)
+    idle, room, slope = course(s.x, 0, *rest)
+    most = ca.fmin(s.most, _MOLTEN / ca.fmax(slope, _RISES))
+    z, step, before = _bounded(room, most), room, room
+    for _ in range(_ITERATIONS):
+        over, room, _ = course(s.x, z, *rest)
+        better = ca.if_else(over < _NEVER, _bounded(z + room, most), z / 4)  # an overflow is no number
+        z, step, before = better, ca.fabs(better - z), step
+    # Newton's error falls with the square of its step: twice what the next one would be is below the root.
+    below = _bounded(z - 2 * step * ca.fmin(1, step / ca.fmax(before, _RISES)), most)
+    over, over_below = excess(s.x, z, *rest), excess(s.x, below, *rest)
+    chord = below + (z - below) * over_below / ca.fmin(over_below - over, -_RISES)
+    low = ca.MX(0)
+    for tried, excess_there in ((below, over_below), (chord, excess(s.x, chord, *rest)), (z, over)):
+        low = ca.if_else(excess_there <= _ROUNDING, ca.fmax(low, tried), low)
+    return ca.if_else(idle <= _ROUNDING, low, 0), most
+
+
+def _steady_root(heating: Heating, s: _Symbols) -> tuple[Any, Any]:
+    """Likewise for the steady state: what the last iteration still changed is taken off, for its error is less."""
+    settle = _steady(heating)
+    rest = (s.base, s.direction)
+    most = ca.fmin(s.most, _MOLTEN / ca.fmax(settle(s.x, 0, *rest, s.most, s.d, s.p, s.limits)[2], _RISES))
+    z, at, before = ca.MX(0), s.x, ca.MX(0)
+    for _ in range(_STEADY_ITERATIONS):
+        before = z
+        z, at, _ = settle(at, z, *rest, most, s.d, s.p, s.limits)
+    return z - ca.fmin(ca.fabs(z - before), _UNSURE * z), most
 
 
 def _divisors(heating: Heating) -> list[int]:
@@ -278,30 +314,37 @@ def _bounded(z: Any, most: Any) -> Any:
     return ca.fmax(0, ca.fmin(z, most))
 
 
-def _course(heating: Heating, seconds: float, steps: int) -> ca.Function:
-    """(x, z, base, direction, most, d, p, limits) -> a better z, by the course of the temperatures and its slope."""
+def _course(heating: Heating, seconds: float, steps: int, *, slopes: bool = True) -> ca.Function:
+    """(x, z, base, direction, d, p, limits) -> by how much the hottest node at its hottest passes its limit [K];
+    with slopes also Newton's change of z, and the rise of the hottest node by a unit of z at the end."""
     s = _symbols(heating, ca.SX)
-    h, moved, room = seconds / steps, ca.SX.sym("moved", s.x.numel()), ca.SX.sym("room")
+    h, moved, room, over = seconds / steps, ca.SX.sym("moved", s.x.numel()), ca.SX.sym("room"), ca.SX.sym("over")
     rates, pushed = _rates(heating, s)
     rest = (s.z, s.base, s.direction, s.d, s.p)
-    both = ca.Function("both", [s.x, moved, *rest], [rates, ca.jtimes(rates, s.x, moved) + pushed])
+    faster = ca.jtimes(rates, s.x, moved) + pushed if slopes else ca.SX.zeros(s.x.numel())
+    both = ca.Function("both", [s.x, moved, *rest], [rates, faster])
     k1, m1 = both(s.x, moved, *rest)
     k2, m2 = both(s.x + h / 2 * k1, moved + h / 2 * m1, *rest)
     k3, m3 = both(s.x + h / 2 * k2, moved + h / 2 * m2, *rest)
     k4, m4 = both(s.x + h * k3, moved + h * m3, *rest)
     following, change = s.x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4), moved + h / 6 * (m1 + 2 * m2 + 2 * m3 + m4)
-    least = ca.fmin(room, _room(following, change, s.limits))
-    one = ca.Function("one", [s.x, moved, room, *rest, s.limits], ca.cse([following, change, least]))
+    hottest = ca.mmax(ca.vertcat(over, following[: s.limits.numel()] - s.limits))
+    least = ca.fmin(room, _room(following, change, s.limits)) if slopes else room
+    results = ca.cse([following, change, least, hottest])
+    one = ca.Function("one", [s.x, moved, room, over, *rest, s.limits], results)
     m = _symbols(heating, ca.MX)
-    at, slope, left = m.x, ca.MX(ca.DM.zeros(s.x.numel())), ca.MX(_NEVER)
+    at, slope, left, worst = m.x, ca.MX(ca.DM.zeros(s.x.numel())), ca.MX(_NEVER), ca.MX(-_NEVER)
     for _ in range(steps):
-        at, slope, left = one(at, slope, left, m.z, m.base, m.direction, m.d, m.p, m.limits)
-    better = _bounded(m.z + left, m.most)
-    return ca.Function("course", [m.x, m.z, m.base, m.direction, m.most, m.d, m.p, m.limits], [better])
+        at, slope, left, worst = one(at, slope, left, worst, m.z, m.base, m.direction, m.d, m.p, m.limits)
+    # C's maximum passes over what is no number; a sum does not.
+    worst = ca.if_else(ca.fabs(ca.sum1(at)) < _NEVER, worst, _NEVER)
+    results = [worst, left, ca.mmax(slope)] if slopes else [worst]
+    return ca.Function("course", [m.x, m.z, m.base, m.direction, m.d, m.p, m.limits], results)
 
 
 def _steady(heating: Heating) -> ca.Function:
-    """(x, z, base, direction, most, d, p, limits) -> a better z and the temperatures at which that heat settles."""
+    """(x, z, base, direction, most, d, p, limits) -> a better z, the temperatures at which that heat
+    settles, and the rise of the hottest node by a unit of z."""
     s = _symbols(heating, ca.SX)
     rates, pushed = _rates(heating, s)
     ones = ca.SX.ones(s.x.numel())
@@ -312,5 +355,5 @@ def _steady(heating: Heating) -> ca.Function:
     # beyond thermal runaway it has a root, too, but a cold one.
     stable = ca.mmin(both[:, 2]) > 0
     at = ca.if_else(stable, settled + change * (better - s.z), s.x)
-    results = ca.cse([ca.if_else(stable, better, 0), at])
+    results = ca.cse([ca.if_else(stable, better, s.z / 2), at, ca.mmax(change)])
     return ca.Function("steady", [s.x, s.z, s.base, s.direction, s.most, s.d, s.p, s.limits], results)

@@ -16,6 +16,7 @@ from lptn.logs.columns import parse_columns
 from lptn.model.file import Number, Strict
 from lptn.model.model import Model
 
+from ..reach import refuse_what_no_rest_can_keep
 from ..tasks import mistakes_with_line
 from ..values import Celsius, ExtraMass, Length, NotNegative, Positive, Seconds, Speed, by_place
 from .gait import REST, Gait, LogPart, gait_from_logs, gait_from_tables
@@ -114,10 +115,29 @@ def _mission(tables: File, origin: str, model: Model) -> Mission:
     if task.carry > sum(activity.load[1] for activity in activities if activity.chooses_load):
         expected = "as much as the activities with load = [least, most] can take together"
         raise InputError(origin, "task.carry", f"{task.carry:g} kg", expected)
-    return Mission(
+    mission = Mission(
         model, activities, rest, task.longest_rest or task.deadline or _NO_END, limits, start, task.ambient,
         task.deadline, task.carry, task.gives_up, task.name, origin,
     )  # fmt: skip
+    _refuse_what_can_not_be(mission)
+    return mission
+
+
+def _refuse_what_can_not_be(mission: Mission) -> None:
+    """Refuse a limit that a node passes though everything is switched off all the time.
+
+    Raises:
+        InputError: the node, and what warms it.
+    """
+    model = mission.model
+    off = np.array([mission.ambient if name.startswith("temperature.") else 0.0 for name in model.inputs])
+
+    def idle(_: float, x: FloatArray) -> FloatArray:
+        return np.asarray(model.rhs(x, off, model.values).full()).ravel()
+
+    ends = np.array([mission.deadline or mission.fastest])
+    air = {"task.ambient": mission.ambient}
+    refuse_what_no_rest_can_keep(model, mission.origin, mission.limits, mission.start, idle, ends, air)
 
 
 def _start(task: TaskTable, model: Model, origin: str) -> FloatArray:

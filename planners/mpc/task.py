@@ -15,6 +15,7 @@ from lptn.model.file import Strict
 from lptn.model.model import Model
 
 from ..heating import Request, heating, requested_by
+from ..reach import refuse_what_no_rest_can_keep
 from ..tasks import conditions_of, mistakes_with_line, start_of
 from ..values import ByPlace, Celsius, NotNegative, Positive, by_place
 
@@ -134,8 +135,30 @@ def read_task(table: Mapping[str, Any], origin: str, model: Model) -> Task:
             by_place(getattr(file, name), heat.joints, origin, name)
         repeated = file.task.repeat
         _refuse_many(len(asked) * repeated, period, origin)
-        return Task(model, file.task.name, request, period, np.array(asked * repeated), np.array(around * repeated),
+        task = Task(model, file.task.name, request, period, np.array(asked * repeated), np.array(around * repeated),
                     start_of(file.start, model, origin), file)  # fmt: skip
+    _refuse_what_can_not_be(task, origin)
+    return task
+
+
+def _refuse_what_can_not_be(task: Task, origin: str) -> None:
+    """Refuse a limit that a node passes though no torque at all is given.
+
+    Raises:
+        InputError: the node, and what warms it.
+    """
+    heat = heating(task.model, task.request)
+    rates, none = heat.rate_function(), np.zeros(len(heat.joints))
+
+    def idle(time: float, x: FloatArray) -> FloatArray:
+        given = task.conditions[min(int(time / task.period), len(task.conditions) - 1)]
+        return np.asarray(rates(x, none, given, task.model.values).full()).ravel()
+
+    columns = [(number, name) for number, name in enumerate(heat.conditions) if name.startswith("temperature.")]
+    air = {name: float(task.conditions[:, number].max()) for number, name in columns}
+    limits = by_place(task.file.limits, task.model.nodes, origin, "limits")
+    ends = task.period * np.arange(1, len(task.asked) + 1)
+    refuse_what_no_rest_can_keep(task.model, origin, limits, task.start, idle, ends, air)
 
 
 def _refuse_many(steps: int, period: float, origin: str) -> None:

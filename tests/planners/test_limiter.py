@@ -6,12 +6,14 @@ from functools import cache
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.model.model import Model
+from lptn.model.network import Network
 from lptn.planners import Limiter
-from tests.builders import effect, leg
+from tests.builders import AMBIENT, effect, leg, link, node
 from tests.planners.truth import World, conditions, model_of, true_robot
 
 LIMIT, MOST = 60.0, 60.0  # degC, A
@@ -137,3 +139,49 @@ def test_mistakes_are_refused() -> None:
         Limiter(small().model, 60.0, horizons=(0.0,))
     with pytest.raises(InputError, match="unknown name"):
         small().admissible({"FL_calf": 3.0}, np.zeros(3), AROUND)
+
+
+# --- on the safe side -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("limit", [60.0, 150.0])
+def test_it_errs_to_the_safe_side_by_a_hundred_thousandth_at_most(limit: float) -> None:
+    """Far below a high limit copper's resistance rises by half on the way, and Newton's method comes from above."""
+    effects = [effect("copper_loss"), effect("resistance_rise"), effect("torque_constant_drop", kappa=0.0012)]
+    limiter = Limiter(Model(leg(effects)), limit, horizons=(10.0, 300.0))
+    random = np.random.default_rng(1)
+    for _ in range(4):
+        start = random.uniform(20, limit - 1, 3)
+        found = limiter.admissible(start, np.zeros(3), AROUND)
+        for column, seconds in enumerate(limiter.horizons):
+            held = hottest(start, np.array([0, 0, found[2, column]]), seconds) - limit
+            more = hottest(start, np.array([0, 0, found[2, column] * (1 + 1e-5)]), seconds) - limit
+            assert held < 5e-3  # K, of RK4's steps
+            assert more > -5e-3
+
+
+def hottest(start: FloatArray, torque: FloatArray, seconds: float) -> float:
+    """Of three joints with copper loss, by SciPy [degC]."""
+
+    def slope(_: float, T: FloatArray) -> FloatArray:
+        current = torque / (0.84 * (1 - 0.0012 * (T - 25)))
+        heat = 0.15 * (1 + 0.0039 * (T - 25)) * current**2 - (T - 25.0) / 10
+        heat[:2] += np.array([1, -1]) * (T[1] - T[0]) / 3
+        heat[1:] += np.array([1, -1]) * (T[2] - T[1]) / 2
+        return np.asarray(heat / 300)
+
+    return float(solve_ivp(slope, (0, seconds), start, rtol=1e-10, atol=1e-9).y.max())
+
+
+def test_what_nothing_limits_is_infinite() -> None:
+    """A joint that no limited node feels; with a current limit that is the end."""
+    effects = [effect("copper_loss"), effect("resistance_rise")]
+    alone = Network("apart", (node("a"), node("b"), AMBIENT),
+                    (link("a", "ambient"), link("b", "ambient")), tuple(effects))  # fmt: skip
+    found = Limiter(Model(alone), {"a": 60.0}).admissible(np.full(2, 30.0), np.zeros(2), AROUND)
+    assert np.all(np.isinf(found[1, :3]))
+    assert np.all(np.isfinite(found[0]))
+    cut = Limiter(Model(alone), {"a": 60.0}, current_limits=10.0)
+    assert cut.admissible(np.full(2, 30.0), np.zeros(2), AROUND)[1].tolist() == pytest.approx([8.4] * 4)
+    hot = Limiter(Model(alone), {"a": 60.0}).admissible([61.0, 30.0], np.zeros(2), AROUND)
+    assert not hot[0, :2].any()

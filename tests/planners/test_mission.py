@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
+from lptn.basics.errors import InputError
 from lptn.model.model import Model
 from lptn.planners.mission import Mission, Plan, Program, plan_kind, plan_mission
 from tests.planners import mission_truth as truth
@@ -220,11 +221,19 @@ def test_a_dead_sensor_is_taken_to_be_at_its_limit() -> None:
 
 @pytest.mark.long
 def test_where_even_a_rest_is_too_hot_the_answer_says_so() -> None:
-    answer = plan_kind.run(mission([{"do": "walk", "distance": 60}], ambient=61.0, start=61.0, deadline=500))
+    asked = mission([{"do": "walk", "distance": 60}], deadline=500)
+    answer = plan_kind.run(replace(asked, ambient=61.0, start=np.full(3, 61.0)))
     assert answer.plan.verdict == "none"
     assert answer.plan.prices == {}
     assert "even at rest" in answer.text()
     assert [each.gait.name for each in answer.plan.segments] == ["rest"]
+
+
+def test_limits_below_the_air_are_refused_before_anything_is_solved(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("lptn.planners.mission.plan.Program", None)
+    with pytest.raises(InputError, match=r"limits\.FR_\w+: found 60 degC, which .* passes by task.ambient of 70 degC"):
+        mission([{"do": "walk", "distance": 60}], ambient=70.0, start=25.0, deadline=5000)
+    mission([{"do": "walk", "distance": 60}], ambient=70.0, start=25.0, deadline=60)  # cold enough for a minute
 
 
 @pytest.mark.long

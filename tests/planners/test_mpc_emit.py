@@ -21,7 +21,20 @@ MODEL = Model(leg([effect("copper_loss"), effect("resistance_rise"), effect("tor
 
 def built(folder: Path, source: str, *options: str) -> Path:
     """The program of a folder, every warning about it an error."""
-    words = [*(compiler() or ()), "-std=c99", "-Wall", "-Werror", *options, "main.c", source, "-lm", "-o", "program"]
+    words = [
+        *(compiler() or ()),
+        "-std=c99",
+        "-Wall",
+        "-Wextra",
+        "-Wpedantic",
+        "-Werror",
+        *options,
+        "main.c",
+        source,
+        "-lm",
+        "-o",
+        "program",
+    ]
     done = subprocess.run(words, cwd=folder, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     return folder / "program"

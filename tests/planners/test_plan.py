@@ -183,6 +183,10 @@ def test_the_shipped_tasks_are_planned(tmp_path: Path, capsys: pytest.CaptureFix
         (('torque = { "*" = 2 }', 'current = { "*" = 2 }'), "torque and current"),
         (('"FR_calf" = 12', '"FR_calf" = nan'), "finite"),
         (("[limits]", "[limits"), "line"),
+        (
+            ('[limits]\n"*" = 60', '[limits]\n"*" = 90\nFR_calf = 20'),
+            "limits.FR_calf: found 20 degC, which FR_calf passes by",
+        ),
     ],
 )
 def test_each_mistake_is_one_line(plan: Plan, tmp_path: Path, change: tuple[str, str], said: str) -> None:
