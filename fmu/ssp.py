@@ -92,6 +92,12 @@ def write_values(
 def read_values(path: str | Path) -> dict[str, Value]:
     """The numbers of an SSV file by name.
 
+    Args:
+        path: the file.
+
+    Returns:
+        Number and unit by the parameter's name.
+
     Raises:
         InputError: it can't be read, or holds no numbers.
     """
