@@ -97,6 +97,8 @@ def fmu(
 
     check_outputs(output, json)
     check_outputs(json, inputs=(model, *others))
+    if json is not None and output.suffix in (".ssd", ".ssp", ".ssv"):
+        raise InputError(json, "--json", f"with -o {output.name}", "an FMU to write about")
     if output.suffix in (".ssd", ".ssp"):
         _write_system([model, *others], output, connect or ())
         return
