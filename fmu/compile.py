@@ -31,8 +31,8 @@ _FLAGS = (
 _TIMEOUT = 1200.0  # s; the first build for Windows makes its C library
 _PATIENCE = 20.0  # s; a build takes 2 s where the compiler has the platform's C library, 20 s with admissible torques
 _PATIENTLY = (
-    "%s: still compiling. The first build for %s on a machine also builds that platform's C library: "
-    "less than a minute for Linux and macOS, 2 to 6 minutes for Windows; later ones take seconds"
+    "%s: still compiling. The first build for it on a machine also makes its C library, which takes %s; "
+    "later ones take seconds"
 )
 _log = logging.getLogger("lptn.fmu")
 
@@ -147,7 +147,7 @@ def local_compiler() -> list[str] | None:
     return None if installed is None else [installed]
 
 
-def _run(words: Sequence[str], folder: Path, name: str) -> tuple[int, str]:
+def _run(words: Sequence[str], folder: Path, target: Platform) -> tuple[int, str]:
     """Run a compiler: its exit code and what it said. Who waits long is told for what.
 
     Raises:
@@ -161,14 +161,14 @@ def _run(words: Sequence[str], folder: Path, name: str) -> tuple[int, str]:
                 try:
                     _, said = running.communicate(timeout=_PATIENCE)
                 except subprocess.TimeoutExpired:
-                    _log.warning(_PATIENTLY, name, name)
+                    _log.warning(_PATIENTLY, target.name, "some minutes" if target.suffix == ".dll" else "a minute")
                     _, said = running.communicate(timeout=_TIMEOUT)
             except BaseException:
                 running.kill()
                 raise
             return running.returncode, said
     except (OSError, subprocess.TimeoutExpired) as error:
-        raise InputError(name, "compiler", str(error), "a working C compiler") from error
+        raise InputError(target.name, "compiler", str(error), "a working C compiler") from error
 
 
 def _compile(folder: Path, main: str, identifier: str, target: Platform, command: list[str]) -> bytes:
@@ -181,7 +181,7 @@ def _compile(folder: Path, main: str, identifier: str, target: Platform, command
         words += ["-s"]
     if target.suffix == ".dylib":
         words += [f"-Wl,-install_name,@rpath/{library.name}"]
-    code, said = _run(words, folder, target.name)
+    code, said = _run(words, folder, target)
     if code:
         lines = said.splitlines() or ["no message"]
         first = next((line for line in lines if "error" in line), lines[0])

@@ -215,17 +215,8 @@ class _Builder:
         references = []
         for node in self.model.nodes:
             name, start = structured_name(node, "temperature"), self.start[node] + ZERO_CELSIUS
-            references.append(
-                self._add(
-                    name,
-                    "state",
-                    "K",
-                    start,
-                    f"Temperature of {node}, to be set before the start: connect a thermometer or a controller",
-                    celsius=True,
-                    minimum=0.0,
-                )
-            )
+            description = f"Temperature of {node}, settable before the start: connect a display or a controller"
+            references.append(self._add(name, "state", "K", start, description, celsius=True, minimum=0.0))
         for effect in self.model.balance.hidden:
             place, _ = places_of_owner(effect.place, ())
             name, start = structured_name(place, effect.name, "temperature"), self._resting(effect.ends)

@@ -92,6 +92,12 @@ def write_values(
 def read_values(path: str | Path) -> dict[str, Value]:
     """The numbers of an SSV file by name.
 
+    Args:
+        path: the file.
+
+    Returns:
+        Number and unit by the parameter's name.
+
     Raises:
         InputError: it can't be read, or holds no numbers.
     """
@@ -209,14 +215,12 @@ class SystemStructure:
         components: FMU files by the component's name.
         connections: what is connected.
         values: start values by component and variable.
-        step: communication step [s] that the file proposes, `None` where it doesn't.
     """
 
     name: str
     components: Mapping[str, Path]
     connections: Sequence[Connection]
     values: Mapping[str, Mapping[str, Value]] = field(default_factory=dict)
-    step: float | None = None
 
 
 def write_system(
@@ -386,7 +390,11 @@ def _structure(root: Any, file: Path, shown: Path) -> SystemStructure:
         for component, _ in (start, end):
             if component and component not in components:
                 raise InputError(shown, "Connections", f'"{component}"', f"one of {', '.join(components)}")
-        connections.append(Connection(start, end, *_transformation(entry, shown, ".".join(end))))
+        factor, offset = _transformation(entry, shown, ".".join(end))
+        if not (start[0] and end[0]) and (factor, offset) != (1.0, 0.0):
+            outside = "a transformation of the system's own connector"
+            raise InputError(shown, "Connections", outside, "transformations between components alone")
+        connections.append(Connection(start, end, factor, offset))
     return SystemStructure(system.get("name") or root.get("name") or "system", components, connections, values)
 
 

@@ -13,31 +13,26 @@
 #define FORECASTS (OUTPUTS + NY)
 #define END (FORECASTS + NZ)
 #define COLD 150.0 /* K; no robot is so cold: somebody has set degrees Celsius */
-#define ULPS 4.0         /* of a time: what the arithmetic of an importer may lose */
+#define ULPS 4.0          /* of a time: what the arithmetic of an importer may lose */
 #define PART_OF_STEP 1e-6 /* of a communication step: what may lie between its begin and the end of the last one */
 
 /* --- what is said ------------------------------------------------------------------------------- */
 
-/* The categories in the order of their bits. */
-static const struct {
-    const char *name;
-    Status status;
-} CATEGORIES[] = {{"logStatusWarning", WARNING}, {"logStatusDiscard", DISCARD}, {"logStatusError", ERROR}};
+static const char *const CATEGORIES[] = {"logStatusWarning", "logStatusDiscard", "logStatusError"};
 
-enum { CATEGORY_COUNT = sizeof CATEGORIES / sizeof *CATEGORIES };
-
-static void core_say(Instance *I, int category, const char *function, const char *format, va_list list) {
+static void core_say(Instance *I, Category category, const char *function, const char *format, va_list list) {
+    static const Status statuses[] = {WARNING, DISCARD, ERROR};
     char longer[256], text[512];
-    if (!I->log || !(I->logged & 1 << category)) return;
+    if (!I->log || !(I->logged & BIT(category))) return;
     snprintf(longer, sizeof longer, "%s: %s", function, format);
     vsnprintf(text, sizeof text, longer, list);
-    I->log(I, CATEGORIES[category].status, CATEGORIES[category].name, text);
+    I->log(I, statuses[category], CATEGORIES[category], text);
 }
 
 static Status core_fail(Instance *I, const char *function, const char *format, ...) {
     va_list list;
     va_start(list, format);
-    core_say(I, 2, function, format, list);
+    core_say(I, ERRORS, function, format, list);
     va_end(list);
     return ERROR;
 }
@@ -46,7 +41,7 @@ static Status core_fail(Instance *I, const char *function, const char *format, .
 static Status core_discard(Instance *I, int discard, const char *function, const char *format, ...) {
     va_list list;
     va_start(list, format);
-    core_say(I, discard ? 1 : 2, function, format, list);
+    core_say(I, discard ? DISCARDS : ERRORS, function, format, list);
     va_end(list);
     return discard ? DISCARD : ERROR;
 }
@@ -54,20 +49,20 @@ static Status core_discard(Instance *I, int discard, const char *function, const
 static void core_warn(Instance *I, const char *function, const char *format, ...) {
     va_list list;
     va_start(list, format);
-    core_say(I, 0, function, format, list);
+    core_say(I, WARNINGS, function, format, list);
     va_end(list);
 }
 
 static Status core_set_logging(Instance *I, const char *function, int on, size_t n, const char *const *categories) {
-    int wanted = n ? 0 : LOG_ALL, k;
+    int wanted = n ? 0 : ALL_CATEGORIES, k;
     size_t i;
     if (n && !categories) return core_fail(I, function, "null pointer");
     for (i = 0; i < n; i++) {
         for (k = 0; k < CATEGORY_COUNT; k++)
-            if (categories[i] && !strcmp(categories[i], CATEGORIES[k].name)) break;
+            if (categories[i] && !strcmp(categories[i], CATEGORIES[k])) break;
         if (k == CATEGORY_COUNT)
             return core_fail(I, function, "no log category \"%s\"", categories[i] ? categories[i] : "");
-        wanted |= 1 << k;
+        wanted |= BIT(k);
     }
     I->logged = on ? wanted : LOG_OFF;
     return OK;
@@ -132,7 +127,7 @@ static Instance *core_new(const char *name, int type, Logger log, int logging) {
     if (!I) return NULL;
     I->magic = MAGIC;
     I->log = log;
-    I->logged = logging ? LOG_ALL : LOG_OFF;
+    I->logged = logging ? ALL_CATEGORIES : LOG_OFF;
     I->data.type = type;
     I->name = calloc(strlen(name && *name ? name : "unnamed") + 1, 1);
     if (I->name) strcpy(I->name, name && *name ? name : "unnamed");

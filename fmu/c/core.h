@@ -27,8 +27,10 @@ typedef enum {
 
 enum { MODEL_EXCHANGE, CO_SIMULATION };
 
-/* Log categories; one says what it says only while its bit is set. */
-enum { LOG_WARNING = 1, LOG_DISCARD = 2, LOG_ERROR = 4, LOG_ALL = 7 };
+/* Log categories; what one says is heard only while its bit is set. */
+typedef enum { WARNINGS, DISCARDS, ERRORS, CATEGORY_COUNT } Category;
+#define BIT(category) (1 << (category))
+#define ALL_CATEGORIES (BIT(CATEGORY_COUNT) - 1)
 enum { SPACE_U = NU > 0 ? NU : 1, SPACE_Y = NY > 0 ? NY : 1 };
 
 /* All that a call can change, in one piece without padding: this is what the state functions copy and serialise. */

@@ -43,6 +43,7 @@ def cosim(
     An FMU of anybody's: --map says which column drives an input or is compared with an output, by the FMU's names.
 
     Example: lptn cosim leg.fmu friday.parquet -o outputs.csv
+
     Example: lptn cosim motor.fmu friday.csv --map tau=torque.knee --map T_case=temperature.knee --trust
     """
     needs_logs(logs)

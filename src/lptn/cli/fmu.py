@@ -87,7 +87,9 @@ def fmu(
     To an .ssv file go the values of all its parameters; to an .ssd or .ssp file a system of FMUs that are there.
 
     Example: lptn fmu fitted.toml -o leg.fmu --fmi 3 --platforms linux64,win64
+
     Example: lptn fmu fitted.toml -o fitted.ssv
+
     Example: lptn fmu motor.fmu body.fmu -o robot.ssd --connect motor.case.temperature=body.motor.temperature
     """
     from lptn.cli.terminal import progress, write_json
@@ -95,6 +97,8 @@ def fmu(
 
     check_outputs(output, json)
     check_outputs(json, inputs=(model, *others))
+    if json is not None and output.suffix in (".ssd", ".ssp", ".ssv"):
+        raise InputError(json, "--json", f"with -o {output.name}", "an FMU to write about")
     if output.suffix in (".ssd", ".ssp"):
         _write_system([model, *others], output, connect or ())
         return
