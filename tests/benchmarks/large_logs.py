@@ -3,8 +3,8 @@
     python -m tests.benchmarks.large_logs --folder BIG --versions old=OLD/bin/lptn new=NEW/bin/lptn
 
 makes the logs in a folder (6 GB; they are taken as they are where they stand already), asks each version in a process
-of its own, and prints CPU seconds, the most memory that was resident, and the last line where it refused. `--rows 500000`
-makes the long ones shorter.
+of its own, and prints CPU seconds, the most memory that was resident, and the last line where it refused.
+`--rows 500000` makes the long ones shorter.
 """
 
 from __future__ import annotations
