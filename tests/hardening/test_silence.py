@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -96,7 +97,8 @@ def test_spikes_of_the_air_are_left_out_too() -> None:
 # --- What is said of a channel is what is done with it ----------------------------------------------------------------
 
 
-ROLES = {"inputs": ["torque.FR_calf", "temperature.ambient"], "outputs": ["temperature.FR_calf", "temperature.FR_hip"]}
+_INPUTS = ["torque.FR_calf", "temperature.ambient"]
+_read_as_a_model_does = partial(read_log, inputs=_INPUTS, outputs=["temperature.FR_calf", "temperature.FR_hip"])
 
 
 def test_a_given_temperature_that_stands_still_is_taken_and_one_that_is_dead_cuts_the_log() -> None:
@@ -104,13 +106,13 @@ def test_a_given_temperature_that_stands_still_is_taken_and_one_that_is_dead_cut
     log["temperature.ambient"] = 22 + rng.normal(0, 0.05, len(log))
     still = log.copy()
     still.loc[_between(log, 300, 1200), "temperature.ambient"] = 22.0625
-    (run,) = read_log(still, **ROLES)
+    (run,) = _read_as_a_model_does(still)
     (issue,) = run.issues
     assert issue.kind == "frozen"
     assert issue.remedy.startswith("it is taken as it stands")
     assert (run.columns["temperature.ambient"][400:1100] == 22.0625).all()
     log.loc[_between(log, 300, 1200), "temperature.ambient"] = 0.0
-    before, after = read_log(log, **ROLES)
+    before, after = _read_as_a_model_does(log)
     assert (before.time[-1] < 300, after.time[0] >= 1200) == (True, True)
     (issue,) = before.issues
     assert (issue.kind, "the log is cut" in issue.remedy) == ("dead", True)
@@ -119,17 +121,16 @@ def test_a_given_temperature_that_stands_still_is_taken_and_one_that_is_dead_cut
 def test_a_sensor_of_one_number_leaves_the_cost_where_another_remains() -> None:
     log = _log()
     log["temperature.FR_hip"] = 31.0
-    (run,) = read_log(log, **ROLES)
+    (run,) = _read_as_a_model_does(log)
     (issue,) = run.issues
     assert (issue.key, issue.kind) == ("temperature.FR_hip", "frozen")
     assert "it is left out" in issue.remedy
     assert not run.has("temperature.FR_hip")
     stated = {"temperature.FR_hip": ColumnSource(("temperature.FR_hip",), valid=(-40.0, 150.0))}
-    (run,) = read_log(log, stated, **ROLES)
+    (run,) = _read_as_a_model_does(log, stated)
     assert (run.temperature("FR_hip") == 31.0).all()
-    alone = ROLES | {"outputs": ["temperature.FR_hip"]}
     log["temperature.ambient"] = np.linspace(20.0, 26.0, len(log))
-    (run,) = read_log(log, **alone)
+    (run,) = read_log(log, inputs=_INPUTS, outputs=["temperature.FR_hip"])
     (issue,) = run.issues
     assert "it is the only sensor, and counts all the same" in issue.remedy
     assert (run.temperature("FR_hip") == 31.0).all()
@@ -138,7 +139,7 @@ def test_a_sensor_of_one_number_leaves_the_cost_where_another_remains() -> None:
 def test_a_code_twice_in_a_row_is_no_reading() -> None:
     log = _log()
     log.loc[[700, 701, 9000], "temperature.FR_calf"] = -127.0
-    (run,) = read_log(log, **ROLES)
+    (run,) = _read_as_a_model_does(log)
     (issue,) = run.issues
     assert (issue.kind, "these readings are left out" in issue.remedy) == ("code", True)
     assert np.nanmin(run.temperature("FR_calf")) > 10.0

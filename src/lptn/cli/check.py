@@ -259,7 +259,14 @@ def _lengths(runs: Sequence[Run]) -> str:
     first = runs[0]
     kind = "means" if first.averaged else "samples"
     pieces = f" in {len(runs)} runs" if len(runs) > 1 else ""
-    return f"{steps} {kind} of {first.step:g} s, {steps * first.step / 60:.3g} min{pieces}"
+    return f"{steps} {kind} of {first.step:g} s, {_duration(steps * first.step)}{pieces}"
+
+
+_HOURS = 10.0  # from which a time is said in hours
+
+
+def _duration(seconds: float) -> str:
+    return f"{seconds / 3600:.3g} h" if seconds >= 3600 * _HOURS else f"{seconds / 60:.3g} min"
 
 
 def _show_nodes(model: Model, bound_runs: Sequence[BoundRun]) -> None:
@@ -290,7 +297,7 @@ def _show_excitation(excited: Excitation) -> None:
     base = excited.ranges.get("speed.base")
     moving = f"base speed {base[0]:.2g} to {base[1]:.2g} m/s" if base else "base speed not logged"
     print(
-        f"\nIn {excited.minutes:.3g} min: {load}; {_count(excited.cool_downs, 'cool-down')}; "
+        f"\nIn {_duration(60 * excited.minutes)}: {load}; {_count(excited.cool_downs, 'cool-down')}; "
         f"{_count(excited.steps, 'jump')} of load; up to {excited.rise:.3g} K above the surroundings, which change by "
         f"{excited.ambient:.2g} K; {moving}."
     )

@@ -116,7 +116,9 @@ class ColumnSource:
         x = columns[0]
         if len(columns) > 1:
             x = _COMBINED[self.how](columns)
-        return to_si(self.scale * x + self.offset, quantity, self.unit)
+        if self.scale != 1 or self.offset:  # a copy of millions of rows only where it says something else
+            x = self.scale * x + self.offset
+        return to_si(x, quantity, self.unit)
 
     def missing(self, raw: Mapping[str, FloatArray]) -> int:
         """How many numbers in the file `invalid` and `valid` take for no reading."""

@@ -27,7 +27,7 @@ from lptn.logs.tables import Table, broken, too_large
 ENDINGS = (".csv", ".tsv", ".txt", ".csv.gz", ".tsv.gz", ".txt.gz")
 
 _LONGEST_LINE = 1 << 24  # characters, of 100,000 columns with long names; binary files may have no line end at all
-_HEAD, _FEWEST_LINES = 1 << 22, 4  # characters that are looked at for the layout, and lines that are in any case
+_HEAD, _FEWEST_LINES = 1 << 19, 4  # characters that are looked at for the layout, and lines that are in any case
 _SEPARATORS = ",;\t"
 _DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+([eE][-+]?\d+)?")
 _BLOCK, _LINES_IN_A_BLOCK = 1 << 22, 8  # bytes that are parsed at once, and lines at least
@@ -120,8 +120,8 @@ class _Text:
         if len(first) > len(names) + 1 or any(first[len(names) :]):
             problem = f"{len(first)} values in the first row under {len(names)} names"
             raise InputError(path, "header", problem, "a name for each column, and numbers with a decimal point")
-        commas = any(_DECIMAL_COMMA.fullmatch(cell.strip()) for row in rows[layout.first :] for cell in row)
-        decimal = "," if separator != "," and commas else "."
+        cells = (cell.strip() for row in rows[layout.first :] for cell in row)
+        decimal = "," if separator != "," and any(map(_DECIMAL_COMMA.fullmatch, cells)) else "."
         return cls(path, separator, decimal, layout, tuple(number for number, _ in head), names, tuple(first))
 
     def read_regular(self, positions: Sequence[int]) -> pd.DataFrame | None:

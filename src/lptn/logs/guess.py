@@ -200,6 +200,9 @@ def _words_besides(name: ColumnName, quantity: str, spellings: set[str]) -> int 
     words = list(name.words)
     if len(words) > _MOST_WORDS or _NOT_MEASURED.intersection(words):
         return None
+    joined = "".join(words)
+    if not any(spelling in joined for spelling in spellings):  # most of many thousand names
+        return None
     ends = [(i, j) for i in range(len(words)) for j in range(i + 1, len(words) + 1)]
     spans = [(i, j) for i, j in ends if "".join(words[i:j]) in spellings]
     if not spans:

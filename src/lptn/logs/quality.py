@@ -228,7 +228,8 @@ def _suspect_time_unit(source: ColumnSource, time: FloatArray) -> list[Issue]:
         problem = f"no unit is given for '{source.columns[0]}', whose name says {named}"
         return [_in_unit("time", source, named, problem)]
     span = float(abs(time[-1] - time[0]))
-    if period >= _LONG_PERIOD and span > _HALF_A_DAY and bool((np.round(time) == time).all()):
+    of_minutes = period % 60 == 0  # buildings are logged so; nobody logs every 60 ms
+    if period >= _LONG_PERIOD and not of_minutes and span > _HALF_A_DAY and bool((np.round(time) == time).all()):
         per_second = {"ms": 1e3, "us": 1e6}
         unit = next((name for name, n in per_second.items() if period / n <= _LONG_PERIOD_AS_MEANT), "ns")
         problem = f"{period:.4g} s from row to row over {span / 3600:.3g} h, which looks like {unit}"

@@ -61,6 +61,8 @@ class Table:
         for name in wanted:
             if times[name] > 1:
                 raise InputError(self.path, f"column '{name}'", "that name more than once", "one such column")
+        if not wanted:
+            return {}
         frame = self.read(wanted)
         return {name: self._floats(name, frame[name]) for name in wanted}
 
@@ -82,6 +84,8 @@ class Table:
             series = pd.to_datetime(series, utc=True) - pd.Timestamp(0, tz="UTC")
         if kinds.is_timedelta64_dtype(series):
             return np.asarray(series.dt.total_seconds(), dtype=np.float64)
+        if series.dtype == np.float64:
+            return series.to_numpy()
         return series.to_numpy(dtype=np.float64, na_value=np.nan)
 
 
@@ -205,7 +209,9 @@ def open_parquet(path: Path) -> Table:
     def read(wanted: Sequence[str]) -> pd.DataFrame:
         check_size(path, rows, len(wanted))  # such a number of rows takes few bytes to write
         try:
-            frame: pd.DataFrame = pq.read_table(path, columns=list(wanted)).to_pandas(ignore_metadata=True)
+            frame: pd.DataFrame = pq.read_table(path, columns=list(wanted)).to_pandas(
+                ignore_metadata=True, split_blocks=True, self_destruct=True
+            )
         except Exception as error:
             raise broken(path, error, "a whole Parquet file") from error
         return frame
