@@ -50,7 +50,10 @@ def monitor(
     plot: Picture = None,
     map: Map = None,  # noqa: A002 - the option's name
 ) -> None:
-    """Find faults of temperature sensors: drift, offset, stuck, dropout.
+    """Find faults of temperature sensors, and inputs that died.
+
+    A sensor is called stuck, dead, clamped, noisy, spiky or silent (dropout), off (offset), drifting, lagging,
+    disconnected (it reads the air) or swapped with another; a torque, current or speed that died is an input.
 
     Example: lptn monitor fitted.toml today.parquet --threshold 10 --healthy monday.parquet tuesday.parquet
     """
@@ -62,7 +65,7 @@ def monitor(
     check_outputs(json, plot, calibration if healthy else None, inputs=(model, *logs, *(healthy or ())))
     check_picture(plot)
     loaded = load_model(model, map or ())
-    runs, healthy_runs = loaded.runs(logs, keep_silent=True), loaded.runs(healthy or [])
+    runs, healthy_runs = loaded.runs(logs), loaded.runs(healthy or [])
     _refuse_shared(runs, healthy_runs)
     with progress("reading") as report:
         learnt = _calibration(loaded.model, healthy_runs, false_alarms, calibration, report)
@@ -100,7 +103,7 @@ def _refuse_shared(runs: list[Run], healthy: list[Run]) -> None:
             raise InputError(run.source, "LOGS", found, "each log once: to learn from, or to watch")
 
 
-_UNITS = {"offset": "K", "drift": "K/s"}
+_UNITS = {"offset": "K", "drift": "K/s", "lag": "s"}
 
 
 def _show_monitoring(result: Monitoring) -> None:
@@ -126,9 +129,9 @@ def _rows(watched: MonitoredRun) -> Iterator[list[str]]:
     statistical = {alarm.node: alarm for alarm in watched.statistical_alarms}
     for node in dict.fromkeys(alarm.node for alarm in (*watched.statistical_alarms, *watched.threshold_alarms)):
         best = statistical.get(node) or direct[node]
-        size = "" if best.size is None else f"{best.size:+.2g} {_UNITS[best.kind]}"
+        size = best.detail if best.size is None else f"{best.size:+.2g} {_UNITS[best.kind]}"
         times = [_time(alarms.get(node)) for alarms in (statistical, direct)]
-        yield [watched.run.name, node, best.kind, size, f"{best.onset:.0f} s", *times]
+        yield [watched.run.name, best.channel or node, best.kind, size, f"{best.onset:.0f} s", *times]
 
 
 def _time(alarm: Alarm | None) -> str:

@@ -286,9 +286,7 @@ def _estimator(
     )
 
 
-def _of_blocks(
-    model: Model, count: float, noise: Noise, uncertainty: ModelUncertainty, error: ModelError
-) -> Estimator:
+def _of_blocks(model: Model, count: float, noise: Noise, uncertainty: ModelUncertainty, error: ModelError) -> Estimator:
     """An estimator for means over so many readings."""
     white = np.maximum(noise.white / np.sqrt(max(1.0, count)), _LEAST_NOISE)
     return _estimator(model, white, noise.step, uncertainty, error, watch=False)
@@ -297,8 +295,8 @@ def _of_blocks(
 # --- Sensors that are alive -----------------------------------------------------------------------
 
 _FAULT = 6.0
-"""Standard deviations of an offset or drift that is called: chance among some thousand onsets at some ten sensors, times
-one faulty sensor in a thousand logs, is met by 5.5."""
+"""Standard deviations of an offset or drift that is called: chance among some thousand onsets at some ten sensors,
+times one faulty sensor in a thousand logs, is met by 5.5."""
 _MISSING = 60.0  # s without a reading at the end of a log, that is worth a word
 
 
@@ -412,7 +410,8 @@ def forecast(
         Times, temperatures and their intervals.
 
     Raises:
-        InputError: the log is too short, lacks an input, measures no node or has no sensor that is alive; a limit for a node that the model lacks.
+        InputError: the log is too short, lacks an input, measures no node or has no sensor that is alive; a limit for
+            a node that the model lacks.
         ValueError: a coverage, number of cycles or window out of range.
 
     Source: [QuadrupedLPTN, application 3].
