@@ -125,13 +125,13 @@ def _show_monitoring(result: Monitoring) -> None:
 
 
 def _rows(watched: MonitoredRun) -> Iterator[list[str]]:
-    direct = {alarm.node: alarm for alarm in watched.threshold_alarms}
-    statistical = {alarm.node: alarm for alarm in watched.statistical_alarms}
-    for node in dict.fromkeys(alarm.node for alarm in (*watched.statistical_alarms, *watched.threshold_alarms)):
+    direct = {alarm.channel or alarm.node: alarm for alarm in watched.threshold_alarms}
+    statistical = {alarm.channel or alarm.node: alarm for alarm in watched.statistical_alarms}
+    for node in [*statistical, *(node for node in direct if node not in statistical)]:
         best = statistical.get(node) or direct[node]
         size = best.detail if best.size is None else f"{best.size:+.2g} {_UNITS[best.kind]}"
         times = [_time(alarms.get(node)) for alarms in (statistical, direct)]
-        yield [watched.run.name, best.channel or node, best.kind, size, f"{best.onset:.0f} s", *times]
+        yield [watched.run.name, node, best.kind, size, f"{best.onset:.0f} s", *times]
 
 
 def _time(alarm: Alarm | None) -> str:

@@ -96,6 +96,6 @@ def _expected(
 def _lagged(path: FloatArray, lag: float, step: float, behind: BoolArray) -> FloatArray:
     """A path that is followed with a time constant [s] from the onset on."""
     found, keep = path.copy(), float(np.exp(-step / lag))
-    for k in np.flatnonzero(behind):
+    for k in np.flatnonzero(behind).tolist():
         found[k] = keep * found[max(k - 1, 0)] + (1 - keep) * path[k]
     return found

@@ -75,10 +75,10 @@ class Alarm:
 
 
 def first_at_each_sensor(alarms: Iterable[Alarm]) -> tuple[Alarm, ...]:
-    """The first alarm at each sensor, in order of time."""
+    """The first alarm at each sensor, or input, in order of time."""
     first: dict[str, Alarm] = {}
     for alarm in sorted(alarms, key=lambda alarm: alarm.time):
-        first.setdefault(alarm.node, alarm)
+        first.setdefault(alarm.channel or alarm.node, alarm)
     return tuple(first.values())
 
 
