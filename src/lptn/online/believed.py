@@ -79,8 +79,8 @@ def _since(rows: BoolArray, time: FloatArray) -> float:
     return float(time[min(kept[-1] + 1, time.size - 1)] if kept.size else time[0])
 
 
-def wandering(make: Callable[[], Estimator], bound: BoundRun, limits: FloatArray) -> tuple[BoolArray, list[Doubt]]:
-    """Readings of sensors that are off, or drift, by more than the model's errors explain, shape (nodes, n).
+def wandering(make: Callable[[], Estimator], bound: BoundRun, limits: FloatArray) -> list[Doubt]:
+    """Sensors that are off, or drift, by more than the model's errors explain.
 
     None is called unless most of the sensors agree with the model: of one sensor and one model nothing says which is
     wrong.
@@ -90,17 +90,16 @@ def wandering(make: Callable[[], Estimator], bound: BoundRun, limits: FloatArray
         bound: the run, in steps of some 10 s.
         limits: weight that calls an offset, a drift [standard deviations], shape (2, nodes).
     """
-    left_out, doubts = np.zeros(bound.measured.shape, dtype=bool), list[Doubt]()
-    seen = int(np.isfinite(bound.measured).any(axis=1).sum())
+    measured, doubts = bound.measured.copy(), list[Doubt]()
+    seen, step = int(np.isfinite(measured).any(axis=1).sum()), bound.run.step
     while 2 * len(doubts) < seen:
-        measured = np.where(left_out, np.nan, bound.measured)
         estimator = make()
         alarm = first_alarm(estimator, bound, measured, limits)
         if alarm is None:
-            return left_out, doubts
-        left_out[estimator.model.nodes.index(alarm.node)] |= bound.run.time >= alarm.onset - bound.run.step
-        doubts.append(Doubt(alarm.node, alarm.onset, _why(alarm, float(bound.run.time[-1]) + bound.run.step)))
-    return np.zeros_like(left_out), []
+            return doubts
+        measured[estimator.model.nodes.index(alarm.node), bound.run.time >= alarm.onset - step] = np.nan
+        doubts.append(Doubt(alarm.node, alarm.onset - step, _why(alarm, float(bound.run.time[-1]) + step)))
+    return []
 
 
 def _why(alarm: Alarm, end: float) -> str:

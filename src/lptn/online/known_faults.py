@@ -39,7 +39,9 @@ def known_faults(runs: Sequence[Run], nodes: Sequence[str]) -> list[list[Alarm]]
             piece = max((number for number in pieces if runs[number].time[0] <= start), default=pieces[0])
             time = min(start + _SEEN_AFTER, stop)
             kind: Kind = "input" if is_input else _KINDS[issue.kind]
-            found[piece].append(Alarm(place, kind, time, start, detail=issue.problem, channel=issue.key if is_input else ""))
+            found[piece].append(
+                Alarm(place, kind, time, start, detail=issue.problem, channel=issue.key if is_input else "")
+            )
     return found
 
 
