@@ -34,12 +34,12 @@ LIMIT = 100.0  # s for an answer: one takes some seconds
 
 def _held(value: float | None) -> Callable[[Array, Array, Array, np.random.Generator], Array]:
     """A sensor that gives the same number all the while: its first one where no number is said."""
-    return lambda since, readings, _true, _rng: np.full(since.size, readings[0] if value is None else value)
+    return lambda since, readings, _true, _rng: np.full(since.size, float(readings[0]) if value is None else value)
 
 
 def _clamped(since: Array, readings: Array, _true: Array, _rng: np.random.Generator) -> Array:
     """Firmware that gives no more than what the sensor reads at the beginning."""
-    return np.minimum(readings, readings[: max(1, since.size // 20)].max())
+    return np.asarray(np.minimum(readings, readings[: max(1, since.size // 20)].max()))
 
 
 def _drifting(rate: float) -> Callable[[Array, Array, Array, np.random.Generator], Array]:
@@ -57,7 +57,7 @@ def _lagging(since: Array, readings: Array, true: Array, _rng: np.random.Generat
 def _spiking(_since: Array, readings: Array, _true: Array, rng: np.random.Generator) -> Array:
     """A bad contact: one reading of 50 is 10 to 60 K off."""
     struck = rng.random(readings.size) < 0.02
-    return readings + struck * rng.uniform(10, 60, readings.size) * rng.choice([-1, 1], readings.size)
+    return np.asarray(readings + struck * rng.uniform(10, 60, readings.size) * rng.choice([-1, 1], readings.size))
 
 
 FAULTS: dict[str, Callable[[Array, Array, Array, np.random.Generator], Array]] = {
@@ -156,7 +156,8 @@ def ask(command: Path, log: Path, asked: Asked) -> Answer:
     if done.returncode:
         return Answer(np.nan, np.nan, np.nan, text)
     said = json.loads((log.parent / "f.json").read_text(encoding="utf-8"))["nodes"][asked.joint]
-    return Answer(*(inf if said[name] is None else said[name] for name in ("time_to_limit", "low", "high")), text)
+    time, low, high = (inf if said[name] is None else said[name] for name in ("time_to_limit", "low", "high"))
+    return Answer(time, low, high, text)
 
 
 def row(kind: str, pairs: Sequence[tuple[Asked, Answer]]) -> str:

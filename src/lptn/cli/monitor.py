@@ -62,7 +62,10 @@ def monitor(
     map: Map = None,  # noqa: A002 - the option's name
     rate: Rate = None,
 ) -> None:
-    """Find faults of temperature sensors: drift, offset, stuck, dropout.
+    """Find faults of temperature sensors, and inputs that died.
+
+    A sensor is called stuck, dead, clamped, noisy, spiky or silent (dropout), off (offset), drifting, lagging,
+    disconnected (it reads the air) or swapped with another; a torque, current or speed that died is an input.
 
     Example: lptn monitor fitted.toml today.parquet --threshold 10 --healthy monday.parquet tuesday.parquet
     """
@@ -75,7 +78,7 @@ def monitor(
     from lptn.online.monitoring import monitor as watch
 
     loaded = load_model(model, column_options(map, rate))
-    runs, healthy_runs = loaded.runs(logs, keep_silent=True), loaded.runs(healthy or [])
+    runs, healthy_runs = loaded.runs(logs), loaded.runs(healthy or [])
     _refuse_shared(runs, healthy_runs)
     with progress("reading") as report:
         learnt = _calibration(loaded.model, healthy_runs, false_alarms, calibration, report)
@@ -113,7 +116,7 @@ def _refuse_shared(runs: list[Run], healthy: list[Run]) -> None:
             raise InputError(run.source, "LOGS", found, "each log once: to learn from, or to watch")
 
 
-_UNITS = {"offset": "K", "drift": "K/s"}
+_UNITS = {"offset": "K", "drift": "K/s", "lag": "s"}
 
 
 def _show_monitoring(result: Monitoring) -> None:
@@ -135,11 +138,11 @@ def _show_monitoring(result: Monitoring) -> None:
 
 
 def _rows(watched: MonitoredRun) -> Iterator[list[str]]:
-    direct = {alarm.node: alarm for alarm in watched.threshold_alarms}
-    statistical = {alarm.node: alarm for alarm in watched.statistical_alarms}
-    for node in dict.fromkeys(alarm.node for alarm in (*watched.statistical_alarms, *watched.threshold_alarms)):
+    direct = {alarm.channel or alarm.node: alarm for alarm in watched.threshold_alarms}
+    statistical = {alarm.channel or alarm.node: alarm for alarm in watched.statistical_alarms}
+    for node in [*statistical, *(node for node in direct if node not in statistical)]:
         best = statistical.get(node) or direct[node]
-        size = "" if best.size is None else f"{best.size:+.2g} {_UNITS[best.kind]}"
+        size = best.detail if best.size is None else f"{best.size:+.2g} {_UNITS[best.kind]}"
         times = [_time(alarms.get(node)) for alarms in (statistical, direct)]
         yield [watched.run.name, node, best.kind, size, f"{best.onset:.0f} s", *times]
 

@@ -1,10 +1,10 @@
 """Whether each temperature sensor is alive, reading by reading, by what a filter expects of it.
 
-The principle is that of `lptn.logs.silence`, which sees a whole log and no model: a sensor that is alive shows its noise
-and follows the temperature. Here a reading that is bit for bit the last one again has a probability, for the filter knows
-how far the temperature has moved within the sensor's steps and how far the noise reaches; of a sensor that stands, it is
-1. What these probabilities multiply to is the evidence. A reading that leaps further than noise and model explain is
-not believed either, for as long as it is so far off.
+The principle is that of `lptn.logs.silence`, which sees a whole log and no model: a sensor that is alive shows its
+noise and follows the temperature. Here a reading that is bit for bit the last one again has a probability, for the
+filter knows how far the temperature has moved within the sensor's steps and how far the noise reaches; of a sensor that
+stands, it is 1. What these probabilities multiply to is the evidence. A reading that leaps further than noise and model
+explain is not believed either, for as long as it is so far off.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ _LEAST_CHANCE = 1e-3  # of one reading like the one before: no single one decide
 _COARSEST = 5.0  # K; steps that a sensor may have of which nothing is known yet
 _LEAP = 6.0  # standard deviations of a reading from its prediction; chance gives one in 500 million
 _LEAST_LEAP = 3.0  # K; no smaller leap is a fault of the sensor rather than of the model
+_SAME_TIME = 1e-6  # s
 _FEWEST = 5  # readings; of a sensor that gave fewer nothing says which of them was the leap
 
 
@@ -93,6 +94,14 @@ class Aliveness:
         taken = seen & ~self.silent & (~far | again)
         self._taken += taken
         return taken, again
+
+    def silent_at(self, clock: float) -> BoolArray:
+        """Of the sensors that stand, those that already stood at a time [s of the clock], shape (nodes,).
+
+        The first of the readings that stand was one, unless the sensor has never moved.
+        """
+        first = np.where(np.isfinite(self._grain), self.since + _SAME_TIME, self.since - _SAME_TIME)
+        return np.asarray(self.silent & (clock > first))
 
     def why_not(self, node: int) -> str:
         """Why a sensor is not believed at present, in words; "" where it is."""

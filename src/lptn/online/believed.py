@@ -1,7 +1,7 @@
 """Which readings of a run are to be believed, by the model and its own errors: those of sensors that are alive.
 
-Reading by reading a filter leaves out sensors that stand or leap (`aliveness`); of the others, offsets and drifts that the
-model's errors don't explain are found by their likelihood ratio (`fault_likelihood`).
+Reading by reading a filter leaves out sensors that stand or leap (`aliveness`); of the others, offsets and drifts that
+the model's errors don't explain are found by their likelihood ratio (`fault_likelihood`).
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 from lptn.basics.arrays import BoolArray, FloatArray
 from lptn.basics.errors import InputError
 from lptn.logs.run import Run
-from lptn.online.estimator import Estimator, run_filter
+from lptn.online.estimator import Estimate, Estimator, run_filter
 from lptn.online.fault_likelihood import first_alarm
 from lptn.online.sensor_faults import Alarm
 from lptn.simulate.bound_run import BoundRun
@@ -58,13 +58,16 @@ def standing_or_leaping(estimator: Estimator, bound: BoundRun) -> tuple[BoolArra
     if sensors is None:
         raise ValueError("estimator: found one that does not watch its sensors; expected watch=True")
     left_out = np.zeros(bound.measured.shape, dtype=bool)
-    estimate = None
-    for k, estimate in enumerate(run_filter(estimator, bound)):
+    estimate: Estimate | None = None
+    silent = sensors.silent
+    for k, latest in enumerate(run_filter(estimator, bound)):
+        estimate = latest
         left_out[:, k] = sensors.far & np.isfinite(bound.measured[:, k])
-        for row in np.flatnonzero(sensors.silent):
-            # The first of the readings that stand was one.
-            since = time[k] - (sensors.clock - sensors.since[row])
-            left_out[row, : k + 1] |= time[: k + 1] > since + 0.5 * bound.run.step
+        if (sensors.silent & ~silent).any():  # and so were those before it
+            clocks = sensors.clock - (time[k] - time[: k + 1])
+            left_out[:, : k + 1] |= np.array([sensors.silent_at(clock) for clock in clocks]).T
+        silent = sensors.silent
+        left_out[silent, k] = True
     reasons = {} if estimate is None else estimate.untrusted
     nodes = estimator.model.nodes
     return left_out, [Doubt(node, _since(left_out[nodes.index(node)], time), why) for node, why in reasons.items()]
@@ -76,27 +79,27 @@ def _since(rows: BoolArray, time: FloatArray) -> float:
     return float(time[min(kept[-1] + 1, time.size - 1)] if kept.size else time[0])
 
 
-def wandering(make: Callable[[], Estimator], bound: BoundRun, limits: FloatArray) -> tuple[BoolArray, list[Doubt]]:
-    """Readings of sensors that are off, or drift, by more than the model's errors explain, shape (nodes, n).
+def wandering(make: Callable[[], Estimator], bound: BoundRun, limits: FloatArray) -> list[Doubt]:
+    """Sensors that are off, or drift, by more than the model's errors explain.
 
-    None is called unless most of the sensors agree with the model: of one sensor and one model nothing says which is wrong.
+    None is called unless most of the sensors agree with the model: of one sensor and one model nothing says which is
+    wrong.
 
     Args:
         make: gives a fresh estimator that takes all readings in.
         bound: the run, in steps of some 10 s.
         limits: weight that calls an offset, a drift [standard deviations], shape (2, nodes).
     """
-    left_out, doubts = np.zeros(bound.measured.shape, dtype=bool), []
-    seen = int(np.isfinite(bound.measured).any(axis=1).sum())
+    measured, doubts = bound.measured.copy(), list[Doubt]()
+    seen, step = int(np.isfinite(measured).any(axis=1).sum()), bound.run.step
     while 2 * len(doubts) < seen:
-        measured = np.where(left_out, np.nan, bound.measured)
         estimator = make()
         alarm = first_alarm(estimator, bound, measured, limits)
         if alarm is None:
-            return left_out, doubts
-        left_out[estimator.model.nodes.index(alarm.node)] |= bound.run.time >= alarm.onset - bound.run.step
-        doubts.append(Doubt(alarm.node, alarm.onset, _why(alarm, float(bound.run.time[-1]) + bound.run.step)))
-    return np.zeros_like(left_out), []
+            return doubts
+        measured[estimator.model.nodes.index(alarm.node), bound.run.time >= alarm.onset - step] = np.nan
+        doubts.append(Doubt(alarm.node, alarm.onset - step, _why(alarm, float(bound.run.time[-1]) + step)))
+    return []
 
 
 def _why(alarm: Alarm, end: float) -> str:

@@ -241,7 +241,7 @@ class Estimator:
             y, predicted, np.einsum("ij,jk,ik->i", by_state, self._covariance, by_state)
         )
         if (self.aliveness.silent & ~before).any():
-            self._take_back(self.aliveness.silent & ~before)
+            self._take_back(self.aliveness, self.aliveness.silent & ~before)
         if again.any():  # the filter starts anew where it was contradicted
             where = np.flatnonzero((by_state[again] != 0).any(axis=0) & (np.arange(self.size) < len(self.model.states)))
             self._covariance[where, where] += _UNREAD**2
@@ -326,10 +326,10 @@ class Estimator:
             self._recent = [*kept, _Part(before, [])]
         self._recent[-1].updates.append(_Update(now, u, np.full(len(self.model.nodes), math.nan), dt))
 
-    def _take_back(self, found: BoolArray) -> None:
+    def _take_back(self, sensors: Aliveness, found: BoolArray) -> None:
         """Make the last updates again without the readings of sensors that were found to stand since."""
-        since = np.where(found, self.aliveness.since, math.inf) if self.aliveness else np.full(found.size, math.inf)
-        first = max((k for k, part in enumerate(self._recent) if part.updates[0].clock <= since.min()), default=0)
+        since = float(sensors.since[found].min())
+        first = max((k for k, part in enumerate(self._recent) if part.updates[0].clock <= since), default=0)
         self._z, self._covariance, self._resting, self._last_inputs = (a.copy() for a in self._recent[first].before)
         for number, part in enumerate(self._recent[first:]):
             if number:
@@ -337,7 +337,7 @@ class Estimator:
                 for kept, value in zip(part.before, state, strict=True):
                     kept[:] = value
             for update in part.updates:
-                update.y[update.clock > since] = math.nan
+                update.y[sensors.silent_at(update.clock)] = math.nan
                 if not self.running:
                     self._begin(update.y, update.u)
                 self._advance(update.u, update.dt)

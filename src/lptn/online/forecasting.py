@@ -295,13 +295,13 @@ def _of_blocks(model: Model, count: float, noise: Noise, uncertainty: ModelUncer
 # --- Sensors that are alive -----------------------------------------------------------------------
 
 _FAULT = 6.0
-"""Standard deviations of an offset or drift that is called: chance among some thousand onsets at some ten sensors, times
-one faulty sensor in a thousand logs, is met by 5.5."""
+"""Standard deviations of an offset or drift that is called: chance among some thousand onsets at some ten sensors,
+times one faulty sensor in a thousand logs, is met by 5.5."""
 _MISSING = 60.0  # s without a reading at the end of a log, that is worth a word
 
 
-def believed(model: Model, run: Run, uncertainty: ModelUncertainty) -> tuple[Run, list[Doubt]]:
-    """The end of a run without the readings of sensors that are not alive, and the sensors that are not at its end.
+def present_by_live_sensors(model: Model, run: Run, uncertainty: ModelUncertainty) -> tuple[Estimator, list[Doubt]]:
+    """An estimator at the end of a log that leans on no sensor that is not alive, and the sensors that are not then.
 
     Raises:
         InputError: no sensor is alive.
@@ -317,20 +317,19 @@ def believed(model: Model, run: Run, uncertainty: ModelUncertainty) -> tuple[Run
     run = without(run, nodes, left_out)
     refuse_none(run, nodes, doubts)
     noise = estimate_noise([bind(model, run)], nodes)
-    blocks = _blocks(run)
-    error = present(model, run, noise, uncertainty).error
+    blocks, estimator = _blocks(run), present(model, run, noise, uncertainty)
 
     def fresh() -> Estimator:
-        return _of_blocks(model, blocks.step / run.step, noise, uncertainty, error)
+        return _of_blocks(model, blocks.step / run.step, noise, uncertainty, estimator.error)
 
-    limits = np.full((2, len(nodes)), _FAULT)
-    _, wander = wandering(fresh, bind(model, blocks), limits)
+    wander = wandering(fresh, bind(model, blocks), np.full((2, len(nodes)), _FAULT))
+    if not wander:
+        return estimator, doubts
     since = {doubt.node: doubt.since for doubt in wander}
-    later = np.array([run.time >= since.get(node, inf) for node in nodes])
-    run = without(run, nodes, later)
+    run = without(run, nodes, np.array([run.time >= since.get(node, inf) for node in nodes]))
     doubts += [doubt for doubt in wander if doubt.node not in {each.node for each in doubts}]
     refuse_none(run, nodes, doubts)
-    return run, doubts
+    return present(model, run, estimate_noise([bind(model, run)], nodes), uncertainty), doubts
 
 
 def _without_readings(bound: BoundRun, model: Model, doubts: Sequence[Doubt]) -> list[Doubt]:
@@ -410,7 +409,8 @@ def forecast(
         Times, temperatures and their intervals.
 
     Raises:
-        InputError: the log is too short, lacks an input, measures no node or has no sensor that is alive; a limit for a node that the model lacks.
+        InputError: the log is too short, lacks an input, measures no node or has no sensor that is alive; a limit for
+            a node that the model lacks.
         ValueError: a coverage, number of cycles or window out of range.
 
     Source: [QuadrupedLPTN, application 3].
@@ -435,9 +435,8 @@ def forecast(
         speeds = [values for name, values in run.columns.items() if name.startswith("velocity.")]
         gait = find_gait(speeds, run.step)
     point = present_operating_point(bound, model.inputs, window, cycles, gait)
-    kept, doubts = believed(model, run, uncertainty)
+    estimator, doubts = present_by_live_sensors(model, run, uncertainty)
     doubts += _without_readings(bound, model, doubts)
-    estimator = present(model, kept, estimate_noise([bind(model, kept)], model.nodes), uncertainty)
     time, mean, deviation, settles = _held(estimator, point)
     half = float(ndtri(0.5 + coverage / 2)) * deviation
     low, high = mean - half, mean + half

@@ -8,6 +8,7 @@ from math import inf
 
 import numpy as np
 
+from lptn.basics.arrays import FloatArray
 from lptn.logs.run import Run
 from lptn.model.model import Model
 from lptn.online.calibration import Calibration, uncalibrated
@@ -17,6 +18,8 @@ from lptn.online.fault_likelihood import (
     first_alarm,
     gaussian_estimator,
 )
+from lptn.online.fault_naming import named
+from lptn.online.known_faults import known_faults, noisy, silent_rows
 from lptn.online.sensor_faults import (
     Alarm,
     MonitoredRun,
@@ -105,10 +108,12 @@ def monitor(
         raise ValueError(f"threshold: found {threshold:g}; expected a number of kelvin above 0")
     calibration = calibration or uncalibrated(model, runs, rmse)
     watched = []
+    known = known_faults(runs, model.nodes)
     for number, run in enumerate(runs, start=1):
         report(f"watching log {number} of {len(runs)}")
-        one = MonitoredRun.of(model, run)
-        by_threshold, by_statistics = alarms_by_threshold(one, threshold), alarms_by_statistics(model, one, calibration)
+        one, said = MonitoredRun.of(model, run), known[number - 1]
+        by_threshold = alarms_by_threshold(one, threshold)
+        by_statistics = alarms_by_statistics(model, one, calibration, said)
         watched.append(replace(one, threshold_alarms=by_threshold, statistical_alarms=by_statistics))
     return Monitoring(threshold, calibration, tuple(watched))
 
@@ -121,7 +126,7 @@ def alarms_by_threshold(watched: MonitoredRun, threshold: float) -> tuple[Alarm,
 
     Source: [QuadrupedLPTN, application 2].
     """
-    alarms = dropouts(watched)
+    alarms = dropouts(watched, silent_rows(watched.run, watched.nodes))
     for row, error in enumerate(watched.error):
         over = np.flatnonzero(np.abs(np.nan_to_num(error)) > threshold)
         if over.size:
@@ -132,24 +137,51 @@ def alarms_by_threshold(watched: MonitoredRun, threshold: float) -> tuple[Alarm,
 # --- The statistical detector: what a fault of each kind would do to a filter's innovations -------
 
 
-def alarms_by_statistics(model: Model, watched: MonitoredRun, calibration: Calibration) -> tuple[Alarm, ...]:
+def alarms_by_statistics(
+    model: Model, watched: MonitoredRun, calibration: Calibration, known: Sequence[Alarm] = ()
+) -> tuple[Alarm, ...]:
     """The first alarm at each sensor.
 
     Once a sensor is called faulty, the filter does without it from the fault's onset on, and the search for others
     starts again: else its error would spread over its neighbours.
+
+    Args:
+        model: the model.
+        watched: the run.
+        calibration: from `calibrate`, or guesses.
+        known: alarms that the log's own quality pass gives.
     """
-    alarms = [*_standing(watched, calibration), *dropouts(watched)]
+    noise = noisy(watched)
+    loud = {alarm.node for alarm in noise}  # whose single readings leap, too
+    known = [alarm for alarm in known if alarm.kind != "spikes" or alarm.node not in loud]
+    explained = silent_rows(watched.run, watched.nodes)
+    alarms = [*known, *noise, *dropouts(watched, explained)]
+    named_already = {alarm.node for alarm in alarms if alarm.kind != "input"}
     coarse = coarsely_bound(model, watched.run, STEP)
     measured = believable(coarse.measured)
-    faulty_since = np.full(len(model.nodes), inf)
-    while True:
-        trusted = np.where(coarse.run.time >= faulty_since[:, None], np.nan, measured)
+    faulty: list[Alarm] = []
+    onsets: dict[str, float] = {}
+
+    def trusted() -> FloatArray:
+        since = np.array([onsets.get(node, inf) for node in model.nodes])
+        return np.where(coarse.run.time >= since[:, None] - coarse.run.step, np.nan, measured)
+
+    for alarm in (*noise, *_standing(watched, calibration)):
+        if alarm.node not in onsets:
+            onsets[alarm.node] = alarm.onset
+            faulty += [alarm] * (alarm.node not in named_already)
+    while np.isfinite(trusted()).any():
         estimator = gaussian_estimator(model, calibration.noise, calibration.error)
-        alarm = first_alarm(estimator, coarse, trusted, calibration.limits)
-        if alarm is None:
-            return first_at_each_sensor(alarms)
-        faulty_since[model.nodes.index(alarm.node)] = alarm.onset - coarse.run.step
-        alarms.append(or_stuck(watched, alarm))
+        found = first_alarm(estimator, coarse, trusted(), calibration.limits)
+        if found is None:
+            break
+        onsets[found.node] = found.onset
+        faulty += [or_stuck(watched, found)] * (found.node not in named_already)
+    healthy = trusted()
+    for alarm in faulty:
+        moves = alarm.kind in ("offset", "drift")
+        alarms.append(named(model, coarse, measured, healthy, calibration, alarm) if moves else alarm)
+    return first_at_each_sensor(alarms)
 
 
 def _standing(watched: MonitoredRun, calibration: Calibration) -> list[Alarm]:

@@ -20,7 +20,23 @@ from lptn.model.model import Model
 from lptn.simulate.bound_run import bind
 from lptn.simulate.simulation import simulate
 
-Kind = Literal["drift", "offset", "stuck", "dropout"]
+Kind = Literal[
+    "drift",
+    "offset",
+    "stuck",
+    "dropout",
+    "dead",
+    "clamped",
+    "spikes",
+    "duplicate",
+    "noise",
+    "lag",
+    "disconnected",
+    "swapped",
+    "input",
+]
+"""Disconnected: reads the air, or whatever else is prescribed. Input: not the sensor, but what the log says of the
+joint's torque, current or speed. Duplicate: the readings of another column. The others are as people say."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +48,9 @@ class Alarm:
         kind: named from the log up to some minutes behind the alarm.
         time: of the alarm [s, in the log's clock].
         onset: at which the fault seems to have begun [s].
-        size: K for an offset, K/s for a drift, positive where the reading is too high; `None` for the others.
+        size: K for an offset, K/s for a drift, positive where the reading is too high, s for a lag; else `None`.
+        detail: what more is known, in words.
+        channel: the log's column, where it is not the node's temperature.
     """
 
     node: str
@@ -40,17 +58,27 @@ class Alarm:
     time: float
     onset: float
     size: float | None = None
+    detail: str = ""
+    channel: str = ""
 
     def as_json(self) -> dict[str, object]:
         """The alarm as other tools read it."""
-        return {"node": self.node, "kind": self.kind, "time": self.time, "onset": self.onset, "size": self.size}
+        return {
+            "node": self.node,
+            "kind": self.kind,
+            "time": self.time,
+            "onset": self.onset,
+            "size": self.size,
+            "detail": self.detail,
+            "channel": self.channel or f"temperature.{self.node}",
+        }
 
 
 def first_at_each_sensor(alarms: Iterable[Alarm]) -> tuple[Alarm, ...]:
-    """The first alarm at each sensor, in order of time."""
+    """The first alarm at each sensor, or input, in order of time."""
     first: dict[str, Alarm] = {}
     for alarm in sorted(alarms, key=lambda alarm: alarm.time):
-        first.setdefault(alarm.node, alarm)
+        first.setdefault(alarm.channel or alarm.node, alarm)
     return tuple(first.values())
 
 
@@ -160,18 +188,19 @@ _ONSETS = 100  # tried for a step or a line: one in 1 % of the time until the al
 _MOVED = 0.75  # K beyond the sensor's step that the model moves while a stuck reading stands: a model errs as much
 
 
-def dropouts(watched: MonitoredRun) -> list[Alarm]:
+def dropouts(watched: MonitoredRun, explained: BoolArray) -> list[Alarm]:
     """The first time at each sensor that readings have been missing for 10 s, and for five steps.
 
-    A node without any reading has no sensor.
+    A node without any reading has no sensor. Readings that are left out since something is known to be wrong with them,
+    `explained`, shape (nodes, n), are not missing.
     """
     alarms = []
     need = max(_SILENT_STEPS, round(_SILENT / watched.run.step))
-    for node, readings in zip(watched.nodes, watched.measured, strict=True):
-        missing = np.isnan(readings)
+    for node, readings, known in zip(watched.nodes, watched.measured, explained, strict=True):
+        missing = np.isnan(readings) & ~known
         count = np.arange(missing.size) - np.maximum.accumulate(np.where(missing, -1, np.arange(missing.size)))
         silent = np.flatnonzero(count >= need)
-        if silent.size and not missing.all():
+        if silent.size and np.isfinite(readings).any():
             begin = int(silent[0]) - need + 1
             alarms.append(Alarm(node, "dropout", float(watched.time[silent[0]]), float(watched.time[begin])))
     return alarms

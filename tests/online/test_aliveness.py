@@ -1,0 +1,157 @@
+"""Sensors that stand or leap, seen reading by reading; truth by scipy alone."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lptn.basics.arrays import FloatArray
+from lptn.basics.errors import InputError
+from lptn.logs.run import Run
+from lptn.model.model import Model
+from lptn.online.aliveness import Aliveness
+from lptn.online.believed import refuse_none, standing_or_leaping, without
+from lptn.online.estimator import Estimate, Estimator
+from lptn.online.forecasting import ModelUncertainty, forecast
+from lptn.simulate.bound_run import bind
+from tests.builders import make_run
+from tests.identify.truth import TRUTH, network, truth_run
+
+NOISE, SINCE = 0.15, 600
+
+
+@pytest.fixture(scope="module")
+def model() -> Model:
+    """The true two nodes."""
+    return Model(network().with_values(TRUTH))
+
+
+def judged(readings: FloatArray, predicted: FloatArray, step: float, noise: float = NOISE) -> Aliveness:
+    """What is known of one sensor after readings once a second, the filter being right to 0.05 K."""
+    sensor = Aliveness(np.array([noise**2]), np.array([step]))
+    for reading, expected in zip(readings, predicted, strict=True):
+        sensor.clock += 1.0
+        sensor.judge(np.array([reading]), np.array([expected]), np.array([0.05**2]))
+    return sensor
+
+
+def rounded(true: FloatArray, step: float, seed: int = 0) -> FloatArray:
+    """What a sensor reads."""
+    return np.asarray(np.round((true + NOISE * np.random.default_rng(seed).standard_normal(true.size)) / step) * step)
+
+
+def test_a_coarse_sensor_stands_for_an_hour_with_its_temperature() -> None:
+    true = np.concatenate([np.linspace(20, 24.02, 600), np.full(3600, 24.02)])
+    readings = rounded(true, 1.0)
+    assert np.mean(readings[-3600:] == 24) > 0.99
+    assert not judged(readings, true, 1.0).silent.any()
+    assert not judged(readings, true, 0.0).silent.any()  # nobody said its steps
+
+
+def test_the_same_reading_is_dead_where_the_temperature_has_moved_on() -> None:
+    true = np.concatenate([np.linspace(20, 24.02, 600), np.linspace(24.02, 27, 300)])
+    readings = rounded(true, 1.0)
+    readings[600:] = 24.0
+    assert judged(readings, true, 1.0).why_not(0).startswith("has read 24 degC, bit for bit, for ")
+
+
+def test_a_fine_sensor_that_stands_is_called_in_a_minute() -> None:
+    readings = rounded(np.full(700, 30.0), 0.1)
+    readings[600:] = readings[600]
+    assert not judged(readings[:650], np.full(650, 30.0), 0.1).silent.any()
+    assert judged(readings[:665], np.full(665, 30.0), 0.1).silent.any()
+
+
+def test_a_topic_that_repeats_itself_is_alive() -> None:
+    readings = rounded(np.full(120, 30.0), 0.1).repeat(30)
+    assert not judged(readings, np.full(readings.size, 30.0), 0.1).silent.any()
+
+
+def followed(model: Model, readings: FloatArray, **options: bool) -> list[Estimate]:
+    """An estimator led along the true run."""
+    run = truth_run(1500.0, noise=0.0, seed=1)
+    estimator = Estimator(model, noise=NOISE, step=0.1, **options)  # type: ignore[arg-type]
+    found = []
+    for k in range(len(run)):
+        inputs = {name: float(run.columns[name][max(k - 1, 0)]) for name in model.inputs}
+        found.append(estimator.update(inputs, dict(zip(model.nodes, readings[:, k], strict=True)), float(k > 0)))
+    return found
+
+
+@pytest.fixture(scope="module")
+def true() -> FloatArray:
+    """degC, shape (2, seconds)."""
+    run = truth_run(1500.0, noise=0.0, seed=1)
+    return np.array([run.columns["temperature.a"], run.columns["temperature.b"]])
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("value", [None, 0.0, 125.0])
+def test_what_a_dead_sensor_said_is_taken_back(model: Model, true: FloatArray, value: float | None) -> None:
+    healthy = np.array([rounded(row, 0.1, seed) for seed, row in enumerate(true)])
+    dead, blind = healthy.copy(), healthy.copy()
+    dead[0, SINCE:1200] = dead[0, SINCE] if value is None else value
+    blind[0, SINCE + 1 : 1200] = np.nan
+    found, without, fooled = followed(model, dead), followed(model, blind), followed(model, dead, watch=False)
+    assert "bit for bit" in found[1199].untrusted["a"]
+    assert found[1199].temperatures == pytest.approx(without[1199].temperatures, abs=0.05)
+    assert found[1199].deviations == pytest.approx(without[1199].deviations, rel=0.05)
+    assert abs(fooled[1199].temperatures[0] - true[0, 1199]) > 5 * abs(found[1199].temperatures[0] - true[0, 1199])
+    assert found[1199].deviations[0] > 3 * found[SINCE - 1].deviations[0]
+    assert not found[-1].untrusted  # it moves again, where it is expected
+    assert found[-1].deviations[0] < 2 * found[SINCE - 1].deviations[0]
+
+
+@pytest.mark.long
+def test_spikes_are_not_taken_in_and_a_first_one_is_no_start(model: Model, true: FloatArray) -> None:
+    spiky = np.array([rounded(row, 0.1, seed) for seed, row in enumerate(true)])
+    clean = followed(model, spiky)
+    spiky[0, [0, 400, 401, 800]] = [85.0, 0.0, 85.0, 70.0]
+    found = followed(model, spiky)
+    assert "far from what is expected" in found[800].untrusted["a"]
+    for k in (60, 401, 802, 1499):
+        assert found[k].temperatures == pytest.approx(clean[k].temperatures, abs=0.1)
+
+
+# --- a forecast -------------------------------------------------------------------------------------
+
+
+def steady(model: Model, stuck_for: int) -> Run:
+    """Two nodes that warm at 9 N·m, a's sensor standing for the last seconds; the model's own truth, as data."""
+    n = 900
+    inputs = np.array([np.full(n, 9.0 if name == "torque.a" else 20.0) for name in model.inputs])
+    path = np.array(model.run(n)(np.full(2, 20.0), inputs, model.values, 1.0)).T
+    readings = [rounded(row, 0.1, seed) for seed, row in enumerate(path.T if path.shape[0] == n else path)]
+    if stuck_for:
+        readings[0][-stuck_for:] = readings[0][-stuck_for]
+    columns = {"temperature.a": readings[0], "temperature.b": readings[1]}
+    return make_run(columns | dict(zip(model.inputs, inputs, strict=True)))
+
+
+@pytest.mark.long
+def test_a_forecast_goes_on_without_a_stuck_sensor_and_says_so(model: Model) -> None:
+    free = len(model.free)
+    sure = ModelUncertainty(np.zeros((free, free)), np.full(2, 0.1), "right by construction")
+    limit = float(steady(model, 0).columns["temperature.a"][-1]) + 3.0
+    healthy, stuck = (forecast(model, steady(model, length), {"a": limit}, fit=sure) for length in (0, 240))
+    assert not healthy.doubts
+    (doubt,) = stuck.doubts
+    assert doubt.node == "a"
+    assert "bit for bit" in str(doubt)
+    one, other = healthy.nodes["a"], stuck.nodes["a"]
+    assert other.time_to_limit == pytest.approx(one.time_to_limit, rel=0.1)
+    assert other.low < one.time_to_limit < other.high
+    assert other.high - other.low > one.high - one.low
+
+
+def test_of_a_log_in_which_all_sensors_die_it_is_said_of_each(model: Model) -> None:
+    run = steady(model, 0)
+    columns = dict(run.columns)
+    for place in ("a", "b"):
+        columns[f"temperature.{place}"] = np.where(np.arange(len(run)) < 200, columns[f"temperature.{place}"], 0.0)
+    estimator = Estimator(model, noise=NOISE, step=0.1)
+    left_out, doubts = standing_or_leaping(estimator, bind(model, make_run(columns)))
+    assert left_out[:, 261:].all()
+    assert {doubt.node for doubt in doubts} == {"a", "b"}
+    with pytest.raises(InputError, match="bit for bit"):
+        refuse_none(without(run, ("a", "b"), np.ones_like(left_out)), ("a", "b"), doubts)

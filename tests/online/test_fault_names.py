@@ -1,0 +1,64 @@
+"""What faults are called, beside offsets, drifts and stuck sensors: truth by scipy alone."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lptn.logs.quality import Issue
+from lptn.model.model import Model
+from lptn.online.known_faults import known_faults, noisy, silent_rows
+from lptn.online.monitoring import monitor
+from lptn.online.sensor_faults import MonitoredRun
+from tests.identify.truth import TRUTH, network, truth_run
+
+BEGIN = 1200  # s
+RUN = truth_run(3000.0, noise=0.15, seed=4)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("kind", ["disconnected", "swapped"])
+def test_a_sensor_that_reads_something_else_is_named_by_what_it_reads(kind: str) -> None:
+    model = Model(network().with_values(TRUTH))
+    columns = dict(RUN.columns)
+    a, b = (columns[f"temperature.{place}"].copy() for place in ("a", "b"))
+    behind = np.arange(len(RUN)) >= BEGIN
+    if kind == "swapped":
+        columns["temperature.a"], columns["temperature.b"] = np.where(behind, b, a), np.where(behind, a, b)
+    else:
+        air = columns["temperature.ambient"] + np.random.default_rng(0).normal(0, 0.15, len(RUN))
+        columns["temperature.a"] = np.where(behind, air, a)
+    (watched,) = monitor(model, [replace(RUN, columns=columns)], rmse=0.2).runs
+    named = {alarm.node: alarm.kind for alarm in watched.statistical_alarms}
+    assert named.get("a") == kind
+    assert set(named.values()) == {kind}
+
+
+def test_noise_that_grows_is_called_and_rounding_is_not() -> None:
+    rng = np.random.default_rng(0)
+    quiet = np.round(30 + 0.15 * rng.standard_normal((1, len(RUN))))
+    loud = quiet + (np.arange(len(RUN)) >= BEGIN) * rng.normal(0.0, 2.0, len(RUN))
+    for readings, count in ((quiet, 0), (loud, 1)):
+        watched = MonitoredRun(replace(RUN, resolution={"temperature.a": 1.0}), ("a",), readings, readings)
+        alarms = noisy(watched)
+        assert len(alarms) == count
+        assert all(alarm.kind == "noise" and abs(alarm.onset - BEGIN) < 90 for alarm in alarms)
+
+
+def test_what_the_log_says_of_its_channels_is_an_alarm_of_the_piece_in_which_it_begins() -> None:
+    frozen = Issue("temperature.a", "T1", "frozen at 30 degC", "left out", False, kind="frozen", stretch=(400.0, 900.0))
+    died = Issue("torque.a", "tau", "frozen at 0 N*m", "unknown", False, kind="frozen", stretch=(1500.0, 2000.0))
+    issues = (frozen, died)
+    pieces = [replace(RUN.slice(0.0, 1500.0), issues=issues), replace(RUN.slice(2000.0, 3000.0), issues=issues)]
+    first, second = known_faults(pieces, ["a", "b"])
+    assert [(alarm.kind, alarm.onset, alarm.channel) for alarm in first] == [
+        ("stuck", 400.0, ""),
+        ("input", 1500.0, "torque.a"),
+    ]
+    assert not second
+    rows = silent_rows(pieces[0], ["a", "b"])
+    assert rows[0, 500]
+    assert not rows[0, 300]
+    assert not rows[1].any()
