@@ -8,6 +8,7 @@ import sys
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import Any
 
 import matplotlib
 import numpy as np
@@ -193,6 +194,9 @@ def test_a_figure_is_shown_where_a_notebook_runs(missing: Told, monkeypatch: pyt
     assert picture.startswith(b"\x89PNG")
 
 
+LAID_OUT: dict[str, Any] = {"figsize": (4, 3), "dpi": 150, "layout": "constrained"}
+
+
 def test_a_figure_is_drawn_once_where_its_layout_engine_puts_it() -> None:
     class Counted(Figure):
         draws = 0
@@ -201,14 +205,11 @@ def test_a_figure_is_drawn_once_where_its_layout_engine_puts_it() -> None:
             self.draws += 1
             super().draw(renderer)
 
-    def drawn(kind: type[Figure]) -> Figure:
-        figure = kind(figsize=(4, 3), dpi=150, layout="constrained")
+    usual, reference, once = io.StringIO(), Figure(**LAID_OUT), Counted(**LAID_OUT)
+    for figure in (reference, once):
         figure.add_subplot().set_ylabel("a label of\ntwo lines")
-        return figure
-
-    usual, once = io.StringIO(), drawn(Counted)
     with matplotlib.rc_context({"svg.fonttype": "none", "svg.hashsalt": "lptn"}):
-        drawn(Figure).savefig(usual, format="svg")
+        reference.savefig(usual, format="svg")
     paths = re.findall(r'<path d="M ([\d.]+)', usual.getvalue())
     assert [f"{float(x):.1f}" for x in re.findall(r'<path d="M ([\d.]+)', inline_svg(once, ""))] == [
         f"{float(x):.1f}" for x in paths

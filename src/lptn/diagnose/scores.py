@@ -21,10 +21,12 @@ from lptn.basics.processes import one_blas_thread
 from lptn.diagnose.candidates import Candidate, Site, sites
 from lptn.diagnose.fit_statistics import NEGLIGIBLE, NoiseLevel, block_numbers, lack_of_fit
 from lptn.identify.fitting import Fit
+from lptn.identify.problem import rows_of_readings
 from lptn.model.model import Model
 from lptn.simulate.bound_run import bind, start_from
-from lptn.simulate.simulation import sensitivities
+from lptn.simulate.simulation import sensitivity_windows
 
+_TOGETHER = 32  # traces multiplied at once
 _LOGS = 200  # simulated for the distribution by chance: p-values down to 0.005
 _AT_BOUND = 1e-4  # in the search's coordinates
 _IMITATED = 1e-8  # share of a trace's length left after projection: the fitted parameters imitate it wholly
@@ -97,14 +99,16 @@ def score(fit: Fit, candidates: Sequence[Candidate], seed: int = 0) -> Scores:
     basis = np.linalg.qr(_regular(baseline[:, ~_granted_no_more(fit, baseline.T @ residuals)]))[0]
     residuals = _projected(residuals, basis)
     directions = _directions(candidates, places, by_site, _projected(by_site, basis))
+    del baseline, by_site  # as large as all traces together, like each of the two sets of logs below
     ranked = [_score(candidate, own, residuals) for candidate, own in zip(candidates, directions, strict=True)]
     ranked.sort(key=lambda each: -each.gain)
     # Chance is the worse of two models of it: the sensors' noise alone, and what else the residuals hold at random.
     rng = np.random.default_rng(seed)
     noise = _projected(_simulated_noise(fit, rng), basis)
+    level, by_noise = NoiseLevel.of(fit, noise), np.sort(_largest_gains(directions, noise))
+    del noise
     resampled = _projected(_wild_bootstrap(fit, _less_the_best(residuals, ranked), rng), basis)
-    null_gains = np.maximum(np.sort(_largest_gains(directions, noise)), np.sort(_largest_gains(directions, resampled)))
-    level = NoiseLevel.of(fit, noise)
+    null_gains = np.maximum(by_noise, np.sort(_largest_gains(directions, resampled)))
     return Scores(ranked, null_gains, level, lack_of_fit(fit, level, residuals), _negligible_gain(fit))
 
 
@@ -116,15 +120,19 @@ def _derivatives(fit: Fit, places: Sequence[Site]) -> tuple[FloatArray, FloatArr
     index = {parameter.name: number for number, parameter in enumerate(full.parameters)}
     amplitudes = [index[site.amplitude_name] for site in places]
     core = len(fit.model.states)  # effects are added behind the network's own, and so are their states
-    blocks = []
+    # By columns, as candidates sum them up; the penalties' rows stay zero, for no site enters them.
+    by_site = np.zeros((len(baseline), len(places)), order="F")
+    first = 0
     for bound, start in zip(problem.bound_runs, fit.point.starts, strict=True):
         wide = bind(full, bound.run)
         states = start_from(full, wide, dict(zip(fit.model.states, start.tolist(), strict=True)))
-        moved = sensitivities(full, wide, full.values, amplitudes, states, core=core)
-        scale = 1.0 / np.repeat(problem.sigma, bound.counted.sum(axis=1))[:, None]
-        blocks.append(moved.by_parameter[bound.counted] * scale)
-    penalties = np.zeros((len(baseline) - sum(map(len, blocks)), len(places)))  # which no site enters
-    return baseline, np.vstack([*blocks, penalties])
+        row_of = rows_of_readings(bound) + first
+        for window, moved in sensitivity_windows(full, wide, full.values, amplitudes, states, core):
+            counted = bound.counted[:, window]
+            scale = 1.0 / np.repeat(problem.sigma, counted.sum(axis=1))[:, None]
+            by_site[row_of[:, window][counted]] = moved.by_parameter[counted] * scale
+        first += int(bound.counted.sum())
+    return baseline, by_site
 
 
 def _granted_no_more(fit: Fit, gradient: FloatArray) -> BoolArray:
@@ -199,7 +207,9 @@ def _largest_gains(directions: Sequence[Sequence[_Direction]], residuals: FloatA
     flat = [each for own in directions for each in own]
     if not flat:
         return np.zeros(residuals.shape[1])
-    statistics = -np.array([each.trace for each in flat]) @ residuals
+    # All traces in one matrix would be a second copy of what takes most memory.
+    groups = (flat[first : first + _TOGETHER] for first in range(0, len(flat), _TOGETHER))
+    statistics = -np.vstack([np.array([each.trace for each in group]) @ residuals for group in groups])
     one_sided = np.array([each.one_sided for each in flat])[:, None]
     return np.asarray(np.max(np.where(one_sided & (statistics < 0), 0.0, statistics) ** 2, axis=0))
 

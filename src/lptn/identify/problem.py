@@ -33,6 +33,11 @@ class Point:
     averaged: bool = False
 
 
+def rows_of_readings(bound: BoundRun) -> IntArray:
+    """Where each reading that counts stands among the residuals of its run, node after node, shape (nodes, n)."""
+    return np.cumsum(bound.counted).reshape(bound.counted.shape) - 1
+
+
 class Problem:
     """Residuals of free-running simulations, with priors on initial states and a left-right symmetry penalty.
 
@@ -133,16 +138,17 @@ class Problem:
         Raises:
             SimulationError: the point makes the model too stiff, or it runs away.
         """
-        point = self.point(z)
-        rows, whole = [], []
-        for number in range(len(self.bound_runs)):
-            places, residuals, derivatives = zip(*self._windows(number, point), strict=True)
-            by_node = np.argsort(np.concatenate(places), kind="stable")  # a window holds all nodes
-            block = np.zeros((len(by_node), self.size))
-            block[:, self._columns(number)] = np.concatenate(derivatives)[by_node]
-            rows.append(np.concatenate(residuals)[by_node])
-            whole.append(block)
-        return np.concatenate([*rows, self._prior_residuals(z, point)]), np.vstack([*whole, self._prior_jacobian()])
+        point, prior = self.point(z), self._prior_jacobian()
+        weighted, slopes = np.zeros(self.readings + len(prior)), np.zeros((self.readings + len(prior), self.size))
+        first = 0
+        for number, bound in enumerate(self.bound_runs):
+            columns, row_of = self._columns(number), rows_of_readings(bound) + first
+            for places, residuals, derivatives in self._windows(number, point):
+                rows = row_of.ravel()[places]
+                weighted[rows], slopes[rows[:, None], columns] = residuals, derivatives
+            first += int(bound.counted.sum())
+        weighted[first:], slopes[first:] = self._prior_residuals(z, point), prior
+        return weighted, slopes
 
     def normal(self, z: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Gradient (size,) and Gauss-Newton Hessian (size, size) of the cost, added up window by window to save memory.

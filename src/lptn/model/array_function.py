@@ -43,8 +43,8 @@ class ArrayFunction:
         if [column.size for column in held] != self._sizes:
             raise ValueError(f"arguments of {[column.size for column in held]} numbers in place of {self._sizes}")
         for k, column in enumerate(held):
-            buffer.set_arg(k, memoryview(column))
+            buffer.set_arg(k, column.data)  # type: ignore[call-arg]  # CasADi's stubs know pointers only
         result = np.empty((self._columns, self._rows))
-        buffer.set_res(0, memoryview(result.reshape(-1)))
+        buffer.set_res(0, result.reshape(-1).data)  # type: ignore[call-arg]
         evaluate()
         return result.T

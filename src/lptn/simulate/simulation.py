@@ -87,7 +87,9 @@ def _refuse_runaway(states: FloatArray, bound: BoundRun) -> None:
 
 # --- Its sensitivities: exact derivatives of the discrete run -------------------------------------
 
-_WINDOW = 2048  # steps whose derivatives are held at once, so that a day's log needs no more memory than an hour's
+# What is held at once, so that a day's log needs no more memory than an hour's, and 50 nodes little more than 13:
+_WINDOW = 2048  # steps
+_BLOCK = 4_000_000  # derivatives, 32 MB
 
 
 @dataclass(frozen=True)
@@ -172,8 +174,9 @@ def _pieces(steps: Stepper, bound: BoundRun, values: FloatArray, start: FloatArr
     parts = substeps(model, bound, values, start)
     # Columns: one for each chosen parameter, then one for each core state's initial value.
     states, derivative = start, np.hstack([np.zeros((core, chosen)), np.eye(core)])
-    for first in range(0, len(bound), _WINDOW):
-        window = slice(first, min(first + _WINDOW, len(bound)))
+    most = min(_WINDOW, max(1, _BLOCK // derivative.size))
+    for first in range(0, len(bound), most):
+        window = slice(first, min(first + most, len(bound)))
         path, derivatives = steps.run(states, derivative, bound.inputs[:, window], values, bound.run.step, parts)
         _refuse_runaway(path, bound)
         yield Piece(first, model.readings_of(path, values), _of_readings(steps, path, values, derivatives))
