@@ -288,7 +288,6 @@ class LoadedModel:
         strict: bool = True,
         notify: Notify = _warn,
         named: str = "log",
-        keep_silent: bool = False,
     ) -> list[Run]:
         """Every run of the logs, in order; columns that were guessed, and doubtful values, are reported.
 
@@ -298,7 +297,6 @@ class LoadedModel:
             notify: called with a log and a sentence about it; by default it is logged as a warning.
             strict: refuse values that can't be in the unit they are read in, and say what is doubtful; else both are
                 left to who looks at the runs' issues.
-            keep_silent: keep what a frozen, clamped or dead sensor says, for who watches sensors.
 
         Raises:
             InputError: a log can't be used, or lacks a column that the model needs.
@@ -316,7 +314,6 @@ class LoadedModel:
                 optional=optional_columns(self.model),
                 strict=strict,
                 guessing=self.guessing,
-                keep_silent=keep_silent,
             )
             issues = [issue.sentence for issue in runs[0].issues] if strict else []
             for note in [*(note for note in runs[0].notes if note.startswith(GUESSED)), *issues]:

@@ -290,7 +290,6 @@ def read_log(
     optional: Collection[str] = (),
     strict: bool = True,
     guessing: bool = False,
-    keep_silent: bool = False,
 ) -> list[Run]:
     """Read a log into runs, one for each stretch between gaps in the inputs.
 
@@ -311,7 +310,6 @@ def read_log(
         outputs: temperature columns that the model predicts. Neither given: all columns are kept.
         optional: inputs that are kept where the log has them without a gap.
         strict: refuse values that can't be in the unit they are read in; else they are only among the runs' issues.
-        keep_silent: keep what a channel says that is frozen, clamped or dead; else it is no reading, or a gap.
         guessing: take columns whose names say what they hold for what is missing; the runs' notes say which.
 
     Returns:
@@ -338,7 +336,7 @@ def read_log(
     guesses = guess(table, columns, inputs, outputs) if guessing else []
     columns |= {guessed.key: guessed.source for guessed in guesses}
     choice = choose_columns(table, columns, inputs, outputs, optional)
-    samples, of_values, issues = _checked_samples(table, choice, strict, keep_silent)
+    samples, of_values, issues = _checked_samples(table, choice, strict)
     choice, samples, gappy = _without_gappy(choice, samples, {*inputs, *outputs} or set(choice.inputs), table.mixed)
     choice, samples, empty = _without_empty(table, choice, samples)
     step, of_step = _step(step, samples.period)
@@ -353,9 +351,7 @@ def read_log(
     return [replace(run, issues=issues) for run in runs]
 
 
-def _checked_samples(
-    table: Table, choice: ColumnChoice, strict: bool, keep_silent: bool
-) -> tuple[Samples, list[str], tuple[Issue, ...]]:
+def _checked_samples(table: Table, choice: ColumnChoice, strict: bool) -> tuple[Samples, list[str], tuple[Issue, ...]]:
     """The log's samples in SI and degC, notes, and what looks wrong."""
     numbers = table.numbers(name for source in choice.sources.values() for name in source.columns)
     raw: dict[str, FloatArray] = {}
@@ -375,11 +371,11 @@ def _checked_samples(
     for issue in issues:
         if strict and issue.certain:
             raise InputError(table.path, *issue.error)
-    for key, stretches in () if keep_silent else silent.items():
+    for key, stretches in silent.items():
         left_out = [each for each in stretches if roles.left_out(key, choice.sources[key], each)]
         raw[key] = without_silent(raw[key], left_out)
     alike = {key for pair in duplicates_of(choice.sources, raw).items() for key in pair}
-    if not keep_silent and not alike.issuperset(choice.outputs):  # of the only two sensors one is right
+    if not alike.issuperset(choice.outputs):  # of the only two sensors one is right
         raw |= {key: np.full(raw[key].size, np.nan) for key in alike}
     time = raw.pop("time")
     keep, repeated = check_time(table, choice.sources["time"].columns[0], time)
