@@ -286,7 +286,8 @@ def test_the_command_shows_both_detectors(folder: Path, capsys: pytest.CaptureFi
     written = json.loads(found.read_text())
     both = written["runs"]["today"]
     (early,), (late,) = both["statistical"]["alarms"], both["threshold"]["alarms"]
-    assert set(early) == {"node", "kind", "time", "onset", "size"}
+    assert set(early) == {"node", "kind", "time", "onset", "size", "detail", "channel"}
+    assert early["channel"] == "temperature.a"
     assert BEGIN < early["time"] < late["time"]
     assert both["threshold"]["largest_residual"]["a"] > written["threshold"] == 10
     assert both["threshold"]["largest_error"] == both["threshold"]["largest_residual"]
