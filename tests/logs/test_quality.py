@@ -299,6 +299,9 @@ def test_a_robot_that_was_warm_is_not_called_fahrenheit(write: Write) -> None:
     assert not [issue for run in read_log(warm) for issue in run.issues]
     cools = write({"time": TIME, "temperature.a": falling, "temperature.b": falling - 2.0})
     assert [issue.certain for run in read_log(cools) for issue in run.issues] == [False, False]
+    rising = {"temperature.a": TIME, "temperature.b": TIME, "temperature.ambient": [22.0] * 100}
+    rising["temperature.a"], rising["temperature.b"] = (list(start + 0.1 * np.arange(100)) for start in (66.0, 74.0))
+    assert not only(write({"time": TIME, **rising})).issues  # in degF both would be near the room's 22 degC
 
 
 def test_a_whole_log_in_fahrenheit_waits_until_its_unit_is_named(write: Write, refuse: Refuse) -> None:

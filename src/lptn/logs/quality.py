@@ -316,17 +316,18 @@ def suspect_fahrenheit(sources: Mapping[str, ColumnSource], values: Mapping[str,
         if certain:
             problem = "begins at {:.4g} degC, as all sensors do, and none of them ever cools: which looks like degF"
         return [_in_unit(key, sources[key], "degF", problem.format(first[key]), certain=certain) for key in keys]
-    room = first.get(AMBIENT, np.nan)
-    return [
-        _in_unit(
-            key,
-            sources[key],
-            "degF",
-            f"begins at {start:.4g} degC where the surroundings have {room:.4g} degC, which looks like degF",
-            certain=False,
-        )
+    room = first.pop(AMBIENT, np.nan)
+    like_room = {
+        key: start
         for key, start in first.items()
-        if key != AMBIENT and start > room + _OVER_ROOM and abs(start - (1.8 * room + 32)) < _SAME_START
+        if start > room + _OVER_ROOM and abs(start - (1.8 * room + 32)) < _SAME_START
+    }
+    if like_room and max(like_room.values()) - min(like_room.values()) >= _SAME_START:
+        return []
+    problem = "begins at {:.4g} degC where the surroundings have {:.4g} degC, which looks like degF"
+    return [
+        _in_unit(key, sources[key], "degF", problem.format(start, room), certain=False)
+        for key, start in like_room.items()
     ]
 
 
