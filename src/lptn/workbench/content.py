@@ -209,8 +209,8 @@ def _answers(study: Study, diagnosis: Diagnosis, bench: Bench) -> dict[str, Any]
             }
         )
     before = diagnosis.holdout.rmse if diagnosis.holdout else diagnosis.fit.rmse
-    step = diagnosis.fit.problem.bound_runs[0].run.step
-    return {"verdict": diagnosis.verdict, "answers": shown, "before": before, "step": step}
+    seconds = diagnosis.fit.problem.bound_runs[0].run.step
+    return {"verdict": diagnosis.verdict, "answers": shown, "before": before, "step": seconds}
 
 
 # --- data -----------------------------------------------------------------------------------------------------
