@@ -208,11 +208,9 @@ def _answers(study: Study, diagnosis: Diagnosis, bench: Bench) -> dict[str, Any]
                 "tried": name_of(step) in tried,
             }
         )
-    return {
-        "verdict": diagnosis.verdict,
-        "answers": shown,
-        "nothing": 1 - sum(step.probability for step in diagnosis.refits),
-    }
+    before = diagnosis.holdout.rmse if diagnosis.holdout else diagnosis.fit.rmse
+    seconds = diagnosis.fit.problem.bound_runs[0].run.step
+    return {"verdict": diagnosis.verdict, "answers": shown, "before": before, "step": seconds}
 
 
 # --- data -----------------------------------------------------------------------------------------------------

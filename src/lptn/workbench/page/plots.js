@@ -5,7 +5,7 @@ import { h, kelvin } from "/sections.js";
 
 const GRID = [1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1200, 1800, 3600, 7200, 14400, 28800, 86400];  // s between ticks
 const LONG = 600, EPOCH = 1e6;  // s: minutes from here on; a clock that did not begin with the log
-const MOST_INPUTS = 5;
+const MOST_INPUTS = 4;
 const UNITS = { torque: "N·m", current: "A", velocity: "rad/s", power: "W", speed: "m/s", temperature: "°C" };
 const color = name => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 const sync = uPlot.sync("time");
@@ -108,10 +108,11 @@ class View {
       { unit: "K", label: "error [K]", height: 150, series: errors, floor: state.head.floor },
     ];
     if ("heat" in lines && one) panels.push({
-      unit: "W", label: "unexplained heat [W]", height: 130, zero: true, band: true,
+      unit: "W", label: "heat [W]", height: 130, zero: true, band: true,
       series: [line("heat low", "from", color("--soft"), { width: 0.5 }), line("heat high", "to", color("--soft"), { width: 0.5 }), line("heat", "heat that the model lacks", color("--attempt"))],
     });
-    const all = Object.keys(lines).filter(name => name.includes(".")), inputs = all.filter(name => lines[name].some(value => value !== lines[name][0]));
+    const derived = name => !(name.split(".")[0] in UNITS);  // such as torque_abs: what was measured comes first
+    const all = Object.keys(lines).filter(name => name.includes(".")).sort((a, b) => derived(a) - derived(b)), inputs = all.filter(name => lines[name].some(value => value !== lines[name][0]));
     const still = all.filter(name => !inputs.includes(name)).map(name => `${name} ${Number(lines[name][0]?.toPrecision(3))} ${UNITS[name.split(".")[0]] ?? ""}`);
     this.still.textContent = one && still.length ? `Constant in this run: ${still.join(", ")}.` : "";
     if (one) for (const name of inputs.slice(0, MOST_INPUTS)) {

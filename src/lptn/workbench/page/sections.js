@@ -143,8 +143,7 @@ export function missing(page) {
     h("div", { className: "row" }, ask("diagnose", "Find what is missing", true), ask("improve", "Add it all by itself")), other];
   const group = new Set(answers.answers.length && answers.answers[0].same.length ? [1, ...answers.answers[0].ranks] : []);
   const change = each => {
-    const [name, before] = each.holdout != null ? ["held out", state.steps.at(-1).holdout] : ["fitted", state.steps.at(-1).fit];
-    return `${name} ${digits(before)} → ${kelvin(each.holdout ?? each.fit)}`;
+    return `${each.holdout != null ? "held out" : "fitted"} ${digits(answers.before)} → ${kelvin(each.holdout ?? each.fit)}`;
   };
   const answer = (each, k) => h("li", {
     className: group.has(k + 1) ? "group" : "",
@@ -171,6 +170,7 @@ export function missing(page) {
     group.size > 1 && h("p", null, h("small", null, "What the bar on the left joins, these data can’t tell apart: one answer with several names.",
       held(answers) ? " Held-out data speak against the more probable names that stand below." : "")),
     h("ol", { className: "answers" }, answers.answers.map(answer)),
+    answers.answers.length ? h("p", null, h("small", null, `Errors on readings of ${digits(answers.step, 2)} s, in which answers are sought; what is added is fitted to all readings.`)) : null,
     state.advice.length ? h("details", { id: "advice", open: true }, h("summary", null, "What to do next"), state.advice.map(text => h("p", null, h("small", null, text)))) : null,
     h("div", { className: "row" }, ask("improve", "Add what is missing by itself")), other];
 }
