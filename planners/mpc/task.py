@@ -157,7 +157,7 @@ def _refuse_what_can_not_be(task: Task, origin: str) -> None:
     columns = [(number, name) for number, name in enumerate(heat.conditions) if name.startswith("temperature.")]
     air = {name: float(task.conditions[:, number].max()) for number, name in columns}
     limits = by_place(task.file.limits, task.model.nodes, origin, "limits")
-    ends = task.period * np.arange(1, len(task.asked) + 1)
+    ends = np.asarray(task.period * np.arange(1, len(task.asked) + 1), dtype=np.float64)
     refuse_what_no_rest_can_keep(task.model, origin, limits, task.start, idle, ends, air)
 
 
