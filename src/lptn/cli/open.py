@@ -9,7 +9,18 @@ from typing import Annotated
 from cyclopts import Parameter as Option
 from cyclopts import validators
 
-from lptn.cli.options import AmbientError, Holdout, HoldoutAfter, Map, Test, TorqueError, needs_logs
+from lptn.cli.options import (
+    AmbientError,
+    Holdout,
+    HoldoutAfter,
+    Map,
+    Rate,
+    Test,
+    TorqueError,
+    check_inputs,
+    column_options,
+    needs_logs,
+)
 
 
 def open(  # noqa: A001 - the command's name
@@ -30,6 +41,7 @@ def open(  # noqa: A001 - the command's name
     ambient_error: AmbientError = None,
     torque_error: TorqueError = None,
     map: Map = None,  # noqa: A002 - the option's name
+    rate: Rate = None,
 ) -> None:
     """Open the workbench in the browser: where the model fails, what is missing, add it, and watch the error fall.
 
@@ -38,19 +50,20 @@ def open(  # noqa: A001 - the command's name
 
     Example: lptn open leg.toml monday.parquet --holdout friday.parquet
     """
+    needs_logs(logs)
+    check_inputs(model, *logs, *(holdout or ()), *(test or ()))
     from lptn.cli.terminal import progress
     from lptn.workbench.opening import Opening
     from lptn.workbench.server import serve
     from lptn.workbench.session import Session
 
-    needs_logs(logs)
     opening = Opening(
         model,
         logs,
         tuple(holdout or ()),
         tuple(test or ()),
         holdout_after,
-        tuple(map or ()),
+        tuple(column_options(map, rate)),
         ambient_error,
         torque_error,
     )

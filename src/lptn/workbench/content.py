@@ -243,7 +243,7 @@ def commands(study: Study, opening: Opening) -> list[str]:
         lines.append(shlex.join(words))
         file = f"step{number}.toml"
     logs = list(map(str, opening.fit))
-    options = ["--holdout-after", f"{opening.holdout_after:g}"] if opening.holdout_after is not None else []
+    options = ["--holdout-after", str(opening.holdout_after)] if opening.holdout_after is not None else []
     mapped = [word for text in opening.columns for word in ("--map", text)]
     lines.append(shlex.join(["lptn", "fit", file, *logs, *options, *mapped, "-o", "better.toml"]))
     if opening.holdout:

@@ -17,7 +17,7 @@ class Opening:
     fit: tuple[Path, ...]
     holdout: tuple[Path, ...] = ()
     test: tuple[Path, ...] = ()
-    holdout_after: float | None = None
+    holdout_after: float | str | None = None
     columns: tuple[str, ...] = ()
     ambient_error: float | None = None
     torque_error: float | None = None
