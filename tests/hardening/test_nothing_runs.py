@@ -29,7 +29,10 @@ ROOT = Path(__file__).parents[2]
 SOURCES = sorted(path for room in ("src/lptn", "fmu", "planners") for path in (ROOT / room).rglob("*.py"))
 RUNS_TEXT = {"eval", "exec", "compile", "__import__", "execfile"}
 RUNS_DATA = {"cPickle", "dill", "cloudpickle", "marshal", "shelve", "joblib", "yaml", "sympy", "jsonpickle"}
-UNPICKLES = "src/lptn/fleet/work.py"  # what the parent process sent, as any pool of processes does
+UNPICKLES = {
+    "src/lptn/fleet/work.py",  # what the parent process sent, as any pool of processes does
+    "src/lptn/workbench/calculation.py",  # a session's study, from a folder that this user alone can write to
+}
 MAKES = {
     "write_text", "write_bytes", "savefig", "to_excel", "savez", "savez_compressed", "savetxt", "tofile", "to_pickle",
     "ParquetWriter", "symlink_to", "hardlink_to", "extractall", "copyfile", "copytree",
@@ -82,7 +85,7 @@ def _risks(path: Path) -> Iterator[str]:
         if (
             text in RUNS_TEXT
             or name in ("system", "popen", "read_pickle")
-            or (unpickles and str(path.relative_to(ROOT)) != UNPICKLES)
+            or (unpickles and str(path.relative_to(ROOT)) not in UNPICKLES)
             or ("shell" in given and text.startswith("subprocess"))
             or given.get("allow_pickle", "False") != "False"
         ):

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import os
+import pickle
 import socket
 import subprocess
 import sys
 from collections.abc import Iterator
+from multiprocessing import Pipe
 from pathlib import Path
 
 import pytest
@@ -13,6 +16,7 @@ from starlette.testclient import TestClient
 
 from lptn.basics.errors import InputError
 from lptn.workbench.bench import Bench
+from lptn.workbench.calculation import _opened
 from lptn.workbench.content import content_of
 from lptn.workbench.server import application, listening
 from lptn.workbench.session import Session
@@ -158,6 +162,33 @@ def test_nothing_else_of_the_folder_is_given_away(browser: TestClient, session: 
     (session.folder / "story.html").write_text("told")
     assert browser.get("/result/story.html").text == "told"
     assert "attachment" in browser.get("/result/story.html").headers["content-disposition"]
+
+
+class _Payload:
+    """Leaves a file behind if anybody unpickles it."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def __reduce__(self) -> tuple[object, tuple[Path]]:
+        return Path.touch, (self.path,)
+
+
+@pytest.mark.skipif(not hasattr(os, "getuid"), reason="Windows keeps a user's folders to the user")
+def test_no_study_is_taken_from_where_others_can_write(tmp_path: Path) -> None:
+    touched, elsewhere = tmp_path / "touched", tmp_path / "elsewhere"
+    elsewhere.write_bytes(pickle.dumps(_Payload(touched)))
+    ours, theirs = Pipe()
+    study = _opened(theirs, OPENING, tmp_path, after_a_stop=True).folder / "study.pickle"
+    assert ours.recv() == ("opened", study.parent)
+    study.symlink_to(elsewhere)
+    _opened(theirs, OPENING, tmp_path, after_a_stop=True)
+    study.unlink()
+    study.write_bytes(elsewhere.read_bytes())
+    study.parent.chmod(0o777)
+    with pytest.raises(PermissionError, match="others can write"):
+        _opened(theirs, OPENING, tmp_path, after_a_stop=True)
+    assert not touched.exists()
 
 
 def test_a_taken_port_is_said() -> None:

@@ -7,7 +7,6 @@ import os
 import shlex
 import shutil
 import signal
-import stat
 import subprocess
 import tempfile
 from collections.abc import Mapping, Sequence
@@ -18,6 +17,7 @@ from pathlib import Path
 import platformdirs
 
 from lptn.basics.files import fingerprint, write_whole
+from lptn.basics.own_folder import is_own_file, own_folder
 
 _LONGEST = 600.0  # s, of one compilation: what is compiled here takes seconds, on a busy machine a minute
 _DIGITS = 32  # of a hash in a library's name
@@ -56,7 +56,8 @@ def shared_library(sources: Mapping[str, str], main: str, options: Sequence[str]
     if command is None:
         raise OSError("no C compiler")
     content = "\n".join([*command, *options, main, *(f"{name}\n{text}" for name, text in sorted(sources.items()))])
-    name, folder = hashlib.sha256(content.encode()).hexdigest()[:_DIGITS], _own_folder()
+    name = hashlib.sha256(content.encode()).hexdigest()[:_DIGITS]
+    folder = own_folder(platformdirs.user_cache_path("lptn") / "native")
     for path in folder.glob(f"{name}-*.so"):
         if _is_whole(path):
             return path
@@ -73,10 +74,7 @@ def shared_library(sources: Mapping[str, str], main: str, options: Sequence[str]
 
 def _is_whole(path: Path) -> bool:
     """Whether a library is a file of the user's, no link to elsewhere, and has the bytes that its name says."""
-    status = path.lstat()
-    if not stat.S_ISREG(status.st_mode) or not _is_own(status):
-        return False
-    return fingerprint(path)[:_DIGITS] == path.stem.partition("-")[2]
+    return is_own_file(path) and fingerprint(path)[:_DIGITS] == path.stem.partition("-")[2]
 
 
 def _run(command: Sequence[str], folder: Path) -> None:
@@ -113,41 +111,3 @@ def _end(process: subprocess.Popen[bytes]) -> None:
         else:  # Windows
             process.kill()
     process.communicate()
-
-
-def _own_folder() -> Path:
-    """Where libraries are kept, made if need be.
-
-    Raises:
-        OSError: it can't be made, or somebody else could put a library into it.
-    """
-    cache = platformdirs.user_cache_path("lptn")
-    cache.mkdir(mode=0o700, parents=True, exist_ok=True)
-    folder = cache / "native"
-    folder.mkdir(mode=0o700, exist_ok=True)
-    if hasattr(os, "getuid"):  # Windows keeps a user's folders to the user
-        status = folder.stat()
-        if not _is_own(status) or status.st_mode & 0o022:
-            raise PermissionError(f"{folder}: others can write to it, so no native code is loaded from there")
-        # Who can rename a folder above, on the way that was written or behind a link, can put another in its place.
-        for place in (folder.absolute(), folder.resolve()):
-            for above in place.parents:
-                if _others_can_rename_in(above):
-                    raise PermissionError(f"{above}: others can write to it, so no native code is loaded from {folder}")
-    return folder
-
-
-def _is_own(status: os.stat_result) -> bool:
-    return not hasattr(os, "getuid") or status.st_uid == os.getuid()
-
-
-def _others_can_rename_in(folder: Path) -> bool:
-    """Whether somebody but the user and root can rename what stands in a folder."""
-    status = folder.stat()
-    if status.st_uid not in (0, os.getuid()):
-        return True
-    if status.st_mode & stat.S_ISVTX:  # as in /tmp, where only who made a thing can rename it
-        return False
-    # Where each user has a group of their own, folders that this group can write to are usual.
-    by_group = status.st_mode & stat.S_IWGRP and status.st_gid != os.getgid()
-    return bool(status.st_mode & stat.S_IWOTH or by_group)

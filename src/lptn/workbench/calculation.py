@@ -19,6 +19,7 @@ from pydantic import BaseModel, ValidationError
 import lptn
 from lptn.basics.errors import InputError, one_line
 from lptn.basics.files import write_whole
+from lptn.basics.own_folder import is_own_file, own_folder
 from lptn.basics.processes import begin_as_worker
 from lptn.identify.data import Stretch
 from lptn.study import Study
@@ -55,7 +56,7 @@ def work(pipe: Connection, opening: Opening, sessions: Path, parent: int, after_
         pipe.send(("refused", error))
         return
     except OSError as error:
-        expected = "a folder that can be written"
+        expected = "a folder that you can write to, and nobody else ($XDG_STATE_HOME)"
         pipe.send(("refused", InputError(sessions, "session", error.strerror or str(error), expected)))
         return
     while True:
@@ -115,20 +116,20 @@ def _opened(pipe: Connection, opening: Opening, sessions: Path, after_a_stop: bo
 
     Raises:
         InputError: a file can't be used.
-        OSError: the folder can't be made.
+        OSError: the folder can't be made, or others can write to it.
     """
     study = opening.study()
     fingerprint = opening.fingerprint(study)
-    folder = sessions / f"{opening.model.stem}-{fingerprint[:10]}"
-    folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+    folder = own_folder(sessions / f"{opening.model.stem}-{fingerprint[:10]}")
     pipe.send(("opened", folder))
     bench = Bench(study, folder, fingerprint)
     try:
-        stored = io.BytesIO((folder / STUDY).read_bytes())
-        # The folder is this user's own, as the programs are that this user runs: a pickle from there is trusted.
-        if pickle.load(stored) == _written_by(fingerprint):
-            bench.study, bench.attempts, bench.heat = pickle.load(stored)
-            return bench
+        # A pickle runs what it says: only this user can have put one into the folder, as the programs that they run.
+        if is_own_file(folder / STUDY):
+            stored = io.BytesIO((folder / STUDY).read_bytes())
+            if pickle.load(stored) == _written_by(fingerprint):
+                bench.study, bench.attempts, bench.heat = pickle.load(stored)
+                return bench
     except FileNotFoundError:
         pass
     except Exception:
