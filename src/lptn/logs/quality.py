@@ -455,7 +455,8 @@ def _suspect_torque(key: str, source: ColumnSource, values: FloatArray) -> list[
     beyond = np.abs(np.nan_to_num(values)) > _MOST_TORQUE
     if np.isfinite(source.valid).any() or not beyond.any():  # who says what is valid knows the machine
         return []
-    problem = f"{int(beyond.sum())} values up to {float(np.nanmax(np.abs(values))):.4g} N*m, more than any joint bears"
+    count, most = int(beyond.sum()), float(np.nanmax(np.abs(values)))
+    problem = f"{count} value{'s' * (count != 1)} up to {most:.4g} N*m, more than any joint bears"
     remedy = 'write its unit, such as unit = "mN*m", or valid = [LEAST, GREATEST], in its entry of [columns]'
     return [Issue(key, source.columns[0], problem, remedy, True, kind="size")]
 
