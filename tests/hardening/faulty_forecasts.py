@@ -21,6 +21,7 @@ from math import inf, isfinite
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import numpy.typing as npt
 
 from lptn.robots.presets import presets
@@ -99,13 +100,10 @@ class Answer:
 def forecasts(seed: int, folder: Path, faults: Sequence[str], minutes: Sequence[int]) -> dict[Path, Asked]:
     """The model file `model.toml`, fitted runs and the logs to forecast from, in a folder."""
     rng = np.random.default_rng([seed, 15])
-    stand = Segment("stand", STAND, load=float(rng.uniform(0, 2)))
-    trot = Segment("trot", TROT + AHEAD, float(rng.uniform(0.5, 1.2)), float(rng.uniform(1, 4)))
-    run = {"now": Run((stand, trot), float(rng.uniform(12, 26)), cutout=None)}
+    run, truth = _walked(seed, rng)
     (folder / "preset.toml").write_text(presets()["leg"], encoding="utf-8")
     for name, each in leg_logs(seed=seed, quantisation=0.1, rate=1.0).items():
         each.to_parquet(folder / f"{name}.parquet")
-    truth = leg_logs(seed=seed, noise=0.0, rate=1.0, runs=run)["now"]
     now, names = STAND + TROT, [f"temperature.{joint}" for joint in LEG_JOINTS]
     # Of joints that still warm by some kelvins any may be struck.
     warms = [name for name in names if truth[name].iloc[now + 1200] > truth[name].iloc[now] + 3.0]
@@ -128,6 +126,18 @@ def forecasts(seed: int, folder: Path, faults: Sequence[str], minutes: Sequence[
                 table.to_parquet(path)
                 made[path] = Asked(fault, length, name.removeprefix("temperature."), limit, reached)
     return made
+
+
+def _walked(seed: int, rng: np.random.Generator) -> tuple[dict[str, Run], pd.DataFrame]:
+    """A run, and its true temperatures; what no leg bears is drawn again."""
+    while True:
+        stand = Segment("stand", STAND, load=float(rng.uniform(0, 2)))
+        trot = Segment("trot", TROT + AHEAD, float(rng.uniform(0.5, 1.2)), float(rng.uniform(1, 4)))
+        run = {"now": Run((stand, trot), float(rng.uniform(12, 26)), cutout=None)}
+        try:
+            return run, leg_logs(seed=seed, noise=0.0, rate=1.0, runs=run)["now"]
+        except ValueError:
+            continue
 
 
 def fit(folder: Path, command: Path) -> None:
