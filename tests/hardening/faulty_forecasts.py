@@ -21,8 +21,8 @@ from math import inf, isfinite
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import numpy.typing as npt
+import pandas as pd
 
 from lptn.robots.presets import presets
 from lptn.virtual import LEG_JOINTS, Run, Segment, leg_logs
