@@ -9,6 +9,7 @@ from html.parser import HTMLParser
 import pytest
 
 from lptn.diagnose.improvement import History
+from lptn.diagnose.runs_that_differ import Cause, RunDifference
 from lptn.identify.comparison import compare
 from lptn.identify.data import DataSplit, holdout_segment
 from lptn.report.pages import comparison_html, story_html
@@ -143,6 +144,14 @@ def test_words_adequate(adequate: Told) -> None:
     assert "This holds for what the fitted runs cover: 10 min at" in told
     assert "use the model" in next_step(history)
     assert "nothing to plot" in story_html(*adequate, "adequate")
+
+
+def test_a_held_out_run_that_differs_is_named(adequate: Told) -> None:
+    history, data = adequate
+    cause = Cause("surface_scale", "*", 1.2, 0.02, "friday loses heat 2.2 times as fast: was a fan on?")
+    told_apart = replace(history, last=replace(history.last, differing=(RunDifference("friday", 3.4, 0.02, (cause,)),)))
+    told = " ".join(story_in_words(told_apart, data))
+    assert "friday loses heat 2.2 times as fast: was a fan on? With that its error goes from 3.4 to 0.02 K" in told
 
 
 def test_words_unexplained(missing: Told) -> None:

@@ -102,6 +102,11 @@ class RunDifference:
         """Causes that these data can't tell from the best."""
         return self.causes[1:]
 
+    @property
+    def sentence(self) -> str:
+        """What differs in the run, in a sentence; empty where nothing explains it."""
+        return _sentence(self.causes[0].words) if self.causes else ""
+
     def text(self) -> str:
         """The difference in a few sentences."""
         if not self.causes:
@@ -112,7 +117,7 @@ class RunDifference:
             )
         best = self.causes[0]
         text = (
-            f"{_sentence(best.words)} With that its error goes from {short(self.rmse_before)} to {short(best.rmse)} K "
+            f"{self.sentence} With that its error goes from {short(self.rmse_before)} to {short(best.rmse)} K "
             "(the size was fitted on this run: an explanation, not a prediction)."
         )
         if not self.explained:

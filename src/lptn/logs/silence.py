@@ -51,8 +51,8 @@ class Silence:
 
 
 _SHORTEST = 60.0  # s, of a number far from all others; nothing thermal is lost in less
-_STILL = 180.0  # s, of one among them: filters in drives let a steady motor's reading stand for two minutes
-_CHANCE = 1e-6  # that a live sensor would ever give the same number for so long
+STILL = 180.0  # s, of one among them: filters in drives let a steady motor's reading stand for two minutes
+CHANCE = 1e-6  # that a live sensor would ever give the same number for so long
 _REVERSALS = 0.2  # share of changes that turn back: above it, what changes is noise; of a smooth rise there are none
 _LIVELY = 0.7  # share of readings like the one before, up to which a sensor without steps shows its noise
 _BY_TWO, _STAYS = 0.02, 0.85
@@ -88,7 +88,7 @@ def silences(
     rests = (spans >= _SHORTEST) & (readings[first] == 0) & (not temperature)  # joints that stand say so for long
     for k in np.flatnonzero(spans >= _SHORTEST):
         lone = _is_alone(readings, first[k], last[k]) if temperature else False
-        if not lone and spans[k] < _STILL:
+        if not lone and spans[k] < STILL:
             continue
         if not lone and not _is_too_long(stamps, readings, first, last, int(k), rests, resolution, temperature):
             continue
@@ -138,7 +138,7 @@ def _is_too_long(
         alike, lively = _STAYS, float(np.mean(np.abs(moves) > 1.5 * resolution)) >= _BY_TWO
     # A filtered temperature may stand when it has risen; a torque or speed that moves all the time does not.
     if lively and (noisy or not temperature):
-        return bool((last[k] - first[k]) * np.log(max(alike, 0.01)) < np.log(_CHANCE))
+        return bool((last[k] - first[k]) * np.log(max(alike, 0.01)) < np.log(CHANCE))
     if noisy and resolution == 0:  # a topic that repeats itself until the next reading comes
         return bool(spans[k] > _LONGER * np.median(np.delete(spans, k)))
     # A sensor of coarse steps may stand still for as long as the temperature does.

@@ -13,9 +13,10 @@ import numpy as np
 from scipy.special import ndtr
 
 from lptn.basics.arrays import BoolArray, FloatArray
+from lptn.logs.silence import CHANCE
 
-_STANDS = float(-np.log(1e-6))
-"""Evidence that makes a sensor one that stands: chance in a live one is one in a million, as for whole logs."""
+_STANDS = float(-np.log(CHANCE))
+"""Evidence that makes a sensor one that stands, as for whole logs."""
 _SHORTEST = 60.0  # s; nothing thermal is lost in less, and a sensor that stands still for so long is not called
 _LEAST_CHANCE = 1e-3  # of one reading like the one before: no single one decides
 _COARSEST = 5.0  # K; steps that a sensor may have of which nothing is known yet

@@ -8,7 +8,7 @@ import numpy as np
 
 from lptn.basics.arrays import BoolArray, FloatArray
 from lptn.logs.run import Run
-from lptn.logs.silence import INPUTS
+from lptn.logs.silence import INPUTS, STILL
 from lptn.online.sensor_faults import Alarm, Kind, MonitoredRun
 
 _KINDS: dict[str, Kind] = {
@@ -19,7 +19,6 @@ _KINDS: dict[str, Kind] = {
     "spike": "spikes",
     "duplicate": "duplicate",
 }
-_SEEN_AFTER = 180.0  # s; what stands for so long is seen to stand
 
 
 def known_faults(runs: Sequence[Run], nodes: Sequence[str]) -> list[list[Alarm]]:
@@ -37,7 +36,7 @@ def known_faults(runs: Sequence[Run], nodes: Sequence[str]) -> list[list[Alarm]]
                 continue
             start, stop = issue.stretch or (float(runs[pieces[0]].time[0]), float(runs[pieces[-1]].time[-1]))
             piece = max((number for number in pieces if runs[number].time[0] <= start), default=pieces[0])
-            time = min(start + _SEEN_AFTER, stop)
+            time = min(start + STILL, stop)  # what stands for so long is seen to stand
             kind: Kind = "input" if is_input else _KINDS[issue.kind]
             found[piece].append(
                 Alarm(place, kind, time, start, detail=issue.problem, channel=issue.key if is_input else "")
@@ -59,7 +58,7 @@ def silent_rows(run: Run, nodes: Sequence[str]) -> BoolArray:
 # --- Noise that grew ------------------------------------------------------------------------------
 
 _BLOCK = 60.0  # s; enough readings for a scatter, short against a fault
-_LOUD = 4.0  # times the usual scatter of a sensor, or half its step: noise of a step's half moves it at each reading
+_LOUD = 4.0  # times the usual scatter; of a coarse sensor more than its step, since noise of a fraction moves it by one
 _BLOCKS = 3  # in turn
 _FEWEST = 20  # readings in a block
 _LEAST = 0.1  # K; of sensors that show none
@@ -76,7 +75,7 @@ def noisy(watched: MonitoredRun) -> list[Alarm]:
         scatter = _scatter(watched.measured[row], size)
         if np.isfinite(scatter).sum() < 2 * _BLOCKS:
             continue
-        usual = max(float(np.nanquantile(scatter, 0.25)), 0.5 * float(watched.steps[row]) / _LOUD * 2, _LEAST)
+        usual = max(float(np.nanquantile(scatter, 0.25)), float(watched.steps[row]) / _LOUD, _LEAST)
         with np.errstate(invalid="ignore"):
             loud = scatter > _LOUD * usual
         for k in range(loud.size - _BLOCKS + 1):

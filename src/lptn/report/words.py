@@ -221,7 +221,8 @@ _FAR = 2.0  # multiples of the noise from which an error is no longer called noi
 def story_in_words(history: History, data: DataSplit) -> list[str]:
     """The story, a few sentences to each of: what is missing, how sure, which data say so."""
     what = {"adequate": _adequate, "missing": _missing, "unexplained": _unexplained}[history.verdict]
-    return [what(history, data), *filter(None, [_how_sure(history)]), _which_data(history, data)]
+    differing = " ".join(each.text() for each in history.differing or history.last.differing)
+    return [what(history, data), *filter(None, [_how_sure(history), differing]), _which_data(history, data)]
 
 
 def fitted_in_words(history: History) -> str:

@@ -88,8 +88,10 @@ def _sentence(bench: Bench, floor: float) -> str:
     if diagnosis is None:
         return _worst(bench, floor)
     subject = "With what was added the model" if len(study.steps) > 1 else "The model as given"
+    differing = "".join(f" {each.sentence}" for each in diagnosis.differing)
     if diagnosis.verdict == "adequate":
-        return f"{subject} is adequate: what is left is no more than the sensors’ noise."
+        where = " but for a run that differs" if differing else ""
+        return f"{subject} is adequate{where}: what is left is no more than the sensors’ noise.{differing}"
     if diagnosis.verdict == "unexplained":
         return f"{subject} is wrong by more than noise, and the catalogue explains little of it. {_worst(bench, floor)}"
     more = " more" if len(study.steps) > 1 else ""
@@ -98,7 +100,7 @@ def _sentence(bench: Bench, floor: float) -> str:
         return f"{subject} lacks something{more}, but no single effect helps. {_worst(bench, floor)}"
     names = [named(*key) for key in dict.fromkeys([best.key, *best.indistinguishable])]
     rivals = f" – or {few(names[1:], 2)}, which these data can’t rule out" if len(names) > 1 else ""
-    return f"{subject} lacks something{more}: first of all {names[0]}{rivals}."
+    return f"{subject} lacks something{more}: first of all {names[0]}{rivals}.{differing}"
 
 
 def _worst(bench: Bench, floor: float) -> str:
