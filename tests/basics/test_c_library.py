@@ -12,8 +12,7 @@ from pathlib import Path
 import pytest
 
 from lptn.basics.c_library import compiler, shared_library
-from lptn.simulate.dynamics import stepper
-from tests.builders import two_nodes
+from lptn.simulate.kernel import library
 
 SOURCES = {"one.c": "int one(void) { return 1; }\n"}
 
@@ -33,9 +32,21 @@ def test_a_library_is_compiled_once_into_a_folder_of_one_s_own(cache: Path) -> N
     path = shared_library(SOURCES, "one.c", ())
     assert path.parent == cache
     assert cache.stat().st_mode & 0o777 == 0o700
-    made = path.stat().st_mtime_ns
+    made = path.stat().st_ino
     assert shared_library(SOURCES, "one.c", ()) == path
-    assert path.stat().st_mtime_ns == made
+    assert path.stat().st_ino == made
+
+
+def test_libraries_that_nobody_asked_for_in_a_month_are_removed(cache: Path) -> None:
+    first = shared_library(SOURCES, "one.c", ())
+    other = shared_library({"two.c": "int two(void) { return 2; }\n"}, "two.c", ())
+    for path in (first, other):
+        os.utime(path, (0, 0))
+    assert shared_library(SOURCES, "one.c", ()) == first
+    shared_library({"three.c": "int three(void) { return 3; }\n"}, "three.c", ())
+    assert first.exists()
+    assert not other.exists()
+    assert len(list(cache.iterdir())) == 2
 
 
 @pytest.mark.parametrize("mode", [0o777, 0o775, 0o702])
@@ -153,7 +164,8 @@ def test_a_compiler_that_waits_for_a_line_gets_none(tmp_path: Path, monkeypatch:
 def test_a_model_runs_interpreted_where_the_cache_is_not_trusted(cache: Path) -> None:
     cache.mkdir(parents=True)
     cache.chmod(0o777)
-    from lptn.model.model import Model
-
-    model = Model(two_nodes())
-    assert not stepper(model, len(model.states), range(len(model.parameters))).compile()
+    library.cache_clear()
+    try:
+        assert library() is None
+    finally:
+        library.cache_clear()

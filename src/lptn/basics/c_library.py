@@ -9,6 +9,7 @@ import shutil
 import signal
 import subprocess
 import tempfile
+import time
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from functools import cache
@@ -21,6 +22,7 @@ from lptn.basics.own_folder import is_own_file, own_folder
 
 _LONGEST = 600.0  # s, of one compilation: what is compiled here takes seconds, on a busy machine a minute
 _DIGITS = 32  # of a hash in a library's name
+_EXPIRED = 30 * 86400.0  # s; what nobody asked for in a month is removed, or the cache would only grow
 
 
 @cache
@@ -60,8 +62,11 @@ def shared_library(sources: Mapping[str, str], main: str, options: Sequence[str]
     folder = own_folder(platformdirs.user_cache_path("lptn") / "native")
     for path in folder.glob(f"{name}-*.so"):
         if _is_whole(path):
+            with suppress(OSError):
+                path.touch()  # it is in use
             return path
         path.unlink(missing_ok=True)
+    _remove_expired(folder)
     with tempfile.TemporaryDirectory() as scratch:
         for file, text in sources.items():
             (Path(scratch) / file).write_text(text, encoding="utf-8")
@@ -70,6 +75,14 @@ def shared_library(sources: Mapping[str, str], main: str, options: Sequence[str]
     path = folder / f"{name}-{hashlib.sha256(library).hexdigest()[:_DIGITS]}.so"
     write_whole(path, library)
     return path
+
+
+def _remove_expired(folder: Path) -> None:
+    oldest = time.time() - _EXPIRED
+    for path in folder.glob("*.so"):
+        with suppress(OSError):  # another process removes it
+            if path.lstat().st_mtime < oldest:
+                path.unlink()
 
 
 def _is_whole(path: Path) -> bool:

@@ -1,25 +1,22 @@
 """A model's rates of change: linearised, held exactly over a step, and stepped by Runge-Kutta with exact derivatives.
 
 Everything that linearises a model stands on this file: the fit and its sensitivities, the state-space form, the filter
-behind forecasts and monitoring, and the search for heat that nothing explains. `kernel.c` takes the same steps in
+behind forecasts and monitoring, and the search for heat that nothing explains. `kernel.py` takes the same steps in
 machine code.
 """
 
 from __future__ import annotations
 
-import ctypes
 from collections.abc import Sequence
-from functools import cache
-from importlib.resources import files
-from subprocess import CalledProcessError
+from functools import cached_property
 
 import casadi as ca
 import numpy as np
 
 from lptn.basics.arrays import FloatArray
-from lptn.basics.c_library import shared_library
 from lptn.model.array_function import ArrayFunction
 from lptn.model.model import Model
+from lptn.simulate.kernel import kernel
 
 # --- The linearised rates dx/dt = f(x, u, p) ------------------------------------------------------
 
@@ -122,135 +119,13 @@ def runge_kutta_derivative(slopes: Sequence[FloatArray], step: float) -> FloatAr
     return total
 
 
-# --- Steps and their derivatives as machine code, where a C compiler is there ---------------------
+# --- A model stepped along its inputs, in machine code where a C compiler is there ----------------
 
-_KERNEL_FLAGS = ("-O3",)  # one library for all models, kept from one process to the next
-_MODEL_FLAGS = ("-O1",)  # a model's own functions are a small part of the work, and a search compiles many models
-
-
-class _Shape(ctypes.Structure):
-    """The struct `shape` of kernel.c."""
-
-    _fields_ = [
-        ("rates", ctypes.c_void_p),
-        ("slopes", ctypes.c_void_p),
-        *((name, ctypes.c_longlong) for name in ("states", "core", "chosen", "nonzeros_a", "nonzeros_b")),
-        ("pattern", ctypes.c_void_p),
-        *((name, ctypes.c_longlong) for name in ("arguments", "results", "integers", "doubles")),
-    ]
-
-
-class Kernel:
-    """Compiled steps of one model; arguments as for `Linearisation`.
-
-    Raises:
-        OSError: no compiler, or its result can't be loaded.
-        subprocess.CalledProcessError: the compiler failed.
-    """
-
-    def __init__(self, model: Model, core: int, chosen: Sequence[int]) -> None:
-        x, u, p, rates, _ = model.symbols
-        by_state, by_parameter = ca.jacobian(rates[:core], x[:core]), ca.jacobian(rates[:core], p[list(chosen)])
-        nonzeros = [ca.densify(rates), *by_state.nonzeros(), *by_parameter.nonzeros()]
-        functions = [
-            ca.Function("rates", [x, u, p], [ca.densify(rates)]),
-            ca.Function("slopes", [x, u, p], [ca.cse(ca.densify(ca.vertcat(*nonzeros)))]),  # type: ignore[call-overload]
-        ]
-        generator = ca.CodeGenerator("model", {"with_header": False, "casadi_int": "long long"})
-        for function in functions:
-            generator.add(function)
-        source = {"model.c": str(generator.dump())}
-        self._functions = ctypes.CDLL(str(shared_library(source, "model.c", _MODEL_FLAGS)))
-        self._library = _kernel_library()
-        triplets = [np.array(each.sparsity().get_triplet(), dtype=np.int64) for each in (by_state, by_parameter)]
-        self._pattern = np.concatenate([each.ravel() for each in triplets])
-        sizes = ((each.sz_arg(), each.sz_res(), each.sz_iw(), each.sz_w()) for each in functions)
-        self._shape = _Shape(
-            ctypes.cast(self._functions.rates, ctypes.c_void_p),
-            ctypes.cast(self._functions.slopes, ctypes.c_void_p),
-            x.numel(),
-            core,
-            len(chosen),
-            by_state.nnz(),
-            by_parameter.nnz(),
-            self._pattern.ctypes.data,
-            *(max(size) for size in zip(*sizes, strict=True)),
-        )
-
-    def run(
-        self,
-        start: FloatArray,
-        inputs: FloatArray,
-        p: FloatArray,
-        step: float,
-        substeps: int,
-        derivative: FloatArray | None,
-    ) -> tuple[FloatArray, FloatArray]:
-        """States, and their derivatives, at the n + 1 ends of n steps.
-
-        Args:
-            start: initial states, shape (states,).
-            inputs: held over each step, shape (inputs, n).
-            p: parameters, shape (m,).
-            step: length of a step [s].
-            substeps: Runge-Kutta steps in each step.
-            derivative: of the initial core states, shape (core, chosen + core); `None` for the states alone.
-
-        Returns:
-            States, shape (n + 1, states), and derivatives, shape (n + 1, core, chosen + core), empty without
-            `derivative`.
-        """
-        shape, n = self._shape, inputs.shape[1]
-        states = np.empty((n + 1, shape.states))
-        states[0] = start
-        derivatives = np.empty((0 if derivative is None else n + 1, shape.core, shape.chosen + shape.core))
-        if derivative is not None:
-            derivatives[0] = derivative
-        held, parameters = np.ascontiguousarray(inputs.T), np.ascontiguousarray(p)
-        work = np.empty(int(self._library.working_doubles(ctypes.byref(shape))))
-        pointers = [(ctypes.c_void_p * max(size, 1))() for size in (shape.arguments, shape.results)]
-        integers = (ctypes.c_longlong * max(shape.integers, 1))()
-        self._library.run(
-            ctypes.byref(shape),
-            ctypes.c_longlong(n),
-            ctypes.c_longlong(substeps),
-            ctypes.c_double(step / substeps),
-            ctypes.c_longlong(inputs.shape[0]),
-            _address(held),
-            _address(parameters),
-            _address(states),
-            None if derivative is None else _address(derivatives),
-            *pointers,
-            integers,
-            _address(work),
-        )
-        return states, derivatives
-
-
-def _address(array: FloatArray) -> ctypes.c_void_p:
-    return ctypes.c_void_p(array.ctypes.data)
-
-
-@cache
-def _kernel_library() -> ctypes.CDLL:
-    source = files("lptn.simulate").joinpath("kernel.c").read_text(encoding="utf-8")
-    library = ctypes.CDLL(str(shared_library({"kernel.c": source}, "kernel.c", _KERNEL_FLAGS)))
-    library.working_doubles.restype = ctypes.c_longlong
-    library.run.restype = None
-    return library
-
-
-# --- A model stepped along its inputs, interpreted at first, in machine code once that pays -------
-
-_WORTH = 1_000  # steps with derivatives that the interpreter takes in the fifth of a second that compiling takes
 _CHUNK = 256  # steps that the interpreter differentiates at once: more need memory and are no faster
 
 
 class Stepper:
     """Runge-Kutta steps of one model, with derivatives by the same parameters each time.
-
-    CasADi's interpreter takes the first steps. A model that is stepped often is compiled, if there is a C
-    compiler: a fit of a whole robot then runs ten times as fast.
 
     Args:
         model: the model.
@@ -260,21 +135,11 @@ class Stepper:
 
     def __init__(self, model: Model, core: int, chosen: Sequence[int]) -> None:
         self.model, self.core, self.chosen = model, core, tuple(chosen)
-        self.linearisation = Linearisation(model, core, chosen)
-        self._steps_before_compiling: float = _WORTH
-        self._kernel: Kernel | None = None
 
-    def compile(self) -> bool:
-        """Compile now; whether there is machine code to run."""
-        self._steps_before_compiling = float("inf")  # where it fails once it would fail again
-        try:
-            self._kernel = self.model.made_once(
-                ("kernel", self.core, self.chosen), lambda: Kernel(self.model, self.core, self.chosen)
-            )
-        except (OSError, CalledProcessError):
-            return False
-        self.model.made_once("any kernel", lambda: self._kernel)
-        return True
+    @cached_property
+    def linearisation(self) -> Linearisation:
+        """Derivatives of the model's rates and readings at single points."""
+        return Linearisation(self.model, self.core, self.chosen)
 
     def run(
         self, start: FloatArray, derivative: FloatArray, inputs: FloatArray, p: FloatArray, step: float, substeps: int
@@ -284,11 +149,9 @@ class Stepper:
         Returns:
             Shapes (states, n + 1) and (n + 1, core, chosen + core).
         """
-        self._steps_before_compiling -= inputs.shape[1] * substeps
-        if self._steps_before_compiling < 0:
-            self.compile()
-        if self._kernel is not None:
-            states, derivatives = self._kernel.run(start, inputs, p, step, substeps, derivative)
+        compiled = kernel(self.model, self.core, self.chosen)
+        if compiled is not None:
+            states, derivatives = compiled.run(start, inputs, p, step, substeps, derivative)
             return states.T, derivatives
         return self._interpreted(start, derivative, np.repeat(inputs, substeps, axis=1), p, step / substeps, substeps)
 
@@ -329,9 +192,9 @@ def states_at_ends(
     model: Model, start: FloatArray, inputs: FloatArray, p: FloatArray, step: float, substeps: int
 ) -> FloatArray:
     """States at the n + 1 ends of n steps, shape (states, n + 1); arguments as for `Kernel.run`."""
-    kernel = model.made.get("any kernel")
-    if kernel is not None:
-        return np.ascontiguousarray(kernel.run(start, inputs, p, step, substeps, None)[0].T)
+    compiled = kernel(model)
+    if compiled is not None:
+        return np.ascontiguousarray(compiled.run(start, inputs, p, step, substeps)[0].T)
     fine = np.repeat(inputs, substeps, axis=1)
     path = _path(model, start, fine, p, step / substeps)
     return np.hstack([start[:, None], path[:, substeps - 1 :: substeps]])

@@ -1,0 +1,277 @@
+"""A model's Runge-Kutta steps, with their derivatives, in machine code that is compiled once for all models.
+
+A model comes to `kernel.c` as data: the operations that CasADi makes of its rates and of their derivatives. So a search
+that tries a hundred candidates compiles nothing, and what depends on parameters alone is worked out once a run.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Sequence
+from functools import cache
+from importlib.resources import files
+from itertools import accumulate, groupby
+from subprocess import CalledProcessError
+from typing import NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from lptn.basics.arrays import FloatArray
+from lptn.basics.c_library import shared_library
+from lptn.model.model import Model
+
+# --- A CasADi function as a list of operations ----------------------------------------------------
+
+# What each of CasADi's operations on one or two numbers is in C; as CasADi's own code generator writes it.
+_OPERATIONS = {
+    "ASSIGN": "a",
+    "ADD": "a + b",
+    "SUB": "a - b",
+    "MUL": "a * b",
+    "DIV": "a / b",
+    "NEG": "-a",
+    "EXP": "exp(a)",
+    "LOG": "log(a)",
+    "POW": "pow(a, b)",
+    "CONSTPOW": "pow(a, b)",
+    "SQRT": "sqrt(a)",
+    "SQ": "a * a",
+    "TWICE": "2 * a",
+    "INV": "1 / a",
+    "SIN": "sin(a)",
+    "COS": "cos(a)",
+    "TAN": "tan(a)",
+    "ASIN": "asin(a)",
+    "ACOS": "acos(a)",
+    "ATAN": "atan(a)",
+    "ATAN2": "atan2(a, b)",
+    "SINH": "sinh(a)",
+    "COSH": "cosh(a)",
+    "TANH": "tanh(a)",
+    "ASINH": "asinh(a)",
+    "ACOSH": "acosh(a)",
+    "ATANH": "atanh(a)",
+    "LOG1P": "log1p(a)",
+    "EXPM1": "expm1(a)",
+    "HYPOT": "hypot(a, b)",
+    "ERF": "erf(a)",
+    "LT": "a < b",
+    "LE": "a <= b",
+    "EQ": "a == b",
+    "NE": "a != b",
+    "NOT": "!a",
+    "AND": "a && b",
+    "OR": "a || b",
+    "IF_ELSE_ZERO": "a ? b : 0",
+    "FLOOR": "floor(a)",
+    "CEIL": "ceil(a)",
+    "FMOD": "fmod(a, b)",
+    "REMAINDER": "remainder(a, b)",
+    "FABS": "fabs(a)",
+    "SIGN": "a < 0 ? -1 : a > 0 ? 1 : a",
+    "COPYSIGN": "copysign(a, b)",
+    "FMIN": "fmin(a, b)",
+    "FMAX": "fmax(a, b)",
+}
+_NUMBERS = {getattr(ca, f"OP_{name}"): name for name in _OPERATIONS if hasattr(ca, f"OP_{name}")}
+_PARAMETERS, _INPUTS, _STATES = range(3)  # the parts of the work: once a run, once a step, in each stage
+
+
+class UnknownOperationError(ValueError):
+    """A model has an operation that machine code here does not know."""
+
+
+class _Value(NamedTuple):
+    """One of the numbers that a function works with: its part of the work, its depth there, how it is made."""
+
+    part: int
+    depth: int = 0
+    kind: int = -1  # of the operation; none for an argument or a constant
+    left: int = 0
+    right: int = 0
+
+
+class _Operations:
+    """A function (x, u, p) -> dense column, sorted for `kernel.c`; the same operation on the same values once.
+
+    Raises:
+        UnknownOperationError: the function has an operation that is not in the table above.
+    """
+
+    def __init__(self, function: ca.Function) -> None:
+        self.sizes = [function.numel_in(k) for k in range(3)]
+        parts = np.repeat([_STATES, _INPUTS, _PARAMETERS], self.sizes).tolist()
+        values, constants, results = [_Value(part) for part in parts], {}, [0] * function.numel_out(0)
+        offsets = [0, *accumulate(self.sizes)]
+        known: dict[object, int] = {}
+        held: dict[int, int] = {}  # which value each place of CasADi's working memory holds
+        for k in range(function.n_instructions()):
+            kind, used, made = function.instruction_id(k), function.instruction_input(k), function.instruction_output(k)
+            if kind == ca.OP_OUTPUT:
+                results[made[1]] = held[used[0]]
+                continue
+            if kind == ca.OP_INPUT:
+                held[made[0]] = offsets[used[0]] + used[1]
+                continue
+            if kind == ca.OP_CONST:
+                constant = function.instruction_constant(k)
+                value, key = _Value(_PARAMETERS), repr(constant)  # 0.0 and -0.0 are two
+            elif kind in _NUMBERS:
+                operands = [held[each] for each in used]
+                part = max(values[each].part for each in operands)
+                depth = 1 + max(values[each].depth for each in operands if values[each].part == part)
+                value = key = _Value(part, depth, kind, operands[0], operands[-1])
+            else:
+                raise UnknownOperationError(f"operation {kind} of {function.name()}")
+            if key not in known:
+                known[key] = len(values)
+                values.append(value)
+                if kind == ca.OP_CONST:
+                    constants[known[key]] = constant
+            held[made[0]] = known[key]
+        self._sort(values, constants, results)
+
+    def _sort(self, values: list[_Value], constants: dict[int, float], results: list[int]) -> None:
+        """Number the values anew: arguments, constants, then operations by part, depth and kind."""
+        order = sorted(range(len(values)), key=lambda k: values[k][:3] if values[k].kind >= 0 else ())
+        number = np.empty(len(values), dtype=np.int32)
+        number[order] = np.arange(len(values))
+        self.initial = np.zeros(len(values))
+        self.initial[number[list(constants)]] = list(constants.values())
+        self.left = number[[values[k].left for k in order]]
+        self.right = number[[values[k].right for k in order]]
+        self.results = number[results]
+        made = [values[k] for k in order if values[k].kind >= 0]
+        groups = [(group[0], group[2], len(list(same))) for group, same in groupby(made, key=lambda each: each[:3])]
+        self.groups = np.array([group[1:] for group in groups], dtype=np.int64)
+        in_part = [[each.part for each in made].count(part) for part in range(3)]
+        self.first = list(accumulate(in_part, initial=len(values) - len(made)))[:3]
+        self.bounds = list(accumulate(([group[0] for group in groups].count(part) for part in range(3)), initial=0))
+
+
+# --- Machine code that steps any model ------------------------------------------------------------
+
+_FLAGS = ("-O3",)
+
+
+class _CModel(ctypes.Structure):
+    """The struct `model` of kernel.c."""
+
+    _fields_ = [
+        *((name, ctypes.c_longlong) for name in ("states", "inputs", "parameters", "values", "results")),
+        ("bounds", ctypes.c_longlong * 4),
+        ("first", ctypes.c_longlong * 3),
+        *((name, ctypes.c_void_p) for name in ("group", "left", "right", "result", "initial")),
+        *((name, ctypes.c_longlong) for name in ("core", "chosen", "nonzeros_a", "nonzeros_b")),
+        ("pattern", ctypes.c_void_p),
+    ]
+
+
+class Kernel:
+    """Compiled steps of one model.
+
+    Args:
+        library: kernel.c.
+        model: the model.
+        core: how many leading states to differentiate, none for the states alone; those behind them must not act back
+            on these.
+        chosen: indices of the parameters to differentiate by.
+
+    Raises:
+        UnknownOperationError: the model has an operation that machine code here does not know.
+    """
+
+    def __init__(self, library: ctypes.CDLL, model: Model, core: int, chosen: Sequence[int]) -> None:
+        x, u, p, rates, _ = model.symbols
+        by_state, by_parameter = ca.jacobian(rates[:core], x[:core]), ca.jacobian(rates[:core], p[list(chosen)])
+        nonzeros = ca.vertcat(ca.densify(rates), *by_state.nonzeros(), *by_parameter.nonzeros())  # type: ignore[call-overload]
+        self._library = library
+        self._operations = operations = _Operations(ca.Function("rates", [x, u, p], [ca.densify(nonzeros)]))
+        triplets = [np.array(each.sparsity().get_triplet(), dtype=np.int64) for each in (by_state, by_parameter)]
+        self._pattern = np.concatenate([each.ravel() for each in triplets])
+        arrays = (operations.groups, operations.left, operations.right, operations.results, operations.initial)
+        self._model = _CModel(
+            *operations.sizes,
+            len(operations.initial),
+            len(operations.results),
+            (ctypes.c_longlong * 4)(*operations.bounds),
+            (ctypes.c_longlong * 3)(*operations.first),
+            *(array.ctypes.data for array in arrays),
+            core,
+            len(chosen),
+            by_state.nnz(),
+            by_parameter.nnz(),
+            self._pattern.ctypes.data,
+        )
+
+    def run(
+        self,
+        start: FloatArray,
+        inputs: FloatArray,
+        p: FloatArray,
+        step: float,
+        substeps: int,
+        derivative: FloatArray | None = None,
+    ) -> tuple[FloatArray, FloatArray]:
+        """States, and their derivatives, at the n + 1 ends of n steps.
+
+        Args:
+            start: initial states, shape (states,).
+            inputs: held over each step, shape (inputs, n).
+            p: parameters, shape (m,).
+            step: length of a step [s].
+            substeps: Runge-Kutta steps in each step.
+            derivative: of the initial core states, shape (core, chosen + core); `None` where there are none.
+
+        Returns:
+            States, shape (n + 1, states), and derivatives, shape (n + 1, core, chosen + core).
+        """
+        model, n = self._model, inputs.shape[1]
+        states = np.empty((n + 1, model.states))
+        states[0] = start
+        derivatives = np.empty((n + 1, model.core, model.chosen + model.core))
+        if derivative is not None:
+            derivatives[0] = derivative
+        held, parameters = np.ascontiguousarray(inputs.T), np.ascontiguousarray(p)
+        work = np.empty(int(self._library.working_doubles(ctypes.byref(model))))
+        self._library.run(
+            ctypes.byref(model),
+            ctypes.c_longlong(n),
+            ctypes.c_longlong(substeps),
+            ctypes.c_double(step / substeps),
+            *(ctypes.c_void_p(array.ctypes.data) for array in (held, parameters, states, derivatives, work)),
+        )
+        return states, derivatives
+
+
+def kernel(model: Model, core: int = 0, chosen: Sequence[int] = ()) -> Kernel | None:
+    """Compiled steps of a model, made once for it and all its copies at other values; arguments as for `Kernel`.
+
+    Returns:
+        `None` where no C compiler works, or the model has an operation that is not known here.
+    """
+    return model.made_once(("kernel", core, tuple(chosen)), lambda: _kernel(model, core, chosen))
+
+
+def _kernel(model: Model, core: int, chosen: Sequence[int]) -> Kernel | None:
+    compiled = library()
+    try:
+        return None if compiled is None else Kernel(compiled, model, core, chosen)
+    except UnknownOperationError:
+        return None
+
+
+@cache
+def library() -> ctypes.CDLL | None:
+    """kernel.c, compiled and loaded; `None` where that fails."""
+    source = files("lptn.simulate").joinpath("kernel.c").read_text(encoding="utf-8")
+    operations = "".join(f"OPERATION({number}, {_OPERATIONS[name]})\n" for number, name in _NUMBERS.items())
+    try:
+        path = shared_library({"kernel.c": source, "operations.h": operations}, "kernel.c", _FLAGS)
+        compiled = ctypes.CDLL(str(path))
+    except (OSError, CalledProcessError):
+        return None
+    compiled.working_doubles.restype = ctypes.c_longlong
+    compiled.run.restype = None
+    return compiled
