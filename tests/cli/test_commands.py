@@ -39,7 +39,8 @@ def test_presets_are_listed_and_written_and_read(lptn: Lptn, tmp_path: Path) -> 
     for number, (words, *_) in enumerate(rows):
         target = tmp_path / f"{number}.toml"
         assert lptn("new", *words.split(), "-o", target)[0] == 0
-        assert read_model_file(target).network.dynamic
+        network = read_model_file(target).network
+        assert [words, str(len(network.dynamic)), str(len(network.parameters))] == rows[number][:3]
 
 
 def test_an_unknown_model_of_a_preset_is_refused(lptn: Lptn) -> None:

@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.linalg import expm
 
 from lptn.basics.errors import InputError
 from lptn.model.model import Model
+from lptn.simulate.dynamics import zero_order_hold
 from lptn.simulate.state_space import StateSpace, state_space
 from tests.builders import effect, leg, random_inputs, two_nodes, with_every_effect
 
@@ -93,3 +95,22 @@ def test_eulers_error_grows_with_its_step_and_the_admissible_step_is_found() -> 
     assert errors[1] == pytest.approx(5 * errors[0], rel=0.05)
     step = form.euler_step(0.1, 600.0)
     assert form.euler_error(step, 600.0) <= 0.1 < form.euler_error(1.1 * step, 600.0)
+
+
+@pytest.mark.parametrize("fastest", [1e-6, 0.3, 40.0, 3e4])
+def test_the_exact_hold_is_scipys_exponential(fastest: float) -> None:
+    rng = np.random.default_rng(3)
+    a = rng.uniform(0.0, 1.0, (4, 5, 5))
+    a[:, range(5), range(5)] = -a.sum(axis=2) - rng.uniform(0.0, 1.0, (4, 5))  # heat that flows, and is lost
+    a[0] = np.diag(np.ones(4), 1) - np.eye(5)  # one rate five times over, with a single eigenvector
+    a[1] = 0.0
+    a *= fastest / np.abs(a).max()
+    transition, integral = zero_order_hold(a, 2.0)
+    for k in range(4):
+        whole = expm(2.0 * np.block([[a[k], np.eye(5)], [np.zeros((5, 10))]]))
+        np.testing.assert_allclose(transition[k], whole[:5, :5], atol=1e-11)
+        np.testing.assert_allclose(integral[k], whole[:5, 5:], atol=1e-11)
+
+
+def test_the_exact_hold_of_rates_that_are_not_finite_is_no_number() -> None:
+    assert np.isnan(zero_order_hold(np.full((2, 3, 3), np.inf), 1.0)).all()

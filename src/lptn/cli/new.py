@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter as Option
@@ -39,16 +38,15 @@ def new(
 
 def _presets() -> Iterator[tuple[str, str, str, str]]:
     """Each preset as it is typed, its size, and the sentence that its file begins with."""
-    from lptn.model.file import parse_model
     from lptn.references import cite
-    from lptn.robots.presets import presets, variants
+    from lptn.robots.presets import SIZES, presets, variants
 
     for name, text in presets().items():
-        models = {name: text} | {f"{name} --model {model}": other for model, other in variants(name).items()}
-        for typed, model_text in models.items():
-            network = parse_model(model_text, Path(typed)).network
+        models = {name: text} | {f"{name}.{model}": other for model, other in variants(name).items()}
+        for file, model_text in models.items():
+            nodes, parameters = SIZES[file]
             what = cite(re.split(r"\.( (?=[A-Z])|$)", " ".join(_first_comment(model_text)))[0])
-            yield typed, str(len(network.dynamic)), str(len(network.parameters)), what
+            yield file.replace(".", " --model "), str(nodes), str(parameters), what
 
 
 def _first_comment(text: str) -> Iterator[str]:

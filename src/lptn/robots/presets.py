@@ -6,6 +6,22 @@ from importlib.resources import files
 
 from lptn.basics.errors import InputError
 
+SIZES = {
+    "heated-block": (1, 5),
+    "leg": (3, 14),
+    "leg.full": (3, 32),
+    "leg.single-node": (3, 17),
+    "quadruped": (13, 133),
+    "quadruped.coupled": (13, 81),
+    "quadruped.single-node": (12, 64),
+    "single-motor": (1, 4),
+    "single-motor.full": (1, 11),
+    "u10": (3, 10),
+    "u8": (3, 10),
+    "u8-heat-sink": (4, 13),
+}
+"""Nodes and parameters of each file, so that a list of them need not make twelve networks; a test counts them."""
+
 
 def presets() -> dict[str, str]:
     """The text of each robot's first model by the robot's name."""
