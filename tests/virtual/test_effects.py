@@ -24,6 +24,16 @@ from lptn.virtual import (
 from lptn.virtual.effects import JOINT, NODE
 from lptn.virtual.robot import Array
 
+ONE_PLACE_OR_ALL = pytest.mark.parametrize(
+    "every", [pytest.param(False, id="one place"), pytest.param(True, id="all places", marks=pytest.mark.slow)]
+)
+
+
+def one_of(places: list[str], effect: str) -> list[str]:
+    """One place for an effect, another one for the next."""
+    return [places[list(EFFECTS).index(effect) % len(places)]]
+
+
 # --- on the leg ----------------------------------------------------------------------------------------------------
 
 SEED = 0
@@ -37,12 +47,13 @@ def temperatures(hidden: tuple[Hidden, ...] = ()) -> Array:
 
 
 @pytest.mark.long
+@ONE_PLACE_OR_ALL
 @pytest.mark.parametrize("effect", EFFECTS)
-def test_peak_of_each_effect(effect: str) -> None:
+def test_peak_of_each_effect(effect: str, every: bool) -> None:
     """The table of peaks is printed by ``pytest -s``."""
     alone = [place for place in places(effect) if place != "*"] or ["*"]
     peaks = {}
-    for place in alone:
+    for place in alone if every else one_of(alone, effect):
         # The lag of the ambient brings changes of the ambient with it, which are none of its own.
         usual = temperatures((Hidden(effect, place, 1e-6),) if effect == "ambient_lag" else ())
         trace = np.abs(temperatures((Hidden(effect, place),)) - usual).max(axis=0)
@@ -53,10 +64,9 @@ def test_peak_of_each_effect(effect: str) -> None:
     assert all(0.5 < peak < 8 for peak in peaks.values())
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("effect", EFFECTS)
-def test_size_zero_is_off_to_the_last_bit(effect: str) -> None:
-    assert np.array_equal(temperatures((Hidden(effect, places(effect)[0], 0.0),)), temperatures())
+def test_size_zero_is_off_to_the_last_bit() -> None:
+    nothing = tuple(Hidden(effect, places(effect)[0], 0.0) for effect in EFFECTS)
+    assert np.array_equal(temperatures(nothing), temperatures())
 
 
 @pytest.mark.long
@@ -160,10 +170,11 @@ def peaks(*hidden: tuple[str, str, float]) -> Array:
 
 
 @pytest.mark.long
+@ONE_PLACE_OR_ALL
 @pytest.mark.parametrize("effect", [name for name, effect in EFFECTS.items() if effect.kind in (JOINT, NODE)])
-def test_effect_is_largest_where_it_was_put(effect: str) -> None:
+def test_effect_is_largest_where_it_was_put(effect: str, every: bool) -> None:
     alone = [place for place in ("FR_calf", "FL_thigh", "RL_hip", "pc") if place in places(effect, "quadruped")]
-    moved = {place: peaks((effect, place, 1.0)) for place in alone}
+    moved = {place: peaks((effect, place, 1.0)) for place in (alone if every else one_of(alone, effect))}
     print(f"{effect:20s}", "  ".join(f"{place} {peak.max():.2f} K" for place, peak in moved.items()))
     for place, peak in moved.items():
         assert QUADRUPED_NODES[int(peak.argmax())] == place
@@ -200,11 +211,9 @@ def test_class_and_everywhere_are_all_their_nodes(effect: str) -> None:
     assert quadruped_temperatures((effect, "*", 0.5)) == pytest.approx(quadruped_temperatures(*each), abs=0)
 
 
-@pytest.mark.parametrize("effect", EFFECTS)
-def test_size_zero_is_off_to_the_last_bit_on_the_quadruped(effect: str) -> None:
-    assert np.array_equal(
-        quadruped_temperatures((effect, places(effect, "quadruped")[-1], 0.0)), quadruped_temperatures()
-    )
+def test_size_zero_is_off_to_the_last_bit_on_the_quadruped() -> None:
+    nothing = ((effect, places(effect, "quadruped")[-1], 0.0) for effect in EFFECTS)
+    assert np.array_equal(quadruped_temperatures(*nothing), quadruped_temperatures())
 
 
 def test_two_effects_may_be_hidden_at_once() -> None:

@@ -87,8 +87,8 @@ _SCALED, _TAYLOR_ORDER = 0.5, 14  # the first term of the series that is left ou
 def zero_order_hold(a: FloatArray, step: float) -> tuple[FloatArray, FloatArray]:
     r"""The exact step of :math:`\dot x = A x + v` with v held: :math:`x(h) = e^{Ah} x(0) + \int_0^h e^{As} ds\, v`.
 
-    By scaling and squaring of a Taylor series of :math:`\varphi(z) = (e^z - 1)/z`, for a stack of matrices at once; SciPy's
-    exponential takes a larger matrix [VanLoan1978], and a third of a second to import.
+    By scaling and squaring of a Taylor series of :math:`\varphi(z) = (e^z - 1)/z`, for a stack of matrices at once.
+    SciPy's exponential of a larger matrix [VanLoan1978] says the same; it takes a third of a second to import.
 
     Args:
         a: A [1/s], shape (..., n, n).

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache
 from math import ceil, log2
 
 import numpy as np
 
-from lptn.basics.arrays import FloatArray
+from lptn.basics.arrays import FloatArray, IntArray
 from lptn.model.array_function import ArrayFunction
 from lptn.model.model import Model
 from lptn.simulate.bound_run import BoundRun, default_start
@@ -25,6 +26,11 @@ class SimulationError(ArithmeticError):
     """The model at these parameters is too stiff, or runs away."""
 
 
+@cache
+def _sample(steps: int) -> IntArray:
+    return np.unique(np.linspace(0, steps - 1, min(steps, _SAMPLED)).astype(int))
+
+
 def substeps(model: Model, bound: BoundRun, values: FloatArray, start: FloatArray) -> int:
     """How many Runge-Kutta steps each step of the run needs: a power of two, so that few functions are made.
 
@@ -33,13 +39,15 @@ def substeps(model: Model, bound: BoundRun, values: FloatArray, start: FloatArra
     Raises:
         SimulationError: more than 32 would be needed.
     """
-    sample = np.unique(np.linspace(0, len(bound) - 1, min(len(bound), _SAMPLED)).astype(int))
-    n, step = len(sample), bound.run.step
+    sample, step = _sample(len(bound)), bound.run.step
+    n = len(sample)
     make = lambda: ArrayFunction(model.state_jacobian, n, common=(0, 2))  # noqa: E731
     jacobians = model.made_once(("state_jacobian", n), make)
     stacked = jacobians(start, bound.inputs[:, sample], values).reshape(len(start), n, -1)
     if not np.isfinite(stacked).all():
         raise SimulationError(f"the rates of run {bound.run.name} are not finite at these parameters")
+    if step * float(np.abs(stacked).sum(axis=2).max()) <= RATE_OF_A_STEP:
+        return 1  # no eigenvalue is larger than a row's sum
     fastest = float(np.abs(np.linalg.eigvals(np.moveaxis(stacked, 1, 0))).max())
     if fastest * step > RATE_OF_A_STEP * _MOST_SUBSTEPS:
         raise SimulationError(f"fastest rate {fastest:.3g} 1/s is too fast for steps of {step:g} s")
