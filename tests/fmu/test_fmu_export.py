@@ -60,7 +60,7 @@ def test_names_units_and_start_values(fmi: int, tmp_path: Path) -> None:
     assert float(description.defaultExperiment.tolerance) == 1e-6
     resistance = variables["FR_hip.to_FR_thigh.resistance"]
     assert (resistance.causality, resistance.variability, float(resistance.start)) == ("parameter", "tunable", 3.0)
-    for name in ("FR_calf.copper_loss.heat_flow", "FR_calf.to_ambient.heat_flow", "FR_calf.time_to_limit"):
+    for name in ("FR_calf.copper_loss.heat_flow", "FR_calf.to_ambient.heat_flow", "FR_calf.torque_scale"):
         assert variables[name].causality == "output"
     (kelvin,) = (unit for unit in description.unitDefinitions if unit.name == "K")
     (celsius,) = kelvin.displayUnits
