@@ -21,6 +21,22 @@ class FmuError(RuntimeError):
     """A call that the FMU refused, with the reason that it logged."""
 
 
+class Closing:
+    """What is closed at the end of a `with` block."""
+
+    def close(self) -> None:
+        """Give back what it holds."""
+        raise NotImplementedError
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
 class _Block:
     """Variables that are got or set in one call, by arrays that stay where they are from one call to the next.
 
@@ -50,7 +66,7 @@ class _Block:
             self.values[:] = self._whole[self.places]
 
 
-class Session:
+class Session(Closing):
     """One instance of an FMU for Co-Simulation, initialised and ready to step.
 
     Args:
@@ -150,14 +166,6 @@ class Session:
             fmu.freeInstance()
         self.unpacked.close()
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
-
     # --- loading -------------------------------------------------------------------------------
 
     @property
@@ -191,19 +199,24 @@ class Session:
         fmpy = import_fmpy()
         description, self._fmi = self.unpacked.description, self.unpacked.fmi
         self.unpacked.check_binary(fmpy)
-        slave = fmpy.fmi2.FMU2Slave if self._fmi == 2 else fmpy.fmi3.FMU3Slave
+        library, identifier = self._library(fmpy)
         try:
-            self._fmu = slave(
+            self._fmu = library(
                 guid=description.guid,
                 unzipDirectory=str(self.unpacked.folder),
                 instanceName="lptn",
-                modelIdentifier=description.coSimulation.modelIdentifier,
+                modelIdentifier=identifier,
             )
             self._instance_with_log(fmpy)
         except Exception as error:
             raise InputError(self.path, "binaries", str(error)[:200], "a library that loads") from error
         self._instance = self._fmu.component
         self._bind()
+
+    def _library(self, fmpy: Any) -> tuple[Any, str]:
+        """fmpy's class for the FMU, and the name of its library."""
+        slave = fmpy.fmi2.FMU2Slave if self._fmi == 2 else fmpy.fmi3.FMU3Slave
+        return slave, self.unpacked.description.coSimulation.modelIdentifier
 
     def _instance_with_log(self, fmpy: Any) -> None:
         if self._fmi == 2:
@@ -214,7 +227,10 @@ class Session:
             self._kept_alive.append(callbacks)
             self._fmu.instantiate(callbacks=callbacks, loggingOn=True)
         else:
-            self._fmu.instantiate(loggingOn=True, logMessage=self._logged3, **self._intermediate())
+            self._fmu.instantiate(loggingOn=True, logMessage=self._logged3, **self._instance_arguments())
+
+    def _instance_arguments(self) -> dict[str, Any]:
+        return self._intermediate()
 
     def _intermediate(self) -> dict[str, Any]:
         if not (self._ramps and getattr(self.unpacked.description.coSimulation, "providesIntermediateUpdate", False)):
@@ -224,11 +240,11 @@ class Session:
     def _bind(self) -> None:
         fmu = self._fmu
         if self._fmi == 2:
-            self._set, self._get, self._do = fmu.fmi2SetReal, fmu.fmi2GetReal, fmu.fmi2DoStep
+            self._set, self._get, self._do = fmu.fmi2SetReal, fmu.fmi2GetReal, getattr(fmu, "fmi2DoStep", None)
         else:
             flags: list[Any] = [ctypes.c_bool(), ctypes.c_bool(), ctypes.c_bool(), ctypes.c_double()]
             self._kept_alive.append(flags)
-            self._set, self._get, self._do = fmu.fmi3SetFloat64, fmu.fmi3GetFloat64, fmu.fmi3DoStep
+            self._set, self._get, self._do = fmu.fmi3SetFloat64, fmu.fmi3GetFloat64, getattr(fmu, "fmi3DoStep", None)
             self._flags = tuple(ctypes.byref(flag) for flag in flags)
         self._entrances = self._block(self._input_access, self.inputs)
         self._exits = self._block(self._output_access, self.outputs)
