@@ -83,7 +83,9 @@ class Unpacked:
             self.close()
             raise
         self._slots: dict[str, tuple[int, int, int]] = {}  # reference, place in the array and its size, by name
-        self.variables = {each.name: each for variable in self.description.modelVariables for each in self._each(variable)}
+        self.variables = {
+            each.name: each for variable in self.description.modelVariables for each in self._each(variable)
+        }
 
     @property
     def fmi(self) -> int:

@@ -213,7 +213,11 @@ def _link_for_windows(zig: list[str], folder: Path, object_file: Path, library: 
     source = folder / target.name / "windows.c"
     source.write_bytes((files("lptn.fmu") / "c" / "windows.c").read_bytes())
     # Without -fno-builtin the compiler makes vsnprintf from vsnprintf.
-    _checked([*zig, "cc", "-target", target.target, *_FLAGS, "-fno-builtin", "-c", "-o", str(own), str(source)], folder, target)
+    _checked(
+        [*zig, "cc", "-target", target.target, *_FLAGS, "-fno-builtin", "-c", "-o", str(own), str(source)],
+        folder,
+        target,
+    )
     imports = []
     for number, (dll, names) in enumerate(_WINDOWS.items()):
         definition, imported = (folder / target.name / f"{number}.{ending}" for ending in ("def", "lib"))

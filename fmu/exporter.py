@@ -28,6 +28,7 @@ from .arrays import places_of, shown, structure_of_arrays
 from .codegen import Integration, Structure, c_code, integration, jacobian_moves, structure
 from .compile import Compiler, Platform, compile_all, platforms_of, universal
 from .component import Component, component
+from .experiments import FOLDER, experiment, related
 from .terminals import terminals
 from .trust import remember
 from .variables import Variable, unit_definitions
@@ -104,6 +105,7 @@ def export(
     admissible: bool = False,
     current_limits: Mapping[str, float] | float | None = None,
     arrays: bool = False,
+    reference: bool = False,
     casadi: bool = False,
     author: str | None = None,
     copyright: str | None = None,  # noqa: A002
@@ -130,6 +132,7 @@ def export(
         admissible: `True` to add the admissible torque of each joint for 10 s, 60 s, 300 s and for ever as outputs.
         current_limits: of the joints [A] by name or pattern, or one of all; ends of the admissible torques.
         arrays: `True` to join what all places have in common as arrays, of FMI 3 alone.
+        reference: `True` to put an experiment with reference results inside, as FMI-LS-REF asks.
         casadi: `True` to let states and parameters be set in any mode: CasADi's import does so when it differentiates,
             and the standard forbids it.
         author: of the model, as importers show it; nobody by default.
@@ -149,6 +152,8 @@ def export(
         raise InputError("command line", "--fmi", f"{fmi!r}", "2 or 3")
     if arrays and fmi == 2:
         raise InputError("command line", "--arrays", "with FMI 2, which has none", "--fmi 3")
+    if arrays and reference:
+        raise InputError("command line", "--reference", "with --arrays", "one of them: its tables name scalars")
     path = Path(output)
     if path.suffix.lower() != ".fmu":  # importers want it; nor can a slip then overwrite the model file
         raise InputError(path, "--output", f"a file name ending in '{path.suffix}'", "one ending in .fmu")
@@ -161,6 +166,8 @@ def export(
     joined = arrays_of(exported.variables) if arrays else []
     about = {"author": author, "copyright": copyright, "license": license}
     entries = _texts(exported, identifier, fmi, steps, text, date, joined, {"casadi": casadi, "about": about})
+    if reference:
+        entries |= _experiment(exported, steps, entries)
     code = {name.removeprefix("sources/"): text for name, text in entries.items() if name.startswith("sources/")}
     libraries = compile_all(code, f"fmi{fmi}.c", identifier, targets, compiler)
     content = _archive(entries | _binaries(libraries, identifier, fmi))
@@ -208,6 +215,15 @@ def _binaries(libraries: Mapping[Platform, bytes], identifier: str, fmi: int) ->
         # FMI 2 has no name for Linux on ARM; importers there (fmpy) look where 64-bit Linux is.
         by_path |= {path.replace(arm, intel): same for path, same in by_path.items() if path.startswith(arm)}
     return {path: same[0] if len(same) == 1 else universal(same) for path, same in by_path.items()}
+
+
+def _experiment(component: Component, integration: Integration, entries: Mapping[str, bytes]) -> dict[str, bytes]:
+    """An experiment with reference results and the manifest of FMI-LS-REF, which also names the model file."""
+    values = {"experiment": experiment(component, integration.step)}
+    texts = {"smoke-test.exp": _rendered("smoke-test.exp.xml.j2", values)} | values["experiment"]["tables"]
+    files = {f"{FOLDER}/{name}": text.encode() for name, text in texts.items()}
+    manifest = _rendered("fmi-ls-manifest.xml.j2", {"related": related({**entries, **files})})
+    return {**files, f"{FOLDER}/fmi-ls-manifest.xml": manifest.encode()}
 
 
 # --- the texts inside -------------------------------------------------------------------------------

@@ -46,7 +46,9 @@ def cosimulation_figure(done: Cosimulation) -> Figure:
         for handle, name in zip(*ax.get_legend_handles_labels(), strict=True):
             handles.setdefault(name, handle)
     if len(handles) > 1:
-        figure.legend(handles.values(), handles.keys(), loc="outside upper right", ncols=3, frameon=False, fontsize=SMALL)
+        figure.legend(
+            handles.values(), handles.keys(), loc="outside upper right", ncols=3, frameon=False, fontsize=SMALL
+        )
     return figure
 
 

@@ -235,7 +235,10 @@ class Session(Closing):
     def _intermediate(self) -> dict[str, Any]:
         if not (self._ramps and getattr(self.unpacked.description.coSimulation, "providesIntermediateUpdate", False)):
             return {}
-        return {"intermediateUpdate": self._update, "requiredIntermediateVariables": list(self._input_access.references)}
+        return {
+            "intermediateUpdate": self._update,
+            "requiredIntermediateVariables": list(self._input_access.references),
+        }
 
     def _bind(self) -> None:
         fmu = self._fmu

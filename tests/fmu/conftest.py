@@ -64,5 +64,8 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Build]:
 def unknowns_and_knowns(exported: Exported) -> tuple[list[int], list[int]]:
     """Value references of all that FMI differentiates, and of all that it differentiates by."""
     component = exported.component
-    parameters = [variable.reference for variable in component.of("state", "rate", "output", "admissible", "forecast", "indicator")]
+    parameters = [
+        variable.reference
+        for variable in component.of("state", "rate", "output", "admissible", "forecast", "indicator")
+    ]
     return parameters, [variable.reference for variable in component.of("state", "input", "parameter")]

@@ -60,8 +60,10 @@ def test_a_session_shows_elements_by_their_places(built: Build) -> None:
     found = []
     for exported in (built("leg"), built("leg", arrays=True)):
         with Session(exported.path) as session, Session(exported.path, inputs=["FR_calf.torque"], outputs=names) as few:
-            assert session.input_names == [f"{place}.torque" if place != "ambient" else "ambient.temperature"
-                                           for place in ("ambient", "FR_hip", "FR_thigh", "FR_calf")]
+            assert session.input_names == [
+                f"{place}.torque" if place != "ambient" else "ambient.temperature"
+                for place in ("ambient", "FR_hip", "FR_thigh", "FR_calf")
+            ]
             session.write({"FR_thigh.capacity": 200.0})
             few.reset({"FR_thigh.temperature": 300.0, "FR_hip.torque": 2.0})
             for row in rows:
@@ -94,11 +96,19 @@ def test_sets_and_gets_count_elements(built: Build, tmp_path: Path) -> None:
 
 def test_derivatives_of_arrays_are_those_of_their_elements(built: Build, tmp_path: Path) -> None:
     warm = {f"FR_{joint}.torque": 4.0 for joint in ("hip", "thigh", "calf")}
-    with Session(built("leg").path, values=warm) as plain, Session(built("leg", arrays=True).path, values=warm) as joined:
+    with (
+        Session(built("leg").path, values=warm) as plain,
+        Session(built("leg", arrays=True).path, values=warm) as joined,
+    ):
         names = [f"FR_{joint}" for joint in ("hip", "thigh", "calf")]
         seed = [1.0, -2.0, 0.5]
-        scalars = [[plain.variables[f"{name}.{member}"].valueReference for name in names] for member in ("copper_loss.heat_flow", "torque")]
-        arrays = [[joined.variables[f"FR_hip.{member}"].valueReference] for member in ("copper_loss.heat_flow", "torque")]
+        scalars = [
+            [plain.variables[f"{name}.{member}"].valueReference for name in names]
+            for member in ("copper_loss.heat_flow", "torque")
+        ]
+        arrays = [
+            [joined.variables[f"FR_hip.{member}"].valueReference] for member in ("copper_loss.heat_flow", "torque")
+        ]
         forward = joined._fmu.getDirectionalDerivative(*arrays, seed, nSensitivity=3)
         assert forward == plain._fmu.getDirectionalDerivative(*scalars, seed)
         assert np.abs(forward).min() > 0
@@ -130,7 +140,10 @@ def test_logs_drive_arrays(tmp_path: Path, built: Build) -> None:
     file = tmp_path / "leg.csv"
     header = "time,torque.FR_hip,torque.FR_thigh,torque.FR_calf,temperature.ambient,temperature.FR_calf\n"
     file.write_text(header + "".join(f"{k},1,2,{3 + k % 2},20,25\n" for k in range(60)))
-    done = [cosimulate(built("leg", arrays=on).path, [file], mapped={"FR_calf.torque": "torque.FR_calf"}) for on in (False, True)]
+    done = [
+        cosimulate(built("leg", arrays=on).path, [file], mapped={"FR_calf.torque": "torque.FR_calf"})
+        for on in (False, True)
+    ]
     (one,), (other,) = (each.runs for each in done)
     assert one.outputs.keys() == other.outputs.keys()
     assert all((one.outputs[name] == other.outputs[name]).all() for name in one.outputs)

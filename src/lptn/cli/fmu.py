@@ -46,7 +46,17 @@ Events = Annotated[
 ]
 Arrays = Annotated[
     bool,
-    Option(name="--arrays", help="Join what all joints have in common as arrays, such as torque[12]; FMI 3.", negative=""),
+    Option(
+        name="--arrays", help="Join what all joints have in common as arrays, such as torque[12]; FMI 3.", negative=""
+    ),
+]
+Reference = Annotated[
+    bool,
+    Option(
+        name="--reference",
+        help="Put an experiment with reference results inside, as FMI-LS-REF asks, so that an importer can be checked.",
+        negative="",
+    ),
 ]
 Admissible = Annotated[
     bool,
@@ -97,6 +107,7 @@ def fmu(
     admissible: Admissible = False,
     current_limit: CurrentLimit = None,
     arrays: Arrays = False,
+    reference: Reference = False,
     casadi: Casadi = False,
     author: Annotated[str | None, Option(help="Author of the model, as importers show it.")] = None,
     copyright: Annotated[str | None, Option(help="Copyright of the model.")] = None,  # noqa: A002
@@ -148,6 +159,7 @@ def fmu(
             admissible=admissible,
             current_limits=_limits(current_limit, "--current-limit", "A", "JOINT"),
             arrays=arrays,
+            reference=reference,
             casadi=casadi,
             author=author,
             copyright=copyright,
