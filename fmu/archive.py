@@ -5,17 +5,23 @@ Nothing in the archive may lead outside its folder, fill the disk or trick the X
 
 from __future__ import annotations
 
+import copy
 import io
+import itertools
 import lzma
+import math
 import re
 import stat
 import struct
 import tempfile
 import zipfile
 import zlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path, PurePosixPath
 from typing import Any
+from xml.etree import ElementTree
 
 from lptn.basics.errors import InputError
 
@@ -34,6 +40,21 @@ _C_NAME = re.compile(rb"[A-Za-z_][A-Za-z0-9_]*")
 _DAMAGED = (zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error, EOFError, OSError, RuntimeError, ValueError)
 """What `zipfile` raises for archives that are none."""
 _EXPECTED = "an FMU: a ZIP archive of plain files with modelDescription.xml"
+
+
+@dataclass(frozen=True)
+class Access:
+    """Variables that are got or set in one call.
+
+    Args:
+        references: of the variables, arrays once.
+        size: how many values they have.
+        places: of the values that were asked for; `None` where these are all, in order.
+    """
+
+    references: tuple[int, ...]
+    size: int
+    places: Sequence[int] | None
 
 
 class Unpacked:
@@ -61,7 +82,10 @@ class Unpacked:
         except BaseException:
             self.close()
             raise
-        self.variables = {variable.name: variable for variable in self.description.modelVariables}
+        self._slots: dict[str, tuple[int, int, int]] = {}  # reference, place in the array and its size, by name
+        self.variables = {
+            each.name: each for variable in self.description.modelVariables for each in self._each(variable)
+        }
 
     @property
     def fmi(self) -> int:
@@ -83,23 +107,69 @@ class Unpacked:
 
     def names(self, causality: str) -> list[str]:
         """The real variables of a causality, in order."""
-        variables = self.description.modelVariables
-        return [variable.name for variable in variables if variable.causality == causality and variable.type in REALS]
+        every = self.variables.values()
+        return [variable.name for variable in every if variable.causality == causality and variable.type in REALS]
 
-    def references(self, names: Iterable[str], place: str) -> list[int]:
-        """Value references of names.
+    @property
+    def has_arrays(self) -> bool:
+        """Whether any variable is an array, whose elements `variables` shows one by one."""
+        return any(variable.shape for variable in self.description.modelVariables)
+
+    def _each(self, variable: Any) -> list[Any]:
+        """fmpy's description of a variable, or of each element of an array.
+
+        Elements are called as the place's own variable would be where the FMU says the places, else `name[1,2]`.
+        """
+        shape = tuple(variable.shape or ())
+        size = math.prod(shape)
+        if not shape:
+            self._slots[variable.name] = (variable.valueReference, 0, 1)
+            return [variable]
+        starts = variable.start.split() if isinstance(variable.start, str) else variable.start or ()
+        places, each = self._places.get(variable.name, ()), []
+        for number, index in enumerate(itertools.product(*(range(1, length + 1) for length in shape))):
+            element = copy.copy(variable)
+            element.name = f"{variable.name}[{','.join(map(str, index))}]"
+            if len(places) == size:
+                inner = variable.name.removeprefix("der(").removesuffix(")")
+                element.name = variable.name.replace(inner, f"{places[number]}.{inner}")
+            element.start = starts[number] if len(starts) == size else starts[0] if starts else None
+            self._slots[element.name] = (variable.valueReference, number, size)
+            each.append(element)
+        return each
+
+    @cached_property
+    def _places(self) -> dict[str, list[str]]:
+        """The places that an array's elements belong to, by its name, where the FMU says them."""
+        root = ElementTree.parse(self.folder / "modelDescription.xml").getroot()
+        found = {}
+        for variable in root.iterfind("ModelVariables/*"):
+            places = variable.iterfind("Annotations/Annotation[@type='lptn.places']/Place")
+            found[variable.get("name", "")] = [place.get("name", "") for place in places]
+        return found
+
+    def access(self, names: Iterable[str], place: str) -> Access:
+        """How variables are got and set by their names.
 
         Raises:
             InputError: a name that is no real variable, said with `place`.
         """
-        references = []
+        begins: dict[int, int] = {}
+        references: list[int] = []
+        places: list[int] = []
+        size = 0
         for name in names:
             variable = self.variables.get(name)
             if variable is None or variable.type not in REALS:
                 example = next(iter(self.variables))
                 raise InputError(self.path, place, f'"{name}"', f"a variable of the FMU, such as {example}")
-            references.append(variable.valueReference)
-        return references
+            reference, index, length = self._slots[name]
+            if reference not in begins or length == 1:
+                begins[reference] = size
+                size += length
+                references.append(reference)
+            places.append(begins[reference] + index)
+        return Access(tuple(references), size, None if places == list(range(size)) else places)
 
     def check_binary(self, fmpy: Any) -> None:
         """Refuse an FMU without a whole library for this machine.

@@ -138,11 +138,12 @@ class Dependent:
 
 @dataclass(frozen=True)
 class Structure:
-    """The lists of `ModelStructure`: outputs, rates, and what initialisation leaves to be calculated."""
+    """The lists of `ModelStructure`: outputs, rates, what initialisation leaves to be calculated, event indicators."""
 
     outputs: tuple[Dependent, ...]
     rates: tuple[Dependent, ...]
     initial: tuple[Dependent, ...]
+    indicators: tuple[Dependent, ...] = ()
 
 
 def structure(component: Component) -> Structure:
@@ -156,8 +157,10 @@ def structure(component: Component) -> Structure:
     rates = _dependents(component, component.of("rate"), component.rates)
     calculated = _dependents(component, component.of("output"), component.outputs)
     model_runs = _dependents_on_the_whole_model(component)
-    initial = sorted((*rates, *calculated, *model_runs), key=lambda dependent: dependent.variable.reference)
-    return Structure((*states, *calculated, *model_runs), tuple(rates), tuple(initial))
+    indicators, crossed, clock = _dependents_of_limits(component)
+    unknown = (*rates, *calculated, *model_runs, *crossed, *clock)
+    initial = sorted(unknown, key=lambda dependent: dependent.variable.reference)
+    return Structure((*states, *calculated, *model_runs, *crossed, *clock), tuple(rates), tuple(initial), indicators)
 
 
 def _dependents(component: Component, variables: Sequence[Variable], expressions: Any) -> list[Dependent]:
@@ -193,12 +196,34 @@ def _dependents_on_the_whole_model(component: Component) -> list[Dependent]:
     common = [variable.reference for variable in component.of("state", "input")] + parameters[:own]
     limits = [parameters[index] for index in component.limited]
     dependencies = [(variable, [*common, *limits]) for variable in component.of("admissible")]
-    for variable, limit in zip(component.of("forecast"), limits, strict=True):
+    forecasts = component.of("forecast")
+    for variable, limit in zip(forecasts, limits[: len(forecasts)], strict=True):
         dependencies.append((variable, [*common, limit, parameters[-1]]))
     return [
         Dependent(variable, tuple(references), ("dependent",) * len(references))
         for variable, references in dependencies
     ]
+
+
+def _dependents_of_limits(
+    component: Component,
+) -> tuple[tuple[Dependent, ...], tuple[Dependent, ...], tuple[Dependent, ...]]:
+    """Event indicators, whether limits are crossed, and the clock of all of them."""
+    indicators, crossed = component.of("indicator"), component.of("crossed")
+    if not indicators:
+        return (), (), ()
+    states, parameters = component.of("state"), component.of("parameter")
+    pairs = [
+        (state.reference, parameters[limit].reference)
+        for state, limit in zip(states, component.limited, strict=False)  # hidden states come last and have no limit
+    ]
+    every = tuple(sorted(reference for pair in pairs for reference in pair))
+    clocks = [clock for clock in component.of("clock") if not clock.entrance]
+    return (
+        tuple(Dependent(each, pair, ("constant",) * 2) for each, pair in zip(indicators, pairs, strict=True)),
+        tuple(Dependent(each, pair, ("dependent",) * 2) for each, pair in zip(crossed, pairs, strict=True)),
+        tuple(Dependent(clock, every, ("dependent",) * len(every)) for clock in clocks),
+    )
 
 
 # --- the inner step of Co-Simulation, checked against the fastest time constant ----------------------

@@ -13,6 +13,7 @@ import sys
 import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from importlib.resources import files
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Literal
@@ -26,14 +27,23 @@ _FLAGS = (
     "-fPIC",
     "-fvisibility=hidden",
     "-ffp-contract=off",  # the same digits on every platform
-    "-shared",
 )
-_TIMEOUT = 1200.0  # s; the first build for Windows makes its C library
-_PATIENCE = 20.0  # s; a build takes 2 s where the compiler has the platform's C library, 20 s with admissible torques
-_PATIENTLY = (
-    "%s: still compiling. The first build for it on a machine also makes its C library, which takes %s; "
-    "later ones take seconds"
-)
+_TIMEOUT = 600.0  # s
+_PATIENCE = 20.0  # s; a build takes 2 s, 20 s with admissible torques
+_PATIENTLY = "%s: still compiling; a large model or a busy machine takes a minute"
+# What zig links as it is asked to: nothing of its own runtime, of which the code uses nothing, and which it would first have
+# to build, once for each platform and machine.
+_LINK = ("build-lib", "-dynamic", "-OReleaseFast", "-fstrip", "-fno-compiler-rt", "-fno-ubsan-rt", "-lc")
+# Where Windows 10 and later have what C's library has: the Universal C Runtime. MinGW's own would take minutes to build.
+_WINDOWS = {
+    "api-ms-win-crt-heap-l1-1-0.dll": "calloc free malloc realloc",
+    "api-ms-win-crt-private-l1-1-0.dll": "memchr memcmp memcpy memmove",
+    "api-ms-win-crt-stdio-l1-1-0.dll": "__stdio_common_vsprintf",
+    "api-ms-win-crt-string-l1-1-0.dll": "memset strcmp strcpy strlen strncmp",
+    "api-ms-win-crt-math-l1-1-0.dll": "acos acosh asin asinh atan atan2 atanh cbrt ceil copysign cos cosh erf erfc exp exp2 "
+    "expm1 fabs fdim floor fma fmax fmin fmod hypot ldexp log log10 log1p log2 nearbyint pow remainder rint round sin sinh "
+    "sqrt tan tanh trunc",
+}
 _log = logging.getLogger("lptn.fmu")
 
 
@@ -117,17 +127,22 @@ def compile_all(
         InputError: no compiler for a platform, or it fails.
     """
     # First: nothing is built where one is missing.
-    commands = {target: _command(target, compiler) for target in platforms}
+    local = {target: _local_compiler_for(target, compiler) for target in platforms}
     with tempfile.TemporaryDirectory(prefix="lptn-fmu-") as name:
         folder = Path(name)
         for path, content in sources.items():
             (folder / path).write_bytes(content)
-        return {target: _compile(folder, main, identifier, target, command) for target, command in commands.items()}
+        return {target: _compile(folder, main, identifier, target, words) for target, words in local.items()}
 
 
-def _command(target: Platform, compiler: Compiler) -> list[str]:
+def _local_compiler_for(target: Platform, compiler: Compiler) -> list[str] | None:
+    """The words that call this machine's own compiler for a platform, `None` where zig builds it.
+
+    Raises:
+        InputError: neither can.
+    """
     if compiler != "cc" and find_spec("ziglang") is not None:
-        return [sys.executable, "-m", "ziglang", "cc", "-target", target.target]
+        return None
     if compiler == "zig":
         raise InputError(target.name, "compiler", "no ziglang package", "pip install 'lptn[fmu]'")
     local, remedy = local_compiler(), "pip install 'lptn[fmu]', or --platforms source"
@@ -161,7 +176,7 @@ def _run(words: Sequence[str], folder: Path, target: Platform) -> tuple[int, str
                 try:
                     _, said = running.communicate(timeout=_PATIENCE)
                 except subprocess.TimeoutExpired:
-                    _log.warning(_PATIENTLY, target.name, "some minutes" if target.suffix == ".dll" else "a minute")
+                    _log.warning(_PATIENTLY, target.name)
                     _, said = running.communicate(timeout=_TIMEOUT)
             except BaseException:
                 running.kill()
@@ -171,22 +186,59 @@ def _run(words: Sequence[str], folder: Path, target: Platform) -> tuple[int, str
         raise InputError(target.name, "compiler", str(error), "a working C compiler") from error
 
 
-def _compile(folder: Path, main: str, identifier: str, target: Platform, command: list[str]) -> bytes:
+def _compile(folder: Path, main: str, identifier: str, target: Platform, local: list[str] | None) -> bytes:
     (folder / target.name).mkdir()
     library = folder / target.name / f"{identifier}{target.suffix}"
-    words = [*command, *_FLAGS, "-o", str(library), main]
-    if target.suffix == ".so":
-        words += ["-lm", "-Wl,-z,defs", "-s"]
+    if local is not None:
+        ending = ["-lm", "-Wl,-z,defs", "-s"] if target.suffix == ".so" else []
+        if target.suffix == ".dylib":
+            ending = [f"-Wl,-install_name,@rpath/{library.name}"]
+        _checked([*local, *_FLAGS, "-shared", "-o", str(library), main, *ending], folder, target)
+        return library.read_bytes()
+    zig = [sys.executable, "-m", "ziglang"]
+    object_file = library.with_suffix(".o")
+    _checked([*zig, "cc", "-target", target.target, *_FLAGS, "-c", "-o", str(object_file), main], folder, target)
     if target.suffix == ".dll":
-        words += ["-s"]
-    if target.suffix == ".dylib":
-        words += [f"-Wl,-install_name,@rpath/{library.name}"]
+        _link_for_windows(zig, folder, object_file, library, target)
+        return library.read_bytes()
+    ending = ["-z", "defs"] if target.suffix == ".so" else ["-install_name", f"@rpath/{library.name}"]
+    words = [*zig, *_LINK, "-target", target.target, "--name", identifier, str(object_file), f"-femit-bin={library}"]
+    _checked([*words, *ending], folder, target)
+    return library.read_bytes()
+
+
+def _link_for_windows(zig: list[str], folder: Path, object_file: Path, library: Path, target: Platform) -> None:
+    """A library that needs nothing but itself and the Universal C Runtime; it has nothing to do when it is loaded."""
+    own = folder / target.name / "windows.o"
+    source = folder / target.name / "windows.c"
+    source.write_bytes((files("lptn.fmu") / "c" / "windows.c").read_bytes())
+    # Without -fno-builtin the compiler makes vsnprintf from vsnprintf.
+    _checked(
+        [*zig, "cc", "-target", target.target, *_FLAGS, "-fno-builtin", "-c", "-o", str(own), str(source)],
+        folder,
+        target,
+    )
+    imports = []
+    for number, (dll, names) in enumerate(_WINDOWS.items()):
+        definition, imported = (folder / target.name / f"{number}.{ending}" for ending in ("def", "lib"))
+        definition.write_text("\n".join([f"LIBRARY {dll}", "EXPORTS", *names.split()]) + "\n")
+        _checked([*zig, "dlltool", "-m", "i386:x86-64", "-d", str(definition), "-l", str(imported)], folder, target)
+        imports.append(str(imported))
+    words = ["lld-link", "-lldmingw", "-dll", "-noentry", "-machine:x64", "-Brepro", f"-out:{library}"]
+    _checked([*zig, *words, str(object_file), str(own), *imports], folder, target)
+
+
+def _checked(words: Sequence[str], folder: Path, target: Platform) -> None:
+    """Run a compiler.
+
+    Raises:
+        InputError: it fails; its first error is said.
+    """
     code, said = _run(words, folder, target)
     if code:
         lines = said.splitlines() or ["no message"]
         first = next((line for line in lines if "error" in line), lines[0])
         raise InputError(target.name, "compiler", first[:200], "C code that compiles")
-    return library.read_bytes()
 
 
 def universal(libraries: Sequence[bytes]) -> bytes:

@@ -55,7 +55,7 @@ class Component:
         variables: all variables in the order of their value references.
         x: states [K].
         u: inputs, temperatures in kelvin: the model's, then raw ones that only means are formed from.
-        p: parameters, temperatures in kelvin; the model's, then limits, band and horizon.
+        p: parameters, temperatures in kelvin; the model's, then limits, band, and the horizon of forecasts.
         rates: dx/dt [K/s].
         outputs: the calculated outputs, states left out.
         limited: for each node the index of its limit in p.
@@ -92,6 +92,8 @@ def component(
     limits: Mapping[str, float] | float | None = None,
     start: Mapping[str, float] | float | None = None,
     *,
+    forecast: bool = False,
+    events: bool = False,
     admissible: bool = False,
     current_limits: Mapping[str, float] | float | None = None,
 ) -> Component:
@@ -100,6 +102,8 @@ def component(
     Args:
         limits: temperature limit [degC] of each node by name or pattern, or one of all; 80 degC where none is given.
         start: start temperature [degC] in the same way; 25 degC where none is given.
+        forecast: whether to add the time to each node's limit.
+        events: whether to add limits that are crossed as events, with their clocks.
         admissible: whether to add the admissible torques.
         current_limits: of the joints [A], for the admissible torques.
 
@@ -107,7 +111,8 @@ def component(
         InputError: a limit or start names no node, or lies below absolute zero; the model has no admissible torque; or
             two places have names that FMI can't tell apart.
     """
-    builder = _Builder(model, _by_node(model, limits, DEFAULT_LIMIT, "limits"), _by_node(model, start, ROOM, "start"))
+    temperatures = _by_node(model, limits, DEFAULT_LIMIT, "limits"), _by_node(model, start, ROOM, "start")
+    builder = _Builder(model, *temperatures, forecast, events)
     if admissible:
         from .admissible import admissible_of  # the planners are loaded only where they are needed
 
@@ -150,17 +155,22 @@ class _Builder:
     Args:
         limits: temperature limit of each node [degC].
         start: start temperature of each node [degC].
+        forecast: whether to add the time to each node's limit.
+        events: whether to add limits that are crossed as events.
     """
 
-    def __init__(self, model: Model, limits: Mapping[str, float], start: Mapping[str, float]) -> None:
+    def __init__(
+        self, model: Model, limits: Mapping[str, float], start: Mapping[str, float], forecast: bool, events: bool
+    ) -> None:
         self.model, self.limits, self.start = model, limits, start
+        self.forecast, self.events = forecast, events
         self.admissible: Admissible | None = None
         self.variables = [Variable("time", 0, "time", "s", None, "Simulation time")]
         self.model_parameters = len(model.parameters)
         self.limited = tuple(range(self.model_parameters, self.model_parameters + len(model.nodes)))
         self.columns = (*model.inputs, *_raw_inputs(model))
         self.x, self.u = ca.SX.sym("x", len(model.states)), ca.SX.sym("u", len(self.columns))
-        self.p = ca.SX.sym("p", self.model_parameters + len(model.nodes) + 2)
+        self.p = ca.SX.sym("p", self.model_parameters + len(model.nodes) + (2 if forecast else 1))
         # What the component's values exceed the model's by: kelvin here, degC there.
         self.input_offsets = [celsius_offset(column_unit(column)) for column in self.columns]
         self.parameter_offsets = [celsius_offset(parameter.declared.unit) for parameter in model.parameters]
@@ -172,9 +182,11 @@ class _Builder:
         outputs = self._add_outputs()
         for name, unit, description in self.admissible.outputs if self.admissible else ():
             self._add(name, "admissible", unit, None, description, minimum=0.0)
-        for node in self.model.nodes:
+        for node in self.model.nodes if self.forecast else ():
             description = f"Time until {node} reaches its limit, inputs held: connect a display or a planner"
             self._add(structured_name(node, "time_to_limit"), "forecast", "s", None, description, minimum=0.0)
+        if self.events:
+            self._add_events()
         rates = self.model.rhs(*self._model_arguments())
         values = ca.vertcat(*outputs)
         symbols = (self.x, self.u, self.p)
@@ -254,8 +266,21 @@ class _Builder:
             self._add(name, "parameter", "K", limit, description, celsius=True, minimum=0.0)
         description = "Range below the limit in which the limiter takes torque away"
         self._add("limiter.band", "parameter", "K", _BAND, description, minimum=1e-3)
+        if not self.forecast:
+            return
         description = "How far time_to_limit looks ahead; it shows this where no limit is reached before"
         self._add("limiter.horizon", "parameter", "s", _HORIZON, description, minimum=1e-3, maximum=1e7)
+
+    def _add_events(self) -> None:
+        for node in self.model.nodes:
+            name, description = structured_name(node, "limit_indicator"), f"Changes sign where {node} crosses its limit"
+            self._add(name, "indicator", "K", None, description, hidden=True)
+        for node in self.model.nodes:
+            description = f"Whether {node} has passed its limit: connect what must react at once"
+            self._add(structured_name(node, "limit_crossed"), "crossed", "", None, description)
+        self._add("clocks.limit_crossed", "clock", "", None, "Ticks when any limit is passed, or is no longer")
+        description = "Set it when a run begins anew: all temperatures are those of the start again"
+        self._add("clocks.run_begins", "clock", "", None, description, entrance=True)
 
     def _add_parameter(self, parameter: ParameterInstance) -> None:
         declared, unit = parameter.declared, parameter.declared.unit

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -32,6 +33,8 @@ from .ssp import in_units_of, read_values
 from .variables import ZERO_CELSIUS, from_column, is_temperature
 
 Driven = Session | Connected
+_SAID = 0.5  # s between what is said of the progress
+_log = logging.getLogger("lptn.fmu")
 
 
 @dataclass(frozen=True)
@@ -261,8 +264,12 @@ def _cosimulated(session: Driven, plan: _Plan, ramps: bool, given: Mapping[str, 
     session.reset({**given, **start, **entrances}, start=float(run.time[0]))
     table = np.empty((len(run) + 1, len(session.output_names)))
     table[0] = session.outputs
-    begun = time.perf_counter()
+    begun = said = time.perf_counter()
     for k in range(len(run)):
+        now = time.perf_counter()
+        if now - said > _SAID:
+            said = now
+            _log.info("%s: %d of %d steps", run.name, k, len(run))
         session.inputs[:] = inputs[k]
         table[k + 1] = session.step(run.step, inputs[min(k + 1, len(run) - 1)] if ramps else None)
     seconds = time.perf_counter() - begun

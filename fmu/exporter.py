@@ -9,7 +9,7 @@ import re
 import uuid
 import zipfile
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from functools import cache
 from importlib.metadata import metadata
@@ -23,18 +23,21 @@ from lptn.model.file import ModelFile, read_model_file
 from lptn.model.model import Model
 from lptn.model.network import Network
 
-from .codegen import Integration, c_code, integration, jacobian_moves, structure
+from .arrays import arrays as arrays_of
+from .arrays import places_of, shown, structure_of_arrays
+from .codegen import Integration, Structure, c_code, integration, jacobian_moves, structure
 from .compile import Compiler, Platform, compile_all, platforms_of, universal
 from .component import Component, component
+from .experiments import FOLDER, experiment, related
 from .terminals import terminals
 from .trust import remember
-from .variables import unit_definitions
+from .variables import Variable, unit_definitions
 
 _HEADERS = {
     2: ("fmi2Functions.h", "fmi2FunctionTypes.h", "fmi2TypesPlatform.h"),
     3: ("fmi3Functions.h", "fmi3FunctionTypes.h", "fmi3PlatformTypes.h"),
 }
-_CORE = ("core.c", "core.h", "derivatives.c", "snapshots.c", "solve.c")
+_CORE = ("core.c", "core.h", "derivatives.c", "events.c", "snapshots.c", "solve.c")
 _STOP = 3600.0  # s; default experiment
 _NOT_XML = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ufffe\uffff]")
 _NAMESPACE = uuid.UUID("6e1c2f0a-6c7b-5d0e-9a64-8f2d3b1c7e55")  # of the tokens; any fixed one would do
@@ -52,6 +55,7 @@ class Exported:
         integration: solver, inner step and what was said about them.
         component: its variables and expressions.
         size: of the file [bytes].
+        arrays: the arrays that stand in place of scalars, if any.
     """
 
     path: Path
@@ -60,11 +64,12 @@ class Exported:
     integration: Integration
     component: Component
     size: int
+    arrays: tuple[Variable, ...] = ()
 
     @property
     def variables(self) -> dict[str, int]:
         """Value references by name."""
-        return {variable.name: variable.reference for variable in self.component.variables}
+        return {each.name: each.reference for each in _shown(self.component, self.arrays, self.fmi)}
 
     def as_json(self) -> dict[str, object]:
         """What was written, as other programs read it."""
@@ -81,6 +86,7 @@ class Exported:
             "inputs": len(self.component.of("input")),
             "parameters": len(self.component.of("parameter")),
             "outputs": sum(variable.causality == "output" for variable in self.component.variables),
+            "arrays": len(self.arrays),
         }
 
 
@@ -94,8 +100,12 @@ def export(
     step: float | None = None,
     limits: Mapping[str, float] | float | None = None,
     start: Mapping[str, float] | float | None = None,
+    forecast: bool = False,
+    events: bool = False,
     admissible: bool = False,
     current_limits: Mapping[str, float] | float | None = None,
+    arrays: bool = False,
+    reference: bool = False,
     casadi: bool = False,
     author: str | None = None,
     copyright: str | None = None,  # noqa: A002
@@ -116,8 +126,13 @@ def export(
         limits: temperature limit [degC] for each node by name or pattern, or one for all; 80 degC where none is
             given.
         start: start temperature [degC] in the same way; 25 degC where none is given.
+        forecast: `True` to add the time to each node's limit as an output; it depends on the whole model.
+        events: `True` to make a limit that is crossed an event, with an output for each node and, in FMI 3, event mode
+            in Co-Simulation too and clocks.
         admissible: `True` to add the admissible torque of each joint for 10 s, 60 s, 300 s and for ever as outputs.
         current_limits: of the joints [A] by name or pattern, or one of all; ends of the admissible torques.
+        arrays: `True` to join what all places have in common as arrays, of FMI 3 alone.
+        reference: `True` to put an experiment with reference results inside, as FMI-LS-REF asks.
         casadi: `True` to let states and parameters be set in any mode: CasADi's import does so when it differentiates,
             and the standard forbids it.
         author: of the model, as importers show it; nobody by default.
@@ -135,22 +150,31 @@ def export(
     """
     if fmi not in (2, 3):
         raise InputError("command line", "--fmi", f"{fmi!r}", "2 or 3")
+    if arrays and fmi == 2:
+        raise InputError("command line", "--arrays", "with FMI 2, which has none", "--fmi 3")
+    if arrays and reference:
+        raise InputError("command line", "--reference", "with --arrays", "one of them: its tables name scalars")
     path = Path(output)
     if path.suffix.lower() != ".fmu":  # importers want it; nor can a slip then overwrite the model file
         raise InputError(path, "--output", f"a file name ending in '{path.suffix}'", "one ending in .fmu")
     targets = platforms_of(platforms)
     loaded, text = model_and_text(model)
-    exported = component(loaded, limits, start, admissible=admissible, current_limits=current_limits)
+    added = {"forecast": forecast, "events": events, "admissible": admissible}
+    exported = component(loaded, limits, start, **added, current_limits=current_limits)
     steps = integration(exported, solver, step)
     identifier = _identifier(loaded.network.name)
+    joined = arrays_of(exported.variables) if arrays else []
     about = {"author": author, "copyright": copyright, "license": license}
-    entries = _texts(exported, identifier, fmi, steps, text, date, {"casadi": casadi, "about": about})
+    entries = _texts(exported, identifier, fmi, steps, text, date, joined, {"casadi": casadi, "about": about})
+    if reference:
+        entries |= _experiment(exported, steps, entries)
     code = {name.removeprefix("sources/"): text for name, text in entries.items() if name.startswith("sources/")}
     libraries = compile_all(code, f"fmi{fmi}.c", identifier, targets, compiler)
     content = _archive(entries | _binaries(libraries, identifier, fmi))
     write_whole(path, content)
     remember(content)
-    return Exported(path, fmi, tuple(target.name for target in targets), steps, exported, len(content))
+    names = tuple(target.name for target in targets)
+    return Exported(path, fmi, names, steps, exported, len(content), tuple(joined))
 
 
 def model_and_text(model: Model | Network | ModelFile | str | Path) -> tuple[Model, str | None]:
@@ -193,6 +217,15 @@ def _binaries(libraries: Mapping[Platform, bytes], identifier: str, fmi: int) ->
     return {path: same[0] if len(same) == 1 else universal(same) for path, same in by_path.items()}
 
 
+def _experiment(component: Component, integration: Integration, entries: Mapping[str, bytes]) -> dict[str, bytes]:
+    """An experiment with reference results and the manifest of FMI-LS-REF, which also names the model file."""
+    values = {"experiment": experiment(component, integration.step)}
+    texts = {"smoke-test.exp": _rendered("smoke-test.exp.xml.j2", values)} | values["experiment"]["tables"]
+    files = {f"{FOLDER}/{name}": text.encode() for name, text in texts.items()}
+    manifest = _rendered("fmi-ls-manifest.xml.j2", {"related": related({**entries, **files})})
+    return {**files, f"{FOLDER}/fmi-ls-manifest.xml": manifest.encode()}
+
+
 # --- the texts inside -------------------------------------------------------------------------------
 
 
@@ -203,6 +236,7 @@ def _texts(
     integration: Integration,
     model_text: str | None,
     date: datetime | None,
+    joined: Sequence[Variable],
     options: Mapping[str, Any],
 ) -> dict[str, bytes]:
     """All files of an FMU but its binaries, by their path inside.
@@ -211,7 +245,7 @@ def _texts(
         InputError: the package that brings the FMI headers is missing.
     """
     code, own = c_code(component, f"{identifier}_model"), _own_sources(fmi)
-    values = _values(component, integration, fmi)
+    values = _values(component, integration, fmi, joined)
     values |= {
         **options,
         "identifier": identifier,
@@ -243,31 +277,52 @@ def _texts(
     return {path: text.encode() for path, text in texts.items()} | icon
 
 
-def _values(component: Component, integration: Integration, fmi: int) -> dict[str, Any]:
+def _values(component: Component, integration: Integration, fmi: int, joined: Sequence[Variable]) -> dict[str, Any]:
     """What the templates show."""
     name, variables = component.model.network.name, component.variables
+    seen = _shown(component, joined, fmi)
     return {
         "name": name,
         "version": metadata("lptn")["Version"],
         "fmi": fmi,
         "description": f"Thermal network of {name}",
         "variables": variables,
+        "shown": seen,
+        "arrays": joined,
+        "places": {each.reference: places_of(each.elements) for each in joined},
         "states": component.of("state"),
         "inputs": component.of("input"),
         "parameters": component.of("parameter"),
         "outputs": component.of("output", "admissible"),
         "forecasts": component.of("forecast"),
+        "indicators": component.of("indicator"),
         "limits": component.limited[0],
         "bound_moves": jacobian_moves(component),
-        "structure": structure(component),
+        "structure": _structure(component, joined, fmi),
         "definitions": unit_definitions(variable.unit for variable in variables),
         "types": list(dict.fromkeys(variable.type for variable in variables if variable.type)),
-        "terminals": terminals(variables),
+        "terminals": terminals(seen),
         "solver": integration.solver,
         "step": integration.step,
         "fastest": integration.fastest,
         "stop": _STOP,
     }
+
+
+def _shown(component: Component, joined: Sequence[Variable], fmi: int) -> list[Variable]:
+    """The variables as an importer sees them: FMI 2 knows no clocks."""
+    return [each for each in shown(component.variables, joined) if fmi == 3 or each.kind != "clock"]
+
+
+def _structure(component: Component, joined: Sequence[Variable], fmi: int) -> Structure:
+    """The dependencies as an importer sees them: of arrays, and without the clocks that FMI 2 lacks."""
+    found = structure_of_arrays(structure(component), joined)
+    if fmi == 3:
+        return found
+    outputs, initial = (
+        tuple(each for each in entries if each.variable.kind != "clock") for entries in (found.outputs, found.initial)
+    )
+    return replace(found, outputs=outputs, initial=initial)
 
 
 def _resource(path: str) -> str:
@@ -276,7 +331,7 @@ def _resource(path: str) -> str:
 
 @cache
 def _own_sources(fmi: int) -> dict[str, str]:
-    return {name: _resource(f"c/{name}") for name in (*_CORE, f"fmi{fmi}.c")}
+    return {name: _resource(f"c/{name}") for name in (*_CORE, f"fmi{fmi}.c", *(("arrays.c",) if fmi == 3 else ()))}
 
 
 def _header(name: str) -> str:

@@ -13,7 +13,7 @@ import numpy as np
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 
-from .archive import Unpacked, import_fmpy
+from .archive import Access, Unpacked, import_fmpy
 from .variables import to_column
 
 
@@ -21,7 +21,52 @@ class FmuError(RuntimeError):
     """A call that the FMU refused, with the reason that it logged."""
 
 
-class Session:
+class Closing:
+    """What is closed at the end of a `with` block."""
+
+    def close(self) -> None:
+        """Give back what it holds."""
+        raise NotImplementedError
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+class _Block:
+    """Variables that are got or set in one call, by arrays that stay where they are from one call to the next.
+
+    Args:
+        access: the variables.
+        values: theirs, one for each that was asked for.
+    """
+
+    def __init__(self, access: Access, values: FloatArray | None, instance: Any, fmi: int) -> None:
+        self.places = access.places
+        count = access.size if access.places is None else len(access.places)
+        self.values = np.zeros(count) if values is None else values
+        self._whole = self.values if access.places is None else np.zeros(access.size)
+        references = (ctypes.c_uint32 * len(access.references))(*access.references)
+        pointer = self._whole.ctypes.data_as(ctypes.POINTER(ctypes.c_double))
+        arguments = (instance, references, len(access.references), pointer)
+        self.arguments = arguments if fmi == 2 else (*arguments, access.size)
+
+    def scatter(self) -> None:
+        """Bring the values to their places before they are set."""
+        if self.places is not None:
+            self._whole[self.places] = self.values
+
+    def gather(self) -> None:
+        """Take the values from their places after they were got."""
+        if self.places is not None:
+            self.values[:] = self._whole[self.places]
+
+
+class Session(Closing):
     """One instance of an FMU for Co-Simulation, initialised and ready to step.
 
     Args:
@@ -77,12 +122,14 @@ class Session:
         Raises:
             FmuError: the FMU refuses an input or the step.
         """
-        self._call(self._set, *self._set_arguments)
+        self._entrances.scatter()
+        self._call(self._set, *self._entrances.arguments)
         if ramp_to is not None:
             self._ramp(step, np.asarray(ramp_to, dtype=float))
         self._call(self._do, self._instance, self.time, step, True, *self._flags)
         self.time += step
-        self._call(self._get, *self._get_arguments)
+        self._call(self._get, *self._exits.arguments)
+        self._exits.gather()
         if ramp_to is not None:
             self._target = None
             self.inputs[:] = ramp_to
@@ -90,10 +137,7 @@ class Session:
 
     def read(self, names: Iterable[str]) -> FloatArray:
         """Values of any variables, shape (number of names,), in the FMU's units."""
-        references = self.unpacked.references(names, "names")
-        values = np.zeros(len(references))
-        self._call(self._get, *self._arguments(references, values))
-        return values
+        return self._read(self._block(self.unpacked.access(names, "names")))
 
     def write(self, values: Mapping[str, float]) -> None:
         """Set variables: tunable parameters between steps, anything before the first.
@@ -102,8 +146,12 @@ class Session:
             FmuError: the FMU refuses a value.
         """
         if values:
-            references = self.unpacked.references(values, "values")
-            self._call(self._set, *self._arguments(references, np.array(list(values.values()), dtype=float)))
+            block = self._block(self.unpacked.access(values, "values"))
+            if block.places is not None:
+                self._call(self._get, *block.arguments)  # elements of arrays that are not named keep their values
+            block.values[:] = list(values.values())
+            block.scatter()
+            self._call(self._set, *block.arguments)
 
     def reset(self, values: Mapping[str, float] | None = None, start: float = 0.0) -> None:
         """Begin anew at the start values, changed by `values`."""
@@ -118,14 +166,6 @@ class Session:
             fmu.freeInstance()
         self.unpacked.close()
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
-
     # --- loading -------------------------------------------------------------------------------
 
     @property
@@ -139,8 +179,8 @@ class Session:
         self.input_names = unpacked.names("input") if inputs is None else list(inputs)
         self.output_names = outputs_but_forecasts if outputs is None else list(outputs)
         self.inputs, self.outputs = np.zeros(len(self.input_names)), np.zeros(len(self.output_names))
-        self._input_references = unpacked.references(self.input_names, "inputs")
-        self._output_references = unpacked.references(self.output_names, "outputs")
+        self._input_access = unpacked.access(self.input_names, "inputs")
+        self._output_access = unpacked.access(self.output_names, "outputs")
 
     def _begin(self, values: Mapping[str, float], instantiate: bool = True) -> None:
         if instantiate:
@@ -152,26 +192,31 @@ class Session:
         else:
             self._call(self._fmu.enterInitializationMode, None, self.time)
         self._call(self._fmu.exitInitializationMode)
-        self._call(self._get, *self._arguments(self._input_references, self.inputs))
-        self._call(self._get, *self._get_arguments)
+        self._read(self._entrances)
+        self._read(self._exits)
 
     def _instantiate(self) -> None:
         fmpy = import_fmpy()
         description, self._fmi = self.unpacked.description, self.unpacked.fmi
         self.unpacked.check_binary(fmpy)
-        slave = fmpy.fmi2.FMU2Slave if self._fmi == 2 else fmpy.fmi3.FMU3Slave
+        library, identifier = self._library(fmpy)
         try:
-            self._fmu = slave(
+            self._fmu = library(
                 guid=description.guid,
                 unzipDirectory=str(self.unpacked.folder),
                 instanceName="lptn",
-                modelIdentifier=description.coSimulation.modelIdentifier,
+                modelIdentifier=identifier,
             )
             self._instance_with_log(fmpy)
         except Exception as error:
             raise InputError(self.path, "binaries", str(error)[:200], "a library that loads") from error
         self._instance = self._fmu.component
         self._bind()
+
+    def _library(self, fmpy: Any) -> tuple[Any, str]:
+        """fmpy's class for the FMU, and the name of its library."""
+        slave = fmpy.fmi2.FMU2Slave if self._fmi == 2 else fmpy.fmi3.FMU3Slave
+        return slave, self.unpacked.description.coSimulation.modelIdentifier
 
     def _instance_with_log(self, fmpy: Any) -> None:
         if self._fmi == 2:
@@ -182,31 +227,38 @@ class Session:
             self._kept_alive.append(callbacks)
             self._fmu.instantiate(callbacks=callbacks, loggingOn=True)
         else:
-            self._fmu.instantiate(loggingOn=True, logMessage=self._logged3, **self._intermediate())
+            self._fmu.instantiate(loggingOn=True, logMessage=self._logged3, **self._instance_arguments())
+
+    def _instance_arguments(self) -> dict[str, Any]:
+        return self._intermediate()
 
     def _intermediate(self) -> dict[str, Any]:
         if not (self._ramps and getattr(self.unpacked.description.coSimulation, "providesIntermediateUpdate", False)):
             return {}
-        return {"intermediateUpdate": self._update, "requiredIntermediateVariables": self._input_references}
+        return {
+            "intermediateUpdate": self._update,
+            "requiredIntermediateVariables": list(self._input_access.references),
+        }
 
     def _bind(self) -> None:
         fmu = self._fmu
         if self._fmi == 2:
-            self._set, self._get, self._do = fmu.fmi2SetReal, fmu.fmi2GetReal, fmu.fmi2DoStep
+            self._set, self._get, self._do = fmu.fmi2SetReal, fmu.fmi2GetReal, getattr(fmu, "fmi2DoStep", None)
         else:
             flags: list[Any] = [ctypes.c_bool(), ctypes.c_bool(), ctypes.c_bool(), ctypes.c_double()]
             self._kept_alive.append(flags)
-            self._set, self._get, self._do = fmu.fmi3SetFloat64, fmu.fmi3GetFloat64, fmu.fmi3DoStep
+            self._set, self._get, self._do = fmu.fmi3SetFloat64, fmu.fmi3GetFloat64, getattr(fmu, "fmi3DoStep", None)
             self._flags = tuple(ctypes.byref(flag) for flag in flags)
-        self._set_arguments = self._arguments(self._input_references, self.inputs)
-        self._get_arguments = self._arguments(self._output_references, self.outputs)
+        self._entrances = self._block(self._input_access, self.inputs)
+        self._exits = self._block(self._output_access, self.outputs)
 
-    def _arguments(self, references: Sequence[int], values: FloatArray) -> tuple[Any, ...]:
-        """The arguments of a get or set call; the arrays stay where they are from one call to the next."""
-        array = (ctypes.c_uint32 * len(references))(*references)
-        pointer = values.ctypes.data_as(ctypes.POINTER(ctypes.c_double))
-        arguments = (self._instance, array, len(references), pointer)
-        return arguments if self._fmi == 2 else (*arguments, len(references))
+    def _block(self, access: Access, values: FloatArray | None = None) -> _Block:
+        return _Block(access, values, self._instance, self._fmi)
+
+    def _read(self, block: _Block) -> FloatArray:
+        self._call(self._get, *block.arguments)
+        block.gather()
+        return block.values
 
     def column(self, name: str) -> str:
         """The log column of a variable."""
@@ -235,7 +287,7 @@ class Session:
         slopes = (target - self.inputs) / step
         if self._fmi == 2:
             n = len(slopes)
-            references, orders = (ctypes.c_uint32 * n)(*self._input_references), (ctypes.c_int * n)(*[1] * n)
+            references, orders = (ctypes.c_uint32 * n)(*self._input_access.references), (ctypes.c_int * n)(*[1] * n)
             pointer = slopes.ctypes.data_as(ctypes.POINTER(ctypes.c_double))
             self._call(self._fmu.fmi2SetRealInputDerivatives, self._instance, references, n, orders, pointer)
         elif not self._intermediate():
@@ -247,4 +299,5 @@ class Session:
         """FMI 3: the inputs at an intermediate time, where a ramp is under way."""
         if asked and self._target is not None:
             self.inputs[:] = self._from + self._slopes * (time - self.time)
-            self._set(*self._set_arguments)
+            self._entrances.scatter()
+            self._set(*self._entrances.arguments)

@@ -244,6 +244,9 @@ def write_system(
     files = {component: Path(file) for component, file in fmus.items()}
     opened = {component: Unpacked(file, trust=True) for component, file in files.items()}  # read, not run
     try:
+        for component, each in opened.items():
+            if each.has_arrays:
+                raise InputError(target, component, "an FMU with arrays, which SSP 1.0 has none of", "one of scalars")
         pairs = [_pair(start, end, opened, target) for start, end in connections]
         _check_connections(pairs, opened, target)
         inside = target.suffix == ".ssp"

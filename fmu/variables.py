@@ -9,7 +9,9 @@ from typing import Literal
 
 from lptn.basics.units import registry
 
-Kind = Literal["time", "state", "rate", "input", "parameter", "output", "admissible", "forecast"]
+Kind = Literal[
+    "time", "state", "rate", "input", "parameter", "output", "admissible", "forecast", "indicator", "crossed", "clock"
+]
 ZERO_CELSIUS = 273.15  # K
 
 
@@ -70,6 +72,8 @@ class Variable:
         maximum: the largest value that is accepted.
         hidden: whether it is internal to the component: neither input, output nor parameter.
         of: for a rate, the reference of its state.
+        entrance: for a clock, whether the importer sets it.
+        elements: for an array, the scalar variables that it joins; `name`, `reference` and `start` are the array's.
     """
 
     name: str
@@ -83,6 +87,18 @@ class Variable:
     maximum: float | None = None
     hidden: bool = False
     of: int | None = None
+    entrance: bool = False
+    elements: tuple[Variable, ...] = ()
+
+    @property
+    def base(self) -> str:
+        """The type that FMI 3 gives it."""
+        return {"crossed": "Boolean", "clock": "Clock"}.get(self.kind, "Float64")
+
+    @property
+    def starts(self) -> tuple[float, ...]:
+        """Its start values: none where it is calculated, one, or one for each element."""
+        return tuple(each.start for each in self.elements or (self,) if each.start is not None)
 
     @property
     def causality(self) -> str:
@@ -91,17 +107,22 @@ class Variable:
             return "independent"
         if self.kind in ("input", "parameter"):
             return self.kind
+        if self.kind == "clock":
+            return "input" if self.entrance else "output"
         return "local" if self.hidden else "output"
 
     @property
     def variability(self) -> str:
         """FMI's variability."""
+        if self.kind in ("crossed", "clock"):
+            return "discrete"
         return "tunable" if self.kind == "parameter" else "continuous"
 
     @property
     def initial(self) -> str | None:
         """FMI's `initial`; `None` where the standard wants none."""
-        return {"state": "exact", "parameter": "exact", "time": None, "input": None}.get(self.kind, "calculated")
+        given = {"state": "exact", "parameter": "exact", "time": None, "input": None, "clock": None}
+        return given.get(self.kind, "calculated")
 
     @property
     def type(self) -> DeclaredType | None:

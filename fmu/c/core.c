@@ -11,7 +11,10 @@
 #define PARAMETERS (INPUTS + NU)
 #define OUTPUTS (PARAMETERS + NP)
 #define FORECASTS (OUTPUTS + NY)
-#define END (FORECASTS + NZ)
+#define INDICATORS (FORECASTS + NZ)
+#define END (INDICATORS + NE)  /* of the real variables */
+#define CROSSED END            /* Boolean */
+#define CLOCKS (CROSSED + NE)  /* FMI 3 */
 #define COLD 150.0 /* K; no robot is so cold: somebody has set degrees Celsius */
 #define ULPS 4.0          /* of a time: what the arithmetic of an importer may lose */
 #define PART_OF_STEP 1e-6 /* of a communication step: what may lie between its begin and the end of the last one */
@@ -108,13 +111,15 @@ static void core_forget_all(Instance *I) {
 }
 
 static void core_reset(Instance *I) {
-    int64_t type = I->data.type;
+    int64_t type = I->data.type, event_mode = I->data.event_mode;
     memset(&I->data, 0, sizeof I->data);
     memcpy(I->data.x, START, sizeof I->data.x);
     if (NU) memcpy(I->data.u, START + NX, NU * sizeof(double));
     memcpy(I->data.p, START + NX + NU, sizeof I->data.p);
+    memcpy(I->data.begun, START, sizeof I->data.begun);
     I->data.stop = INFINITY;
     I->data.type = type;
+    I->data.event_mode = event_mode;
     I->data.mode = INSTANTIATED;
     I->warned_cold = I->warned_step = 0;
     I->last_step = OK;
@@ -184,6 +189,7 @@ static void know_outputs(Instance *I) {
     I->outputs_known = 1;
 }
 
+#include "events.c"
 #include "solve.c"
 
 static int core_unknown(Instance *I, const char *function, const uint32_t *references, size_t n, const void *values) {
@@ -218,7 +224,8 @@ static Status core_get(Instance *I, const char *function, const uint32_t *refere
         else if (r < PARAMETERS) values[i] = I->data.u[r - INPUTS];
         else if (r < OUTPUTS) values[i] = I->data.p[r - PARAMETERS];
         else if (r < FORECASTS) know_outputs(I), values[i] = I->outputs[r - OUTPUTS];
-        else know_forecasts(I), values[i] = I->forecasts[r - FORECASTS];
+        else if (r < INDICATORS) know_forecasts(I), values[i] = I->forecasts[r - FORECASTS];
+        else values[i] = core_indicator(I, (int)(r - INDICATORS));
     }
     for (i = 0; i < n; i++) {
         Status status = core_finite(I, function, NAMES[references[i]], values[i]);

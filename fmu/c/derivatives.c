@@ -39,7 +39,7 @@ static Status finite_derivatives(Instance *I, const char *function, const uint32
 
 static void forward(Instance *I, const Known *seed, const uint32_t *unknowns, size_t n, double *result) {
     const double *arguments[] = {I->data.x, I->data.u, I->data.p, seed->x, seed->u, seed->p};
-    double rates[NX], outputs[SPACE_Y], times[NZ], moved[NZ];
+    double rates[NX], outputs[SPACE_Y], times[SPACE_Z], moved[SPACE_Z];
     double *of_rates[] = {rates}, *of_outputs[] = {outputs};
     int have_rates = 0, have_outputs = 0, have_times = 0;
     size_t i;
@@ -52,10 +52,10 @@ static void forward(Instance *I, const Known *seed, const uint32_t *unknowns, si
         } else if (r < FORECASTS) {
             if (!have_outputs++) lptn_outputs_forward(arguments, of_outputs, NULL, NULL, 0);
             result[i] = outputs[r - OUTPUTS];
-        } else {
+        } else if (r < INDICATORS) {
             if (!have_times++) forecast(I, times, seed->x, seed->u, seed->p, moved);
             result[i] = moved[r - FORECASTS];
-        }
+        } else result[i] = seed->p[LIMITS + (r - INDICATORS)] - seed->x[r - INDICATORS];
     }
 }
 
@@ -73,7 +73,7 @@ static Status core_forward(Instance *I, const char *function, const uint32_t *un
 
 /* Forecasts have no reverse code: their gradient is found direction by direction. */
 static void reverse_forecasts(Instance *I, const double *seed, const uint32_t *knowns, size_t n, double *result) {
-    double times[NZ], moved[NZ];
+    double times[SPACE_Z], moved[SPACE_Z];
     Known unit;
     size_t i;
     int k;
@@ -88,38 +88,49 @@ static void reverse_forecasts(Instance *I, const double *seed, const uint32_t *k
 
 static Status core_reverse(Instance *I, const char *function, const uint32_t *unknowns, size_t nu,
                            const uint32_t *knowns, size_t nk, const double *seed, double *result) {
-    double rates[NX] = {0}, outputs[SPACE_Y] = {0}, times[NZ] = {0};
+    double rates[NX] = {0}, outputs[SPACE_Y] = {0}, times[SPACE_Z] = {0};
     int forecasts = 0;
     Known found;
     const double *arguments[] = {I->data.x, I->data.u, I->data.p, rates, outputs};
     double *results[] = {found.x, found.u, found.p};
-    double direct[NX] = {0};
+    double direct[NX] = {0}, margins[SPACE_E] = {0};
     size_t i;
+    int limit;
     if (check_derivative(I, function, unknowns, nu, knowns, nk, result, seed) != OK) return ERROR;
     for (i = 0; i < nu; i++) {
         uint32_t r = unknowns[i];
         if (r < RATES) direct[r - STATES] += seed[i];
         else if (r < INPUTS) rates[r - RATES] += seed[i];
         else if (r < FORECASTS) outputs[r - OUTPUTS] += seed[i];
-        else forecasts = 1, times[r - FORECASTS] += seed[i];
+        else if (r < INDICATORS) forecasts = 1, times[r - FORECASTS] += seed[i];
+        else margins[r - INDICATORS] += seed[i];
     }
     memset(&found, 0, sizeof found);
     lptn_reverse(arguments, results, NULL, NULL, 0);
     for (i = 0; i < NX; i++) found.x[i] += direct[i];
+    for (limit = 0; limit < NE; limit++) {
+        found.x[limit] -= margins[limit];
+        found.p[LIMITS + limit] += margins[limit];
+    }
     for (i = 0; i < nk; i++) result[i] = knowns[i] ? *known_place(&found, knowns[i]) : 0;
     if (forecasts) reverse_forecasts(I, times, knowns, nk, result);
     return finite_derivatives(I, function, knowns, nk, result);
 }
 
+static Status core_orders(Instance *I, const char *function, const int *orders, size_t n) {
+    size_t i;
+    if (n && !orders) return core_fail(I, function, "null pointer");
+    for (i = 0; i < n; i++)
+        if (orders[i] != 1) return core_fail(I, function, "order %d; only order 1 is known", orders[i]);
+    return OK;
+}
+
 /* Time derivatives of outputs along the present motion: rates of the states, slopes of the inputs. */
-static Status core_output_slopes(Instance *I, const char *function, const uint32_t *references, size_t n,
-                                 const int *orders, double *values) {
+static Status core_output_slopes(Instance *I, const char *function, const uint32_t *references, size_t n, double *values) {
     Known seed;
     size_t i;
     if (core_unknown(I, function, references, n, values)) return ERROR;
-    if (n && !orders) return core_fail(I, function, "null pointer");
     for (i = 0; i < n; i++) {
-        if (orders[i] != 1) return core_fail(I, function, "order %d; only order 1 is known", orders[i]);
         if (!is_unknown(references[i]))
             return core_fail(I, function, "%s (%u) is no output", NAMES[references[i]], (unsigned)references[i]);
     }

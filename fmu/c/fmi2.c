@@ -90,6 +90,7 @@ fmi2Status fmi2EnterInitializationMode(fmi2Component c) {
 
 fmi2Status fmi2ExitInitializationMode(fmi2Component c) {
     REQUIRE(INITIALIZATION, "fmi2ExitInitializationMode");
+    core_begin(I);
     I->data.mode = I->data.type == MODEL_EXCHANGE ? EVENT : STEP;
     return fmi2OK;
 }
@@ -118,7 +119,18 @@ fmi2Status fmi2SetReal(fmi2Component c, const fmi2ValueReference vr[], size_t n,
     return (fmi2Status)core_set(I, "fmi2SetReal", vr, n, values);
 }
 
-/* All variables are Real. */
+fmi2Status fmi2GetBoolean(fmi2Component c, const fmi2ValueReference vr[], size_t n, fmi2Boolean values[]) {
+    size_t i;
+    REQUIRE(ANY & ~INSTANTIATED, "fmi2GetBoolean");
+    if (n && (!vr || !values)) return (fmi2Status)core_fail(I, "fmi2GetBoolean", "null pointer");
+    for (i = 0; i < n; i++)
+        if (vr[i] < CROSSED || vr[i] >= CLOCKS)
+            return (fmi2Status)core_fail(I, "fmi2GetBoolean", "no Boolean variable with value reference %u", vr[i]);
+    for (i = 0; i < n; i++) values[i] = core_crossed(I, (int)(vr[i] - CROSSED)) ? fmi2True : fmi2False;
+    return fmi2OK;
+}
+
+/* All others are Real. */
 #define NO_VARIABLES(name, type, what)                                                                        \
     fmi2Status name(fmi2Component c, const fmi2ValueReference vr[], size_t n, type values[]) {                \
         REQUIRE(ANY, #name);                                                                                  \
@@ -128,10 +140,9 @@ fmi2Status fmi2SetReal(fmi2Component c, const fmi2ValueReference vr[], size_t n,
     }
 
 NO_VARIABLES(fmi2GetInteger, fmi2Integer, "Integer")
-NO_VARIABLES(fmi2GetBoolean, fmi2Boolean, "Boolean")
 NO_VARIABLES(fmi2GetString, fmi2String, "String")
 NO_VARIABLES(fmi2SetInteger, const fmi2Integer, "Integer")
-NO_VARIABLES(fmi2SetBoolean, const fmi2Boolean, "Boolean")
+NO_VARIABLES(fmi2SetBoolean, const fmi2Boolean, "settable Boolean")
 NO_VARIABLES(fmi2SetString, const fmi2String, "String")
 
 /* --- state of the component ------------------------------------------------------------------------ */
@@ -177,7 +188,7 @@ fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReferenc
 
 fmi2Status fmi2EnterEventMode(fmi2Component c) {
     REQUIRE(EVENT | CONTINUOUS, "fmi2EnterEventMode");
-    I->data.mode = EVENT;
+    core_enter_event(I);
     return fmi2OK;
 }
 
@@ -185,6 +196,7 @@ fmi2Status fmi2NewDiscreteStates(fmi2Component c, fmi2EventInfo *info) {
     REQUIRE(EVENT, "fmi2NewDiscreteStates");
     if (!info) return (fmi2Status)core_fail(I, "fmi2NewDiscreteStates", "null pointer");
     memset(info, 0, sizeof *info);
+    core_update(I);
     return fmi2OK;
 }
 
@@ -221,8 +233,7 @@ fmi2Status fmi2GetDerivatives(fmi2Component c, fmi2Real rates[], size_t n) {
 
 fmi2Status fmi2GetEventIndicators(fmi2Component c, fmi2Real indicators[], size_t n) {
     REQUIRE_ONE(MODEL_EXCHANGE, ANY & ~INSTANTIATED, "fmi2GetEventIndicators");
-    (void)indicators;
-    return n ? (fmi2Status)core_fail(I, "fmi2GetEventIndicators", "there are none") : fmi2OK;
+    return (fmi2Status)core_indicators(I, "fmi2GetEventIndicators", indicators, n);
 }
 
 fmi2Status fmi2GetContinuousStates(fmi2Component c, fmi2Real x[], size_t n) {
@@ -251,7 +262,8 @@ fmi2Status fmi2SetRealInputDerivatives(fmi2Component c, const fmi2ValueReference
 fmi2Status fmi2GetRealOutputDerivatives(fmi2Component c, const fmi2ValueReference vr[], size_t n, const fmi2Integer orders[],
                                         fmi2Real values[]) {
     REQUIRE_ONE(CO_SIMULATION, STEP | TERMINATED, "fmi2GetRealOutputDerivatives");
-    return (fmi2Status)core_output_slopes(I, "fmi2GetRealOutputDerivatives", vr, n, orders, values);
+    if (core_orders(I, "fmi2GetRealOutputDerivatives", orders, n) != OK) return fmi2Error;
+    return (fmi2Status)core_output_slopes(I, "fmi2GetRealOutputDerivatives", vr, n, values);
 }
 
 fmi2Status fmi2DoStep(fmi2Component c, fmi2Real from, fmi2Real step, fmi2Boolean no_return) {

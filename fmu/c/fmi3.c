@@ -5,6 +5,8 @@
 #define LOG_OFF 0                    /* no message at all */
 #include "core.c"
 
+#include "arrays.c"
+
 #define RUNNING (EVENT | CONTINUOUS | STEP)
 #define OUTSIDE (INSTANTIATED | INITIALIZATION | RUNNING | TERMINATED)
 #define ANY (OUTSIDE | UPDATE)
@@ -71,26 +73,36 @@ fmi3Instance fmi3InstantiateModelExchange(fmi3String name, fmi3String token, fmi
     return make("fmi3InstantiateModelExchange", MODEL_EXCHANGE, name, token, logging, environment, log);
 }
 
+static int only_inputs(Instance *I, const fmi3ValueReference vr[], size_t n) {
+    Scalars scalars;
+    size_t i;
+    if (!scalars_of(I, "fmi3InstantiateCoSimulation", vr, n, &scalars)) return 0;
+    for (i = 0; i < scalars.n; i++)
+        if (!(settable(scalars.references[i]) & UPDATE)) break;
+    free_scalars(&scalars);
+    if (i == scalars.n) return 1;
+    core_fail(I, "fmi3InstantiateCoSimulation", "an intermediate variable that is no input");
+    return 0;
+}
+
 fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3String resources, fmi3Boolean visible,
                                          fmi3Boolean logging, fmi3Boolean events, fmi3Boolean early,
                                          const fmi3ValueReference required[], size_t n, fmi3InstanceEnvironment environment,
                                          fmi3LogMessageCallback log, fmi3IntermediateUpdateCallback update) {
     Instance *I;
-    size_t i;
     (void)resources;
     (void)visible;
-    if (events) {
+    if (events && !NE) {
         if (log) log(environment, fmi3Error, "logStatusError", "fmi3InstantiateCoSimulation: there is no event mode");
         return NULL;
     }
     I = make("fmi3InstantiateCoSimulation", CO_SIMULATION, name, token, logging, environment, log);
     if (!I) return NULL;
-    for (i = 0; i < n; i++)
-        if (!required || !(settable(required[i]) & UPDATE)) {
-            core_fail(I, "fmi3InstantiateCoSimulation", "an intermediate variable that is no input");
-            fmi3FreeInstance(I);
-            return NULL;
-        }
+    I->data.event_mode = events;
+    if (!only_inputs(I, required, n)) {
+        fmi3FreeInstance(I);
+        return NULL;
+    }
     ((Callbacks *)I->callbacks)->update = update;
     ((Callbacks *)I->callbacks)->early = early;
     return I;
@@ -131,13 +143,14 @@ fmi3Status fmi3EnterInitializationMode(fmi3Instance instance, fmi3Boolean has_to
 
 fmi3Status fmi3ExitInitializationMode(fmi3Instance instance) {
     REQUIRE(INITIALIZATION, "fmi3ExitInitializationMode");
-    I->data.mode = I->data.type == MODEL_EXCHANGE ? EVENT : STEP;
+    core_begin(I);
+    I->data.mode = I->data.type == MODEL_EXCHANGE || I->data.event_mode ? EVENT : STEP;
     return fmi3OK;
 }
 
 fmi3Status fmi3EnterEventMode(fmi3Instance instance) {
-    REQUIRE(CONTINUOUS, "fmi3EnterEventMode");
-    I->data.mode = EVENT;
+    REQUIRE(CONTINUOUS | (instance && ((Instance *)instance)->data.event_mode ? STEP : 0), "fmi3EnterEventMode");
+    core_enter_event(I);
     return fmi3OK;
 }
 
@@ -156,19 +169,28 @@ fmi3Status fmi3Reset(fmi3Instance instance) {
 /* --- values ---------------------------------------------------------------------------------------- */
 
 fmi3Status fmi3GetFloat64(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, fmi3Float64 values[], size_t nv) {
+    Scalars scalars;
+    Status status = ERROR;
     REQUIRE(ANY, "fmi3GetFloat64");
-    if (n != nv) return (fmi3Status)core_fail(I, "fmi3GetFloat64", "%u references, %u values", (unsigned)n, (unsigned)nv);
-    return (fmi3Status)core_get(I, "fmi3GetFloat64", vr, n, values);
+    if (!scalars_of(I, "fmi3GetFloat64", vr, n, &scalars)) return fmi3Error;
+    if (matches(I, "fmi3GetFloat64", &scalars, nv))
+        status = core_get(I, "fmi3GetFloat64", scalars.references, scalars.n, values);
+    free_scalars(&scalars);
+    return (fmi3Status)status;
 }
 
 fmi3Status fmi3SetFloat64(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, const fmi3Float64 values[],
                           size_t nv) {
+    Scalars scalars;
+    Status status = ERROR;
     REQUIRE(INSTANTIATED | INITIALIZATION | RUNNING | UPDATE, "fmi3SetFloat64");
-    if (n != nv) return (fmi3Status)core_fail(I, "fmi3SetFloat64", "%u references, %u values", (unsigned)n, (unsigned)nv);
-    return (fmi3Status)core_set(I, "fmi3SetFloat64", vr, n, values);
+    if (!scalars_of(I, "fmi3SetFloat64", vr, n, &scalars)) return fmi3Error;
+    if (matches(I, "fmi3SetFloat64", &scalars, nv))
+        status = core_set(I, "fmi3SetFloat64", scalars.references, scalars.n, values);
+    free_scalars(&scalars);
+    return (fmi3Status)status;
 }
 
-/* All variables are Float64. */
 static fmi3Status none_of(fmi3Instance instance, const char *function, const fmi3ValueReference vr[], size_t n) {
     REQUIRE(ANY, function);
     if (!n) return fmi3OK;
@@ -198,7 +220,6 @@ NO_VARIABLES(Int32)
 NO_VARIABLES(UInt32)
 NO_VARIABLES(Int64)
 NO_VARIABLES(UInt64)
-NO_VARIABLES(Boolean)
 NO_VARIABLES(String)
 
 fmi3Status fmi3GetBinary(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, size_t sizes[], fmi3Binary values[],
@@ -217,14 +238,57 @@ fmi3Status fmi3SetBinary(fmi3Instance instance, const fmi3ValueReference vr[], s
     return none_of(instance, "fmi3SetBinary", vr, n);
 }
 
-fmi3Status fmi3GetClock(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, fmi3Clock values[]) {
+/* --- whether limits are passed, and the two clocks ----------------------------------------------------- */
+
+enum { LIMIT_CLOCK = CLOCKS, RUN_CLOCK };
+
+/* Nonzero, and said, where a reference is not one of a range. */
+static int outside(Instance *I, const char *function, const fmi3ValueReference vr[], size_t n, const void *values,
+                   uint32_t first, uint32_t last) {
+    size_t i;
+    if (n && (!vr || !values)) return core_fail(I, function, "null pointer");
+    for (i = 0; i < n; i++)
+        if (!NE || vr[i] < first || vr[i] > last)
+            return core_fail(I, function, "no variable of this type with value reference %u", (unsigned)vr[i]);
+    return 0;
+}
+
+fmi3Status fmi3GetBoolean(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, fmi3Boolean values[], size_t nv) {
+    Scalars scalars;
+    fmi3Status status = fmi3Error;
+    size_t i;
+    REQUIRE(ANY, "fmi3GetBoolean");
+    if (!scalars_of(I, "fmi3GetBoolean", vr, n, &scalars)) return fmi3Error;
+    if (matches(I, "fmi3GetBoolean", &scalars, nv) &&
+        !outside(I, "fmi3GetBoolean", scalars.references, scalars.n, values, CROSSED, CLOCKS - 1)) {
+        for (i = 0; i < scalars.n; i++) values[i] = core_crossed(I, (int)(scalars.references[i] - CROSSED));
+        status = fmi3OK;
+    }
+    free_scalars(&scalars);
+    return status;
+}
+
+fmi3Status fmi3SetBoolean(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, const fmi3Boolean values[], size_t nv) {
     (void)values;
-    return none_of(instance, "fmi3GetClock", vr, n);
+    (void)nv;
+    return none_of(instance, "fmi3SetBoolean", vr, n);
+}
+
+/* Active from the event's begin to fmi3UpdateDiscreteStates. */
+fmi3Status fmi3GetClock(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, fmi3Clock values[]) {
+    size_t i;
+    REQUIRE(EVENT, "fmi3GetClock");
+    if (outside(I, "fmi3GetClock", vr, n, values, LIMIT_CLOCK, RUN_CLOCK)) return fmi3Error;
+    for (i = 0; i < n; i++) values[i] = (vr[i] == LIMIT_CLOCK ? I->data.ticks : I->data.begins) != 0;
+    return fmi3OK;
 }
 
 fmi3Status fmi3SetClock(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, const fmi3Clock values[]) {
-    (void)values;
-    return none_of(instance, "fmi3SetClock", vr, n);
+    size_t i;
+    REQUIRE(EVENT, "fmi3SetClock");
+    if (outside(I, "fmi3SetClock", vr, n, values, RUN_CLOCK, RUN_CLOCK)) return fmi3Error;
+    for (i = 0; i < n; i++) I->data.begins |= values[i];
+    return fmi3OK;
 }
 
 /* --- not there: said, never a crash ------------------------------------------------------------------ */
@@ -237,7 +301,7 @@ static fmi3Status absent(fmi3Instance instance, const char *function, const char
 fmi3Status fmi3GetNumberOfVariableDependencies(fmi3Instance instance, fmi3ValueReference vr, size_t *n) {
     (void)vr;
     (void)n;
-    return absent(instance, "fmi3GetNumberOfVariableDependencies", "see ModelStructure; there are no arrays");
+    return absent(instance, "fmi3GetNumberOfVariableDependencies", "see ModelStructure; nothing is said of single elements");
 }
 
 fmi3Status fmi3GetVariableDependencies(fmi3Instance instance, fmi3ValueReference dependent, size_t elements[],
@@ -248,7 +312,7 @@ fmi3Status fmi3GetVariableDependencies(fmi3Instance instance, fmi3ValueReference
     (void)of;
     (void)kinds;
     (void)n;
-    return absent(instance, "fmi3GetVariableDependencies", "see ModelStructure; there are no arrays");
+    return absent(instance, "fmi3GetVariableDependencies", "see ModelStructure; nothing is said of single elements");
 }
 
 fmi3Status fmi3EnterConfigurationMode(fmi3Instance instance) {
@@ -318,20 +382,36 @@ fmi3Status fmi3DeserializeFMUState(fmi3Instance instance, const fmi3Byte bytes[]
     return (fmi3Status)core_deserialize(I, "fmi3DeserializeFMUState", bytes, size, state);
 }
 
+typedef Status (*Derivative)(Instance *, const char *, const uint32_t *, size_t, const uint32_t *, size_t, const double *, double *);
+
+/* Seeds and results are one for each scalar; `of_unknowns` says whether there is a seed for each of the unknowns. */
+static fmi3Status derivative(Instance *I, const char *function, Derivative call, int of_unknowns, const fmi3ValueReference unknowns[],
+                             size_t nu, const fmi3ValueReference knowns[], size_t nk, const fmi3Float64 seed[], size_t ns,
+                             fmi3Float64 result[], size_t nr) {
+    Scalars first, second;
+    Status status = ERROR;
+    if (!scalars_of(I, function, unknowns, nu, &first)) return fmi3Error;
+    if (scalars_of(I, function, knowns, nk, &second)) {
+        if (matches(I, function, &first, of_unknowns ? ns : nr) && matches(I, function, &second, of_unknowns ? nr : ns))
+            status = call(I, function, first.references, first.n, second.references, second.n, seed, result);
+        free_scalars(&second);
+    }
+    free_scalars(&first);
+    return (fmi3Status)status;
+}
+
 fmi3Status fmi3GetDirectionalDerivative(fmi3Instance instance, const fmi3ValueReference unknowns[], size_t nu,
                                         const fmi3ValueReference knowns[], size_t nk, const fmi3Float64 seed[], size_t ns,
                                         fmi3Float64 result[], size_t nr) {
     REQUIRE(INITIALIZATION | RUNNING | TERMINATED, "fmi3GetDirectionalDerivative");
-    if (ns != nk || nr != nu) return (fmi3Status)core_fail(I, "fmi3GetDirectionalDerivative", "sizes do not match");
-    return (fmi3Status)core_forward(I, "fmi3GetDirectionalDerivative", unknowns, nu, knowns, nk, seed, result);
+    return derivative(I, "fmi3GetDirectionalDerivative", core_forward, 0, unknowns, nu, knowns, nk, seed, ns, result, nr);
 }
 
 fmi3Status fmi3GetAdjointDerivative(fmi3Instance instance, const fmi3ValueReference unknowns[], size_t nu,
                                     const fmi3ValueReference knowns[], size_t nk, const fmi3Float64 seed[], size_t ns,
                                     fmi3Float64 result[], size_t nr) {
     REQUIRE(INITIALIZATION | RUNNING | TERMINATED, "fmi3GetAdjointDerivative");
-    if (ns != nu || nr != nk) return (fmi3Status)core_fail(I, "fmi3GetAdjointDerivative", "sizes do not match");
-    return (fmi3Status)core_reverse(I, "fmi3GetAdjointDerivative", unknowns, nu, knowns, nk, seed, result);
+    return derivative(I, "fmi3GetAdjointDerivative", core_reverse, 1, unknowns, nu, knowns, nk, seed, ns, result, nr);
 }
 
 /* --- Model Exchange -------------------------------------------------------------------------------- */
@@ -343,18 +423,20 @@ fmi3Status fmi3EvaluateDiscreteStates(fmi3Instance instance) {
 
 fmi3Status fmi3UpdateDiscreteStates(fmi3Instance instance, fmi3Boolean *again, fmi3Boolean *end, fmi3Boolean *nominals,
                                     fmi3Boolean *values, fmi3Boolean *timed, fmi3Float64 *time) {
+    int jumps;
     REQUIRE(EVENT, "fmi3UpdateDiscreteStates");
     if (again) *again = fmi3False;
     if (end) *end = fmi3False;
     if (nominals) *nominals = fmi3False;
-    if (values) *values = fmi3False;
+    jumps = core_update(I);
+    if (values) *values = jumps;
     if (timed) *timed = fmi3False;
     if (time) *time = 0;
     return fmi3OK;
 }
 
 fmi3Status fmi3EnterContinuousTimeMode(fmi3Instance instance) {
-    REQUIRE(EVENT, "fmi3EnterContinuousTimeMode");
+    REQUIRE_ONE(MODEL_EXCHANGE, EVENT, "fmi3EnterContinuousTimeMode");
     I->data.mode = CONTINUOUS;
     return fmi3OK;
 }
@@ -368,14 +450,14 @@ fmi3Status fmi3CompletedIntegratorStep(fmi3Instance instance, fmi3Boolean no_ret
 }
 
 fmi3Status fmi3SetTime(fmi3Instance instance, fmi3Float64 time) {
-    REQUIRE(EVENT | CONTINUOUS, "fmi3SetTime");
+    REQUIRE_ONE(MODEL_EXCHANGE, EVENT | CONTINUOUS, "fmi3SetTime");
     if (!isfinite(time)) return (fmi3Status)core_fail(I, "fmi3SetTime", "%g refused", time);
     I->data.time = time;
     return fmi3OK;
 }
 
 fmi3Status fmi3SetContinuousStates(fmi3Instance instance, const fmi3Float64 x[], size_t n) {
-    REQUIRE(SET_STATES, "fmi3SetContinuousStates");
+    REQUIRE_ONE(MODEL_EXCHANGE, SET_STATES, "fmi3SetContinuousStates");
     return (fmi3Status)core_set_states(I, "fmi3SetContinuousStates", x, n);
 }
 
@@ -386,8 +468,7 @@ fmi3Status fmi3GetContinuousStateDerivatives(fmi3Instance instance, fmi3Float64 
 
 fmi3Status fmi3GetEventIndicators(fmi3Instance instance, fmi3Float64 indicators[], size_t n) {
     REQUIRE_ONE(MODEL_EXCHANGE, OUTSIDE & ~INSTANTIATED, "fmi3GetEventIndicators");
-    (void)indicators;
-    return n ? (fmi3Status)core_fail(I, "fmi3GetEventIndicators", "there are none") : fmi3OK;
+    return (fmi3Status)core_indicators(I, "fmi3GetEventIndicators", indicators, n);
 }
 
 fmi3Status fmi3GetContinuousStates(fmi3Instance instance, fmi3Float64 x[], size_t n) {
@@ -408,7 +489,7 @@ fmi3Status fmi3GetNominalsOfContinuousStates(fmi3Instance instance, fmi3Float64 
 fmi3Status fmi3GetNumberOfEventIndicators(fmi3Instance instance, size_t *n) {
     REQUIRE_ONE(MODEL_EXCHANGE, OUTSIDE, "fmi3GetNumberOfEventIndicators");
     if (!n) return (fmi3Status)core_fail(I, "fmi3GetNumberOfEventIndicators", "null pointer");
-    *n = 0;
+    *n = NE;
     return fmi3OK;
 }
 
@@ -421,13 +502,23 @@ fmi3Status fmi3GetNumberOfContinuousStates(fmi3Instance instance, size_t *n) {
 
 /* --- Co-Simulation --------------------------------------------------------------------------------- */
 
-fmi3Status fmi3EnterStepMode(fmi3Instance instance) { return absent(instance, "fmi3EnterStepMode", "there is no event mode"); }
+fmi3Status fmi3EnterStepMode(fmi3Instance instance) {
+    REQUIRE_ONE(CO_SIMULATION, EVENT, "fmi3EnterStepMode");
+    I->data.mode = STEP;
+    return fmi3OK;
+}
 
 fmi3Status fmi3GetOutputDerivatives(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, const fmi3Int32 orders[],
                                     fmi3Float64 values[], size_t nv) {
+    Scalars scalars;
+    Status status = ERROR;
     REQUIRE_ONE(CO_SIMULATION, STEP | UPDATE | TERMINATED, "fmi3GetOutputDerivatives");
-    if (n != nv) return (fmi3Status)core_fail(I, "fmi3GetOutputDerivatives", "sizes do not match");
-    return (fmi3Status)core_output_slopes(I, "fmi3GetOutputDerivatives", vr, n, orders, values);
+    if (core_orders(I, "fmi3GetOutputDerivatives", orders, n) != OK) return fmi3Error;
+    if (!scalars_of(I, "fmi3GetOutputDerivatives", vr, n, &scalars)) return fmi3Error;
+    if (matches(I, "fmi3GetOutputDerivatives", &scalars, nv))
+        status = core_output_slopes(I, "fmi3GetOutputDerivatives", scalars.references, scalars.n, values);
+    free_scalars(&scalars);
+    return (fmi3Status)status;
 }
 
 /* The importer gives its inputs at the end of an inner step, before it is made: the inputs go there in a straight line. */
@@ -453,17 +544,19 @@ static int show(Instance *I, double time) {
 
 fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 from, fmi3Float64 step, fmi3Boolean no_return, fmi3Boolean *event,
                       fmi3Boolean *terminate, fmi3Boolean *early, fmi3Float64 *reached) {
-    static const Hooks hooks = {ask, show};
+    Hooks hooks = {NULL, NULL, 0};
     double time;
     Callbacks *callbacks;
     Status status;
     REQUIRE(STEP, "fmi3DoStep");
     (void)no_return;
     callbacks = I->callbacks;
+    hooks.early = callbacks->early;
+    if (callbacks->update) hooks.before = ask, hooks.after = show;
     callbacks->return_at = INFINITY;
     time = I->data.time;
-    status = core_step(I, "fmi3DoStep", from, step, callbacks->update ? &hooks : NULL, &time);
-    if (event) *event = fmi3False;
+    status = core_step(I, "fmi3DoStep", from, step, &hooks, &time);
+    if (event) *event = status == OK && I->data.waiting;
     if (terminate) *terminate = fmi3False;
     if (early) *early = status == OK && time < from + step;
     if (reached) *reached = time;

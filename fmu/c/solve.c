@@ -171,11 +171,54 @@ static double inner_steps(Instance *I, const char *function, double step) {
     return n;
 }
 
+/* The cubic through both ends of a step with their rates, at a share of the step. */
+static double cubic(double y0, double y1, double r0, double r1, double h, double share) {
+    double s = share, rest = 1 - share;
+    return rest * rest * ((1 + 2 * s) * y0 + s * h * r0) + s * s * ((3 - 2 * s) * y1 - rest * h * r1);
+}
+
+static double slope_of_cubic(double y0, double y1, double r0, double r1, double h, double share) {
+    double s = share, rest = 1 - share;
+    return 6 * s * rest * (y1 - y0) / h + rest * (1 - 3 * s) * r0 + s * (3 * s - 2) * r1;
+}
+
+/* The share of a step at which that cubic, rising, meets a limit. */
+static double crossing(double y0, double y1, double r0, double r1, double h, double limit) {
+    double low = 0, high = 1;
+    int i;
+    for (i = 0; i < 60; i++) {
+        double middle = 0.5 * (low + high);
+        if (cubic(y0, y1, r0, r1, h, middle) < limit) low = middle;
+        else high = middle;
+    }
+    return high;
+}
+
+/* The share of an inner step after which the first event is due, 1 where none is: where the cubic meets a limit, or on the
+   way down the end of the hysteresis. */
+static double event_in(const Instance *I, const double *after, const double *u0, const double *u1, double h) {
+    const Data *d = &I->data;
+    double r0[NX], r1[NX], first = 1;
+    int i, known = 0;
+    for (i = 0; i < NE; i++) {
+        double way = d->crossed[i] ? -1 : 1, level = d->p[LIMITS + i] - (d->crossed[i] ? HYSTERESIS : 0), share;
+        if (core_due(I, i) || way * after[i] < way * level) continue;
+        if (!known++) {
+            model_rates(d->x, u0, d->p, r0);
+            model_rates(after, u1, d->p, r1);
+        }
+        share = crossing(way * d->x[i], way * after[i], way * r0[i], way * r1[i], h, way * level);
+        if (share < first) first = share;
+    }
+    return first;
+}
+
 static Status core_step(Instance *I, const char *function, double from, double step, const Hooks *hooks, double *reached) {
     Data *d = &I->data;
     double n, h, x_before[NX], u_before[SPACE_U], u0[SPACE_U], u1[SPACE_U], after[NX];
+    int64_t crossed_before[SPACE_E];
     uint64_t k, steps;
-    int i;
+    int i, ends = 0;
     if (!(step > 0) || !isfinite(step)) return core_fail(I, function, "step size %g, must be positive", step);
     if (!(from + step > from)) return core_fail(I, function, "a step of %g s is lost in the rounding of the time %.17g", step, from);
     if (!(fabs(from - d->time) <= same_time(from, d->time, step)))
@@ -189,7 +232,8 @@ static Status core_step(Instance *I, const char *function, double from, double s
     memcpy(x_before, d->x, sizeof x_before);
     memcpy(u_before, d->u, sizeof u_before);
     memcpy(u0, d->u, sizeof u0);
-    for (k = 0; k < steps; k++) {
+    memcpy(crossed_before, d->crossed, sizeof crossed_before);
+    for (k = 0; k < steps && !ends; k++) {
         /* Of the step, not of the time: near 1.7e9 s a difference of times has lost a short step's last digits. */
         double gone = k + 1 == steps ? step : step * ((double)(k + 1) / n), end = from + gone;
         memcpy(u1, u0, sizeof u1);
@@ -200,9 +244,20 @@ static Status core_step(Instance *I, const char *function, double from, double s
             hooks->before(I, end);
             memcpy(u1, d->u, sizeof u1);
         }
-        if (!inner_step(I, d->x, u0, u1, h, after)) {
+        int sound = inner_step(I, d->x, u0, u1, h, after);
+        if (NE && sound && d->event_mode && !d->waiting && hooks->early) {
+            double share = event_in(I, after, u0, u1, h);
+            if (share < 1) { /* the step ends there, with an inner step of its own */
+                for (i = 0; i < NU; i++) u1[i] = u0[i] + share * (u1[i] - u0[i]);
+                end = from + (step * ((double)k / n) + share * h);
+                sound = inner_step(I, d->x, u0, u1, share * h, after);
+                ends = 1;
+            }
+        }
+        if (!sound) {
             memcpy(d->x, x_before, sizeof x_before);
             memcpy(d->u, u_before, sizeof u_before);
+            memcpy(d->crossed, crossed_before, sizeof crossed_before);
             d->time = *reached = from;
             core_forget(I);
             return core_fail(I, function, "temperatures run away before %g s; the step is taken back", end);
@@ -212,8 +267,11 @@ static Status core_step(Instance *I, const char *function, double from, double s
         memcpy(u0, u1, sizeof u0);
         d->time = end;
         core_forget(I);
+        for (i = 0; i < NE && !d->event_mode; i++)
+            if (core_due(I, i)) d->crossed[i] = !d->crossed[i];
         if (hooks && hooks->after && hooks->after(I, end)) break;
     }
+    if (d->event_mode) d->waiting = ends || core_any_due(I);
     memset(d->slope, 0, sizeof d->slope);
     d->sloped = 0;
     *reached = d->time;
@@ -222,36 +280,13 @@ static Status core_step(Instance *I, const char *function, double from, double s
 
 /* --- the time to each limit ------------------------------------------------------------------------ */
 
-/* The cubic through both ends of a step with their rates, at a share of the step. */
-static double cubic(double y0, double y1, double r0, double r1, double h, double share) {
-    double s = share, rest = 1 - share;
-    return rest * rest * ((1 + 2 * s) * y0 + s * h * r0) + s * s * ((3 - 2 * s) * y1 - rest * h * r1);
-}
-
-static double slope_of_cubic(double y0, double y1, double r0, double r1, double h, double share) {
-    double s = share, rest = 1 - share;
-    return 6 * s * rest * (y1 - y0) / h + rest * (1 - 3 * s) * r0 + s * (3 * s - 2) * r1;
-}
-
-/* The share of a step at which that cubic meets a limit. */
-static double crossing(double y0, double y1, double r0, double r1, double h, double limit) {
-    double low = 0, high = 1;
-    int i;
-    for (i = 0; i < 60; i++) {
-        double middle = 0.5 * (low + high);
-        if (cubic(y0, y1, r0, r1, h, middle) < limit) low = middle;
-        else high = middle;
-    }
-    return high;
-}
-
 /* Times to the limits with the inputs held, and with a seed (dx not null) how they move with it.
    Time t(x, u, p) where T(t) = limit: dt = (dlimit - dT) / (dT/dt). */
 static void forecast(Instance *I, double *times, const double *dx0, const double *du, const double *dp, double *moved) {
     const double *u = I->data.u, *p = I->data.p;
     double horizon = p[HORIZON], x[NX], after[NX], r0[NX], r1[NX], dx[NX], dafter[NX], t0[NX], t1[NX];
     double bound = model_bound(I), longest = horizon / FORECAST_STEPS, t = 0, n, h;
-    int i, open = 0, waiting[NZ];
+    int i, open = 0, waiting[SPACE_Z];
     uint64_t k, steps;
     if (!ROS2 && bound * longest > FORECAST_REACH) longest = FORECAST_REACH / bound;
     n = ceil(horizon / longest);

@@ -48,10 +48,13 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Build]:
         step: float | None = None,
         admissible: bool = False,
         casadi: bool = False,
+        forecast: bool = False,
+        events: bool = False,
+        arrays: bool = False,
     ) -> Exported:
-        path = folder / f"{name}.{fmi}.{solver}.{step}.{admissible}.{casadi}.fmu"
-        options = {"fmi": fmi, "solver": solver, "step": step, "admissible": admissible, "casadi": casadi}
-        return export(Model(network(name)), path, **options)
+        options = {"admissible": admissible, "casadi": casadi, "forecast": forecast, "events": events, "arrays": arrays}
+        path = folder / f"{name}.{fmi}.{solver}.{step}.{'.'.join(key for key, on in options.items() if on)}.fmu"
+        return export(Model(network(name)), path, fmi=fmi, solver=solver, step=step, **options)
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_STATE_HOME", str(folder))
@@ -61,5 +64,8 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Build]:
 def unknowns_and_knowns(exported: Exported) -> tuple[list[int], list[int]]:
     """Value references of all that FMI differentiates, and of all that it differentiates by."""
     component = exported.component
-    parameters = [variable.reference for variable in component.of("state", "rate", "output", "admissible", "forecast")]
+    parameters = [
+        variable.reference
+        for variable in component.of("state", "rate", "output", "admissible", "forecast", "indicator")
+    ]
     return parameters, [variable.reference for variable in component.of("state", "input", "parameter")]

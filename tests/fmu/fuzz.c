@@ -23,7 +23,7 @@ static double any_value(void) {
 static void any_references(uint32_t *references, double *values, size_t n) {
     size_t i;
     for (i = 0; i < n; i++) {
-        references[i] = any(25) ? any(3) ? INPUTS + any(NU + NP) : any(END) : any(2) ? END + any(9) : 0xffffffffu;
+        references[i] = any(25) ? any(3) ? INPUTS + any(NU + NP) : any(END) : any(2) ? END + any(9 + NA) : 0xffffffffu;
         values[i] = any_value();
     }
 }
@@ -90,10 +90,10 @@ static void *fresh(void) {
     int type = any(40) ? (int)any(2) : 7;
     return fmi2Instantiate(name, (fmi2Type)type, token, "file:///", any(30) ? &callbacks : NULL, 0, any(2));
 #else
-    uint32_t required[] = {INPUTS, any(10) ? PARAMETERS : END};
+    uint32_t required[] = {INPUTS, any(10) ? PARAMETERS : END + any(NA + 9)};
     if (!any(40)) return fmi3InstantiateScheduledExecution(name, token, "", 0, 1, NULL, hear, NULL, NULL, NULL);
     if (any(2)) return fmi3InstantiateModelExchange(name, token, "", 0, any(2), NULL, any(9) ? hear : NULL);
-    return fmi3InstantiateCoSimulation(name, token, "", 0, any(2), !any(20), any(2), required, any(3), NULL, hear, any(2) ? update : NULL);
+    return fmi3InstantiateCoSimulation(name, token, "", 0, any(2), any(NE ? 2 : 20) == 0, any(2), required, any(3), NULL, hear, any(2) ? update : NULL);
 #endif
 }
 
@@ -159,7 +159,8 @@ static Result state_call(void *c) {
 static Result life_call(void *c) {
 #if FMI == 2
     fmi2EventInfo info;
-    fmi2Boolean event, end;
+    fmi2Boolean event, end, crossed[2];
+    fmi2ValueReference limits[2] = {CROSSED + any(NE + 2), CROSSED};
     fmi2Integer integer = 0;
     fmi2String text;
     switch (any(14)) {
@@ -176,14 +177,17 @@ static Result life_call(void *c) {
         default:
             fmi2GetInteger(c, NULL, 0, &integer);
             fmi2CancelStep(c);
+            fmi2GetBoolean(c, limits, any(3), any(9) ? crossed : NULL);
             fmi2GetStringStatus(c, fmi2PendingStatus, &text);
             return fmi2SetInteger(c, NULL, 1, &integer);
     }
 #else
-    bool flags[5];
+    bool flags[5], many[2 * SPACE_E];
     double time;
     size_t n;
-    switch (any(16)) {
+    uint32_t limits[2] = {CROSSED + any(NE + 4 + NA), CROSSED}, clock = CLOCKS + any(3);
+    flags[0] = any(2);
+    switch (any(20)) {
         case 0: case 1: case 2: return fmi3EnterInitializationMode(c, 0, 0, any(9) ? 0 : any_value(), !any(4), any_value());
         case 3: case 4: return fmi3ExitInitializationMode(c);
         case 5: return fmi3EnterEventMode(c);
@@ -195,9 +199,15 @@ static Result life_call(void *c) {
         case 12: return log_call(c);
         case 13: return fmi3GetNumberOfContinuousStates(c, any(3) ? &n : NULL);
         case 14: return fmi3EnterConfigurationMode(c);
+        case 15: case 16: return fmi3EnterStepMode(c);
+        case 17: return fmi3SetClock(c, any(9) ? &clock : NULL, 1, flags);
+        case 18: return fmi3GetClock(c, &clock, any(2), flags);
         default:
             fmi3GetInt32(c, NULL, 0, NULL, 0);
             fmi3GetClock(c, NULL, 1, NULL);
+            n = any(3);
+            fmi3GetBoolean(c, limits, n, any(9) ? many : NULL, any(2) ? n : n * SPACE_E);
+            fmi3SetBoolean(c, limits, n, many, n);
             fmi3EvaluateDiscreteStates(c);
             fmi3GetShiftDecimal(c, NULL, 1, NULL);
             return fmi3ActivateModelPartition(c, 0, 0);

@@ -44,17 +44,24 @@ class Raw:
         folder: where to unpack it.
         exchange: `True` for Model Exchange, else Co-Simulation.
         logging: whether to switch logging on.
+        events: whether Co-Simulation uses event mode (FMI 3); `event` then is whether the last step ended with one.
         update: FMI 3's intermediate update: gets (time, whether inputs are asked for), returns when to end, or `None`.
     """
 
     def __init__(
-        self, exported: Exported, folder: Path, exchange: bool = False, logging: bool = True, update: Any = None
+        self,
+        exported: Exported,
+        folder: Path,
+        exchange: bool = False,
+        logging: bool = True,
+        update: Any = None,
+        events: bool = False,
     ) -> None:
         with ZipFile(exported.path) as archive:
             archive.extractall(folder)
             root = ElementTree.fromstring(archive.read("modelDescription.xml"))
         self.said: list[tuple[str, str]] = []
-        self.fmi, self.time = exported.fmi, 0.0
+        self.fmi, self.time, self._events = exported.fmi, 0.0, events
         self.names = exported.variables
         library = next(path for path in (folder / "binaries").rglob("*") if path.is_file())
         self._library = ctypes.CDLL(str(library))
@@ -76,7 +83,7 @@ class Raw:
             make = getattr(self._library, f"fmi3Instantiate{name}")
             make.restype = ctypes.c_void_p
             yes, no = ctypes.c_bool(logging), ctypes.c_bool(False)
-            more = () if exchange else (no, ctypes.c_bool(True), None, ctypes.c_size_t(0))
+            more = () if exchange else (ctypes.c_bool(self._events), ctypes.c_bool(True), None, ctypes.c_size_t(0))
             words = (b"raw", self._token, b"", no, yes, *more, None, hear)
             self.instance = make(*words) if exchange else make(*words, called)
         assert self.instance
@@ -132,7 +139,7 @@ class Raw:
         flags, reached = [ctypes.c_bool() for _ in range(3)], ctypes.c_double()
         words = (ctypes.c_double(start), ctypes.c_double(size), ctypes.c_bool(True))
         status = self.call("DoStep", *words, *map(ctypes.byref, flags), ctypes.byref(reached))
-        self.early, self.time = bool(flags[2]), reached.value
+        self.event, self.early, self.time = bool(flags[0]), bool(flags[2]), reached.value
         return status
 
     def __enter__(self) -> Self:

@@ -18,6 +18,7 @@ from fmpy.fmi3 import FMU3Model
 
 from lptn.basics.arrays import FloatArray
 from lptn.fmu import FmuError, Session, export
+from lptn.fmu.archive import Access
 from lptn.fmu.compile import local_compiler
 from lptn.model.model import Model
 from tests.fmu.conftest import Build, network
@@ -81,9 +82,8 @@ def test_a_step_from_elsewhere_or_of_no_size_is_refused(fmi: int, point: tuple[f
 @pytest.mark.parametrize("fmi", [2, 3])
 def test_an_unknown_value_reference_is_refused(fmi: int, built: Build) -> None:
     with Session(built("leg", fmi).path) as session:
-        values = np.zeros(1)
         with pytest.raises(FmuError, match="no variable with value reference 4000"):
-            session._call(session._get, *session._arguments([4000], values))
+            session._call(session._get, *session._block(Access((4000,), 1, None)).arguments)
 
 
 def _instance(built: Build, folder: Path, said: list[str]) -> Any:
@@ -124,11 +124,11 @@ def test_a_wrong_token_gives_no_instance(built: Build, tmp_path: Path) -> None:
     assert "token" in said[0]
 
 
-def _harness(name: str, fmi: int, folder: Path, flags: list[str]) -> Path:
+def _harness(name: str, fmi: int, folder: Path, flags: list[str], **options: bool) -> Path:
     compiler = local_compiler()
     if compiler is None:
         pytest.skip("no C compiler on this machine")
-    exported = export(Model(network(name)), folder / "x.fmu", fmi=fmi, platforms=())
+    exported = export(Model(network(name)), folder / "x.fmu", fmi=fmi, platforms=(), **options)
     with ZipFile(exported.path) as archive:
         archive.extractall(folder)
     shutil.copy(HARNESS, folder / "sources")
@@ -140,10 +140,18 @@ def _harness(name: str, fmi: int, folder: Path, flags: list[str]) -> Path:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("fmi", [2, 3])
-def test_random_calls_under_sanitizers(fmi: int, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("name", "fmi", "options"),
+    [
+        ("single-motor", 2, {}),
+        ("single-motor", 3, {}),
+        ("single-motor", 2, {"forecast": True, "events": True}),
+        ("leg", 3, {"forecast": True, "events": True, "arrays": True}),
+    ],
+)
+def test_random_calls_under_sanitizers(name: str, fmi: int, options: dict[str, bool], tmp_path: Path) -> None:
     flags = ["-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
-    program = _harness("single-motor", fmi, tmp_path, flags)
+    program = _harness(name, fmi, tmp_path, flags, **options)
     done = subprocess.run([str(program), "10000", "3"], capture_output=True, text=True, check=False, timeout=300)
     assert done.returncode == 0, done.stdout + done.stderr
 

@@ -30,7 +30,7 @@ def _reverse(session: Session, parameters: list[int], knowns: list[int], seed: F
 
 @pytest.mark.parametrize(("fmi", "solver"), [(2, "rk4"), (3, "rk4"), (3, "ros2")])
 def test_forward_derivatives_are_those_of_differences(fmi: int, solver: str, built: Build) -> None:
-    exported = built("leg", fmi, solver)
+    exported = built("leg", fmi, solver, forecast=True, events=True)
     parameters, knowns = unknowns_and_knowns(exported)
     starts = {v.name: v.start for v in exported.component.of("state", "input", "parameter")} | WARM
     names, every = list(starts), [exported.component.variables[reference].name for reference in parameters]
@@ -52,7 +52,7 @@ def test_forward_derivatives_are_those_of_differences(fmi: int, solver: str, bui
 
 @pytest.mark.parametrize("name", ["leg", "everything"])
 def test_adjoint_and_forward_derivatives_are_one(name: str, built: Build) -> None:
-    exported = built(name)
+    exported = built(name, forecast=True, events=True)
     parameters, knowns = unknowns_and_knowns(exported)
     rng = np.random.default_rng(6)
     values = (

@@ -60,7 +60,7 @@ def test_names_units_and_start_values(fmi: int, tmp_path: Path) -> None:
     assert float(description.defaultExperiment.tolerance) == 1e-6
     resistance = variables["FR_hip.to_FR_thigh.resistance"]
     assert (resistance.causality, resistance.variability, float(resistance.start)) == ("parameter", "tunable", 3.0)
-    for name in ("FR_calf.copper_loss.heat_flow", "FR_calf.to_ambient.heat_flow", "FR_calf.time_to_limit"):
+    for name in ("FR_calf.copper_loss.heat_flow", "FR_calf.to_ambient.heat_flow", "FR_calf.torque_scale"):
         assert variables[name].causality == "output"
     (kelvin,) = (unit for unit in description.unitDefinitions if unit.name == "K")
     (celsius,) = kelvin.displayUnits
@@ -259,12 +259,11 @@ def test_without_any_compiler_one_line_says_so(tmp_path: Path, monkeypatch: pyte
 def test_who_waits_for_a_compiler_is_told_for_what(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """The first build for Windows took 330 s in silence."""
+    """A large model on a busy machine."""
     monkeypatch.setattr("lptn.fmu.compile._PATIENCE", 0.05)
     slow = [sys.executable, "-c", "import time; time.sleep(0.4)"]
     assert _run(slow, tmp_path, PLATFORMS["win64"]) == (0, "")
     assert "win64: still compiling" in caplog.text
-    assert "some minutes" in caplog.text
     caplog.clear()
     monkeypatch.setattr("lptn.fmu.compile._PATIENCE", 20.0)
     _run([sys.executable, "-c", ""], tmp_path, PLATFORMS["win64"])
@@ -284,7 +283,7 @@ EMULATORS = {
 
 @pytest.fixture(scope="module")
 def exported(tmp_path_factory: pytest.TempPathFactory) -> tuple[Exported, Path]:
-    """An FMU for all platforms, unpacked; the first Windows build takes minutes."""
+    """An FMU for all platforms, unpacked."""
     pytest.importorskip("ziglang")
     folder = tmp_path_factory.mktemp("platforms")
     with pytest.MonkeyPatch.context() as patch:

@@ -176,7 +176,7 @@ def test_what_an_effect_adds_is_the_difference_that_it_makes(built: Build) -> No
 
 @pytest.mark.parametrize("solver", ["rk4", "ros2"])
 def test_the_time_to_a_limit_is_when_it_is_reached(solver: str, built: Build) -> None:
-    exported = built("leg", 3, solver)
+    exported = built("leg", 3, solver, forecast=True)
     start = {"FR_calf.torque": 12.0, "FR_hip.torque": 2.0}
     with Session(exported.path, outputs=["FR_calf.temperature"], values=start) as session:
         said, never = session.read(["FR_calf.time_to_limit", "FR_hip.time_to_limit"])

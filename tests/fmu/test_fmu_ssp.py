@@ -48,7 +48,7 @@ def _valid(text: bytes, schema: str) -> None:
 @pytest.mark.long
 def test_every_parameter_of_a_quadruped_goes_into_one_file_and_comes_back(tmp_path: Path) -> None:
     path = tmp_path / "quadruped.ssv"
-    assert write_values(Model(network("quadruped")), path) == 148
+    assert write_values(Model(network("quadruped")), path) == 147
     _valid(path.read_bytes(), "ParameterValues")
     exported = export(Model(network("quadruped")), tmp_path / "x.fmu", platforms=())
     starts = {variable.name: variable.start for variable in exported.component.of("parameter")}
@@ -179,19 +179,32 @@ def _both(torque: float, seconds: float, held: float | None = None) -> np.ndarra
 def test_two_connected_fmus_are_one_model(kind: str, fmus: dict[str, Path], tmp_path: Path) -> None:
     path = tmp_path / f"drive.{kind}"
     write_system(path, fmus, CONNECTIONS)
+    for step in (20.0, 2.0):
+        found = _connected(path, step)
+        assert np.abs(found - _both(6.0, 60.0)).max() < 1e-9
+
+
+def _connected(path: Path, step: float, held: bool = False) -> np.ndarray:
+    """Winding and housing after a minute [degC]."""
+    with Connected(path, held=held) as system:
+        assert system.input_names == ["motor.winding.torque", "body.air.temperature"]
+        system.inputs[:] = [6.0, 25.0 + ZERO]
+        for _ in range(round(60.0 / step)):
+            system.step(step)
+        names = system.output_names
+        rows = [names.index("motor.winding.temperature"), names.index("body.housing.temperature")]
+        return np.asarray(system.outputs[rows] - ZERO)
+
+
+@pytest.mark.long
+def test_an_exchange_that_holds_costs_in_proportion_to_the_step(fmus: dict[str, Path], tmp_path: Path) -> None:
+    path = tmp_path / "drive.ssd"
+    write_system(path, fmus, CONNECTIONS)
     errors = []
     for step in (2.0, 1.0, 0.5):
-        with Connected(path) as system:
-            assert system.input_names == ["motor.winding.torque", "body.air.temperature"]
-            system.inputs[:] = [6.0, 25.0 + ZERO]
-            for _ in range(round(60.0 / step)):
-                system.step(step)
-            names = system.output_names
-            rows = [names.index("motor.winding.temperature"), names.index("body.housing.temperature")]
-            found = system.outputs[rows] - ZERO
+        found = _connected(path, step, held=True)
         assert np.abs(found - _both(6.0, 60.0, held=step)).max() < 1e-9
         errors.append(np.abs(found - _both(6.0, 60.0)).max())
-    # What holding the exchange costs falls in proportion to the step.
     assert errors[1] / errors[0] == pytest.approx(0.5, abs=0.05)
     assert errors[2] / errors[1] == pytest.approx(0.5, abs=0.05)
 
@@ -213,14 +226,14 @@ def test_a_systems_file_is_what_the_standard_and_fmpy_read(fmus: dict[str, Path]
 def test_the_command_connects_fmus_and_drives_them_by_a_log(fmus: dict[str, Path], tmp_path: Path) -> None:
     n = 40
     table = pd.DataFrame({"time": np.arange(n), "temperature.air": 25.0, "torque.winding": 6.0})
-    table["temperature.winding"] = [_both(6.0, float(k), held=1.0)[0] if k else 25.0 for k in range(n)]
+    table["temperature.winding"] = [_both(6.0, float(k))[0] if k else 25.0 for k in range(n)]
     table.to_csv(tmp_path / "log.csv", index=False)
     path, outputs, found = tmp_path / "drive.ssd", tmp_path / "out.csv", tmp_path / "found.json"
     connect = [word for pair in CONNECTIONS for word in ("--connect", "=".join(pair))]
     _run("fmu", fmus["motor"], fmus["body"], "-o", path, *connect)
     _run("cosim", path, tmp_path / "log.csv", "-o", outputs, "--json", found)
     seen = pd.read_csv(outputs)
-    assert seen["temperature.housing"].iloc[-1] == pytest.approx(_both(6.0, float(n), held=1.0)[1], abs=1e-6)
+    assert seen["temperature.housing"].iloc[-1] == pytest.approx(_both(6.0, float(n))[1], abs=1e-6)
     assert '"motor.winding"' in found.read_text()
     done = cosimulate(path, [tmp_path / "log.csv"])
     assert done.all.rmse == pytest.approx(0.0, abs=1e-6)

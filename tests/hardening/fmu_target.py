@@ -38,7 +38,7 @@ def read_fmu(path: Path, _: Random) -> None:
         if text is not None:
             parse_model(text, path / "resources" / "model.toml")
         for causality in ("input", "output", "parameter"):
-            unpacked.references(unpacked.names(causality), causality)
+            unpacked.access(unpacked.names(causality), causality)
         with contextlib.suppress(InputError):
             unpacked.check_binary(import_fmpy())
     finally:

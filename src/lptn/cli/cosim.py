@@ -9,7 +9,17 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter as Option
 
 from lptn.basics.errors import InputError
-from lptn.cli.options import Json, Map, Rate, check_outputs, column_options, needs_logs
+from lptn.cli.options import (
+    Json,
+    Map,
+    Picture,
+    Rate,
+    check_outputs,
+    check_picture,
+    column_options,
+    needs_logs,
+    write_figure,
+)
 
 if TYPE_CHECKING:
     from lptn.fmu.cosim import Cosimulation
@@ -34,6 +44,7 @@ def cosim(
         Option(help="Parameter values for the FMU: an SSV file, as lptn fmu MODEL -o VALUES.ssv writes it."),
     ] = None,
     output: Outputs = None,
+    plot: Picture = None,
     json: Json = None,
     map: Map = None,  # noqa: A002
     rate: Rate = None,
@@ -42,13 +53,14 @@ def cosim(
 
     An FMU of anybody's: --map says which column drives an input or is compared with an output, by the FMU's names.
 
-    Example: lptn cosim leg.fmu friday.parquet -o outputs.csv
+    Example: lptn cosim leg.fmu friday.parquet -o outputs.csv --plot friday.png
 
     Example: lptn cosim motor.fmu friday.csv --map tau=torque.knee --map T_case=temperature.knee --trust
     """
     needs_logs(logs)
-    check_outputs(output, json, inputs=(fmu, *logs, *(() if model is None else (model,))))
+    check_outputs(output, plot, json, inputs=(fmu, *logs, *(() if model is None else (model,))))
     _check_table(output)
+    check_picture(plot)
     from lptn.cli.terminal import progress, write_json
     from lptn.fmu.cosim import cosimulate
     from lptn.fmu.session import FmuError
@@ -63,6 +75,10 @@ def cosim(
     write_json(json, done.as_json())
     if output is not None:
         _write_outputs(done, output)
+    if plot is not None:
+        from lptn.fmu.figure import cosimulation_figure
+
+        write_figure(cosimulation_figure(done), plot)
 
 
 def _show_cosimulation(done: Cosimulation) -> None:

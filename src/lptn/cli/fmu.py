@@ -28,6 +28,36 @@ Limit = Annotated[
     list[str] | None,
     Option(name="--limit", help="Limit in degC, of all nodes or as NODE=90; may be given again.", negative=""),
 ]
+Forecast = Annotated[
+    bool,
+    Option(
+        name="--forecast",
+        help="Add the time to each node's limit as an output; it depends on the whole model.",
+        negative="",
+    ),
+]
+Events = Annotated[
+    bool,
+    Option(
+        name="--events",
+        help="Make a limit that is crossed an event: outputs limit_crossed, and in FMI 3 event mode and clocks.",
+        negative="",
+    ),
+]
+Arrays = Annotated[
+    bool,
+    Option(
+        name="--arrays", help="Join what all joints have in common as arrays, such as torque[12]; FMI 3.", negative=""
+    ),
+]
+Reference = Annotated[
+    bool,
+    Option(
+        name="--reference",
+        help="Put an experiment with reference results inside, as FMI-LS-REF asks, so that an importer can be checked.",
+        negative="",
+    ),
+]
 Admissible = Annotated[
     bool,
     Option(
@@ -72,8 +102,12 @@ def fmu(
     solver: Annotated[str, Option(help="Of Co-Simulation: rk4, or ros2 for stiff networks.")] = "rk4",
     step: Annotated[float | None, Option(help="Longest inner step in s; by default one that fits the model.")] = None,
     limit: Limit = None,
+    forecast: Forecast = False,
+    events: Events = False,
     admissible: Admissible = False,
     current_limit: CurrentLimit = None,
+    arrays: Arrays = False,
+    reference: Reference = False,
     casadi: Casadi = False,
     author: Annotated[str | None, Option(help="Author of the model, as importers show it.")] = None,
     copyright: Annotated[str | None, Option(help="Copyright of the model.")] = None,  # noqa: A002
@@ -120,8 +154,12 @@ def fmu(
             solver=solver,
             step=step,
             limits=_limits(limit),
+            forecast=forecast,
+            events=events,
             admissible=admissible,
             current_limits=_limits(current_limit, "--current-limit", "A", "JOINT"),
+            arrays=arrays,
+            reference=reference,
             casadi=casadi,
             author=author,
             copyright=copyright,

@@ -1,0 +1,93 @@
+"""Arrays of FMI 3: the variables of one quantity at several places joined, such as the torques of twelve joints."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+
+from .codegen import Dependent, Structure
+from .variables import Variable, first_place
+
+_KINDS = ("order", "dependent", "tunable", "constant")  # from the least to the most that is known of a dependency
+
+
+def arrays(variables: Sequence[Variable]) -> list[Variable]:
+    """The arrays that variables form, with value references behind those of all variables.
+
+    What has the same kind, quantity, unit and range at two or more places is one array, in the order of the variables;
+    hidden states and what stands at one place alone stay scalar. No two arrays get the same name: states come first.
+    """
+    groups: dict[tuple[object, ...], list[Variable]] = {}
+    states = {variable.reference: variable for variable in variables if variable.kind == "state"}
+    for variable in variables:
+        source = states[variable.of] if variable.of is not None else variable
+        _, member = first_place(source.name)
+        if not member or source.kind in ("time", "clock") or (source.kind == "state" and source.hidden):
+            continue
+        key = (variable.kind, member, variable.unit, variable.minimum, variable.maximum, variable.hidden)
+        groups.setdefault(key, []).append(variable)
+    taken = {variable.name for variable in variables}
+    made: list[Variable] = []
+    for (kind, member, *_), elements in groups.items():
+        name = f"der({member})" if kind == "rate" else str(member)
+        if len(elements) > 1 and name not in taken:
+            taken.add(name)
+            made.append(_joined(name, len(variables) + len(made), elements, made))
+    return made
+
+
+def _joined(name: str, reference: int, elements: Sequence[Variable], made: Sequence[Variable]) -> Variable:
+    first = elements[0]
+    places = ", ".join(places_of(elements))
+    state = next((each.reference for each in made if first.of in {one.reference for one in each.elements}), first.of)
+    text = first.description.replace(places_of(elements[:1])[0], "each place")
+    return replace(
+        first,
+        name=name,
+        reference=reference,
+        start=None,
+        description=f"{text}, in this order: {places}",
+        of=state,
+        elements=tuple(elements),
+    )
+
+
+def places_of(elements: Iterable[Variable]) -> list[str]:
+    """The place of each element of an array, as it stands in the element's name."""
+    return [first_place(each.name.removeprefix("der("))[0] for each in elements]
+
+
+def shown(variables: Sequence[Variable], joined: Sequence[Variable]) -> list[Variable]:
+    """The variables as an importer sees them: each array where its first element stood."""
+    arrays_by_first = {array.elements[0].reference: array for array in joined}
+    inside = {element.reference for array in joined for element in array.elements}
+    return [
+        arrays_by_first.get(variable.reference, variable)
+        for variable in variables
+        if variable.reference in arrays_by_first or variable.reference not in inside
+    ]
+
+
+def structure_of_arrays(structure: Structure, joined: Sequence[Variable]) -> Structure:
+    """The dependencies of arrays: those of all their elements, each the weakest that is known of any."""
+    array_of = {element.reference: array for array in joined for element in array.elements}
+    return Structure(
+        *(
+            _merged(entries, array_of)
+            for entries in (structure.outputs, structure.rates, structure.initial, structure.indicators)
+        )
+    )
+
+
+def _merged(entries: Iterable[Dependent], array_of: Mapping[int, Variable]) -> tuple[Dependent, ...]:
+    found: dict[int, tuple[Variable, dict[int, str]]] = {}
+    for entry in entries:
+        variable = array_of.get(entry.variable.reference, entry.variable)
+        _, kinds = found.setdefault(variable.reference, (variable, {}))
+        for reference, kind in zip(entry.dependencies, entry.kinds, strict=True):
+            known = array_of[reference].reference if reference in array_of else reference
+            kinds[known] = min(kinds.get(known, kind), kind, key=_KINDS.index)
+    return tuple(
+        Dependent(variable, tuple(sorted(kinds)), tuple(kinds[each] for each in sorted(kinds)))
+        for variable, kinds in found.values()
+    )

@@ -1,0 +1,123 @@
+"""Reference results inside an FMU: an experiment that an importer can repeat, as the layered standard FMI-LS-REF lays it out.
+
+Source: FMI-LS-REF 1.0.0-alpha.1 for the manifest, MA-HS-Experiments (its draft of 2026) for the experiment.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+from collections.abc import Mapping
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from lptn.basics.arrays import FloatArray
+
+from .component import Component
+from .variables import Variable
+
+FOLDER = "extra/org.fmi-standard.fmi-ls-ref"
+_HOLD, _JUMPS = 20.0, 15  # s between jumps of the inputs, and how many stretches
+_SEED = 20260101  # any fixed one, so that the same model gives the same bytes
+_LARGEST = 6.0  # of torques [N·m], currents [A] and speeds: what a joint of a quadruped sees
+_ROOM = 295.0  # K, about which surroundings drift by 2 K
+_TOLERANCE = 1e-4  # K that an importer may differ by: a tenth of what a fine sensor resolves
+
+
+def experiment(component: Component, step: float) -> dict[str, Any]:
+    """What the templates show of the experiment, with its tables of inputs and reference results as CSV texts.
+
+    The results come from SciPy's DOP853 at a tolerance of 1e-12 and from the expressions of the model, not from the FMU's
+    own solver and code.
+
+    Args:
+        component: what is exported, without arrays.
+        step: longest inner step of the FMU [s].
+    """
+    inputs, states = component.of("input"), component.of("state")
+    rows = _inputs(inputs)
+    found = _solved(component, rows)
+    times = np.column_stack([_HOLD * np.arange(_JUMPS), _HOLD * np.arange(1, _JUMPS + 1)]).ravel()
+    held = np.column_stack([times, np.repeat(rows, 2, axis=0)])
+    seen = [row for row, state in enumerate(states) if not state.hidden]
+    results = np.column_stack([_HOLD * np.arange(_JUMPS + 1), found[:, seen]])
+    return {
+        "stop": _HOLD * _JUMPS,
+        "hold": _HOLD,
+        "step": step,
+        "tolerance": _TOLERANCE,
+        "tables": {
+            "inputs.csv": _csv(["time", *(each.name for each in inputs)], held),
+            "results.csv": _csv(["time", *(states[row].name for row in seen)], results),
+        },
+    }
+
+
+def checksum(content: bytes) -> str:
+    """Of a file, as the manifest gives it: SHA3-256, hexadecimal."""
+    return hashlib.sha3_256(content).hexdigest()
+
+
+def _inputs(variables: list[Variable]) -> FloatArray:
+    """Inputs of each stretch, shape (stretches, inputs), in the FMU's units."""
+    rng = np.random.default_rng(_SEED)
+    rows = np.round(rng.uniform(-_LARGEST, _LARGEST, (_JUMPS, len(variables))), 3)
+    for column, variable in enumerate(variables):
+        if variable.celsius:
+            rows[:, column] = np.round(_ROOM + 2.0 * np.sin(np.arange(_JUMPS) / 4), 3)
+        elif variable.minimum == 0.0:  # a share, such as whether a drive is on
+            rows[:, column] = np.round(np.abs(rows[:, column]) / _LARGEST, 3)
+        elif (variable.start or 0.0) < 0:  # a mean that is formed from other inputs while it is not connected
+            rows[:, column] = variable.start or 0.0
+    return rows
+
+
+def _solved(component: Component, rows: FloatArray) -> FloatArray:
+    """States [K] at the start and after each stretch, shape (stretches + 1, states)."""
+    rates = ca.Function("rates", [component.x, component.u, component.p], [component.rates])
+    state, parameters = (
+        np.array([each.start for each in component.of(kind)], dtype=float) for kind in ("state", "parameter")
+    )
+    found = [state]
+    for row in rows:
+
+        def of_stretch(_: float, x: FloatArray, row: FloatArray = row) -> FloatArray:
+            return np.asarray(rates(x, row, parameters).full().ravel())
+
+        state = solve_ivp(of_stretch, (0.0, _HOLD), state, method="DOP853", rtol=1e-12, atol=1e-12).y[:, -1]
+        found.append(state)
+    return np.array(found)
+
+
+def _csv(names: list[str], table: FloatArray) -> str:
+    text = io.StringIO()
+    np.savetxt(text, table, fmt="%.10g", delimiter=",", header=",".join(f'"{name}"' for name in names), comments="")
+    return text.getvalue()
+
+
+def related(entries: Mapping[str, bytes]) -> list[dict[str, str]]:
+    """What the manifest says of each file, the model file among them where it is there."""
+    kinds = {
+        f"{FOLDER}/smoke-test.exp": (
+            "application/x-ma-hs-experiments",
+            "experiment/smoke-test",
+            "Inputs that jump, from the start values",
+        ),
+        f"{FOLDER}/inputs.csv": ("text/csv", "other", "Inputs of the experiment"),
+        f"{FOLDER}/results.csv": ("text/csv", "result", "Temperatures by SciPy's DOP853 at a tolerance of 1e-12"),
+        "resources/model.toml": ("application/toml", "model", "Model file of lptn"),
+    }
+    return [
+        {
+            "source": path.removeprefix(f"{FOLDER}/") if path.startswith(FOLDER) else f"../../{path}",
+            "type": kind,
+            "role": role,
+            "description": text,
+            "checksum": checksum(entries[path]),
+        }
+        for path, (kind, role, text) in kinds.items()
+        if path in entries
+    ]
