@@ -8,12 +8,15 @@ from collections.abc import Mapping
 from importlib.resources import files
 from typing import Any, NamedTuple
 
+from lptn.online import aliveness
+
 from ..compiled import c_code, compiled
 from ..heating import Heating
 
-SOLVER = ("lptn_mpc.h", "lptn_mpc.c", "linear.c", "observe.c", "bounds.c", "newton.c", "interior.c")
+SOLVER = ("lptn_mpc.h", "lptn_mpc.c", "linear.c", "aliveness.c", "observe.c", "bounds.c", "newton.c", "interior.c")
 _NUMBERS_IN_A_LINE = 8
 _D, _I = ctypes.c_double, ctypes.c_int
+_ALIVE = ("STANDS", "SHORTEST", "LEAST_CHANCE", "COARSEST", "LEAP", "LEAST_LEAP", "FEWEST")
 _GLUE = """\
 #define LPTN_WIDE
 #include "lptn_mpc.c"
@@ -52,7 +55,7 @@ def sources(heating: Heating, limits: int, stages: int) -> dict[str, str]:
         "HEAT_W": function.sz_w(),
     }
     solver = {name: files("lptn.planners.mpc").joinpath("c", name).read_text(encoding="utf-8") for name in SOLVER}
-    return {"sizes.h": _header(sizes), "heat.c": _heat(c_code(function, "heat.c")), **solver}
+    return {"sizes.h": _header(sizes), "alive.h": _alive(), "heat.c": _heat(c_code(function, "heat.c")), **solver}
 
 
 def python_library(made: Mapping[str, str]) -> ctypes.CDLL:
@@ -73,6 +76,11 @@ def _padded(width: int) -> int:
 def _header(sizes: Mapping[str, int]) -> str:
     lines = [f"#define LPTN_{name} {value}" for name, value in sizes.items()]
     return "\n".join(["/* Sizes of one model's controller. */", *lines, ""])
+
+
+def _alive() -> str:
+    lines = [f"#define ALIVE_{name} {getattr(aliveness, name)!r}" for name in _ALIVE]
+    return "\n".join(["/* When a sensor stands or leaps: the constants of lptn.online.aliveness. */", *lines, ""])
 
 
 def _heat(code: str) -> str:
@@ -110,6 +118,14 @@ def structs(heating: Heating, limits: int, stages: int) -> Structs:
         ("iterations", _I),
         ("warm", _I),
     ]
+    sensors = [
+        ("clock", _D),
+        *((name, _D * nodes) for name in
+          ("last", "since", "far_since", "evidence", "grain", "moves", "due", "taken")),
+        ("silent", _I * nodes),
+        ("far", _I * nodes),
+    ]  # fmt: skip
+    fork = [("x", _D), ("bias", _D), ("gain", _D), ("spread", _D * 3 * 3)]
     state = [
         ("x", _D * x),
         ("bias", _D * x),
@@ -121,6 +137,8 @@ def structs(heating: Heating, limits: int, stages: int) -> Structs:
         ("conditions", _D * (d + 1)),
         ("scale", _D * u * stages),
         ("started", _I),
+        ("sensors", _struct("Sensors", sensors)),
+        ("fork", _struct("Fork", fork) * nodes),
     ]
     result = [
         ("admitted", _D * u),
@@ -130,6 +148,7 @@ def structs(heating: Heating, limits: int, stages: int) -> Structs:
         ("margin", _D * limits),
         *((name, _D) for name in ("cost", "worst", "error", "gap")),
         *((name, _I) for name in ("iterations", "linearisations", "status")),
+        ("sensor", _I * nodes),
     ]
     return Structs(_struct("Settings", settings), _struct("State", state), _struct("Result", result))
 
