@@ -29,6 +29,7 @@ _MEANING = {
     8: "a request lies above the current limit and is cut to it",
     32: "the solver did not converge; this is the best plan that it met, not proven to be the best there is",
 }
+_PROGRAMS = ("main.c", "loop.c")  # that run the emitted step, and the loop of short ticks about it
 _STANDS = 2  # of a sensor, as in `c/lptn_mpc.h`
 _NO_SLACK = 1e-3  # K; less is the solver's own
 _SHORTCUT, _TOO_HOT, _NOT_BEST, _NOT_ALIVE = 1, 16, 32, 128
@@ -175,7 +176,8 @@ class TorqueMPC:
         self.joints, self.conditions = self.heating.joints, self.heating.conditions
         count, limited = len(self.settings.stages), len(self.settings.limits)
         self.sources = sources(self.heating, limited, count)
-        loaded = python_library(self.sources)
+        self._library: Any = python_library(self.sources)
+        loaded = self._library
         self._step: Any = loaded.lptn_mpc_step
         self._step.restype = None
         loaded.lptn_mpc_sizes.restype = ctypes.c_longlong
@@ -235,21 +237,7 @@ class TorqueMPC:
             ctypes.c_void_p(given),
             ctypes.byref(self._result),
         )
-        result = self._result
-        return Plan(
-            self.joints,
-            np.array(result.admitted),
-            np.array(result.plan),
-            np.array(result.x).T,
-            np.array(result.slack),
-            np.array(result.margin),
-            result.cost,
-            result.iterations,
-            result.status,
-            tuple(self.settings.limits),
-            self._untrusted() if result.status & _NOT_ALIVE else {},
-            result.error,
-        )
+        return self._answer()
 
     def reset(self) -> None:
         """Forget estimate, bias and the last plan."""
@@ -291,13 +279,30 @@ class TorqueMPC:
         names += list(self.conditions)
         rows = [[*start[: len(model.nodes)], *row, *around] for row, around in zip(asked, conditions, strict=True)]
         content = {
-            "main.c": files("lptn.planners.mpc").joinpath("c", "main.c").read_text(encoding="utf-8"),
+            **{name: files("lptn.planners.mpc").joinpath("c", name).read_text(encoding="utf-8") for name in _PROGRAMS},
             "settings.h": settings_header(self._settings),
             "names.txt": "\n".join([*names, ""]),
             "example.txt": "\n".join([*(" ".join(f"{value:.10g}" for value in row) for row in rows), ""]),
             **self.sources,
         }
         return write_folder(folder, content)
+
+    def _answer(self) -> Plan:
+        result = self._result
+        return Plan(
+            self.joints,
+            np.array(result.admitted),
+            np.array(result.plan),
+            np.array(result.x).T,
+            np.array(result.slack),
+            np.array(result.margin),
+            result.cost,
+            result.iterations,
+            result.status,
+            tuple(self.settings.limits),
+            self._untrusted() if result.status & _NOT_ALIVE else {},
+            result.error,
+        )
 
     def _untrusted(self) -> dict[str, str]:
         sensors, untrusted = self._state.sensors, {}
