@@ -2,9 +2,9 @@
 # # The thermal controller between ROS 2 messages
 #
 # `ThermalFilter` takes the bytes of messages and answers with bytes: `sensor_msgs/msg/JointState` with the torques that
-# are asked (`effort`) becomes the same message with those that the temperatures allow. Measured torques and speeds come as
-# a JointState too, temperatures as `control_msgs/msg/DynamicJointState`, as ros2_control publishes them. A node has to do
-# no more than to hand its serialized messages on. No ROS is needed: the package rosbags knows the types.
+# are asked (`effort`) becomes the same message with those that the temperatures allow. Measured torques and speeds come
+# as a JointState too, temperatures as `control_msgs/msg/DynamicJointState`, as ros2_control publishes them. A node has
+# to do no more than to hand its serialized messages on. No ROS is needed: the package rosbags knows the types.
 #
 # `python ros2_loop.py better.toml recorded limited` replays a bag and writes the limited commands into a new one.
 # Without arguments it makes a bag for the ready leg first.
