@@ -2,6 +2,7 @@
 
 from .answer import plan_kind
 from .controller import Plan, TorqueMPC
+from .loop import ControlLoop
 from .settings import Settings
 
-__all__ = ["Plan", "Settings", "TorqueMPC", "plan_kind"]
+__all__ = ["ControlLoop", "Plan", "Settings", "TorqueMPC", "plan_kind"]

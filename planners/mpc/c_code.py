@@ -4,22 +4,28 @@ from __future__ import annotations
 
 import ctypes
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from typing import Any, NamedTuple
+
+from lptn.logs import resampling
+from lptn.online import aliveness
 
 from ..compiled import c_code, compiled
 from ..heating import Heating
 
-SOLVER = ("lptn_mpc.h", "lptn_mpc.c", "linear.c", "observe.c", "bounds.c", "newton.c", "interior.c")
+SOLVER = ("lptn_mpc.h", "lptn_mpc.c", "linear.c", "aliveness.c", "observe.c", "bounds.c", "newton.c", "interior.c",
+          "lptn_loop.h", "lptn_loop.c")  # fmt: skip
 _NUMBERS_IN_A_LINE = 8
 _D, _I = ctypes.c_double, ctypes.c_int
+_ALIVE = ("STANDS", "SHORTEST", "LEAST_CHANCE", "COARSEST", "LEAP", "LEAST_LEAP", "FEWEST")
 _GLUE = """\
 #define LPTN_WIDE
 #include "lptn_mpc.c"
+#include "lptn_loop.c"
 long long lptn_mpc_sizes(int which) {
     const long long sizes[] = {sizeof(lptn_mpc_settings), sizeof(lptn_mpc_state), sizeof(lptn_mpc_result),
-                               sizeof(lptn_mpc_work)};
+                               sizeof(lptn_mpc_work), sizeof(lptn_loop)};
     return sizes[which];
 }
 """
@@ -52,7 +58,8 @@ def sources(heating: Heating, limits: int, stages: int) -> dict[str, str]:
         "HEAT_W": function.sz_w(),
     }
     solver = {name: files("lptn.planners.mpc").joinpath("c", name).read_text(encoding="utf-8") for name in SOLVER}
-    return {"sizes.h": _header(sizes), "heat.c": _heat(c_code(function, "heat.c")), **solver}
+    return {"sizes.h": _header(sizes), "alive.h": _alive(), "conditions.h": _kinds(heating.conditions),
+            "heat.c": _heat(c_code(function, "heat.c")), **solver}  # fmt: skip
 
 
 def python_library(made: Mapping[str, str]) -> ctypes.CDLL:
@@ -73,6 +80,23 @@ def _padded(width: int) -> int:
 def _header(sizes: Mapping[str, int]) -> str:
     lines = [f"#define LPTN_{name} {value}" for name, value in sizes.items()]
     return "\n".join(["/* Sizes of one model's controller. */", *lines, ""])
+
+
+def _alive() -> str:
+    lines = [f"#define ALIVE_{name} {getattr(aliveness, name)!r}" for name in _ALIVE]
+    return "\n".join(["/* When a sensor stands or leaps: the constants of lptn.online.aliveness. */", *lines, ""])
+
+
+def _kinds(conditions: Sequence[str]) -> str:
+    """How samples of each condition become one number, as where logs are read."""
+    names = {resampling.MEAN_ABS: "LPTN_ABSOLUTE", resampling.RMS: "LPTN_RMS"}
+    kinds = [names.get(resampling.feature(column).reduction, "LPTN_MEAN") for column in conditions]
+    lines = [f"    {kind}, /* {column} */" for kind, column in zip(kinds, conditions, strict=True)]
+    return "\n".join(
+        ["/* How samples of the model's other inputs become one number. */",
+         "enum { LPTN_MEAN, LPTN_ABSOLUTE, LPTN_RMS };",
+         "static const int lptn_condition_kind[] = {", *lines, "    LPTN_MEAN};", ""]
+    )  # fmt: skip
 
 
 def _heat(code: str) -> str:
@@ -110,6 +134,14 @@ def structs(heating: Heating, limits: int, stages: int) -> Structs:
         ("iterations", _I),
         ("warm", _I),
     ]
+    sensors = [
+        ("clock", _D),
+        *((name, _D * nodes) for name in
+          ("last", "since", "far_since", "evidence", "grain", "moves", "due", "taken")),
+        ("silent", _I * nodes),
+        ("far", _I * nodes),
+    ]  # fmt: skip
+    fork = [("x", _D), ("bias", _D), ("gain", _D), ("spread", _D * 3 * 3)]
     state = [
         ("x", _D * x),
         ("bias", _D * x),
@@ -121,6 +153,8 @@ def structs(heating: Heating, limits: int, stages: int) -> Structs:
         ("conditions", _D * (d + 1)),
         ("scale", _D * u * stages),
         ("started", _I),
+        ("sensors", _struct("Sensors", sensors)),
+        ("fork", _struct("Fork", fork) * nodes),
     ]
     result = [
         ("admitted", _D * u),
@@ -130,6 +164,7 @@ def structs(heating: Heating, limits: int, stages: int) -> Structs:
         ("margin", _D * limits),
         *((name, _D) for name in ("cost", "worst", "error", "gap")),
         *((name, _I) for name in ("iterations", "linearisations", "status")),
+        ("sensor", _I * nodes),
     ]
     return Structs(_struct("Settings", settings), _struct("State", state), _struct("Result", result))
 
@@ -146,6 +181,7 @@ def settings_header(settings: ctypes.Structure) -> str:
         lines.append(f"    .{name} = {_list(list(value)) if hasattr(value, '__len__') else _number(value)},")
     return "\n".join(
         ["/* Limits, weights, stages and the model's parameters: lptn_mpc.h says what each is. */",
+         "#include <math.h>",
          "static const lptn_mpc_settings lptn_mpc_default = {", *lines, "};", ""]
     )  # fmt: skip
 

@@ -29,8 +29,10 @@ _MEANING = {
     8: "a request lies above the current limit and is cut to it",
     32: "the solver did not converge; this is the best plan that it met, not proven to be the best there is",
 }
+_PROGRAMS = ("main.c", "loop.c")  # that run the emitted step, and the loop of short ticks about it
+_STANDS = 2  # of a sensor, as in `c/lptn_mpc.h`
 _NO_SLACK = 1e-3  # K; less is the solver's own
-_SHORTCUT, _TOO_HOT, _NOT_BEST = 1, 16, 32
+_SHORTCUT, _TOO_HOT, _NOT_BEST, _NOT_ALIVE = 1, 16, 32, 128
 
 
 @dataclass(frozen=True)
@@ -49,6 +51,7 @@ class Plan:
         iterations: of the solver, 0 where the full request stays cool.
         status: bits of `c/lptn_mpc.h`.
         limited: names of the limited nodes.
+        untrusted: nodes whose sensor stands or leapt, and why its reading is not believed; the prediction stands in.
         error: change of the last linearisation [K].
     """
 
@@ -62,6 +65,7 @@ class Plan:
     iterations: int
     status: int
     limited: tuple[str, ...]
+    untrusted: Mapping[str, str]
     error: float
 
     @property
@@ -77,7 +81,8 @@ class Plan:
     @property
     def given_up(self) -> tuple[str, ...]:
         """In words, what could not be had; empty where all limits and inputs were good."""
-        sentences = [text for bit, text in _MEANING.items() if self.status & bit]
+        sentences = [f"{node} {why}" for node, why in self.untrusted.items()]
+        sentences += [text for bit, text in _MEANING.items() if self.status & bit]
         if self.status & _TOO_HOT:
             worst = self.slack.max(axis=0)
             where = ", ".join(
@@ -171,7 +176,8 @@ class TorqueMPC:
         self.joints, self.conditions = self.heating.joints, self.heating.conditions
         count, limited = len(self.settings.stages), len(self.settings.limits)
         self.sources = sources(self.heating, limited, count)
-        loaded = python_library(self.sources)
+        self._library: Any = python_library(self.sources)
+        loaded = self._library
         self._step: Any = loaded.lptn_mpc_step
         self._step.restype = None
         loaded.lptn_mpc_sizes.restype = ctypes.c_longlong
@@ -231,20 +237,7 @@ class TorqueMPC:
             ctypes.c_void_p(given),
             ctypes.byref(self._result),
         )
-        result = self._result
-        return Plan(
-            self.joints,
-            np.array(result.admitted),
-            np.array(result.plan),
-            np.array(result.x).T,
-            np.array(result.slack),
-            np.array(result.margin),
-            result.cost,
-            result.iterations,
-            result.status,
-            tuple(self.settings.limits),
-            result.error,
-        )
+        return self._answer()
 
     def reset(self) -> None:
         """Forget estimate, bias and the last plan."""
@@ -286,13 +279,41 @@ class TorqueMPC:
         names += list(self.conditions)
         rows = [[*start[: len(model.nodes)], *row, *around] for row, around in zip(asked, conditions, strict=True)]
         content = {
-            "main.c": files("lptn.planners.mpc").joinpath("c", "main.c").read_text(encoding="utf-8"),
+            **{name: files("lptn.planners.mpc").joinpath("c", name).read_text(encoding="utf-8") for name in _PROGRAMS},
             "settings.h": settings_header(self._settings),
             "names.txt": "\n".join([*names, ""]),
             "example.txt": "\n".join([*(" ".join(f"{value:.10g}" for value in row) for row in rows), ""]),
             **self.sources,
         }
         return write_folder(folder, content)
+
+    def _answer(self) -> Plan:
+        result = self._result
+        return Plan(
+            self.joints,
+            np.array(result.admitted),
+            np.array(result.plan),
+            np.array(result.x).T,
+            np.array(result.slack),
+            np.array(result.margin),
+            result.cost,
+            result.iterations,
+            result.status,
+            tuple(self.settings.limits),
+            self._untrusted() if result.status & _NOT_ALIVE else {},
+            result.error,
+        )
+
+    def _untrusted(self) -> dict[str, str]:
+        sensors, untrusted = self._state.sensors, {}
+        for number, node in enumerate(self.model.nodes):
+            if self._result.sensor[number] == _STANDS:
+                lasting = sensors.clock - sensors.since[number]
+                untrusted[node] = f"has read {sensors.last[number]:.6g} degC, bit for bit, for {lasting:.0f} s"
+            elif self._result.sensor[number] > _STANDS:
+                away = f"{sensors.last[number]:.6g} degC, far from the {self._state.x[number]:.1f} that is expected"
+                untrusted[node] = f"reads {away}"
+        return untrusted
 
     def _fill(self, to: Any) -> None:
         settings, model = self.settings, self.model

@@ -19,8 +19,8 @@ needs_a_compiler = pytest.mark.skipif(compiler() is None, reason="no C compiler"
 MODEL = Model(leg([effect("copper_loss"), effect("resistance_rise"), effect("torque_constant_drop")]))
 
 
-def built(folder: Path, source: str, *options: str) -> Path:
-    """The program of a folder, every warning about it an error."""
+def built(folder: Path, source: str, *options: str, main: str = "main.c") -> Path:
+    """The program of a folder, every warning about it an error; several sources with spaces between."""
     words = [
         *(compiler() or ()),
         "-std=c99",
@@ -29,8 +29,8 @@ def built(folder: Path, source: str, *options: str) -> Path:
         "-Wpedantic",
         "-Werror",
         *options,
-        "main.c",
-        source,
+        main,
+        *source.split(),
         "-lm",
         "-o",
         "program",
@@ -40,10 +40,10 @@ def built(folder: Path, source: str, *options: str) -> Path:
     return folder / "program"
 
 
-def answered(program: Path, rows: FloatArray) -> FloatArray:
+def answered(program: Path, rows: FloatArray, *words: str) -> FloatArray:
     """What the program prints for lines of numbers."""
     lines = "\n".join(" ".join(repr(value) for value in row) for row in rows.tolist())
-    done = subprocess.run([program], input=lines, capture_output=True, text=True, check=True)
+    done = subprocess.run([program, *words], input=lines, capture_output=True, text=True, check=True)
     return np.array([[float(word) for word in line.split()] for line in done.stdout.splitlines()])
 
 

@@ -1,4 +1,4 @@
-/* One step of the thermal controller: bias estimate, exact linear steps, interior point with Riccati elimination. */
+/* One step of the thermal controller: sensors, bias estimate, exact linear steps, interior point with Riccati elimination. */
 #include "lptn_mpc.h"
 
 #include <math.h>
@@ -6,6 +6,7 @@
 
 #include "heat.c"
 #include "linear.c"
+#include "aliveness.c"
 #include "observe.c"
 #include "bounds.c"
 #include "newton.c"

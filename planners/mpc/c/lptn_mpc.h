@@ -14,6 +14,9 @@
 #define LPTN_TOO_HOT 16    /* a bound can't be met everywhere: see the slack */
 #define LPTN_NOT_BEST 32   /* the solver did not converge: the best plan that it met, which may not be the optimum */
 #define LPTN_NO_CONDITION 64 /* a condition was no number: the last good one stood in for it, else zero */
+#define LPTN_NOT_ALIVE 128 /* a sensor stands or leapt: the prediction stood in for it; `sensor` says which */
+
+enum { LPTN_ALIVE, LPTN_MISSING, LPTN_STANDS, LPTN_LEAPT }; /* of a sensor */
 
 /* What does not change from step to step. */
 typedef struct {
@@ -38,6 +41,23 @@ typedef struct {
     int iterations, warm;       /* at most; the first `warm` of them from the last plan, the others from a cold start */
 } lptn_mpc_settings;
 
+/* What is remembered of each sensor. */
+typedef struct {
+    double clock;                         /* s since the first step */
+    double last[LPTN_NN], since[LPTN_NN]; /* last reading [degC]; s of the clock: the first of those that are like it */
+    double far_since[LPTN_NN];            /* s of the clock: since then its readings have been far from the prediction */
+    double evidence[LPTN_NN];             /* that it stands: what the chance of its repeated readings multiplies to, -log */
+    double grain[LPTN_NN];                /* smallest move so far [K], infinite for none */
+    double moves[LPTN_NN], due[LPTN_NN];  /* moves seen, and to be expected */
+    double taken[LPTN_NN];                /* readings taken in */
+    int silent[LPTN_NN], far[LPTN_NN];    /* it stands; its last reading leapt */
+} lptn_mpc_sensors;
+
+/* A node's filter that was given none of the readings like the last one. */
+typedef struct {
+    double x, bias, gain, spread[3][3];
+} lptn_mpc_fork;
+
 /* What is kept between steps; all zero before the first. */
 typedef struct {
     double x[LPTN_NX], bias[LPTN_NX]; /* estimate [degC]; heat that the model lacks, as a rate [K/s] */
@@ -48,6 +68,8 @@ typedef struct {
     double applied[LPTN_NU], conditions[LPTN_ND + 1];
     double scale[LPTN_N][LPTN_NU];    /* of the heat, as solved last */
     int started;
+    lptn_mpc_sensors sensors;
+    lptn_mpc_fork fork[LPTN_NN];
 } lptn_mpc_state;
 
 typedef struct {
@@ -59,6 +81,7 @@ typedef struct {
     double cost, worst, error, gap;  /* cost, 1 for admitting nothing; largest slack [K]; by how much a stage's
                                         end misses the next one's start [K]; duality gap */
     int iterations, linearisations, status;
+    int sensor[LPTN_NN]; /* LPTN_ALIVE, or why the prediction stood in for the reading */
 } lptn_mpc_result;
 
 typedef struct {

@@ -1,23 +1,23 @@
 /* What the model lacks, found from its own predictions: for each node a small Kalman filter of temperature, missing heat
  * and relative error of the controlled heat. The error of a parameter shows as both: without the second, the bias
- * would lag whenever the load changes. */
+ * would lag whenever the load changes. Sensors that aren't alive are left out, as missing ones are.
+ *
+ * That a sensor stands is only seen after a while. Beside each filter goes one that was given none of the readings like the
+ * last: it takes over when the sensor is found to stand, as if those readings had never come. */
 
-#define HOTTEST 500.0     /* degC; beyond these no reading is believed */
-#define COLDEST -80.0
 #define STEADY 0.2        /* of the reading's noise: what the prediction of one period may miss beside bias and gain */
 #define BIAS_HOLDS 1800.0 /* s in which the bias may walk as far as it was doubted at first */
 #define GAIN_HOLDS 3600.0
 #define MOST_GAIN 0.8
 #define GUESSED 10.0 /* K; error of a temperature that nobody has read */
-#define LOST 10.0    /* standard deviations, or K, of a reading from its prediction */
+
+#define SQRT_12 3.46410161513775458705
 
 static double hottest_limit(const lptn_mpc_settings *o) {
     double hottest = o->limit[0];
     for (int l = 1; l < LPTN_NL; l++) hottest = fmax(hottest, o->limit[l]);
     return hottest;
 }
-
-static int believed(double reading) { return reading > COLDEST && reading < HOTTEST; }
 
 /* What is known of a node when its filter starts; a temperature that was only guessed is given up once it is read. */
 static void begin_node(const lptn_mpc_settings *o, lptn_mpc_state *m, int i, int read) {
@@ -29,6 +29,27 @@ static void begin_node(const lptn_mpc_settings *o, lptn_mpc_state *m, int i, int
     m->guessed[i] = !read;
 }
 
+/* Start the filter that knows none of the readings like the last one where the node's own is now. */
+static void fork_node(lptn_mpc_state *m, int i) {
+    lptn_mpc_fork *fork = &m->fork[i];
+    fork->x = m->x[i], fork->bias = m->bias[i], fork->gain = m->gain[i];
+    memcpy(fork->spread, m->spread[i], sizeof fork->spread);
+}
+
+/* The sensor stands: what was taken from it since is taken back. */
+static void take_back(const lptn_mpc_settings *o, lptn_mpc_state *m, int i) {
+    const lptn_mpc_fork *fork = &m->fork[i];
+    if (!isfinite(m->sensors.grain[i])) {
+        /* It has never moved: no reading of it was one. */
+        for (int l = 0; l < LPTN_NN; l++)
+            if (l != i && !m->guessed[l] && !m->sensors.silent[l]) m->x[i] = fmax(m->x[i], m->x[l]);
+        begin_node(o, m, i, 0);
+        return;
+    }
+    m->x[i] = fork->x, m->bias[i] = fork->bias, m->gain[i] = fork->gain;
+    memcpy(m->spread[i], fork->spread, sizeof fork->spread);
+}
+
 static void begin_estimate(const lptn_mpc_settings *o, lptn_mpc_state *m, const double *measured) {
     double hottest = COLDEST;
     for (int i = 0; i < LPTN_NN; i++)
@@ -37,7 +58,20 @@ static void begin_estimate(const lptn_mpc_settings *o, lptn_mpc_state *m, const 
     if (hottest <= COLDEST) hottest = hottest_limit(o);
     for (int i = 0; i < LPTN_NX; i++) m->x[i] = believed(measured[o->owner[i]]) ? measured[o->owner[i]] : hottest;
     for (int i = 0; i < LPTN_NN; i++) begin_node(o, m, i, believed(measured[i]));
+    begin_sensors(&m->sensors);
     m->started = 1;
+}
+
+/* A node's covariance one control period on. */
+static void widen(const lptn_mpc_settings *o, int i, const double *row, double P[3][3]) {
+    const double h = o->stage[0];
+    double moved[3];
+    for (int a = 0; a < 3; a++) moved[a] = row[0] * P[0][a] + row[1] * P[1][a] + row[2] * P[2][a];
+    const double own = row[0] * moved[0] + row[1] * moved[1] + row[2] * moved[2];
+    P[0][1] = P[1][0] = moved[1], P[0][2] = P[2][0] = moved[2];
+    P[0][0] = own + STEADY * STEADY * o->noise * o->noise;
+    P[1][1] += o->doubt[i] * o->doubt[i] * h / BIAS_HOLDS;
+    P[2][2] += o->gain_doubt[i] * o->gain_doubt[i] * h / GAIN_HOLDS;
 }
 
 /* The estimate one control period on, under what was applied. */
@@ -51,31 +85,32 @@ static void predict(const lptn_mpc_settings *o, lptn_mpc_state *m, lptn_mpc_work
         made[i] = 0;
         for (int j = 0; j < LPTN_NU; j++) made[i] += controlled[i * LPTN_NU + j] * heat[j];
     }
+    double before[LPTN_NN];
+    memcpy(before, m->x, sizeof before);
     stage_matrices(o, w, h, m->x, ones, m->applied, m->conditions, w->M[0], w->offset[0]);
     advance(w, 0, m->x, ones, m->x);
     for (int i = 0; i < LPTN_NN; i++) {
-        /* Rows of the transition: temperature from temperature, bias and gain; the other two stay. */
-        double(*P)[3] = m->spread[i], moved[3];
+        /* Row of the transition: temperature from temperature, bias and gain; the other two stay. */
         const double row[3] = {w->M[0][i][LPTN_NU + i], h, h * made[i]};
-        for (int a = 0; a < 3; a++) moved[a] = row[0] * P[0][a] + row[1] * P[1][a] + row[2] * P[2][a];
-        const double own = row[0] * moved[0] + row[1] * moved[1] + row[2] * moved[2];
-        P[0][1] = P[1][0] = moved[1], P[0][2] = P[2][0] = moved[2];
-        P[0][0] = own + STEADY * STEADY * o->noise * o->noise;
-        P[1][1] += o->doubt[i] * o->doubt[i] * h / BIAS_HOLDS;
-        P[2][2] += o->gain_doubt[i] * o->gain_doubt[i] * h / GAIN_HOLDS;
+        lptn_mpc_fork *fork = &m->fork[i];
+        fork->x = m->x[i] + row[0] * (fork->x - before[i]) + row[1] * (fork->bias - m->bias[i]) +
+                  row[2] * (fork->gain - m->gain[i]);
+        widen(o, i, row, m->spread[i]);
+        widen(o, i, row, fork->spread);
     }
+    m->sensors.clock += h;
 }
 
-static void correct_node(const lptn_mpc_settings *o, lptn_mpc_state *m, int i, double reading) {
+/* anew: the reading is so far from the prediction that nothing that was learnt can be right. */
+static void correct_node(const lptn_mpc_settings *o, lptn_mpc_state *m, int i, double reading, int anew) {
     double(*P)[3] = m->spread[i], gain[3], top[3];
-    m->guessed[i] = 0;
     const double innovation = reading - m->x[i], whole = P[0][0] + o->noise * o->noise;
+    m->guessed[i] = 0;
     if (!(o->doubt[i] > 0) || !(whole > 0)) {
         m->x[i] = reading;
         return;
     }
-    if (!(innovation * innovation < LOST * LOST * whole + LOST * LOST)) {
-        /* So far from the prediction nothing that was learnt can be right. */
+    if (anew) {
         m->x[i] = reading;
         begin_node(o, m, i, 1);
         return;
@@ -104,20 +139,34 @@ static double margin_of(const lptn_mpc_settings *o, const lptn_mpc_state *m, int
     return o->sigmas * fmin(sqrt(fmax(variance, 0)), GUESSED);
 }
 
-/* Readings into the estimate; what was applied has moved it on by one period. */
+/* Readings into the estimate; what was applied has moved it on by one period. Where nothing is to be learnt the temperatures
+ * come from an estimator, which has looked at the sensors. */
 static void observe(const lptn_mpc_settings *o, lptn_mpc_state *m, lptn_mpc_work *w, const double *measured,
                     const double *applied, lptn_mpc_result *out) {
-    for (int i = 0; i < LPTN_NN; i++)
-        if (!believed(measured[i])) out->status |= LPTN_UNMEASURED;
-    if (!m->started) {
+    double variance[LPTN_NN];
+    int use[LPTN_NN], stood[LPTN_NN];
+    const int first = !m->started;
+    if (first) {
         begin_estimate(o, m, measured);
-        return;
+    } else {
+        for (int j = 0; j < LPTN_NU; j++)
+            if (applied && isfinite(applied[j])) m->applied[j] = applied[j];
+        predict(o, m, w);
     }
-    for (int j = 0; j < LPTN_NU; j++)
-        if (applied && isfinite(applied[j])) m->applied[j] = applied[j];
-    predict(o, m, w);
-    for (int i = 0; i < LPTN_NN; i++)
-        if (believed(measured[i])) correct_node(o, m, i, measured[i]);
+    for (int i = 0; i < LPTN_NN; i++) variance[i] = m->spread[i][0][0], stood[i] = m->sensors.silent[i];
+    judge(&m->sensors, o->noise * o->noise - o->grain * o->grain, o->grain * SQRT_12, measured, m->x, variance, use);
+    for (int i = 0; i < LPTN_NN; i++) {
+        if (!(o->doubt[i] > 0)) use[i] = believed(measured[i]);
+        else if (m->sensors.silent[i] && !stood[i]) take_back(o, m, i);
+        if (use[i] && !first) correct_node(o, m, i, measured[i], use[i] > 1);
+        if (believed(measured[i]) && m->sensors.since[i] == m->sensors.clock) fork_node(m, i);
+        out->sensor[i] = use[i] ? LPTN_ALIVE
+                         : !believed(measured[i]) ? LPTN_MISSING
+                         : m->sensors.silent[i]   ? LPTN_STANDS
+                                                  : LPTN_LEAPT;
+        if (out->sensor[i] == LPTN_MISSING) out->status |= LPTN_UNMEASURED;
+        else if (out->sensor[i] != LPTN_ALIVE) out->status |= LPTN_NOT_ALIVE;
+    }
     for (int i = 0; i < LPTN_NX; i++)
         if (!believed(m->x[i])) m->x[i] = believed(m->x[o->owner[i]]) ? m->x[o->owner[i]] : hottest_limit(o);
 }

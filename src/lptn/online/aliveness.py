@@ -15,15 +15,15 @@ from scipy.special import ndtr
 from lptn.basics.arrays import BoolArray, FloatArray
 from lptn.logs.silence import CHANCE
 
-_STANDS = float(-np.log(CHANCE))
+STANDS = float(-np.log(CHANCE))
 """Evidence that makes a sensor one that stands, as for whole logs."""
-_SHORTEST = 60.0  # s; nothing thermal is lost in less, and a sensor that stands still for so long is not called
-_LEAST_CHANCE = 1e-3  # of one reading like the one before: no single one decides
-_COARSEST = 5.0  # K; steps that a sensor may have of which nothing is known yet
-_LEAP = 6.0  # standard deviations of a reading from its prediction; chance gives one in 500 million
-_LEAST_LEAP = 3.0  # K; no smaller leap is a fault of the sensor rather than of the model
+SHORTEST = 60.0  # s; nothing thermal is lost in less, and a sensor that stands still for so long is not called
+LEAST_CHANCE = 1e-3  # of one reading like the one before: no single one decides
+COARSEST = 5.0  # K; steps that a sensor may have of which nothing is known yet
+LEAP = 6.0  # standard deviations of a reading from its prediction; chance gives one in 500 million
+LEAST_LEAP = 3.0  # K; no smaller leap is a fault of the sensor rather than of the model
 _SAME_TIME = 1e-6  # s
-_FEWEST = 5  # readings; of a sensor that gave fewer nothing says which of them was the leap
+FEWEST = 5  # readings; of a sensor that gave fewer nothing says which of them was the leap
 
 
 class Aliveness:
@@ -67,15 +67,15 @@ class Aliveness:
         """
         seen = np.isfinite(readings)
         same, changed = seen & (readings == self.last), seen & np.isfinite(self.last) & (readings != self.last)
-        known = np.where(np.isfinite(self._grain), self._grain, np.where(self._step > 0, self._step, _COARSEST))
+        known = np.where(np.isfinite(self._grain), self._grain, np.where(self._step > 0, self._step, COARSEST))
         cell, spread = np.maximum(self._step, known), np.sqrt(variance + self._noise)
         with np.errstate(invalid="ignore"):
             away = readings - predicted
             inside = ndtr((away + cell / 2) / spread) - ndtr((away - cell / 2) / spread)
             # A topic repeats its last value until the next one comes: only so large a share of readings is new.
             fresh = np.minimum((self._moves + 1) / (self._due + 1), 1.0)
-            chance = np.maximum(1 - fresh * (1 - inside), _LEAST_CHANCE)
-            far = seen & (np.abs(away) > np.maximum(_LEAP * np.sqrt(spread**2 + cell**2 / 12), _LEAST_LEAP))
+            chance = np.maximum(1 - fresh * (1 - inside), LEAST_CHANCE)
+            far = seen & (np.abs(away) > np.maximum(LEAP * np.sqrt(spread**2 + cell**2 / 12), LEAST_LEAP))
         self._evidence[same] -= np.log(chance[same])
         self._evidence[changed] = 0.0
         self._grain[changed] = np.minimum(self._grain, np.abs(readings - self.last))[changed]
@@ -84,13 +84,13 @@ class Aliveness:
         self._moves += counted & changed
         self._due[counted] += 1 - inside[counted]
         self.last = np.where(seen, readings, self.last)
-        lasting = self.clock - self.since >= _SHORTEST
-        self.silent = np.where(seen, same & (self.silent | ((self._evidence > _STANDS) & lasting)), self.silent)
+        lasting = self.clock - self.since >= SHORTEST
+        self.silent = np.where(seen, same & (self.silent | ((self._evidence > STANDS) & lasting)), self.silent)
         self._far_since = np.where(far & self.far, self._far_since, self.clock)
         self.far = np.where(seen, far, self.far)
         # A filter that most sensors contradict for long is itself wrong.
         most = 2 * np.count_nonzero(far & ~self.silent) > np.count_nonzero(seen & ~self.silent)
-        doubtful = (self._taken < _FEWEST) | (most & (self.clock - self._far_since >= _SHORTEST))
+        doubtful = (self._taken < FEWEST) | (most & (self.clock - self._far_since >= SHORTEST))
         again = far & doubtful & ~self.silent
         taken = seen & ~self.silent & (~far | again)
         self._taken += taken

@@ -1,0 +1,162 @@
+"""The thermal constraint for optimal control that is yours: CasADi functions, and what acados and do-mpc take.
+
+`thermal_constraint` makes it of a model and its limits. With a program of your own it is `constraint.step` as the
+dynamics of the temperatures and `constraint.over` as the inequality; `to_acados` and `to_do_mpc` write both into the
+objects of these packages, neither of which is needed here.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from lptn.basics.arrays import FloatArray
+from lptn.basics.errors import InputError
+from lptn.model.model import Model
+
+from .heating import Request, heating, requested_by
+from .values import Each, checked_by_place
+
+_SUBSTEP = 5.0  # s; RK4 is exact to 1e-4 K at that length on joints of a minute's time constant
+_NONE_BELOW = -1e8  # of an inequality without a lower bound, as acados wants it said
+
+
+@dataclass(frozen=True)
+class ThermalConstraint:
+    """Temperatures under torques or currents, and what they must not pass.
+
+    Args:
+        states: names of x, the model's nodes first.
+        joints: names of u.
+        conditions: names of d, the model's other inputs.
+        unit: of u.
+        limits: degC by node.
+        x: temperatures [degC], CasADi symbols, shape (states,).
+        u: torques [N*m] or currents [A] of either sign, constant or RMS over a step, shape (joints,).
+        d: conditions, such as `temperature.ambient`, shape (conditions,).
+        rates: dx/dt [K/s], an expression of x, u, d.
+        over: by how much each limited node is above its limit [K], an expression of x; at most 0 is admissible.
+    """
+
+    states: tuple[str, ...]
+    joints: tuple[str, ...]
+    conditions: tuple[str, ...]
+    unit: str
+    limits: dict[str, float]
+    x: Any
+    u: Any
+    d: Any
+    rates: Any
+    over: Any
+
+    def rate(self) -> ca.Function:
+        """(x, u, d) -> dx/dt [K/s], for integrators and collocation."""
+        return ca.Function("rate", [self.x, self.u, self.d], [self.rates], ["x", "u", "d"], ["rate"])
+
+    def excess(self) -> ca.Function:
+        """(x) -> kelvins above each limit, in the order of `limits`; at most 0 is admissible."""
+        return ca.Function("excess", [self.x], [self.over], ["x"], ["over"])
+
+    def step(self, seconds: float) -> ca.Function:
+        """(x, u, d) -> x after so many seconds with u and d held, by RK4 in parts of 5 s at most.
+
+        Raises:
+            ValueError: a step that is not positive.
+        """
+        if not 0 < seconds < float("inf"):
+            raise ValueError(f"found a step of {seconds:g} s; expected a positive one")
+        rate, x = self.rate(), self.x
+        parts = int(np.ceil(seconds / _SUBSTEP))
+        h = seconds / parts
+        for _ in range(parts):
+            k1 = rate(x, self.u, self.d)
+            k2 = rate(x + h / 2 * k1, self.u, self.d)
+            k3 = rate(x + h / 2 * k2, self.u, self.d)
+            k4 = rate(x + h * k3, self.u, self.d)
+            x = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+        return ca.Function("step", [self.x, self.u, self.d], [x], ["x", "u", "d"], ["next"])
+
+
+def thermal_constraint(
+    model: Model, limits: Each, *, request: Request | None = None, margin: float = 0.0
+) -> ThermalConstraint:
+    """The thermal constraint of a model at its values.
+
+    Args:
+        model: the model.
+        limits: degC, by node or pattern, or one for all nodes.
+        request: `"torque"` [N*m] or `"current"` [A]; by default what the model's log columns hold.
+        margin: K that the constraint stays below each limit; `TorqueMPC` finds its own from what is not known.
+
+    Raises:
+        InputError: an unknown place, a number that can't be used, a model without currents or torques, or one whose
+            heat does not go with their square.
+    """
+    if not 0 <= margin < float("inf"):
+        raise InputError(model.network.origin, "margin", f"{margin:g}", "a number from 0 up [K]")
+    heat = heating(model, requested_by(model) if request is None else request)
+    bounds = checked_by_place(limits, model.nodes, "limits")
+    if not bounds:
+        raise InputError(model.network.origin, "limits", "no limit", "one of a node at least")
+    u = ca.SX.sym("u", len(heat.joints))
+    rates = ca.substitute(ca.substitute(heat.rates, heat.heat, u**2), heat.p, ca.DM(model.values))
+    limited = [model.nodes.index(node) for node in bounds]
+    planned = np.array(list(bounds.values())) - margin
+    return ThermalConstraint(
+        tuple(model.states), heat.joints, heat.conditions, heat.unit, bounds,
+        heat.x, u, heat.d, ca.cse(rates), heat.x[limited] - planned,
+    )  # fmt: skip
+
+
+def to_acados(constraint: ThermalConstraint, ocp: Any, conditions: FloatArray, name: str = "thermal") -> None:
+    """Write it into an `AcadosOcp`: model, path and end constraint, all of them soft.
+
+    The conditions become acados' parameters. Cost, horizon, start, bounds of u and prices of the slacks (`ocp.cost.zl`
+    and so on, one for each limited node) are yours.
+
+    Args:
+        constraint: of `thermal_constraint`.
+        ocp: an `acados_template.AcadosOcp`.
+        conditions: values of the conditions to begin with, shape (conditions,).
+        name: of the model: the prefix of the code that acados writes.
+    """
+    count, model = len(constraint.limits), ocp.model
+    moved = ca.SX.sym("xdot", constraint.x.shape)
+    model.name, model.x, model.u, model.p, model.xdot = name, constraint.x, constraint.u, constraint.d, moved
+    model.f_expl_expr, model.f_impl_expr = constraint.rates, moved - constraint.rates
+    model.con_h_expr = model.con_h_expr_e = constraint.over
+    ocp.parameter_values = np.asarray(conditions, dtype=float)
+    bounds = ocp.constraints
+    bounds.lh, bounds.uh, bounds.idxsh = np.full(count, _NONE_BELOW), np.zeros(count), np.arange(count)
+    bounds.lh_e, bounds.uh_e, bounds.idxsh_e = np.full(count, _NONE_BELOW), np.zeros(count), np.arange(count)
+
+
+def to_do_mpc(constraint: ThermalConstraint, model: Any) -> tuple[str, ...]:
+    """Add it to a continuous `do_mpc.model.Model` of SX symbols, beside what is in it already.
+
+    States are called `temperature`, inputs `torque` or `current`, parameters that vary with time `conditions`.
+
+    Args:
+        constraint: of `thermal_constraint`.
+        model: a `do_mpc.model.Model("continuous", symvar_type="SX")` before its `setup`.
+
+    Returns:
+        For each limited node the name of an expression, the kelvins above its limit: after the model's `setup` the
+        constraint is `mpc.set_nl_cons(name, model.aux[name], 0.0, soft_constraint=True, …)`.
+    """
+    quantity = "current" if constraint.unit == "A" else "torque"
+    x = model.set_variable("_x", "temperature", (len(constraint.states), 1))
+    u = model.set_variable("_u", quantity, (len(constraint.joints), 1))
+    d = (
+        model.set_variable("_tvp", "conditions", (len(constraint.conditions), 1))
+        if constraint.conditions
+        else ca.SX(0, 1)
+    )
+    model.set_rhs("temperature", constraint.rate()(x, u, d))
+    over, names = constraint.excess()(x), tuple(f"limit_{node}" for node in constraint.limits)
+    for number, name in enumerate(names):
+        model.set_expression(name, over[number])
+    return names

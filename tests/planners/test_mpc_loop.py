@@ -1,0 +1,146 @@
+"""The controller in a fast loop: the step's own answers, sums between the periods, and what fails on a robot."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lptn.basics.arrays import FloatArray
+from lptn.basics.errors import InputError
+from lptn.model.model import Model
+from lptn.planners import ControlLoop, TorqueMPC
+from tests.builders import effect, leg
+from tests.planners.test_mpc_emit import answered, built, needs_a_compiler
+
+LIMIT, TICK, AROUND = 60.0, 0.05, [25.0]
+REQUEST, START = np.array([6.0, 10.0, 14.0]), np.array([50.0, 55.0, 58.0])
+TICKS = 100  # a control period
+
+
+def controller() -> TorqueMPC:
+    return TorqueMPC(Model(leg([effect("copper_loss"), effect("resistance_rise")])), LIMIT, request="torque")
+
+
+def swinging(ticks: int, seed: int = 0) -> FloatArray:
+    """Torques of either sign about the request, as a gait has them, shape (ticks, joints)."""
+    random = np.random.default_rng(seed)
+    return np.asarray(REQUEST * (np.sin(np.arange(ticks) / 7)[:, None] + 0.3 * random.standard_normal((ticks, 3))))
+
+
+def test_a_period_of_ticks_is_a_step_with_their_rms() -> None:
+    loop, mpc, asked = ControlLoop(controller(), TICK), controller(), swinging(3 * TICKS + 2)
+    scales = np.array([loop.update(torque, START, AROUND).copy() for torque in asked])
+    first = mpc.step(START, np.abs(asked[0]), AROUND)
+    np.testing.assert_allclose(scales[1] * np.abs(asked[0]), first.admitted, rtol=1e-9)
+    # Handed over at the ends of the ticks 0, 100, 200, …; the answer holds from the next tick on.
+    for k in range(2):
+        stretch = slice(1 + k * TICKS, 1 + (k + 1) * TICKS)
+        done = np.sqrt(np.mean((asked[stretch] * scales[stretch]) ** 2, axis=0))
+        rms = np.sqrt(np.mean(asked[stretch] ** 2, axis=0))
+        plan = mpc.step(START, rms, AROUND, applied=done)
+        np.testing.assert_allclose(scales[stretch.stop] * rms, plan.admitted, rtol=1e-9)
+    assert np.all(scales[-1] < 1)
+    assert loop.plan is not None
+    assert loop.given_up == loop.plan.given_up
+
+
+def test_measured_torques_count_unless_their_sensor_is_dead() -> None:
+    """A drive that gives half of what it is asked; its sensor missing, absurd or standing: the command stands in."""
+    asked = swinging(TICKS + 2)
+    done = {}
+    for name in ("none", "half", "nan", "absurd", "stands", "zero"):
+        loop = ControlLoop(controller(), TICK)
+        for torque in asked:
+            measured = 0.5 * torque * loop._scale
+            if name != "half":
+                measured[1] = {"nan": np.nan, "absurd": 1e30, "stands": 3.0, "zero": 0.0, "none": np.nan}[name]
+            loop.update(torque, START, AROUND, None if name == "none" else measured)
+        assert (loop.status & 8 > 0) == (name not in ("none", "half"))
+        done[name] = np.sqrt(np.array(loop.mpc._state.made))  # what the period's RMS warmed each node by, square root
+    # The request of a single tick, the first, made the first plan; its scales held through the period.
+    np.testing.assert_allclose(done["half"], 0.5 * done["none"], rtol=1e-6)
+    np.testing.assert_allclose(done["nan"][1], done["none"][1])
+    np.testing.assert_allclose(done["absurd"][1], done["none"][1])
+    for name in ("stands", "zero"):  # believed for the first second of five
+        assert 0.8 * done["none"][1] < done[name][1] < 1.05 * done["none"][1]
+    assert "stands in for it" in loop.given_up[0]
+
+
+def test_a_solver_that_does_not_answer_leaves_its_plan_then_floors() -> None:
+    """The plan goes on stage by stage to the end of the horizon; then joints get their floors."""
+    mpc = TorqueMPC(Model(leg([effect("copper_loss"), effect("resistance_rise")])), LIMIT, request="torque",
+                    floors={"FR_calf": 7.0})  # fmt: skip
+    loop = ControlLoop(mpc, 0.5)
+    loop.update(REQUEST, START, AROUND)
+    assert loop.plan is not None
+    expected = loop.plan.currents / REQUEST
+    loop._think = lambda: None  # type: ignore[method-assign]
+    ends = np.cumsum(mpc.settings.stages)
+    for k in range(1, 700):
+        scale = loop.update(REQUEST, START, AROUND)
+        if k < 595:
+            np.testing.assert_allclose(scale, expected[np.searchsorted(np.round(ends / 0.5), k - 1, side="right")])
+        assert (loop.status & 2 > 0) == (k > 20)
+    np.testing.assert_allclose(scale, [0.0, 0.0, 0.5])
+    assert "floors" in " ".join(loop.given_up)
+
+
+def test_nothing_that_is_missing_stops_it() -> None:
+    random, loop = np.random.default_rng(0), ControlLoop(controller(), TICK)
+    for _ in range(10 * TICKS):
+        given = [random.uniform(-20, 20, 3), random.uniform(40, 62, 3), np.array([25.0]), random.uniform(-20, 20, 3)]
+        for array in given:
+            array[random.random(array.size) < 0.3] = random.choice([np.nan, np.inf, -np.inf, 1e308])
+        scale = loop.update(*given)
+        assert np.all((scale >= 0) & (scale <= 1))
+
+
+def test_a_joint_that_rests_is_not_held_back() -> None:
+    loop = ControlLoop(controller(), TICK)
+    for _ in range(2 * TICKS + 2):
+        scale = loop.update([0.0, 10.0, 14.0], START, AROUND)
+    assert scale[0] == 1.0
+    assert scale[2] < 0.9
+
+
+def test_in_a_thread_no_update_waits() -> None:
+    loop = ControlLoop(controller(), TICK, background=True)
+    try:
+        for torque in swinging(TICKS):
+            loop.update(torque, START, AROUND)
+        until = time.monotonic() + 30
+        while loop.update(REQUEST, START, AROUND)[2] == 1 and time.monotonic() < until:
+            time.sleep(0.001)
+        assert loop.plan is not None
+        assert loop.plan.converged
+    finally:
+        loop.close()
+
+
+@pytest.mark.long
+@needs_a_compiler
+def test_the_emitted_loop_is_pythons(tmp_path: Path) -> None:
+    loop, asked = ControlLoop(controller(), TICK), swinging(3 * TICKS)
+    loop.mpc.emit(tmp_path, START, np.tile(REQUEST, (2, 1)), np.full((2, 1), 25.0))
+    random = np.random.default_rng(0)
+    readings = START + 0.1 * random.standard_normal((len(asked), 3))
+    readings[random.random(readings.shape) < 0.2] = np.nan
+    rows = np.hstack([asked, 0.9 * asked, readings, np.full((len(asked), 1), 25.0)])
+    options = ("-O1", "-ffp-contract=off", "-fsanitize=address,undefined", "-fno-sanitize-recover")
+    program = built(tmp_path, "lptn_loop.c lptn_mpc.c", *options, main="loop.c")
+    told = answered(program, rows, f"{TICK}")
+    for row, torque, reading in zip(told, asked, readings, strict=True):
+        np.testing.assert_allclose(row[:3], loop.update(torque, reading, AROUND, 0.9 * torque), rtol=0, atol=1e-9)
+        assert row[3] == loop.status
+
+
+def test_mistakes_are_said_in_one_line() -> None:
+    mpc = controller()
+    for tick in (0.0, 6.0, float("nan")):
+        with pytest.raises(InputError, match="at most 5 s"):
+            ControlLoop(mpc, tick)
+    with pytest.raises(InputError, match="unknown name"):
+        ControlLoop(mpc).update({"FL_calf": 1.0}, START, AROUND)
