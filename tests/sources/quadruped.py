@@ -29,8 +29,8 @@ from lptn.simulate.state_space import state_space
 from lptn.virtual import QUADRUPED_JOINTS, Run, Segment, motion, plan, quadruped_logs
 from tests.builders import AMBIENT, bound_runs, effect, leg, link, node, random_inputs, two_nodes, with_every_effect
 from tests.identify import test_fit_problem
+from tests.identify.truth import TRUTH, truth_run
 from tests.identify.truth import network as two_node_network
-from tests.identify.truth import truth_run
 from tests.online import test_monitor
 from tests.sources.row import Check, Verdict, above, below, differs, equal, printed, row
 from tests.sources.trials import NEIGHBOURS, SEEDS, forecasts, largest, neighbours, whole_body
@@ -212,8 +212,8 @@ def sum_of_squares() -> Iterable[Check]:
     z = problem.guess(model.values) + 0.1
     residuals, jacobian = problem.jacobian(z)
     gradient = jacobian.T @ residuals
-    e = 1e-5 * np.eye(len(z))
-    differences = np.array([(problem.cost(z + d) - problem.cost(z - d)) / 2e-5 for d in e])
+    steps = 1e-5 * np.eye(len(z))
+    differences = np.array([(problem.cost(z + d) - problem.cost(z - d)) / 2e-5 for d in steps])
     off = float(np.abs(gradient - differences).max() / np.abs(differences).max())
     yield below("gradient against finite differences, relative", off, 1e-5)
 
@@ -433,7 +433,7 @@ def _fmu_name(column: str) -> str:
 
 @row("S0-A2", "faults of sensors", "alarm at 10 °C; linear drift", more="tests/online/test_monitor.py")
 def sensor_faults() -> Iterable[Check]:
-    model = Model(two_node_network().with_values(test_monitor.TRUTH | test_monitor.WRONG))
+    model = Model(two_node_network().with_values(TRUTH | test_monitor.WRONG))
     for rate in (0.03, 0.05):
         watched = MonitoredRun.of(model, test_monitor.log(4, test_monitor.drift(rate)))
         (alarm,) = alarms_by_threshold(watched, 10.0)
