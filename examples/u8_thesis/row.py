@@ -21,6 +21,7 @@ class Row:
         network: ours by the consistent network; `None` where it has nothing to say.
         tolerance: how far `formula` may lie from `printed`: the printed number's last digit or the stated accuracy.
         note: what to know.
+        most: whether the thesis only says "below" the printed number.
         r_0: the R_0 of equation 4.1 within 1447 to 1453 at which the printed number comes out, where one was sought.
     """
 
@@ -33,6 +34,7 @@ class Row:
     tolerance: float = 0.0
     note: str = ""
     r_0: float | None = None
+    most: bool = False
 
     @property
     def verdict(self) -> str:
@@ -41,7 +43,8 @@ class Row:
             return MISSING
         if self.printed is None:
             return DEFINITION
-        if abs(self.formula - self.printed) <= self.tolerance:
+        off = self.formula - self.printed
+        if off < 0 if self.most else abs(off) <= self.tolerance:
             return REPRODUCES
         return DIFFERS if self.r_0 is None else f"only with R_0 = {self.r_0:.1f}"
 

@@ -105,6 +105,11 @@ def wire_capacity(length: float, diameter: float, density: float = 8960.0, speci
     return density * specific_heat * length * math.pi * diameter**2 / 4
 
 
+def cylinder_surface(diameter: float, length: float) -> float:
+    """Surface [m²] of a cylinder with its two faces, of a diameter and a length [m]."""
+    return math.pi * diameter * (length + diameter / 2)
+
+
 def box_volume(diameter: float, length: float) -> float:
     """Volume [m³] of the box around a cylinder of a diameter and a length [m]."""
     return diameter**2 * length

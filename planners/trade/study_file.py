@@ -110,7 +110,7 @@ class SinkTable(Strict):
 
 class PipesTable(Strict):
     count: list[Annotated[int, Field(ge=1, le=64, strict=True)]] = Field(default=[4], min_length=1)
-    resistance: Resistance = 1.844  # each, with its contacts: four make the 0.461 K/W of the thesis's exchanger
+    resistance: Resistance = 0.708  # each, with its contacts: four make the 0.177 K/W of the thesis's exchanger
     power: Power = 65.0  # each; [Chen2017, appendix A.4]
     mass: ExtraMass = 0.03  # each; assumed
     mount: ExtraMass = 0.06  # the insert that holds them; assumed

@@ -26,11 +26,10 @@ from lptn.identify.data import LoadedModel, load_model, split_data
 from lptn.identify.validation import fit_segments
 from lptn.online.forecasting import Forecast, ModelUncertainty, NodeForecast, forecast
 from lptn.online.operating_point import Gait, find_gait
-from lptn.robots.presets import presets
+from lptn.robots.presets import preset_text
 from lptn.virtual import Record, Run, Segment, Sensor, plan, quadruped, quadruped_logs, rows, write_logs
 from lptn.virtual import simulate_runs as live
 
-WINDINGS = Path(__file__).with_name("quadruped_windings.toml")
 LIMIT, LASTS, RATE = 60.0, 5400, 100.0  # degC, s, Hz
 EARLIEST, LATEST = 60, 600  # s of trot before the forecast; the latter where the moment to make it never comes
 FIT_STEP = 10.0  # s
@@ -75,7 +74,7 @@ class Trial:
 def fitted(seed: int, model: str, folder: Path) -> Robot:
     """Fit the model to the robot's protocol logs."""
     write_logs(folder, quadruped_logs(seed=seed))
-    (folder / "model.toml").write_text(WINDINGS.read_text() if model == "windings" else presets()["quadruped"])
+    (folder / "model.toml").write_text(preset_text("quadruped", "windings" if model == "windings" else None))
     loaded = load_model(folder / "model.toml")
     data = split_data(loaded.runs(sorted(folder.glob("*.parquet")))).coarsened(FIT_STEP)
     done = fit_segments(loaded.model, data.fit, symmetry_penalty=1.0)

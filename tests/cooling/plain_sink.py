@@ -8,8 +8,8 @@ from lptn.basics.arrays import FloatArray
 
 AMBIENT = 21.5  # degC
 K_T, MAGNET = 60 / (2 * np.pi * 100), -0.0012  # N·m/A at 25 degC, 1/K
-C_W, C_S, C_H = 46.0, 35.0, 155.0  # J/K
-R_WS, R_SH, R_HA, R_SK = 0.97, 1.04, 0.635, 1.844 / 4  # K/W
+C_W, C_S, C_H = 46.5, 44.3, 176.0  # J/K
+R_WS, R_SH, R_HA, R_SK = 1.084, 1.105, 0.779, 0.708 / 4  # K/W
 RESISTANCE, ALPHA, REFERENCE = 0.186, 0.0039, 21.5  # ohm, 1/K, degC
 DENSITY, HEAT, THICKNESS = 2700.0, 897.0, 1e-3  # kg/m³, J/(kg K), m
 MOTOR_MASS, PIPES_MASS = 0.240, 0.06 + 4 * 0.03  # kg

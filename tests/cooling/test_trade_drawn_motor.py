@@ -151,7 +151,7 @@ def test_heat_through_the_pipes_is_what_the_sink_takes_in() -> None:
     taken_in = plant.capacity * plant.rates(x, torque)[sink] + (x[sink] - plant.ambient) / plant.resistance
     both = ca.Function("both", [x, torque, plant.parameters.stacked], [plant.pipe_power(x, torque), taken_in])
     through, stored = both(np.array([90.0, 70.0, 50.0, 40.0]), 1.5, plant.parameters.values())
-    assert float(through) == pytest.approx(30.0 / 0.461)
+    assert float(through) == pytest.approx(30.0 / 0.177)
     assert float(stored) == pytest.approx(float(through))
 
 

@@ -61,15 +61,21 @@ def test_fin_spacing_is_where_a_given_volume_sheds_most_heat() -> None:
     assert 4.0 < air.film < 8.0
 
 
-def test_a_fan_does_what_the_thesis_saw() -> None:
-    # The exchanger of [Chen2017, sec. 4.1]: 1.358 K/W in still air, 0.263 K/W under its fan, a ratio of 5.2.
+def test_a_fan_of_the_textbook_cools_less_than_the_thesis_projects(thesis: Callable[[str], ModuleType]) -> None:
     still, blown = still_air(30.0, 0.08), blown_air(3.0, 0.08)
     films = [air.film * fin_efficiency(air.film, 1e-3, 0.03) for air in (still, blown)]
-    assert 3.0 < films[1] / films[0] < 6.0
     assert blown_air(6.0, 0.08).film == pytest.approx(blown.film * np.sqrt(2))
-    # A sink of its resistance and capacity fits into the 1004 cm³ that it took with the motor.
-    assert 300e-6 < sink_volume(351.0, 1.358, films[0], 1e-3, still.spacing) < 850e-6
-    assert fin_mass(1.358, films[0], 1e-3) < 0.627
+    # The exchanger of [Chen2017, sec. 4.1] with the same fins, blown on at 3 m/s: 67 degC at 11 A, where the thesis
+    # projects "below 60" from its curves; no other fact of it depends on the fan.
+    facts = thesis("facts")
+    values = facts.RECOMMENDED.copy()
+    values[9] = values[8] * films[0] / films[1]
+    _, passive, fan = facts.STATOR.build(values)
+    assert passive.steady(11.0) == pytest.approx(86.6, abs=0.2)
+    assert fan.steady(11.0) == pytest.approx(67.1, abs=0.2)
+    # A sink of its resistance and capacity fits into the 1004 cm³ and the 867 g that it took with the motor.
+    assert sink_volume(353.0, 3.3, films[0], 1e-3, still.spacing) < (1003.7 - 159) * 1e-6
+    assert fin_mass(3.3, films[0], 1e-3) < 0.867 - 0.240
     assert fin_efficiency(1e-6, 1e-3, 0.03) == pytest.approx(1.0)
 
 
@@ -132,9 +138,10 @@ def test_the_thesis_last_chapter_in_numbers(monkeypatch: pytest.MonkeyPatch, tmp
     held = {name: (torques[short], torques[long]) for name, torques in curves.items()}
     alone, bigger = held["U8 alone"], held["U10 alone"]
     structure = held["U8, prosthesis's structure as the sink"]
-    # For seconds nothing helps; for an hour a sink gives a fifth more, the bigger motor four fifths.
+    # For seconds nothing helps; for an hour a sink gives a seventh more, the bigger motor four fifths.
     assert max(values[0] for values in held.values()) - min(values[0] for values in held.values()) < 0.01
-    assert structure[1] / alone[1] == pytest.approx(1.21, abs=0.01)
+    assert alone[1] == pytest.approx(1.00, abs=0.005)
+    assert structure[1] / alone[1] == pytest.approx(1.14, abs=0.01)
     assert bigger[1] / alone[1] == pytest.approx(1.81, abs=0.01)
     # Against the thesis's hope: no sink whatever makes a U8 do what a U10 does.
     assert held["U8, a sink without any resistance"][1] < bigger[1]

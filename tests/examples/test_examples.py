@@ -101,6 +101,12 @@ def test_the_whole_body_beats_single_nodes(capsys: pytest.CaptureFixture[str], m
     assert overall.mean[0] < 0.5 * overall.mean[1]
 
 
+def test_the_page_of_examples_names_every_script() -> None:
+    page = (EXAMPLES / "README.md").read_text()
+    scripts = {path.name for path in EXAMPLES.rglob("*.py")} - {"__init__.py"}
+    assert not [name for name in sorted(scripts) if f"`{name}`" not in page]
+
+
 @pytest.mark.parametrize("folder", sorted({path.parent.name for kind in DATA for path in EXAMPLES.glob(f"*/*.{kind}")}))
 def test_measured_data_stand_beside_their_source_and_licence(folder: str) -> None:
     notice = (EXAMPLES / folder / "NOTICE.md").read_text()

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.linalg import expm
 
 from lptn.basics.errors import InputError
 from lptn.basics.parameters import Parameter, Share
@@ -225,10 +226,20 @@ def test_with_ambient_every_mode_dies_out_without_one_stays() -> None:
 
 
 def test_heat_flows_from_the_hot_joint_to_the_cold_ones() -> None:
-    """The first source's example: 50, 25, 25 degC for 300 s; with the printed sign the hot joint gets hotter."""
-    model = Model(leg(ambient=None))
+    """[QuadrupedLPTN, eq. 5]: 50, 25, 25 degC in air of 25 degC for 300 s; with the printed sign 67.4, 15.7, 23.0 degC."""
+    links = (link("a", "b", 5.0), link("b", "c", 2.5), link("a", "c", 12.0), *(link(x, "ambient", 4.5) for x in "abc"))
+    model = Model(Network("leg", (*(node(x) for x in "abc"), AMBIENT), links))
     start = np.array([50.0, 25.0, 25.0])
-    end = model.step("zoh")(start, [], model.values, 300.0).full().ravel()
+    end = model.step("zoh")(start, [25.0], model.values, 300.0).full().ravel()
+    assert end == pytest.approx([40.4, 27.9, 26.7], abs=0.05)
+    # The same conductances with the printed sign, in plain SciPy.
+    turned = expm(300.0 * _conductance(model) / 300.0) @ (start - 25.0) + 25.0
+    assert turned == pytest.approx([67.4, 15.7, 23.0], abs=0.05)
+
+
+def test_without_air_heat_only_spreads() -> None:
+    model = Model(leg(ambient=None))
+    end = model.step("zoh")(np.array([50.0, 25.0, 25.0]), [], model.values, 300.0).full().ravel()
     assert 25.0 < end[2] < end[1] < end[0] < 50.0
     assert end.sum() == pytest.approx(100.0, rel=1e-12)
 

@@ -93,7 +93,7 @@ def test_a_drift_is_called_long_before_the_threshold(model: Model, calibration: 
     watched = seen(model, calibration, log(4, drift(rate)))
     early, late = only(watched.statistical_alarms), only(watched.threshold_alarms)
     ideal = 10.0 / abs(rate)
-    assert late.time - BEGIN == pytest.approx(ideal, rel=0.3)
+    assert late.time - BEGIN == pytest.approx(ideal, rel=0.2)
     assert 0 < early.time - BEGIN < 0.6 * (late.time - BEGIN)
     assert early.kind == late.kind == "drift"
     for alarm in (early, late):

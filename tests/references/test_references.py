@@ -37,7 +37,9 @@ def test_no_work_stands_in_the_list_uncited() -> None:
 
 
 def test_nothing_is_cited_by_a_private_name() -> None:
-    found = {name: match[0] for name, text in texts().items() if (match := _PRIVATE.search(text))}
+    """But for the table of the sources' rows, whose page says what its ids mean."""
+    others = {name: text for name, text in texts().items() if not name.startswith("tests/sources/")}
+    found = {name: match[0] for name, text in others.items() if (match := _PRIVATE.search(text))}
     assert not found
 
 
