@@ -13,7 +13,7 @@ from lptn.identify.comparison import Prediction, predict
 from lptn.identify.data import Segment
 from lptn.study import Study
 from lptn.workbench.lines import RunLines
-from lptn.workbench.orders import Add, Cut, Plain
+from lptn.workbench.orders import Add, Cut, Order
 
 JOBS = ("fit", "holdout", "test")
 """What a run may be there for, in the order in which a page shows them."""
@@ -56,7 +56,7 @@ class Bench:
 
     # --- what can be ordered --------------------------------------------------------------------
 
-    def do(self, order: Plain | Add | Cut) -> None:
+    def do(self, order: Order) -> None:
         """Do what the page ordered.
 
         Raises:

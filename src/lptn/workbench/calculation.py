@@ -26,7 +26,8 @@ from lptn.study import Study
 from lptn.workbench.bench import Bench
 from lptn.workbench.content import content_of
 from lptn.workbench.opening import Opening
-from lptn.workbench.orders import Add, Cut, Plain
+from lptn.workbench.orders import Order
+from lptn.workbench.tour import example_opening
 
 logger = logging.getLogger("lptn")
 
@@ -34,7 +35,7 @@ STUDY, STEPS = "study.pickle", "steps.json"
 """Files of a session: the study as this version of lptn holds it, and what was done, for any other version."""
 
 
-def work(pipe: Connection, opening: Opening, sessions: Path, parent: int, after_a_stop: bool = False) -> None:
+def work(pipe: Connection, opening: Opening | str, sessions: Path, parent: int, after_a_stop: bool = False) -> None:
     """Read the study, go on from where its session ended, and do orders until the other side closes.
 
     Says `("opened", folder)`, `("said", text)`, `("warned", text)`, `("shown", content, news)`, `("done",)`,
@@ -42,7 +43,7 @@ def work(pipe: Connection, opening: Opening, sessions: Path, parent: int, after_
 
     Args:
         pipe: where orders come from and answers go.
-        opening: the model file, logs and options.
+        opening: the model file, logs and options; or the name of an example.
         sessions: the folder of all sessions.
         parent: the server's process.
         after_a_stop: somebody ended the work before: it does not begin by itself.
@@ -51,6 +52,8 @@ def work(pipe: Connection, opening: Opening, sessions: Path, parent: int, after_
     logger.setLevel(logging.INFO)
     logger.addHandler(_Telling(pipe))
     try:
+        if isinstance(opening, str):
+            opening = example_opening(opening, sessions)
         bench = _opened(pipe, opening, sessions, after_a_stop)
     except InputError as error:
         pipe.send(("refused", error))
@@ -69,7 +72,7 @@ def work(pipe: Connection, opening: Opening, sessions: Path, parent: int, after_
         _done(pipe, bench, opening, order)
 
 
-def _done(pipe: Connection, bench: Bench, opening: Opening, order: Plain | Add | Cut) -> None:
+def _done(pipe: Connection, bench: Bench, opening: Opening, order: Order) -> None:
     try:
         bench.do(order)
         if order.what == "diagnose":

@@ -17,6 +17,13 @@ class Plain(_Order):
     what: Literal["fit", "diagnose", "improve", "undo", "redo", "report", "fmu"]
 
 
+class Open(_Order):
+    """Open an example, where no files were given."""
+
+    what: Literal["example"]
+    name: Literal["tclab", "leg"]
+
+
 class Add(_Order):
     """Add an effect, an answer of the last diagnosis or any other, and fit again."""
 
@@ -40,8 +47,8 @@ class Cut(_Order):
         return self
 
 
-Order = Annotated[Plain | Add | Cut, Field(discriminator="what")]
-order: TypeAdapter[Plain | Add | Cut] = TypeAdapter(Order)
+Order = Plain | Open | Add | Cut
+order: TypeAdapter[Order] = TypeAdapter(Annotated[Order, Field(discriminator="what")])
 """Checks what the page sent."""
 
 

@@ -36,6 +36,7 @@ _PAGE = {
     "page.js": ("page.js", "text/javascript"),
     "sections.js": ("sections.js", "text/javascript"),
     "plots.js": ("plots.js", "text/javascript"),
+    "tour.js": ("tour.js", "text/javascript"),
     "uPlot.js": ("uplot/uPlot.esm.js", "text/javascript"),
     "uPlot.css": ("uplot/uPlot.css", "text/css"),
 }

@@ -20,7 +20,8 @@ from lptn.workbench.bench import News
 from lptn.workbench.calculation import work
 from lptn.workbench.lines import RunLines
 from lptn.workbench.opening import Opening
-from lptn.workbench.orders import Add, Cut, LinesAsked, Plain
+from lptn.workbench.orders import LinesAsked, Open, Order
+from lptn.workbench.tour import EXAMPLES
 
 _MOST_SAID = 200  # sentences of one order that are kept
 _HEARS_CTRL_C = 0.5  # s after which a wait looks whether somebody pressed it
@@ -50,12 +51,12 @@ class Session:
     """A study that several tabs look at.
 
     Args:
-        opening: model file, logs and options.
+        opening: model file, logs and options; `None` for the examples, of which the page chooses one.
         sessions: the folder of all sessions; by default in the user's state folder.
     """
 
-    def __init__(self, opening: Opening, sessions: Path | None = None) -> None:
-        self.opening = opening
+    def __init__(self, opening: Opening | None, sessions: Path | None = None) -> None:
+        self.opening: Opening | str | None = opening
         self._sessions = platformdirs.user_state_path("lptn") / "sessions" if sessions is None else sessions
         self.folder: Path | None = None
         """Where the session is kept; known once the logs are read."""
@@ -80,6 +81,8 @@ class Session:
         Raises:
             InputError: a file can't be used.
         """
+        if self.opening is None:
+            return self
         self._begin()
         with self._lock:
             while self.folder is None and self._refused is None:
@@ -92,6 +95,7 @@ class Session:
         # A copy of this process would have the server's threads' locks; a new one has nothing.
         context = multiprocessing.get_context("spawn")
         here, there = context.Pipe()
+        assert self.opening is not None
         arguments = (there, self.opening, self._sessions, os.getpid(), after_a_stop)
         process = context.Process(target=work, args=arguments, daemon=True)
         self._busy = {"what": "open", "words": _BEGINNING, "said": [], "since": time.time()}
@@ -183,6 +187,8 @@ class Session:
                 "notes": list(self._notes),
                 "folder": str(self.folder or ""),
                 "files": files,
+                "examples": {} if isinstance(self.opening, Opening) else _examples(),
+                "example": self.opening if isinstance(self.opening, str) else "",
             }
             return {**self._content, **state}
 
@@ -206,12 +212,15 @@ class Session:
             del models["given"]
         return lines.window(asked.node, models, asked.start, asked.stop, asked.points, asked.attempt)
 
-    def do(self, order: Plain | Add | Cut) -> None:
+    def do(self, order: Order) -> None:
         """Have an order done.
 
         Raises:
             BusyError: another one is being done.
         """
+        if isinstance(order, Open):
+            self._show_example(order.name)
+            return
         with self._lock:
             if self._busy is not None or self._pipe is None:
                 raise BusyError(f"{(self._busy or {}).get('words', 'nothing is open')}: stop that first")
@@ -219,6 +228,17 @@ class Session:
             self._busy, self._failed = {"what": order.what, "words": words, "said": [], "since": time.time()}, ""
             self._pipe.send(order)
             self._changed()
+
+    def _show_example(self, name: str) -> None:
+        """Begin with an example, in place of another."""
+        with self._lock:
+            if isinstance(self.opening, Opening):
+                raise BusyError("files are open: examples come with `lptn open` alone")
+            process, self.opening, self.folder, self._refused = self._process, name, None, None
+            self._content, self._lines, self._notes, self._failed = {}, {}, [], ""
+            self._begin()
+            self._changed()
+        _end(process)
 
     def stop(self) -> None:
         """End what is being done; the study stays as it was before."""
@@ -238,6 +258,12 @@ class Session:
             if self._pipe is not None:
                 self._pipe.close()
         _end(process)
+
+
+def _examples() -> dict[str, dict[str, str]]:
+    return {
+        name: {"title": each.title, "about": each.about, "solved": each.solved} for name, each in EXAMPLES.items()
+    }
 
 
 def _end(process: multiprocessing.process.BaseProcess | None) -> None:

@@ -3,15 +3,17 @@
 import { h } from "/sections.js";
 import * as sections from "/sections.js";
 import { Plots } from "/plots.js";
+import { tour } from "/tour.js";
 
 const BUSY = 400, IDLE = 1500, HIDDEN = 6000;  // ms between two questions
 const place = id => document.getElementById(id);
 
 export const page = {
-  state: {}, picked: [], attempt: "", shown: "now", failed: "",
+  state: {}, picked: [], attempt: "", shown: "now", failed: "", clicked: false, step: 0,
   async order(order) { page.failed = await post("/order", order); await ask(); },
   async stop() { page.failed = await post("/stop", {}); await ask(); },
   pick(segment, node, beside = false) {
+    page.clicked = true;
     const there = page.picked.findIndex(each => each.segment === segment && each.node === node);
     if (beside) there < 0 ? page.picked.push({ segment, node }) : page.picked.splice(there, 1);
     else page.picked = [{ segment, node }];
@@ -20,6 +22,7 @@ export const page = {
   },
   attemptTo(answer) { page.attempt = answer; draw(); },
   show(which) { page.shown = which; draw(); },
+  tell: () => draw(),
 };
 const plots = new Plots(place("plots"), page);
 
@@ -89,6 +92,8 @@ export function draw() {
   redraw("data", [state.segments, state.issues, state.stretches, state.notes, busy, state.parameters], () => sections.data(page));
   redraw("out", [state.commands, state.python, state.files, busy, state.folder, state.fitted], () => sections.out(page));
   if (state.tiles) plots.draw();
+  else plots.clear();
+  redraw("tour", [state.examples, state.example, state.head, busy, attempt, !!state.answers, page.clicked, plots.windows, page.step], () => tour(page, plots));
 }
 
 setInterval(() => page.state.busy && redraw("work", [page.state.busy, Date.now() / 1000 | 0], () => sections.work(page)), 1000);

@@ -35,6 +35,14 @@ export class Plots {
     }
   }
 
+  clear() {
+    for (const view of this.views.values()) view.remove();
+    this.views.clear();
+    this.bar.replaceChildren();
+    this.windows = {};
+    this.shown = "";
+  }
+
   drawBar() {
     const { state, picked } = this.page, at = picked[0], key = JSON.stringify([at, state.segments, state.nodes, !!state.busy, this.windows]);
     if (this.shown === key) return;
@@ -60,6 +68,7 @@ export class Plots {
     if (window) this.windows[segment] = window; else delete this.windows[segment];
     this.drawBar();
     for (const view of this.views.values()) if (view.segment === segment) view.load();
+    this.page.tell();
   }
 }
 
