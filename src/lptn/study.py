@@ -29,6 +29,7 @@ from lptn.identify.data import (
     Log,
     Segment,
     Stretch,
+    all_but,
     holdout_segment,
     load_model,
     split_data,
@@ -386,6 +387,14 @@ class Study:
         Arguments and errors are those of `leave_out`.
         """
         return self._use(*self.stretches, Stretch(self._as_read(run), start, stop, held_out=True))
+
+    def fit_on(self, run: str, start: float, stop: float) -> Study:
+        """Fit a stretch of a fitted run alone, and hold out all else that was fitted; what was left out stays so.
+
+        Arguments and errors are those of `leave_out`.
+        """
+        left_out = [each for each in self.stretches if not each.held_out]
+        return self._use(*all_but(self._given, Stretch(self._as_read(run), start, stop), left_out))
 
     def use_again(self, stretch: Stretch | None = None) -> Study:
         """Take back that a stretch was left out or held out, and fit again.

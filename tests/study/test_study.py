@@ -137,11 +137,31 @@ def test_a_stretch_is_left_out_or_held_out_and_used_again() -> None:
     pd.testing.assert_frame_equal(study.use_again().history, before, rtol=1e-6)
 
 
+def test_a_stretch_is_fitted_alone() -> None:
+    study = lptn.Study(MODEL, fit=LOG, holdout_after=300)
+    study.leave_out("log", 240, 250)
+    study.fit_on("log", 100, 200)
+    (fitted,) = study.data.fit
+    assert (fitted.run.time[0], fitted.run.time[-1]) == (100, 199)
+    assert [(each.run.time[0], each.run.time[-1]) for each in study.data.holdout] == [
+        (300, 598),  # as it was before
+        (0, 99),
+        (200, 239),
+        (250, 299),
+    ]
+    study.fit_on("log", 10, 290)  # what is too short to be held out is left out
+    assert [each.held_out for each in study.stretches] == [False, False, False]
+    assert not study.use_again().stretches
+
+
 def test_a_stretch_that_can_not_be_is_refused() -> None:
     study = lptn.Study(MODEL, fit=LOG, holdout_after=300)
     for run, start, stop in (("lag", 0, 100), ("log", -100, 400)):
         with pytest.raises(InputError, match=r"no such run|nothing is left"):
             study.leave_out(run, start, stop)
+    for run, start, stop in (("log", 100, 110), ("log", 400, 500), ("lag", 0, 100)):
+        with pytest.raises(InputError, match="to fit"):
+            study.fit_on(run, start, stop)
     with pytest.raises(InputError, match="to hold out"):
         study.hold_out("log", 400, 500)  # held out already
     assert not study.stretches

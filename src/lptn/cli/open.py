@@ -64,15 +64,19 @@ def open(  # noqa: A001 - the command's name
     from lptn.workbench.server import serve
     from lptn.workbench.session import Session
 
-    opening = model and Opening(
-        model,
-        logs,
-        tuple(holdout or ()),
-        tuple(test or ()),
-        holdout_after,
-        tuple(column_options(map, rate)),
-        ambient_error,
-        torque_error,
+    opening = (
+        None
+        if model is None
+        else Opening(
+            model,
+            logs,
+            tuple(holdout or ()),
+            tuple(test or ()),
+            holdout_after,
+            tuple(column_options(map, rate)),
+            ambient_error,
+            torque_error,
+        )
     )
     session = Session(opening)
     with progress("reading"):

@@ -9,6 +9,7 @@ import numpy as np
 
 from lptn.basics.equations import equations_of
 from lptn.diagnose.diagnosis import Diagnosis, Step
+from lptn.diagnose.scores import Score, linearised
 from lptn.effects import catalogue
 from lptn.identify.comparison import Errors
 from lptn.identify.data import Segment, Stretch
@@ -16,7 +17,7 @@ from lptn.report.diagnosis_figures import noise_alone
 from lptn.report.text import experiment_for, few, for_people, kelvin, named, percent, place_of, title_of
 from lptn.report.words import size_in_words
 from lptn.study import Study
-from lptn.workbench.bench import Bench, name_of, names_of, segments
+from lptn.workbench.bench import Bench, key_of, name_of, names_of, segments
 from lptn.workbench.opening import Opening
 
 _JOB_NAMES = {"fit": "fitted", "holdout": "held out", "test": "test"}
@@ -184,7 +185,8 @@ def _parameters(step: Step) -> list[dict[str, Any]]:
 
 
 def _answers(study: Study, diagnosis: Diagnosis, bench: Bench) -> dict[str, Any]:
-    tried = {answer for _, answer in bench.attempts.get(bench.model, {})}
+    attempts = bench.attempts.get(bench.model) or bench.linearised()
+    tried = {answer: line.linearised for (_, answer), line in attempts.items()}
     ranks = {step.key: rank for rank, step in enumerate(diagnosis.helpful, start=1)}
     shown = []
     for step in diagnosis.helpful:
@@ -208,11 +210,39 @@ def _answers(study: Study, diagnosis: Diagnosis, bench: Bench) -> dict[str, Any]
                 "same": [named(*key) for key in step.indistinguishable],
                 "ranks": [ranks[key] for key in step.indistinguishable if key in ranks],
                 "tried": name_of(step) in tried,
+                "linearised": tried.get(name_of(step), False),
             }
         )
     before = diagnosis.holdout.rmse if diagnosis.holdout else diagnosis.fit.rmse
     seconds = diagnosis.fit.problem.bound_runs[0].run.step
-    return {"verdict": diagnosis.verdict, "answers": shown, "before": before, "step": seconds}
+    return {
+        "verdict": diagnosis.verdict,
+        "answers": shown,
+        "scored": [_scored(diagnosis, each) for each in bench.scored_only],
+        "before": before,
+        "fitted": diagnosis.fit.rmse,
+        "step": seconds,
+    }
+
+
+def _scored(diagnosis: Diagnosis, score: Score) -> dict[str, Any]:
+    """A candidate that was scored and not refitted, with the error that it would leave to first order."""
+    effect, at = score.candidate.key
+    left = [
+        (readings - bound.measured)[bound.counted]
+        for readings, bound in zip(linearised(diagnosis.fit, score), diagnosis.fit.problem.bound_runs, strict=True)
+    ]
+    return {
+        "effect": effect,
+        "at": at,
+        "key": key_of((effect, at)),
+        "title": title_of(effect),
+        "place": place_of(at),
+        "fit": float(np.sqrt(np.mean(np.concatenate(left) ** 2))),
+        "p": diagnosis.scores.p_value(score.gain),
+        "tried": True,
+        "linearised": True,
+    }
 
 
 # --- data -----------------------------------------------------------------------------------------------------

@@ -14,7 +14,7 @@ class _Order(BaseModel):
 class Plain(_Order):
     """Orders that say all by their name."""
 
-    what: Literal["fit", "diagnose", "improve", "undo", "redo", "report", "fmu"]
+    what: Literal["fit", "diagnose", "improve", "undo", "redo", "use_all", "report", "fmu"]
 
 
 class Open(_Order):
@@ -33,9 +33,9 @@ class Add(_Order):
 
 
 class Cut(_Order):
-    """Leave a stretch of a run out, hold it out, or use it again."""
+    """Leave a stretch of a run out, hold it out, fit it alone, or use it again."""
 
-    what: Literal["leave_out", "hold_out", "use_again"]
+    what: Literal["leave_out", "hold_out", "fit_on", "use_again"]
     run: str = Field(max_length=300)
     start: FiniteFloat
     stop: FiniteFloat
@@ -50,6 +50,17 @@ class Cut(_Order):
 Order = Plain | Open | Add | Cut
 order: TypeAdapter[Order] = TypeAdapter(Annotated[Order, Field(discriminator="what")])
 """Checks what the page sent."""
+
+
+class SpecialAsked(BaseModel):
+    """What is special in a stretch of a run, at a node?"""
+
+    model_config = ConfigDict(extra="forbid")
+
+    segment: str
+    node: str
+    start: FiniteFloat
+    stop: FiniteFloat
 
 
 class LinesAsked(BaseModel):

@@ -11,6 +11,7 @@ import secrets
 import socket
 import threading
 from collections.abc import Callable
+from dataclasses import asdict
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -25,8 +26,9 @@ from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, R
 from starlette.routing import Route
 
 from lptn.basics.errors import InputError
+from lptn.basics.files import finite
 from lptn.workbench.gate import Gate
-from lptn.workbench.orders import LinesAsked, order
+from lptn.workbench.orders import LinesAsked, SpecialAsked, order
 from lptn.workbench.session import BusyError, Session
 
 _LARGEST_ORDER = 10_000  # bytes; an order is a sentence
@@ -57,6 +59,7 @@ def application(session: Session, port: int, token: str) -> Starlette:
         Route("/favicon.ico", _nothing),  # browsers ask for it unasked
         Route("/state", site.state),
         Route("/lines", site.lines),
+        Route("/special", site.special),
         Route("/order", site.order, methods=["POST"]),
         Route("/stop", site.stop, methods=["POST"]),
         Route("/result/{name}", site.result),
@@ -92,6 +95,15 @@ class _Site:
         try:
             asked = LinesAsked.model_validate(dict(request.query_params))
             return JSONResponse(await run_in_threadpool(self._session.lines, asked))
+        except ValidationError as error:
+            return _wrong(_in_words(error))
+        except InputError as error:
+            return _wrong(str(error))
+
+    async def special(self, request: Request) -> Response:
+        try:
+            asked = SpecialAsked.model_validate(dict(request.query_params))
+            return JSONResponse(finite(asdict(await run_in_threadpool(self._session.special, asked))))
         except ValidationError as error:
             return _wrong(_in_words(error))
         except InputError as error:

@@ -20,7 +20,8 @@ from lptn.workbench.bench import News
 from lptn.workbench.calculation import work
 from lptn.workbench.lines import RunLines
 from lptn.workbench.opening import Opening
-from lptn.workbench.orders import LinesAsked, Open, Order
+from lptn.workbench.orders import LinesAsked, Open, Order, SpecialAsked
+from lptn.workbench.special import Special, special
 from lptn.workbench.tour import EXAMPLES
 
 _MOST_SAID = 200  # sentences of one order that are kept
@@ -37,7 +38,9 @@ _WORDS = {
     "fmu": "building the FMU",
     "leave_out": "fitting without the stretch",
     "hold_out": "fitting without the stretch",
+    "fit_on": "fitting the stretch alone",
     "use_again": "fitting with the stretch",
+    "use_all": "fitting all data again",
     "undo": "taking back",
     "redo": "adding again",
 }
@@ -203,14 +206,27 @@ class Session:
         Raises:
             InputError: no such run or node.
         """
-        with self._lock:
-            lines = self._lines.get(asked.segment)
-            models = {name: self._content.get(name, "") for name in ("given", "now")}
-        if lines is None:
-            raise InputError("plot", "run", asked.segment, f"one of {', '.join(self._lines) or 'none yet'}")
+        lines, models = self._lines_of(asked.segment)
         if models["given"] == models["now"]:
             del models["given"]
         return lines.window(asked.node, models, asked.start, asked.stop, asked.points, asked.attempt)
+
+    def special(self, asked: SpecialAsked) -> Special:
+        """What is special in a stretch, at a node, to the error of the model as it is now.
+
+        Raises:
+            InputError: no such run or node, or a stretch that can't be compared with the rest.
+        """
+        lines, models = self._lines_of(asked.segment)
+        return special(lines.time, lines.error(asked.node, models["now"]), lines.inputs, asked.start, asked.stop)
+
+    def _lines_of(self, segment: str) -> tuple[RunLines, dict[str, str]]:
+        with self._lock:
+            lines = self._lines.get(segment)
+            models = {name: self._content.get(name, "") for name in ("given", "now")}
+        if lines is None:
+            raise InputError("plot", "run", segment, f"one of {', '.join(self._lines) or 'none yet'}")
+        return lines, models
 
     def do(self, order: Order) -> None:
         """Have an order done.
@@ -261,9 +277,7 @@ class Session:
 
 
 def _examples() -> dict[str, dict[str, str]]:
-    return {
-        name: {"title": each.title, "about": each.about, "solved": each.solved} for name, each in EXAMPLES.items()
-    }
+    return {name: {"title": each.title, "about": each.about, "solved": each.solved} for name, each in EXAMPLES.items()}
 
 
 def _end(process: multiprocessing.process.BaseProcess | None) -> None:

@@ -61,7 +61,7 @@ function take(state) {
   const known = new Set(state.segments?.map(each => each.key));
   page.picked = page.picked.filter(each => known.has(each.segment) && state.nodes.includes(each.node));
   if (!page.picked.length && state.tiles) page.picked = [sections.worst(state)];
-  if (!state.answers?.answers.some(each => each.key === page.attempt && each.tried)) page.attempt = "";
+  if (!sections.triable(state).some(each => each.key === page.attempt)) page.attempt = "";
   draw();
 }
 

@@ -54,12 +54,12 @@ export function steps(page) {
   if (!steps) return [];
   const held = head.which === "held out", tested = steps.some(step => step.test != null);
   const error = step => held ? step.holdout : step.fit;
-  const tried = answers?.answers.find(each => each.key === page.attempt);
-  const rows = [...steps, ...(tried ? [{ ...tried, name: `try: ${tried.title}${tried.place === "everywhere" ? " " : " at "}${tried.place}`, attempt: true }] : []), ...undone.map(step => ({ ...step, undone: true }))];
-  const most = Math.max(...rows.map(error)) || 1;
+  const tried = triable(page.state).find(each => each.key === page.attempt);
+  const rows = [...steps, ...(tried ? [{ ...tried, name: `${"holdout" in tried ? "try" : "linearised"}: ${tried.title}${tried.place === "everywhere" ? " " : " at "}${tried.place}`, attempt: true }] : []), ...undone.map(step => ({ ...step, undone: true }))];
+  const most = Math.max(...rows.map(error).filter(Number.isFinite)) || 1;
   const bar = (step, number) => {
     const filled = h("i", { className: step.attempt ? "attempt" : number === 0 ? "zero" : "" }), floor = h("u", { title: `the sensors’ noise: ${kelvin(head.floor)}` });
-    filled.style.width = `${100 * error(step) / most}%`;
+    filled.style.width = `${100 * (error(step) ?? 0) / most}%`;
     floor.style.left = `${100 * head.floor / most}%`;
     return h("td", { className: "bar" }, h("span", null, filled, floor));
   };
@@ -82,6 +82,8 @@ export function steps(page) {
       h("small", null, `Bars: RMSE on ${held ? "held-out" : "fitted"} data; the mark is the sensors’ noise.`)),
   ];
 }
+
+export const triable = ({ answers }) => answers ? [...answers.answers, ...answers.scored].filter(each => each.tried) : [];
 
 // --- where it fails ----------------------------------------------------------------------------------------
 
@@ -145,8 +147,8 @@ export function missing(page) {
   const change = each => {
     return `${each.holdout != null ? "held out" : "fitted"} ${digits(answers.before)} → ${kelvin(each.holdout ?? each.fit)}`;
   };
-  const answer = (each, k) => h("li", {
-    className: group.has(k + 1) ? "group" : "",
+  const tryable = (each, className, ...more) => h("li", {
+    className,
     onmouseenter: () => each.tried && !page.pinned && page.attemptTo(each.key),
     onmouseleave: () => page.pinned || page.attemptTo(""),
   },
@@ -156,7 +158,10 @@ export function missing(page) {
         id: `try ${each.key}`, disabled: !each.tried, ariaPressed: page.attempt === each.key,
         onclick: () => { page.pinned = page.pinned === each.key ? "" : each.key; page.attemptTo(page.pinned); },
       }, "Try"),
-      h("button", { id: `add ${each.key}`, className: k === 0 ? "first" : "", disabled: busy, onclick: () => { page.pinned = ""; page.order({ what: "add", effect: each.effect, at: each.at }); } }, "Add")),
+      h("button", { id: `add ${each.key}`, className: each === answers.answers[0] ? "first" : "", disabled: busy, onclick: () => { page.pinned = ""; page.order({ what: "add", effect: each.effect, at: each.at }); } }, "Add")),
+    ...more);
+  const scored = each => tryable(each, "", h("span", { className: "soft" }, `fitted ${digits(answers.fitted)} → about ${kelvin(each.fit)}${each.p < 0.05 ? "" : ", as chance may have it"}`));
+  const answer = (each, k) => tryable(each, group.has(k + 1) ? "group" : "",
     h("div", null, `${each.probable} probable`, h("span", { className: "soft" }, ` · ${change(each)}`)),
     h("details", { id: `more ${each.key}` }, h("summary", null, "Equation, signs, experiment"),
       each.equations.map(equation => h("div", { className: "equation" }, equation)),
@@ -170,6 +175,10 @@ export function missing(page) {
     group.size > 1 && h("p", null, h("small", null, "What the bar on the left joins, these data can’t tell apart: one answer with several names.",
       held(answers) ? " Held-out data speak against the more probable names that stand below." : "")),
     h("ol", { className: "answers" }, answers.answers.map(answer)),
+    answers.answers.some(each => each.linearised) && h("p", null, h("small", null, "Try shows the linearised model on fitted runs until the refits are drawn.")),
+    answers.scored.length ? h("details", { id: "scored" }, h("summary", null, "Scored only: the next best"),
+      h("p", null, h("small", null, "Not refitted: Try shows what the linearised model would do on fitted runs; Add fits it.")),
+      h("ol", { className: "answers" }, answers.scored.map(scored))) : null,
     answers.answers.length ? h("p", null, h("small", null, `Errors on readings of ${digits(answers.step, 2)} s, in which answers are sought; what is added is fitted to all readings.`)) : null,
     state.advice.length ? h("details", { id: "advice", open: true }, h("summary", null, "What to do next"), state.advice.map(text => h("p", null, h("small", null, text)))) : null,
     h("div", { className: "row" }, ask("improve", "Add what is missing by itself")), other];
@@ -196,6 +205,7 @@ export function data(page) {
   const row = each => h("tr", null, h("td", null, each.name), h("td", { className: "n" }, digits(each.value)), h("td", { className: "n soft" }, each.error == null ? "" : `± ${digits(each.error, 2)}`), h("td", { className: "soft" }, each.unit === "1" ? "" : each.unit));
   return [h("h2", null, "Data and parameters"),
     stretches.length ? h("ul", { className: "plain" }, stretches.map(again)) : null,
+    stretches.length > 1 ? h("p", null, h("button", { id: "use_all", disabled: busy, onclick: () => page.order({ what: "use_all" }) }, "Use all data again")) : null,
     issues.length ? h("ul", null, issues.map(each => h("li", null, `${each.run}, ${each.key}: ${each.problem}; `, h("span", { className: "soft" }, `${each.remedy}.`))))
       : h("p", { className: "soft" }, "Nothing looks wrong in the logs."),
     notes.filter(note => !issues.some(each => note.includes(each.key))).map(note => h("p", null, h("small", null, note))),

@@ -2,6 +2,7 @@
 
 import { h, kelvin } from "/sections.js";
 
+const SKIPPABLE = 3;  // looking at plots may be left out
 const FALLEN = 0.5;  // of the error as given: nobody misses that on the bars
 
 const STEPS = [
@@ -24,6 +25,8 @@ export function tour(page, plots) {
     h("p", null, h("small", null, "With files of your own: ", h("code", null, "lptn open MODEL.toml LOG… --holdout LOG")))];
   const it = examples[example], other = Object.keys(examples).find(name => name !== example);
   if (!head) return [h("p", null, h("b", null, it.title), `. ${it.about}`)];
+  const ahead = STEPS.findLastIndex((step, k) => k >= SKIPPABLE && step.done(page, plots));
+  page.step = Math.max(page.step, ahead + 1);
   while (page.step < STEPS.length && STEPS[page.step].done(page, plots)) page.step++;
   const step = STEPS[page.step];
   for (const old of document.querySelectorAll(".here")) old.classList.remove("here");
