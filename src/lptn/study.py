@@ -143,6 +143,7 @@ class Study:
         """What was left out or held out of the runs as they were read."""
         self._steps: list[Step] = []
         self._undone: list[Step] = []
+        self._branches: tuple[tuple[Step, ...], ...] = ()
         self._diagnoses: dict[int, Diagnosis] = {}  # by the number of the step
         self._improved: History | None = None  # while the steps are just those of one forward selection
         self._advice: tuple[Diagnosis, Advice] | None = None  # the last one, and what it follows from
@@ -184,6 +185,11 @@ class Study:
     def undone(self) -> tuple[Step, ...]:
         """The steps that `redo` would add again, the next one first."""
         return tuple(reversed(self._undone))
+
+    @property
+    def branches(self) -> tuple[tuple[Step, ...], ...]:
+        """Other ways that were gone from the model as given, and left by `undo` and another `add`; the latest last."""
+        return self._branches
 
     @property
     def diagnosed(self) -> Diagnosis | None:
@@ -322,7 +328,7 @@ class Study:
             raise InputError("study", "add", "the model as given", "an effect's key, or an answer of diagnose()")
         logger.info("fitting %s at %s", step.effect, step.at)
         done = finished(continued(last, last.model.network.with_effects([step.declaration])))
-        self._undone.clear()
+        self._leave()
         return self._append(replace(step, fit=done))
 
     def undo(self) -> Study:
@@ -340,11 +346,33 @@ class Study:
             self._improved = None
         return self
 
-    def improve(self, most: int = 6) -> Study:
+    def go_back(self, number: int = -1) -> Study:
+        """Go on from a way that was left; the present one is kept among `branches` in its place.
+
+        Args:
+            number: of the way in `branches`; the one left last by default.
+
+        Raises:
+            InputError: no way has that number.
+        """
+        if not -len(self._branches) <= number < len(self._branches):
+            raise InputError("study", "branch", f"{number}", f"one of {len(self._branches)} that were left")
+        chosen, left = self._branches[number], (*self._steps, *self.undone)
+        others = [each for each in self._branches if each is not chosen]
+        gone_on = left == chosen[: len(left)]
+        self._branches = tuple(others if gone_on else [*others, left])
+        common = sum(1 for one, other in zip(self._steps, chosen, strict=False) if one is other)
+        self._diagnoses = {step: each for step, each in self._diagnoses.items() if step < common}
+        self._steps, self._improved = list(chosen), None
+        self._undone.clear()
+        return self
+
+    def improve(self, most: int = 6, found: Callable[[tuple[Step, ...]], None] = lambda _: None) -> Study:
         """Diagnose, add, refit, step by step, until nothing beyond chance is left or nothing helps.
 
         Args:
             most: how many effects to add at most.
+            found: called after each step with the best steps so far, the model as it is now first.
 
         Raises:
             InputError: there is nothing to fit.
@@ -358,13 +386,14 @@ class Study:
             torque_error=self.torque_error,
             executor=self.executor,
             report=logger.info,
+            found=found,
         )
+        self._leave()
         before = max(len(self._steps) - 1, 0)
         given = self._steps[-1] if self._steps else history.steps[0]
         self._steps[before:] = [given, *history.steps[1:]]
         self._diagnoses = {number: each for number, each in self._diagnoses.items() if number < before}
         self._diagnoses |= {before: history.first, len(self._steps) - 1: history.last}
-        self._undone.clear()
         self._improved = history if before == 0 else None
         return self
 
@@ -466,6 +495,7 @@ class Study:
         added = self._steps[1:]
         fitted = bool(self._steps)
         self.stretches, self.data, self._improved = stretches, data, None
+        self._branches = ()
         for told_of_other_data in (self._steps, self._undone, self._diagnoses):
             told_of_other_data.clear()
         if fitted:
@@ -483,6 +513,12 @@ class Study:
     def _needs_fit_data(self) -> None:
         if not self.data.fit:
             raise InputError("study", "fit", "no run", "one log or more to fit")
+
+    def _leave(self) -> None:
+        """Keep what was undone as a branch, where the study goes another way now."""
+        if self._undone:
+            self._branches = (*self._branches, (*self._steps, *self.undone))
+            self._undone.clear()
 
     def _append(self, step: Step) -> Step:
         """Take a step, with its errors."""

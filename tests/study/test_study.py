@@ -109,7 +109,10 @@ def test_a_diagnosis_is_a_table_and_its_best_answer_can_be_added(study: lptn.Stu
 @pytest.mark.long
 def test_improve_goes_the_whole_way(tmp_path: Path) -> None:
     study = lptn.Study(MODEL, fit=LOG, holdout_after=300)
-    study.improve(most=2)
+    best_so_far: list[tuple[str, ...]] = []
+    study.improve(most=2, found=lambda steps: best_so_far.append(tuple(step.effect or "" for step in steps)))
+    assert [len(steps) for steps in best_so_far] == [2, 3]
+    assert best_so_far[-1] == ("", *study.history["effect"][1:])
     assert study.history["RMSE held out [K]"].iloc[-1] == pytest.approx(1.0, abs=0.01)
     study.report(tmp_path / "story.html")
     assert "</html>" in (tmp_path / "story.html").read_text(encoding="utf-8")
@@ -135,6 +138,27 @@ def test_a_stretch_is_left_out_or_held_out_and_used_again() -> None:
     study.use_again(study.stretches[0])
     assert [each.held_out for each in study.stretches] == [True]
     pd.testing.assert_frame_equal(study.use_again().history, before, rtol=1e-6)
+
+
+def test_a_way_that_was_left_can_be_gone_on_from() -> None:
+    study = lptn.Study(MODEL, fit=LOG, holdout_after=300)
+    study.add("sensor_lag", at="*")
+    study.add("conduction", at="heater1~heater2")
+    first = study.steps
+    study.undo().undo()
+    assert not study.branches
+    study.add("conduction", at="heater1~heater2")
+    second = study.steps
+    assert study.branches == (first,)
+    assert study.go_back().steps == first
+    assert study.branches == (second,)
+    study.undo().go_back(0)  # what was undone is not lost
+    assert study.steps == second
+    assert study.branches == (first,)
+    assert study.undo().redo().branches == (first,)  # the same way again
+    with pytest.raises(InputError, match="branch"):
+        study.go_back(1)
+    assert not study.leave_out("log", 100, 150).branches  # their fits are of other data
 
 
 def test_a_stretch_is_fitted_alone() -> None:

@@ -18,6 +18,7 @@ from lptn.basics.errors import InputError
 from lptn.workbench.bench import Bench
 from lptn.workbench.calculation import _opened
 from lptn.workbench.content import content_of
+from lptn.workbench.orders import Keep, order
 from lptn.workbench.server import application, listening
 from lptn.workbench.session import Session
 from tests.workbench.conftest import OPENING
@@ -136,20 +137,22 @@ def test_nonsense_is_answered_in_a_line(browser: TestClient, wrong: dict[str, st
 
 
 @pytest.mark.parametrize(
-    "order",
+    "sent",
     [
         b"",
         b"[]",
         b'{"what": "format"}',
         b'{"what": "undo", "more": 1}',
+        b'{"what": "keep", "steps": []}',
+        b'{"what": "example", "name": "../etc"}',
         b'{"what": "add", "effect": "fan"}',
         b'{"what": "leave_out", "run": "log", "start": 5, "stop": 5}',
         b'{"what": "leave_out", "run": "log", "start": 0, "stop": 1e999}',
         b'{"what": "add", "effect": "fan", "at": "' + b"x" * 20_000 + b'"}',
     ],
 )
-def test_a_nonsense_order_is_refused(browser: TestClient, order: bytes) -> None:
-    answer = browser.post("/order", content=order, headers=ORIGIN)
+def test_a_nonsense_order_is_refused(browser: TestClient, sent: bytes) -> None:
+    answer = browser.post("/order", content=sent, headers=ORIGIN)
     assert answer.status_code == 422
     assert answer.json()["error"]
 
@@ -162,6 +165,24 @@ def test_nothing_else_of_the_folder_is_given_away(browser: TestClient, session: 
     (session.folder / "story.html").write_text("told")
     assert browser.get("/result/story.html").text == "told"
     assert "attachment" in browser.get("/result/story.html").headers["content-disposition"]
+
+
+def test_a_stopped_search_keeps_its_steps(session: Session, monkeypatch: pytest.MonkeyPatch) -> None:
+    ours, theirs = Pipe()
+    monkeypatch.setattr(session, "_begin", lambda after_a_stop: None)
+    monkeypatch.setattr(session, "_pipe", ours)
+    session.do(order.validate_python({"what": "improve"}))
+    assert theirs.recv().what == "improve"
+    rows = [{"effect": "sensor_lag", "at": "*"}, {"effect": "conduction", "at": "heater1~heater2"}]
+    session._heard_found(rows)
+    state = session.state()
+    assert state is not None
+    assert state["busy"]["found"] == rows
+    session.stop()
+    session._heard_done()  # the new process has read the study
+    assert theirs.recv() == Keep(steps=(("sensor_lag", "*"), ("conduction", "heater1~heater2")))
+    session._heard_done()
+    assert session._busy is None
 
 
 class _Payload:

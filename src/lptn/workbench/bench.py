@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -15,7 +16,7 @@ from lptn.identify.data import Segment
 from lptn.logs.run import Run
 from lptn.study import Study
 from lptn.workbench.lines import Attempt, RunLines
-from lptn.workbench.orders import Add, Cut, Order
+from lptn.workbench.orders import Add, Back, Cut, Keep, Order
 
 _MOST_SCORED = 12  # candidates beyond those that were refitted; what scores less helps nobody
 JOBS = ("fit", "holdout", "test")
@@ -59,8 +60,12 @@ class Bench:
 
     # --- what can be ordered --------------------------------------------------------------------
 
-    def do(self, order: Order) -> None:
+    def do(self, order: Order | Keep, found: Callable[[tuple[Step, ...]], None] = lambda _: None) -> None:
         """Do what the page ordered.
+
+        Args:
+            order: what it ordered.
+            found: called with the best steps of a search while it goes on.
 
         Raises:
             InputError: it can't be done with this model and these logs.
@@ -73,14 +78,19 @@ class Bench:
         elif order.what == "use_all":
             self.study.use_again()
             self._forget()
+        elif isinstance(order, Back):
+            self.study.go_back(order.number)
+        elif isinstance(order, Keep):
+            for effect, at in order.steps:
+                self.study.add(effect, at)
+        elif order.what == "improve":
+            self.study.improve(found=found)
         elif order.what == "report":
             self.study.report(self.folder / "story.html")
         elif order.what == "fmu":
             self.study.export_fmu(self.folder / "model.fmu")
         else:
             getattr(self.study, order.what)()
-            if order.what == "improve":
-                self.study.advise()
 
     def _cut(self, order: Cut) -> None:
         if order.what == "use_again":

@@ -21,12 +21,13 @@ from lptn.basics.errors import InputError, one_line
 from lptn.basics.files import write_whole
 from lptn.basics.own_folder import is_own_file, own_folder
 from lptn.basics.processes import begin_as_worker
+from lptn.diagnose.diagnosis import Step
 from lptn.identify.data import Stretch
 from lptn.study import Study
 from lptn.workbench.bench import Bench
-from lptn.workbench.content import content_of
+from lptn.workbench.content import content_of, step_content
 from lptn.workbench.opening import Opening
-from lptn.workbench.orders import Order
+from lptn.workbench.orders import Keep, Order
 from lptn.workbench.tour import example_opening
 
 logger = logging.getLogger("lptn")
@@ -38,8 +39,8 @@ STUDY, STEPS = "study.pickle", "steps.json"
 def work(pipe: Connection, opening: Opening | str, sessions: Path, parent: int, after_a_stop: bool = False) -> None:
     """Read the study, go on from where its session ended, and do orders until the other side closes.
 
-    Says `("opened", folder)`, `("said", text)`, `("warned", text)`, `("shown", content, news)`, `("done",)`,
-    `("failed", text)`, or `("refused", error)` where it can't begin.
+    Says `("opened", folder)`, `("said", text)`, `("warned", text)`, `("found", rows)`, `("shown", content, news)`,
+    `("done",)`, `("failed", text)`, or `("refused", error)` where it can't begin.
 
     Args:
         pipe: where orders come from and answers go.
@@ -72,9 +73,12 @@ def work(pipe: Connection, opening: Opening | str, sessions: Path, parent: int, 
         _done(pipe, bench, opening, order)
 
 
-def _done(pipe: Connection, bench: Bench, opening: Opening, order: Order) -> None:
+def _done(pipe: Connection, bench: Bench, opening: Opening, order: Order | Keep) -> None:
+    def found(steps: tuple[Step, ...]) -> None:
+        pipe.send(("found", [step_content(step) for step in steps[1:]]))
+
     try:
-        bench.do(order)
+        bench.do(order, found)
         if order.what == "diagnose":
             _show(pipe, bench, opening)  # the answers, before the rest of them is worked out
         if order.what in ("diagnose", "improve"):

@@ -18,6 +18,7 @@ from lptn.report.text import experiment_for, few, for_people, kelvin, named, per
 from lptn.report.words import size_in_words
 from lptn.study import Study
 from lptn.workbench.bench import Bench, key_of, name_of, names_of, segments
+from lptn.workbench.conditions import by_condition
 from lptn.workbench.opening import Opening
 
 _JOB_NAMES = {"fit": "fitted", "holdout": "held out", "test": "test"}
@@ -51,9 +52,11 @@ def content_of(bench: Bench, opening: Opening) -> dict[str, Any]:
         "given": names[0],
         "now": names[-1],
         "head": _head(bench),
-        "steps": [_step(step) for step in study.steps],
-        "undone": [_step(step) for step in study.undone],
+        "steps": [step_content(step) for step in study.steps],
+        "undone": [step_content(step) for step in study.undone],
+        "branches": [[step_content(step) for step in branch[1:]] for branch in study.branches],
         "tiles": _tiles(bench),
+        "conditions": _conditions(bench),
         "parameters": _parameters(study.steps[-1]),
         "answers": _answers(study, study.diagnosed, bench) if study.diagnosed else None,
         "advice": [for_people(each) for each in study.advised.sentences] if study.advised else [],
@@ -126,7 +129,8 @@ def _worst(bench: Bench, floor: float) -> str:
 # --- steps, tiles, parameters --------------------------------------------------------------------------------
 
 
-def _step(step: Step) -> dict[str, Any]:
+def step_content(step: Step) -> dict[str, Any]:
+    """A row of the table of steps."""
     return {
         "name": named(*step.key) if step.effect else "as given",
         "effect": step.effect,
@@ -164,6 +168,17 @@ def _tiles(bench: Bench) -> dict[str, dict[str, list[dict[str, float] | None]]]:
                 {"rmse": each.rmse, "mean": each.mean, "max": each.max} if each.count else None for each in errors
             ]
     return tiles
+
+
+def _conditions(bench: Bench) -> dict[str, list[dict[str, Any]]]:
+    """Of the models as given and now, errors by operating condition, on data that no fit saw where there are any."""
+    study = bench.study
+    found = {}
+    for name, number in (("given", 0), ("now", len(study.steps) - 1)):
+        predictions = bench.predictions(number)
+        judged = {key: each for key, each in predictions.items() if not key.startswith("fit")}
+        found[name] = by_condition(study.model.nodes, judged or predictions)
+    return found
 
 
 def _parameters(step: Step) -> list[dict[str, Any]]:

@@ -47,7 +47,21 @@ class Cut(_Order):
         return self
 
 
-Order = Plain | Open | Add | Cut
+class Back(_Order):
+    """Go on from a branch that was left."""
+
+    what: Literal["back"]
+    number: int = Field(ge=0)
+
+
+class Keep(_Order):
+    """Add the steps that a search had found when it was stopped; the session orders it, no page does."""
+
+    what: Literal["keep"] = "keep"
+    steps: tuple[tuple[str, str], ...]
+
+
+Order = Plain | Open | Add | Cut | Back
 order: TypeAdapter[Order] = TypeAdapter(Annotated[Order, Field(discriminator="what")])
 """Checks what the page sent."""
 

@@ -20,7 +20,7 @@ from lptn.workbench.bench import News
 from lptn.workbench.calculation import work
 from lptn.workbench.lines import RunLines
 from lptn.workbench.opening import Opening
-from lptn.workbench.orders import LinesAsked, Open, Order, SpecialAsked
+from lptn.workbench.orders import Keep, LinesAsked, Open, Order, SpecialAsked
 from lptn.workbench.special import Special, special
 from lptn.workbench.tour import EXAMPLES
 
@@ -33,6 +33,7 @@ _WORDS = {
     "fit": "fitting the model as given",
     "diagnose": "asking what is missing",
     "improve": "adding what is missing, step by step",
+    "keep": "adding the steps so far",
     "add": "fitting with the effect added",
     "report": "writing the report",
     "fmu": "building the FMU",
@@ -43,6 +44,7 @@ _WORDS = {
     "use_all": "fitting all data again",
     "undo": "taking back",
     "redo": "adding again",
+    "back": "going back",
 }
 
 
@@ -74,6 +76,7 @@ class Session:
         self._refused: InputError | None = None
         self._process: multiprocessing.process.BaseProcess | None = None
         self._pipe: Connection | None = None
+        self._next: Keep | None = None
         self._worked = False  # whether the process did what it began with
 
     # --- the process that works -----------------------------------------------------------------
@@ -142,6 +145,10 @@ class Session:
         if self._busy is not None:
             self._busy["said"] = [*self._busy["said"][-_MOST_SAID:], for_people(text)]
 
+    def _heard_found(self, rows: list[dict[str, Any]]) -> None:
+        if self._busy is not None:
+            self._busy["found"] = rows
+
     def _heard_warned(self, text: str) -> None:
         if text not in self._notes:
             self._notes.append(text)
@@ -166,6 +173,9 @@ class Session:
 
     def _heard_done(self) -> None:
         self._busy, self._worked = None, True
+        order, self._next = self._next, None
+        if order is not None:
+            self._send(order)
 
     def _changed(self) -> None:
         self._version += 1
@@ -240,10 +250,14 @@ class Session:
         with self._lock:
             if self._busy is not None or self._pipe is None:
                 raise BusyError(f"{(self._busy or {}).get('words', 'nothing is open')}: stop that first")
-            words = _WORDS[order.what]
-            self._busy, self._failed = {"what": order.what, "words": words, "said": [], "since": time.time()}, ""
-            self._pipe.send(order)
+            self._send(order)
             self._changed()
+
+    def _send(self, order: Order | Keep) -> None:
+        assert self._pipe is not None
+        words = _WORDS[order.what]
+        self._busy, self._failed = {"what": order.what, "words": words, "said": [], "since": time.time()}, ""
+        self._pipe.send(order)
 
     def _show_example(self, name: str) -> None:
         """Begin with an example, in place of another."""
@@ -257,13 +271,14 @@ class Session:
         _end(process)
 
     def stop(self) -> None:
-        """End what is being done; the study stays as it was before."""
+        """End what is being done; the study stays as it was before, but for the steps that a search had found."""
         with self._lock:
             if self._busy is None or (self._busy["what"] == "open" and not self.folder):
                 return
             process = self._process
+            steps = tuple((row["effect"], row["at"]) for row in self._busy.get("found", ()))
             self._begin(after_a_stop=True)
-            self._failed = ""
+            self._failed, self._next = "", Keep(steps=steps) if steps else None
             self._changed()
         _end(process)
 

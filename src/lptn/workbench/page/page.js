@@ -9,7 +9,7 @@ const BUSY = 400, IDLE = 1500, HIDDEN = 6000;  // ms between two questions
 const place = id => document.getElementById(id);
 
 export const page = {
-  state: {}, picked: [], attempt: "", shown: "now", failed: "", clicked: false, step: 0,
+  state: {}, picked: [], attempt: "", shown: "now", by: "run", failed: "", clicked: false, step: 0,
   async order(order) { page.failed = await post("/order", order); await ask(); },
   async stop() { page.failed = await post("/stop", {}); await ask(); },
   pick(segment, node, beside = false) {
@@ -22,6 +22,7 @@ export const page = {
   },
   attemptTo(answer) { page.attempt = answer; draw(); },
   show(which) { page.shown = which; draw(); },
+  group(by) { page.by = by; draw(); },
   tell: () => draw(),
 };
 const plots = new Plots(place("plots"), page);
@@ -86,8 +87,8 @@ export function draw() {
   place("name").textContent = state.name ?? "lptn";
   redraw("work", [state.busy, state.failed, failed, away], () => sections.work(page));
   redraw("head", [state.head], () => sections.head(state));
-  redraw("steps", [state.steps, state.undone, state.head, attempt, busy, state.answers], () => sections.steps(page));
-  redraw("where", [state.tiles, picked, shown], () => sections.where(page));
+  redraw("steps", [state.steps, state.undone, state.branches, state.head, attempt, busy, state.busy?.found, state.answers], () => sections.steps(page));
+  redraw("where", [state.tiles, picked, shown, page.by], () => sections.where(page));
   redraw("missing", [state.answers, state.advice, attempt, busy, state.fitted, state.now], () => sections.missing(page));
   redraw("data", [state.segments, state.issues, state.stretches, state.notes, busy, state.parameters], () => sections.data(page));
   redraw("out", [state.commands, state.python, state.files, busy, state.folder, state.fitted], () => sections.out(page));

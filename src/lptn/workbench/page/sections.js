@@ -50,12 +50,13 @@ export function head(state) {
 }
 
 export function steps(page) {
-  const { steps, undone, head, answers, busy } = page.state;
+  const { state } = page, { steps, undone, head, answers, busy } = state;
   if (!steps) return [];
   const held = head.which === "held out", tested = steps.some(step => step.test != null);
   const error = step => held ? step.holdout : step.fit;
   const tried = triable(page.state).find(each => each.key === page.attempt);
-  const rows = [...steps, ...(tried ? [{ ...tried, name: `${"holdout" in tried ? "try" : "linearised"}: ${tried.title}${tried.place === "everywhere" ? " " : " at "}${tried.place}`, attempt: true }] : []), ...undone.map(step => ({ ...step, undone: true }))];
+  const finding = busy?.found ?? [];
+  const rows = [...steps, ...finding.map(step => ({ ...step, attempt: true })), ...(tried ? [{ ...tried, name: `${"holdout" in tried ? "try" : "linearised"}: ${tried.title}${tried.place === "everywhere" ? " " : " at "}${tried.place}`, attempt: true }] : []), ...undone.map(step => ({ ...step, undone: true }))];
   const most = Math.max(...rows.map(error).filter(Number.isFinite)) || 1;
   const bar = (step, number) => {
     const filled = h("i", { className: step.attempt ? "attempt" : number === 0 ? "zero" : "" }), floor = h("u", { title: `the sensors’ noise: ${kelvin(head.floor)}` });
@@ -79,7 +80,12 @@ export function steps(page) {
     h("div", { className: "row", style: "margin-top: 8px" },
       h("button", { id: "undo", disabled: busy || steps.length < 2, onclick: () => page.order({ what: "undo" }) }, "Undo"),
       h("button", { id: "redo", disabled: busy || !undone.length, onclick: () => page.order({ what: "redo" }) }, "Redo"),
+      finding.length ? h("small", null, "The best steps so far, on coarse data; Stop keeps them. ") : null,
       h("small", null, `Bars: RMSE on ${held ? "held-out" : "fitted"} data; the mark is the sensors’ noise.`)),
+    state.branches.length ? h("details", { id: "branches" }, h("summary", null, `${state.branches.length} other ${state.branches.length > 1 ? "ways that were" : "way that was"} left`),
+      h("ul", { className: "plain" }, state.branches.map((branch, number) => h("li", { className: "row" },
+        h("button", { id: `back ${number}`, disabled: busy, onclick: () => page.order({ what: "back", number }) }, "Go back to it"),
+        `${branch.map(step => step.name).join(", then ")}: ${kelvin(error(branch.at(-1)))}`)))) : null,
   ];
 }
 
@@ -104,30 +110,41 @@ export function where(page) {
   const order = [...judged(state), ...state.segments.filter(each => !judged(state).includes(each))];
   const most = Math.max(...order.flatMap(({ key }) => state.tiles[key].given.map(each => each?.rmse ?? 0)), 1e-9);
   const css = getComputedStyle(document.documentElement);
-  const tile = (segment, node, k) => {
-    const each = state.tiles[segment.key][shown][k];
+  const tile = (each, id, where, segment, node, pressed) => {
     if (!each) return h("td", { title: "not measured" }, "·");
     const side = each.mean < 0 ? "--cold" : "--hot", share = Math.min(each.rmse / most, 1) ** 0.75;
     const way = Math.abs(each.mean) < 0.3 * each.rmse ? "to both sides" : each.mean < 0 ? "too cold" : "too hot";
     const button = h("button", {
-      id: `tile ${segment.key} ${node}`,
-      title: `${node}, ${segment.run} (${segment.job}): RMSE ${kelvin(each.rmse)}, mean ${signed(each.mean)} K, largest ${kelvin(each.max)}; ${way}`,
-      ariaPressed: picked.some(p => p.segment === segment.key && p.node === node),
-      onclick: event => page.pick(segment.key, node, event.shiftKey || event.ctrlKey || event.metaKey),
+      id: `tile ${id} ${node}`,
+      title: `${node}, ${where}: RMSE ${kelvin(each.rmse)}, mean ${signed(each.mean)} K, largest ${kelvin(each.max)}; ${way}`,
+      ariaPressed: pressed,
+      onclick: event => page.pick(segment, node, event.shiftKey || event.ctrlKey || event.metaKey),
     }, signed(each.mean < 0 ? -each.rmse : each.rmse));
     button.style.background = `rgb(${css.getPropertyValue(side)} / ${share * css.getPropertyValue("--most")})`;
     return h("td", null, button);
   };
   const choice = (name, label) => h("button", { id: `show ${name}`, ariaPressed: shown === name, onclick: () => page.show(name) }, label);
-  return [
-    h("div", { className: "row" }, h("h2", { style: "margin: 0 auto 0 0" }, "Where it fails"), state.given !== state.now && [choice("given", "as given"), choice("now", "now")]),
-    h("p", null, h("small", null, "RMSE in K; + the model is too hot (orange), − too cold (blue). A tile opens its plot, with Shift beside the others.")),
+  const grouping = (by, label) => h("button", { id: `by ${by}`, ariaPressed: page.by === by, onclick: () => page.group(by) }, label);
+  const bar = h("div", { className: "row" }, h("h2", { style: "margin: 0 auto 0 0" }, "Where it fails"), grouping("run", "by run"), grouping("condition", "by condition"), state.given !== state.now && [choice("given", "as given"), choice("now", "now")]);
+  const said = "RMSE in K; + the model is too hot (orange), − too cold (blue). A tile opens its plot, with Shift beside the others.";
+  if (page.by === "condition") {
+    const columns = state.conditions[shown], groups = [...new Set(columns.map(each => each.group))];
+    const which = state.segments.some(each => each.job !== "fitted") ? "held-out data" : "fitted data";
+    return [bar, h("p", null, h("small", null, `${said} All ${which}, by what went on; loads and speeds are the joint’s own.`)),
+      h("div", { className: "tiles" }, h("table", null,
+        h("thead", null,
+          h("tr", null, h("td"), groups.map(group => h("th", { scope: "colgroup", colSpan: columns.filter(each => each.group === group).length, className: "job" }, group))),
+          h("tr", null, h("td"), columns.map(each => h("th", { scope: "col" }, h("span", null, each.name))))),
+        h("tbody", null, state.nodes.map((node, k) => h("tr", null, h("th", { scope: "row" }, node),
+          columns.map(each => tile(each.tiles[k], `${each.group} ${each.name}`, `${each.group}: ${each.name}${each.tiles[k]?.limits ? ` (${each.tiles[k].limits})` : ""}`, each.tiles[k]?.segment, node, false)))))))];
+  }
+  return [bar, h("p", null, h("small", null, said)),
     h("div", { className: `tiles${order.length > 5 ? " narrow" : ""}` }, h("table", null,
       h("thead", null,
         h("tr", null, h("td"), ["held out", "test", "fitted"].map(job => [job, order.filter(each => each.job === job).length]).filter(([, count]) => count)
           .map(([job, count]) => h("th", { scope: "colgroup", colSpan: count, className: "job" }, job))),
         h("tr", null, h("td"), order.map(each => h("th", { scope: "col" }, h("span", null, each.run))))),
-      h("tbody", null, state.nodes.map((node, k) => h("tr", null, h("th", { scope: "row" }, node), order.map(each => tile(each, node, k))))))),
+      h("tbody", null, state.nodes.map((node, k) => h("tr", null, h("th", { scope: "row" }, node), order.map(each => tile(state.tiles[each.key][shown][k], each.key, `${each.run} (${each.job})`, each.key, node, picked.some(p => p.segment === each.key && p.node === node)))))))),
   ];
 }
 
