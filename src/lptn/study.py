@@ -17,6 +17,7 @@ import pandas as pd
 
 from lptn.basics.errors import InputError
 from lptn.basics.files import write_whole
+from lptn.basics.parameters import Setting
 from lptn.diagnose.advice import Advice, advise
 from lptn.diagnose.candidates import AMBIENT_ERROR, TORQUE_ERROR
 from lptn.diagnose.diagnosis import Diagnosis, Step, diagnose, for_search
@@ -141,6 +142,8 @@ class Study:
         """The segments of the runs that are fitted, held out, and kept for the test."""
         self.stretches: tuple[Stretch, ...] = ()
         """What was left out or held out of the runs as they were read."""
+        self.settings: tuple[Setting, ...] = ()
+        """What was set of parameters, the latest last."""
         self._steps: list[Step] = []
         self._undone: list[Step] = []
         self._branches: tuple[tuple[Step, ...], ...] = ()
@@ -433,6 +436,45 @@ class Study:
         """
         return self._use(*(each for each in self.stretches if stretch is not None and each != stretch))
 
+    def set_parameter(
+        self,
+        name: str,
+        value: float | None = None,
+        *,
+        bounds: tuple[float, float] | None = None,
+        fixed: bool | None = None,
+    ) -> Study:
+        """Change what is known of a parameter beforehand; then fit all steps again, if there are any.
+
+        Args:
+            name: of the parameter, such as `"resistance.FR_hip~ambient"`, at its place or group of places.
+            value: in its SI unit; where a free parameter's search starts, or what a fixed one is.
+            bounds: least and largest possible value; for all places that its declaration is for.
+            fixed: `True` keeps fits away from it, `False` frees it; for all these places.
+
+        Raises:
+            InputError: no such parameter, or a value outside its bounds.
+
+        Example:
+            >>> import lptn
+            >>> study = lptn.Study("examples/tclab/two_heaters.toml", fit="examples/tclab/log.csv", holdout_after=300)
+            >>> study.set_parameter("capacity.heater*", 4.0, fixed=True).fit()
+            <Fit: converged, 2 free parameters, RMSE 0.805 K>
+        """
+        setting = Setting(name, value, bounds, fixed)
+        added = list(self._steps[1:])
+        if name in (parameter.name for parameter in self._loaded.model.parameters):
+            file = self._loaded.file.with_setting(setting)
+            loaded = replace(self._loaded, file=file, model=Model(file.network))
+        else:
+            number = next((k for k, step in enumerate(added) if step.declaration and name in _names_of(step)), None)
+            if number is None:
+                names = ", ".join(parameter.name for parameter in self.model.parameters)
+                raise InputError("parameter", name, "no such parameter", f"one of {names}")
+            loaded, added[number] = self._loaded, _with_setting(added[number], setting)
+        self._loaded, self.settings = loaded, (*self.settings, setting)
+        return self._fit_again(added)
+
     # --- what to take away --------------------------------------------------------------------
 
     def save(self, path: str | Path) -> None:
@@ -492,9 +534,13 @@ class Study:
     def _use(self, *stretches: Stretch) -> Study:
         """Fit all steps again, on the data without these stretches."""
         data = without_stretches(self._given, stretches)
-        added = self._steps[1:]
+        self.stretches, self.data = stretches, data
+        return self._fit_again(self._steps[1:])
+
+    def _fit_again(self, added: Sequence[Step]) -> Study:
+        """Fit the model as given and all steps again, since the data or what is given are others now."""
         fitted = bool(self._steps)
-        self.stretches, self.data, self._improved = stretches, data, None
+        self._improved = None
         self._branches = ()
         for told_of_other_data in (self._steps, self._undone, self._diagnoses):
             told_of_other_data.clear()
@@ -537,6 +583,22 @@ class Study:
             executor=self.executor,
             report=logger.info,
         )
+
+
+def _names_of(step: Step) -> list[str]:
+    """The parameters of the effect that a step added."""
+    assert step.declaration is not None
+    prefix = f"{step.declaration.name}."
+    return [parameter.name for parameter in step.fit.model.parameters if parameter.name.startswith(prefix)]
+
+
+def _with_setting(step: Step, setting: Setting) -> Step:
+    """A step whose effect is declared with what is set of one of its parameters, at all its places."""
+    assert step.declaration is not None
+    key = setting.name.removeprefix(f"{step.declaration.name}.").partition(".")[0]
+    resolved = step.declaration.resolved
+    parameters = tuple(setting.of(each) if name == key else each for name, each in resolved.items())
+    return replace(step, declaration=replace(step.declaration, parameters=parameters))
 
 
 def _refuse_twice(groups: dict[str, list[Run]]) -> None:

@@ -189,3 +189,34 @@ def test_a_stretch_that_can_not_be_is_refused() -> None:
     with pytest.raises(InputError, match="to hold out"):
         study.hold_out("log", 400, 500)  # held out already
     assert not study.stretches
+
+
+def test_parameters_are_fixed_bounded_and_freed() -> None:
+    study = lptn.Study(MODEL, fit=LOG, holdout_after=300)
+    study.set_parameter("capacity.heater*", 5.0, fixed=True)
+    assert not study.steps  # nothing was fitted yet
+    study.add("sensor_lag", at="*")
+    errors = study.steps[-1].fit.standard_errors
+    assert "capacity.heater*" not in errors
+    fitted = {each.name: each for each in study.model.parameters}
+    assert fitted["capacity.heater*"].value == 5.0
+    study.set_parameter("sensor_lag.time_constant.*", bounds=(1.0, 5.0))  # of an effect that was added
+    assert 1.0 <= study.model.values[-1] <= 5.0
+    study.set_parameter("capacity.heater*", fixed=False, bounds=(3.0, 6.0))
+    free = {each.name: each for each in study.model.parameters if each.free}
+    assert free["capacity.heater*"].declared.bounds == (3.0, 6.0)
+    assert 3.0 <= free["capacity.heater*"].value <= 6.0
+    assert "# Like heaters" in study.file.text  # comments stay
+    assert "bounds = [1.0, 5.0]" in study.file.text
+    assert len(study.settings) == 3
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "bounds"),
+    [("capacity.hip", 5.0, None), ("capacity.heater*", 500.0, None), ("capacity.heater*", 5.0, (10.0, 1.0))],
+)
+def test_a_parameter_that_can_not_be_so_is_refused(name: str, value: float, bounds: tuple[float, float] | None) -> None:
+    study = lptn.Study(MODEL, fit=LOG, holdout_after=300)
+    with pytest.raises(InputError, match="parameter"):
+        study.set_parameter(name, value, bounds=bounds)
+    assert not study.settings

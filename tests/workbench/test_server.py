@@ -144,6 +144,8 @@ def test_nonsense_is_answered_in_a_line(browser: TestClient, wrong: dict[str, st
         b'{"what": "format"}',
         b'{"what": "undo", "more": 1}',
         b'{"what": "keep", "steps": []}',
+        b'{"what": "back", "number": -1}',
+        b'{"what": "set", "name": "gain", "value": 1, "bounds": [0, 1e999], "fixed": true}',
         b'{"what": "example", "name": "../etc"}',
         b'{"what": "add", "effect": "fan"}',
         b'{"what": "leave_out", "run": "log", "start": 5, "stop": 5}',

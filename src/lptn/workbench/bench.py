@@ -16,7 +16,7 @@ from lptn.identify.data import Segment
 from lptn.logs.run import Run
 from lptn.study import Study
 from lptn.workbench.lines import Attempt, RunLines
-from lptn.workbench.orders import Add, Back, Cut, Keep, Order
+from lptn.workbench.orders import Add, Back, Cut, Keep, Order, Set
 
 _MOST_SCORED = 12  # candidates beyond those that were refitted; what scores less helps nobody
 JOBS = ("fit", "holdout", "test")
@@ -77,6 +77,9 @@ class Bench:
             self._cut(order)
         elif order.what == "use_all":
             self.study.use_again()
+            self._forget()
+        elif isinstance(order, Set):
+            self.study.set_parameter(order.name, order.value, bounds=order.bounds, fixed=order.fixed)
             self._forget()
         elif isinstance(order, Back):
             self.study.go_back(order.number)

@@ -20,6 +20,7 @@ import lptn
 from lptn.basics.errors import InputError, one_line
 from lptn.basics.files import write_whole
 from lptn.basics.own_folder import is_own_file, own_folder
+from lptn.basics.parameters import Setting
 from lptn.basics.processes import begin_as_worker
 from lptn.diagnose.diagnosis import Step
 from lptn.identify.data import Stretch
@@ -116,6 +117,7 @@ class _Done(BaseModel):
     logs: list[str]
     stretches: list[Stretch] = []
     steps: list[tuple[str, str]] = []
+    settings: list[Setting] = []
 
 
 def _opened(pipe: Connection, opening: Opening, sessions: Path, after_a_stop: bool) -> Bench:
@@ -159,6 +161,8 @@ def _do_again(study: Study, folder: Path) -> None:
             (study.hold_out if stretch.held_out else study.leave_out)(stretch.run, stretch.start, stretch.stop)
         for effect, at in done.steps:
             study.add(effect, at)
+        for each in done.settings:
+            study.set_parameter(each.name, each.value, bounds=each.bounds, fixed=each.fixed)
     except InputError as error:
         logger.warning("not all of the session's steps can be done again: %s", one_line(error))
 
@@ -167,7 +171,9 @@ def _save(bench: Bench, opening: Opening) -> None:
     study = bench.study
     logs = [str(log) for log in (*opening.fit, *opening.holdout, *opening.test)]
     steps = [step.key for step in study.steps[1:]]
-    done = _Done(model=str(opening.model), logs=logs, stretches=list(study.stretches), steps=steps)
+    done = _Done(
+        model=str(opening.model), logs=logs, stretches=list(study.stretches), steps=steps, settings=list(study.settings)
+    )
     write_whole(bench.folder / STEPS, done.model_dump_json(indent=2) + "\n")
     stored = pickle.dumps(_written_by(bench.fingerprint)) + pickle.dumps((study, bench.attempts, bench.heat))
     write_whole(bench.folder / STUDY, stored)

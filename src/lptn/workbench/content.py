@@ -182,17 +182,23 @@ def _conditions(bench: Bench) -> dict[str, list[dict[str, Any]]]:
 
 
 def _parameters(step: Step) -> list[dict[str, Any]]:
-    """The free parameters with their standard errors, `None` where these are not determined."""
-    table = step.fit.to_pandas()
+    """The model's parameters, those of a declaration together; standard errors `None` where they are not determined."""
+    fit = step.fit
+    errors, network = fit.standard_errors, fit.model.network
+    together = {name: list(owners) for owners in network.declared_at.values() for name in owners}
     return [
         {
-            "name": row["parameter"],
-            "value": row["value"],
-            "error": row["standard error"] if np.isfinite(row["standard error"]) else None,
-            "unit": row["unit"],
+            "name": parameter.name,
+            "part": parameter.name.rpartition(".")[2],
+            "value": parameter.value,
+            "error": errors.get(parameter.name),
+            "unit": "" if parameter.declared.unit == "1" else parameter.declared.unit,
+            "bounds": parameter.declared.bounds,
+            "free": parameter.free,
+            "together": [name for name in together.get(parameter.name, []) if name != parameter.name],
         }
-        for row in table[table["free"]].to_dict("records")
-        if "_granted." not in row["parameter"]
+        for parameter in fit.model.parameters
+        if parameter.declared.prior is None
     ]
 
 
@@ -283,7 +289,7 @@ def _stretch(stretch: Stretch) -> dict[str, Any]:
 
 
 def commands(study: Study, opening: Opening) -> list[str]:
-    """Commands that do what was done here; stretches that were left out have none, Python does."""
+    """Commands that do what was done here; stretches and parameters that were set have none, Python does."""
     lines, file = [], str(opening.model)
     for number, step in enumerate(study.steps[1:], start=1):
         words = ["lptn", "add", file, step.effect or "", "--at", step.at or "", "-o", f"step{number}.toml"]
@@ -315,4 +321,8 @@ def python_lines(study: Study, opening: Opening) -> str:
         lines.append(f"study.{call}({each.run!r}, {each.start:.6g}, {each.stop:.6g})")
     lines.append("study.fit()")
     lines += [f"study.add({step.effect!r}, at={step.at!r})" for step in study.steps[1:]]
+    lines += [
+        f"study.set_parameter({each.name!r}, {each.value!r}, bounds={each.bounds!r}, fixed={each.fixed!r})"
+        for each in study.settings
+    ]
     return "\n".join([*lines, 'study.save("better.toml")', 'study.report("story.html")', ""])

@@ -47,6 +47,16 @@ class Cut(_Order):
         return self
 
 
+class Set(_Order):
+    """Set a parameter's value or bounds, fix it or free it, and fit again."""
+
+    what: Literal["set"]
+    name: str = Field(min_length=1, max_length=300)
+    value: FiniteFloat
+    bounds: tuple[FiniteFloat, FiniteFloat]
+    fixed: bool
+
+
 class Back(_Order):
     """Go on from a branch that was left."""
 
@@ -61,7 +71,7 @@ class Keep(_Order):
     steps: tuple[tuple[str, str], ...]
 
 
-Order = Plain | Open | Add | Cut | Back
+Order = Plain | Open | Add | Cut | Set | Back
 order: TypeAdapter[Order] = TypeAdapter(Annotated[Order, Field(discriminator="what")])
 """Checks what the page sent."""
 

@@ -45,6 +45,7 @@ _WORDS = {
     "undo": "taking back",
     "redo": "adding again",
     "back": "going back",
+    "set": "fitting with the parameter as it was set",
 }
 
 

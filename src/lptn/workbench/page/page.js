@@ -9,7 +9,7 @@ const BUSY = 400, IDLE = 1500, HIDDEN = 6000;  // ms between two questions
 const place = id => document.getElementById(id);
 
 export const page = {
-  state: {}, picked: [], attempt: "", shown: "now", by: "run", failed: "", clicked: false, step: 0,
+  state: {}, picked: [], attempt: "", shown: "now", by: "run", part: "", edited: "", failed: "", clicked: false, step: 0,
   async order(order) { page.failed = await post("/order", order); await ask(); },
   async stop() { page.failed = await post("/stop", {}); await ask(); },
   pick(segment, node, beside = false) {
@@ -22,6 +22,8 @@ export const page = {
   },
   attemptTo(answer) { page.attempt = answer; draw(); },
   show(which) { page.shown = which; draw(); },
+  edit(name) { page.edited = page.edited === name ? "" : name; draw(); },
+  partOf(part) { page.part = part; draw(); },
   group(by) { page.by = by; draw(); },
   tell: () => draw(),
 };
@@ -90,7 +92,7 @@ export function draw() {
   redraw("steps", [state.steps, state.undone, state.branches, state.head, attempt, busy, state.busy?.found, state.answers], () => sections.steps(page));
   redraw("where", [state.tiles, picked, shown, page.by], () => sections.where(page));
   redraw("missing", [state.answers, state.advice, attempt, busy, state.fitted, state.now], () => sections.missing(page));
-  redraw("data", [state.segments, state.issues, state.stretches, state.notes, busy, state.parameters], () => sections.data(page));
+  redraw("data", [state.segments, state.issues, state.stretches, state.notes, busy, state.parameters, page.part, page.edited], () => sections.data(page));
   redraw("out", [state.commands, state.python, state.files, busy, state.folder, state.fitted], () => sections.out(page));
   if (state.tiles) plots.draw();
   else plots.clear();

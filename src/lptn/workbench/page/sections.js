@@ -219,14 +219,43 @@ export function data(page) {
   if (!segments) return [];
   const again = each => h("li", { className: "row" }, `${each.run}, ${digits(each.start, 4)} to ${digits(each.stop, 4)} s: ${each.held_out ? "held out" : "left out"}`,
     h("button", { disabled: busy, onclick: () => page.order({ what: "use_again", run: each.run, start: each.start, stop: each.stop }) }, "Use again"));
-  const row = each => h("tr", null, h("td", null, each.name), h("td", { className: "n" }, digits(each.value)), h("td", { className: "n soft" }, each.error == null ? "" : `± ${digits(each.error, 2)}`), h("td", { className: "soft" }, each.unit === "1" ? "" : each.unit));
   return [h("h2", null, "Data and parameters"),
     stretches.length ? h("ul", { className: "plain" }, stretches.map(again)) : null,
     stretches.length > 1 ? h("p", null, h("button", { id: "use_all", disabled: busy, onclick: () => page.order({ what: "use_all" }) }, "Use all data again")) : null,
     issues.length ? h("ul", null, issues.map(each => h("li", null, `${each.run}, ${each.key}: ${each.problem}; `, h("span", { className: "soft" }, `${each.remedy}.`))))
       : h("p", { className: "soft" }, "Nothing looks wrong in the logs."),
     notes.filter(note => !issues.some(each => note.includes(each.key))).map(note => h("p", null, h("small", null, note))),
-    parameters && h("details", { id: "parameters" }, h("summary", null, `${parameters.length} fitted parameters with standard errors`), h("table", null, parameters.map(row)))];
+    parameters && parameterTable(page)];
+}
+
+// Parameters of a part of the model, each with its interval and bounds; one at a time can be set.
+function parameterTable(page) {
+  const { parameters, busy } = page.state, parts = [...new Set(parameters.map(each => each.part))];
+  const fitted = parameters.filter(each => each.free).length, shown = parameters.filter(each => !page.part || each.part === page.part);
+  const short = value => value == null ? "∞" : Math.abs(value) >= 1e5 || value && Math.abs(value) < 1e-3 ? value.toExponential(1) : Number(value.toPrecision(4)).toString().replace("-", "−");
+  const said = each => each.free ? each.error == null ? "not determined" : `± ${digits(1.96 * each.error, 2)}` : "fixed";
+  const row = each => h("tr", null, h("td", null, each.name), h("td", { className: "n" }, digits(each.value, 4)), h("td", { className: "n soft" }, said(each)), h("td", { className: "soft" }, each.unit),
+    h("td", { className: "n soft" }, each.free ? `${short(each.bounds[0])} … ${short(each.bounds[1])}` : ""),
+    h("td", null, h("button", { id: `edit ${each.name}`, ariaExpanded: page.edited === each.name, onclick: () => page.edit(each.name) }, "Change")));
+  const form = each => {
+    const field = (id, label, value) => h("label", null, `${label} `, h("input", { id, type: "number", step: "any", required: true, value: value ?? "", size: 9 }));
+    const order = fixed => event => {
+      event.preventDefault();
+      const number = id => document.getElementById(id).valueAsNumber;
+      page.edit("");
+      page.order({ what: "set", name: each.name, value: number("set value"), bounds: [number("set least"), number("set most")], fixed });
+    };
+    return h("tr", null, h("td", { colSpan: 6 }, h("form", { className: "row", onsubmit: order(!each.free) },
+      field("set value", "value", Number(each.value.toPrecision(6))), field("set least", "at least", each.bounds[0]), field("set most", "at most", each.bounds[1]), each.unit,
+      h("button", { id: "set", className: "first", disabled: busy }, "Fit again"),
+      h("button", { id: "set other", type: "button", disabled: busy, onclick: order(each.free) }, each.free ? "Fix it there, and fit the rest" : "Free it"),
+      each.together.length ? h("small", null, `Bounds, and whether it is fixed, go for ${listed(each.together)}, too: they are declared together.`) : null)));
+  };
+  return h("details", { id: "parameters" }, h("summary", null, `${fitted} fitted parameters, ${parameters.length - fitted} fixed`),
+    parts.length > 1 && h("select", { id: "part", ariaLabel: "node or link", onchange: event => page.partOf(event.target.value) },
+      h("option", { value: "" }, "all nodes and links"), parts.map(part => h("option", { value: part, selected: part === page.part }, part))),
+    h("table", { className: "parameters" }, h("thead", null, h("tr", null, ["", "value", "95 %", "", "bounds", ""].map(name => h("th", { className: "n" }, name)))),
+      h("tbody", null, shown.flatMap(each => page.edited === each.name ? [row(each), form(each)] : [row(each)]))));
 }
 
 export function out(page) {
