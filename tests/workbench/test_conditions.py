@@ -7,6 +7,7 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from lptn.basics.arrays import FloatArray
 from lptn.identify.comparison import Prediction
@@ -17,7 +18,7 @@ TIME: FloatArray = np.arange(0.0, 1800.0)
 SOME: FloatArray = np.where(TIME > 5, 1.0, np.nan)
 
 
-def _prediction(error: FloatArray, **columns: FloatArray) -> Prediction:
+def _prediction(error: NDArray[np.floating[Any]], **columns: FloatArray) -> Prediction:
     run = make_run({name.replace("__", "."): values for name, values in columns.items()})
     return cast("Prediction", SimpleNamespace(error=np.stack([error, 0 * error]), bound=SimpleNamespace(run=run)))
 

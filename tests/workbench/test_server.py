@@ -116,6 +116,19 @@ def test_lines_of_a_window(browser: TestClient) -> None:
     assert part["time"] == [float(k) for k in range(299, 312)]
 
 
+def test_residuals_and_what_is_special_are_answered(browser: TestClient) -> None:
+    asked = {"segment": "holdout 0", "node": "heater2"}
+    found = browser.get("/residuals", params=asked).json()
+    assert found["correlation"][0] == 1.0
+    assert found["memory"] is None  # the errors never end: the model lacks something
+    special = browser.get("/special", params=asked | {"start": "400", "stop": "450"}).json()
+    assert {each["column"] for each in special["companions"]} == {"power.heater1", "power.heater2"}
+    for path, wrong in (("/residuals", {"node": "elbow"}), ("/special", {"start": "0", "stop": "590"})):
+        answer = browser.get(path, params=asked | wrong)
+        assert answer.status_code == 422
+        assert "\n" not in answer.json()["error"]
+
+
 @pytest.mark.parametrize(
     "wrong",
     [

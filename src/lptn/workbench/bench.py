@@ -16,7 +16,7 @@ from lptn.identify.data import Segment
 from lptn.logs.run import Run
 from lptn.study import Study
 from lptn.workbench.lines import Attempt, RunLines
-from lptn.workbench.orders import Add, Back, Cut, Keep, Order, Set
+from lptn.workbench.orders import Add, Back, Cut, Keep, Order, Plain, Set
 
 _MOST_SCORED = 12  # candidates beyond those that were refitted; what scores less helps nobody
 JOBS = ("fit", "holdout", "test")
@@ -70,30 +70,49 @@ class Bench:
         Raises:
             InputError: it can't be done with this model and these logs.
         """
-        if isinstance(order, Add):
+        if isinstance(order, Plain):
+            self._plain(order, found)
+        elif isinstance(order, Add):
             answer = next((step for step in self._answers if step.key == (order.effect, order.at)), None)
             self.study.add(answer or order.effect, "" if answer else order.at)
         elif isinstance(order, Cut):
             self._cut(order)
-        elif order.what == "use_all":
-            self.study.use_again()
-            self._forget()
         elif isinstance(order, Set):
-            self.study.set_parameter(order.name, order.value, bounds=order.bounds, fixed=order.fixed)
-            self._forget()
+            self._set(order)
         elif isinstance(order, Back):
             self.study.go_back(order.number)
         elif isinstance(order, Keep):
             for effect, at in order.steps:
                 self.study.add(effect, at)
-        elif order.what == "improve":
+
+    def _plain(self, order: Plain, found: Callable[[tuple[Step, ...]], None]) -> None:
+        if order.what == "improve":
             self.study.improve(found=found)
         elif order.what == "report":
             self.study.report(self.folder / "story.html")
         elif order.what == "fmu":
             self.study.export_fmu(self.folder / "model.fmu")
+        elif order.what == "use_all":
+            self.study.use_again()
+            self._forget()
         else:
             getattr(self.study, order.what)()
+
+    def _set(self, order: Set) -> None:
+        """Set what is another than it was."""
+        known = next((each for each in self.study.model.parameters if each.name == order.name), None)
+        if known is None:
+            raise InputError("parameter", order.name, "no such parameter", "one that the page lists")
+        least, most = order.bounds
+        old = known.declared.bounds
+        bounds = old[0] if least is None else least, old[1] if most is None else most
+        self.study.set_parameter(
+            order.name,
+            order.value,
+            bounds=None if bounds == old else bounds,
+            fixed=order.fixed if order.fixed == known.free else None,
+        )
+        self._forget()
 
     def _cut(self, order: Cut) -> None:
         if order.what == "use_again":

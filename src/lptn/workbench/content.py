@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,7 @@ from lptn.workbench.conditions import by_condition
 from lptn.workbench.opening import Opening
 
 _JOB_NAMES = {"fit": "fitted", "holdout": "held out", "test": "test"}
+_PAIRS = 10  # of parameters: others go together less
 _PLAIN = 0.5  # share of its RMSE from which an error's mean says to which side it is
 
 
@@ -58,6 +60,7 @@ def content_of(bench: Bench, opening: Opening) -> dict[str, Any]:
         "tiles": _tiles(bench),
         "conditions": _conditions(bench),
         "parameters": _parameters(study.steps[-1]),
+        "correlations": _correlations(study.steps[-1]),
         "answers": _answers(study, study.diagnosed, bench) if study.diagnosed else None,
         "advice": [for_people(each) for each in study.advised.sentences] if study.advised else [],
     }
@@ -202,6 +205,19 @@ def _parameters(step: Step) -> list[dict[str, Any]]:
     ]
 
 
+def _correlations(step: Step) -> list[dict[str, Any]]:
+    """The pairs of free parameters whose estimates are most correlated."""
+    fit = step.fit
+    names = [fit.model.parameters[index].name for index in fit.problem.free]
+    own = [number for number, index in enumerate(fit.problem.free) if index in set(fit.free)]
+    matrix = fit.uncertainty.correlations
+    pairs = [(matrix[one, other], names[one], names[other]) for one, other in combinations(own, 2)]
+    pairs.sort(key=lambda each: -abs(each[0]))
+    return [
+        {"one": one, "other": other, "correlation": float(correlation)} for correlation, one, other in pairs[:_PAIRS]
+    ]
+
+
 # --- answers ------------------------------------------------------------------------------------------------
 
 
@@ -321,8 +337,8 @@ def python_lines(study: Study, opening: Opening) -> str:
         lines.append(f"study.{call}({each.run!r}, {each.start:.6g}, {each.stop:.6g})")
     lines.append("study.fit()")
     lines += [f"study.add({step.effect!r}, at={step.at!r})" for step in study.steps[1:]]
-    lines += [
-        f"study.set_parameter({each.name!r}, {each.value!r}, bounds={each.bounds!r}, fixed={each.fixed!r})"
-        for each in study.settings
-    ]
+    for setting in study.settings:
+        said = {"value": setting.value, "bounds": setting.bounds, "fixed": setting.fixed}
+        words = [repr(setting.name), *(f"{name}={value!r}" for name, value in said.items() if value is not None)]
+        lines.append(f"study.set_parameter({', '.join(words)})")
     return "\n".join([*lines, 'study.save("better.toml")', 'study.report("story.html")', ""])

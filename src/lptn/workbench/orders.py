@@ -53,7 +53,7 @@ class Set(_Order):
     what: Literal["set"]
     name: str = Field(min_length=1, max_length=300)
     value: FiniteFloat
-    bounds: tuple[FiniteFloat, FiniteFloat]
+    bounds: tuple[FiniteFloat | None, FiniteFloat | None]
     fixed: bool
 
 
@@ -76,13 +76,18 @@ order: TypeAdapter[Order] = TypeAdapter(Annotated[Order, Field(discriminator="wh
 """Checks what the page sent."""
 
 
-class SpecialAsked(BaseModel):
-    """What is special in a stretch of a run, at a node?"""
+class ResidualsAsked(BaseModel):
+    """What do the errors of a node in a run look like?"""
 
     model_config = ConfigDict(extra="forbid")
 
     segment: str
     node: str
+
+
+class SpecialAsked(ResidualsAsked):
+    """What is special in a stretch of a run, at a node?"""
+
     start: FiniteFloat
     stop: FiniteFloat
 

@@ -20,7 +20,8 @@ from lptn.workbench.bench import News
 from lptn.workbench.calculation import work
 from lptn.workbench.lines import RunLines
 from lptn.workbench.opening import Opening
-from lptn.workbench.orders import Keep, LinesAsked, Open, Order, SpecialAsked
+from lptn.workbench.orders import Keep, LinesAsked, Open, Order, ResidualsAsked, SpecialAsked
+from lptn.workbench.residuals import Residuals, residuals
 from lptn.workbench.special import Special, special
 from lptn.workbench.tour import EXAMPLES
 
@@ -230,6 +231,18 @@ class Session:
         """
         lines, models = self._lines_of(asked.segment)
         return special(lines.time, lines.error(asked.node, models["now"]), lines.inputs, asked.start, asked.stop)
+
+    def residuals(self, asked: ResidualsAsked) -> Residuals:
+        """What the errors of a node look like where they count.
+
+        Raises:
+            InputError: no such run or node, or too little was measured.
+        """
+        lines, models = self._lines_of(asked.segment)
+        segment = next(each for each in self._content["segments"] if each["key"] == asked.segment)
+        counts = (lines.time >= segment["from"]) & (lines.time < segment["to"])
+        step = float(lines.time[1] - lines.time[0])
+        return residuals(lines.error(asked.node, models["now"])[counts], step)
 
     def _lines_of(self, segment: str) -> tuple[RunLines, dict[str, str]]:
         with self._lock:

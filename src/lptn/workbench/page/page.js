@@ -3,6 +3,7 @@
 import { h } from "/sections.js";
 import * as sections from "/sections.js";
 import { Plots } from "/plots.js";
+import { Residuals } from "/residuals.js";
 import { tour } from "/tour.js";
 
 const BUSY = 400, IDLE = 1500, HIDDEN = 6000;  // ms between two questions
@@ -27,7 +28,7 @@ export const page = {
   group(by) { page.by = by; draw(); },
   tell: () => draw(),
 };
-const plots = new Plots(place("plots"), page);
+const plots = new Plots(place("plots"), page), residuals = new Residuals(place("residuals"), page);
 
 async function post(path, content) {
   try {
@@ -96,6 +97,7 @@ export function draw() {
   redraw("out", [state.commands, state.python, state.files, busy, state.folder, state.fitted], () => sections.out(page));
   if (state.tiles) plots.draw();
   else plots.clear();
+  residuals.draw();
   redraw("tour", [state.examples, state.example, state.head, busy, attempt, !!state.answers, page.clicked, plots.windows, page.step], () => tour(page, plots));
 }
 

@@ -227,3 +227,22 @@ function limits(low, high, floor, zero) {
   const margin = 0.06 * (high - low) || 0.5;
   return [low - margin, high + margin];
 }
+
+// A small chart of lines over anything but time, with a band about zero.
+export function chartOf(parent, { title, x, xLabel, lines, band }) {
+  const element = h("div", null, h("small", null, title)), ink = color("--soft"), font = "12px system-ui, sans-serif";
+  parent.append(element);
+  const axis = { stroke: ink, grid: { stroke: color("--shade"), width: 1 }, ticks: { stroke: color("--line"), width: 1, size: 4 }, font, labelFont: font };
+  new uPlot({
+    width: element.clientWidth || 380, height: 200, padding: [8, 8, 0, 0], legend: { show: false }, cursor: { drag: { x: false, y: false } },
+    scales: { x: { time: false } },
+    axes: [{ ...axis, label: xLabel, labelSize: 16, size: 34 }, { ...axis, size: 46 }],
+    series: [{}, ...lines.map(({ label, dash }) => ({ label, dash, stroke: color(dash ? "--soft" : "--now"), width: 1.5, points: { show: false } }))],
+    hooks: { drawClear: [chart => {
+      if (!band) return;
+      const { ctx, bbox } = chart, y = value => chart.valToPos(value, "y", true);
+      ctx.fillStyle = color("--mark");
+      ctx.fillRect(bbox.left, y(band), bbox.width, y(-band) - y(band));
+    }] },
+  }, [x, ...lines.map(each => each.values)], element);
+}

@@ -238,7 +238,7 @@ function parameterTable(page) {
     h("td", { className: "n soft" }, each.free ? `${short(each.bounds[0])} … ${short(each.bounds[1])}` : ""),
     h("td", null, h("button", { id: `edit ${each.name}`, ariaExpanded: page.edited === each.name, onclick: () => page.edit(each.name) }, "Change")));
   const form = each => {
-    const field = (id, label, value) => h("label", null, `${label} `, h("input", { id, type: "number", step: "any", required: true, value: value ?? "", size: 9 }));
+    const field = (id, label, value) => h("label", null, `${label} `, h("input", { id, type: "number", step: "any", required: id === "set value", value: value ?? "", size: 9 }));
     const order = fixed => event => {
       event.preventDefault();
       const number = id => document.getElementById(id).valueAsNumber;
