@@ -17,6 +17,7 @@ import pandas as pd
 
 from lptn.basics.errors import InputError
 from lptn.basics.files import write_whole
+from lptn.basics.parameters import Setting
 from lptn.diagnose.advice import Advice, advise
 from lptn.diagnose.candidates import AMBIENT_ERROR, TORQUE_ERROR
 from lptn.diagnose.diagnosis import Diagnosis, Step, diagnose, for_search
@@ -29,6 +30,7 @@ from lptn.identify.data import (
     Log,
     Segment,
     Stretch,
+    all_but,
     holdout_segment,
     load_model,
     split_data,
@@ -140,8 +142,11 @@ class Study:
         """The segments of the runs that are fitted, held out, and kept for the test."""
         self.stretches: tuple[Stretch, ...] = ()
         """What was left out or held out of the runs as they were read."""
+        self.settings: tuple[Setting, ...] = ()
+        """What was set of parameters, the latest last."""
         self._steps: list[Step] = []
         self._undone: list[Step] = []
+        self._branches: tuple[tuple[Step, ...], ...] = ()
         self._diagnoses: dict[int, Diagnosis] = {}  # by the number of the step
         self._improved: History | None = None  # while the steps are just those of one forward selection
         self._advice: tuple[Diagnosis, Advice] | None = None  # the last one, and what it follows from
@@ -183,6 +188,11 @@ class Study:
     def undone(self) -> tuple[Step, ...]:
         """The steps that `redo` would add again, the next one first."""
         return tuple(reversed(self._undone))
+
+    @property
+    def branches(self) -> tuple[tuple[Step, ...], ...]:
+        """Other ways that were gone from the model as given, and left by `undo` and another `add`; the latest last."""
+        return self._branches
 
     @property
     def diagnosed(self) -> Diagnosis | None:
@@ -321,7 +331,7 @@ class Study:
             raise InputError("study", "add", "the model as given", "an effect's key, or an answer of diagnose()")
         logger.info("fitting %s at %s", step.effect, step.at)
         done = finished(continued(last, last.model.network.with_effects([step.declaration])))
-        self._undone.clear()
+        self._leave()
         return self._append(replace(step, fit=done))
 
     def undo(self) -> Study:
@@ -339,11 +349,33 @@ class Study:
             self._improved = None
         return self
 
-    def improve(self, most: int = 6) -> Study:
+    def go_back(self, number: int = -1) -> Study:
+        """Go on from a way that was left; the present one is kept among `branches` in its place.
+
+        Args:
+            number: of the way in `branches`; the one left last by default.
+
+        Raises:
+            InputError: no way has that number.
+        """
+        if not -len(self._branches) <= number < len(self._branches):
+            raise InputError("study", "branch", f"{number}", f"one of {len(self._branches)} that were left")
+        chosen, left = self._branches[number], (*self._steps, *self.undone)
+        others = [each for each in self._branches if each is not chosen]
+        gone_on = left == chosen[: len(left)]
+        self._branches = tuple(others if gone_on else [*others, left])
+        common = sum(1 for one, other in zip(self._steps, chosen, strict=False) if one is other)
+        self._diagnoses = {step: each for step, each in self._diagnoses.items() if step < common}
+        self._steps, self._improved = list(chosen), None
+        self._undone.clear()
+        return self
+
+    def improve(self, most: int = 6, found: Callable[[tuple[Step, ...]], None] = lambda _: None) -> Study:
         """Diagnose, add, refit, step by step, until nothing beyond chance is left or nothing helps.
 
         Args:
             most: how many effects to add at most.
+            found: called after each step with the best steps so far, the model as it is now first.
 
         Raises:
             InputError: there is nothing to fit.
@@ -357,13 +389,14 @@ class Study:
             torque_error=self.torque_error,
             executor=self.executor,
             report=logger.info,
+            found=found,
         )
+        self._leave()
         before = max(len(self._steps) - 1, 0)
         given = self._steps[-1] if self._steps else history.steps[0]
         self._steps[before:] = [given, *history.steps[1:]]
         self._diagnoses = {number: each for number, each in self._diagnoses.items() if number < before}
         self._diagnoses |= {before: history.first, len(self._steps) - 1: history.last}
-        self._undone.clear()
         self._improved = history if before == 0 else None
         return self
 
@@ -387,6 +420,14 @@ class Study:
         """
         return self._use(*self.stretches, Stretch(self._as_read(run), start, stop, held_out=True))
 
+    def fit_on(self, run: str, start: float, stop: float) -> Study:
+        """Fit a stretch of a fitted run alone, and hold out all else that was fitted; what was left out stays so.
+
+        Arguments and errors are those of `leave_out`.
+        """
+        left_out = [each for each in self.stretches if not each.held_out]
+        return self._use(*all_but(self._given, Stretch(self._as_read(run), start, stop), left_out))
+
     def use_again(self, stretch: Stretch | None = None) -> Study:
         """Take back that a stretch was left out or held out, and fit again.
 
@@ -394,6 +435,45 @@ class Study:
             stretch: one of `stretches`; all by default.
         """
         return self._use(*(each for each in self.stretches if stretch is not None and each != stretch))
+
+    def set_parameter(
+        self,
+        name: str,
+        value: float | None = None,
+        *,
+        bounds: tuple[float, float] | None = None,
+        fixed: bool | None = None,
+    ) -> Study:
+        """Change what is known of a parameter beforehand; then fit all steps again, if there are any.
+
+        Args:
+            name: of the parameter, such as `"resistance.FR_hip~ambient"`, at its place or group of places.
+            value: in its SI unit; where a free parameter's search starts, or what a fixed one is.
+            bounds: least and largest possible value; for all places that its declaration is for.
+            fixed: `True` keeps fits away from it, `False` frees it; for all these places.
+
+        Raises:
+            InputError: no such parameter, or a value outside its bounds.
+
+        Example:
+            >>> import lptn
+            >>> study = lptn.Study("examples/tclab/two_heaters.toml", fit="examples/tclab/log.csv", holdout_after=300)
+            >>> study.set_parameter("capacity.heater*", 4.0, fixed=True).fit()
+            <Fit: converged, 2 free parameters, RMSE 0.805 K>
+        """
+        setting = Setting(name, value, bounds, fixed)
+        added = list(self._steps[1:])
+        if name in (parameter.name for parameter in self._loaded.model.parameters):
+            file = self._loaded.file.with_setting(setting)
+            loaded = replace(self._loaded, file=file, model=Model(file.network))
+        else:
+            number = next((k for k, step in enumerate(added) if step.declaration and name in _names_of(step)), None)
+            if number is None:
+                names = ", ".join(parameter.name for parameter in self.model.parameters)
+                raise InputError("parameter", name, "no such parameter", f"one of {names}")
+            loaded, added[number] = self._loaded, _with_setting(added[number], setting)
+        self._loaded, self.settings = loaded, (*self.settings, setting)
+        return self._fit_again(added)
 
     # --- what to take away --------------------------------------------------------------------
 
@@ -454,9 +534,14 @@ class Study:
     def _use(self, *stretches: Stretch) -> Study:
         """Fit all steps again, on the data without these stretches."""
         data = without_stretches(self._given, stretches)
-        added = self._steps[1:]
+        self.stretches, self.data = stretches, data
+        return self._fit_again(self._steps[1:])
+
+    def _fit_again(self, added: Sequence[Step]) -> Study:
+        """Fit the model as given and all steps again, since the data or what is given are others now."""
         fitted = bool(self._steps)
-        self.stretches, self.data, self._improved = stretches, data, None
+        self._improved = None
+        self._branches = ()
         for told_of_other_data in (self._steps, self._undone, self._diagnoses):
             told_of_other_data.clear()
         if fitted:
@@ -475,6 +560,12 @@ class Study:
         if not self.data.fit:
             raise InputError("study", "fit", "no run", "one log or more to fit")
 
+    def _leave(self) -> None:
+        """Keep what was undone as a branch, where the study goes another way now."""
+        if self._undone:
+            self._branches = (*self._branches, (*self._steps, *self.undone))
+            self._undone.clear()
+
     def _append(self, step: Step) -> Step:
         """Take a step, with its errors."""
         holdout, test = (holdout_errors(step.fit, segments) for segments in (self.data.holdout, self.data.test))
@@ -492,6 +583,22 @@ class Study:
             executor=self.executor,
             report=logger.info,
         )
+
+
+def _names_of(step: Step) -> list[str]:
+    """The parameters of the effect that a step added."""
+    assert step.declaration is not None
+    prefix = f"{step.declaration.name}."
+    return [parameter.name for parameter in step.fit.model.parameters if parameter.name.startswith(prefix)]
+
+
+def _with_setting(step: Step, setting: Setting) -> Step:
+    """A step whose effect is declared with what is set of one of its parameters, at all its places."""
+    assert step.declaration is not None
+    key = setting.name.removeprefix(f"{step.declaration.name}.").partition(".")[0]
+    resolved = step.declaration.resolved
+    parameters = tuple(setting.of(each) if name == key else each for name, each in resolved.items())
+    return replace(step, declaration=replace(step.declaration, parameters=parameters))
 
 
 def _refuse_twice(groups: dict[str, list[Run]]) -> None:

@@ -109,7 +109,10 @@ def test_a_diagnosis_is_a_table_and_its_best_answer_can_be_added(study: lptn.Stu
 @pytest.mark.long
 def test_improve_goes_the_whole_way(tmp_path: Path) -> None:
     study = lptn.Study(MODEL, fit=LOG, holdout_after=300)
-    study.improve(most=2)
+    best_so_far: list[tuple[str, ...]] = []
+    study.improve(most=2, found=lambda steps: best_so_far.append(tuple(step.effect or "" for step in steps)))
+    assert [len(steps) for steps in best_so_far] == [2, 3]
+    assert best_so_far[-1] == ("", *study.history["effect"][1:])
     assert study.history["RMSE held out [K]"].iloc[-1] == pytest.approx(1.0, abs=0.01)
     study.report(tmp_path / "story.html")
     assert "</html>" in (tmp_path / "story.html").read_text(encoding="utf-8")
@@ -137,11 +140,83 @@ def test_a_stretch_is_left_out_or_held_out_and_used_again() -> None:
     pd.testing.assert_frame_equal(study.use_again().history, before, rtol=1e-6)
 
 
+def test_a_way_that_was_left_can_be_gone_on_from() -> None:
+    study = lptn.Study(MODEL, fit=LOG, holdout_after=300)
+    study.add("sensor_lag", at="*")
+    study.add("conduction", at="heater1~heater2")
+    first = study.steps
+    study.undo().undo()
+    assert not study.branches
+    study.add("conduction", at="heater1~heater2")
+    second = study.steps
+    assert study.branches == (first,)
+    assert study.go_back().steps == first
+    assert study.branches == (second,)
+    study.undo().go_back(0)  # what was undone is not lost
+    assert study.steps == second
+    assert study.branches == (first,)
+    assert study.undo().redo().branches == (first,)  # the same way again
+    with pytest.raises(InputError, match="branch"):
+        study.go_back(1)
+    assert not study.leave_out("log", 100, 150).branches  # their fits are of other data
+
+
+def test_a_stretch_is_fitted_alone() -> None:
+    study = lptn.Study(MODEL, fit=LOG, holdout_after=300)
+    study.leave_out("log", 240, 250)
+    study.fit_on("log", 100, 200)
+    (fitted,) = study.data.fit
+    assert (fitted.run.time[0], fitted.run.time[-1]) == (100, 199)
+    assert [(each.run.time[0], each.run.time[-1]) for each in study.data.holdout] == [
+        (300, 598),  # as it was before
+        (0, 99),
+        (200, 239),
+        (250, 299),
+    ]
+    study.fit_on("log", 10, 290)  # what is too short to be held out is left out
+    assert [each.held_out for each in study.stretches] == [False, False, False]
+    assert not study.use_again().stretches
+
+
 def test_a_stretch_that_can_not_be_is_refused() -> None:
     study = lptn.Study(MODEL, fit=LOG, holdout_after=300)
     for run, start, stop in (("lag", 0, 100), ("log", -100, 400)):
         with pytest.raises(InputError, match=r"no such run|nothing is left"):
             study.leave_out(run, start, stop)
+    for run, start, stop in (("log", 100, 110), ("log", 400, 500), ("lag", 0, 100)):
+        with pytest.raises(InputError, match="to fit"):
+            study.fit_on(run, start, stop)
     with pytest.raises(InputError, match="to hold out"):
         study.hold_out("log", 400, 500)  # held out already
     assert not study.stretches
+
+
+def test_parameters_are_fixed_bounded_and_freed() -> None:
+    study = lptn.Study(MODEL, fit=LOG, holdout_after=300)
+    study.set_parameter("capacity.heater*", 5.0, fixed=True)
+    assert not study.steps  # nothing was fitted yet
+    study.add("sensor_lag", at="*")
+    errors = study.steps[-1].fit.standard_errors
+    assert "capacity.heater*" not in errors
+    fitted = {each.name: each for each in study.model.parameters}
+    assert fitted["capacity.heater*"].value == 5.0
+    study.set_parameter("sensor_lag.time_constant.*", bounds=(1.0, 5.0))  # of an effect that was added
+    assert 1.0 <= study.model.values[-1] <= 5.0
+    study.set_parameter("capacity.heater*", fixed=False, bounds=(3.0, 6.0))
+    free = {each.name: each for each in study.model.parameters if each.free}
+    assert free["capacity.heater*"].declared.bounds == (3.0, 6.0)
+    assert 3.0 <= free["capacity.heater*"].value <= 6.0
+    assert "# Like heaters" in study.file.text  # comments stay
+    assert "bounds = [1.0, 5.0]" in study.file.text
+    assert len(study.settings) == 3
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "bounds"),
+    [("capacity.hip", 5.0, None), ("capacity.heater*", 500.0, None), ("capacity.heater*", 5.0, (10.0, 1.0))],
+)
+def test_a_parameter_that_can_not_be_so_is_refused(name: str, value: float, bounds: tuple[float, float] | None) -> None:
+    study = lptn.Study(MODEL, fit=LOG, holdout_after=300)
+    with pytest.raises(InputError, match="parameter"):
+        study.set_parameter(name, value, bounds=bounds)
+    assert not study.settings

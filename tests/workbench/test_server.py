@@ -18,6 +18,7 @@ from lptn.basics.errors import InputError
 from lptn.workbench.bench import Bench
 from lptn.workbench.calculation import _opened
 from lptn.workbench.content import content_of
+from lptn.workbench.orders import Keep, order
 from lptn.workbench.server import application, listening
 from lptn.workbench.session import Session
 from tests.workbench.conftest import OPENING
@@ -115,6 +116,19 @@ def test_lines_of_a_window(browser: TestClient) -> None:
     assert part["time"] == [float(k) for k in range(299, 312)]
 
 
+def test_residuals_and_what_is_special_are_answered(browser: TestClient) -> None:
+    asked = {"segment": "holdout 0", "node": "heater2"}
+    found = browser.get("/residuals", params=asked).json()
+    assert found["correlation"][0] == 1.0
+    assert found["memory"] is None  # the errors never end: the model lacks something
+    special = browser.get("/special", params=asked | {"start": "400", "stop": "450"}).json()
+    assert {each["column"] for each in special["companions"]} == {"power.heater1", "power.heater2"}
+    for path, wrong in (("/residuals", {"node": "elbow"}), ("/special", {"start": "0", "stop": "590"})):
+        answer = browser.get(path, params=asked | wrong)
+        assert answer.status_code == 422
+        assert "\n" not in answer.json()["error"]
+
+
 @pytest.mark.parametrize(
     "wrong",
     [
@@ -136,20 +150,24 @@ def test_nonsense_is_answered_in_a_line(browser: TestClient, wrong: dict[str, st
 
 
 @pytest.mark.parametrize(
-    "order",
+    "sent",
     [
         b"",
         b"[]",
         b'{"what": "format"}',
         b'{"what": "undo", "more": 1}',
+        b'{"what": "keep", "steps": []}',
+        b'{"what": "back", "number": -1}',
+        b'{"what": "set", "name": "gain", "value": 1, "bounds": [0, 1e999], "fixed": true}',
+        b'{"what": "example", "name": "../etc"}',
         b'{"what": "add", "effect": "fan"}',
         b'{"what": "leave_out", "run": "log", "start": 5, "stop": 5}',
         b'{"what": "leave_out", "run": "log", "start": 0, "stop": 1e999}',
         b'{"what": "add", "effect": "fan", "at": "' + b"x" * 20_000 + b'"}',
     ],
 )
-def test_a_nonsense_order_is_refused(browser: TestClient, order: bytes) -> None:
-    answer = browser.post("/order", content=order, headers=ORIGIN)
+def test_a_nonsense_order_is_refused(browser: TestClient, sent: bytes) -> None:
+    answer = browser.post("/order", content=sent, headers=ORIGIN)
     assert answer.status_code == 422
     assert answer.json()["error"]
 
@@ -162,6 +180,24 @@ def test_nothing_else_of_the_folder_is_given_away(browser: TestClient, session: 
     (session.folder / "story.html").write_text("told")
     assert browser.get("/result/story.html").text == "told"
     assert "attachment" in browser.get("/result/story.html").headers["content-disposition"]
+
+
+def test_a_stopped_search_keeps_its_steps(session: Session, monkeypatch: pytest.MonkeyPatch) -> None:
+    ours, theirs = Pipe()
+    monkeypatch.setattr(session, "_begin", lambda after_a_stop: None)
+    monkeypatch.setattr(session, "_pipe", ours)
+    session.do(order.validate_python({"what": "improve"}))
+    assert theirs.recv().what == "improve"
+    rows = [{"effect": "sensor_lag", "at": "*"}, {"effect": "conduction", "at": "heater1~heater2"}]
+    session._heard_found(rows)
+    state = session.state()
+    assert state is not None
+    assert state["busy"]["found"] == rows
+    session.stop()
+    session._heard_done()  # the new process has read the study
+    assert theirs.recv() == Keep(steps=(("sensor_lag", "*"), ("conduction", "heater1~heater2")))
+    session._heard_done()
+    assert session._busy is None
 
 
 class _Payload:

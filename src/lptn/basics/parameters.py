@@ -10,6 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 from lptn.basics.arrays import FloatArray
+from lptn.basics.errors import InputError
 
 Share = Literal["each", "class", "sides", "all"]
 Scale = Literal["", "capacity", "conductance", "resistance", "link"]
@@ -85,6 +86,39 @@ class Parameter:
 
 
 _NEAR_ZERO = 0.1  # of the typical size: below it a parameter that may be 0 is searched in even steps
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What somebody sets of a parameter; `None` leaves it as it is.
+
+    Args:
+        name: of the parameter, `"resistance.FR_hip~ambient"`.
+        value: in its SI unit; where a free parameter's search starts, or what a fixed one is.
+        bounds: least and largest possible value, in its SI unit.
+        fixed: `True` keeps fits away from it.
+    """
+
+    name: str
+    value: float | None = None
+    bounds: tuple[float, float] | None = None
+    fixed: bool | None = None
+
+    def of(self, declared: Parameter) -> Parameter:
+        """The parameter so set; a value that only new bounds exclude is moved to the nearer one.
+
+        Raises:
+            InputError: bounds in the wrong order, or a value outside them.
+        """
+        lower, upper = declared.bounds if self.bounds is None else self.bounds
+        value = min(max(declared.value, lower), upper) if self.value is None else self.value
+        if not lower <= value <= upper:
+            found = f"{value:g} {declared.unit} with bounds {lower:g} to {upper:g}"
+            raise InputError(
+                "parameter", self.name, found, "the lower bound, the value and the upper bound in this order"
+            )
+        fixed = declared.fixed if self.fixed is None else self.fixed
+        return replace(declared, value=value, bounds=(lower, upper), fixed=fixed)
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from typing import Annotated
 from cyclopts import Parameter as Option
 from cyclopts import validators
 
+from lptn.basics.errors import InputError
 from lptn.cli.options import (
     AmbientError,
     Holdout,
@@ -24,7 +25,7 @@ from lptn.cli.options import (
 
 
 def open(  # noqa: A001 - the command's name
-    model: Path,
+    model: Path | None = None,
     /,
     *logs: Path,
     holdout: Holdout = None,
@@ -48,31 +49,42 @@ def open(  # noqa: A001 - the command's name
     The page is served on this machine to this machine alone. What is done there is kept: the same command goes on from
     it. Ctrl-C ends it.
 
+    Without a model it offers two examples, as a tour of five minutes.
+
     Example: lptn open leg.toml monday.parquet --holdout friday.parquet
     """
-    needs_logs(logs)
-    check_inputs(model, *logs, *(holdout or ()), *(test or ()))
+    if model is None:
+        if given := [word for word, value in (("--holdout", holdout), ("--test", test)) if value]:
+            raise InputError("command line", "MODEL", f"{given[0]} without a model", "a model file with its logs")
+    else:
+        needs_logs(logs)
+        check_inputs(model, *logs, *(holdout or ()), *(test or ()))
     from lptn.cli.terminal import progress
     from lptn.workbench.opening import Opening
     from lptn.workbench.server import serve
     from lptn.workbench.session import Session
 
-    opening = Opening(
-        model,
-        logs,
-        tuple(holdout or ()),
-        tuple(test or ()),
-        holdout_after,
-        tuple(column_options(map, rate)),
-        ambient_error,
-        torque_error,
+    opening = (
+        None
+        if model is None
+        else Opening(
+            model,
+            logs,
+            tuple(holdout or ()),
+            tuple(test or ()),
+            holdout_after,
+            tuple(column_options(map, rate)),
+            ambient_error,
+            torque_error,
+        )
     )
     session = Session(opening)
     with progress("reading"):
         session.open()
 
     def ready(address: str) -> None:
-        print(f"The workbench, until Ctrl-C; kept in {session.folder}", flush=True)
+        where = f"; kept in {session.folder}" if session.folder else " (examples; give a model and logs for your own)"
+        print(f"The workbench, until Ctrl-C{where}", flush=True)
         print(address, flush=True)
         if browser:
             _show(address)

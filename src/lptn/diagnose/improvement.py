@@ -16,7 +16,7 @@ would explain it, that difference is granted to the run, and the question is ask
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import asdict, dataclass, replace
 
@@ -50,6 +50,9 @@ from lptn.identify.fitting import Fit, finished
 from lptn.identify.validation import fit_segments, holdout_errors
 from lptn.model.model import Model
 from lptn.model.network import EffectDeclaration
+
+Branch = tuple[Step, ...]
+"""The given model, then a step for each effect that was added; the last step's fit is that of them all."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -163,6 +166,7 @@ def improve(
     torque_error: float = TORQUE_ERROR,
     executor: Executor | None = None,
     report: Report = lambda _: None,
+    found: Callable[[Branch], None] = lambda _: None,
 ) -> History:
     """Diagnose, add the missing effect, refit, until nothing beyond chance is left or nothing helps.
 
@@ -177,6 +181,7 @@ def improve(
         torque_error: how far each joint's torque or current may be off in each run, as a share, one standard deviation.
         executor: where refits run; here, one after the other, by default.
         report: called with a sentence on what is being done.
+        found: called after each step with the best steps so far, the model as given first; on the search's coarse data.
 
     Raises:
         InputError: a run lacks an input of the model.
@@ -191,14 +196,14 @@ def improve(
     """
     coarse = for_search(data)
     model = with_errors_of_runs(model, data, ambient_error, torque_error)
-    search, kept, verdict = _searched(model, coarse, most, executor, report)
+    search, kept, verdict = _searched(model, coarse, most, executor, report, found)
     differing: tuple[RunDifference, ...] = ()
     if verdict == "unexplained" and coarse.holdout:
         report("looking for what differs in held-out runs")
         likeliest = _by_probability(search.branches)[0][-1].fit
         granted, differing = granted_differences(model, likeliest, coarse.holdout)
         if differing:
-            search, kept, verdict = _searched(granted, coarse, most, executor, report)
+            search, kept, verdict = _searched(granted, coarse, most, executor, report, found)
     first, last = search.diagnosis(search.branches[0]), search.diagnosis(kept)
     report("fitting the steps at full resolution")
     steps = _at_full_resolution(kept, data)
@@ -206,13 +211,18 @@ def improve(
 
 
 def _searched(
-    model: Model, data: DataSplit, most: int, executor: Executor | None, report: Report
+    model: Model,
+    data: DataSplit,
+    most: int,
+    executor: Executor | None,
+    report: Report,
+    found: Callable[[Branch], None],
 ) -> tuple[_Search, Branch, Verdict]:
     """All branches from a model, the one that is kept, and the verdict on the model as given."""
     report("fitting the model as it stands")
     base = unless_interrupted(fit_segments(model, data.fit))
     given: Branch = (Step(base, holdout=holdout_errors(base, data.holdout)),)
-    search = _Search(data, executor, report)
+    search = _Search(data, executor, report, found)
     search.follow(given, most)
     kept = _pruned(search.complete(_chosen(search.branches, data)), data, report)
     return search, kept, _verdict(search.diagnosis(given), search.diagnosis(kept), given, kept)
@@ -220,9 +230,6 @@ def _searched(
 
 # --- Branches of models, followed side by side as long as the fit data can't tell them apart ---------
 
-
-Branch = tuple[Step, ...]
-"""The given model, then a step for each effect that was added; the last step's fit is that of them all."""
 
 _WORTH = 0.05
 """Share by which held-out errors must differ to speak for a step: the RMSE of some 200 independent residuals, an hour
@@ -248,10 +255,13 @@ class _Search:
         data: in the steps of the search.
         executor: where refits run; here, one after the other, by default.
         report: called with a sentence on what is being done.
+        found: called after each step with the best branch so far.
     """
 
-    def __init__(self, data: DataSplit, executor: Executor | None, report: Report) -> None:
-        self.data, self.executor, self.report = data, executor, report
+    def __init__(
+        self, data: DataSplit, executor: Executor | None, report: Report, found: Callable[[Branch], None]
+    ) -> None:
+        self.data, self.executor, self.report, self.found = data, executor, report, found
         self.branches: list[Branch] = []
         self._diagnoses: dict[frozenset[Key], Diagnosis] = {}
 
@@ -275,6 +285,7 @@ class _Search:
             self.branches += beam
             reached = min(_error(branch) for branch in beam)
             self.report(f"step {depth}: {_in_words(beam)}")
+            self.found(min(self.branches, key=_error))
             # The first of a pair may help nobody alone, so one step without a gain is allowed at the start.
             if reached > (1 - _WORTH) * best and depth > 1:
                 return

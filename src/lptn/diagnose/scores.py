@@ -268,6 +268,29 @@ def _negligible_gain(fit: Fit) -> float:
     return float(gains[readings > 0].min(initial=np.inf))
 
 
+def linearised(fit: Fit, score: Score) -> list[FloatArray]:
+    """What the readings of the fitted runs would be with a candidate added and all else refitted, to first order.
+
+    The candidate moves them along its trace, with what the fitted parameters take back of it, by its first-order size.
+
+    Args:
+        fit: the baseline that was scored.
+        score: of the candidate.
+
+    Returns:
+        Predicted readings [degC] of each run, shape (nodes, n), NaN where nothing was measured.
+    """
+    moved = score.direction * np.sign(score.amplitude) * np.sqrt(score.gain)
+    predicted, first = [], 0
+    for bound, error in zip(fit.problem.bound_runs, fit.residuals, strict=True):
+        readings = np.where(bound.counted, bound.measured + error, np.nan)
+        rows = rows_of_readings(bound) + first
+        readings += np.where(bound.counted, moved[rows] * fit.problem.sigma[:, None], 0.0)
+        predicted.append(readings)
+        first += int(bound.counted.sum())
+    return predicted
+
+
 # --- Collinear candidates: those whose traces these data can't tell apart -------------------------
 
 

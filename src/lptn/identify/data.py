@@ -193,6 +193,36 @@ def without_stretches(data: DataSplit, stretches: Sequence[Stretch]) -> DataSpli
     return DataSplit(tuple(fit), (*holdout, *held), tuple(test))
 
 
+def all_but(data: DataSplit, stretch: Stretch, left_out: Sequence[Stretch] = ()) -> tuple[Stretch, ...]:
+    """What has to be held out for a stretch to be fitted alone: all else that is fitted.
+
+    Args:
+        data: the runs as they were given.
+        stretch: what is to be fitted.
+        left_out: stretches that stay left out; so do pieces that are too short to be held out.
+
+    Raises:
+        InputError: the stretch is too short, or in no run that is fitted.
+    """
+    kept = (*left_out, stretch)
+    held: list[Stretch] = []
+    steps = 0
+    for segment in data.fit:
+        run, (first, last) = segment.run, segment.evaluation
+        begin, end = max(float(run.time[0]), first), min(float(run.time[-1] + run.step), last)
+        own = sorted((each for each in kept if each.run == run.name), key=lambda each: each.start)
+        steps += _steps_in(run, (max(stretch.start, begin), min(stretch.stop, end))) if stretch in own else 0
+        for each in [*own, Stretch(run.name, end, end)]:
+            if each.start > begin:
+                enough = _steps_in(run, (begin, each.start)) >= _LEAST_PIECE
+                held.append(Stretch(run.name, begin, min(each.start, end), held_out=enough))
+            begin = max(begin, each.stop)
+    if steps < _LEAST_PIECE:
+        found = f"{stretch.start:g} to {stretch.stop:g} s"
+        raise InputError(stretch.run, "stretch to fit", found, f"{_LEAST_PIECE} fitted steps or more")
+    return (*left_out, *held)
+
+
 Pieces = dict[tuple[int, float, float], Run]
 
 

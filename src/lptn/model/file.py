@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from lptn.basics.errors import MODEL_FILE, InputError, shown
 from lptn.basics.files import text_of, write_whole
-from lptn.basics.parameters import LARGEST, Parameter, Share
+from lptn.basics.parameters import LARGEST, Parameter, Setting, Share
 from lptn.basics.places import is_glob, run_label
 from lptn.basics.toml import expectation, first_mistake, found_in, mistakes_by_line, place_of, toml_of
 from lptn.basics.units import convert
@@ -487,6 +487,42 @@ class ModelFile:
             tables.append(table)
         return parse_model(tomlkit.dumps(document), self.path)
 
+    def with_setting(self, setting: Setting) -> ModelFile:
+        """The file with what is set of a parameter, where it is declared.
+
+        Its bounds, and whether it is fixed, are those of all places that the declaration is for.
+
+        Raises:
+            InputError: no such parameter, it can't be set in the file, or the value lies outside the bounds.
+        """
+        declared = {parameter.name: parameter.declared for parameter in self.network.parameters}
+        if setting.name not in declared:
+            raise InputError(self.path, setting.name, "no such parameter", f"one of {', '.join(declared)}")
+        parameter = setting.of(declared[setting.name])
+        document = tomlkit.parse(self.text)
+        key, owners = next((key, own) for key, own in self.network.declared_at.items() if setting.name in own)
+        table, name = _declaring(document, key)
+        if name == "capacity" and name not in table and "element" in table:
+            raise InputError(
+                self.path, setting.name, "it follows from a material", "its density or specific heat changed"
+            )
+        old = table.get(name)
+        entry = dict(old) if isinstance(old, Mapping) else {} if old is None else {"value": old}
+        unit = str(entry.setdefault("unit", parameter.unit))
+        if setting.bounds is not None:
+            entry["bounds"] = [convert(bound, parameter.unit, unit) for bound in parameter.bounds]
+        if setting.fixed is not None:
+            entry["fixed"] = parameter.fixed
+        by_owner = {owner: declared[each].value for each, owner in owners.items()} | {
+            owners[setting.name]: parameter.value
+        }
+        written = {owner: _rounded(convert(value, parameter.unit, unit)) for owner, value in by_owner.items()}
+        same = len(set(written.values())) == 1
+        entry["value"] = next(iter(written.values())) if same else _inline(written)
+        table[name] = _inline(entry)
+        document.get("fit", {}).get("parameters", {}).pop(setting.name, None)
+        return parse_model(tomlkit.dumps(document), self.path)
+
     def with_fit(self, fitted: FitTable) -> ModelFile:
         """The file with fitted values where their parameters are declared, and a `[fit]` table that says how well.
 
@@ -572,16 +608,21 @@ def _effect_table(effect: EffectDeclaration) -> tomlkit.items.Table:
     return table
 
 
+def _declaring(document: Any, key: Key) -> tuple[Any, str]:
+    """The table in which a parameter is declared, and its key there."""
+    if key == AMBIENT and "ambient" not in document.get("nodes", {}):
+        return document["model"], "ambient"
+    table = document
+    for step in key[:-1]:
+        table = table[step]
+    return table, str(key[-1])
+
+
 def _set_values(document: Any, key: Key, values: Mapping[str, float], declared: Parameter) -> bool:
     """Write values, by owner, where their parameter is declared; `False` if the file has no place for them."""
-    if key == AMBIENT and "ambient" not in document.get("nodes", {}):
-        table, name = document["model"], "ambient"
-    else:
-        table, name = document, str(key[-1])
-        for step in key[:-1]:
-            table = table[step]
-        if name == "capacity" and name not in table and "element" in table:
-            return False  # it follows from the element's material
+    table, name = _declaring(document, key)
+    if name == "capacity" and name not in table and "element" in table:
+        return False  # it follows from the element's material
     old = table.get(name)
     entry = old if isinstance(old, Mapping) else {}
     unit = str(entry.get("unit", declared.unit))

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
-from lptn.diagnose.diagnosis import Diagnosis, Step, for_search
+from lptn.diagnose.diagnosis import Diagnosis, Key, Step, for_search
+from lptn.diagnose.scores import Score, linearised
 from lptn.diagnose.unexplained_heat import UnexplainedHeat
 from lptn.identify.comparison import Prediction, predict
 from lptn.identify.data import Segment
+from lptn.logs.run import Run
 from lptn.study import Study
-from lptn.workbench.lines import RunLines
-from lptn.workbench.orders import Add, Cut, Plain
+from lptn.workbench.lines import Attempt, RunLines
+from lptn.workbench.orders import Add, Back, Cut, Keep, Order, Plain, Set
 
+_MOST_SCORED = 12  # candidates beyond those that were refitted; what scores less helps nobody
 JOBS = ("fit", "holdout", "test")
 """What a run may be there for, in the order in which a page shows them."""
 
@@ -26,13 +30,13 @@ class News:
     Args:
         runs: by segment, without any model's line; where there are some, all older lines are of other data.
         predicted: by segment and model.
-        attempts: by segment and answer: times and readings; they replace all older ones.
+        attempts: by segment and answer; they replace all older ones.
         heat: by segment; it replaces all older one.
     """
 
     runs: dict[str, RunLines] = field(default_factory=dict)
     predicted: dict[tuple[str, str], FloatArray] = field(default_factory=dict)
-    attempts: dict[tuple[str, str], tuple[FloatArray, FloatArray]] = field(default_factory=dict)
+    attempts: dict[tuple[str, str], Attempt] = field(default_factory=dict)
     heat: dict[str, UnexplainedHeat] = field(default_factory=dict)
 
 
@@ -47,8 +51,8 @@ class Bench:
 
     def __init__(self, study: Study, folder: Path, fingerprint: str) -> None:
         self.study, self.folder, self.fingerprint = study, folder, fingerprint
-        self.attempts: dict[str, dict[tuple[str, str], tuple[FloatArray, FloatArray]]] = {}
-        """Lines of the answers to the diagnosis of each model."""
+        self.attempts: dict[str, dict[tuple[str, str], Attempt]] = {}
+        """Lines of the answers to the diagnosis of each model, by segment and answer."""
         self.heat: dict[str, dict[str, UnexplainedHeat]] = {}
         """Unexplained heat of each model, by segment."""
         self._predictions: dict[str, dict[str, Prediction]] = {}
@@ -56,25 +60,59 @@ class Bench:
 
     # --- what can be ordered --------------------------------------------------------------------
 
-    def do(self, order: Plain | Add | Cut) -> None:
+    def do(self, order: Order | Keep, found: Callable[[tuple[Step, ...]], None] = lambda _: None) -> None:
         """Do what the page ordered.
+
+        Args:
+            order: what it ordered.
+            found: called with the best steps of a search while it goes on.
 
         Raises:
             InputError: it can't be done with this model and these logs.
         """
-        if isinstance(order, Add):
+        if isinstance(order, Plain):
+            self._plain(order, found)
+        elif isinstance(order, Add):
             answer = next((step for step in self._answers if step.key == (order.effect, order.at)), None)
             self.study.add(answer or order.effect, "" if answer else order.at)
         elif isinstance(order, Cut):
             self._cut(order)
+        elif isinstance(order, Set):
+            self._set(order)
+        elif isinstance(order, Back):
+            self.study.go_back(order.number)
+        elif isinstance(order, Keep):
+            for effect, at in order.steps:
+                self.study.add(effect, at)
+
+    def _plain(self, order: Plain, found: Callable[[tuple[Step, ...]], None]) -> None:
+        if order.what == "improve":
+            self.study.improve(found=found)
         elif order.what == "report":
             self.study.report(self.folder / "story.html")
         elif order.what == "fmu":
             self.study.export_fmu(self.folder / "model.fmu")
+        elif order.what == "use_all":
+            self.study.use_again()
+            self._forget()
         else:
             getattr(self.study, order.what)()
-            if order.what == "improve":
-                self.study.advise()
+
+    def _set(self, order: Set) -> None:
+        """Set what is another than it was."""
+        known = next((each for each in self.study.model.parameters if each.name == order.name), None)
+        if known is None:
+            raise InputError("parameter", order.name, "no such parameter", "one that the page lists")
+        least, most = order.bounds
+        old = known.declared.bounds
+        bounds = old[0] if least is None else least, old[1] if most is None else most
+        self.study.set_parameter(
+            order.name,
+            order.value,
+            bounds=None if bounds == old else bounds,
+            fixed=order.fixed if order.fixed == known.free else None,
+        )
+        self._forget()
 
     def _cut(self, order: Cut) -> None:
         if order.what == "use_again":
@@ -84,6 +122,10 @@ class Bench:
             self.study.use_again(again[0])
         else:
             getattr(self.study, order.what)(*_stretch(order))
+        self._forget()
+
+    def _forget(self) -> None:
+        """All that was worked out of other data."""
         for known in (self.attempts, self.heat, self._predictions, self._told):
             known.clear()
 
@@ -92,17 +134,41 @@ class Bench:
         name = self.model
         if self.study.diagnosed is None:
             return
-        if name not in self.attempts:
-            self.attempts[name] = dict(self._attempted(self.study.diagnosed))
+        self.attempts[name] = self.linearised() | self._attempted(self.study.diagnosed)
         if name not in self.heat:
             heat = self.study.unexplained_heat()
             self.heat[name] = {f"fit {number}": each for number, each in enumerate(heat)}
         self.study.advise()
 
-    def _attempted(self, diagnosis: Diagnosis) -> list[tuple[tuple[str, str], tuple[FloatArray, FloatArray]]]:
+    @property
+    def scored_only(self) -> list[Score]:
+        """The best of the candidates that scored beyond nothing, and were not refitted."""
+        diagnosis = self.study.diagnosed
+        if diagnosis is None:
+            return []
+        refitted = {step.key for step in diagnosis.refits}
+        others = [each for each in diagnosis.scores.ranked if each.gain > 0 and each.candidate.key not in refitted]
+        return others[:_MOST_SCORED]
+
+    def linearised(self) -> dict[tuple[str, str], Attempt]:
+        """What the fitted runs would look like with each answer, by its score alone: there at once."""
+        diagnosis = self.study.diagnosed
+        if diagnosis is None:
+            return {}
+        answers = {step.key for step in diagnosis.helpful}
+        shown = [each for each in diagnosis.scores.ranked if each.gain > 0 and each.candidate.key in answers]
+        lines = {}
+        for each in (*shown, *self.scored_only):
+            readings = linearised(diagnosis.fit, each)
+            for number, bound in enumerate(diagnosis.fit.problem.bound_runs):
+                line = Attempt(_middles(bound.run), readings[number], linearised=True)
+                lines[f"fit {number}", key_of(each.candidate.key)] = line
+        return lines
+
+    def _attempted(self, diagnosis: Diagnosis) -> dict[tuple[str, str], Attempt]:
         """What the page's runs would look like with each answer added: the refits' own predictions."""
         coarse = for_search(self.study.data)
-        lines = []
+        lines = {}
         for step in diagnosis.helpful:
             problem = step.fit.problem
             fitted = [
@@ -112,9 +178,7 @@ class Bench:
             others = [predict(step.fit.model, segment, problem.sigma) for segment in (*coarse.holdout, *coarse.test)]
             runs = [*fitted, *((each.bound.run, each.readings) for each in others)]
             for segment, (run, readings) in zip(segments(self.study), runs, strict=True):
-                # A mean over a step is what was there in its middle.
-                middle = run.time + (run.step / 2 if run.averaged else 0.0)
-                lines.append(((segment, name_of(step)), (middle, readings)))
+                lines[segment, name_of(step)] = Attempt(_middles(run), readings, linearised=False)
         return lines
 
     # --- what there is to show ------------------------------------------------------------------
@@ -151,7 +215,7 @@ class Bench:
                 if (segment, f"model {name}") not in self._told:
                     news.predicted[segment, name] = prediction.readings
                 self._told |= {(segment, ""), (segment, f"model {name}")}
-        news.attempts = self.attempts.get(self.model, {})
+        news.attempts = self.attempts.get(self.model) or self.linearised()
         news.heat = self.heat.get(self.model, {})
         return news
 
@@ -164,7 +228,17 @@ def segments(study: Study) -> dict[str, Segment]:
 
 def name_of(step: Step) -> str:
     """An effect with its place, empty for the model as given."""
-    return f"{step.effect} at {step.at}" if step.effect else ""
+    return key_of(step.key) if step.effect else ""
+
+
+def key_of(key: Key) -> str:
+    """What the page calls an effect at a place."""
+    return f"{key[0]} at {key[1]}"
+
+
+def _middles(run: Run) -> FloatArray:
+    """Times of a run's readings [s]; a mean over a step is what was there in its middle."""
+    return run.time + (run.step / 2 if run.averaged else 0.0)
 
 
 def names_of(steps: tuple[Step, ...]) -> list[str]:

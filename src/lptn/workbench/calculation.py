@@ -20,13 +20,16 @@ import lptn
 from lptn.basics.errors import InputError, one_line
 from lptn.basics.files import write_whole
 from lptn.basics.own_folder import is_own_file, own_folder
+from lptn.basics.parameters import Setting
 from lptn.basics.processes import begin_as_worker
+from lptn.diagnose.diagnosis import Step
 from lptn.identify.data import Stretch
 from lptn.study import Study
 from lptn.workbench.bench import Bench
-from lptn.workbench.content import content_of
+from lptn.workbench.content import content_of, step_content
 from lptn.workbench.opening import Opening
-from lptn.workbench.orders import Add, Cut, Plain
+from lptn.workbench.orders import Keep, Order
+from lptn.workbench.tour import example_opening
 
 logger = logging.getLogger("lptn")
 
@@ -34,15 +37,15 @@ STUDY, STEPS = "study.pickle", "steps.json"
 """Files of a session: the study as this version of lptn holds it, and what was done, for any other version."""
 
 
-def work(pipe: Connection, opening: Opening, sessions: Path, parent: int, after_a_stop: bool = False) -> None:
+def work(pipe: Connection, opening: Opening | str, sessions: Path, parent: int, after_a_stop: bool = False) -> None:
     """Read the study, go on from where its session ended, and do orders until the other side closes.
 
-    Says `("opened", folder)`, `("said", text)`, `("warned", text)`, `("shown", content, news)`, `("done",)`,
-    `("failed", text)`, or `("refused", error)` where it can't begin.
+    Says `("opened", folder)`, `("said", text)`, `("warned", text)`, `("found", rows)`, `("shown", content, news)`,
+    `("done",)`, `("failed", text)`, or `("refused", error)` where it can't begin.
 
     Args:
         pipe: where orders come from and answers go.
-        opening: the model file, logs and options.
+        opening: the model file, logs and options; or the name of an example.
         sessions: the folder of all sessions.
         parent: the server's process.
         after_a_stop: somebody ended the work before: it does not begin by itself.
@@ -51,6 +54,8 @@ def work(pipe: Connection, opening: Opening, sessions: Path, parent: int, after_
     logger.setLevel(logging.INFO)
     logger.addHandler(_Telling(pipe))
     try:
+        if isinstance(opening, str):
+            opening = example_opening(opening, sessions)
         bench = _opened(pipe, opening, sessions, after_a_stop)
     except InputError as error:
         pipe.send(("refused", error))
@@ -69,9 +74,12 @@ def work(pipe: Connection, opening: Opening, sessions: Path, parent: int, after_
         _done(pipe, bench, opening, order)
 
 
-def _done(pipe: Connection, bench: Bench, opening: Opening, order: Plain | Add | Cut) -> None:
+def _done(pipe: Connection, bench: Bench, opening: Opening, order: Order | Keep) -> None:
+    def found(steps: tuple[Step, ...]) -> None:
+        pipe.send(("found", [step_content(step) for step in steps[1:]]))
+
     try:
-        bench.do(order)
+        bench.do(order, found)
         if order.what == "diagnose":
             _show(pipe, bench, opening)  # the answers, before the rest of them is worked out
         if order.what in ("diagnose", "improve"):
@@ -109,6 +117,7 @@ class _Done(BaseModel):
     logs: list[str]
     stretches: list[Stretch] = []
     steps: list[tuple[str, str]] = []
+    settings: list[Setting] = []
 
 
 def _opened(pipe: Connection, opening: Opening, sessions: Path, after_a_stop: bool) -> Bench:
@@ -152,6 +161,8 @@ def _do_again(study: Study, folder: Path) -> None:
             (study.hold_out if stretch.held_out else study.leave_out)(stretch.run, stretch.start, stretch.stop)
         for effect, at in done.steps:
             study.add(effect, at)
+        for each in done.settings:
+            study.set_parameter(each.name, each.value, bounds=each.bounds, fixed=each.fixed)
     except InputError as error:
         logger.warning("not all of the session's steps can be done again: %s", one_line(error))
 
@@ -160,7 +171,9 @@ def _save(bench: Bench, opening: Opening) -> None:
     study = bench.study
     logs = [str(log) for log in (*opening.fit, *opening.holdout, *opening.test)]
     steps = [step.key for step in study.steps[1:]]
-    done = _Done(model=str(opening.model), logs=logs, stretches=list(study.stretches), steps=steps)
+    done = _Done(
+        model=str(opening.model), logs=logs, stretches=list(study.stretches), steps=steps, settings=list(study.settings)
+    )
     write_whole(bench.folder / STEPS, done.model_dump_json(indent=2) + "\n")
     stored = pickle.dumps(_written_by(bench.fingerprint)) + pickle.dumps((study, bench.attempts, bench.heat))
     write_whole(bench.folder / STUDY, stored)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import shlex
+from itertools import combinations
 from typing import Any
 
 import numpy as np
 
 from lptn.basics.equations import equations_of
 from lptn.diagnose.diagnosis import Diagnosis, Step
+from lptn.diagnose.scores import Score, linearised
 from lptn.effects import catalogue
 from lptn.identify.comparison import Errors
 from lptn.identify.data import Segment, Stretch
@@ -16,10 +18,12 @@ from lptn.report.diagnosis_figures import noise_alone
 from lptn.report.text import experiment_for, few, for_people, kelvin, named, percent, place_of, title_of
 from lptn.report.words import size_in_words
 from lptn.study import Study
-from lptn.workbench.bench import Bench, name_of, names_of, segments
+from lptn.workbench.bench import Bench, key_of, name_of, names_of, segments
+from lptn.workbench.conditions import by_condition
 from lptn.workbench.opening import Opening
 
 _JOB_NAMES = {"fit": "fitted", "holdout": "held out", "test": "test"}
+_PAIRS = 10  # of parameters: others go together less
 _PLAIN = 0.5  # share of its RMSE from which an error's mean says to which side it is
 
 
@@ -50,10 +54,13 @@ def content_of(bench: Bench, opening: Opening) -> dict[str, Any]:
         "given": names[0],
         "now": names[-1],
         "head": _head(bench),
-        "steps": [_step(step) for step in study.steps],
-        "undone": [_step(step) for step in study.undone],
+        "steps": [step_content(step) for step in study.steps],
+        "undone": [step_content(step) for step in study.undone],
+        "branches": [[step_content(step) for step in branch[1:]] for branch in study.branches],
         "tiles": _tiles(bench),
+        "conditions": _conditions(bench),
         "parameters": _parameters(study.steps[-1]),
+        "correlations": _correlations(study.steps[-1]),
         "answers": _answers(study, study.diagnosed, bench) if study.diagnosed else None,
         "advice": [for_people(each) for each in study.advised.sentences] if study.advised else [],
     }
@@ -125,7 +132,8 @@ def _worst(bench: Bench, floor: float) -> str:
 # --- steps, tiles, parameters --------------------------------------------------------------------------------
 
 
-def _step(step: Step) -> dict[str, Any]:
+def step_content(step: Step) -> dict[str, Any]:
+    """A row of the table of steps."""
     return {
         "name": named(*step.key) if step.effect else "as given",
         "effect": step.effect,
@@ -165,18 +173,48 @@ def _tiles(bench: Bench) -> dict[str, dict[str, list[dict[str, float] | None]]]:
     return tiles
 
 
+def _conditions(bench: Bench) -> dict[str, list[dict[str, Any]]]:
+    """Of the models as given and now, errors by operating condition, on data that no fit saw where there are any."""
+    study = bench.study
+    found = {}
+    for name, number in (("given", 0), ("now", len(study.steps) - 1)):
+        predictions = bench.predictions(number)
+        judged = {key: each for key, each in predictions.items() if not key.startswith("fit")}
+        found[name] = by_condition(study.model.nodes, judged or predictions)
+    return found
+
+
 def _parameters(step: Step) -> list[dict[str, Any]]:
-    """The free parameters with their standard errors, `None` where these are not determined."""
-    table = step.fit.to_pandas()
+    """The model's parameters, those of a declaration together; standard errors `None` where they are not determined."""
+    fit = step.fit
+    errors, network = fit.standard_errors, fit.model.network
+    together = {name: list(owners) for owners in network.declared_at.values() for name in owners}
     return [
         {
-            "name": row["parameter"],
-            "value": row["value"],
-            "error": row["standard error"] if np.isfinite(row["standard error"]) else None,
-            "unit": row["unit"],
+            "name": parameter.name,
+            "part": parameter.name.rpartition(".")[2],
+            "value": parameter.value,
+            "error": errors.get(parameter.name),
+            "unit": "" if parameter.declared.unit == "1" else parameter.declared.unit,
+            "bounds": parameter.declared.bounds,
+            "free": parameter.free,
+            "together": [name for name in together.get(parameter.name, []) if name != parameter.name],
         }
-        for row in table[table["free"]].to_dict("records")
-        if "_granted." not in row["parameter"]
+        for parameter in fit.model.parameters
+        if parameter.declared.prior is None
+    ]
+
+
+def _correlations(step: Step) -> list[dict[str, Any]]:
+    """The pairs of free parameters whose estimates are most correlated."""
+    fit = step.fit
+    names = [fit.model.parameters[index].name for index in fit.problem.free]
+    own = [number for number, index in enumerate(fit.problem.free) if index in set(fit.free)]
+    matrix = fit.uncertainty.correlations
+    pairs = [(matrix[one, other], names[one], names[other]) for one, other in combinations(own, 2)]
+    pairs.sort(key=lambda each: -abs(each[0]))
+    return [
+        {"one": one, "other": other, "correlation": float(correlation)} for correlation, one, other in pairs[:_PAIRS]
     ]
 
 
@@ -184,7 +222,8 @@ def _parameters(step: Step) -> list[dict[str, Any]]:
 
 
 def _answers(study: Study, diagnosis: Diagnosis, bench: Bench) -> dict[str, Any]:
-    tried = {answer for _, answer in bench.attempts.get(bench.model, {})}
+    attempts = bench.attempts.get(bench.model) or bench.linearised()
+    tried = {answer: line.linearised for (_, answer), line in attempts.items()}
     ranks = {step.key: rank for rank, step in enumerate(diagnosis.helpful, start=1)}
     shown = []
     for step in diagnosis.helpful:
@@ -208,11 +247,39 @@ def _answers(study: Study, diagnosis: Diagnosis, bench: Bench) -> dict[str, Any]
                 "same": [named(*key) for key in step.indistinguishable],
                 "ranks": [ranks[key] for key in step.indistinguishable if key in ranks],
                 "tried": name_of(step) in tried,
+                "linearised": tried.get(name_of(step), False),
             }
         )
     before = diagnosis.holdout.rmse if diagnosis.holdout else diagnosis.fit.rmse
     seconds = diagnosis.fit.problem.bound_runs[0].run.step
-    return {"verdict": diagnosis.verdict, "answers": shown, "before": before, "step": seconds}
+    return {
+        "verdict": diagnosis.verdict,
+        "answers": shown,
+        "scored": [_scored(diagnosis, each) for each in bench.scored_only],
+        "before": before,
+        "fitted": diagnosis.fit.rmse,
+        "step": seconds,
+    }
+
+
+def _scored(diagnosis: Diagnosis, score: Score) -> dict[str, Any]:
+    """A candidate that was scored and not refitted, with the error that it would leave to first order."""
+    effect, at = score.candidate.key
+    left = [
+        (readings - bound.measured)[bound.counted]
+        for readings, bound in zip(linearised(diagnosis.fit, score), diagnosis.fit.problem.bound_runs, strict=True)
+    ]
+    return {
+        "effect": effect,
+        "at": at,
+        "key": key_of((effect, at)),
+        "title": title_of(effect),
+        "place": place_of(at),
+        "fit": float(np.sqrt(np.mean(np.concatenate(left) ** 2))),
+        "p": diagnosis.scores.p_value(score.gain),
+        "tried": True,
+        "linearised": True,
+    }
 
 
 # --- data -----------------------------------------------------------------------------------------------------
@@ -238,7 +305,7 @@ def _stretch(stretch: Stretch) -> dict[str, Any]:
 
 
 def commands(study: Study, opening: Opening) -> list[str]:
-    """Commands that do what was done here; stretches that were left out have none, Python does."""
+    """Commands that do what was done here; stretches and parameters that were set have none, Python does."""
     lines, file = [], str(opening.model)
     for number, step in enumerate(study.steps[1:], start=1):
         words = ["lptn", "add", file, step.effect or "", "--at", step.at or "", "-o", f"step{number}.toml"]
@@ -270,4 +337,8 @@ def python_lines(study: Study, opening: Opening) -> str:
         lines.append(f"study.{call}({each.run!r}, {each.start:.6g}, {each.stop:.6g})")
     lines.append("study.fit()")
     lines += [f"study.add({step.effect!r}, at={step.at!r})" for step in study.steps[1:]]
+    for setting in study.settings:
+        said = {"value": setting.value, "bounds": setting.bounds, "fixed": setting.fixed}
+        words = [repr(setting.name), *(f"{name}={value!r}" for name, value in said.items() if value is not None)]
+        lines.append(f"study.set_parameter({', '.join(words)})")
     return "\n".join([*lines, 'study.save("better.toml")', 'study.report("story.html")', ""])

@@ -16,6 +16,21 @@ _MARGIN = 1  # readings beyond a window on either side, so that a line runs to t
 
 
 @dataclass(frozen=True)
+class Attempt:
+    """What a run would look like with an answer added.
+
+    Args:
+        time: s, (m,), in the steps of a search.
+        readings: degC, (nodes, m).
+        linearised: to first order; else the answer was refitted.
+    """
+
+    time: FloatArray
+    readings: FloatArray
+    linearised: bool
+
+
+@dataclass(frozen=True)
 class RunLines:
     """All that plots of one run show.
 
@@ -25,7 +40,7 @@ class RunLines:
         measured: degC, (nodes, n), NaN where missing.
         inputs: the log's other columns, (n,) each.
         predicted: degC, (nodes, n), by what names the model.
-        attempts: by answer: times (m,) and predicted readings (nodes, m), in the steps of a search.
+        attempts: by answer.
         heat: unexplained heat, where it was worked out.
     """
 
@@ -34,7 +49,7 @@ class RunLines:
     measured: FloatArray
     inputs: Mapping[str, FloatArray]
     predicted: Mapping[str, FloatArray] = field(default_factory=dict)
-    attempts: Mapping[str, tuple[FloatArray, FloatArray]] = field(default_factory=dict)
+    attempts: Mapping[str, Attempt] = field(default_factory=dict)
     heat: UnexplainedHeat | None = None
 
     @classmethod
@@ -50,9 +65,7 @@ class RunLines:
         """The same with what a model predicts."""
         return replace(self, predicted={**self.predicted, model: readings})
 
-    def with_answers(
-        self, attempts: Mapping[str, tuple[FloatArray, FloatArray]], heat: UnexplainedHeat | None
-    ) -> RunLines:
+    def with_answers(self, attempts: Mapping[str, Attempt], heat: UnexplainedHeat | None) -> RunLines:
         """The same with what a diagnosis says, in place of what an older one said."""
         return replace(self, attempts=attempts, heat=heat)
 
@@ -62,6 +75,20 @@ class RunLines:
         places = {name.partition(".")[2] for name in self.inputs}
         common = [name for name in self.inputs if name.partition(".")[2] in places - set(self.nodes)]
         return [*own, *common]
+
+    def error(self, node: str, model: str) -> FloatArray:
+        """Predicted − measured of a node [K], (n,), NaN where nothing was measured.
+
+        Raises:
+            InputError: no such node.
+        """
+        row = self._row(node)
+        return np.asarray(self.predicted[model][row] - self.measured[row])
+
+    def _row(self, node: str) -> int:
+        if node not in self.nodes:
+            raise InputError("plot", "node", node, f"one of {', '.join(self.nodes)}")
+        return self.nodes.index(node)
 
     def window(
         self,
@@ -85,9 +112,7 @@ class RunLines:
         Raises:
             InputError: no such node.
         """
-        if node not in self.nodes:
-            raise InputError("plot", "node", node, f"one of {', '.join(self.nodes)}")
-        row = self.nodes.index(node)
+        row = self._row(node)
         first = 0 if start is None else max(int(np.searchsorted(self.time, start)) - _MARGIN, 0)
         last = self.time.size if stop is None else int(np.searchsorted(self.time, stop, side="right")) + _MARGIN
         inside = slice(min(first, self.time.size - 1), max(last, first + 1))
@@ -95,8 +120,8 @@ class RunLines:
         columns = {"measured": measured}
         lines = {name: self.predicted[model][row, inside] for name, model in models.items() if model in self.predicted}
         if attempt in self.attempts:
-            moments, readings = self.attempts[attempt]
-            lines["attempt"] = np.interp(time, moments, readings[row])
+            tried = self.attempts[attempt]
+            lines["attempt"] = np.interp(time, tried.time, tried.readings[row])
         for name, readings in lines.items():
             columns |= {name: readings, f"error {name}": readings - measured}
         columns |= {name: self.inputs[name][inside] for name in self.inputs_of(node)}

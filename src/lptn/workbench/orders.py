@@ -14,7 +14,14 @@ class _Order(BaseModel):
 class Plain(_Order):
     """Orders that say all by their name."""
 
-    what: Literal["fit", "diagnose", "improve", "undo", "redo", "report", "fmu"]
+    what: Literal["fit", "diagnose", "improve", "undo", "redo", "use_all", "report", "fmu"]
+
+
+class Open(_Order):
+    """Open an example, where no files were given."""
+
+    what: Literal["example"]
+    name: Literal["tclab", "leg"]
 
 
 class Add(_Order):
@@ -26,9 +33,9 @@ class Add(_Order):
 
 
 class Cut(_Order):
-    """Leave a stretch of a run out, hold it out, or use it again."""
+    """Leave a stretch of a run out, hold it out, fit it alone, or use it again."""
 
-    what: Literal["leave_out", "hold_out", "use_again"]
+    what: Literal["leave_out", "hold_out", "fit_on", "use_again"]
     run: str = Field(max_length=300)
     start: FiniteFloat
     stop: FiniteFloat
@@ -40,9 +47,49 @@ class Cut(_Order):
         return self
 
 
-Order = Annotated[Plain | Add | Cut, Field(discriminator="what")]
-order: TypeAdapter[Plain | Add | Cut] = TypeAdapter(Order)
+class Set(_Order):
+    """Set a parameter's value or bounds, fix it or free it, and fit again."""
+
+    what: Literal["set"]
+    name: str = Field(min_length=1, max_length=300)
+    value: FiniteFloat
+    bounds: tuple[FiniteFloat | None, FiniteFloat | None]
+    fixed: bool
+
+
+class Back(_Order):
+    """Go on from a branch that was left."""
+
+    what: Literal["back"]
+    number: int = Field(ge=0)
+
+
+class Keep(_Order):
+    """Add the steps that a search had found when it was stopped; the session orders it, no page does."""
+
+    what: Literal["keep"] = "keep"
+    steps: tuple[tuple[str, str], ...]
+
+
+Order = Plain | Open | Add | Cut | Set | Back
+order: TypeAdapter[Order] = TypeAdapter(Annotated[Order, Field(discriminator="what")])
 """Checks what the page sent."""
+
+
+class ResidualsAsked(BaseModel):
+    """What do the errors of a node in a run look like?"""
+
+    model_config = ConfigDict(extra="forbid")
+
+    segment: str
+    node: str
+
+
+class SpecialAsked(ResidualsAsked):
+    """What is special in a stretch of a run, at a node?"""
+
+    start: FiniteFloat
+    stop: FiniteFloat
 
 
 class LinesAsked(BaseModel):

@@ -11,12 +11,13 @@ import secrets
 import socket
 import threading
 from collections.abc import Callable
+from dataclasses import asdict
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import uvicorn
-from pydantic import ValidationError
+from pydantic import BaseModel, ValidationError
 from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
 from starlette.middleware import Middleware
@@ -25,8 +26,9 @@ from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, R
 from starlette.routing import Route
 
 from lptn.basics.errors import InputError
+from lptn.basics.files import finite
 from lptn.workbench.gate import Gate
-from lptn.workbench.orders import LinesAsked, order
+from lptn.workbench.orders import LinesAsked, ResidualsAsked, SpecialAsked, order
 from lptn.workbench.session import BusyError, Session
 
 _LARGEST_ORDER = 10_000  # bytes; an order is a sentence
@@ -36,6 +38,8 @@ _PAGE = {
     "page.js": ("page.js", "text/javascript"),
     "sections.js": ("sections.js", "text/javascript"),
     "plots.js": ("plots.js", "text/javascript"),
+    "residuals.js": ("residuals.js", "text/javascript"),
+    "tour.js": ("tour.js", "text/javascript"),
     "uPlot.js": ("uplot/uPlot.esm.js", "text/javascript"),
     "uPlot.css": ("uplot/uPlot.css", "text/css"),
 }
@@ -56,6 +60,8 @@ def application(session: Session, port: int, token: str) -> Starlette:
         Route("/favicon.ico", _nothing),  # browsers ask for it unasked
         Route("/state", site.state),
         Route("/lines", site.lines),
+        Route("/special", site.special),
+        Route("/residuals", site.residuals),
         Route("/order", site.order, methods=["POST"]),
         Route("/stop", site.stop, methods=["POST"]),
         Route("/result/{name}", site.result),
@@ -73,6 +79,9 @@ async def _nothing(_: Request) -> Response:
     return Response(status_code=204)
 
 
+Asked = TypeVar("Asked", bound=BaseModel)
+
+
 class _Site:
     """What is answered from a session."""
 
@@ -88,13 +97,13 @@ class _Site:
         return Response(status_code=204) if content is None else JSONResponse(content)
 
     async def lines(self, request: Request) -> Response:
-        try:
-            asked = LinesAsked.model_validate(dict(request.query_params))
-            return JSONResponse(await run_in_threadpool(self._session.lines, asked))
-        except ValidationError as error:
-            return _wrong(_in_words(error))
-        except InputError as error:
-            return _wrong(str(error))
+        return await _answered(request, LinesAsked, self._session.lines)
+
+    async def special(self, request: Request) -> Response:
+        return await _answered(request, SpecialAsked, lambda asked: asdict(self._session.special(asked)))
+
+    async def residuals(self, request: Request) -> Response:
+        return await _answered(request, ResidualsAsked, lambda asked: asdict(self._session.residuals(asked)))
 
     async def order(self, request: Request) -> Response:
         body = await request.body()
@@ -122,6 +131,17 @@ class _Site:
     async def model(self, _: Request) -> Response:
         headers = {"content-disposition": 'attachment; filename="better.toml"'}
         return PlainTextResponse(self._session.model_file, headers=headers)
+
+
+async def _answered(request: Request, kind: type[Asked], answer: Callable[[Asked], dict[str, Any]]) -> Response:
+    """The answer to a question whose parts stand in the address; what was wrong with it in a line."""
+    try:
+        asked = kind.model_validate(dict(request.query_params))
+        return JSONResponse(finite(await run_in_threadpool(answer, asked)))
+    except ValidationError as error:
+        return _wrong(_in_words(error))
+    except InputError as error:
+        return _wrong(str(error))
 
 
 def _wrong(what: str) -> Response:

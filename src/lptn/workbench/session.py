@@ -20,7 +20,10 @@ from lptn.workbench.bench import News
 from lptn.workbench.calculation import work
 from lptn.workbench.lines import RunLines
 from lptn.workbench.opening import Opening
-from lptn.workbench.orders import Add, Cut, LinesAsked, Plain
+from lptn.workbench.orders import Keep, LinesAsked, Open, Order, ResidualsAsked, SpecialAsked
+from lptn.workbench.residuals import Residuals, residuals
+from lptn.workbench.special import Special, special
+from lptn.workbench.tour import EXAMPLES
 
 _MOST_SAID = 200  # sentences of one order that are kept
 _HEARS_CTRL_C = 0.5  # s after which a wait looks whether somebody pressed it
@@ -31,14 +34,19 @@ _WORDS = {
     "fit": "fitting the model as given",
     "diagnose": "asking what is missing",
     "improve": "adding what is missing, step by step",
+    "keep": "adding the steps so far",
     "add": "fitting with the effect added",
     "report": "writing the report",
     "fmu": "building the FMU",
     "leave_out": "fitting without the stretch",
     "hold_out": "fitting without the stretch",
+    "fit_on": "fitting the stretch alone",
     "use_again": "fitting with the stretch",
+    "use_all": "fitting all data again",
     "undo": "taking back",
     "redo": "adding again",
+    "back": "going back",
+    "set": "fitting with the parameter as it was set",
 }
 
 
@@ -50,12 +58,12 @@ class Session:
     """A study that several tabs look at.
 
     Args:
-        opening: model file, logs and options.
+        opening: model file, logs and options; `None` for the examples, of which the page chooses one.
         sessions: the folder of all sessions; by default in the user's state folder.
     """
 
-    def __init__(self, opening: Opening, sessions: Path | None = None) -> None:
-        self.opening = opening
+    def __init__(self, opening: Opening | None, sessions: Path | None = None) -> None:
+        self.opening: Opening | str | None = opening
         self._sessions = platformdirs.user_state_path("lptn") / "sessions" if sessions is None else sessions
         self.folder: Path | None = None
         """Where the session is kept; known once the logs are read."""
@@ -70,6 +78,7 @@ class Session:
         self._refused: InputError | None = None
         self._process: multiprocessing.process.BaseProcess | None = None
         self._pipe: Connection | None = None
+        self._next: Keep | None = None
         self._worked = False  # whether the process did what it began with
 
     # --- the process that works -----------------------------------------------------------------
@@ -80,6 +89,8 @@ class Session:
         Raises:
             InputError: a file can't be used.
         """
+        if self.opening is None:
+            return self
         self._begin()
         with self._lock:
             while self.folder is None and self._refused is None:
@@ -92,6 +103,7 @@ class Session:
         # A copy of this process would have the server's threads' locks; a new one has nothing.
         context = multiprocessing.get_context("spawn")
         here, there = context.Pipe()
+        assert self.opening is not None
         arguments = (there, self.opening, self._sessions, os.getpid(), after_a_stop)
         process = context.Process(target=work, args=arguments, daemon=True)
         self._busy = {"what": "open", "words": _BEGINNING, "said": [], "since": time.time()}
@@ -135,6 +147,10 @@ class Session:
         if self._busy is not None:
             self._busy["said"] = [*self._busy["said"][-_MOST_SAID:], for_people(text)]
 
+    def _heard_found(self, rows: list[dict[str, Any]]) -> None:
+        if self._busy is not None:
+            self._busy["found"] = rows
+
     def _heard_warned(self, text: str) -> None:
         if text not in self._notes:
             self._notes.append(text)
@@ -159,6 +175,9 @@ class Session:
 
     def _heard_done(self) -> None:
         self._busy, self._worked = None, True
+        order, self._next = self._next, None
+        if order is not None:
+            self._send(order)
 
     def _changed(self) -> None:
         self._version += 1
@@ -183,6 +202,8 @@ class Session:
                 "notes": list(self._notes),
                 "folder": str(self.folder or ""),
                 "files": files,
+                "examples": {} if isinstance(self.opening, Opening) else _examples(),
+                "example": self.opening if isinstance(self.opening, str) else "",
             }
             return {**self._content, **state}
 
@@ -197,37 +218,81 @@ class Session:
         Raises:
             InputError: no such run or node.
         """
-        with self._lock:
-            lines = self._lines.get(asked.segment)
-            models = {name: self._content.get(name, "") for name in ("given", "now")}
-        if lines is None:
-            raise InputError("plot", "run", asked.segment, f"one of {', '.join(self._lines) or 'none yet'}")
+        lines, models = self._lines_of(asked.segment)
         if models["given"] == models["now"]:
             del models["given"]
         return lines.window(asked.node, models, asked.start, asked.stop, asked.points, asked.attempt)
 
-    def do(self, order: Plain | Add | Cut) -> None:
+    def special(self, asked: SpecialAsked) -> Special:
+        """What is special in a stretch, at a node, to the error of the model as it is now.
+
+        Raises:
+            InputError: no such run or node, or a stretch that can't be compared with the rest.
+        """
+        lines, models = self._lines_of(asked.segment)
+        return special(lines.time, lines.error(asked.node, models["now"]), lines.inputs, asked.start, asked.stop)
+
+    def residuals(self, asked: ResidualsAsked) -> Residuals:
+        """What the errors of a node look like where they count.
+
+        Raises:
+            InputError: no such run or node, or too little was measured.
+        """
+        lines, models = self._lines_of(asked.segment)
+        segment = next(each for each in self._content["segments"] if each["key"] == asked.segment)
+        counts = (lines.time >= segment["from"]) & (lines.time < segment["to"])
+        step = float(lines.time[1] - lines.time[0])
+        return residuals(lines.error(asked.node, models["now"])[counts], step)
+
+    def _lines_of(self, segment: str) -> tuple[RunLines, dict[str, str]]:
+        with self._lock:
+            lines = self._lines.get(segment)
+            models = {name: self._content.get(name, "") for name in ("given", "now")}
+        if lines is None:
+            raise InputError("plot", "run", segment, f"one of {', '.join(self._lines) or 'none yet'}")
+        return lines, models
+
+    def do(self, order: Order) -> None:
         """Have an order done.
 
         Raises:
             BusyError: another one is being done.
         """
+        if isinstance(order, Open):
+            self._show_example(order.name)
+            return
         with self._lock:
             if self._busy is not None or self._pipe is None:
                 raise BusyError(f"{(self._busy or {}).get('words', 'nothing is open')}: stop that first")
-            words = _WORDS[order.what]
-            self._busy, self._failed = {"what": order.what, "words": words, "said": [], "since": time.time()}, ""
-            self._pipe.send(order)
+            self._send(order)
             self._changed()
 
+    def _send(self, order: Order | Keep) -> None:
+        assert self._pipe is not None
+        words = _WORDS[order.what]
+        self._busy, self._failed = {"what": order.what, "words": words, "said": [], "since": time.time()}, ""
+        self._pipe.send(order)
+
+    def _show_example(self, name: str) -> None:
+        """Begin with an example, in place of another."""
+        with self._lock:
+            if isinstance(self.opening, Opening):
+                raise BusyError("files are open: examples come with `lptn open` alone")
+            process, self.opening, self.folder, self._refused = self._process, name, None, None
+            self._content, self._lines, self._notes, self._failed = {}, {}, [], ""
+            self._begin()
+            self._changed()
+        _end(process)
+
     def stop(self) -> None:
-        """End what is being done; the study stays as it was before."""
+        """End what is being done; the study stays as it was before, but for the steps that a search had found."""
         with self._lock:
             if self._busy is None or (self._busy["what"] == "open" and not self.folder):
                 return
             process = self._process
+            steps = tuple((row["effect"], row["at"]) for row in self._busy.get("found", ()))
             self._begin(after_a_stop=True)
-            self._failed = ""
+            self._failed, self._next = "", Keep(steps=steps) if steps else None
             self._changed()
         _end(process)
 
@@ -238,6 +303,10 @@ class Session:
             if self._pipe is not None:
                 self._pipe.close()
         _end(process)
+
+
+def _examples() -> dict[str, dict[str, str]]:
+    return {name: {"title": each.title, "about": each.about, "solved": each.solved} for name, each in EXAMPLES.items()}
 
 
 def _end(process: multiprocessing.process.BaseProcess | None) -> None:

@@ -3,15 +3,18 @@
 import { h } from "/sections.js";
 import * as sections from "/sections.js";
 import { Plots } from "/plots.js";
+import { Residuals } from "/residuals.js";
+import { tour } from "/tour.js";
 
 const BUSY = 400, IDLE = 1500, HIDDEN = 6000;  // ms between two questions
 const place = id => document.getElementById(id);
 
 export const page = {
-  state: {}, picked: [], attempt: "", shown: "now", failed: "",
+  state: {}, picked: [], attempt: "", shown: "now", by: "run", part: "", edited: "", failed: "", clicked: false, step: 0,
   async order(order) { page.failed = await post("/order", order); await ask(); },
   async stop() { page.failed = await post("/stop", {}); await ask(); },
   pick(segment, node, beside = false) {
+    page.clicked = true;
     const there = page.picked.findIndex(each => each.segment === segment && each.node === node);
     if (beside) there < 0 ? page.picked.push({ segment, node }) : page.picked.splice(there, 1);
     else page.picked = [{ segment, node }];
@@ -20,8 +23,12 @@ export const page = {
   },
   attemptTo(answer) { page.attempt = answer; draw(); },
   show(which) { page.shown = which; draw(); },
+  edit(name) { page.edited = page.edited === name ? "" : name; draw(); },
+  partOf(part) { page.part = part; draw(); },
+  group(by) { page.by = by; draw(); },
+  tell: () => draw(),
 };
-const plots = new Plots(place("plots"), page);
+const plots = new Plots(place("plots"), page), residuals = new Residuals(place("residuals"), page);
 
 async function post(path, content) {
   try {
@@ -58,7 +65,7 @@ function take(state) {
   const known = new Set(state.segments?.map(each => each.key));
   page.picked = page.picked.filter(each => known.has(each.segment) && state.nodes.includes(each.node));
   if (!page.picked.length && state.tiles) page.picked = [sections.worst(state)];
-  if (!state.answers?.answers.some(each => each.key === page.attempt && each.tried)) page.attempt = "";
+  if (!sections.triable(state).some(each => each.key === page.attempt)) page.attempt = "";
   draw();
 }
 
@@ -83,12 +90,15 @@ export function draw() {
   place("name").textContent = state.name ?? "lptn";
   redraw("work", [state.busy, state.failed, failed, away], () => sections.work(page));
   redraw("head", [state.head], () => sections.head(state));
-  redraw("steps", [state.steps, state.undone, state.head, attempt, busy, state.answers], () => sections.steps(page));
-  redraw("where", [state.tiles, picked, shown], () => sections.where(page));
+  redraw("steps", [state.steps, state.undone, state.branches, state.head, attempt, busy, state.busy?.found, state.answers], () => sections.steps(page));
+  redraw("where", [state.tiles, picked, shown, page.by], () => sections.where(page));
   redraw("missing", [state.answers, state.advice, attempt, busy, state.fitted, state.now], () => sections.missing(page));
-  redraw("data", [state.segments, state.issues, state.stretches, state.notes, busy, state.parameters], () => sections.data(page));
+  redraw("data", [state.segments, state.issues, state.stretches, state.notes, busy, state.parameters, page.part, page.edited], () => sections.data(page));
   redraw("out", [state.commands, state.python, state.files, busy, state.folder, state.fitted], () => sections.out(page));
   if (state.tiles) plots.draw();
+  else plots.clear();
+  residuals.draw();
+  redraw("tour", [state.examples, state.example, state.head, busy, attempt, !!state.answers, page.clicked, plots.windows, page.step], () => tour(page, plots));
 }
 
 setInterval(() => page.state.busy && redraw("work", [page.state.busy, Date.now() / 1000 | 0], () => sections.work(page)), 1000);

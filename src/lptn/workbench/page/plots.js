@@ -1,11 +1,11 @@
 // Time plots: drag to zoom, hover to read. Lines come from the server for the window that is shown, thinned to its width.
 
 import uPlot from "/uPlot.js";
-import { h, kelvin } from "/sections.js";
+import { h, kelvin, triable } from "/sections.js";
 
 const GRID = [1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1200, 1800, 3600, 7200, 14400, 28800, 86400];  // s between ticks
 const LONG = 600, EPOCH = 1e6;  // s: minutes from here on; a clock that did not begin with the log
-const MOST_INPUTS = 4;
+const MOST_INPUTS = 4, MOST_COMPANIONS = 8;
 const UNITS = { torque: "N·m", current: "A", velocity: "rad/s", power: "W", speed: "m/s", temperature: "°C" };
 const color = name => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 const sync = uPlot.sync("time");
@@ -15,7 +15,7 @@ export class Plots {
     this.section = section, this.page = page, this.windows = {}, this.views = new Map();
     this.bar = h("div", { className: "row" });
     this.list = h("div");
-    section.append(this.bar, this.list);
+    section.append(this.bar, this.told = h("div", { id: "told", ariaLive: "polite" }), this.list);
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.draw(true));
     addEventListener("resize", () => this.draw(true));
   }
@@ -27,12 +27,21 @@ export class Plots {
     const wanted = picked.map(each => ({ ...each, id: `${each.segment} ${each.node}` }));
     for (const [id, view] of this.views) if (!wanted.some(each => each.id === id)) { view.remove(); this.views.delete(id); }
     for (const each of wanted) {
-      const what = JSON.stringify([state.now, state.given, state.head.now, state.stretches, state.answers?.answers.length, state.advice.length, wanted.length > 1, attempt]);
+      const what = JSON.stringify([state.now, state.given, state.head.now, state.stretches, state.answers?.answers.map(each => each.linearised), state.advice.length, wanted.length > 1, attempt]);
       let view = this.views.get(each.id);
       if (!view) this.views.set(each.id, view = new View(this, each));
       if (anew || view.what !== what) { view.what = what; view.load(anew); }
       this.list.append(view.element);
     }
+  }
+
+  clear() {
+    for (const view of this.views.values()) view.remove();
+    this.views.clear();
+    this.bar.replaceChildren();
+    this.told.replaceChildren();
+    this.windows = {};
+    this.shown = "";
   }
 
   drawBar() {
@@ -51,15 +60,32 @@ export class Plots {
       choose("node", "node", state.nodes.map(node => [node, node]), at.node, node => this.page.pick(at.segment, node)),
       choose("run", "run", state.segments.map(each => [each.key, `${each.run} (${each.job})`]), at.segment, key => this.page.pick(key, at.node)),
       h("button", { id: "whole", disabled: !window, onclick: () => this.zoom(segment.key, null) }, "Whole run"),
-      cut("leave_out", "Leave this stretch out"), segment.job === "fitted" && cut("hold_out", "Hold it out"),
+      h("button", { id: "special", disabled: !window, onclick: () => this.special(at, window) }, "What is special here?"),
+      segment.job === "fitted" && cut("fit_on", "Fit on this"), segment.job === "fitted" && cut("hold_out", "Hold this out"), cut("leave_out", "Leave this out"),
       h("small", null, window ? `${clock(window[0])} to ${clock(window[1])} s` : "Drag over a stretch to zoom; + − ← → with the keyboard.")].filter(Boolean));
     if (focused) document.getElementById(focused)?.focus();
   }
 
+  // The inputs that go with the error in the stretch as they do nowhere else in the run.
+  async special({ segment, node }, window) {
+    const answer = await fetch(`/special?${new URLSearchParams({ segment, node, start: window[0], stop: window[1] })}`);
+    const found = await answer.json(), beyond = answer.ok ? found.companions.filter(each => each.score > found.chance) : [];
+    const number = value => Number(value.toPrecision(3)).toString().replace("-", "−");
+    const row = each => h("tr", { className: each.score > found.chance ? "" : "soft" }, h("td", null, each.words), h("td", { className: "n" }, each.score.toFixed(1)), h("td", { className: "n" }, number(each.inside)), h("td", { className: "n" }, number(each.outside)));
+    this.told.replaceChildren(...!answer.ok ? [h("p", null, found.error)] : [
+      h("p", null, beyond.length ? "" : found.companions.length ? "No input goes with the error here more than chance has it. " : "No input of this run changes. ",
+        `${node}, ${clock(window[0])} to ${clock(window[1])} s. The score says how much more an input goes with the error here than in other stretches of this length; by chance the best input reaches ${found.chance.toFixed(1)} in one of twenty.`),
+      found.companions.length ? h("table", { id: "companions" }, h("thead", null, h("tr", null, ["goes with the error", "score", "mean here", "elsewhere"].map((each, k) => h("th", { className: k ? "n" : "" }, each)))),
+        h("tbody", null, found.companions.slice(0, MOST_COMPANIONS).map(row))) : "",
+      h("button", { id: "close special", onclick: () => this.told.replaceChildren() }, "Close")]);
+  }
+
   zoom(segment, window) {
     if (window) this.windows[segment] = window; else delete this.windows[segment];
+    this.told.replaceChildren();
     this.drawBar();
     for (const view of this.views.values()) if (view.segment === segment) view.load();
+    this.page.tell();
   }
 }
 
@@ -86,7 +112,7 @@ class View {
     if (!answer.ok || number !== this.asked) return;  // refused, or another window is wanted meanwhile
     const tile = page.state.tiles[this.segment]?.now[page.state.nodes.indexOf(this.node)];
     this.title.textContent = `${this.node} in ${run.run} (${run.job})${tile ? `: RMSE ${kelvin(tile.rmse)}` : ""}`;
-    const names = Object.keys(lines).join() + (plots.page.picked.length > 1);
+    const names = Object.keys(lines).join() + (plots.page.picked.length > 1) + triable(page.state).find(each => each.key === page.attempt)?.linearised;
     if (anew !== true && names === this.names || names === this.names && anew === true && !this.dark_changed()) this.charts.forEach(chart => {
       chart.batch(() => { chart.setData(chart.names.map(name => lines[name]), false); chart.setScale("x", { min: this.window[0], max: this.window[1] }); });
     });
@@ -97,10 +123,11 @@ class View {
 
   build(lines) {
     this.charts.forEach(each => each.destroy());
-    const one = this.plots.page.picked.length === 1, state = this.plots.page.state;
+    const one = this.plots.page.picked.length === 1, { state, attempt } = this.plots.page;
+    const linear = triable(state).find(each => each.key === attempt)?.linearised;
     const line = (name, label, stroke, more) => ({ name, label, stroke, width: 1.5, ...more });
     const models = ["given", "now", "attempt"].filter(each => each in lines).map(each => line(each,
-      { given: "as given", now: state.given === state.now ? "model as given" : "now", attempt: "with the answer tried" }[each],
+      { given: "as given", now: state.given === state.now ? "model as given" : "now", attempt: linear ? "with it, linearised" : "with the answer tried" }[each],
       color(each === "now" && state.given === state.now ? "--given" : `--${each}`), { dash: each === "given" ? [7, 4] : each === "attempt" ? [2, 3] : undefined, width: each === "now" ? 2 : 1.6 }));
     const errors = models.map(each => ({ ...each, name: `error ${each.name}` }));
     const panels = [
@@ -199,4 +226,23 @@ function limits(low, high, floor, zero) {
   if (floor != null || zero) { low = Math.min(low, -2 * (floor ?? 0)); high = Math.max(high, 2 * (floor ?? 0)); }
   const margin = 0.06 * (high - low) || 0.5;
   return [low - margin, high + margin];
+}
+
+// A small chart of lines over anything but time, with a band about zero.
+export function chartOf(parent, { title, x, xLabel, lines, band }) {
+  const element = h("div", null, h("small", null, title)), ink = color("--soft"), font = "12px system-ui, sans-serif";
+  parent.append(element);
+  const axis = { stroke: ink, grid: { stroke: color("--shade"), width: 1 }, ticks: { stroke: color("--line"), width: 1, size: 4 }, font, labelFont: font };
+  new uPlot({
+    width: element.clientWidth || 380, height: 200, padding: [8, 8, 0, 0], legend: { show: false }, cursor: { drag: { x: false, y: false } },
+    scales: { x: { time: false } },
+    axes: [{ ...axis, label: xLabel, labelSize: 16, size: 34 }, { ...axis, size: 46 }],
+    series: [{}, ...lines.map(({ label, dash }) => ({ label, dash, stroke: color(dash ? "--soft" : "--now"), width: 1.5, points: { show: false } }))],
+    hooks: { drawClear: [chart => {
+      if (!band) return;
+      const { ctx, bbox } = chart, y = value => chart.valToPos(value, "y", true);
+      ctx.fillStyle = color("--mark");
+      ctx.fillRect(bbox.left, y(band), bbox.width, y(-band) - y(band));
+    }] },
+  }, [x, ...lines.map(each => each.values)], element);
 }

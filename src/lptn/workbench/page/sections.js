@@ -50,16 +50,17 @@ export function head(state) {
 }
 
 export function steps(page) {
-  const { steps, undone, head, answers, busy } = page.state;
+  const { state } = page, { steps, undone, head, answers, busy } = state;
   if (!steps) return [];
   const held = head.which === "held out", tested = steps.some(step => step.test != null);
   const error = step => held ? step.holdout : step.fit;
-  const tried = answers?.answers.find(each => each.key === page.attempt);
-  const rows = [...steps, ...(tried ? [{ ...tried, name: `try: ${tried.title}${tried.place === "everywhere" ? " " : " at "}${tried.place}`, attempt: true }] : []), ...undone.map(step => ({ ...step, undone: true }))];
-  const most = Math.max(...rows.map(error)) || 1;
+  const tried = triable(page.state).find(each => each.key === page.attempt);
+  const finding = busy?.found ?? [];
+  const rows = [...steps, ...finding.map(step => ({ ...step, attempt: true })), ...(tried ? [{ ...tried, name: `${"holdout" in tried ? "try" : "linearised"}: ${tried.title}${tried.place === "everywhere" ? " " : " at "}${tried.place}`, attempt: true }] : []), ...undone.map(step => ({ ...step, undone: true }))];
+  const most = Math.max(...rows.map(error).filter(Number.isFinite)) || 1;
   const bar = (step, number) => {
     const filled = h("i", { className: step.attempt ? "attempt" : number === 0 ? "zero" : "" }), floor = h("u", { title: `the sensors’ noise: ${kelvin(head.floor)}` });
-    filled.style.width = `${100 * error(step) / most}%`;
+    filled.style.width = `${100 * (error(step) ?? 0) / most}%`;
     floor.style.left = `${100 * head.floor / most}%`;
     return h("td", { className: "bar" }, h("span", null, filled, floor));
   };
@@ -79,9 +80,16 @@ export function steps(page) {
     h("div", { className: "row", style: "margin-top: 8px" },
       h("button", { id: "undo", disabled: busy || steps.length < 2, onclick: () => page.order({ what: "undo" }) }, "Undo"),
       h("button", { id: "redo", disabled: busy || !undone.length, onclick: () => page.order({ what: "redo" }) }, "Redo"),
+      finding.length ? h("small", null, "The best steps so far, on coarse data; Stop keeps them. ") : null,
       h("small", null, `Bars: RMSE on ${held ? "held-out" : "fitted"} data; the mark is the sensors’ noise.`)),
+    state.branches.length ? h("details", { id: "branches" }, h("summary", null, `${state.branches.length} other ${state.branches.length > 1 ? "ways that were" : "way that was"} left`),
+      h("ul", { className: "plain" }, state.branches.map((branch, number) => h("li", { className: "row" },
+        h("button", { id: `back ${number}`, disabled: busy, onclick: () => page.order({ what: "back", number }) }, "Go back to it"),
+        `${branch.map(step => step.name).join(", then ")}: ${kelvin(error(branch.at(-1)))}`)))) : null,
   ];
 }
+
+export const triable = ({ answers }) => answers ? [...answers.answers, ...answers.scored].filter(each => each.tried) : [];
 
 // --- where it fails ----------------------------------------------------------------------------------------
 
@@ -102,30 +110,41 @@ export function where(page) {
   const order = [...judged(state), ...state.segments.filter(each => !judged(state).includes(each))];
   const most = Math.max(...order.flatMap(({ key }) => state.tiles[key].given.map(each => each?.rmse ?? 0)), 1e-9);
   const css = getComputedStyle(document.documentElement);
-  const tile = (segment, node, k) => {
-    const each = state.tiles[segment.key][shown][k];
+  const tile = (each, id, where, segment, node, pressed) => {
     if (!each) return h("td", { title: "not measured" }, "·");
     const side = each.mean < 0 ? "--cold" : "--hot", share = Math.min(each.rmse / most, 1) ** 0.75;
     const way = Math.abs(each.mean) < 0.3 * each.rmse ? "to both sides" : each.mean < 0 ? "too cold" : "too hot";
     const button = h("button", {
-      id: `tile ${segment.key} ${node}`,
-      title: `${node}, ${segment.run} (${segment.job}): RMSE ${kelvin(each.rmse)}, mean ${signed(each.mean)} K, largest ${kelvin(each.max)}; ${way}`,
-      ariaPressed: picked.some(p => p.segment === segment.key && p.node === node),
-      onclick: event => page.pick(segment.key, node, event.shiftKey || event.ctrlKey || event.metaKey),
+      id: `tile ${id} ${node}`,
+      title: `${node}, ${where}: RMSE ${kelvin(each.rmse)}, mean ${signed(each.mean)} K, largest ${kelvin(each.max)}; ${way}`,
+      ariaPressed: pressed,
+      onclick: event => page.pick(segment, node, event.shiftKey || event.ctrlKey || event.metaKey),
     }, signed(each.mean < 0 ? -each.rmse : each.rmse));
     button.style.background = `rgb(${css.getPropertyValue(side)} / ${share * css.getPropertyValue("--most")})`;
     return h("td", null, button);
   };
   const choice = (name, label) => h("button", { id: `show ${name}`, ariaPressed: shown === name, onclick: () => page.show(name) }, label);
-  return [
-    h("div", { className: "row" }, h("h2", { style: "margin: 0 auto 0 0" }, "Where it fails"), state.given !== state.now && [choice("given", "as given"), choice("now", "now")]),
-    h("p", null, h("small", null, "RMSE in K; + the model is too hot (orange), − too cold (blue). A tile opens its plot, with Shift beside the others.")),
+  const grouping = (by, label) => h("button", { id: `by ${by}`, ariaPressed: page.by === by, onclick: () => page.group(by) }, label);
+  const bar = h("div", { className: "row" }, h("h2", { style: "margin: 0 auto 0 0" }, "Where it fails"), grouping("run", "by run"), grouping("condition", "by condition"), state.given !== state.now && [choice("given", "as given"), choice("now", "now")]);
+  const said = "RMSE in K; + the model is too hot (orange), − too cold (blue). A tile opens its plot, with Shift beside the others.";
+  if (page.by === "condition") {
+    const columns = state.conditions[shown], groups = [...new Set(columns.map(each => each.group))];
+    const which = state.segments.some(each => each.job !== "fitted") ? "held-out data" : "fitted data";
+    return [bar, h("p", null, h("small", null, `${said} All ${which}, by what went on; loads and speeds are the joint’s own.`)),
+      h("div", { className: "tiles" }, h("table", null,
+        h("thead", null,
+          h("tr", null, h("td"), groups.map(group => h("th", { scope: "colgroup", colSpan: columns.filter(each => each.group === group).length, className: "job" }, group))),
+          h("tr", null, h("td"), columns.map(each => h("th", { scope: "col" }, h("span", null, each.name))))),
+        h("tbody", null, state.nodes.map((node, k) => h("tr", null, h("th", { scope: "row" }, node),
+          columns.map(each => tile(each.tiles[k], `${each.group} ${each.name}`, `${each.group}: ${each.name}${each.tiles[k]?.limits ? ` (${each.tiles[k].limits})` : ""}`, each.tiles[k]?.segment, node, false)))))))];
+  }
+  return [bar, h("p", null, h("small", null, said)),
     h("div", { className: `tiles${order.length > 5 ? " narrow" : ""}` }, h("table", null,
       h("thead", null,
         h("tr", null, h("td"), ["held out", "test", "fitted"].map(job => [job, order.filter(each => each.job === job).length]).filter(([, count]) => count)
           .map(([job, count]) => h("th", { scope: "colgroup", colSpan: count, className: "job" }, job))),
         h("tr", null, h("td"), order.map(each => h("th", { scope: "col" }, h("span", null, each.run))))),
-      h("tbody", null, state.nodes.map((node, k) => h("tr", null, h("th", { scope: "row" }, node), order.map(each => tile(each, node, k))))))),
+      h("tbody", null, state.nodes.map((node, k) => h("tr", null, h("th", { scope: "row" }, node), order.map(each => tile(state.tiles[each.key][shown][k], each.key, `${each.run} (${each.job})`, each.key, node, picked.some(p => p.segment === each.key && p.node === node)))))))),
   ];
 }
 
@@ -145,8 +164,8 @@ export function missing(page) {
   const change = each => {
     return `${each.holdout != null ? "held out" : "fitted"} ${digits(answers.before)} → ${kelvin(each.holdout ?? each.fit)}`;
   };
-  const answer = (each, k) => h("li", {
-    className: group.has(k + 1) ? "group" : "",
+  const tryable = (each, className, ...more) => h("li", {
+    className,
     onmouseenter: () => each.tried && !page.pinned && page.attemptTo(each.key),
     onmouseleave: () => page.pinned || page.attemptTo(""),
   },
@@ -156,7 +175,10 @@ export function missing(page) {
         id: `try ${each.key}`, disabled: !each.tried, ariaPressed: page.attempt === each.key,
         onclick: () => { page.pinned = page.pinned === each.key ? "" : each.key; page.attemptTo(page.pinned); },
       }, "Try"),
-      h("button", { id: `add ${each.key}`, className: k === 0 ? "first" : "", disabled: busy, onclick: () => { page.pinned = ""; page.order({ what: "add", effect: each.effect, at: each.at }); } }, "Add")),
+      h("button", { id: `add ${each.key}`, className: each === answers.answers[0] ? "first" : "", disabled: busy, onclick: () => { page.pinned = ""; page.order({ what: "add", effect: each.effect, at: each.at }); } }, "Add")),
+    ...more);
+  const scored = each => tryable(each, "", h("span", { className: "soft" }, `fitted ${digits(answers.fitted)} → about ${kelvin(each.fit)}${each.p < 0.05 ? "" : ", as chance may have it"}`));
+  const answer = (each, k) => tryable(each, group.has(k + 1) ? "group" : "",
     h("div", null, `${each.probable} probable`, h("span", { className: "soft" }, ` · ${change(each)}`)),
     h("details", { id: `more ${each.key}` }, h("summary", null, "Equation, signs, experiment"),
       each.equations.map(equation => h("div", { className: "equation" }, equation)),
@@ -170,6 +192,10 @@ export function missing(page) {
     group.size > 1 && h("p", null, h("small", null, "What the bar on the left joins, these data can’t tell apart: one answer with several names.",
       held(answers) ? " Held-out data speak against the more probable names that stand below." : "")),
     h("ol", { className: "answers" }, answers.answers.map(answer)),
+    answers.answers.some(each => each.linearised) && h("p", null, h("small", null, "Try shows the linearised model on fitted runs until the refits are drawn.")),
+    answers.scored.length ? h("details", { id: "scored" }, h("summary", null, "Scored only: the next best"),
+      h("p", null, h("small", null, "Not refitted: Try shows what the linearised model would do on fitted runs; Add fits it.")),
+      h("ol", { className: "answers" }, answers.scored.map(scored))) : null,
     answers.answers.length ? h("p", null, h("small", null, `Errors on readings of ${digits(answers.step, 2)} s, in which answers are sought; what is added is fitted to all readings.`)) : null,
     state.advice.length ? h("details", { id: "advice", open: true }, h("summary", null, "What to do next"), state.advice.map(text => h("p", null, h("small", null, text)))) : null,
     h("div", { className: "row" }, ask("improve", "Add what is missing by itself")), other];
@@ -193,13 +219,43 @@ export function data(page) {
   if (!segments) return [];
   const again = each => h("li", { className: "row" }, `${each.run}, ${digits(each.start, 4)} to ${digits(each.stop, 4)} s: ${each.held_out ? "held out" : "left out"}`,
     h("button", { disabled: busy, onclick: () => page.order({ what: "use_again", run: each.run, start: each.start, stop: each.stop }) }, "Use again"));
-  const row = each => h("tr", null, h("td", null, each.name), h("td", { className: "n" }, digits(each.value)), h("td", { className: "n soft" }, each.error == null ? "" : `± ${digits(each.error, 2)}`), h("td", { className: "soft" }, each.unit === "1" ? "" : each.unit));
   return [h("h2", null, "Data and parameters"),
     stretches.length ? h("ul", { className: "plain" }, stretches.map(again)) : null,
+    stretches.length > 1 ? h("p", null, h("button", { id: "use_all", disabled: busy, onclick: () => page.order({ what: "use_all" }) }, "Use all data again")) : null,
     issues.length ? h("ul", null, issues.map(each => h("li", null, `${each.run}, ${each.key}: ${each.problem}; `, h("span", { className: "soft" }, `${each.remedy}.`))))
       : h("p", { className: "soft" }, "Nothing looks wrong in the logs."),
     notes.filter(note => !issues.some(each => note.includes(each.key))).map(note => h("p", null, h("small", null, note))),
-    parameters && h("details", { id: "parameters" }, h("summary", null, `${parameters.length} fitted parameters with standard errors`), h("table", null, parameters.map(row)))];
+    parameters && parameterTable(page)];
+}
+
+// Parameters of a part of the model, each with its interval and bounds; one at a time can be set.
+function parameterTable(page) {
+  const { parameters, busy } = page.state, parts = [...new Set(parameters.map(each => each.part))];
+  const fitted = parameters.filter(each => each.free).length, shown = parameters.filter(each => !page.part || each.part === page.part);
+  const short = value => value == null ? "∞" : Math.abs(value) >= 1e5 || value && Math.abs(value) < 1e-3 ? value.toExponential(1) : Number(value.toPrecision(4)).toString().replace("-", "−");
+  const said = each => each.free ? each.error == null ? "not determined" : `± ${digits(1.96 * each.error, 2)}` : "fixed";
+  const row = each => h("tr", null, h("td", null, each.name), h("td", { className: "n" }, digits(each.value, 4)), h("td", { className: "n soft" }, said(each)), h("td", { className: "soft" }, each.unit),
+    h("td", { className: "n soft" }, each.free ? `${short(each.bounds[0])} … ${short(each.bounds[1])}` : ""),
+    h("td", null, h("button", { id: `edit ${each.name}`, ariaExpanded: page.edited === each.name, onclick: () => page.edit(each.name) }, "Change")));
+  const form = each => {
+    const field = (id, label, value) => h("label", null, `${label} `, h("input", { id, type: "number", step: "any", required: id === "set value", value: value ?? "", size: 9 }));
+    const order = fixed => event => {
+      event.preventDefault();
+      const number = id => document.getElementById(id).valueAsNumber;
+      page.edit("");
+      page.order({ what: "set", name: each.name, value: number("set value"), bounds: [number("set least"), number("set most")], fixed });
+    };
+    return h("tr", null, h("td", { colSpan: 6 }, h("form", { className: "row", onsubmit: order(!each.free) },
+      field("set value", "value", Number(each.value.toPrecision(6))), field("set least", "at least", each.bounds[0]), field("set most", "at most", each.bounds[1]), each.unit,
+      h("button", { id: "set", className: "first", disabled: busy }, "Fit again"),
+      h("button", { id: "set other", type: "button", disabled: busy, onclick: order(each.free) }, each.free ? "Fix it there, and fit the rest" : "Free it"),
+      each.together.length ? h("small", null, `Bounds, and whether it is fixed, go for ${listed(each.together)}, too: they are declared together.`) : null)));
+  };
+  return h("details", { id: "parameters" }, h("summary", null, `${fitted} fitted parameters, ${parameters.length - fitted} fixed`),
+    parts.length > 1 && h("select", { id: "part", ariaLabel: "node or link", onchange: event => page.partOf(event.target.value) },
+      h("option", { value: "" }, "all nodes and links"), parts.map(part => h("option", { value: part, selected: part === page.part }, part))),
+    h("table", { className: "parameters" }, h("thead", null, h("tr", null, ["", "value", "95 %", "", "bounds", ""].map(name => h("th", { className: "n" }, name)))),
+      h("tbody", null, shown.flatMap(each => page.edited === each.name ? [row(each), form(each)] : [row(each)]))));
 }
 
 export function out(page) {

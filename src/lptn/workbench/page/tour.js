@@ -1,0 +1,38 @@
+// The tour over an example: one step at a time, each over as soon as what it asks for is done.
+
+import { h, kelvin } from "/sections.js";
+
+const SKIPPABLE = 3;  // looking at plots may be left out
+const FALLEN = 0.5;  // of the error as given: nobody misses that on the bars
+
+const STEPS = [
+  { at: ".tiles button", words: "Each tile is a joint in a run, orange where the model is too hot, blue where it is too cold. Click the strongest one.", done: page => page.clicked },
+  { at: ".stack", words: "Its plots: what was measured, what the model says, and the error between them. Drag over a stretch to look closer.", done: (page, plots) => Object.keys(plots.windows).length },
+  { at: "[id='whole']", words: "Hover to read values. Back to the whole run with this button, or with the key 0.", done: (page, plots) => !Object.keys(plots.windows).length },
+  { at: "#diagnose", words: "Now let every effect of the catalogue be tried at every place.", done: page => page.state.answers },
+  { at: ".answers li", words: "The most probable answer stands first. Put the mouse on it, or press Try: the plots and the dashed bar show what it would change.", done: page => page.attempt },
+  { at: ".answers button.first", words: "Convinced? Add it. The model is fitted again, and the error falls.", done: page => page.state.steps.length > 1 },
+  { at: "#diagnose, .answers button.first", words: "A step down. Something may still be missing: ask again, look, and add what comes first.", done: page => page.state.head.now <= FALLEN * page.state.head.given },
+];
+
+export function tour(page, plots) {
+  const { examples, example, head, busy } = page.state;
+  if (!examples || !Object.keys(examples).length) return [];
+  const open = (name, label, first) => h("button", { id: `example ${name}`, className: first ? "first" : "", onclick: () => { page.clicked = false; page.step = 0; page.order({ what: "example", name }); } }, label);
+  if (!example) return [h("h2", null, "Nothing was opened, so here are two examples: five minutes each"),
+    h("div", { className: "two" }, Object.entries(examples).map(([name, each]) => h("div", null,
+      h("h3", null, each.title), h("p", null, each.about), open(name, "Begin", true)))),
+    h("p", null, h("small", null, "With files of your own: ", h("code", null, "lptn open MODEL.toml LOG… --holdout LOG")))];
+  const it = examples[example], other = Object.keys(examples).find(name => name !== example);
+  if (!head) return [h("p", null, h("b", null, it.title), `. ${it.about}`)];
+  const ahead = STEPS.findLastIndex((step, k) => k >= SKIPPABLE && step.done(page, plots));
+  page.step = Math.max(page.step, ahead + 1);
+  while (page.step < STEPS.length && STEPS[page.step].done(page, plots)) page.step++;
+  const step = STEPS[page.step];
+  for (const old of document.querySelectorAll(".here")) old.classList.remove("here");
+  if (step && !busy) document.querySelector(step.at)?.classList.add("here");
+  if (step) return [h("p", null, h("b", null, `${page.step + 1} of ${STEPS.length}  `), page.step ? "" : `${it.about} `, step.words)];
+  return [h("p", null, h("b", null, "Done. "), `${kelvin(head.given)} has become ${kelvin(head.now)}. ${it.solved} `,
+    "Model file, report and FMU stand at the foot of the page, with the commands that do the same."),
+    h("div", { className: "row" }, open(other, examples[other].title), h("small", null, "or your own: ", h("code", null, "lptn open MODEL.toml LOG… --holdout LOG")))];
+}

@@ -1,0 +1,80 @@
+"""What errors look like beside noise: how long they remember, and how they are distributed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import ndtri
+
+from lptn.basics.arrays import FloatArray
+from lptn.basics.errors import InputError
+
+_POINTS = 200  # of each curve
+_LONGEST = 0.25  # share of the run: products over longer lags are too few to tell anything
+_LEAST = 20  # readings
+_NORMAL_95 = 1.96  # standard deviations
+
+
+@dataclass(frozen=True)
+class Residuals:
+    """Errors of one node in one run.
+
+    Args:
+        lag: s.
+        correlation: autocorrelation of the errors less their mean, at each lag.
+        band: what white noise stays below at 19 of 20 lags.
+        memory: s; the first lag at which the correlation is within the band, `None` where there is none.
+        normal: quantiles of the normal distribution with the errors' mean and standard deviation [K].
+        quantiles: those of the errors [K].
+    """
+
+    lag: tuple[float, ...]
+    correlation: tuple[float, ...]
+    band: float
+    memory: float | None
+    normal: tuple[float, ...]
+    quantiles: tuple[float, ...]
+
+
+def residuals(error: FloatArray, step: float) -> Residuals:
+    """What the errors of a node look like.
+
+    Args:
+        error: predicted − measured [K], evenly spaced in time, (n,), NaN where nothing was measured.
+        step: s between them.
+
+    Raises:
+        InputError: too few readings, or all errors are the same.
+    """
+    known = np.isfinite(error)
+    there = error[known]
+    if there.size < _LEAST or np.ptp(there) == 0:
+        raise InputError("plot", "residuals", f"{there.size} readings", f"{_LEAST} or more that differ")
+    correlation = _autocorrelation(np.where(known, error - there.mean(), 0.0), known)
+    lags = np.unique(np.linspace(0, correlation.size - 1, _POINTS).astype(int))
+    band = _NORMAL_95 / float(np.sqrt(there.size))
+    within = np.flatnonzero(np.abs(correlation) < band)
+    probabilities = (np.arange(min(_POINTS, there.size)) + 0.5) / min(_POINTS, there.size)
+    return Residuals(
+        tuple((lags * step).tolist()),
+        tuple(correlation[lags].tolist()),
+        band,
+        float(within[0]) * step if within.size else None,
+        tuple((there.mean() + there.std() * ndtri(probabilities)).tolist()),
+        tuple(np.quantile(there, probabilities).tolist()),
+    )
+
+
+def _autocorrelation(deviation: FloatArray, known: np.typing.NDArray[np.bool_]) -> FloatArray:
+    """Correlation at lags of 0, 1, 2, … readings; pairs of which one is missing are left out."""
+    n, most = deviation.size, max(int(_LONGEST * deviation.size), 2)
+    size = 2 ** int(np.ceil(np.log2(n + most)))
+
+    def products(values: FloatArray) -> FloatArray:
+        spectrum = np.fft.rfft(values, size)
+        return np.asarray(np.fft.irfft(spectrum * spectrum.conj(), size)[:most])
+
+    pairs = np.maximum(np.round(products(known.astype(float))), 1.0)
+    covariance = products(deviation) / pairs
+    return np.asarray(covariance / covariance[0])

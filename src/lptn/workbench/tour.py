@@ -1,0 +1,76 @@
+"""The examples that a workbench without files offers: logs in which an effect is hidden, or really was missing."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+
+from lptn.basics.files import write_whole
+from lptn.basics.own_folder import own_folder
+from lptn.robots.presets import preset_text
+from lptn.workbench.opening import Opening
+
+_LEG_SEED = 3  # any: whether the effect is found does not hang on it
+
+
+@dataclass(frozen=True)
+class Example:
+    """A model with its logs.
+
+    Args:
+        title: its name on the page.
+        about: what is measured, and what is not in the model.
+        solved: what there was to find, told at the end.
+        opening: writes what is needed into a folder, and says how it is opened.
+    """
+
+    title: str
+    about: str
+    solved: str
+    opening: Callable[[Path], Opening]
+
+
+def _heaters(folder: Path) -> Opening:
+    for name in ("two_heaters.toml", "log.csv"):
+        write_whole(folder / name, files("lptn.workbench").joinpath("examples", name).read_text(encoding="utf-8"))
+    return Opening(folder / "two_heaters.toml", (folder / "log.csv",), holdout_after=300)
+
+
+def _leg(folder: Path) -> Opening:
+    from lptn.virtual import Hidden, leg_logs, write_logs
+
+    write_whole(folder / "leg.toml", preset_text("leg"))
+    logs = leg_logs([Hidden("forced_convection", "FR_thigh")], seed=_LEG_SEED, rate=1.0)
+    *fitted, held_out = write_logs(folder, logs)
+    return Opening(folder / "leg.toml", tuple(fitted), (held_out,))
+
+
+EXAMPLES = {
+    "tclab": Example(
+        "Two heaters, measured",
+        "Ten minutes of a heater board with two transistors and two sensors. The model has each heater lose heat to "
+        "the air, and no more; it is fitted to the first five minutes and held against the rest.",
+        "The sensors lag behind the heaters, and heat passes from one heater to the other: neither was in the model.",
+        _heaters,
+    ),
+    "leg": Example(
+        "A robot's leg, with a secret",
+        "Three joints of a virtual leg: two runs to fit, one held out. The robot that made the logs shares no code "
+        "with the model, and does one thing that the model does not know.",
+        "The thigh's cooling grows with the robot's speed: forced convection, which the model did not have.",
+        _leg,
+    ),
+}
+"""By the name that the page orders."""
+
+
+def example_opening(name: str, sessions: Path) -> Opening:
+    """How an example is opened, with its files written beside the sessions: nothing lands in the user's own folders.
+
+    Args:
+        name: one of `EXAMPLES`.
+        sessions: the folder of all sessions.
+    """
+    return EXAMPLES[name].opening(own_folder(sessions / f"example-{name}"))

@@ -1,0 +1,46 @@
+"""What an answer would change, to first order: the misfit falls by the score, and the change is about the refit's."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import lptn
+from lptn.diagnose.diagnosis import Diagnosis, diagnose
+from lptn.diagnose.scores import linearised
+
+EXAMPLE = Path(__file__).parents[2] / "examples" / "tclab"
+
+
+@pytest.fixture(scope="module")
+def diagnosis() -> Diagnosis:
+    """Of two heaters, whose model lacks much."""
+    loaded = lptn.load_model(EXAMPLE / "two_heaters.toml")
+    return diagnose(loaded.model, lptn.split_data(loaded.runs([EXAMPLE / "log.csv"]), holdout_after=300))
+
+
+def test_the_misfit_falls_by_the_score(diagnosis: Diagnosis) -> None:
+    problem = diagnosis.fit.problem
+    before = np.sum(problem.residuals(diagnosis.fit.z)[: problem.readings] ** 2)
+    for score in diagnosis.scores.ranked[:5]:
+        after = 0.0
+        for bound, readings in zip(problem.bound_runs, linearised(diagnosis.fit, score), strict=True):
+            assert np.isnan(readings[~bound.counted]).all()
+            errors = (readings - bound.measured) / problem.sigma[:, None]
+            after += float(np.sum(errors[bound.counted] ** 2))
+        # The trace has rows of the starts' priors, too, which are no readings.
+        assert before - after == pytest.approx(score.gain, rel=0.05)
+
+
+def test_it_lies_near_what_the_refit_gives(diagnosis: Diagnosis) -> None:
+    (bound,), (before,) = diagnosis.fit.problem.bound_runs, diagnosis.fit.residuals
+    assert diagnosis.helpful
+    for step in diagnosis.helpful:
+        score = next(each for each in diagnosis.scores.ranked if each.candidate.key == step.key)
+        (readings,) = linearised(diagnosis.fit, score)
+        change = (readings - bound.measured - before)[bound.counted]
+        refitted = (step.fit.residuals[0] - before)[bound.counted]
+        assert np.corrcoef(change, refitted)[0, 1] > 0.9
+        assert np.std(change) == pytest.approx(np.std(refitted), rel=0.3)
