@@ -32,7 +32,8 @@ def heat_flows(model: Model, states: FloatArray, inputs: FloatArray) -> dict[str
         W by the names of links, `"a~b"`, and of effects, `"copper_loss.FR_calf"`. Links to faces without a
         capacitance are left out: their temperatures are no states.
     """
-    network, balance = model.network, model.balance
+    balance = model.balance
+    network = balance.network  # of a model at other values it still has the effects that the balance knows
     parts = {link.place: balance.exchange(link) for link in network.resistors}
     for inside in network.conductors:
         one, other = inside.ends
