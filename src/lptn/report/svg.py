@@ -92,7 +92,7 @@ class Drawing:
             self._parts.append(f'<path class="{look}" fill-opacity="{share:.2f}" d="{drawn}"/>')
 
     def legend(self, x: float | None, y: float, entries: Sequence[tuple[str, str]]) -> None:
-        """A row of what each look means, from `x` or up to the right end: lines for looks of lines, boxes for others."""
+        """A row of what each look means, from `x` or up to the right end: lines of their look, boxes for others."""
         if x is None:
             x = self.width - 6 - sum(46 + LETTER * len(words) for _, words in entries)
         for look, words in entries:

@@ -218,7 +218,7 @@ def in_short(history: History, heat: HeatStory, proposal: Proposal | None = None
     if proposal:
         first = re.split(r"(?<=[.!?]) (?=[A-Z])", proposal.text(), maxsplit=1)[0]
         to_do = f"{first} Section 7 says what that shows."
-    if heat.event and history.remaining != "adequate":
+    if heat.event and outcome != "adequate":
         to_do = f"Ask what happened {heat.event} that the log does not hold. {capitalised(to_do)}"
     asked = "What was missing" if outcome == "found" else "What is missing"
     return [(asked, what), ("Where", where), ("How sure", sure), ("What to do", capitalised(to_do))]
@@ -254,12 +254,11 @@ def _short_found(history: History, heat: HeatStory) -> tuple[str, str, str]:
     else:
         sure += " Nothing else in the catalogue explains the fitted runs as well."
     sure += f" {left_in_words(history)}"
-    if heat.left and history.remaining != "adequate":
-        sure += f" With the best model {heat.left}{': what was added does not explain that' if heat.event else ''}."
-    before = (
-        f"{capitalised(where)}. On the fitted runs, as given, {heat.where}." if heat.where else f"{capitalised(where)}."
-    )
-    return what, before, sure
+    if heat.left:
+        stays = ": what was added does not explain that" if heat.event else ""
+        sure += f" {'Even so, with' if history.remaining == 'adequate' else 'With'} the best model {heat.left}{stays}."
+    place = f"{capitalised(where)}."
+    return what, f"{place} On the fitted runs, as given, {heat.where}." if heat.where else place, sure
 
 
 def _short_unexplained(history: History, heat: HeatStory) -> tuple[str, str, str]:
