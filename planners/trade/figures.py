@@ -21,11 +21,11 @@ from .study import GOALS
 LIMIT = "#D55E00"
 _COLOURS = ("#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#8C6D31")
 _DASHES = ("-", (0, (5, 1.5)), (0, (1, 1)), (0, (4, 1, 1, 1)))
-_SHOWN = {"mass": (1e3, "mass [g]"), "volume": (1e6, "package volume [cm³]"), "torque": (1.0, "torque [N·m]"),
+AMOUNTS = {"mass": (1e3, "mass [g]"), "volume": (1e6, "package volume [cm³]"), "torque": (1.0, "torque [N·m]"),
           "duration": (1.0, "duration [s]")}  # fmt: skip
-_GOALS = {"held_torque": (1.0, "held torque [N·m]"), "time_to_limit": (1.0, "time to the limit [s]"),
-          "worst_temperature": (1.0, "worst winding temperature [degC]"), "mass": _SHOWN["mass"],
-          "volume": _SHOWN["volume"]}  # fmt: skip
+VALUES = {"held_torque": (1.0, "held torque [N·m]"), "time_to_limit": (1.0, "time to the limit [s]"),
+          "worst_temperature": (1.0, "worst winding temperature [degC]"), "mass": AMOUNTS["mass"],
+          "volume": AMOUNTS["volume"]}  # fmt: skip
 
 
 def study_figure(result: StudyResult) -> Figure:
@@ -62,8 +62,8 @@ def _look(result: StudyResult, name: str) -> dict[str, Any]:
 
 def _front(ax: Axes, result: StudyResult) -> None:
     assert result.study.sweep is not None
-    factor, label = _SHOWN[result.study.sweep.against]
-    scale, goal = _GOALS[result.study.goal]
+    factor, label = AMOUNTS[result.study.sweep.against]
+    scale, goal = VALUES[result.study.goal]
     for name, points in result.by_option.items():
         if points:
             amounts, values = ([getattr(point, key) for point in points] for key in ("amount", "value"))

@@ -14,10 +14,11 @@ from lptn.diagnose.scores import Confusability, Detectable, confusability, small
 from lptn.diagnose.unexplained_heat import InputLink, UnexplainedHeat
 from lptn.identify.comparison import compare
 from lptn.report import words
-from lptn.report.diagnosis_figures import plot_collinearity, plot_detectability, reaches
-from lptn.report.heat_figures import error_fields, fields_figure, heat_fields, worst_runs
+from lptn.report.diagnosis_figures import plot_collinearity, plot_detectability
+from lptn.report.heat_figures import fields_figure
 from lptn.report.heat_story import HeatStory, chosen_links, heat_line_picture, heat_map_picture, worst_of
 from lptn.report.pages import story_html
+from lptn.report.shown import error_fields, heat_fields, reaches, worst_runs
 from lptn.report.tables import node_table, refit_table
 from lptn.report.text import for_people, named
 from lptn.report.words import in_short
@@ -113,8 +114,8 @@ def test_heat_without_a_burst_has_no_map(adequate: Told) -> None:
 
 def test_the_opening_paragraph_of_a_missing_effect(missing: Told, heat: HeatStory) -> None:
     told = _short(missing[0], heat)
-    assert list(told) == ["What is missing", "Where", "How sure", "What to do"]
-    assert told["What is missing"] == "Constant heat."
+    assert list(told) == ["What was missing", "Where", "How sure", "What to do"]
+    assert told["What was missing"] == "Constant heat."
     assert told["Where"].startswith(NODES[0].capitalize()[:1])
     assert "in at most 0.5 % of logs" in told["How sure"]
     assert "The RMSE on the test runs goes from" in told["How sure"]

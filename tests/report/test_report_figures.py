@@ -29,10 +29,9 @@ from lptn.report.comparison_figures import (
     plot_errors,
     plot_temperatures,
     predictions_figure,
-    views,
-    worst_views,
 )
 from lptn.report.diagnosis_figures import plot_history, plot_ranking
+from lptn.report.shown import views, worst_views
 from lptn.report.tables import conditions_of
 from tests.report.two_joints import NODES, Told, make_run, robot
 

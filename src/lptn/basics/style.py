@@ -12,7 +12,6 @@ from importlib import import_module
 from typing import Any
 
 import matplotlib
-import numpy as np
 from markupsafe import Markup, escape
 from matplotlib import colormaps
 from matplotlib.axes import Axes
@@ -20,7 +19,8 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.colors import Colormap, Normalize
 from matplotlib.figure import Figure
 
-from lptn.basics.arrays import FloatArray
+from lptn.basics.lines import decimated as decimated
+from lptn.basics.lines import time_axis as time_axis
 
 # --- The one visual language: which colour and line means what, and how axes look -----------------
 
@@ -40,7 +40,6 @@ GIVEN: dict[str, Any] = {"color": "#0072B2", "linewidth": 1.8, "linestyle": (0, 
 BEST: dict[str, Any] = {"color": "#009E73", "linewidth": 2.4, "linestyle": "-"}
 
 _NOISE_IS_LIGHT = 5.0  # multiples of the noise up to which the colour scale reaches at least
-_LONG = 600.0  # s; longer time axes are in minutes
 
 
 def new_figure(height: float) -> Figure:
@@ -72,12 +71,6 @@ def dress(ax: Axes) -> None:
 def plain(text: str) -> str:
     """A user's text for a figure: dollar signs are not mathematics."""
     return text.replace("$", r"\$")
-
-
-def time_axis(time: FloatArray) -> tuple[FloatArray, str]:
-    """Times [s] in the unit that a person reads them in, and the axis label."""
-    minutes = time.size > 0 and float(np.ptp(time)) > _LONG
-    return (time / 60.0, "time [min]") if minutes else (time, "time [s]")
 
 
 def rmse_norm(largest: float, noise: float) -> Normalize:
@@ -148,36 +141,6 @@ def _laid_out(figure: Figure) -> Iterator[None]:
 def _shortened(path: re.Match[str]) -> str:
     """A path with two decimals: a hundredth of a point."""
     return _LONG_NUMBER.sub(r"\1", path[0])
-
-
-# --- Long series thinned for drawing, without losing a peak ---------------------------------------
-
-
-MOST = 900  # points a line; a panel is some 300 pt wide
-
-
-def decimated(time: FloatArray, values: FloatArray, most: int = MOST) -> tuple[FloatArray, FloatArray]:
-    """A line that looks the same with at most about `most` points.
-
-    Each block of samples keeps its smallest and its largest value, at their own times. A block without any
-    value keeps one NaN, so that a gap stays a gap.
-
-    Args:
-        time: shape (n,).
-        values: shape (n,), NaN where missing.
-        most: about how many points to keep.
-    """
-    if time.size <= most:
-        return time, values
-    kept: list[int] = []
-    for block in np.array_split(np.arange(time.size), max(1, most // 2)):
-        finite = block[np.isfinite(values[block])]
-        if finite.size == 0:
-            kept.append(int(block[0]))
-        else:
-            extremes = finite[np.argmin(values[finite])], finite[np.argmax(values[finite])]
-            kept += sorted({int(index) for index in extremes})
-    return time[kept], values[kept]
 
 
 # --- Figures where somebody looks: below the cell of a notebook -----------------------------------

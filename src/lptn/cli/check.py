@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from lptn.model.model import Model
     from lptn.simulate.bound_run import BoundRun
 
+Drawing = Annotated[Path | None, Option(name="--drawing", help="Picture of the network to write: .svg.")]
 Guessing = Annotated[bool, Option(name="--guess", help="Take the proposed columns, as --map guess does.", negative="")]
 
 
@@ -29,6 +30,7 @@ def check(
     /,
     *logs: Path,
     guess: Guessing = False,
+    drawing: Drawing = None,
     json: Json = None,
     map: Map = None,  # noqa: A002 - the option's name
     rate: Rate = None,
@@ -39,8 +41,10 @@ def check(
 
     Example: lptn check leg.toml monday.parquet
     """
-    check_outputs(json, inputs=(model, *logs))
+    check_outputs(drawing, json, inputs=(model, *logs))
     check_inputs(model, *logs)
+    if drawing is not None and drawing.suffix.lower() != ".svg":
+        raise InputError(drawing, "--drawing", f"a file name ending in '{drawing.suffix}'", "one ending in .svg")
     from lptn.cli.terminal import progress, write_json
     from lptn.diagnose.excitation import excitation, identifiability
     from lptn.identify.data import GUESS, load_model, warn_of_absent_runs
@@ -66,6 +70,11 @@ def check(
         warn_of_absent_runs(loaded.model.network, runs)
         result |= {"excitation": excited.as_json(), "effects": [each.as_json() for each in effects]}
     _refuse(contents)
+    if drawing is not None:
+        from lptn.basics.files import write_whole
+        from lptn.report.network_drawing import draw_network
+
+        write_whole(drawing, draw_network(loaded.model))
     write_json(json, result)
 
 

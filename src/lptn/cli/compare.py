@@ -99,7 +99,7 @@ def _compare_with(study: Study, other: Study, json: Path | None, plot: Path | No
 def _show_comparison(comparison: Comparison) -> None:
     """Errors by run and node, and the conditions in which the model fails worst."""
     from lptn.cli.terminal import show_table
-    from lptn.report.tables import error_table
+    from lptn.report.tables import error_table, worst_condition
     from lptn.report.text import bin_text, kelvin, signed_kelvin
 
     table = error_table(comparison)
@@ -107,8 +107,10 @@ def _show_comparison(comparison: Comparison) -> None:
     print("error = predicted − measured; noise alone: the RMSE that the sensor's noise alone would leave.")
     print(f"All: RMSE {kelvin(comparison.all.rmse)}, max {kelvin(comparison.all.max)}.")
     worst = sorted(comparison.conditions(), key=lambda each: -each.errors.rmse)[:_WORST]
-    if worst:
-        print("It fails worst where:")
+    found = worst_condition(comparison)
+    if found is not None:
+        is_far = found[1]
+        print("It fails worst where:" if is_far else "It errs nowhere by much more than noise; most where:")
     for each in worst:
         errors = each.errors
         where = f"{each.node}, {bin_text(each.quantity, each.lower, each.upper)}"

@@ -23,6 +23,7 @@ from lptn.cli.options import (
 )
 
 if TYPE_CHECKING:
+    from lptn.diagnose.diagnosis import Verdict
     from lptn.diagnose.advice import Advice
     from lptn.diagnose.diagnosis import Diagnosis, Step
     from lptn.diagnose.runs_that_differ import RunDifference
@@ -65,7 +66,7 @@ def diagnose(
         )
         diagnosis, advice = study.diagnose(), study.advise()
     show_diagnosis(diagnosis)
-    show_advice(advice)
+    show_advice(advice, diagnosis.verdict)
     write_json(json, diagnosis.as_json() | advice.as_json())
 
 
@@ -81,12 +82,20 @@ _FEW = 3  # rivals named in a sentence; all of them stand in the JSON and on the
 def show_diagnosis(diagnosis: Diagnosis) -> None:
     """Verdict, and the candidates that were refitted."""
     from lptn.cli.terminal import show_table
+    from lptn.report.shown import noise_alone
+    from lptn.report.tables import FAR
     from lptn.report.text import kelvin, percent
 
     held_out = f", {kelvin(diagnosis.holdout.rmse)} on the held-out ones" if diagnosis.holdout else ""
     step = diagnosis.fit.problem.bound_runs[0].run.step
     lack = ", ".join(f"{node} {value:.2g}" for node, value in diagnosis.scores.lack_of_fit.items())
     print(f"The model is {VERDICTS[diagnosis.verdict]}.")
+    noise = noise_alone(diagnosis.fit)
+    if diagnosis.verdict == "adequate" and diagnosis.holdout and diagnosis.holdout.rmse > FAR * noise:
+        print(
+            f"That holds for the fitted runs; the held-out ones are off by more than noise, which leaves {kelvin(noise, 2)}:"
+        )
+        print("they hold something that the fitted runs do not. Fit on runs like them as well.")
     print(f"RMSE {kelvin(diagnosis.fit.rmse)} on the fitted runs{held_out}, in steps of {step:g} s.")
     print(f"Misfit over one-minute means, 1 being the most that noise would leave: {lack}.")
     show_what_runs_have_of_their_own(diagnosis.fit, diagnosis.differing)
@@ -147,14 +156,23 @@ def show_what_runs_have_of_their_own(fit: Fit, differing: Sequence[RunDifference
 _MOST_STRETCHES = 8  # of unexplained heat, on the terminal
 
 
-def show_advice(advice: Advice) -> None:
-    """What to do next, a sentence or two each, and every stretch of unexplained heat."""
+def show_advice(advice: Advice, verdict: Verdict) -> None:
+    """What to do next, a sentence or two each, and every stretch of unexplained heat.
+
+    Args:
+        advice: what to do.
+        verdict: on the model that it was worked out for.
+    """
     from lptn.cli.terminal import show_table
     from lptn.report.tables import stretch_table
     from lptn.report.text import for_people
 
     for sentence in advice.sentences:
         print(for_people(sentence))
+    if advice.heat and verdict == "adequate":
+        print(
+            "That is too little to tell on the fitted runs as a whole, where the model is wrong by no more than noise."
+        )
     if len(advice.heat) > 1:
         table = stretch_table(advice.heat[:_MOST_STRETCHES])
         show_table(table.columns, table.rows, "Heat that nothing explains, the surest first (+: the model lacks it):")

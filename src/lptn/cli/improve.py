@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter as Option
 from cyclopts import validators
 
-from lptn.cli.diagnose import VERDICTS, in_words, show_advice, show_what_runs_have_of_their_own
+from lptn.cli.diagnose import in_words, show_advice, show_what_runs_have_of_their_own
 from lptn.cli.options import (
     AmbientError,
     Holdout,
@@ -79,7 +79,7 @@ def improve(
         study.improve(steps)
         history, advice = study.selection(), study.advise()
     show_history(history)
-    show_advice(advice)
+    show_advice(advice, history.remaining)
     if output is not None:
         study.save(output)
     write_json(json, history.as_json() | advice.as_json())
@@ -88,17 +88,11 @@ def improve(
     show_written({"the best model": output, "the story; open it in a browser": report})
 
 
-_REMAINING = VERDICTS | {
-    "missing": "still wrong by more than noise; further effects fitted the fitted runs, but did not help elsewhere",
-    "unexplained": "still wrong by more than noise, and the catalogue explains little of the rest",
-}
-
-
 def show_history(history: History) -> None:
     """The steps, from the model as given to the best."""
     from lptn.cli.terminal import show_table
     from lptn.report.text import for_people, kelvin, percent
-    from lptn.report.words import removed_in_words, size_in_words
+    from lptn.report.words import headline, left_in_words, removed_in_words, size_in_words
 
     tested = any(step.test for step in history.steps)
     rows = []
@@ -111,9 +105,9 @@ def show_history(history: History) -> None:
     heads = ("step", "effect", "at", ">parameters", ">fit", ">held out", ">max held out")
     show_table((*heads, ">test") if tested else heads, rows)
     print(f"fit, held out{', test' if tested else ''}: RMSE on these data; max: the largest error.")
-    print(f"The model as given is {VERDICTS[history.verdict]}.")
+    print(headline(history))
     if len(history.steps) > 1:
-        print(f"With all that was added it is {_REMAINING[history.remaining]}.")
+        print(left_in_words(history))
     print(_who_chose(history))
     show_what_runs_have_of_their_own(history.best.fit, history.differing)
     for number, step in enumerate(history.steps):

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 Output = Annotated[Path, Option(name=["--output", "-o"], help="File to write.")]
 OptionalOutput = Annotated[Path | None, Option(name=["--output", "-o"], help="File to write the model to.")]
 Json = Annotated[Path | None, Option(name="--json", help="File to write the result to, for programs.")]
+HtmlReport = Annotated[Path | None, Option(name="--report", help="HTML page to write; its charts zoom.")]
 Picture = Annotated[Path | None, Option(name="--plot", help="Picture to write: .png, .svg or .pdf.")]
 Holdout = Annotated[
     list[Path] | None,

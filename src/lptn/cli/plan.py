@@ -8,7 +8,7 @@ from typing import Annotated
 from cyclopts import Parameter as Option
 
 from lptn.basics.errors import InputError
-from lptn.cli.options import Json, Picture, check_outputs, check_picture, write_figure
+from lptn.cli.options import HtmlReport, Json, Picture, check_outputs, check_picture, write_figure
 
 
 def plan(
@@ -21,6 +21,7 @@ def plan(
     ] = None,
     json: Json = None,
     plot: Picture = None,
+    report: HtmlReport = None,
     emit_c: Annotated[
         Path | None, Option(name="--emit-c", help="Folder to write the controller step to, as C for the robot.")
     ] = None,
@@ -34,10 +35,10 @@ def plan(
     from lptn.model.model import Model
     from lptn.planners.tasks import check_folder, check_table, kind_of, load_task, write_c, write_table
 
-    check_outputs(output, json, plot)
+    check_outputs(output, json, plot, report)
     check_table(output)
     check_picture(plot)
-    for written in (output, json, plot):
+    for written in (output, json, plot, report):
         if written is not None and written.resolve() in (model.resolve(), task.resolve()):
             expected = "another file, for this one would be lost"
             raise InputError(written, "output", "the model or the task itself", expected)
@@ -52,6 +53,11 @@ def plan(
         write_table(answer.table(), output)
     if plot is not None:
         write_figure(answer.figure(), plot)
+    if report is not None:
+        from lptn.basics.files import write_whole
+        from lptn.report.planning_pages import plan_html
+
+        write_whole(report, plan_html(answer, f"{model.stem}: {task.stem}"))
     write_json(json, answer.as_json())
     if emit_c is not None:
         for path in write_c(kind, asked, emit_c):

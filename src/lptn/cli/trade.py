@@ -8,14 +8,14 @@ from typing import Annotated
 from cyclopts import Parameter as Option
 
 from lptn.basics.errors import InputError
-from lptn.cli.options import Picture, check_outputs, check_picture, write_figure
+from lptn.cli.options import HtmlReport, Picture, check_outputs, check_picture, write_figure
 
 Result = Annotated[
     Path | None, Option(name=["--json", "--output", "-o"], help="File to write the result to, for programs (JSON).")
 ]
 
 
-def trade(study: Path, /, *, json: Result = None, plot: Picture = None) -> None:
+def trade(study: Path, /, *, json: Result = None, plot: Picture = None, report: HtmlReport = None) -> None:
     """Solve a cooling trade study: best designs, what limits them, Pareto front, sensitivities.
 
     Example: lptn trade u8.toml --json result.json --plot study.png
@@ -24,8 +24,8 @@ def trade(study: Path, /, *, json: Result = None, plot: Picture = None) -> None:
     from lptn.planners.trade import load_study, solve_study
     from lptn.planners.trade.export import as_json, lines
 
-    check_outputs(json, plot)
-    for output in (json, plot):
+    check_outputs(json, plot, report)
+    for output in (json, plot, report):
         if output is not None and output.resolve() == study.resolve():
             raise InputError(output, "output", "the study itself", "another file, for this one would be lost")
     check_picture(plot)
@@ -39,4 +39,9 @@ def trade(study: Path, /, *, json: Result = None, plot: Picture = None) -> None:
         from lptn.planners.trade.figures import study_figure
 
         write_figure(study_figure(result), plot)
+    if report is not None:
+        from lptn.basics.files import write_whole
+        from lptn.report.planning_pages import trade_html
+
+        write_whole(report, trade_html(result))
     write_json(json, as_json(result))

@@ -45,13 +45,20 @@ class UnexplainedHeat:
     seconds: float
 
     @property
-    def clear(self) -> FloatArray:
-        """By how much the heat's size exceeds zero [W] with 95 % confidence over all nodes and minutes, (nodes, n)."""
+    def sure_band(self) -> FloatArray:
+        """Half-width of the band that holds zero everywhere in 95 % of runs without such heat [W], (nodes, n).
+
+        It is the 95 % band widened for all nodes and minutes that are looked at: what decides whether heat is sure.
+        """
         from scipy.special import ndtri  # heavy, and few commands need it
 
         comparisons = len(self.nodes) * max(1.0, self.time.size * self.seconds / _INDEPENDENT)
-        widened = -float(ndtri(0.025 / comparisons)) / _WIDE
-        return np.asarray(np.maximum(np.abs(self.heat) - widened * self.band, 0.0))
+        return np.asarray(-float(ndtri(0.025 / comparisons)) / _WIDE * self.band)
+
+    @property
+    def clear(self) -> FloatArray:
+        """By how much the heat's size exceeds zero [W] with 95 % confidence over all nodes and minutes, (nodes, n)."""
+        return np.asarray(np.maximum(np.abs(self.heat) - self.sure_band, 0.0))
 
 
 @dataclass(frozen=True)

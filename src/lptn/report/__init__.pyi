@@ -11,6 +11,8 @@ from .diagnosis_figures import plot_ranking as plot_ranking
 from .heat_figures import heat_figure as heat_figure
 from .heat_figures import plot_field as plot_field
 from .heat_figures import plot_heat as plot_heat
+from .network_drawing import draw_network as draw_network
+from .network_drawing import heat_flows as heat_flows
 from .online_figures import forecast_figure as forecast_figure
 from .online_figures import monitoring_figure as monitoring_figure
 from .online_figures import plot_forecast as plot_forecast

@@ -16,7 +16,6 @@ from matplotlib.figure import Figure, FigureBase
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
 
-from lptn.basics.errors import InputError
 from lptn.basics.style import (
     BEST,
     ERROR,
@@ -37,6 +36,7 @@ from lptn.basics.style import (
     time_axis,
 )
 from lptn.identify.comparison import Comparison, Condition, Pair, Prediction, Versus
+from lptn.report.shown import MOST, NOISE_BAND, View, initialisation_end, worst_view, worst_views
 from lptn.report.tables import conditions_of
 from lptn.report.text import kelvin, short, significant
 
@@ -45,10 +45,6 @@ NAMES = ("model as given", "best model")
 
 
 # --- temperatures and errors in time ----------------------------------------------------------------------
-
-
-NOISE_BAND = 2.0
-"""Half-width of the band of noise, in multiples of the RMSE that noise alone would leave."""
 
 
 def plot_temperatures(
@@ -127,20 +123,7 @@ def _shaded_time(ax: Axes, prediction: Prediction) -> tuple[Any, str]:
     return time, label
 
 
-def initialisation_end(prediction: Prediction) -> float | None:
-    """Where the window that finds the start ends [s], `None` where it is also what counts."""
-    segment = prediction.segment
-    if segment.initialisation == segment.evaluation:
-        return None
-    return min(segment.initialisation[1], float(segment.run.time[-1]))
-
-
-MOST = 6
-"""Panels in one figure."""
 _PANEL, _LEGEND = 2.9, 0.35  # inch
-
-View = tuple[int, str]
-"""The number of a run and the name of a node."""
 
 
 def predictions_figure(
@@ -158,41 +141,6 @@ def predictions_figure(
     figure = new_figure(_predictions_height(len(chosen)))
     _draw_predictions(figure, chosen, given, best, names)
     return figure
-
-
-def views(comparison: Comparison) -> list[View]:
-    """Every node measured in a run, run by run."""
-    return [
-        (number, node)
-        for number, prediction in enumerate(comparison.predictions)
-        for row, node in enumerate(comparison.model.nodes)
-        if prediction.bound.counted[row].any()
-    ]
-
-
-def worst_views(comparison: Comparison, most: int = MOST) -> list[View]:
-    """The views with the largest RMSE, in the order of runs and nodes."""
-    every = views(comparison)
-    chosen = sorted(every, key=lambda view: -_rmse(comparison, view))[:most]
-    return [view for view in every if view in chosen]
-
-
-def worst_view(comparison: Comparison, node: str | None = None, run: int | None = None) -> View:
-    """The view with the largest RMSE, of one node or one run if they are given.
-
-    Raises:
-        InputError: there is none.
-    """
-    every = views(comparison)
-    fitting = [view for view in every if run in (None, view[0]) and node in (None, view[1])]
-    if not fitting:
-        measured = ", ".join(dict.fromkeys(name for number, name in every if run in (None, number)))
-        raise InputError("plot", "node", repr(node), f"a node that is measured: {measured}")
-    return max(fitting, key=lambda view: _rmse(comparison, view))
-
-
-def _rmse(comparison: Comparison, view: View) -> float:
-    return comparison.node(view[1], comparison.predictions[view[0]]).rmse
 
 
 def _predictions_height(count: int) -> float:

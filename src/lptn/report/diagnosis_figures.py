@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
 from math import sqrt
 from typing import Any
 
@@ -18,8 +17,9 @@ from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 from lptn.basics.style import BEST, FAINT, GIVEN, INK, SMALL, TEXT, dress, new_axes, plain
 from lptn.diagnose.diagnosis import Diagnosis, Key, Step
 from lptn.diagnose.improvement import History
-from lptn.diagnose.scores import Confusability, Detectable, Score
-from lptn.identify.fitting import Fit
+from lptn.diagnose.scores import Confusability, Detectable
+from lptn.report.shown import candidates_shown, reaches
+from lptn.report.shown import noise_alone as noise_alone
 from lptn.report.text import named, place_of, short_size, title_of, unit_text
 
 # --- the history: how the errors fall from step to step -----------------------------------------------------
@@ -71,12 +71,6 @@ def plot_history(history: History, ax: Axes | None = None) -> Axes:
     return ax
 
 
-def noise_alone(fit: Fit) -> float:
-    """The RMSE that the noise of the measured nodes' sensors alone would leave [K]."""
-    measured = np.any([bound.counted.any(axis=1) for bound in fit.problem.bound_runs], axis=0)
-    return sqrt(float(np.mean(fit.noise.floor[measured] ** 2)))
-
-
 def _rmse(step: Step, data: str) -> float | None:
     if data == "fit data":
         return step.fit.rmse
@@ -100,16 +94,8 @@ def _plain_numbers(axis: Axis, ticks: Sequence[float]) -> None:
 # --- the ranking: how far each candidate scores beyond chance -----------------------------------------------
 
 
-_MOST = 20
 _WIDE_RANKING = 20.0  # ratio of scores above which only a logarithmic axis shows them all
 _LEAST = 0.1  # shares of chance below this are not worth telling apart
-
-
-def candidates_shown(diagnosis: Diagnosis) -> list[Score]:
-    """The best candidates that score at all, and every one that was refitted."""
-    refitted = {step.key for step in diagnosis.refits}
-    scoring = [each for each in diagnosis.scores.ranked if each.gain > 0]
-    return [each for place, each in enumerate(scoring) if place < _MOST or each.candidate.key in refitted]
 
 
 def ranking_height(diagnosis: Diagnosis) -> float:
@@ -195,23 +181,6 @@ def plot_collinearity(result: Confusability, ax: Axes | None = None) -> Axes:
 _REACH_ROW = 0.2  # inch
 _LEAST_REACH, _MOST_REACH = 1e-3, 1e3  # shares of the typical size beyond which nobody asks for more
 _HIDDEN = 1.0  # share of the typical size from which an effect could hide
-
-
-@dataclass(frozen=True)
-class Reach:
-    """One effect: the place where it shows most easily, and the place where it hides best."""
-
-    easiest: Detectable
-    hardest: Detectable
-
-
-def reaches(sizes: Sequence[Detectable]) -> list[Reach]:
-    """One for each effect, the easiest to see first."""
-    effects: dict[str, list[Detectable]] = {}
-    for each in sizes:
-        effects.setdefault(each.effect, []).append(each)
-    by_share = (sorted(places, key=lambda each: each.share) for places in effects.values())
-    return sorted((Reach(places[0], places[-1]) for places in by_share), key=lambda each: each.easiest.share)
 
 
 def detectability_height(sizes: Sequence[Detectable]) -> float:

@@ -1,19 +1,19 @@
-"""Templates filled in: pictures with their sentence, tables, one page without anything from outside."""
+"""Templates filled in: pictures with their sentence, tables, charts with their script; nothing from outside."""
 
 from __future__ import annotations
 
+import platform
 import re
 from dataclasses import dataclass
+from datetime import date
+from importlib.metadata import version
 from importlib.resources import files
 
 from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-
-from lptn.basics.style import inline_svg
 
 _UNIT_BEHIND = re.compile(r"(?<=\d) (?=(?:K|W|s|min|h|m/s|°C|N·m|%)\b)")
+_VERSIONS = ("lptn", "numpy", "scipy", "casadi")
 
 
 @dataclass(frozen=True)
@@ -24,14 +24,16 @@ class Picture:
     caption: str
 
 
-def picture(caption: str, *drawn: Figure | Axes) -> Picture:
-    """Figures, or the figures of axes, and the sentence below them."""
-    figures = (each.figure if isinstance(each, Axes) else each for each in drawn)
-    return Picture(tuple(inline_svg(figure, caption) for figure in figures if isinstance(figure, Figure)), caption)
+def picture(caption: str, *drawings: Markup) -> Picture:
+    """Drawings and the sentence below them."""
+    return Picture(drawings, caption)
 
 
 def render(template: str, **content: object) -> str:
-    """A template of this folder, filled in; all text is escaped, and no line ends between a number and its unit."""
+    """A template of `page/`, filled in; all text is escaped, and no line ends between a number and its unit.
+
+    The script stands in the page where something in it wants one, and only there.
+    """
     environment = Environment(
         loader=FunctionLoader(_text),
         autoescape=True,
@@ -40,9 +42,18 @@ def render(template: str, **content: object) -> str:
         lstrip_blocks=True,
         finalize=lambda value: _UNIT_BEHIND.sub("\u00a0", value) if type(value) is str else value,
     )
-    # The style sheet is ours; as a template it would be read for braces.
-    return environment.get_template(template).render(css=Markup(_text("style.css")), **content)
+    # Style sheet and script are ours; as templates they would be read for braces.
+    style = Markup(_text("uplot/uPlot.css") + _text("style.css"))
+    made = f"{date.today().isoformat()} with {', '.join(f'{name} {version(name)}' for name in _VERSIONS)}"
+    made += f", Python {platform.python_version()}"
+    return environment.get_template(template).render(css=style, script=_script(), made=made, **content)
+
+
+def _script() -> Markup:
+    """uPlot and our charts as one module, as a page without other files needs it."""
+    library = _text("uplot/uPlot.esm.js").replace("export { uPlot as default };", "")
+    return Markup(library + _text("charts.js"))
 
 
 def _text(name: str) -> str:
-    return files("lptn.report").joinpath(name).read_text(encoding="utf-8")
+    return files("lptn.report").joinpath("page", name).read_text(encoding="utf-8")

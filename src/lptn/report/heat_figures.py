@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -31,71 +30,18 @@ from lptn.basics.style import (
     time_axis,
 )
 from lptn.diagnose.unexplained_heat import HeatPeak, InputLink, UnexplainedHeat
-from lptn.identify.comparison import Comparison
 from lptn.logs.run import Run
-from lptn.report.text import for_people
+from lptn.report.shown import Field, worst_runs
+from lptn.report.text import for_people, unit_of
 
 # --- maps of nodes by time: where and when a model fails, and where and when it lacks heat ------------------
 
 
-MOST_RUNS = 4
-"""Runs in one figure."""
 _ROW, _FRAME = 0.24, 0.75  # inch: a node's row, and what surrounds the rows of a map
 _LEAST = 1.6  # inch; what the colour bar's label needs
-_COLUMNS = 150  # blocks of time in one map
 _HATCHED = 0.2  # share of the colour scale from which blue is hatched, so that it can be told from red in grey
 _DEEP = 2.5  # multiples of that from which the hatching must be white to be seen
 _BOTH: Colormap = colormaps["RdBu_r"].with_extremes(bad="0.8")  # red for more, blue for less, grey for unknown
-
-
-@dataclass(frozen=True)
-class Field:
-    """One run's values at each node over time.
-
-    Args:
-        run: its name.
-        start: of the first block in the log's clock [s].
-        seconds: length of a block.
-        nodes: the rows.
-        values: shape (nodes, blocks), NaN where unknown.
-    """
-
-    run: str
-    start: float
-    seconds: float
-    nodes: tuple[str, ...]
-    values: FloatArray
-
-
-def error_fields(comparison: Comparison) -> list[Field]:
-    """Predicted − measured [K] of each run where it counts, means over blocks of time."""
-    fields = []
-    for prediction in comparison.predictions:
-        error, run = prediction.error, prediction.segment.run
-        rows = np.flatnonzero(np.isfinite(error).any(axis=1))
-        counted = np.flatnonzero(np.isfinite(error).any(axis=0))
-        first, length = int(counted[0]), int(counted[-1] - counted[0]) + 1
-        size = max(1, length // _COLUMNS)
-        blocks = error[rows, first : first + length // size * size].reshape(len(rows), -1, size)
-        count = np.isfinite(blocks).sum(axis=2)
-        means = np.where(count > 0, np.nansum(blocks, axis=2) / np.maximum(count, 1), np.nan)
-        nodes = tuple(comparison.model.nodes[row] for row in rows)
-        fields.append(Field(run.name, float(run.time[first]), size * run.step, nodes, means))
-    return fields
-
-
-def heat_fields(runs: Sequence[UnexplainedHeat]) -> list[Field]:
-    """Unexplained heat [W] of each run, 0 where zero lies within its band."""
-    return [
-        Field(
-            each.run,
-            float(each.time[0] - each.seconds / 2),
-            each.seconds,
-            each.nodes,
-            np.where(np.abs(each.heat) > each.band, each.heat, 0.0),
-        )
-        for each in runs
-    ]
 
 
 def plot_field(field: Field, norm: Normalize | None = None, ax: Axes | None = None) -> Axes:
@@ -150,12 +96,6 @@ def fields_figure(given: Sequence[Field], best: Sequence[Field], label: str, lea
     return figure
 
 
-def worst_runs(fields: Sequence[Field]) -> list[int]:
-    """Numbers of the runs with the largest values, in the order of the runs."""
-    order = sorted(range(len(fields)), key=lambda place: -float(np.nanmean(fields[place].values ** 2)))
-    return sorted(order[:MOST_RUNS])
-
-
 def _height(field: Field) -> float:
     return _FRAME + _ROW * len(field.nodes)
 
@@ -181,22 +121,7 @@ def _hatch(ax: Axes, field: Field, span: tuple[float, float], below: float) -> N
 # --- one node's unexplained heat over time, above the inputs that it goes with ------------------------------
 
 
-MOST_INPUTS = 3
-"""Inputs drawn below the heat."""
 _HEAT, _INPUT = 2.3, 0.95  # inch
-_UNITS = {
-    "torque": "N·m",
-    "torque_abs": "N·m",
-    "current": "A",
-    "current_abs": "A",
-    "velocity": "rad/s",
-    "velocity_rms": "rad/s",
-    "speed": "m/s",
-    "power": "W",
-    "mechanical_power": "W",
-    "temperature": "°C",
-    "irradiance": "W/m²",
-}
 
 
 def plot_heat(
@@ -222,7 +147,7 @@ def plot_heat(
     for heat, style, name in ((given, GIVEN, "model as given" if best else "model"), (best, BEST, "best model")):
         if heat is not None and node in heat.nodes:
             row = heat.nodes.index(node)
-            low, high = heat.heat[row] - heat.band[row], heat.heat[row] + heat.band[row]
+            low, high = heat.heat[row] - heat.sure_band[row], heat.heat[row] + heat.sure_band[row]
             ax.fill_between(heat.time / unit, low, high, color=style["color"], alpha=0.18, linewidth=0)
             line: dict[str, Any] = style | {"linewidth": 1.4, "label": f"{name} with its 95 % band"}
             ax.plot(heat.time / unit, heat.heat[row], **line)
@@ -263,7 +188,7 @@ def heat_figure(
         if peak is not None:
             ax.axvspan(peak.start / unit, peak.stop / unit, color=SHADE, zorder=0)
         ax.plot(*decimated(run.time / unit, run.columns[link.column]), color=INK, linewidth=0.7)
-        ax.set_ylabel(f"[{_UNITS.get(link.column.partition('.')[0], 'as logged')}]", size=SMALL)
+        ax.set_ylabel(f"[{unit_of(link.column)}]", size=SMALL)
         what = f"{link.column}, whose square" if link.squared else f"{link.column}, which"
         title = for_people(f"{what} correlates with the heat by {link.correlation:+.2f}")
         ax.set_title(plain(title), size=SMALL, loc="left", pad=2)

@@ -19,7 +19,8 @@ from lptn.diagnose.unexplained_heat import (
 )
 from lptn.identify.fitting import Fit
 from lptn.report.document import Picture, picture
-from lptn.report.heat_figures import MOST_INPUTS, MOST_RUNS, fields_figure, heat_fields, heat_figure
+from lptn.report.page_figures import fields, heat_line
+from lptn.report.shown import MOST_INPUTS, MOST_RUNS, heat_fields
 from lptn.report.text import for_people, listed, number
 
 _STAYS = 0.5  # share of the heat from which it is called unexplained by what was added
@@ -85,8 +86,9 @@ class HeatStory:
     @property
     def hiding(self) -> str:
         """How much heat could hide in the bands, in words."""
-        widest = max(float(np.median(row)) for each in self.given for row in each.band)
-        return f"no node lacks heat beyond chance; the 95 % band is ±{number(widest, 2)} W where it is widest"
+        widest = max(float(np.median(row)) for each in self.given for row in each.sure_band)
+        band = f"the 95 % band over all nodes and times is ±{number(widest, 2)} W where it is widest"
+        return f"no node lacks heat beyond chance; {band}"
 
     def _in_words(self, peak: HeatPeak | None) -> str:
         if peak is None:
@@ -104,7 +106,7 @@ def worst_of(runs: Sequence[UnexplainedHeat]) -> tuple[int, str, HeatPeak | None
     peak = largest(runs)
     if peak is not None:
         return [each.run for each in runs].index(peak.run), peak.node, peak
-    shares = [(np.abs(each.heat) / np.maximum(each.band, 1e-12)).max(axis=1) for each in runs]
+    shares = [(np.abs(each.heat) / np.maximum(each.sure_band, 1e-12)).max(axis=1) for each in runs]
     run = max(range(len(runs)), key=lambda place: float(shares[place].max()))
     return run, runs[run].nodes[int(shares[run].argmax())], None
 
@@ -123,26 +125,27 @@ def heat_map_picture(story: HeatStory) -> Picture | None:
     """The map of nodes by time; none where no heat is beyond chance."""
     if story.peak is None:
         return None
-    least = _PALE * float(np.median(np.concatenate([each.band.ravel() for each in story.given])))
-    figure = fields_figure(heat_fields(story.given), heat_fields(story.best), "unexplained heat [W]", least)
-    text = "Heat that the model lacks (red) or has too much of (blue, hatched); white where zero lies within the 95 % "
-    text += f"band. With the model as given {story.where}"
+    least = _PALE * float(np.median(np.concatenate([each.sure_band.ravel() for each in story.given])))
+    drawings = fields(heat_fields(story.given), heat_fields(story.best), "W of unexplained heat", least)
+    text = "Heat that the model lacks (red) or has too much of (blue, hatched); blank where zero lies within the 95 % "
+    text += f"band over all nodes and times. With the model as given {story.where}"
     text += f"; with the best one {story.left or 'none stands out'}." if story.best else "."
     text += " Trust where and when more than the watts: the fitted parameters absorb part."
     if len(story.given) > MOST_RUNS:
         text += f" Shown are the {MOST_RUNS} of {len(story.given)} runs that lack most."
-    return picture(text, figure)
+    return picture(text, *drawings)
 
 
 def heat_line_picture(story: HeatStory) -> Picture:
     """The worst node's heat in its run, above the inputs that it goes with."""
     best = story.best[story.run] if story.best else None
     run = story.fit.problem.bound_runs[story.run].run
-    figure = heat_figure(run, story.given[story.run], story.node, best, story.peak, story.links)
-    text = f"The heat that {story.node} lacks over time; shaded where it is clearest."
+    drawing = heat_line(run, story.given[story.run], story.node, best, story.peak, story.links)
+    text = f"The heat that {story.node} lacks over time, with its 95 % band over all nodes and times; "
+    text += "shaded where it is clearest."
     if story.peak is None:
         text = f"No node lacks heat beyond chance; {story.node} comes nearest to it."
-    return picture(f"{text} {_inputs(story.links)}", figure)
+    return picture(f"{text} {_inputs(story.links)}", drawing)
 
 
 def _inputs(links: Sequence[InputLink]) -> str:

@@ -3,31 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
-from lptn.basics.style import ERROR, new_figure
 from lptn.diagnose.improvement import History
 from lptn.diagnose.scores import confusability, smallest
 from lptn.effects import Effect
 from lptn.identify.comparison import Comparison, Versus, predict
-from lptn.identify.data import DataSplit, Segment
+from lptn.identify.data import DataSplit
 from lptn.identify.fitting import Fit
 from lptn.references import works_cited
 from lptn.report import words
-from lptn.report.comparison_figures import condition_figures, predictions_figure, versus_figure
-from lptn.report.diagnosis_figures import (
-    HISTORY_HEIGHT,
-    candidates_shown,
-    collinearity_height,
-    detectability_height,
-    plot_collinearity,
-    plot_detectability,
-    plot_history,
-    plot_ranking,
-    ranking_height,
-)
 from lptn.report.document import Picture, picture, render
-from lptn.report.heat_figures import error_fields, fields_figure
 from lptn.report.heat_story import HeatStory, heat_line_picture, heat_map_picture
+from lptn.report.page_diagnosis import collinearity_figure, detectability_figure, history_figure, ranking_figure
+from lptn.report.page_figures import NAMES, conditions, fields, predictions, versus_bars
+from lptn.report.shown import candidates_shown, error_fields
+from lptn.report.story_charts import CHARTS, network_picture, shown_runs, tiles, time_charts
 from lptn.report.tables import (
     condition_table,
     data_table,
@@ -52,6 +43,7 @@ _HEADINGS = {
     "test": "Test: runs that chose nothing",
     "fitted": "Measured against predicted, on the fitted runs only",
 }
+_JOBS = {"fit": "fitted", "holdout": "held out", "test": "test"}
 _PALE = 5.0  # multiples of the noise that the colours of errors reach at least
 
 
@@ -64,6 +56,8 @@ def story_html(
 ) -> str:
     """One self-contained HTML page that tells what is missing in a model, how sure that is, and what tests it.
 
+    All nodes and runs can be looked through on it, zoomed and hovered, without a server; on paper it is whole as well.
+
     Args:
         history: the result of `lptn.diagnose.improvement.improve`.
         data: the runs it was given.
@@ -72,23 +66,47 @@ def story_html(
         proposal: of the next experiment, where one was worked out.
 
     Returns:
-        HTML text; the same arguments give the same text.
+        HTML text; the same arguments give the same text, but for the day and the versions at its end.
     """
     first, last = history.steps[0], history.best
-    which, segments = _shown(data)
-    given = _compared(first.fit, segments)
-    best = _compared(last.fit, segments) if len(history.steps) > 1 else None
+    jobs = [(job, segment) for job in _JOBS for segment in getattr(data, job)]
+    all_given = _compared(first.fit, data)
+    all_best = _compared(last.fit, data) if len(history.steps) > 1 else None
+    which = "held-out" if data.holdout else "test" if data.test else "fitted"
+    wanted = [_JOBS[job] == which.replace("-", " ") for job, _ in jobs]
+    given, best = _only(all_given, wanted), _only(all_best, wanted) if all_best else None
     heat = HeatStory.of(history)
+    runs = shown_runs([_JOBS[job] for job, _ in jobs], all_given, heat.best or heat.given)
+    charts, thinned = time_charts(runs, all_given, all_best, NAMES)
     left = heat.stretches
+    outcome = words.outcome_of(history)
     effects = _effects_named(history)
+    works = [cited.reference.full for cited in works_cited(effect.source for effect in effects)]
+    titles = [
+        "In short",
+        "The log",
+        "The model, and its fit as given",
+        "Where it errs" if outcome == "adequate" else "Where it fails",
+        "What was missing" if outcome == "found" else "What is missing",
+        _HEADINGS[which],
+        "What to do next",
+        f"Parameters of the {'best model' if all_best else 'model'}",
+        *(["References"] if works else []),
+    ]
     return render(
         "story.html.j2",
         title=title,
-        verdict=history.verdict,
+        titles=titles,
+        headline=words.headline(history),
+        remains=words.left_in_words(history) if all_best else "",
         short=[(label, for_people(text)) for label, text in words.in_short(history, heat, proposal)],
         words=words.story_in_words(history, data),
+        network=network_picture(all_best or all_given),
+        tiles=tiles(runs, all_best or all_given),
+        charts=charts.html(CHARTS),
+        thinned=thinned,
         history=history_table(history),
-        fall=_fall(history),
+        fall=picture(words.caption_of_history(history), history_figure(history)) if all_best else None,
         conditions=_conditions(given, best, which),
         errors=_errors(given, best, which),
         nodes=node_table(given, best),
@@ -98,13 +116,13 @@ def story_html(
         stretches=stretch_table(left[:_FEW]),
         more_stretches=max(len(left) - _FEW, 0),
         hiding=heat.hiding,
-        predictions=picture(words.caption_of_predictions(given, best, data, which), predictions_figure(given, best)),
+        more_than_noise=history.remaining != "adequate",
+        predictions=picture(words.caption_of_predictions(given, best, data, which), predictions(given, best)),
         ranking=_ranking(history),
         refits=refit_table(history),
         coarse=_coarse_step(history),
         collinearity=_collinearity(history),
         detectability=_detectability(history),
-        heading=_HEADINGS[which],
         proposal=for_people(proposal.text()) if proposal else None,
         next=words.next_step(history),
         fitted=words.fitted_in_words(history),
@@ -116,21 +134,21 @@ def story_html(
         data=data_table({"fit": data.fit, "held out": data.holdout, "test": data.test}),
         commands=commands,
         sources=source_table(effects),
-        works=[cited.reference.full for cited in works_cited(effect.source for effect in effects)],
+        works=works,
     )
 
 
-def _shown(data: DataSplit) -> tuple[str, Sequence[Segment]]:
-    """The runs that show best what a model is worth: those that no fit saw, where there are any."""
-    if data.holdout:
-        return "held-out", data.holdout
-    return ("test", data.test) if data.test else ("fitted", data.fit)
+def _compared(fit: Fit, data: DataSplit) -> Comparison:
+    """A fitted model on all runs, weighed as in the fit, so that the page's numbers agree with the history's."""
+    segments = (*data.fit, *data.holdout, *data.test)
+    predicted = tuple(predict(fit.model, segment, fit.problem.sigma) for segment in segments)
+    return Comparison(fit.model, predicted, fit.noise)
 
 
-def _compared(fit: Fit, segments: Sequence[Segment]) -> Comparison:
-    """A fitted model on runs, weighed as in the fit, so that the page's numbers agree with the history's."""
-    predictions = tuple(predict(fit.model, segment, fit.problem.sigma) for segment in segments)
-    return Comparison(fit.model, predictions, fit.noise)
+def _only(comparison: Comparison, wanted: Sequence[bool]) -> Comparison:
+    """A comparison of some of its runs."""
+    kept = tuple(each for each, is_wanted in zip(comparison.predictions, wanted, strict=True) if is_wanted)
+    return replace(comparison, predictions=kept)
 
 
 def _coarse_step(history: History) -> float | None:
@@ -146,47 +164,34 @@ def _effects_named(history: History) -> list[type[Effect]]:
     return list(dict.fromkeys([*effects, *(score.candidate.effect for score in candidates_shown(history.first))]))
 
 
-def _fall(history: History) -> Picture | None:
-    if len(history.steps) == 1:
-        return None
-    ax = new_figure(HISTORY_HEIGHT).add_subplot()
-    return picture(words.caption_of_history(history), plot_history(history, ax))
-
-
 def _conditions(given: Comparison, best: Comparison | None, which: str) -> Picture | None:
-    figures = condition_figures(given, best)
-    return picture(words.caption_of_conditions(given, best, which), *figures) if figures else None
+    drawings = conditions(given, best)
+    return picture(words.caption_of_conditions(given, best, which), *drawings) if drawings else None
 
 
 def _errors(given: Comparison, best: Comparison | None, which: str) -> Picture:
     noise = max(given.floor(node) for node in given.model.nodes)
-    fields = error_fields(given), error_fields(best) if best else []
-    figure = fields_figure(*fields, ERROR, _PALE * noise)
-    return picture(words.caption_of_errors(which), figure)
+    drawings = fields(error_fields(given), error_fields(best) if best else [], "K", _PALE * noise)
+    return picture(words.caption_of_errors(which), *drawings)
 
 
 def _ranking(history: History) -> Picture | None:
     if not candidates_shown(history.first):
         return None
-    ax = new_figure(ranking_height(history.first)).add_subplot()
     added = {step.key for step in history.steps}
-    return picture(words.caption_of_ranking(history), plot_ranking(history.first, added, ax))
+    return picture(words.caption_of_ranking(history), ranking_figure(history.first, added))
 
 
 def _collinearity(history: History) -> Picture | None:
     result = confusability(history.first.scores)
     if len(result.keys) < 2:
         return None
-    ax = new_figure(collinearity_height(result)).add_subplot()
-    return picture(words.caption_of_collinearity(result), plot_collinearity(result, ax))
+    return picture(words.caption_of_collinearity(result), collinearity_figure(result))
 
 
 def _detectability(history: History) -> Picture | None:
     sizes = smallest(history.first.scores)
-    if not sizes:
-        return None
-    ax = new_figure(detectability_height(sizes)).add_subplot()
-    return picture(words.caption_of_detectability(sizes), plot_detectability(sizes, ax))
+    return picture(words.caption_of_detectability(sizes), detectability_figure(sizes)) if sizes else None
 
 
 # --- one model against logs: where it fails, without a diagnosis ----------------------------------------------
@@ -203,12 +208,18 @@ def comparison_html(comparison: Comparison, title: str) -> str:
         HTML text; the same arguments give the same text.
     """
     caption = words.caption_of_predictions(comparison, None, DataSplit(()), "compared")
+    runs = shown_runs([""] * len(comparison.predictions), comparison)
+    charts, thinned = time_charts(runs, comparison, None, NAMES)
     return render(
         "comparison.html.j2",
         title=title,
+        network=network_picture(comparison),
+        tiles=tiles(runs, comparison),
+        charts=charts.html(CHARTS),
+        thinned=thinned,
         rmse=kelvin(comparison.all.rmse),
         largest=kelvin(comparison.all.max),
-        predictions=picture(caption, predictions_figure(comparison)),
+        predictions=picture(caption, predictions(comparison)),
         maps=_conditions(comparison, None, "compared"),
         errors=error_table(comparison),
         conditions=condition_table(comparison),
@@ -241,14 +252,19 @@ def versus_html(result: Versus, title: str) -> str:
     given, best = (result.other, result.model) if both else (result.model, None)
     names = result.names[1], result.names[0]
     caption = words.caption_of_predictions(given, best, DataSplit(()), "compared", names)
+    runs = shown_runs([""] * len(given.predictions), given)
+    charts, thinned = time_charts(runs, given, best, names)
     return render(
         "versus.html.j2",
         title=title,
+        tiles=tiles(runs, result.model),
+        charts=charts.html(CHARTS),
+        thinned=thinned,
         names=result.names,
         means=tuple(map(kelvin, whole.mean)),
         largest=tuple(map(kelvin, whole.max)),
-        bars=picture(bars, versus_figure(result)),
-        predictions=picture(caption, predictions_figure(given, best, names=names)),
+        bars=picture(bars, versus_bars(result)),
+        predictions=picture(caption, predictions(given, best, names=names)),
         classes=versus_table("joints", result.classes),
         runs=versus_table("run", result.runs),
         data=data_table({"compared": tuple(each.segment for each in result.model.predictions)}),

@@ -94,9 +94,19 @@ def conditions_of(comparison: Comparison) -> list[Condition]:
     ]
 
 
-def worst_condition(comparison: Comparison) -> Condition | None:
-    """The condition in which a model fails worst, `None` where nothing can be binned."""
-    return max(conditions_of(comparison), key=lambda each: each.errors.rmse, default=None)
+FAR = 2.0
+"""Multiples of the noise from which an error is no longer called noise."""
+
+
+def worst_condition(comparison: Comparison) -> tuple[Condition, bool] | None:
+    """The condition with the largest error among those far above noise, and whether there are any; else of all.
+
+    `None` where nothing can be binned.
+    """
+    every = conditions_of(comparison)
+    far = [each for each in every if each.errors.rmse > FAR * comparison.floor(each.node)]
+    worst = max(far or every, key=lambda each: each.errors.rmse, default=None)
+    return None if worst is None else (worst, bool(far))
 
 
 def node_table(given: Comparison, best: Comparison | None) -> Table:

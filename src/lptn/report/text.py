@@ -62,6 +62,26 @@ def unit_text(unit: str) -> str:
     return unit.replace("^2", "²").replace("*", "·").replace("ohm", "Ω")
 
 
+_UNITS = {
+    "torque": "N·m",
+    "torque_abs": "N·m",
+    "current": "A",
+    "current_abs": "A",
+    "velocity": "rad/s",
+    "velocity_rms": "rad/s",
+    "speed": "m/s",
+    "power": "W",
+    "mechanical_power": "W",
+    "temperature": "°C",
+    "irradiance": "W/m²",
+}
+
+
+def unit_of(column: str) -> str:
+    """The unit of a log's column, `as logged` where its name does not say."""
+    return _UNITS.get(column.partition(".")[0], "as logged")
+
+
 def time_span(seconds: float) -> str:
     """A length of time in s, min or h."""
     if seconds < 600:

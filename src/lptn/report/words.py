@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from typing import Protocol
+from typing import Literal, Protocol
 
 import numpy as np
 
@@ -15,10 +15,9 @@ from lptn.diagnose.scores import INDISTINGUISHABLE, Confusability, Detectable
 from lptn.identify.comparison import Comparison, Condition
 from lptn.identify.data import DataSplit, Segment
 from lptn.identify.fitting import Fit
-from lptn.report.comparison_figures import MOST, NOISE_BAND, initialisation_end, views
-from lptn.report.diagnosis_figures import candidates_shown, noise_alone, reaches
 from lptn.report.heat_story import HeatStory
-from lptn.report.tables import share_by_chance, worst_condition
+from lptn.report.shown import MOST, NOISE_BAND, candidates_shown, initialisation_end, noise_alone, reaches, views
+from lptn.report.tables import FAR, share_by_chance, worst_condition
 from lptn.report.text import (
     bin_text,
     capitalised,
@@ -31,10 +30,72 @@ from lptn.report.text import (
     percent,
     place_of,
     short_size,
+    significant,
     title_of,
     unit_text,
     window_text,
 )
+
+# --- how a selection ended: what headline, summary, story and terminal agree on ------------------------------
+
+
+Outcome = Literal["adequate", "found", "unhelped", "unexplained"]
+
+
+def outcome_of(history: History) -> Outcome:
+    """How a selection ended, by its last step; the verdict on the model as given alone would contradict what was found.
+
+    `"found"`: effects were added, and explain what was missing or most of it. `"unhelped"`: something of the catalogue
+    is missing, but nothing tried makes the model better. `"unexplained"`: most of the misfit stays.
+    """
+    if len(history.steps) == 1:
+        return "unhelped" if history.verdict == "missing" else history.verdict
+    return "unexplained" if history.verdict == history.remaining == "unexplained" else "found"
+
+
+def headline(history: History) -> str:
+    """What was found, and by how much the error fell, in one sentence."""
+    runs, before, after = _rmse_by_data(history.steps[0], history.best)[-1]
+    runs = {"fitted": "RMSE", "held-out": "held out", "test": "test"}[runs]
+    errors = f"{kelvin(after)}" if len(history.steps) == 1 else f"{significant(before, 3)} → {kelvin(after)}"
+    numbers = f"{runs} {errors}, floor {kelvin(noise_alone(history.best.fit), 2)}."
+    if len(history.steps) > 1:
+        effects = listed([_short_name(step) for step in _added(history)])
+        if outcome_of(history) == "unexplained":
+            return f"Not explained; the best that the catalogue offers is {effects}; {numbers}"
+        return f"{'Added' if history.verdict == 'adequate' else 'Found'}: {effects}; {numbers}"
+    said = {
+        "adequate": "Adequate: nothing is missing that these data can show",
+        "unhelped": "Something is missing, but no effect that was tried makes the model better",
+        "unexplained": "Not explained: wrong by more than noise, and the catalogue does not explain it",
+    }
+    return f"{said[outcome_of(history)]}; {numbers}"
+
+
+def _short_name(step: Step) -> str:
+    """An effect by its key, and where it acts, such as `conduction heater1–heater2`; no place for everywhere."""
+    key, at = step.key
+    place = "" if at == "*" else f" {place_of(at).replace('~', '–')}" if "~" in at else f" at {place_of(at)}"
+    return f"{key.replace('_', ' ')}{place.removeprefix(' at everywhere')}"
+
+
+def left_in_words(history: History) -> str:
+    """What is left with the last step, in one sentence or two that hold for fitted and held-out runs alike."""
+    best, noise = history.best, noise_alone(history.best.fit)
+    if history.remaining == "adequate":
+        text = "What is left on the fitted runs is no more than the sensors' noise"
+        if best.holdout is not None and best.holdout.rmse > FAR * noise:
+            text += f", but the held-out ones are off by {kelvin(best.holdout.rmse)}: they hold something that the "
+            return text + "fitted runs do not. Fit on runs like them as well."
+        return f"{text}."
+    text = f"The model is still wrong by more than noise, which alone would leave about {kelvin(noise, 2)}; "
+    if history.remaining == "unexplained":
+        return text + "the catalogue explains little of the rest."
+    if len(history.steps) == 1:
+        return text + "no effect that was tried makes it better."
+    where = "did not help on the held-out ones" if best.holdout else "did not pay for their parameters"
+    return text + f"further effects lowered the error on the fitted runs but {where}."
+
 
 # --- what both the short and the long version say -----------------------------------------------------------
 
@@ -106,14 +167,15 @@ def removed_in_words(history: History, number: int) -> str:
 
 def next_step(history: History) -> str:
     """What to do next, in a sentence or two."""
-    if history.verdict == "adequate":
+    outcome = outcome_of(history)
+    if outcome == "adequate":
         return "use the model. Compare it again when the robot works harder, faster or in other air."
-    if history.verdict == "unexplained":
+    if outcome == "unexplained":
         return (
             "look in section 4 for where and when the error grows, and ask what happened then that the log does not "
             "hold: touch, water, a fan, a moved sensor, a load without a column. Log it, or leave that part out."
         )
-    if history.best is history.steps[0]:
+    if outcome == "unhelped":
         return "measure a longer run with more contrast (rest, load, speed), and diagnose again."
     ambiguous = [step.declaration.effect for step in history.steps if step.indistinguishable and step.declaration]
     if not ambiguous:
@@ -144,32 +206,38 @@ def in_short(history: History, heat: HeatStory, proposal: Proposal | None = None
         heat: what heat the given model lacks.
         proposal: of an experiment, where one was worked out.
     """
-    summary = {"adequate": _short_adequate, "missing": _short_missing, "unexplained": _short_unexplained}
-    what, where, sure = summary[history.verdict](history, heat)
+    outcome = outcome_of(history)
+    summary = {
+        "adequate": _short_adequate,
+        "found": _short_found,
+        "unhelped": _short_unhelped,
+        "unexplained": _short_unexplained,
+    }
+    what, where, sure = summary[outcome](history, heat)
     to_do = next_step(history)
     if proposal:
         first = re.split(r"(?<=[.!?]) (?=[A-Z])", proposal.text(), maxsplit=1)[0]
         to_do = f"{first} Section 7 says what that shows."
-    if heat.event and history.verdict != "adequate":
+    if heat.event and outcome != "adequate":
         to_do = f"Ask what happened {heat.event} that the log does not hold. {capitalised(to_do)}"
-    return [("What is missing", what), ("Where", where), ("How sure", sure), ("What to do", capitalised(to_do))]
+    asked = "What was missing" if outcome == "found" else "What is missing"
+    return [(asked, what), ("Where", where), ("How sure", sure), ("What to do", capitalised(to_do))]
 
 
 def _short_adequate(history: History, heat: HeatStory) -> tuple[str, str, str]:
-    given = history.steps[0].fit
-    sure = (
-        f"The RMSE on the fitted runs is {kelvin(given.rmse, 2)}, noise alone leaves {kelvin(noise_alone(given), 2)}."
-    )
+    sure = f"{_short_errors(history)}; noise alone leaves {kelvin(noise_alone(history.steps[0].fit), 2)}."
     sure += " Section 5 shows how large each effect could be without showing."
     where = f"{capitalised(heat.where)}, but too little to matter." if heat.where else f"Nowhere: {heat.hiding}."
     return "Nothing that these data can show.", where, sure
 
 
-def _short_missing(history: History, heat: HeatStory) -> tuple[str, str, str]:
+def _short_unhelped(history: History, heat: HeatStory) -> tuple[str, str, str]:
+    what = "An effect of the catalogue explains most of the misfit, but none tried makes the model better."
+    return what, _where("", heat), f"{_short_errors(history)}."
+
+
+def _short_found(history: History, heat: HeatStory) -> tuple[str, str, str]:
     added = _added(history)
-    if not added:
-        what = "An effect of the catalogue explains most of the misfit, but none tried makes the model better."
-        return what, _where("", heat), f"{_short_errors(history)}."
     what = f"{capitalised(listed([title_of(step.effect or '') for step in added]))}."
     places: dict[str, list[str]] = {}
     for step in added:
@@ -185,11 +253,12 @@ def _short_missing(history: History, heat: HeatStory) -> tuple[str, str, str]:
         sure += f" On the fitted runs alone, {few(rivals, _FEW)} would do about as well."
     else:
         sure += " Nothing else in the catalogue explains the fitted runs as well."
+    sure += f" {left_in_words(history)}"
     if heat.left:
-        sure += f" With the best model {heat.left}{': what was added does not explain that' if heat.event else ''}."
-    elif history.remaining == "unexplained":
-        sure += " Part of the misfit stays, and the catalogue does not explain that."
-    return what, _where(f"{capitalised(where)}.", heat), sure
+        stays = ": what was added does not explain that" if heat.event else ""
+        sure += f" {'Even so, with' if history.remaining == 'adequate' else 'With'} the best model {heat.left}{stays}."
+    place = f"{capitalised(where)}."
+    return what, f"{place} On the fitted runs, as given, {heat.where}." if heat.where else place, sure
 
 
 def _short_unexplained(history: History, heat: HeatStory) -> tuple[str, str, str]:
@@ -215,12 +284,10 @@ def _short_errors(history: History) -> str:
 # --- in more detail -----------------------------------------------------------------------------------------
 
 
-_FAR = 2.0  # multiples of the noise from which an error is no longer called noise
-
-
 def story_in_words(history: History, data: DataSplit) -> list[str]:
     """The story, a few sentences to each of: what is missing, how sure, which data say so."""
-    what = {"adequate": _adequate, "missing": _missing, "unexplained": _unexplained}[history.verdict]
+    stories = {"adequate": _adequate, "found": _found, "unhelped": _unhelped, "unexplained": _unexplained}
+    what = stories[outcome_of(history)]
     differing = " ".join(each.text() for each in history.differing or history.last.differing)
     return [what(history, data), *filter(None, [_how_sure(history), differing]), _which_data(history, data)]
 
@@ -237,7 +304,7 @@ def _adequate(history: History, data: DataSplit) -> str:
     noise = noise_alone(given.fit)
     text = "Nothing is missing that these data can show: on the fitted runs the model as given is wrong by no more "
     text += f"than the sensors' noise. {_errors(given)}; noise alone leaves about {kelvin(noise, 2)}."
-    if given.holdout is not None and given.holdout.rmse > _FAR * noise:
+    if given.holdout is not None and given.holdout.rmse > FAR * noise:
         text += " On the held-out runs the error is well above the noise. They hold something that the fitted runs do "
         text += "not: fit on runs like them as well."
     bound_runs = given.fit.problem.bound_runs
@@ -247,23 +314,17 @@ def _adequate(history: History, data: DataSplit) -> str:
     return f"{text} This holds for what the fitted runs cover: {covered}."
 
 
-def _missing(history: History, data: DataSplit) -> str:
-    given, best = history.steps[0], history.best
-    if best is given:
-        return (
-            f"The model as given is wrong by more than noise. {_errors(given)}. On the fitted runs an effect of the "
-            "catalogue explains most of it, but none that was tried makes the model better by the rule that ends the "
-            "selection, so none was added. Section 5 lists what was tried."
-        )
-    text = f"Missing: {_effects_added(history)}. {_fall(given, best)}"
-    if history.remaining == "adequate":
-        return f"{text} What is left on the fitted runs is no more than the sensors' noise."
-    noise = kelvin(noise_alone(best.fit), 2)
-    text += f" The best model is still wrong by more than noise, which alone would leave about {noise}; "
-    if history.remaining == "unexplained":
-        return text + "the catalogue explains little of the rest."
-    where = "did not help on the held-out ones" if best.holdout else "did not pay for their parameters"
-    return text + f"further effects lowered the error on the fitted runs but {where}."
+def _unhelped(history: History, data: DataSplit) -> str:
+    return (
+        f"The model as given is wrong by more than noise. {_errors(history.steps[0])}. On the fitted runs an effect of "
+        "the catalogue explains most of it, but none that was tried makes the model better by the rule that ends the "
+        "selection, so none was added. Section 5 lists what was tried."
+    )
+
+
+def _found(history: History, data: DataSplit) -> str:
+    word = "Added" if history.verdict == "adequate" else "Missing"
+    return f"{word}: {_effects_added(history)}. {_fall(history.steps[0], history.best)} {left_in_words(history)}"
 
 
 def _unexplained(history: History, data: DataSplit) -> str:
@@ -307,7 +368,7 @@ def _fall(given: Step, best: Step) -> str:
 
 def _how_sure(history: History) -> str:
     """How sure each step is; empty where none was added, or none explains the misfit."""
-    if history.verdict != "missing":
+    if outcome_of(history) != "found":
         return ""
     return " ".join(_sure(history, number, step) for number, step in enumerate(history.steps) if step.effect)
 
@@ -380,10 +441,21 @@ def caption_of_conditions(given: Comparison, best: Comparison | None, which: str
     """Under the maps of where a model fails."""
     text = f"RMSE in K on the {which} runs by node and operating condition; the small numbers are each bin's range."
     for model, comparison in (("model as given" if best else "model", given), ("best model", best)):
-        cell = worst_condition(comparison) if comparison else None
-        if cell is not None:
-            text += f" The {model} fails worst at {_where_it_fails(cell)}."
+        if comparison is not None and (worst := worst_in_words(comparison)):
+            text += f" The {model} {worst}."
     return text
+
+
+def worst_in_words(comparison: Comparison) -> str:
+    """Where a model errs most, such as `fails worst at ...`; an error like noise is none. Empty without bins."""
+    worst = worst_condition(comparison)
+    if worst is None:
+        return ""
+    cell, is_far = worst
+    if not is_far:
+        noise = kelvin(comparison.floor(cell.node), 2)
+        return f"errs nowhere by much more than noise ({noise} there), most at {_where_it_fails(cell)}"
+    return f"fails worst at {_where_it_fails(cell)}"
 
 
 def caption_of_predictions(

@@ -72,7 +72,8 @@ def application(session: Session, port: int, token: str) -> Starlette:
 
 async def _page(request: Request) -> Response:
     name, kind = _PAGE[request.url.path.removeprefix("/")]
-    return Response(files("lptn.workbench").joinpath("page", name).read_bytes(), media_type=kind)
+    room = "lptn.report" if name.startswith("uplot/") else "lptn.workbench"  # reports draw with it, too
+    return Response(files(room).joinpath("page", name).read_bytes(), media_type=kind)
 
 
 async def _nothing(_: Request) -> Response:

@@ -1,0 +1,65 @@
+"""Lines as they are drawn: time in the unit that people read, long series thinned without losing a peak."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lptn.basics.arrays import FloatArray
+
+LONG = 600.0  # s; longer time axes are in minutes
+
+
+def time_axis(time: FloatArray) -> tuple[FloatArray, str]:
+    """Times [s] in the unit that a person reads them in, and the axis label."""
+    minutes = time.size > 0 and float(np.ptp(time)) > LONG
+    return (time / 60.0, "time [min]") if minutes else (time, "time [s]")
+
+
+MOST = 900  # points a line; a panel is some 300 pt wide
+
+
+def decimated(time: FloatArray, values: FloatArray, most: int = MOST) -> tuple[FloatArray, FloatArray]:
+    """A line that looks the same with at most about `most` points.
+
+    Each block of samples keeps its smallest and its largest value, at their own times. A block without any
+    value keeps one NaN, so that a gap stays a gap.
+
+    Args:
+        time: shape (n,).
+        values: shape (n,), NaN where missing.
+        most: about how many points to keep.
+    """
+    if time.size <= most:
+        return time, values
+    kept: list[int] = []
+    for block in np.array_split(np.arange(time.size), max(1, most // 2)):
+        finite = block[np.isfinite(values[block])]
+        if finite.size == 0:
+            kept.append(int(block[0]))
+        else:
+            extremes = finite[np.argmin(values[finite])], finite[np.argmax(values[finite])]
+            kept += sorted({int(index) for index in extremes})
+    return time[kept], values[kept]
+
+
+def thinned(time: FloatArray, columns: FloatArray, most: int) -> tuple[FloatArray, FloatArray]:
+    """Lines that look the same with at most about `most` points, all at the same times.
+
+    Each block of readings keeps the smallest and the largest value of each line; the very last reading stays itself.
+
+    Args:
+        time: (n,).
+        columns: (lines, n), NaN where missing.
+        most: about how many points to keep.
+    """
+    n = time.size
+    if n <= max(most, 3):
+        return time, columns
+    edges = np.linspace(0, n - 1, max(most, 3) // 2 + 1).astype(int)
+    starts, ends = edges[:-1], edges[1:] - 1
+    low = np.fmin.reduceat(columns[:, : n - 1], starts, axis=1)
+    high = np.fmax.reduceat(columns[:, : n - 1], starts, axis=1)
+    falling = columns[:, ends] < columns[:, starts]
+    pairs = np.stack([np.where(falling, high, low), np.where(falling, low, high)], axis=2)
+    kept = np.concatenate([pairs.reshape(len(columns), -1), columns[:, -1:]], axis=1)
+    return np.append(np.stack([time[starts], time[ends]], axis=1).ravel(), time[-1]), kept

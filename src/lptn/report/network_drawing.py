@@ -1,0 +1,434 @@
+"""A network as a drawing: nodes, links, what acts on them, and the surroundings that they give heat to."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from html import escape
+
+import casadi as ca
+import numpy as np
+
+from lptn.basics.arrays import FloatArray
+from lptn.basics.places import edge
+from lptn.model.model import Model
+from lptn.model.network import EffectInstance, Network
+from lptn.report.network_layout import Point, places_of
+from lptn.report.text import number, title_of
+
+# --- what flows: heat through every link and from every effect ----------------------------------------------
+
+
+def heat_flows(model: Model, states: FloatArray, inputs: FloatArray) -> dict[str, float]:
+    """Heat that flows at one moment [W]: through a link into its first end, and from an effect into its place.
+
+    Args:
+        model: the model, at the values of its parameters.
+        states: its states [degC], shape (states,), as `lptn.simulate` gives them.
+        inputs: its inputs, shape (inputs,), in the order of `model.inputs`.
+
+    Returns:
+        W by the names of links, `"a~b"`, and of effects, `"copper_loss.FR_calf"`. Links to faces without a
+        capacitance are left out: their temperatures are no states.
+    """
+    balance = model.balance
+    network = balance.network  # of a model at other values it still has the effects that the balance knows
+    parts = {link.place: balance.exchange(link) for link in network.resistors}
+    for inside in network.conductors:
+        one, other = inside.ends
+        drop = balance.temperature[other] - balance.temperature[one]
+        parts[edge(one, other)] = balance.p[inside.conductivity] * inside.shape * drop
+    for instance in network.effect_instances:
+        heats = balance.heat_into_ends(instance)
+        if heats:
+            parts[instance.label] = heats[0]
+    faces = set(network.massless)
+    parts = {name: flow for name, flow in parts.items() if not faces & set(map(str, ca.symvar(ca.SX(flow))))}
+    known = [balance.x, balance.u, balance.p]
+    make = lambda: ca.Function("flows", known, [ca.vertcat(*parts.values())])  # noqa: E731
+    flows = model.made_once("heat flows", make)(states, inputs, model.values)
+    return dict(zip(parts, np.asarray(flows, dtype=float).ravel().tolist(), strict=True))
+
+
+# --- what is drawn -------------------------------------------------------------------------------------------
+
+
+@dataclass
+class _Line:
+    """A link of the drawing, with the effects that act on it."""
+
+    name: str
+    ends: tuple[str, str]
+    parameters: list[str] = field(default_factory=list)
+    effects: list[EffectInstance] = field(default_factory=list)
+
+
+class _Parts:
+    """A network as boxes, lines and badges; faces stand for the body that they belong to."""
+
+    def __init__(self, network: Network) -> None:
+        self.nodes, self.around = list(network.dynamic), list(network.prescribed)
+        self.effects: dict[str, list[EffectInstance]] = {}
+        self._lines: dict[str, _Line] = {}
+        names = [parameter.name for parameter in network.parameters]
+        resistors = [(link.place, link.ends, link.resistance) for link in network.resistors]
+        inside = [(edge(*each.ends), each.ends, each.conductivity) for each in network.conductors]
+        for place, ends, index in [*resistors, *inside]:
+            if made := self._line(place, ends):
+                made.parameters.append(names[index])
+        for instance in network.effect_instances:
+            place_of_it = self._line_of(instance)
+            if place_of_it:
+                place_of_it.effects.append(instance)
+            else:
+                self.effects.setdefault(self._body(instance.ends[0]), []).append(instance)
+
+    @property
+    def lines(self) -> list[_Line]:
+        """Every link, and what effects exchange heat where there is none."""
+        return list(self._lines.values())
+
+    def _body(self, place: str) -> str:
+        return place if place in (*self.nodes, *self.around) else place.rpartition(".")[0]
+
+    def _line(self, name: str, places: Sequence[str]) -> _Line | None:
+        """The line of a link; none within one body and between places whose temperatures are given."""
+        one, other = (self._body(place) for place in places)
+        if one == other or {one, other} <= set(self.around):
+            return None
+        return self._lines.setdefault(name, _Line(name, (one, other)))
+
+    def _line_of(self, instance: EffectInstance) -> _Line | None:
+        """The line that an effect acts on; none where it acts on a node."""
+        if len(instance.ends) < 2:
+            return None
+        bodies = {self._body(place) for place in instance.ends}
+        there = (each for each in self.lines if set(each.ends) == bodies)
+        return next(there, None) or self._line(instance.place, instance.ends[:2])
+
+
+# --- how it looks --------------------------------------------------------------------------------------------
+
+
+_LETTER, _HIGH, _AROUND = 7.3, 26.0, 22.0  # px: a letter's width, a box's height, a margin
+_STUB = 34.0  # px from a box's edge to the mark of the surroundings
+_BADGE = 6.5  # px, radius
+_THIN, _WIDEST = 1.6, 9.0  # px, of links
+_DIRECTIONS = 24  # that are tried for a stub
+_SCALE = ((255, 247, 188), (254, 196, 79), (236, 112, 20), (153, 52, 4))  # cool to hot; told apart in grey, too
+_LEGEND = 19.0  # px, a line of the legend
+
+_STYLE = """
+.network{--node:#f3f3f0;--edge:#5d5d58;--ink:#1a1a19;--soft:#5d5d58;--mark:#0072b2;--badge:#fff;--paper:#fff;
+font:13px system-ui,"Segoe UI","Helvetica Neue",Arial,"DejaVu Sans",sans-serif}
+@media screen and (prefers-color-scheme:dark){.network{--node:#26292e;--edge:#a3a29b;--ink:#e9e8e4;--soft:#a3a29b;
+--mark:#5ab4e5;--badge:#161719;--paper:#161719}}
+.network text{fill:var(--ink)}.network .soft,.network .badge text{fill:var(--soft);font-size:11px}
+.network .badge text{font-size:9px;fill:var(--ink)}.network rect{fill:var(--node);stroke:var(--edge);stroke-width:1.2}
+.network .link line{stroke:var(--edge);stroke-linecap:round}.network .link .reach{stroke:transparent;stroke-width:14}
+.network .bare line:not(.reach){stroke-dasharray:3 4}
+.network .air path{fill:none;stroke:var(--mark);stroke-width:2;stroke-linecap:round}
+.network .badge circle{fill:var(--badge);stroke:var(--edge);stroke-width:1}
+.network .halo{stroke:var(--paper);stroke-width:3px;paint-order:stroke}
+"""
+
+
+def draw_network(
+    model: Model | Network,
+    temperatures: Mapping[str, float] | None = None,
+    flows: Mapping[str, float] | None = None,
+) -> str:
+    """A drawing of a network as one `<svg>` element, for a page or a file of its own; light and dark.
+
+    Each node is a box, each resistance a line. A short line that ends in a mark is a resistance to the surroundings.
+    What acts on a node or link is a numbered badge, with its name in the legend. For scripts, a node's element has
+    `data-node`, a link's `data-link`, a badge's `data-effect`; `data-parameter` holds a JSON list of the names of
+    its parameters.
+
+    Args:
+        model: a model or its network.
+        temperatures: degC by node, prescribed ones too where they are known; they colour the boxes.
+        flows: W by link and effect, as `heat_flows` gives them; they set the width of the lines.
+
+    Returns:
+        SVG; the same arguments give the same text.
+
+    Example:
+        >>> import lptn
+        >>> model = lptn.load_model("examples/tclab/two_heaters.toml").model
+        >>> draw_network(model).count("data-link=")
+        2
+    """
+    network = model.network if isinstance(model, Model) else model
+    parts = _Parts(network)
+    kinds = list(dict.fromkeys(instance.effect.key for instance in network.effect_instances))
+    return _Drawing(network, parts, kinds, dict(temperatures or {}), dict(flows or {})).text()
+
+
+class _Drawing:
+    """Boxes placed, then lines below them, then badges and a legend."""
+
+    def __init__(
+        self,
+        network: Network,
+        parts: _Parts,
+        kinds: Sequence[str],
+        temperatures: dict[str, float],
+        flows: dict[str, float],
+    ) -> None:
+        self.network, self.parts, self.kinds = network, parts, kinds
+        self.temperatures, self.flows = temperatures, flows
+        self.names = [parameter.name for parameter in network.parameters]
+        known = [value for value in temperatures.values() if np.isfinite(value)]
+        self.coolest, self.hottest = (min(known), max(known)) if known else (0.0, 0.0)
+        through = [abs(flows[line.name]) for line in parts.lines if np.isfinite(flows.get(line.name, np.nan))]
+        self.most = max(through, default=0.0)
+        self.sizes = {name: self._size(name) for name in parts.nodes}
+        inner = [line.ends for line in parts.lines if not set(line.ends) & set(parts.around)]
+        self.at = places_of(parts.nodes, inner, self.sizes)
+        self.badges: list[str] = []
+        self.reached: list[FloatArray] = []  # corners of what is drawn beside the boxes
+
+    def _size(self, name: str) -> Point:
+        shown = [name, self._degrees(name)]
+        width = _LETTER * max(map(len, shown)) + 20
+        badges = 2.3 * _BADGE * len(self.parts.effects.get(name, ()))
+        return max(width, badges + 8), _HIGH + (15.0 if shown[1] else 0.0) + (2 * _BADGE if badges else 0.0)
+
+    def _degrees(self, name: str) -> str:
+        value = self.temperatures.get(name, np.nan)
+        return f"{value:.1f} °C" if np.isfinite(value) else ""
+
+    def text(self) -> str:
+        links = [self._between(line) for line in self.parts.lines if not self._surroundings_of(line)]
+        stubs = self._stubs()
+        boxes = [self._box(name) for name in self.parts.nodes]
+        for name, middle in self.at.items():
+            half = np.divide(self.sizes[name], 2)
+            self.reached += [middle - half, middle + half]
+        low, high = np.min(self.reached, axis=0), np.max(self.reached, axis=0)
+        left, top = (low - _AROUND).tolist()
+        width, height = (high - low + 2 * _AROUND).tolist()
+        legend, below, across = self._legend(left + 8, top + height + 4, max(width, 330.0))
+        if across > width:
+            left, width = left - (across - width) / 2, across
+            legend, below, _ = self._legend(left + 8, top + height + 4, across)
+        box = " ".join(f"{value:.0f}" for value in (left, top, width, height + below))
+        label = f"thermal network {self.network.name}: {len(self.parts.nodes)} nodes, {len(self.parts.lines)} links"
+        return (
+            f'<svg xmlns="http://www.w3.org/2000/svg" class="network" viewBox="{box}" width="{width:.0f}" '
+            f'height="{height + below:.0f}" role="img" aria-label="{escape(label)}"><style>{_STYLE}</style>'
+            f"{''.join([*links, *stubs, *boxes, *self.badges, legend])}</svg>"
+        )
+
+    # --- nodes ------------------------------------------------------------------------------------
+
+    def _box(self, name: str) -> str:
+        (x, y), (width, height) = self.at[name], self.sizes[name]
+        colour, ink = self._colour(name)
+        style = f' style="fill:{colour}"' if colour else ""
+        words = f' style="fill:{ink}"' if colour else ""
+        capacity = self.names[self.network.capacities[name]]
+        degrees = self._degrees(name)
+        lines = [f'<text x="{x:.1f}" y="{y - height / 2 + 18:.1f}" text-anchor="middle"{words}>{escape(name)}</text>']
+        if degrees:
+            low = y - height / 2 + 33
+            lines.append(f'<text x="{x:.1f}" y="{low:.1f}" text-anchor="middle" class="soft"{words}>{degrees}</text>')
+        self._add_badges(self.parts.effects.get(name, ()), x, y + height / 2 - 1)
+        corner = f'x="{x - width / 2:.1f}" y="{y - height / 2:.1f}" width="{width:.1f}" height="{height:.1f}"'
+        return (
+            f'<g class="node" data-node="{escape(name)}" data-parameter="{_names([capacity])}">'
+            f'<title>{escape(name)}{f": {degrees}" if degrees else ""}</title><rect {corner} rx="7"{style}/>'
+            f"{''.join(lines)}</g>"
+        )
+
+    def _colour(self, name: str) -> tuple[str, str]:
+        """Of a box and of what is written in it; empty without a temperature."""
+        value = self.temperatures.get(name, np.nan)
+        if not np.isfinite(value):
+            return "", ""
+        share = (value - self.coolest) / (self.hottest - self.coolest) if self.hottest > self.coolest else 0.0
+        at = share * (len(_SCALE) - 1)
+        rgb = [np.interp(at, range(len(_SCALE)), [colour[k] for colour in _SCALE]) for k in range(3)]
+        light = 0.299 * rgb[0] + 0.587 * rgb[1] + 0.114 * rgb[2] > 140
+        return "rgb({:.0f},{:.0f},{:.0f})".format(*rgb), "#1a1a19" if light else "#fff"
+
+    # --- links ------------------------------------------------------------------------------------
+
+    def _surroundings_of(self, line: _Line) -> str:
+        return next((end for end in line.ends if end in self.parts.around), "")
+
+    def _width(self, line: _Line) -> float:
+        flow = abs(self.flows.get(line.name, np.nan))
+        if not self.most or not np.isfinite(flow):
+            return _THIN
+        return max(_WIDEST * float(flow) / self.most, 0.8)
+
+    def _between(self, line: _Line) -> str:
+        start, end = np.array(self.at[line.ends[0]]), np.array(self.at[line.ends[1]])
+        along = end - start
+        beside = [other for other in self.parts.lines if {*other.ends} == {*line.ends}]
+        across = np.array([-along[1], along[0]]) / max(float(np.hypot(*along)), 1e-9)
+        shift = 13.0 * (beside.index(line) - (len(beside) - 1) / 2) * across
+        middle = (start + end) / 2 + shift
+        self._add_badges(line.effects, *middle.tolist())
+        return self._link(line, start + shift, end + shift)
+
+    def _link(self, line: _Line, start: FloatArray, end: FloatArray, mark: str = "") -> str:
+        flow = self.flows.get(line.name, np.nan)
+        watts = f": {number(abs(flow), 3)} W" if np.isfinite(flow) else ""
+        if watts:
+            into, source = line.ends if flow > 0 else line.ends[::-1]
+            watts += f" from {source} to {into}"
+        ends = 'x1="{:.1f}" y1="{:.1f}" x2="{:.1f}" y2="{:.1f}"'.format(*start, *end)
+        bare = "" if line.parameters else " bare"
+        return (
+            f'<g class="link{bare}" data-link="{escape(line.name)}" data-parameter="{_names(line.parameters)}">'
+            f'<title>{escape(line.name)}{escape(watts)}</title><line class="reach" {ends}/>'
+            f'<line {ends} stroke-width="{self._width(line):.1f}"/>{mark}</g>'
+        )
+
+    def _stubs(self) -> list[str]:
+        """Links to the surroundings, each where its node has most room."""
+        taken: dict[str, list[float]] = {name: [] for name in self.parts.nodes}
+        for line in self.parts.lines:
+            if not self._surroundings_of(line):
+                for one, other in (line.ends, line.ends[::-1]):
+                    dx, dy = np.subtract(self.at[other], self.at[one])
+                    taken[one].append(float(np.arctan2(dy, dx)))
+        drawn = []
+        named = len(self.parts.around) > 1 or len(self.parts.nodes) < 3
+        for line in self.parts.lines:
+            around = self._surroundings_of(line)
+            if not around:
+                continue
+            name = next(end for end in line.ends if end != around)
+            angle = self._free_angle(name, taken[name])
+            taken[name].append(angle)
+            way = np.array([np.cos(angle), np.sin(angle)])
+            start = np.array(self.at[name])
+            rim = start + way * self._to_edge(name, way)
+            end = rim + way * (_STUB + 2 * _BADGE * bool(line.effects))
+            across = np.array([-way[1], way[0]])
+            mark = _mark(end, across)
+            if named:
+                anchor = "middle" if abs(way[0]) < 0.5 else "start" if way[0] > 0 else "end"
+                x, y = end + way * 9 + [0.0, 4.0 + 5.0 * (way[1] if abs(way[0]) < 0.5 else 0.0)]
+                mark += f'<text class="soft" x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}">{escape(around)}</text>'
+                wide = 6.4 * len(around)
+                first = {"middle": x - wide / 2, "start": x, "end": x - wide}[anchor]
+                self.reached += [np.array([first, y - 11]), np.array([first + wide, y])]
+            self.reached += [end - 9, end + 9]
+            self._add_badges(line.effects, *((rim + end) / 2).tolist())
+            drawn.append(self._link(line, start, end, mark))
+        return drawn
+
+    def _to_edge(self, name: str, way: FloatArray) -> float:
+        half = np.divide(self.sizes[name], 2)
+        return float(min(half[k] / abs(way[k]) for k in range(2) if abs(way[k]) > 1e-9))
+
+    def _free_angle(self, name: str, taken: Sequence[float]) -> float:
+        """The direction with most room between the node's other lines and other boxes; upward among equals."""
+        here = np.array(self.at[name])
+        badges = bool(self.parts.effects.get(name))
+        best, room = 0.0, -np.inf
+        for place in range(_DIRECTIONS):
+            angle = 2 * np.pi * place / _DIRECTIONS
+            way = np.array([np.cos(angle), np.sin(angle)])
+            end = here + way * (self._to_edge(name, way) + _STUB)
+            clear = min((abs((angle - other + np.pi) % (2 * np.pi) - np.pi) for other in taken), default=np.pi)
+            near = min((self._outside(other, end) for other in self.parts.nodes if other != name), default=99.0)
+            crossing = sum(self._crosses(here, end, line, name) for line in self.parts.lines)
+            score = min(clear, 1.2) + min(near, 30.0) / 30.0 - 1.5 * crossing
+            score -= 0.7 * badges * max(way[1], 0.0)  # a node's badges stand below it
+            score += 0.1 * abs(way[1]) - 0.05 * way[1]  # up or down, where names are not
+            if score > room + 1e-9:
+                best, room = angle, score
+        return float(best)
+
+    def _outside(self, name: str, point: FloatArray) -> float:
+        """How far a point is from a box [px]."""
+        beyond = np.abs(point - self.at[name]) - np.divide(self.sizes[name], 2)
+        return float(np.hypot(*np.maximum(beyond, 0.0)))
+
+    def _crosses(self, start: FloatArray, end: FloatArray, line: _Line, name: str) -> bool:
+        if self._surroundings_of(line) or name in line.ends:
+            return False
+        one, other = (np.array(self.at[each]) for each in line.ends)
+
+        def side(a: FloatArray, b: FloatArray, c: FloatArray) -> float:
+            return float((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))
+
+        return (
+            side(start, end, one) * side(start, end, other) < 0 and side(one, other, start) * side(one, other, end) < 0
+        )
+
+    # --- badges and legend ------------------------------------------------------------------------
+
+    def _add_badges(self, effects: Iterable[EffectInstance], x: float, y: float) -> None:
+        effects = list(effects)
+        for place, instance in enumerate(effects):
+            at = x + 2.3 * _BADGE * (place - (len(effects) - 1) / 2)
+            self.badges.append(self._badge(instance, at, y))
+
+    def _badge(self, instance: EffectInstance, x: float, y: float) -> str:
+        flow = self.flows.get(instance.label, np.nan)
+        watts = f": {number(flow, 3)} W" if np.isfinite(flow) else ""
+        parameters = _names(self.names[index] for index in instance.parameters.values())
+        return (
+            f'<g class="badge" data-effect="{escape(instance.label)}" data-parameter="{parameters}">'
+            f"<title>{escape(title_of(instance.effect.key))} at {escape(instance.place)}{watts}</title>"
+            f"{_dot(x, y, str(self.kinds.index(instance.effect.key) + 1))}</g>"
+        )
+
+    def _legend(self, x: float, y: float, width: float) -> tuple[str, float, float]:
+        """The legend, its height, and how wide the drawing must be for it [px]."""
+        entries = []
+        for name in self.parts.around:
+            degrees = self._degrees(name)
+            entries.append(("air", name, f"{name}{f', {degrees}' if degrees else ''}"))
+        entries += [("dot", str(place), title_of(key)) for place, key in enumerate(self.kinds, start=1)]
+        column = 30.0 + 6.4 * max(len(words) for _, _, words in entries)
+        width = max(width, column + 16)
+        columns = max(int((width - 16) // column), 1)
+        drawn = []
+        for place, (kind, what, words) in enumerate(entries):
+            left, top = x + column * (place % columns), y + _LEGEND * (place // columns) + 10
+            if kind == "air":
+                mark = _mark(np.array([left + 7, top + 1]), np.array([1.0, 0.0]))
+                symbol = f'<g class="air" data-node="{escape(what)}">{mark}</g>'
+                beside = self.parts.effects.get(what, ())
+            else:
+                symbol, beside = f'<g class="badge">{_dot(left + 7, top, what)}</g>', ()
+            drawn.append(f'{symbol}<text class="soft" x="{left + 20:.1f}" y="{top + 4:.1f}">{escape(words)}</text>')
+            for place, instance in enumerate(beside):
+                drawn.append(self._badge(instance, left + 28 + 6.4 * len(words) + 2.3 * _BADGE * place, top))
+        rows = -(-len(entries) // columns)
+        if self.most:
+            top = y + _LEGEND * rows + 10
+            drawn.append(
+                f'<g class="link"><line x1="{x:.1f}" x2="{x + 14:.1f}" y1="{top:.1f}" y2="{top:.1f}" '
+                f'stroke-width="{_WIDEST}"/></g>'
+                f'<text class="soft" x="{x + 24:.1f}" y="{top + 4:.1f}">{number(self.most, 3)} W through a link</text>'
+            )
+            rows += 1
+        return "".join(drawn), _LEGEND * rows + 12, width
+
+
+def _names(parameters: Iterable[str]) -> str:
+    return escape(json.dumps(list(parameters), ensure_ascii=False))
+
+
+def _dot(x: float, y: float, text: str) -> str:
+    return (
+        f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{_BADGE}"/>'
+        f'<text x="{x:.1f}" y="{y + 3.2:.1f}" text-anchor="middle">{text}</text>'
+    )
+
+
+def _mark(end: FloatArray, across: FloatArray) -> str:
+    """Where heat leaves the network: a bar across the line's end."""
+    one, other = end - 7 * across, end + 7 * across
+    path = "M{:.1f} {:.1f}L{:.1f} {:.1f}".format(*one, *other)
+    return f'<g class="air"><path d="{path}"/></g>'

@@ -1,0 +1,165 @@
+"""The figures of a diagnosis on the page: how errors fall, the ranking, what can't be told apart, what would show."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from math import sqrt
+
+import numpy as np
+from markupsafe import Markup
+
+from lptn.diagnose.diagnosis import Diagnosis, Key
+from lptn.diagnose.improvement import History
+from lptn.diagnose.scores import Confusability, Detectable
+from lptn.report.shown import candidates_shown, noise_alone, reaches
+from lptn.report.svg import LETTER, WIDE, Drawing, Panel, strength
+from lptn.report.text import kelvin, named, place_of, short_size, title_of, unit_text
+
+# --- the history: how the errors fall from step to step -----------------------------------------------------
+
+
+_WIDE = 8.0  # ratio of errors above which only a logarithmic axis shows them all
+
+
+def history_figure(history: History) -> Markup:
+    """RMSE [K] of each step on fit, held-out and test data, above what the sensors' noise alone would leave."""
+    noise, best = noise_alone(history.best.fit), len(history.steps) - 1
+    lines = {
+        "fit data": [step.fit.rmse for step in history.steps],
+        "held-out data": [step.holdout.rmse if step.holdout else np.nan for step in history.steps],
+        "test data": [step.test.rmse if step.test else np.nan for step in history.steps],
+    }
+    lines = {name: values for name, values in lines.items() if np.isfinite(values).any()}
+    shown = [noise, *(value for values in lines.values() for value in values if np.isfinite(value))]
+    log = max(shown) > _WIDE * min(shown)
+    up = (0.7 * min(shown), 1.3 * max(shown)) if log else (0.0, 1.1 * max(shown))
+    draw = Drawing(292)
+    panel = Panel(draw, (60, 28, WIDE - 20, 232), (-0.5, best + 0.5), up, log_up=log)
+    looks = {"fit data": "line-fit", "held-out data": "line-held", "test data": "line-test"}
+    draw.legend(70, 16, [(looks[name], name) for name in lines])
+    panel.level(noise, noise, "zero")
+    draw.text(WIDE - 22, float(panel.y(noise)) - 4, f"sensor noise alone, {kelvin(noise, 2)}", "end")
+    places = np.arange(best + 1, dtype=float)
+    for name, values in lines.items():
+        panel.line(places, np.array(values), looks[name])
+        for place, value in enumerate(values):
+            if np.isfinite(value):
+                look = "dot-given" if place == 0 else "dot-best" if place == best else "dot"
+                draw.dot(float(panel.x(place)), float(panel.y(value)), look, f"{name}: {kelvin(value)}")
+    wide = (WIDE - 80) / (best + 1)
+    for place, step in enumerate(history.steps):
+        x = float(panel.x(place))
+        words = [f"{place}", "as given"] if step.effect is None else [str(place), f"+ {title_of(step.effect)}"]
+        words += [place_of(step.at)] if step.at else []
+        for number, line in enumerate(words):
+            most = max(int(wide / LETTER), 6)
+            draw.text(x, 250 + 14 * number, line if len(line) <= most else f"{line[: most - 1]}…", "middle")
+    panel.frame("", "RMSE [K]", numbers=False)
+    return draw.svg("RMSE of each step on fit, held-out and test data")
+
+
+# --- the ranking: how far each candidate scores beyond chance -----------------------------------------------
+
+
+_LEAST = 0.1  # shares of chance below this are not worth telling apart
+_WIDE_RANKING = 20.0  # ratio of scores above which only a logarithmic axis shows them all
+_BAR = 18.0  # px
+
+
+def ranking_figure(diagnosis: Diagnosis, added: Collection[Key] = ()) -> Markup:
+    """Score of each candidate as a multiple of what chance alone exceeds once in twenty logs.
+
+    Args:
+        diagnosis: some candidate of which must score (see `candidates_shown`).
+        added: effects and places that were added.
+    """
+    shown = candidates_shown(diagnosis)
+    refitted = {step.key for step in diagnosis.refits}
+    shares = [sqrt(each.gain / max(diagnosis.scores.threshold, 1e-30)) for each in shown]
+    log = max(shares) > _WIDE_RANKING * max(min(shares), _LEAST)
+    names = [named(*each.candidate.key) for each in shown]
+    left = min(LETTER * max(map(len, names)) + 14, 430.0)
+    bottom = 6 + _BAR * len(shown)
+    draw = Drawing(bottom + 40)
+    ends = (0.7 * _LEAST, 1.1 * max(1.0, *shares)) if log else (0.0, 1.08 * max(1.0, *shares))
+    panel = Panel(draw, (left, 4, WIDE - 20, bottom), ends, (0.0, 1.0), log=log)
+    for row, (each, share, name) in enumerate(zip(shown, shares, names, strict=True)):
+        look = "bar-added" if each.candidate.key in added else "bar"
+        look += "" if each.candidate.key in refitted else " hollow"
+        top = 6 + _BAR * row
+        draw.text(left - 6, top + 12, name, "end")
+        width = float(panel.x(max(share, _LEAST) if log else share)) - left
+        draw.rect(left, top + 2, width, _BAR - 5, look, f"{name}: {share:.2g} times the chance threshold")
+    at = float(panel.x(1.0))
+    draw.line(at, 2, at, bottom, "line-limit")
+    panel.frame("score as a multiple of the chance threshold [1]", rows=True)
+    return draw.svg("ranking of candidates by score")
+
+
+# --- candidates that leave the same trace: what these data can't tell apart ---------------------------------
+
+
+_SQUARE = 24.0  # px, height of a cell
+_ON_DARK = 0.55  # strength of a colour from which writing on it takes the paper's colour
+
+
+def collinearity_figure(result: Confusability) -> Markup:
+    """Absolute correlation of the candidates' traces, 1 for two that these data can't tell apart at all."""
+    count = len(result.keys)
+    names = [f"{named(*key)}  {number}" for number, key in enumerate(result.keys, start=1)]
+    left = min(LETTER * max(map(len, names)) + 14, 430.0)
+    wide = (WIDE - left - 10) / count
+    draw = Drawing(26 + _SQUARE * count)
+    for row, name in enumerate(names):
+        draw.text(left - 6, 20 + _SQUARE * (row + 0.68), name, "end")
+        draw.text(left + wide * (row + 0.5), 14, str(row + 1), "middle")
+        for column in range(count):
+            value = float(result.matrix[row, column])
+            x, y, share = left + wide * column, 20 + _SQUARE * row, strength(value)
+            title = f"{names[row]} and {names[column]}: {value:.2f}"
+            draw.rect(x, y, wide - 1, _SQUARE - 1, "bad", title if row != column else "", share)
+            look = "on" if share > _ON_DARK else ""
+            draw.text(x + wide / 2, y + 16, "–" if row == column else f"{value:.2f}", "middle", look)
+    return draw.svg("absolute correlation of the candidates' traces")
+
+
+# --- what the data could have shown: the smallest size of each effect that they would reveal ----------------
+
+
+_LEAST_REACH, _MOST_REACH = 1e-3, 1e3  # shares of the typical size beyond which nobody asks for more
+_HIDDEN = 1.0  # share of the typical size from which an effect could hide
+
+
+def detectability_figure(sizes: list[Detectable]) -> Markup:
+    """Smallest size that would show, as a share of the typical one, from the easiest place to the hardest.
+
+    Args:
+        sizes: of `lptn.diagnose.scores.smallest`.
+    """
+    rows = reaches(sizes)
+    shown = [tuple(np.clip([each.easiest.share, each.hardest.share], _LEAST_REACH, _MOST_REACH)) for each in rows]
+    names = [title_of(each.easiest.effect) for each in rows]
+    wheres = [
+        f"{short_size(each.easiest.amplitude)} {unit_text(each.easiest.unit)}".removesuffix(" 1")
+        + f", {place_of(each.easiest.at)}"
+        for each in rows
+    ]
+    left = min(LETTER * max(map(len, names)) + 14, 400.0)
+    right = WIDE - min(LETTER * max(map(len, wheres)) + 14, 240.0)
+    bottom = 22 + _BAR * len(rows)
+    draw = Drawing(bottom + 40)
+    low, high = min(min(low for low, _ in shown), _HIDDEN), max(max(high for _, high in shown), _HIDDEN)
+    panel = Panel(draw, (left, 18, right, bottom), (0.7 * low, 1.4 * high), (0.0, 1.0), log=True)
+    draw.text(WIDE, 12, "smallest, and where", "end", "title")
+    for row, (each, (least, most)) in enumerate(zip(rows, shown, strict=True)):
+        y = 22 + _BAR * (row + 0.5)
+        first, last = float(panel.x(least)), float(panel.x(most))
+        draw.line(first, y, last, y, "line-reach")
+        draw.line(last, y - 4, last, y + 4, "line-reach")
+        draw.dot(first, y, "dot" if each.easiest.share < _HIDDEN else "dot hollow")
+        draw.text(left - 6, y + 4, names[row], "end")
+        draw.text(right + 8, y + 4, wheres[row])
+    at = float(panel.x(_HIDDEN))
+    draw.line(at, 16, at, bottom, "line-limit")
+    panel.frame("smallest size that would show, as a share of the typical size [1]", rows=True)
+    return draw.svg("smallest size of each effect that would show")

@@ -1,0 +1,199 @@
+"""Pages on plans and cooling studies: the answer in words, and its lines and Pareto front to zoom and hover."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from lptn.basics.arrays import FloatArray
+from lptn.basics.lines import LONG, thinned
+from lptn.basics.style import inline_svg
+from lptn.planners.limiter.task import LimitAnswer
+from lptn.planners.mission.answer import MissionAnswer
+from lptn.planners.mpc.answer import TrackAnswer
+from lptn.report.charts import POINTS, ChartPanel, Charts, Line, View
+from lptn.report.document import picture, render
+from lptn.report.text import for_people, unit_text
+
+if TYPE_CHECKING:
+    from lptn.planners.tasks import Answer
+    from lptn.planners.trade import StudyResult
+
+_CHARTS = "plan"
+_TEMPERATURE = ChartPanel(
+    "temperature [°C]", "°C", (Line("temperature", "temperature", "best"), Line("limit", "limit", "limit")), 210
+)
+
+
+def plan_html(answer: Answer, title: str) -> str:
+    """One self-contained HTML page on the answer to a task of `lptn plan`.
+
+    Args:
+        answer: of any kind of task.
+        title: heads the page.
+
+    Returns:
+        HTML text, with all joints to look through.
+    """
+    text = answer.text()
+    charts = _charts_of(answer)
+    what = (
+        "The plan in one figure." if charts is None else "The plan in one figure; on screen all joints, one at a time."
+    )
+    return render(
+        "planning.html.j2",
+        title=title,
+        said=[for_people(line) for line in text.splitlines()],
+        charts=[charts.html(_CHARTS)] if charts is not None else [],
+        headings=["Over time" if not isinstance(answer, LimitAnswer) else "By how long it is asked"],
+        still=picture(what, inline_svg(answer.figure(), title)),
+    )
+
+
+def _charts_of(answer: Answer) -> Charts | None:
+    """What can be looked through; `None` for kinds of task that are not ours."""
+    if isinstance(answer, TrackAnswer):
+        return _track(answer)
+    if isinstance(answer, MissionAnswer):
+        return _mission(answer)
+    return _limit(answer) if isinstance(answer, LimitAnswer) else None
+
+
+def _track(answer: TrackAnswer) -> Charts:
+    task = answer.task
+    ends = task.period * np.arange(len(task.asked) + 1, dtype=float)
+    unit = _time_unit(float(ends[-1]))
+    values: dict[str, FloatArray] = {}
+    views = []
+    nodes = list(task.model.nodes)
+    for name in dict.fromkeys([*answer.joints, *nodes]):
+        lines: dict[str, FloatArray] = {}
+        if name in answer.joints:
+            number = answer.joints.index(name)
+            for key, column in (("requested", np.abs(task.asked)), ("admitted", np.abs(answer.admitted))):
+                lines[key] = np.append(column[:, number], np.nan)
+        if name in nodes:
+            lines["temperature"] = answer.temperatures[nodes.index(name)]
+            lines |= _limit_line(answer.limits, name, ends)
+        at, thin = thinned(ends, np.array(list(lines.values())), POINTS)
+        values[name] = at / unit
+        views.append(View((name,), name, name, dict(zip(lines, thin, strict=True))))
+    heat_unit = unit_text(answer.table().columns[1].partition("[")[2].rstrip("]"))
+    asked = Line("requested", "requested", "measured", steps=True), Line("admitted", "admitted", "given", steps=True)
+    panels = (ChartPanel(f"{task.request} [{heat_unit}]", heat_unit, asked, 170), _TEMPERATURE)
+    return Charts(_time_label(unit), panels, views, values, {"joint": [view.keys[0] for view in views]})
+
+
+def _mission(answer: MissionAnswer) -> Charts:
+    plan = answer.plan
+    time = np.asarray(plan.course.time, dtype=float)
+    unit = _time_unit(float(time[-1]) if time.size else 0.0)
+    piece = np.clip(np.searchsorted(np.cumsum(plan.time), time, side="right"), 0, max(len(plan.time) - 1, 0))
+    common = {"speed": plan.speed[piece], "load": plan.load[piece]} if plan.time.size else {}
+    values: dict[str, FloatArray] = {}
+    views = []
+    for row, node in enumerate(plan.mission.model.nodes):
+        lines = {"temperature": plan.course.states[row], **_limit_line(plan.mission.limits, node, time), **common}
+        at, thin = thinned(time, np.array(list(lines.values())), POINTS)
+        values[node] = at / unit
+        views.append(View((node,), node, node, dict(zip(lines, thin, strict=True))))
+    panels = (
+        _TEMPERATURE,
+        ChartPanel("speed [m/s]", "m/s", (Line("speed", "speed", "measured", steps=True),), 110, zero=True),
+        ChartPanel("load [kg]", "kg", (Line("load", "load", "given", steps=True),), 100, zero=True),
+    )
+    return Charts(_time_label(unit), panels, views, values, {"node": [view.keys[0] for view in views]})
+
+
+def _limit(answer: LimitAnswer) -> Charts | None:
+    limiter = answer.task.limiter
+    horizons = np.array(limiter.horizons, dtype=float)
+    finite = np.isfinite(horizons)
+    if finite.sum() < 2:
+        return None
+    unit = unit_text(limiter.heating.unit)
+    views = []
+    for number, joint in enumerate(limiter.joints):
+        admissible = np.where(np.isfinite(answer.admissible[number]), answer.admissible[number], np.nan)[finite]
+        lines = {"admissible": admissible, "load": np.full(int(finite.sum()), answer.task.load[number])}
+        views.append(View((joint,), joint, "horizon", lines))
+    shown = Line("admissible", "admissible", "best", dots=True), Line("load", "present load", "given")
+    panel = ChartPanel(f"[{unit}]", unit, shown, 240, zero=True)
+    return Charts(
+        "asked for [s]", (panel,), views, {"horizon": horizons[finite]}, {"joint": list(limiter.joints)}, True
+    )
+
+
+def _limit_line(limits: Mapping[str, float], name: str, time: FloatArray) -> dict[str, FloatArray]:
+    return {"limit": np.full(time.size, limits[name])} if name in limits else {}
+
+
+def _time_unit(seconds: float) -> float:
+    return 60.0 if seconds > LONG else 1.0
+
+
+def _time_label(unit: float) -> str:
+    return "time [min]" if unit > 1 else "time [s]"
+
+
+# --- cooling studies ------------------------------------------------------------------------------------------
+
+
+def trade_html(result: StudyResult) -> str:
+    """One self-contained HTML page on a cooling trade study.
+
+    Args:
+        result: of `lptn.planners.trade.solve_study`; something in it must be feasible.
+
+    Returns:
+        HTML text, with the Pareto front and the times to the limit to hover.
+    """
+    from lptn.planners.trade.export import lines
+    from lptn.planners.trade.figures import study_figure
+
+    charts = {"Time to the limit": _curves(result).html("curves")}
+    if result.front:
+        charts = {"Pareto front: the best choice at each amount": _front(result).html("front")} | charts
+    return render(
+        "planning.html.j2",
+        title=result.study.name,
+        said=[for_people(line) for line in lines(result)],
+        charts=list(charts.values()),
+        headings=list(charts),
+        still=picture("The study in one figure.", inline_svg(study_figure(result), result.study.name)),
+    )
+
+
+def _front(result: StudyResult) -> Charts:
+    from lptn.planners.trade.figures import AMOUNTS, VALUES
+
+    assert result.study.sweep is not None  # a front comes from a sweep
+    factor, label = AMOUNTS[result.study.sweep.against]
+    scale, goal = VALUES[result.study.goal]
+    every = {name: points for name, points in result.by_option.items() if points}
+    amounts = np.unique([point.amount for points in [*every.values(), result.front] for point in points])
+    shown: dict[str, FloatArray] = {}
+    for name, points in [*every.items(), ("", result.front)]:
+        shown[name] = np.full(amounts.size, np.nan)
+        shown[name][np.searchsorted(amounts, [point.amount for point in points])] = [
+            scale * each.value for each in points
+        ]
+    unit = _unit_in(goal)
+    drawn = [Line(name, name, colour=number, dots=True) for number, name in enumerate(every)]
+    panel = ChartPanel(goal.replace("degC", "°C"), unit, (*drawn, Line("", "Pareto front", "points")), 380)
+    view = View(("",), "", "amount", shown)
+    return Charts(label.replace("degC", "°C"), (panel,), [view], {"amount": factor * amounts})
+
+
+def _curves(result: StudyResult) -> Charts:
+    currents = result.curves[0].current
+    shown = {each.name: np.where(np.isfinite(each.time), each.time, np.nan) for each in result.curves}
+    drawn = tuple(Line(name, name, colour=number) for number, name in enumerate(shown))
+    panel = ChartPanel(f"time to {result.curves[0].limit:.0f} °C [s]", "s", drawn, 320, log=True)
+    return Charts("constant current [A]", (panel,), [View(("",), "", "current", shown)], {"current": currents})
+
+
+def _unit_in(label: Any) -> str:
+    return str(label).partition("[")[2].rstrip("]").replace("degC", "°C")

@@ -1,0 +1,171 @@
+"""What a figure shows of a comparison, a diagnosis and unexplained heat, whoever draws it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import sqrt
+
+import numpy as np
+
+from lptn.basics.arrays import FloatArray
+from lptn.basics.errors import InputError
+from lptn.diagnose.diagnosis import Diagnosis
+from lptn.diagnose.scores import Detectable, Score
+from lptn.diagnose.unexplained_heat import UnexplainedHeat
+from lptn.identify.comparison import Comparison, Prediction
+from lptn.identify.fitting import Fit
+
+# --- temperatures and errors in time ----------------------------------------------------------------------
+
+NOISE_BAND = 2.0
+"""Half-width of the band of noise, in multiples of the RMSE that noise alone would leave."""
+
+MOST = 6
+"""Panels in one figure."""
+
+View = tuple[int, str]
+"""The number of a run and the name of a node."""
+
+
+def initialisation_end(prediction: Prediction) -> float | None:
+    """Where the window that finds the start ends [s], `None` where it is also what counts."""
+    segment = prediction.segment
+    if segment.initialisation == segment.evaluation:
+        return None
+    return min(segment.initialisation[1], float(segment.run.time[-1]))
+
+
+def views(comparison: Comparison) -> list[View]:
+    """Every node measured in a run, run by run."""
+    return [
+        (number, node)
+        for number, prediction in enumerate(comparison.predictions)
+        for row, node in enumerate(comparison.model.nodes)
+        if prediction.bound.counted[row].any()
+    ]
+
+
+def worst_views(comparison: Comparison, most: int = MOST) -> list[View]:
+    """The views with the largest RMSE, in the order of runs and nodes."""
+    every = views(comparison)
+    chosen = sorted(every, key=lambda view: -rmse_of(comparison, view))[:most]
+    return [view for view in every if view in chosen]
+
+
+def worst_view(comparison: Comparison, node: str | None = None, run: int | None = None) -> View:
+    """The view with the largest RMSE, of one node or one run if they are given.
+
+    Raises:
+        InputError: there is none.
+    """
+    every = views(comparison)
+    fitting = [view for view in every if run in (None, view[0]) and node in (None, view[1])]
+    if not fitting:
+        measured = ", ".join(dict.fromkeys(name for number, name in every if run in (None, number)))
+        raise InputError("plot", "node", repr(node), f"a node that is measured: {measured}")
+    return max(fitting, key=lambda view: rmse_of(comparison, view))
+
+
+def rmse_of(comparison: Comparison, view: View) -> float:
+    return comparison.node(view[1], comparison.predictions[view[0]]).rmse
+
+
+# --- maps of nodes by time ------------------------------------------------------------------------------------
+
+MOST_RUNS = 4
+"""Runs in one figure."""
+MOST_INPUTS = 3
+"""Inputs drawn below the heat."""
+_COLUMNS = 150  # blocks of time in one map
+
+
+@dataclass(frozen=True)
+class Field:
+    """One run's values at each node over time.
+
+    Args:
+        run: its name.
+        start: of the first block in the log's clock [s].
+        seconds: length of a block.
+        nodes: the rows.
+        values: shape (nodes, blocks), NaN where unknown.
+    """
+
+    run: str
+    start: float
+    seconds: float
+    nodes: tuple[str, ...]
+    values: FloatArray
+
+
+def error_fields(comparison: Comparison) -> list[Field]:
+    """Predicted − measured [K] of each run where it counts, means over blocks of time."""
+    fields = []
+    for prediction in comparison.predictions:
+        error, run = prediction.error, prediction.segment.run
+        rows = np.flatnonzero(np.isfinite(error).any(axis=1))
+        counted = np.flatnonzero(np.isfinite(error).any(axis=0))
+        first, length = int(counted[0]), int(counted[-1] - counted[0]) + 1
+        size = max(1, length // _COLUMNS)
+        blocks = error[rows, first : first + length // size * size].reshape(len(rows), -1, size)
+        count = np.isfinite(blocks).sum(axis=2)
+        means = np.where(count > 0, np.nansum(blocks, axis=2) / np.maximum(count, 1), np.nan)
+        nodes = tuple(comparison.model.nodes[row] for row in rows)
+        fields.append(Field(run.name, float(run.time[first]), size * run.step, nodes, means))
+    return fields
+
+
+def heat_fields(runs: Sequence[UnexplainedHeat]) -> list[Field]:
+    """Unexplained heat [W] of each run, 0 where zero lies within its band."""
+    return [
+        Field(
+            each.run,
+            float(each.time[0] - each.seconds / 2),
+            each.seconds,
+            each.nodes,
+            np.where(np.abs(each.heat) > each.sure_band, each.heat, 0.0),
+        )
+        for each in runs
+    ]
+
+
+def worst_runs(fields: Sequence[Field]) -> list[int]:
+    """Numbers of the runs with the largest values, in the order of the runs."""
+    order = sorted(range(len(fields)), key=lambda place: -float(np.nanmean(fields[place].values ** 2)))
+    return sorted(order[:MOST_RUNS])
+
+
+# --- a diagnosis --------------------------------------------------------------------------------------------------
+
+_MOST_CANDIDATES = 20
+
+
+def noise_alone(fit: Fit) -> float:
+    """The RMSE that the noise of the measured nodes' sensors alone would leave [K]."""
+    measured = np.any([bound.counted.any(axis=1) for bound in fit.problem.bound_runs], axis=0)
+    return sqrt(float(np.mean(fit.noise.floor[measured] ** 2)))
+
+
+def candidates_shown(diagnosis: Diagnosis) -> list[Score]:
+    """The best candidates that score at all, and every one that was refitted."""
+    refitted = {step.key for step in diagnosis.refits}
+    scoring = [each for each in diagnosis.scores.ranked if each.gain > 0]
+    return [each for place, each in enumerate(scoring) if place < _MOST_CANDIDATES or each.candidate.key in refitted]
+
+
+@dataclass(frozen=True)
+class Reach:
+    """One effect: the place where it shows most easily, and the place where it hides best."""
+
+    easiest: Detectable
+    hardest: Detectable
+
+
+def reaches(sizes: Sequence[Detectable]) -> list[Reach]:
+    """One for each effect, the easiest to see first."""
+    effects: dict[str, list[Detectable]] = {}
+    for each in sizes:
+        effects.setdefault(each.effect, []).append(each)
+    by_share = (sorted(places, key=lambda each: each.share) for places in effects.values())
+    return sorted((Reach(places[0], places[-1]) for places in by_share), key=lambda each: each.easiest.share)

@@ -1,0 +1,218 @@
+"""All nodes and runs of a story to look through: tiles of errors, lines over time, the network at its hottest."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from markupsafe import Markup
+
+from lptn.basics.arrays import FloatArray
+from lptn.basics.lines import LONG, thinned
+from lptn.diagnose.unexplained_heat import UnexplainedHeat
+from lptn.identify.comparison import Comparison, Errors, Prediction
+from lptn.report.charts import POINTS, ChartPanel, Charts, Line, View, sizes_in_words
+from lptn.report.document import Picture, picture
+from lptn.report.network_drawing import draw_network, heat_flows
+from lptn.report.shown import NOISE_BAND
+from lptn.report.text import kelvin, signed_kelvin, significant
+
+CHARTS = "story"
+"""Name of the charts on the page, which the tiles pick from."""
+
+_PLAIN = 0.5  # share of its RMSE from which an error's mean says to which side it is
+
+
+@dataclass(frozen=True)
+class Shown:
+    """One run of the page.
+
+    Args:
+        label: what it is called: its name, and what it was used as.
+        number: in the comparisons.
+        start: where the drawing begins [s].
+        stop: where it ends [s].
+        heat: what the model as it is now lacks in it; only fitted runs have it.
+    """
+
+    label: str
+    number: int
+    start: float
+    stop: float
+    heat: UnexplainedHeat | None = None
+
+
+def shown_runs(jobs: Sequence[str], comparison: Comparison, heat: Sequence[UnexplainedHeat] = ()) -> list[Shown]:
+    """The runs of a comparison as the page calls them.
+
+    Args:
+        jobs: what each run was used as; empty for none.
+        comparison: of all runs.
+        heat: of the first so many runs, the fitted ones.
+    """
+    found: list[Shown] = []
+    for number, (job, prediction) in enumerate(zip(jobs, comparison.predictions, strict=True)):
+        run, window = prediction.segment.run, prediction.segment.evaluation
+        label = f"{run.name} ({job})" if job else run.name
+        if any(label == each.label for each in found):
+            label += f" {number + 1}"
+        first, last = float(run.time[0]), float(run.time[-1])
+        stop = min(window[1], last) if job == "fitted" else last
+        found.append(Shown(label, number, first, stop, heat[number] if number < len(heat) else None))
+    return found
+
+
+# --- tiles: node by run ---------------------------------------------------------------------------------------
+
+
+def tiles(runs: Sequence[Shown], comparison: Comparison) -> dict[str, Any]:
+    """A table of errors, a tile for each node and run; pale where they are like the noise."""
+    rows, most = [], 0.0
+    for node in comparison.model.nodes:
+        cells: list[tuple[str, Errors, float] | None] = []
+        for run in runs:
+            errors = comparison.node(node, comparison.predictions[run.number])
+            cells.append((run.label, errors, comparison.floor(node)) if errors.count else None)
+            if errors.count and errors.rmse > NOISE_BAND * comparison.floor(node):
+                most = max(most, errors.rmse)
+        if any(cells):
+            rows.append({"node": node, "cells": [cell and _tile(node, *cell) for cell in cells]})
+    for row in rows:
+        for cell in row["cells"]:
+            if isinstance(cell, dict):
+                cell["share"] = f"{cell['share'] / most if most else 0.0:.2f}"
+    return {"charts": CHARTS, "heads": [run.label for run in runs], "rows": rows}
+
+
+def _tile(node: str, run: str, errors: Errors, floor: float) -> dict[str, Any]:
+    side = "even" if abs(errors.mean) < _PLAIN * errors.rmse else "hot" if errors.mean > 0 else "cold"
+    title = (
+        f"{node}, {run}: RMSE {kelvin(errors.rmse)}, mean {signed_kelvin(errors.mean)}, largest {kelvin(errors.max)}"
+    )
+    share = errors.rmse if errors.rmse > NOISE_BAND * floor else 0.0
+    pick = json.dumps([node, run], ensure_ascii=False)
+    return {"look": side, "share": share, "pick": pick, "title": title, "text": significant(errors.rmse, 2)}
+
+
+# --- lines over time ------------------------------------------------------------------------------------------
+
+
+def time_charts(
+    runs: Sequence[Shown], given: Comparison, best: Comparison | None, names: tuple[str, str]
+) -> tuple[Charts, str]:
+    """Measured and predicted temperatures, errors and unexplained heat of every node measured in every run.
+
+    Args:
+        runs: of the comparisons.
+        given: the model as given.
+        best: the model as it is now, where it is another.
+        names: of the two models.
+
+    Returns:
+        The charts, and a sentence on how they were thinned.
+    """
+    minutes = max(run.stop - run.start for run in runs) > LONG
+    unit = 60.0 if minutes else 1.0
+    values: dict[str, FloatArray] = {}
+    views, longest = [], 0.0
+    for run in runs:
+        prediction = given.predictions[run.number]
+        time = prediction.segment.run.time
+        inside = (time >= run.start) & (time <= run.stop)
+        if inside.sum() > POINTS:
+            longest = max(longest, (run.stop - run.start) / (POINTS // 2))
+        for row, node in enumerate(given.model.nodes):
+            if not np.isfinite(prediction.bound.measured[row, inside]).any():
+                continue
+            lines = _lines(prediction, row, "given")
+            if best is not None and node in best.model.nodes:
+                lines |= _lines(best.predictions[run.number], best.model.nodes.index(node), "best")
+            at, thin = thinned(time[inside], np.array(list(lines.values()))[:, inside], POINTS)
+            drawn = dict(zip(lines, thin, strict=True)) | _heat(run.heat, node, at)
+            values[run.label] = at / unit
+            shown = best if best is not None else given
+            rmse = kelvin(shown.node(node, shown.predictions[run.number]).rmse)
+            start = prediction.segment.evaluation[0]
+            shaded = [(run.start / unit, start / unit)] if start > run.start else []
+            floor = NOISE_BAND * given.floor(node)
+            views.append(View((node, run.label), f"{node}, {run.label}: RMSE {rmse}", run.label, drawn, shaded, floor))
+    panels = (
+        ChartPanel(
+            "temperature [°C]", "°C", (Line("measured", "measured", "measured"), *_of_models("", names, best)), 250
+        ),
+        ChartPanel("error [K]", "K", _of_models("error ", names, best), 150, zero=True),
+        ChartPanel(
+            "heat [W]",
+            "W",
+            (Line("from", "from", "soft"), Line("to", "to", "soft"), Line("heat", "heat that the model lacks", "heat")),
+            130,
+            zero=True,
+            band=("from", "to"),
+        ),
+    )
+    order = {"node": list(dict.fromkeys(view.keys[0] for view in views)), "run": [run.label for run in runs]}
+    worst = {view.keys: -_rmse(best or given, view.keys, runs) for view in views}
+    views.sort(key=lambda view: worst[view.keys])
+    charts = Charts("time [min]" if minutes else "time [s]", panels, views, values, order)
+    return charts, sizes_in_words(longest)
+
+
+def _rmse(comparison: Comparison, keys: tuple[str, ...], runs: Sequence[Shown]) -> float:
+    run = next(run for run in runs if run.label == keys[1])
+    return comparison.node(keys[0], comparison.predictions[run.number]).rmse
+
+
+def _of_models(what: str, names: tuple[str, str], best: Comparison | None) -> tuple[Line, ...]:
+    given = Line(f"{what}given", names[0] if best is not None else "model", "given")
+    return (given, Line(f"{what}best", names[1], "best")) if best is not None else (given,)
+
+
+def _lines(prediction: Prediction, row: int, name: str) -> dict[str, FloatArray]:
+    measured, readings = prediction.bound.measured[row], prediction.readings[row]
+    return {"measured": measured, name: readings, f"error {name}": readings - measured}
+
+
+def _heat(heat: UnexplainedHeat | None, node: str, at: FloatArray) -> dict[str, FloatArray]:
+    if heat is None or node not in heat.nodes:
+        return {}
+    row = heat.nodes.index(node)
+    lines = {
+        "heat": heat.heat[row],
+        "from": heat.heat[row] - heat.sure_band[row],
+        "to": heat.heat[row] + heat.sure_band[row],
+    }
+    return {name: np.interp(at, heat.time, line, left=np.nan, right=np.nan) for name, line in lines.items()}
+
+
+# --- the network at its hottest -----------------------------------------------------------------------------
+
+
+def network_picture(comparison: Comparison) -> Picture:
+    """The network, coloured and drawn as heat flows when a node of the shown runs is hottest."""
+    model = comparison.model
+    count = len(model.nodes)
+    prediction = max(comparison.predictions, key=lambda each: float(np.nanmax(each.states[:count])))
+    length = prediction.bound.inputs.shape[1]
+    moment = int(np.argmax(prediction.states[:count, :length].max(axis=0)))
+    run = prediction.segment.run
+    model = model.with_values(model.in_run(run.name, model.values))
+    states, inputs = prediction.states[:, moment], prediction.bound.inputs[:, moment]
+    temperatures = dict(zip(model.nodes, states.tolist(), strict=False))
+    for name, source in model.network.prescribed.items():
+        column = f"temperature.{name}" if source == "start" else source
+        known = model.values[column] if isinstance(column, int) else inputs[model.inputs.index(column)]
+        temperatures[name] = float(known)
+    caption = (
+        f"The network at {run.time[moment]:.0f} s of {run.name}, when {max(model.nodes, key=temperatures.__getitem__)} "
+    )
+    caption += (
+        "is hottest: boxes are coloured by the temperature that the model predicts, lines are as wide as the heat "
+    )
+    caption += (
+        "that flows through them. A short line with a bar leads to the surroundings; numbers name what acts there."
+    )
+    drawn = draw_network(model, temperatures, heat_flows(model, states, inputs))
+    return picture(caption, Markup(drawn))
