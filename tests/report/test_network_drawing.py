@@ -87,18 +87,19 @@ def test_names_are_text_and_nothing_else() -> None:
 
 def test_flows_balance_the_rates() -> None:
     model = Model(_network("leg.toml"))
-    x, u = np.array([40.0, 55.0, 70.0]), np.array([20.0 if name.startswith("temp") else 3.0 for name in model.inputs])
+    x = np.array([[40.0, 30.0], [55.0, 31.0], [70.0, 29.0]])  # at two moments
+    u = np.array([[20.0, 25.0] if name.startswith("temp") else [3.0, 1.0] for name in model.inputs])
     flows = heat_flows(model, x, u)
-    into = dict.fromkeys(model.nodes, 0.0)
+    into = {node: np.zeros(2) for node in model.nodes}
     for resistor in model.network.resistors:
         for end, sign in zip(resistor.ends, (1.0, -1.0), strict=True):
             if end in into:
                 into[end] += sign * flows[resistor.place]
     for instance in model.network.effect_instances:
         into[instance.ends[0]] += flows[instance.label]
-    rates = np.array(model.rhs(x, u, model.values)).ravel()
-    capacities = [model.values[model.network.capacities[node]] for node in model.nodes]
-    np.testing.assert_allclose(list(into.values()), rates * capacities)
+    rates = np.array(model.rhs(x, u, model.values))
+    capacities = np.array([model.values[model.network.capacities[node]] for node in model.nodes])
+    np.testing.assert_allclose(list(into.values()), rates * capacities[:, None])
 
 
 def test_the_wider_the_line_the_more_heat() -> None:

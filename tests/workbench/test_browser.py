@@ -154,6 +154,11 @@ def test_zoom_and_a_stretch_left_out(browser: Browser, tmp_path: Path) -> None:
         with page.expect_response(_window(135), timeout=PATIENCE) as answered:
             page.locator(".stack").press("ArrowRight")
         assert answered.value.json()["time"][0] == pytest.approx(135, abs=4)
+        page.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 40)  # the network goes with the mouse
+        expect(page.locator("#network p")).to_contain_text(re.compile(r"^log at 1[67]\d"))
+        page.locator("[data-link='ambient~heater1']").click(force=True)
+        expect(page.locator("[id='edit resistance.ambient~heater*']")).to_be_visible()
+        expect(page.locator("[id='set value']")).to_be_visible()
         _order(page, "leave_out")
         expect(page.locator("#data li")).to_contain_text("left out")
         expect(page.locator("[id='tile fit 1 heater1']")).to_be_visible()  # the log's two pieces

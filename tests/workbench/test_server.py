@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import pickle
+import re
 import socket
 import subprocess
 import sys
@@ -248,3 +249,17 @@ def test_the_commands_and_python_lines_do_the_same(bench: Bench, tmp_path: Path)
 def test_other_commands_do_not_wait_for_the_server_to_load() -> None:
     script = "import sys, lptn.cli.main; sys.exit(bool({'starlette', 'uvicorn'} & set(sys.modules)))"
     assert subprocess.run([sys.executable, "-c", script], check=False).returncode == 0
+
+
+def test_the_network_at_a_moment_has_that_moments_temperatures(browser: TestClient, bench: Bench) -> None:
+    prediction = bench.predictions(0)["fit 0"]
+    time = float(prediction.bound.run.time[100])
+    answer = browser.get("/network", params={"segment": "fit 0", "time": time})
+    assert answer.status_code == 200
+    said = re.findall(r">(-?[0-9.]+) °C<", answer.json()["drawing"])
+    near = [float(row[100]) for row in prediction.states[:2]]  # moments are some seconds apart
+    assert [float(each) for each in said[:2]] == pytest.approx(near, abs=0.3)
+    hottest = browser.get("/network", params={"segment": "fit 0"}).json()
+    assert hottest["time"] > time
+    assert browser.get("/network", params={"segment": "fit 7"}).status_code == 422
+    assert browser.get("/network", params={"segment": "fit 0", "time": "now"}).status_code == 422

@@ -20,17 +20,17 @@ from lptn.report.text import number, title_of
 # --- what flows: heat through every link and from every effect ----------------------------------------------
 
 
-def heat_flows(model: Model, states: FloatArray, inputs: FloatArray) -> dict[str, float]:
-    """Heat that flows at one moment [W]: through a link into its first end, and from an effect into its place.
+def heat_flows(model: Model, states: FloatArray, inputs: FloatArray) -> dict[str, FloatArray]:
+    """Heat that flows at some moments [W]: through a link into its first end, and from an effect into its place.
 
     Args:
         model: the model, at the values of its parameters.
-        states: its states [degC], shape (states,), as `lptn.simulate` gives them.
-        inputs: its inputs, shape (inputs,), in the order of `model.inputs`.
+        states: its states [degC], shape (states, k), as `lptn.simulate` gives them.
+        inputs: its inputs, shape (inputs, k), in the order of `model.inputs`.
 
     Returns:
-        W by the names of links, `"a~b"`, and of effects, `"copper_loss.FR_calf"`. Links to faces without a
-        capacitance are left out: their temperatures are no states.
+        W by the names of links, `"a~b"`, and of effects, `"copper_loss.FR_calf"`, shape (k,) each. Links to faces
+        without a capacitance are left out: their temperatures are no states.
     """
     balance = model.balance
     network = balance.network  # of a model at other values it still has the effects that the balance knows
@@ -48,7 +48,7 @@ def heat_flows(model: Model, states: FloatArray, inputs: FloatArray) -> dict[str
     known = [balance.x, balance.u, balance.p]
     make = lambda: ca.Function("flows", known, [ca.vertcat(*parts.values())])  # noqa: E731
     flows = model.made_once("heat flows", make)(states, inputs, model.values)
-    return dict(zip(parts, np.asarray(flows, dtype=float).ravel().tolist(), strict=True))
+    return dict(zip(parts, np.asarray(flows, dtype=float), strict=True))
 
 
 # --- what is drawn -------------------------------------------------------------------------------------------

@@ -16,7 +16,7 @@ from lptn.diagnose.unexplained_heat import UnexplainedHeat
 from lptn.identify.comparison import Comparison, Errors, Prediction
 from lptn.report.charts import POINTS, ChartPanel, Charts, Line, View, sizes_in_words
 from lptn.report.document import Picture, picture
-from lptn.report.network_drawing import draw_network, heat_flows
+from lptn.report.network_course import NetworkCourse
 from lptn.report.shown import NOISE_BAND
 from lptn.report.text import kelvin, signed_kelvin, significant
 
@@ -192,27 +192,12 @@ def _heat(heat: UnexplainedHeat | None, node: str, at: FloatArray) -> dict[str, 
 
 def network_picture(comparison: Comparison) -> Picture:
     """The network, coloured and drawn as heat flows when a node of the shown runs is hottest."""
-    model = comparison.model
-    count = len(model.nodes)
-    prediction = max(comparison.predictions, key=lambda each: float(np.nanmax(each.states[:count])))
-    length = prediction.bound.inputs.shape[1]
-    moment = int(np.argmax(prediction.states[:count, :length].max(axis=0)))
-    run = prediction.segment.run
-    model = model.with_values(model.in_run(run.name, model.values))
-    states, inputs = prediction.states[:, moment], prediction.bound.inputs[:, moment]
-    temperatures = dict(zip(model.nodes, states.tolist(), strict=False))
-    for name, source in model.network.prescribed.items():
-        column = f"temperature.{name}" if source == "start" else source
-        known = model.values[column] if isinstance(column, int) else inputs[model.inputs.index(column)]
-        temperatures[name] = float(known)
+    courses = {each.segment.run.name: NetworkCourse.of(comparison.model, each) for each in comparison.predictions}
+    run = max(courses, key=lambda name: courses[name].hottest)
+    _, node, time = courses[run].hottest
     caption = (
-        f"The network at {run.time[moment]:.0f} s of {run.name}, when {max(model.nodes, key=temperatures.__getitem__)} "
+        f"The network at {time:.0f} s of {run}, when {node} is hottest: boxes are coloured by the temperature that the "
+        "model predicts, lines are as wide as the heat that flows through them. A short line with a bar leads to the "
+        "surroundings; numbers name what acts there."
     )
-    caption += (
-        "is hottest: boxes are coloured by the temperature that the model predicts, lines are as wide as the heat "
-    )
-    caption += (
-        "that flows through them. A short line with a bar leads to the surroundings; numbers name what acts there."
-    )
-    drawn = draw_network(model, temperatures, heat_flows(model, states, inputs))
-    return picture(caption, Markup(drawn))
+    return picture(caption, Markup(courses[run].drawing(time)))

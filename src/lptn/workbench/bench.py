@@ -14,6 +14,7 @@ from lptn.diagnose.unexplained_heat import UnexplainedHeat
 from lptn.identify.comparison import Prediction, predict
 from lptn.identify.data import Segment
 from lptn.logs.run import Run
+from lptn.report.network_course import NetworkCourse
 from lptn.study import Study
 from lptn.workbench.lines import Attempt, RunLines
 from lptn.workbench.orders import Add, Back, Cut, Keep, Order, Plain, Set
@@ -32,12 +33,14 @@ class News:
         predicted: by segment and model.
         attempts: by segment and answer; they replace all older ones.
         heat: by segment; it replaces all older one.
+        networks: what the model as it is now predicts, by segment; it replaces all older ones.
     """
 
     runs: dict[str, RunLines] = field(default_factory=dict)
     predicted: dict[tuple[str, str], FloatArray] = field(default_factory=dict)
     attempts: dict[tuple[str, str], Attempt] = field(default_factory=dict)
     heat: dict[str, UnexplainedHeat] = field(default_factory=dict)
+    networks: dict[str, NetworkCourse] = field(default_factory=dict)
 
 
 class Bench:
@@ -217,6 +220,9 @@ class Bench:
                 self._told |= {(segment, ""), (segment, f"model {name}")}
         news.attempts = self.attempts.get(self.model) or self.linearised()
         news.heat = self.heat.get(self.model, {})
+        last = len(self.study.steps) - 1
+        now = self.study.steps[last].fit.model
+        news.networks = {key: NetworkCourse.of(now, each) for key, each in self.predictions(last).items()}
         return news
 
 

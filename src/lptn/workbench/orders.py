@@ -92,6 +92,15 @@ class SpecialAsked(ResidualsAsked):
     stop: FiniteFloat
 
 
+class NetworkAsked(BaseModel):
+    """What does the network look like at a moment of a run, by default when it is hottest?"""
+
+    model_config = ConfigDict(extra="forbid")
+
+    segment: str
+    time: FiniteFloat | None = None
+
+
 class LinesAsked(BaseModel):
     """Which lines a plot wants: of one node in one run, from a time to another, at most so many points."""
 

@@ -28,7 +28,7 @@ from starlette.routing import Route
 from lptn.basics.errors import InputError
 from lptn.basics.files import finite
 from lptn.workbench.gate import Gate
-from lptn.workbench.orders import LinesAsked, ResidualsAsked, SpecialAsked, order
+from lptn.workbench.orders import LinesAsked, NetworkAsked, ResidualsAsked, SpecialAsked, order
 from lptn.workbench.session import BusyError, Session
 
 _LARGEST_ORDER = 10_000  # bytes; an order is a sentence
@@ -38,6 +38,7 @@ _PAGE = {
     "page.js": ("page.js", "text/javascript"),
     "sections.js": ("sections.js", "text/javascript"),
     "plots.js": ("plots.js", "text/javascript"),
+    "network.js": ("network.js", "text/javascript"),
     "residuals.js": ("residuals.js", "text/javascript"),
     "tour.js": ("tour.js", "text/javascript"),
     "uPlot.js": ("uplot/uPlot.esm.js", "text/javascript"),
@@ -62,6 +63,7 @@ def application(session: Session, port: int, token: str) -> Starlette:
         Route("/lines", site.lines),
         Route("/special", site.special),
         Route("/residuals", site.residuals),
+        Route("/network", site.network),
         Route("/order", site.order, methods=["POST"]),
         Route("/stop", site.stop, methods=["POST"]),
         Route("/result/{name}", site.result),
@@ -105,6 +107,9 @@ class _Site:
 
     async def residuals(self, request: Request) -> Response:
         return await _answered(request, ResidualsAsked, lambda asked: asdict(self._session.residuals(asked)))
+
+    async def network(self, request: Request) -> Response:
+        return await _answered(request, NetworkAsked, self._session.network)
 
     async def order(self, request: Request) -> Response:
         body = await request.body()

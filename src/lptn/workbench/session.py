@@ -15,6 +15,7 @@ import platformdirs
 
 from lptn.basics.errors import InputError
 from lptn.basics.files import finite
+from lptn.report.network_course import NetworkCourse
 from lptn.report.text import for_people
 from lptn.workbench.bench import News
 from lptn.workbench.calculation import work
@@ -75,6 +76,7 @@ class Session:
         self._failed = ""
         self._notes: list[str] = []
         self._lines: dict[str, RunLines] = {}
+        self._networks: dict[str, NetworkCourse] = {}
         self._refused: InputError | None = None
         self._process: multiprocessing.process.BaseProcess | None = None
         self._pipe: Connection | None = None
@@ -171,7 +173,7 @@ class Session:
         for segment in lines:
             attempts = {answer: line for (where, answer), line in news.attempts.items() if where == segment}
             lines[segment] = lines[segment].with_answers(attempts, news.heat.get(segment))
-        self._lines = lines
+        self._lines, self._networks = lines, news.networks
 
     def _heard_done(self) -> None:
         self._busy, self._worked = None, True
@@ -244,6 +246,19 @@ class Session:
         step = float(lines.time[1] - lines.time[0])
         return residuals(lines.error(asked.node, models["now"])[counts], step)
 
+    def network(self, asked: NetworkAsked) -> dict[str, str | float]:
+        """The network as the model as it is now has it at a moment of a run: a drawing as SVG, and its time [s].
+
+        Raises:
+            InputError: no such run.
+        """
+        with self._lock:
+            course = self._networks.get(asked.segment)
+        if course is None:
+            raise InputError("network", "run", asked.segment, f"one of {', '.join(self._networks) or 'none yet'}")
+        time = course.hottest[2] if asked.time is None else asked.time
+        return {"drawing": course.drawing(time), "time": time}
+
     def _lines_of(self, segment: str) -> tuple[RunLines, dict[str, str]]:
         with self._lock:
             lines = self._lines.get(segment)
@@ -279,7 +294,7 @@ class Session:
             if isinstance(self.opening, Opening):
                 raise BusyError("files are open: examples come with `lptn open` alone")
             process, self.opening, self.folder, self._refused = self._process, name, None, None
-            self._content, self._lines, self._notes, self._failed = {}, {}, [], ""
+            self._content, self._lines, self._networks, self._notes, self._failed = {}, {}, {}, [], ""
             self._begin()
             self._changed()
         _end(process)

@@ -3,6 +3,7 @@
 import { h } from "/sections.js";
 import * as sections from "/sections.js";
 import { Plots } from "/plots.js";
+import { Network } from "/network.js";
 import { Residuals } from "/residuals.js";
 import { tour } from "/tour.js";
 
@@ -27,8 +28,9 @@ export const page = {
   partOf(part) { page.part = part; draw(); },
   group(by) { page.by = by; draw(); },
   tell: () => draw(),
+  at(segment, time) { network.at(segment, time); },
 };
-const plots = new Plots(place("plots"), page), residuals = new Residuals(place("residuals"), page);
+const plots = new Plots(place("plots"), page), residuals = new Residuals(place("residuals"), page), network = new Network(place("network"), page);
 
 async function post(path, content) {
   try {
@@ -98,6 +100,7 @@ export function draw() {
   if (state.tiles) plots.draw();
   else plots.clear();
   residuals.draw();
+  network.draw();
   redraw("tour", [state.examples, state.example, state.head, busy, attempt, !!state.answers, page.clicked, plots.windows, page.step], () => tour(page, plots));
 }
 

@@ -171,7 +171,8 @@ class View {
       series: [{ label: "time", value: (_, value) => value == null ? "–" : minutes ? `${((value - origin) / 60).toFixed(2)} min` : `${(value - origin).toFixed(1)} s` },
         ...series.map(({ name, ...rest }) => ({ ...rest, points: { show: false }, value: (_, value) => number(value) }))],
       bands: band ? [{ series: [2, 1], fill: color("--shade") }] : undefined,
-      hooks: { drawClear: [chart => this.shade(chart, floor, zero)], setSelect: [chart => this.selected(chart)] },
+      hooks: { drawClear: [chart => this.shade(chart, floor, zero)], setSelect: [chart => this.selected(chart)],
+        setCursor: [chart => chart.cursor.event && chart.cursor.left >= 0 && this.plots.page.at(this.segment, chart.posToVal(chart.cursor.left, "x"))] },
     };
     const names = ["time", ...series.map(each => each.name)];
     const chart = new uPlot(options, names.map(name => lines[name]), this.stack);

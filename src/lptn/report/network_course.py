@@ -1,0 +1,63 @@
+"""A network in the course of a run: its temperatures and heat flows, moment by moment, for drawings of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from lptn.basics.arrays import FloatArray
+from lptn.identify.comparison import Prediction
+from lptn.model.model import Model
+from lptn.model.network import Network
+from lptn.report.network_drawing import draw_network, heat_flows
+
+_MOST_MOMENTS = 400  # of a run: a drawing under a plot of a thousand pixels is asked for at no more
+
+
+@dataclass(frozen=True)
+class NetworkCourse:
+    """What a model predicts of a run.
+
+    Args:
+        network: the model's.
+        time: s in the log's clock, shape (k,).
+        temperatures: degC by node, prescribed ones too, shape (k,) each.
+        flows: W by link and effect as `heat_flows` gives them, shape (k,) each.
+    """
+
+    network: Network
+    time: FloatArray
+    temperatures: Mapping[str, FloatArray]
+    flows: Mapping[str, FloatArray]
+
+    @classmethod
+    def of(cls, model: Model, prediction: Prediction) -> NetworkCourse:
+        """Of a run that the model predicted."""
+        run, count = prediction.segment.run, prediction.bound.inputs.shape[1]
+        model = model.with_values(model.in_run(run.name, model.values))
+        moments = np.unique(np.linspace(0, count - 1, min(count, _MOST_MOMENTS)).astype(int))
+        states, inputs = prediction.states[:, moments], prediction.bound.inputs[:, moments]
+        temperatures = dict(zip(model.nodes, states, strict=False))
+        for name, source in model.network.prescribed.items():
+            column = f"temperature.{name}" if source == "start" else source
+            known = model.values[column] if isinstance(column, int) else inputs[model.inputs.index(column)]
+            temperatures[name] = np.broadcast_to(known, moments.shape)
+        return cls(model.network, run.time[moments], temperatures, heat_flows(model, states, inputs))
+
+    @property
+    def hottest(self) -> tuple[float, str, float]:
+        """The highest temperature of a node [degC], the node, and when [s]."""
+        nodes = list(self.network.dynamic)
+        table = np.array([self.temperatures[name] for name in nodes])
+        node, moment = np.unravel_index(int(np.argmax(table)), table.shape)
+        return float(table[node, moment]), nodes[node], float(self.time[moment])
+
+    def drawing(self, time: float) -> str:
+        """The network as SVG at the moment that is nearest to a time [s]."""
+        moment = int(np.argmin(np.abs(self.time - time)))
+        temperatures, flows = (
+            {name: float(values[moment]) for name, values in table.items()} for table in (self.temperatures, self.flows)
+        )
+        return draw_network(self.network, temperatures, flows)

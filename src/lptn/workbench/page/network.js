@@ -1,0 +1,66 @@
+// The network at the moment under the mouse: boxes coloured by temperature, lines as wide as the heat that flows.
+
+import { h } from "/sections.js";
+
+export class Network {
+  constructor(section, page) {
+    Object.assign(this, { page, key: "", moment: null, asking: false, words: h("small"), drawing: h("div", { id: "drawing" }) });
+    this.details = h("details", { id: "network details", open: true, ontoggle: () => this.draw() }, h("summary", null, "The network"), h("p", null, this.words), this.drawing);
+    section.append(this.details);
+    const part = event => event.target.closest("[data-parameter]");
+    this.drawing.addEventListener("click", event => part(event) && this.show(part(event)));
+    this.drawing.addEventListener("keydown", event => ["Enter", " "].includes(event.key) && part(event) && (event.preventDefault(), this.show(part(event))));
+  }
+
+  at(segment, time) {
+    this.moment = { segment, time: Number(time.toPrecision(12)) };
+    this.draw();
+  }
+
+  // One question at a time: a mouse is faster than answers, and only where it rests is of interest.
+  async draw() {
+    const { state, picked } = this.page;
+    this.details.hidden = !state.tiles;
+    if (!this.details.open || !state.tiles || this.asking) return;
+    const asked = this.moment?.segment === picked[0].segment ? this.moment : { segment: picked[0].segment };
+    const key = JSON.stringify([asked, state.now, state.head.now, state.parameters]);
+    if (this.key === key) return;
+    [this.key, this.asking] = [key, true];
+    try {
+      const answer = await fetch(`/network?${new URLSearchParams(asked)}`), found = await answer.json();
+      if (answer.ok) this.fill(found, asked);
+      else this.words.textContent = found.error;
+    } finally { this.asking = false; }
+    this.draw();
+  }
+
+  fill({ drawing, time }, { segment }) {
+    const run = this.page.state.segments.find(each => each.key === segment), focused = this.drawing.contains(document.activeElement) ? document.activeElement.dataset.parameter : "";
+    this.words.textContent = `${run.run} at ${Number(time.toFixed(1))} s, as the model predicts it: move the mouse over a plot. Boxes are coloured by temperature, lines are as wide as the heat that flows. A click on a part shows its parameters.`;
+    // The page's policy forbids styles in what is written, not those that a script sets.
+    const [whole, style] = drawing.match(/<style>(.*?)<\/style>/s);
+    this.drawing.innerHTML = drawing.replace(whole, "").replaceAll(' style="', ' data-style="');
+    for (const each of this.drawing.querySelectorAll("[data-style]")) each.style.cssText = each.dataset.style;
+    if (!this.styled) {
+      this.styled = new CSSStyleSheet();
+      this.styled.replaceSync(style);
+      document.adoptedStyleSheets.push(this.styled);
+    }
+    for (const each of this.drawing.querySelectorAll("[data-parameter]")) {
+      if (each.dataset.parameter === "[]") continue;
+      each.setAttribute("tabindex", 0);
+      each.setAttribute("role", "button");
+      if (each.dataset.parameter === focused) each.focus();
+    }
+  }
+
+  // The parameters of a part, in their table; where it has one alone, ready to be changed.
+  show(part) {
+    const names = JSON.parse(part.dataset.parameter), known = this.page.state.parameters.filter(each => names.includes(each.name));
+    if (!known.length) return;
+    document.getElementById("parameters").open = true;
+    this.page.edited = known.length === 1 ? known[0].name : "";
+    this.page.partOf(known[0].part);
+    document.getElementById(`edit ${known[0].name}`)?.scrollIntoView({ block: "center" });
+  }
+}
