@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import SimpleNamespace
 from typing import cast
@@ -61,9 +61,19 @@ def test_compiled_steps_and_derivatives_are_the_interpreters(averaged: bool, mon
 
 def _all_operations(a: ca.SX, b: ca.SX) -> ca.SX:
     """Every operation that CasADi has on one or two numbers, for a between 0 and 1 and any b."""
-    on_one = [ca.exp, ca.log, ca.sqrt, ca.sin, ca.cos, ca.tan, ca.asin, ca.acos, ca.atan, ca.sinh, ca.cosh, ca.tanh]
-    on_one += [ca.asinh, ca.atanh, ca.log1p, ca.expm1, ca.erf, ca.floor, ca.ceil, ca.fabs, ca.sign, ca.logic_not]
-    on_two = [ca.fmin, ca.fmax, ca.fmod, ca.remainder, ca.atan2, ca.copysign, ca.hypot, ca.power]
+    on_one: list[Callable[..., ca.SX]] = [ca.exp, ca.log, ca.sqrt, ca.sin, ca.cos, ca.tan, ca.asin, ca.acos, ca.atan]
+    on_one += [ca.sinh, ca.cosh, ca.tanh, ca.asinh, ca.atanh, ca.log1p, ca.expm1, ca.erf, ca.floor, ca.ceil]
+    on_one += [ca.fabs, ca.sign, ca.logic_not]
+    on_two: list[Callable[..., ca.SX]] = [
+        ca.fmin,
+        ca.fmax,
+        ca.fmod,
+        ca.remainder,
+        ca.atan2,
+        ca.copysign,
+        ca.hypot,
+        ca.power,
+    ]
     on_two += [lambda a, b: a + b, lambda a, b: a - b, lambda a, b: a * b, lambda a, b: a / b, lambda a, b: a**2.5]
     on_two += [lambda a, b: a < b, lambda a, b: a <= b, lambda a, b: ca.if_else(a > b, 1 / a, 2 * b), ca.logic_and]
     on_two += [lambda a, b: ca.logic_or(a, 0 * b), lambda a, b: (a == b) + (a != b)]

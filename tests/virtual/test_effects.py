@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cache
 
 import numpy as np
@@ -29,7 +30,7 @@ ONE_PLACE_OR_ALL = pytest.mark.parametrize(
 )
 
 
-def one_of(places: list[str], effect: str) -> list[str]:
+def one_of(places: Sequence[str], effect: str) -> list[str]:
     """One place for an effect, another one for the next."""
     return [places[list(EFFECTS).index(effect) % len(places)]]
 

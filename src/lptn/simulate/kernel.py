@@ -116,12 +116,13 @@ class _Operations:
                 continue
             if kind == ca.OP_CONST:
                 constant = function.instruction_constant(k)
-                value, key = _Value(_PARAMETERS), repr(constant)  # 0.0 and -0.0 are two
+                value = _Value(_PARAMETERS)
+                key: object = repr(constant)  # 0.0 and -0.0 are two
             elif kind in _NUMBERS:
                 operands = [held[each] for each in used]
                 part = max(values[each].part for each in operands)
                 depth = 1 + max(values[each].depth for each in operands if values[each].part == part)
-                value = key = _Value(part, depth, kind, operands[0], operands[-1])
+                key = value = _Value(part, depth, kind, operands[0], operands[-1])
             else:
                 raise UnknownOperationError(f"operation {kind} of {function.name()}")
             if key not in known:
