@@ -339,7 +339,7 @@ def test_other_platforms_print_the_same_digits(system: str, exported: tuple[Expo
 def test_the_library_for_windows_runs_and_gives_the_digits_of_linux(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Mapped into a Linux program, which gives it the C functions that it imports; messages are formatted by its own."""
+    """Mapped into a Linux program, which gives it the C functions that it imports; it formats messages itself."""
     pytest.importorskip("ziglang")
     compiler = local_compiler()
     if compiler is None or (sys.platform, platform.machine()) != ("linux", "x86_64"):
