@@ -17,19 +17,19 @@ def arrays(variables: Sequence[Variable]) -> list[Variable]:
     What has the same kind, quantity, unit and range at two or more places is one array, in the order of the variables;
     hidden states and what stands at one place alone stay scalar. No two arrays get the same name: states come first.
     """
-    groups: dict[tuple[object, ...], list[Variable]] = {}
+    groups: dict[tuple[str, tuple[object, ...]], list[Variable]] = {}
     states = {variable.reference: variable for variable in variables if variable.kind == "state"}
     for variable in variables:
         source = states[variable.of] if variable.of is not None else variable
         _, member = first_place(source.name)
         if not member or source.kind in ("time", "clock") or (source.kind == "state" and source.hidden):
             continue
-        key = (variable.kind, member, variable.unit, variable.minimum, variable.maximum, variable.hidden)
-        groups.setdefault(key, []).append(variable)
+        name = f"der({member})" if variable.kind == "rate" else member
+        alike = (variable.kind, variable.unit, variable.minimum, variable.maximum, variable.hidden)
+        groups.setdefault((name, alike), []).append(variable)
     taken = {variable.name for variable in variables}
     made: list[Variable] = []
-    for (kind, member, *_), elements in groups.items():
-        name = f"der({member})" if kind == "rate" else str(member)
+    for (name, _), elements in groups.items():
         if len(elements) > 1 and name not in taken:
             taken.add(name)
             made.append(_joined(name, len(variables) + len(made), elements, made))

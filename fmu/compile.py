@@ -31,18 +31,17 @@ _FLAGS = (
 _TIMEOUT = 600.0  # s
 _PATIENCE = 20.0  # s; a build takes 2 s, 20 s with admissible torques
 _PATIENTLY = "%s: still compiling; a large model or a busy machine takes a minute"
-# What zig links as it is asked to: nothing of its own runtime, of which the code uses nothing, and which it would first have
-# to build, once for each platform and machine.
+# Linked without zig's own runtime: the code uses nothing of it, and zig would first build it on each machine.
 _LINK = ("build-lib", "-dynamic", "-OReleaseFast", "-fstrip", "-fno-compiler-rt", "-fno-ubsan-rt", "-lc")
-# Where Windows 10 and later have what C's library has: the Universal C Runtime. MinGW's own would take minutes to build.
+# Where Windows 10 and later have C's library: the Universal C Runtime. MinGW's own would take minutes to build.
 _WINDOWS = {
     "api-ms-win-crt-heap-l1-1-0.dll": "calloc free malloc realloc",
     "api-ms-win-crt-private-l1-1-0.dll": "memchr memcmp memcpy memmove",
     "api-ms-win-crt-stdio-l1-1-0.dll": "__stdio_common_vsprintf",
     "api-ms-win-crt-string-l1-1-0.dll": "memset strcmp strcpy strlen strncmp",
-    "api-ms-win-crt-math-l1-1-0.dll": "acos acosh asin asinh atan atan2 atanh cbrt ceil copysign cos cosh erf erfc exp exp2 "
-    "expm1 fabs fdim floor fma fmax fmin fmod hypot ldexp log log10 log1p log2 nearbyint pow remainder rint round sin sinh "
-    "sqrt tan tanh trunc",
+    "api-ms-win-crt-math-l1-1-0.dll": "acos acosh asin asinh atan atan2 atanh cbrt ceil copysign cos cosh erf erfc "
+    "exp exp2 expm1 fabs fdim floor fma fmax fmin fmod hypot ldexp log log10 log1p log2 nearbyint pow remainder rint "
+    "round sin sinh sqrt tan tanh trunc",
 }
 _log = logging.getLogger("lptn.fmu")
 
@@ -212,7 +211,7 @@ def _link_for_windows(zig: list[str], folder: Path, object_file: Path, library: 
     own = folder / target.name / "windows.o"
     source = folder / target.name / "windows.c"
     source.write_bytes((files("lptn.fmu") / "c" / "windows.c").read_bytes())
-    # Without -fno-builtin the compiler makes vsnprintf from vsnprintf.
+    # Without -fno-builtin the compiler may make vsnprintf from vsnprintf.
     _checked(
         [*zig, "cc", "-target", target.target, *_FLAGS, "-fno-builtin", "-c", "-o", str(own), str(source)],
         folder,

@@ -19,7 +19,6 @@ from .session import Closing, Session
 from .ssp import OpenedSystem, in_units_of
 from .variables import to_column
 
-
 # Of the solver: two models that exchange temperatures near 300 K are one to 1e-9 K.
 _RELATIVE, _ABSOLUTE = 1e-12, 1e-11
 
@@ -38,11 +37,11 @@ class Connected(Closing):
 
     Inputs and outputs are called `component.variable`. Inputs that nothing drives are the system's.
 
-    FMUs that are all for Model Exchange are one system of equations: a solver outside asks each for its rates, and every
-    connection holds at every instant, so together they are what one model would be. FMUs for Co-Simulation alone, or with
-    events, step side by side: at each communication point an input takes the value that the output it is connected to has
-    there, and holds it over the step (what co-simulation calls a Jacobi master). The exchange then lags by a step, and its
-    error falls in proportion to the step.
+    FMUs that are all for Model Exchange are one system of equations: a solver outside asks each for its rates, and
+    every connection holds at every instant, so together they are what one model would be. FMUs for Co-Simulation
+    alone, or with events, step side by side: at each communication point an input takes the value that the output
+    it is connected to has there, and holds it over the step (what co-simulation calls a Jacobi master). The exchange
+    then lags by a step, and its error falls in proportion to the step.
 
     Args:
         path: an `.ssd` or `.ssp` file.

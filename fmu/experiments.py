@@ -1,4 +1,4 @@
-"""Reference results inside an FMU: an experiment that an importer can repeat, as the layered standard FMI-LS-REF lays it out.
+"""Reference results inside an FMU: an experiment that an importer can repeat, as FMI-LS-REF lays it out.
 
 Source: FMI-LS-REF 1.0.0-alpha.1 for the manifest, MA-HS-Experiments (its draft of 2026) for the experiment.
 """
@@ -30,8 +30,8 @@ _TOLERANCE = 1e-4  # K that an importer may differ by: a tenth of what a fine se
 def experiment(component: Component, step: float) -> dict[str, Any]:
     """What the templates show of the experiment, with its tables of inputs and reference results as CSV texts.
 
-    The results come from SciPy's DOP853 at a tolerance of 1e-12 and from the expressions of the model, not from the FMU's
-    own solver and code.
+    The results come from SciPy's DOP853 at a tolerance of 1e-12 and the model's expressions, not from the FMU's own
+    solver and code.
 
     Args:
         component: what is exported, without arrays.

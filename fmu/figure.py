@@ -11,7 +11,7 @@ from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.basics.style import BEST, GIVEN, MEASURED, SMALL, TEXT, decimated, dress, new_figure, plain, time_axis
 
-from .cosim import Cosimulation, CosimulatedRun
+from .cosim import CosimulatedRun, Cosimulation
 
 _MOST = 60  # panels; more are no picture that anybody reads
 _COLUMNS = 2

@@ -182,7 +182,7 @@ def main() -> None:
     found: dict[str, float | None] = {}
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        fmi3, fmi2 = (export(model, folder / f"q{fmi}.fmu", fmi=fmi) for fmi in (3, 2))
+        fmi3, fmi2 = (export(model, folder / f"q{fmi}.fmu", fmi=fmi, forecast=True) for fmi in (3, 2))
         found["apart from the model [K]"] = agreement(fmi3.path, model)
         found["ours in C [us]"] = in_c(fmi3.path, folder / "c", fmi3.component)
         for each in (fmi2, fmi3):

@@ -82,8 +82,9 @@ def test_a_step_from_elsewhere_or_of_no_size_is_refused(fmi: int, point: tuple[f
 @pytest.mark.parametrize("fmi", [2, 3])
 def test_an_unknown_value_reference_is_refused(fmi: int, built: Build) -> None:
     with Session(built("leg", fmi).path) as session:
+        unknown = session._block(Access((4000,), 1, None))
         with pytest.raises(FmuError, match="no variable with value reference 4000"):
-            session._call(session._get, *session._block(Access((4000,), 1, None)).arguments)
+            session._call(session._get, *unknown.arguments)
 
 
 def _instance(built: Build, folder: Path, said: list[str]) -> Any:

@@ -103,7 +103,7 @@ def test_without_event_mode_a_limit_changes_at_the_end_of_a_step(fmi: int, built
 
 @FMI
 def test_a_temperature_that_rests_at_its_limit_makes_one_event(fmi: int, built: Build, tmp_path: Path) -> None:
-    """The indicator has a sign right after the event, and an importer that stops a little early or late is taken at its word."""
+    """The indicator has a sign right after the event, whether an importer stops a little early or late."""
     with Raw(built("leg", fmi, events=True), tmp_path, exchange=True) as leg:
         assert leg.set_named({"FR_calf.temperature_limit": LIMIT + ZERO}) == OK
         leg.start()

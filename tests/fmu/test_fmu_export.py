@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import os
+import platform
 import shutil
 import subprocess
 import sys
 from datetime import UTC, datetime
 from pathlib import Path
+from xml.etree import ElementTree
 from zipfile import ZipFile
 
 import fmpy
@@ -18,9 +20,9 @@ from fmpy.validation import validate_fmu
 from lxml import etree
 
 from lptn.basics.errors import InputError
-from lptn.fmu import Exported, export
+from lptn.fmu import Exported, Session, export
 from lptn.fmu.archive import unit_of
-from lptn.fmu.compile import PLATFORMS, _run, universal
+from lptn.fmu.compile import PLATFORMS, _run, local_compiler, universal
 from lptn.model.model import Model
 from lptn.robots.presets import presets
 from tests.builders import capacity, link
@@ -294,11 +296,11 @@ def exported(tmp_path_factory: pytest.TempPathFactory) -> tuple[Exported, Path]:
     return done, folder / "unpacked"
 
 
-def _run_on(platform: str, exported: Exported, folder: Path) -> str:
-    target = PLATFORMS[platform]
-    program = folder / f"host-{platform}{'.exe' if platform == 'win64' else ''}"
+def _run_on(system: str, exported: Exported, folder: Path) -> str:
+    target = PLATFORMS[system]
+    program = folder / f"host-{system}{'.exe' if system == 'win64' else ''}"
     words = [sys.executable, "-m", "ziglang", "cc", "-target", target.target, "-O2", "-o", str(program), str(HOST)]
-    libraries = [] if platform == "win64" else ["-ldl"]
+    libraries = [] if system == "win64" else ["-ldl"]
     subprocess.run([*words, f"-I{folder / 'sources'}", *libraries], check=True, capture_output=True)
     component = exported.component
     token = next(
@@ -308,7 +310,7 @@ def _run_on(platform: str, exported: Exported, folder: Path) -> str:
     )
     library = f"binaries/{target.folder3}/everything{target.suffix}".replace("everything", _identifier(folder))
     counts = [component.first("input"), len(component.of("input")), 1, len(component.variables) - 1]
-    command = [*EMULATORS[platform], str(program), library, token, "3000", *map(str, counts)]
+    command = [*EMULATORS[system], str(program), library, token, "3000", *map(str, counts)]
     environment = os.environ | {"WINEDEBUG": "-all", "WINEPREFIX": str(folder / "wine")}
     done = subprocess.run(
         command, cwd=folder, capture_output=True, text=True, env=environment, check=False, timeout=300
@@ -322,15 +324,44 @@ def _identifier(folder: Path) -> str:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("platform", ["linux-aarch64", "win64"])
-def test_other_platforms_print_the_same_digits(platform: str, exported: tuple[Exported, Path]) -> None:
-    if shutil.which(EMULATORS[platform][0]) is None:
-        pytest.skip(f"no {EMULATORS[platform][0]} on this machine")
+@pytest.mark.parametrize("system", ["linux-aarch64", "win64"])
+def test_other_platforms_print_the_same_digits(system: str, exported: tuple[Exported, Path]) -> None:
+    if shutil.which(EMULATORS[system][0]) is None:
+        pytest.skip(f"no {EMULATORS[system][0]} on this machine")
     expected = [float(line) for line in _run_on("linux64", *exported).split()]
-    found = [float(line) for line in _run_on(platform, *exported).split()]
+    found = [float(line) for line in _run_on(system, *exported).split()]
     assert len(expected) == len(exported[0].component.variables) - 1
     # Everything but `exp` and `pow`, which each C library rounds its own way, is the same to the last bit.
     assert found == pytest.approx(expected, rel=1e-12, abs=1e-12)
+
+
+@pytest.mark.long
+def test_the_library_for_windows_runs_and_gives_the_digits_of_linux(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Mapped into a Linux program, which gives it the C functions that it imports; it formats messages itself."""
+    pytest.importorskip("ziglang")
+    compiler = local_compiler()
+    if compiler is None or (sys.platform, platform.machine()) != ("linux", "x86_64"):
+        pytest.skip("no C compiler, or another machine")
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    loader = Path(__file__).with_name("windows.c")
+    subprocess.run([*compiler, "-O1", "-o", "windows", str(loader), "-lm"], cwd=tmp_path, check=True)
+    done = export(Model(network("everything")), tmp_path / "x.fmu", platforms=["linux64", "win64"], compiler="zig")
+    inputs, outputs = done.component.of("input"), done.component.of("state", "rate")
+    with ZipFile(done.path) as archive:
+        archive.extractall(tmp_path)
+        token = ElementTree.fromstring(archive.read("modelDescription.xml")).get("instantiationToken") or ""
+    (library,) = (tmp_path / "binaries" / "x86_64-windows").iterdir()
+    words = [str(library), token, "100", str(inputs[0].reference), str(len(inputs)), "1", str(len(outputs))]
+    ran = subprocess.run([tmp_path / "windows", *words], capture_output=True, text=True, check=True, timeout=60)
+    *digits, said = ran.stdout.splitlines()
+    with Session(done.path, outputs=[each.name for each in outputs]) as session:
+        session.inputs[:] = [u if u >= 200 else 1.0 + k % 5 for k, u in enumerate(session.inputs)]
+        for _ in range(100):
+            session.step(0.1)
+        assert [float(each) for each in digits] == pytest.approx(session.outputs, rel=1e-12, abs=1e-12)
+    assert f"{inputs[0].name} ({inputs[0].reference}): nan refused" in said
 
 
 @pytest.mark.slow
