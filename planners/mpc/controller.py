@@ -126,6 +126,9 @@ class TorqueMPC:
             the same course at every step. By default τ = 10 K / (the node's cooling at its limit, without load,
             in air of 25 degC [K/s]): its heat falls from what holds the limit to none at 10 K above it. 0: as fast as
             can be, and everything that warms it, be it ever so little, is cut to next to nothing meanwhile.
+        smoothing: what a change of a joint's share of its request from one period to the next costs, as so many seconds
+            of the same deviation from the request [s]: less ripple at a limit, for slower answers to what has
+            changed. It counts only while the same is asked.
         level: probability with which a node that is held at its limit is to be below it. The margin for it follows
             from the covariance of the estimate, one period on; `Plan.margin` tells it.
         margin: K that is kept beside it.
@@ -158,6 +161,7 @@ class TorqueMPC:
         floors: Each = 0.0,
         priorities: Each = 0.0,
         recovery: float | None = None,
+        smoothing: float = 0.0,
         level: float = 0.95,
         margin: float = 0.0,
         noise: float = 0.1,
@@ -170,7 +174,7 @@ class TorqueMPC:
         self.settings = settle(
             self.heating, limits, period=period, horizon=horizon, stages=stages, margin=margin, weights=weights,
             current_limits=current_limits, rates=rates, floors=floors, priorities=priorities, recovery=recovery,
-            noise=noise, resolution=resolution, level=level, model_error=model_error,
+            smoothing=smoothing, noise=noise, resolution=resolution, level=level, model_error=model_error,
             standard_errors=standard_errors or {},
         )  # fmt: skip
         self.joints, self.conditions = self.heating.joints, self.heating.conditions
@@ -328,7 +332,7 @@ class TorqueMPC:
         )
         to.p[:] = [*model.values.tolist(), 0.0]
         to.floor[:], to.recovery[:] = settings.floors.tolist(), settings.recovery.tolist()
-        to.linear, to.quadratic = settings.prices
+        to.smoothing, (to.linear, to.quadratic) = settings.smoothing, settings.prices
         to.noise, to.grain, to.sigmas = math.hypot(settings.noise, settings.grain), settings.grain, settings.sigmas
         to.doubt[:], to.gain_doubt[:] = settings.doubt.tolist(), settings.gain_doubt.tolist()
         to.tolerance, to.iterations, to.warm = settings.tolerance, settings.iterations, settings.warm

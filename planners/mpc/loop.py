@@ -15,6 +15,7 @@ from ..values import Values, in_order
 from .controller import Plan, TorqueMPC
 
 _WAITING, _LATE, _OVER, _BLIND = 1, 2, 4, 8
+_SHORTEST = 1e-6  # s; ticks are counted in 32 bits
 _MEANING = {
     _LATE: "the thermal problem has had no answer for two control periods; the last plan goes on",
     _OVER: "nor for its whole horizon; nothing but floors is admitted",
@@ -35,13 +36,14 @@ class ControlLoop:
         background: solve in a thread, so that no update waits; else the update at a period's end does it.
 
     Raises:
-        InputError: a tick that is not positive, or longer than the controller's period.
+        InputError: a tick shorter than a microsecond, or longer than the controller's period.
     """
 
     def __init__(self, mpc: TorqueMPC, tick: float = 0.001, *, background: bool = False) -> None:
         period = float(mpc.settings.stages[0])
-        if not 0 < tick <= period:
-            raise InputError(mpc.model.network.origin, "tick", f"{tick:g} s", f"more than 0, at most {period:g} s")
+        if not _SHORTEST <= tick <= period:
+            expected = f"at least {_SHORTEST:g} s, at most {period:g} s"
+            raise InputError(mpc.model.network.origin, "tick", f"{tick:g} s", expected)
         self.mpc, self.status = mpc, 0
         library: Any = mpc._library
         self._loop = ctypes.create_string_buffer(int(library.lptn_mpc_sizes(4)) + 64)

@@ -38,6 +38,8 @@ class Settings:
         rates: largest change of the request's unit per second, shape (joints,), 0 for none.
         floors: of the request's unit that each joint gets whatever gets hot, shape (joints,).
         recovery: time constant with which a node comes down from above its limit [s], shape (limited nodes,).
+        smoothing: what a change of a joint's share of its request from one period to the next costs, in seconds of the
+            same deviation from the request.
         noise: of a reading, standard deviation [K].
         resolution: step of the readings [K].
         level: probability with which a node at its limit is to be below it.
@@ -57,6 +59,7 @@ class Settings:
     rates: FloatArray
     floors: FloatArray
     recovery: FloatArray
+    smoothing: float
     noise: float
     resolution: float
     level: float
@@ -109,6 +112,7 @@ def settle(
     floors: Each,
     priorities: Each,
     recovery: float | None,
+    smoothing: float,
     noise: float,
     resolution: float,
     level: float,
@@ -128,6 +132,7 @@ def settle(
     for place, value, least in (
         ("margin", margin, 0.0),
         ("recovery", 0.0 if recovery is None else recovery, 0.0),
+        ("smoothing", smoothing, 0.0),
         ("noise", noise, 0.0),
         ("resolution", resolution, 0.0),
         ("model_error", model_error, 0.0),
@@ -152,6 +157,7 @@ def settle(
         _by_joint(rates, joints, "rates", 0.0, least=0.0),
         _by_joint(floors, joints, "floors", 0.0, least=0.0),
         slow if recovery is None else np.full(len(bounds), float(recovery)),
+        smoothing,
         noise,
         resolution,
         level,

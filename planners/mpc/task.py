@@ -29,6 +29,7 @@ class TaskTable(Strict):
     repeat: Annotated[int, Field(ge=1, le=1000, strict=True)] = 1
     margin: NotNegative = 0.15
     recovery: NotNegative | None = None
+    smoothing: NotNegative = 0.0
 
 
 class PhaseTable(Strict):
@@ -104,6 +105,7 @@ class Task:
             "period": self.period,
             "margin": self.file.task.margin,
             "recovery": self.file.task.recovery,
+            "smoothing": self.file.task.smoothing,
         }
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -60,7 +61,7 @@ def test_opti_with_the_constraint_plans_as_the_controller_does() -> None:
     assert np.sum((found.value(u) - REQUEST[:, None]) ** 2) / (count * REQUEST @ REQUEST) == pytest.approx(
         plan.cost, rel=1e-3
     )
-    np.testing.assert_allclose(found.value(u).T, plan.currents, atol=0.05)
+    np.testing.assert_allclose(np.asarray(found.value(u)).T, plan.currents, atol=0.05)
 
 
 def test_acados_objects_are_filled() -> None:
@@ -109,8 +110,13 @@ def test_do_mpc_keeps_the_limits() -> None:
 
 
 def test_mistakes_are_said_in_one_line() -> None:
-    for wrong in ({"limits": {"FL_calf": 60.0}}, {"limits": {}}, {"limits": 60.0, "margin": -1.0}):
+    mistakes: tuple[dict[str, Any], ...] = (
+        {"limits": {"FL_calf": 60.0}},
+        {"limits": {}},
+        {"limits": 60.0, "margin": -1.0},
+    )
+    for wrong in mistakes:
         with pytest.raises(InputError):
-            thermal_constraint(MODEL, **wrong)  # type: ignore[arg-type]
+            thermal_constraint(MODEL, **wrong)
     with pytest.raises(ValueError, match="positive"):
         thermal_constraint(MODEL, LIMIT).step(0.0)

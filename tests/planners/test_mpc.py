@@ -52,6 +52,46 @@ def test_it_finds_what_ipopt_finds() -> None:
         np.testing.assert_allclose(plan.temperatures, found.temperatures, atol=0.02)
 
 
+def test_with_smoothing_it_finds_what_ipopt_finds() -> None:
+    """A second step of the same request, at temperatures that have fallen: shares would rise, and that costs."""
+    plain, mpc = (TorqueMPC(leg_model(), LIMIT, period=5, horizon=150, stages=30, smoothing=smoothing, **KNOWN)
+                  for smoothing in (0.0, 100.0))  # fmt: skip
+    assert mpc.step(np.full(3, 59.0), REQUEST, AROUND).admitted == pytest.approx(
+        plain.step(np.full(3, 59.0), REQUEST, AROUND).admitted, rel=1e-3
+    )
+    # Without what is learnt of the model in between it is the same program.
+    unlearnt = TorqueMPC(leg_model(), LIMIT, period=5, horizon=150, stages=30, smoothing=100.0, model_error=0.0,
+                         noise=0.0, **KNOWN)  # fmt: skip
+    unlearnt.step(np.full(3, 59.0), REQUEST, AROUND)
+    shares = np.array(unlearnt._state.share)
+    plan = unlearnt.step(np.full(3, 57.0), REQUEST, AROUND)
+    found = Reference(unlearnt.heating, unlearnt.settings).solve(
+        np.full(3, 57.0), np.tile(REQUEST, (30, 1)), np.full((30, 1), 25.0), shares=shares
+    )
+    assert found.converged
+    assert plan.cost == pytest.approx(found.cost, rel=2e-4)
+    np.testing.assert_allclose(plan.admitted / REQUEST, np.sqrt(found.scale[0]), atol=2e-3)
+    another = unlearnt.step(np.full(3, 57.0), 0.7 * REQUEST, AROUND).admitted / (0.7 * REQUEST)
+    unlearnt.reset()
+    alone = unlearnt.step(np.full(3, 57.0), 0.7 * REQUEST, AROUND).admitted / (0.7 * REQUEST)
+    np.testing.assert_allclose(another, alone, atol=2e-3)  # another request is no change of share
+
+
+@pytest.mark.long
+def test_smoothing_halves_the_ripple_at_a_limit() -> None:
+    ripple = []
+    for smoothing in (0.0, 100.0):
+        mpc = TorqueMPC(leg_model(), LIMIT, noise=0.3, smoothing=smoothing)
+        random, T, admitted = np.random.default_rng(0), np.full(3, 59.0), []
+        rate = mpc.heating.rate_function()
+        for _ in range(150):
+            plan = mpc.step(T + 0.3 * random.standard_normal(3), REQUEST, AROUND)
+            T = T + 5 * np.asarray(rate(T, plan.admitted**2, [25.0], mpc.model.values)).ravel()
+            admitted.append(plan.admitted)
+        ripple.append(np.std(np.diff(admitted[50:], axis=0) / np.mean(admitted[50:], axis=0), axis=0).max())
+    assert ripple[1] < 0.6 * ripple[0]
+
+
 def test_growing_stages_cost_little() -> None:
     few = TorqueMPC(leg_model(), LIMIT, period=5, horizon=300, stages=13)
     many = TorqueMPC(leg_model(), LIMIT, period=5, horizon=300, stages=60)

@@ -77,7 +77,7 @@ def test_a_solver_that_does_not_answer_leaves_its_plan_then_floors() -> None:
     loop.update(REQUEST, START, AROUND)
     assert loop.plan is not None
     expected = loop.plan.currents / REQUEST
-    loop._think = lambda: None  # type: ignore[method-assign]
+    loop._think = lambda: None
     ends = np.cumsum(mpc.settings.stages)
     for k in range(1, 700):
         scale = loop.update(REQUEST, START, AROUND)

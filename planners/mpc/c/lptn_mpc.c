@@ -12,6 +12,7 @@
 #include "newton.c"
 #include "interior.c"
 
+#define ANOTHER 0.2 /* of all requests: where they change by so much, another thing is asked, and shares may jump */
 #define KEPT 1e-3 /* K; slack below it is the solver's own */
 
 /* Requests and conditions as finite numbers, and what a deviation from them costs. */
@@ -39,6 +40,19 @@ static void take(const lptn_mpc_settings *o, lptn_mpc_state *m, lptn_mpc_work *w
     for (int k = 0; k < LPTN_N; k++)
         for (int j = 0; j < LPTN_NU; j++)
             w->a[k][j] = all > 0 ? fmax(w->a[k][j] / all, 1e-9) : 1.0 / (LPTN_N * LPTN_NU);
+    /* While the same is asked, a change of share costs too. line s - 2 root sqrt(s) is, but for a constant, a (1 - sqrt s)^2
+     * and the like about the last period's share. */
+    double changed = 0, before = 0;
+    for (int j = 0; j < LPTN_NU; j++) {
+        changed += (w->c[0][j] - m->asked[j]) * (w->c[0][j] - m->asked[j]);
+        before += m->asked[j] * m->asked[j];
+    }
+    const double same = before > 0 ? fmax(1 - changed / before / (ANOTHER * ANOTHER), 0) : 0;
+    memcpy(w->line, w->a, sizeof w->a), memcpy(w->root, w->a, sizeof w->a);
+    for (int j = 0; j < LPTN_NU; j++) {
+        const double change = same * w->a[0][j] * o->smoothing / o->stage[0];
+        w->line[0][j] += change, w->root[0][j] += change * m->share[j];
+    }
 }
 
 /* Whether everything that the current allows stays below every limit; then it is the optimum. */
@@ -80,6 +94,7 @@ static void report(const lptn_mpc_settings *o, lptn_mpc_state *m, const lptn_mpc
     memcpy(out->admitted, out->plan[0], sizeof out->admitted);
     memcpy(m->applied, out->admitted, sizeof m->applied);
     memcpy(m->scale, w->s, sizeof m->scale);
+    for (int j = 0; j < LPTN_NU; j++) m->asked[j] = w->c[0][j], m->share[j] = sqrt(w->s[0][j]);
 }
 
 void lptn_mpc_step(const lptn_mpc_settings *o, lptn_mpc_state *m, lptn_mpc_work *w, const double *measured,
