@@ -47,7 +47,10 @@ class Candidate:
 
 THESIS = 0.867  # kg, motor and exchanger
 PIPES = 0.18  # kg, four heat pipes and their mount; assumed
-SINK, FAN = (353.0, 3.3), (353.0, 0.225)  # J/K, K/W: fitted to what is said of the exchanger, examples/u8_thesis/facts.py
+SINK, FAN = (
+    (353.0, 3.3),
+    (353.0, 0.225),
+)  # J/K, K/W: fitted to what is said of the exchanger, examples/u8_thesis/facts.py
 CANDIDATES = (
     Candidate("U8 alone", "U8", None, U8.mass.value, "#0072B2"),
     Candidate("U8, thesis's exchanger, still air", "U8", SINK, THESIS, "#56B4E9", (0, (5, 1.5))),

@@ -33,7 +33,7 @@ from tests.identify.truth import TRUTH, truth_run
 from tests.identify.truth import network as two_node_network
 from tests.online import test_monitor
 from tests.sources.row import Check, Verdict, above, below, differs, equal, printed, row
-from tests.sources.trials import NEIGHBOURS, SEEDS, forecasts, largest, neighbours, whole_body
+from tests.sources.trials import SEEDS, forecasts, largest, neighbours, whole_body
 
 REFERENCE = Path(__file__).parents[2] / "fmu" / "reference"
 PHYSICS = "tests/effects/test_physics.py"
@@ -319,12 +319,14 @@ def mean_errors() -> Iterable[Check]:
     "largest and mean square errors",
     "2.38 to 4.77 °C, 0.50 to 2.14 °C², reduction 29 to 69 %",
     slow=True,
+    short="robot 3 trots with 4 kg 5.4 K off, without hidden errors; mean squares reach 4.7 K², the oracle's are 0.11 K²",
     more="examples/quadruped/whole_body.py",
 )
 def largest_errors() -> Iterable[Check]:
     for seed in SEEDS:
         for name, (found, floor) in largest(seed).items():
-            yield below(f"robot {seed}, {name}: largest error", found.max[0], 5.0, "K", f"oracle {floor[0]:.2f} K")
+            seen = f"mean square {found.square[0]:.2f} K², oracle's {floor[1]:.2f} K²"
+            yield below(f"robot {seed}, {name}: largest error", found.max[0], 5.0, "K", seen)
             yield above(f"robot {seed}, {name}: reduction against single nodes", found.reduction, 0.29)
 
 
@@ -348,12 +350,19 @@ def _names(network: Network) -> set[str]:
 @row("S0-N2", "unpowered neighbours", "the single node underestimates coupled regions", slow=True)
 def unpowered_neighbours() -> Iterable[Check]:
     for joint, (truth, whole, single) in neighbours(SEEDS[0]).items():
-        yield above(f"{joint}: true rise beside the powered knee", truth, 1.0, "K")
-        yield equal(f"{joint}: whole body less truth", whole, truth, "K", 1.0 / max(1.0, abs(truth)), "within 1 K")
-        yield below(f"{joint}: single node less whole body", single - whole, -1.0, "K", NEIGHBOURS)
+        yield below(f"{joint} beside a powered knee, in the end: single node less truth", single - truth, -1.0, "K")
+        share = abs(whole - truth) / abs(single - truth)
+        yield below(f"{joint}: error of the whole body over the single node's", share, 0.74 / 2.02, why="table 2's")
 
 
-@row("S0-N3", "largest error", "below 5 °C in all tests", slow=True, more="examples/quadruped/whole_body.py")
+@row(
+    "S0-N3",
+    "largest error",
+    "below 5 °C in all tests",
+    slow=True,
+    more="examples/quadruped/whole_body.py",
+    short="with hidden errors of each run robot 3 reaches 7.7 K standing, 5.3 K walking; the oracle 2.4 and 0.4 K",
+)
 def below_five() -> Iterable[Check]:
     for seed in SEEDS:
         for name, (found, floor) in largest(seed, "default").items():

@@ -59,7 +59,8 @@ def page(lines: Sequence[Line]) -> str:
         "wrote this page, and exits 1 where a row falls short. An id is source, kind (equation, table, figure, number,",
         "method, application) and number. The last printed digit says how far ours may lie from it; where it doesn't,",
         "a reason stands in parentheses. *cannot be met*: the source contradicts itself or physics, and the checks show it;",
-        "*an input is missing*: what can be said without it is checked. A number that missed is marked (!).",
+        "*an input is missing*: what can be said without it is checked; *not run*: it takes minutes, and `--fast` left it",
+        "out. A number that missed is marked (!).",
         "",
         f"{len(lines)} rows: {said}.",
     ]

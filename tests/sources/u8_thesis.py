@@ -83,9 +83,7 @@ def copper_loss() -> Iterable[Check]:
 def resistance_rise() -> Iterable[Check]:
     alpha = float(ResistanceRise.parameters[0].value)
     yield printed("the one α here", alpha, "0.004", "1/K")
-    yield printed(
-        "a of table 3.1 with it", alpha * 22.506, "0.0878", "W/K", why="0.004 gives 0.0900"
-    )
+    yield printed("a of table 3.1 with it", alpha * 22.506, "0.0878", "W/K", why="0.004 gives 0.0900")
     factor = float(ResistanceRise().factor(105.0, _p(alpha=alpha, reference=25.0)))
     yield equal("resistance at 105 over 25 degC", factor, 1.312)
 
