@@ -214,9 +214,7 @@ def test_parameters_conditions_and_ways_that_were_left(browser: Browser, tmp_pat
         expect(row).to_contain_text("fixed")
         expect(row).to_contain_text("5.000")
         page.locator("#python summary").click()
-        expect(page.locator("#python")).to_contain_text(
-            "study.set_parameter('capacity.heater*', value=5.0, fixed=True)"
-        )
+        expect(page.locator("#python")).to_contain_text("set_parameter('capacity.heater*', value=5.0, fixed=True)")
         assert not complaints
     finally:
         server.kill()
