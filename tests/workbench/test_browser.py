@@ -7,7 +7,7 @@ import re
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import pytest
@@ -21,15 +21,15 @@ pytestmark = [
     pytest.mark.skipif(CHROMIUM is None, reason="no chromium: the workbench is not looked at in a browser"),
 ]
 PATIENCE = 60_000  # ms, for a fit on a busy machine
-WORDS = [str(EXAMPLE / "two_heaters.toml"), str(EXAMPLE / "log.csv"), "--holdout-after", "300", "--no-browser"]
+FILES = [str(EXAMPLE / "two_heaters.toml"), str(EXAMPLE / "log.csv"), "--holdout-after", "300"]
 
 
 class Server:
     """`lptn open`, as a person starts it."""
 
-    def __init__(self, state: Path, port: int = 0) -> None:
+    def __init__(self, state: Path, port: int = 0, files: Sequence[str] = FILES) -> None:
         surroundings = os.environ | {"XDG_STATE_HOME": str(state), "PYTHONUNBUFFERED": "1"}
-        words = [sys.executable, "-m", "lptn", "open", *WORDS, "--port", str(port)]
+        words = [sys.executable, "-m", "lptn", "open", *files, "--no-browser", "--port", str(port)]
         self.process = subprocess.Popen(words, env=surroundings, stdout=subprocess.PIPE, text=True)
         assert self.process.stdout is not None
         lines = [self.process.stdout.readline().strip() for _ in range(2)]
@@ -58,6 +58,18 @@ def _order(page: Page, button: str) -> None:
     page.locator(f"[id='{button}']").click()
     expect(page.locator("#stop")).to_be_visible()
     expect(page.locator("#stop")).to_be_hidden()
+
+
+def _drag(page: Page, start: float, stop: float) -> None:
+    """Draw the mouse over a stretch of the first plot, from and to a share of its width."""
+    plot = page.locator(".u-over").first
+    plot.scroll_into_view_if_needed()
+    box = plot.bounding_box()
+    assert box is not None
+    page.mouse.move(box["x"] + start * box["width"], box["y"] + 40)
+    page.mouse.down()
+    page.mouse.move(box["x"] + stop * box["width"], box["y"] + 40, steps=4)
+    page.mouse.up()
 
 
 def _window(start: float) -> Callable[[Response], bool]:
@@ -90,7 +102,7 @@ def test_from_opening_to_a_fallen_error(browser: Browser, tmp_path: Path) -> Non
         expect(page.locator(".view h3")).to_contain_text("heater2 in log (held out)")  # the worst tile
 
         _order(page, "diagnose")
-        expect(page.locator(".answers li")).to_have_count(2)
+        expect(page.locator("#missing > .answers li")).to_have_count(2)
         page.locator(".answers li").first.hover()  # what it would change, at once
         expect(page.locator("#steps tbody")).to_contain_text("try: sensor lag")
         _order(page, "add sensor_lag at *")
@@ -133,6 +145,81 @@ def test_from_opening_to_a_fallen_error(browser: Browser, tmp_path: Path) -> Non
         server.kill()
 
 
+@pytest.mark.parametrize("example", ["tclab", pytest.param("leg", marks=pytest.mark.slow)])
+def test_the_tour_ends_where_the_error_has_fallen(browser: Browser, tmp_path: Path, example: str) -> None:
+    server = Server(tmp_path, files=[])
+    complaints: list[str] = []
+    try:
+        page = browser.new_page(viewport={"width": 1280, "height": 900})
+        page.on("pageerror", lambda error: complaints.append(str(error)))
+        page.goto(server.address)
+        page.locator(f"[id='example {example}']").click()
+        tour = page.locator("#tour")
+        expect(tour).to_contain_text("1 of 7")
+        page.locator(".tiles button").first.click()
+        expect(tour).to_contain_text("2 of 7")
+        expect(page.locator(".u-over").first).to_be_visible()
+        _drag(page, 0.4, 0.6)
+        expect(tour).to_contain_text("3 of 7")
+        page.locator("#whole").click()
+        expect(tour).to_contain_text("4 of 7")
+        for _ in range(3):  # as many effects as it takes
+            _order(page, "diagnose")
+            page.locator(".answers li").first.hover()
+            expect(page.locator("#steps tbody")).to_contain_text("try: ")
+            add = page.locator(".answers button.first").get_attribute("id")
+            assert add is not None
+            _order(page, add)
+            if "Done." in tour.inner_text():
+                break
+        expect(tour).to_contain_text("Done.")
+        assert list(tmp_path.rglob("example-*/*.toml"))  # the example's files stand beside the session
+        assert not complaints
+    finally:
+        server.kill()
+
+
+def test_parameters_conditions_and_ways_that_were_left(browser: Browser, tmp_path: Path) -> None:
+    server = Server(tmp_path)
+    complaints: list[str] = []
+    try:
+        page = browser.new_page(viewport={"width": 1280, "height": 900})
+        page.on("pageerror", lambda error: complaints.append(str(error)))
+        page.goto(server.address)
+        page.locator("[id='by condition']").click(timeout=PATIENCE)
+        expect(page.locator("[id='tile since the start later heater2']")).to_have_count(0)  # ten minutes were logged
+        expect(page.locator("[id='tile since the start to 20 min heater2']")).to_be_visible()
+        page.locator("[id='residual details'] summary").click()
+        expect(page.locator("[id='residual details'] canvas")).to_have_count(2)
+        for effect, place in (("sensor_lag", "*"), ("conduction", "heater1~heater2")):
+            if page.locator("#other").get_attribute("open") is None:
+                page.locator("#other summary").click()
+            page.locator("[id='other effect']").select_option(effect)
+            page.locator("[id='other place']").fill(place)
+            page.locator("#other button").click()
+            expect(page.locator("#steps tbody")).to_contain_text(effect.replace("_", " "))
+            expect(page.locator("#stop")).to_be_hidden()
+            if effect == "sensor_lag":
+                page.locator("#undo").click()
+                expect(page.locator("#redo")).to_be_enabled()
+        page.locator("#branches summary").click()
+        page.locator("[id='back 0']").click()
+        expect(page.locator("#steps tbody")).to_contain_text("sensor lag")
+        expect(page.locator("#steps tbody")).not_to_contain_text("conduction")
+        page.locator("#parameters summary").click()
+        page.locator("[id='edit capacity.heater*']").click()
+        page.locator("[id='set value']").fill("5")
+        _order(page, "set other")
+        row = page.locator("table.parameters tr", has_text="capacity.heater*")
+        expect(row).to_contain_text("fixed")
+        expect(row).to_contain_text("5.000")
+        page.locator("#python summary").click()
+        expect(page.locator("#python")).to_contain_text("set_parameter('capacity.heater*', value=5.0, fixed=True)")
+        assert not complaints
+    finally:
+        server.kill()
+
+
 def test_zoom_and_a_stretch_left_out(browser: Browser, tmp_path: Path) -> None:
     server = Server(tmp_path)
     try:
@@ -140,25 +227,26 @@ def test_zoom_and_a_stretch_left_out(browser: Browser, tmp_path: Path) -> None:
         page.goto(server.address)
         page.locator("[id='tile fit 0 heater1']").click(timeout=PATIENCE)
         expect(page.locator(".view h3")).to_contain_text("heater1 in log (fitted)")
-        plot = page.locator(".u-over").first
-        plot.scroll_into_view_if_needed()
-        box = plot.bounding_box()
-        assert box is not None
         with page.expect_response(_window(120), timeout=PATIENCE) as answered:
-            page.mouse.move(box["x"] + 0.4 * box["width"], box["y"] + 40)
-            page.mouse.down()
-            page.mouse.move(box["x"] + 0.6 * box["width"], box["y"] + 40, steps=4)
-            page.mouse.up()
+            _drag(page, 0.4, 0.6)
         times = answered.value.json()["time"]
         assert (times[0], times[-1]) == (pytest.approx(120, abs=3), pytest.approx(180, abs=3))
         with page.expect_response(_window(135), timeout=PATIENCE) as answered:
             page.locator(".stack").press("ArrowRight")
         assert answered.value.json()["time"][0] == pytest.approx(135, abs=4)
-        page.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 40)  # the network goes with the mouse
-        expect(page.locator("#network p")).to_contain_text(re.compile(r"^log at 1[67]\d"))
+        page.locator(".u-over").first.hover()  # the network goes with the mouse
+        expect(page.locator("#network p")).to_contain_text(re.compile(r"^log at 16\d"))
         page.locator("[data-link='ambient~heater1']").click(force=True)
         expect(page.locator("[id='edit resistance.ambient~heater*']")).to_be_visible()
         expect(page.locator("[id='set value']")).to_be_visible()
+        page.locator("#special").click()
+        expect(page.locator("#companions tbody tr")).to_have_count(2)  # the inputs of both heaters
+        _order(page, "fit_on")
+        expect(page.locator("#data li")).to_have_count(2)  # the time before and after it is held out
+        _order(page, "use_all")
+        expect(page.locator("#data li")).to_have_count(0)
+        with page.expect_response(_window(135), timeout=PATIENCE):
+            _drag(page, 0.45, 0.65)
         _order(page, "leave_out")
         expect(page.locator("#data li")).to_contain_text("left out")
         expect(page.locator("[id='tile fit 1 heater1']")).to_be_visible()  # the log's two pieces

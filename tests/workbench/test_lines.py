@@ -7,7 +7,7 @@ import pytest
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
-from lptn.workbench.lines import RunLines, thinned
+from lptn.workbench.lines import RunLines, _plain, thinned
 
 TIME: FloatArray = np.linspace(0.0, 10_000.2, 100_003)
 
@@ -66,3 +66,8 @@ def test_a_clock_that_counts_from_1970_keeps_its_milliseconds() -> None:
     epoch = RunLines(lines.nodes, TIME + 1.7e9, lines.measured, lines.inputs)
     at = epoch.window("hip", {}, 1.7e9, 1.7e9 + 1.0)["time"]
     assert np.diff(np.array(at, dtype=float)) == pytest.approx(0.1, abs=1e-3)
+
+
+def test_numbers_have_six_digits_whatever_their_size() -> None:
+    values = np.array([0.0, np.nan, -1.23456789, 1.23456789e-7, 123456789.0, np.inf, 1e-320])
+    assert _plain(values) == [0.0, None, -1.23457, pytest.approx(1.23457e-7, rel=1e-12), 123457000.0, None, 1e-320]

@@ -22,7 +22,8 @@ from lptn.workbench.content import content_of
 from lptn.workbench.orders import Keep, order
 from lptn.workbench.server import application, listening
 from lptn.workbench.session import Session
-from tests.workbench.conftest import OPENING
+from lptn.workbench.tour import EXAMPLES
+from tests.workbench.conftest import EXAMPLE, OPENING
 
 ADDRESS = "http://127.0.0.1:8000"
 ORIGIN = {"origin": ADDRESS}
@@ -226,6 +227,13 @@ def test_no_study_is_taken_from_where_others_can_write(tmp_path: Path) -> None:
     with pytest.raises(PermissionError, match="others can write"):
         _opened(theirs, OPENING, tmp_path, after_a_stop=True)
     assert not touched.exists()
+
+
+def test_the_example_in_the_package_is_the_example(tmp_path: Path) -> None:
+    opening = EXAMPLES["tclab"].opening(tmp_path)
+    for path, name in ((opening.model, "two_heaters.toml"), (opening.fit[0], "log.csv")):
+        assert path.read_bytes() == (EXAMPLE / name).read_bytes()
+    assert opening.study().data.holdout
 
 
 def test_a_taken_port_is_said() -> None:

@@ -137,8 +137,10 @@ def _opened(pipe: Connection, opening: Opening, sessions: Path, after_a_stop: bo
         if is_own_file(folder / STUDY):
             stored = io.BytesIO((folder / STUDY).read_bytes())
             if pickle.load(stored) == _written_by(fingerprint):
-                bench.study, bench.attempts, bench.heat = pickle.load(stored)
-                return bench
+                kept, attempts, heat = pickle.load(stored)
+                if vars(kept).keys() == vars(study).keys():  # else it is of other code of the same version
+                    bench.study, bench.attempts, bench.heat = kept, attempts, heat
+                    return bench
     except FileNotFoundError:
         pass
     except Exception:

@@ -161,8 +161,12 @@ def thinned(time: FloatArray, columns: FloatArray, most: int) -> tuple[FloatArra
 
 def _plain(values: FloatArray) -> list[float | None]:
     """Six digits, which no screen exceeds; `None` for what is missing."""
-    finite = np.isfinite(values)
-    shown: list[float | None] = [float(f"{value:.6g}") for value in values]
-    for k in np.flatnonzero(~finite):
+    missing = ~np.isfinite(values)
+    known = np.where(missing | (values == 0), 1.0, values)
+    places = 5 - np.floor(np.log10(np.abs(known)))
+    exact = np.abs(places) < 300  # beyond, a power of ten is no double any more
+    scale = 10.0 ** np.where(exact, places, 0.0)
+    shown: list[float | None] = np.where(exact, np.round(values * scale) / scale, values).tolist()
+    for k in np.flatnonzero(missing):
         shown[int(k)] = None
     return shown

@@ -103,10 +103,10 @@ class _Site:
         return await _answered(request, LinesAsked, self._session.lines)
 
     async def special(self, request: Request) -> Response:
-        return await _answered(request, SpecialAsked, lambda asked: asdict(self._session.special(asked)))
+        return await _answered(request, SpecialAsked, lambda asked: finite(asdict(self._session.special(asked))))
 
     async def residuals(self, request: Request) -> Response:
-        return await _answered(request, ResidualsAsked, lambda asked: asdict(self._session.residuals(asked)))
+        return await _answered(request, ResidualsAsked, lambda asked: finite(asdict(self._session.residuals(asked))))
 
     async def network(self, request: Request) -> Response:
         return await _answered(request, NetworkAsked, self._session.network)
@@ -143,7 +143,7 @@ async def _answered(request: Request, kind: type[Asked], answer: Callable[[Asked
     """The answer to a question whose parts stand in the address; what was wrong with it in a line."""
     try:
         asked = kind.model_validate(dict(request.query_params))
-        return JSONResponse(finite(await run_in_threadpool(answer, asked)))
+        return JSONResponse(await run_in_threadpool(answer, asked))
     except ValidationError as error:
         return _wrong(_in_words(error))
     except InputError as error:

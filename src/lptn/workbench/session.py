@@ -21,7 +21,7 @@ from lptn.workbench.bench import News
 from lptn.workbench.calculation import work
 from lptn.workbench.lines import RunLines
 from lptn.workbench.opening import Opening
-from lptn.workbench.orders import Keep, LinesAsked, Open, Order, ResidualsAsked, SpecialAsked
+from lptn.workbench.orders import Keep, LinesAsked, NetworkAsked, Open, Order, ResidualsAsked, SpecialAsked
 from lptn.workbench.residuals import Residuals, residuals
 from lptn.workbench.special import Special, special
 from lptn.workbench.tour import EXAMPLES
