@@ -22,10 +22,12 @@ LIMIT = "#D55E00"
 _COLOURS = ("#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#8C6D31")
 _DASHES = ("-", (0, (5, 1.5)), (0, (1, 1)), (0, (4, 1, 1, 1)))
 AMOUNTS = {"mass": (1e3, "mass [g]"), "volume": (1e6, "package volume [cm³]"), "torque": (1.0, "torque [N·m]"),
-          "duration": (1.0, "duration [s]")}  # fmt: skip
+           "duration": (1.0, "duration [s]")}  # fmt: skip
+"""By what is swept its factor from SI, and its label."""
 VALUES = {"held_torque": (1.0, "held torque [N·m]"), "time_to_limit": (1.0, "time to the limit [s]"),
           "worst_temperature": (1.0, "worst winding temperature [degC]"), "mass": AMOUNTS["mass"],
           "volume": AMOUNTS["volume"]}  # fmt: skip
+"""The same by goal."""
 
 
 def study_figure(result: StudyResult) -> Figure:

@@ -106,3 +106,14 @@ def test_a_model_without_a_log(lptn: Lptn, model: Path) -> None:
     status, out, _ = lptn("check", model)
     assert status == 0
     assert "Model pair: nodes a, b" in out
+
+
+def test_check_draws_the_network(lptn: Lptn, model: Path, tmp_path: Path) -> None:
+    drawn = tmp_path / "network.svg"
+    assert lptn("check", model, "--drawing", drawn)[0] == 0
+    text = drawn.read_text()
+    assert text.startswith("<svg")
+    assert all(f'data-node="{node}"' in text for node in ("a", "b"))
+    status, _, err = lptn("check", model, "--drawing", tmp_path / "network.png")
+    assert status == 2
+    assert "one ending in .svg" in err

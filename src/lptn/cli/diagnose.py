@@ -23,9 +23,8 @@ from lptn.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from lptn.diagnose.diagnosis import Verdict
     from lptn.diagnose.advice import Advice
-    from lptn.diagnose.diagnosis import Diagnosis, Step
+    from lptn.diagnose.diagnosis import Diagnosis, Step, Verdict
     from lptn.diagnose.runs_that_differ import RunDifference
     from lptn.identify.fitting import Fit
 
@@ -92,9 +91,7 @@ def show_diagnosis(diagnosis: Diagnosis) -> None:
     print(f"The model is {VERDICTS[diagnosis.verdict]}.")
     noise = noise_alone(diagnosis.fit)
     if diagnosis.verdict == "adequate" and diagnosis.holdout and diagnosis.holdout.rmse > FAR * noise:
-        print(
-            f"That holds for the fitted runs; the held-out ones are off by more than noise, which leaves {kelvin(noise, 2)}:"
-        )
+        print(f"That holds for the fitted runs. The held-out ones are off by more than noise ({kelvin(noise, 2)}):")
         print("they hold something that the fitted runs do not. Fit on runs like them as well.")
     print(f"RMSE {kelvin(diagnosis.fit.rmse)} on the fitted runs{held_out}, in steps of {step:g} s.")
     print(f"Misfit over one-minute means, 1 being the most that noise would leave: {lack}.")

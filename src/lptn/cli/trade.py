@@ -30,8 +30,8 @@ def trade(study: Path, /, *, json: Result = None, plot: Picture = None, report: 
             raise InputError(output, "output", "the study itself", "another file, for this one would be lost")
     check_picture(plot)
     asked = load_study(study)
-    with progress("reading") as report:
-        result = solve_study(asked, report)
+    with progress("reading") as say:
+        result = solve_study(asked, say)
     if not result.designs:
         raise result.infeasible()
     print("\n".join(lines(result)))

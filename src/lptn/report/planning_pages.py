@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -181,7 +181,7 @@ def _front(result: StudyResult) -> Charts:
             scale * each.value for each in points
         ]
     unit = _unit_in(goal)
-    drawn = [Line(name, name, colour=number, dots=True) for number, name in enumerate(every)]
+    drawn = [Line(name, name, colour=_colour(result, name), dots=True) for name in every]
     panel = ChartPanel(goal.replace("degC", "°C"), unit, (*drawn, Line("", "Pareto front", "points")), 380)
     view = View(("",), "", "amount", shown)
     return Charts(label.replace("degC", "°C"), (panel,), [view], {"amount": factor * amounts})
@@ -190,10 +190,15 @@ def _front(result: StudyResult) -> Charts:
 def _curves(result: StudyResult) -> Charts:
     currents = result.curves[0].current
     shown = {each.name: np.where(np.isfinite(each.time), each.time, np.nan) for each in result.curves}
-    drawn = tuple(Line(name, name, colour=number) for number, name in enumerate(shown))
+    drawn = tuple(Line(name, name, colour=_colour(result, name)) for name in shown)
     panel = ChartPanel(f"time to {result.curves[0].limit:.0f} °C [s]", "s", drawn, 320, log=True)
     return Charts("constant current [A]", (panel,), [View(("",), "", "current", shown)], {"current": currents})
 
 
-def _unit_in(label: Any) -> str:
-    return str(label).partition("[")[2].rstrip("]").replace("degC", "°C")
+def _colour(result: StudyResult, name: str) -> int:
+    """The number of a choice, the same in all charts."""
+    return [option.name for option in result.study.options()].index(name)
+
+
+def _unit_in(label: str) -> str:
+    return label.partition("[")[2].rstrip("]").replace("degC", "°C")

@@ -1,0 +1,112 @@
+"""What the report and the terminal say never contradicts itself: every way in which a selection can end."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lptn.cli.improve import show_history
+from lptn.diagnose.improvement import History
+from lptn.diagnose.unexplained_heat import UnexplainedHeat, largest, stretches
+from lptn.identify.comparison import Comparison, compare
+from lptn.report.heat_story import HeatStory
+from lptn.report.shown import heat_fields
+from lptn.report.words import (
+    caption_of_conditions,
+    headline,
+    in_short,
+    left_in_words,
+    next_step,
+    outcome_of,
+    story_in_words,
+)
+from tests.report.two_joints import NODES, NOISE, Told
+
+
+def _everything(history: History, told: Told) -> str:
+    heat = HeatStory.of(history)
+    parts = [headline(history), left_in_words(history), next_step(history), *story_in_words(history, told[1])]
+    return " ".join([*parts, *(f"{label}: {text}" for label, text in in_short(history, heat))])
+
+
+def test_a_solved_story_says_what_was_found_and_not_that_something_is_missing(missing: Told) -> None:
+    history = missing[0]
+    before, after = history.steps[0].test, history.best.test
+    assert before is not None
+    assert after is not None
+    found = f"Found: constant heat at {NODES[0]}; test {before.rmse:.3g} → {after.rmse:#.3g} K, floor "
+    assert headline(history).startswith(found)
+    floor = float(headline(history).removeprefix(found).removesuffix(" K."))
+    assert floor == pytest.approx(NOISE, rel=0.1)
+    assert left_in_words(history) == "What is left on the fitted runs is no more than the sensors' noise."
+    told = _everything(history, missing)
+    for wrong in ("is missing:", "Something", "still wrong", "does not explain"):
+        assert wrong not in told
+
+
+def test_what_a_first_verdict_could_not_explain_but_two_steps_did_is_found(missing: Told) -> None:
+    solved = replace(missing[0], verdict="unexplained", remaining="adequate")
+    assert outcome_of(solved) == "found"
+    told = _everything(solved, missing)
+    assert "Do not read" not in told
+    assert "stays" not in told
+
+
+def test_what_nothing_explains_is_not_called_found(missing: Told) -> None:
+    stuck = replace(missing[0], verdict="unexplained", remaining="unexplained")
+    told = _everything(stuck, missing)
+    assert told.startswith("Not explained; the best that the catalogue offers is constant heat at")
+    assert "Found" not in told
+    assert "no more than the sensors' noise" not in told
+
+
+def test_an_effect_added_to_an_adequate_model_is_added_and_not_found(missing: Told) -> None:
+    added = replace(missing[0], verdict="adequate")
+    assert headline(added).startswith("Added: ")
+    assert "Nothing is missing" not in _everything(added, missing)
+
+
+def test_held_out_runs_far_above_the_noise_are_not_called_noise(missing: Told) -> None:
+    history = missing[0]
+    holdout = history.best.holdout
+    assert holdout is not None
+    far = replace(history.best, holdout=replace(holdout, rmse=1.0))
+    told = left_in_words(replace(history, steps=(history.steps[0], far)))
+    assert "but the held-out ones are off by 1.00 K" in told
+
+
+def test_an_error_like_the_noise_is_no_failure(adequate: Told, missing: Told) -> None:
+    def caption(told: Told) -> tuple[str, Comparison]:
+        comparison = compare(told[0].steps[0].fit.model, told[1].holdout)
+        comparison = replace(comparison, noise=told[0].steps[0].fit.noise)
+        return caption_of_conditions(comparison, None, "held-out"), comparison
+
+    said, comparison = caption(adequate)
+    assert comparison.all.rmse < 0.06
+    assert "fails" not in said
+    assert "errs nowhere by much more than noise" in said
+    assert "fails worst at" in caption(missing)[0]
+
+
+def test_heat_that_is_drawn_as_sure_is_heat_that_is_said(adequate: Told) -> None:
+    """The band that is drawn is the one that decides: none is said to be sure that lies within it, nor the reverse."""
+    rng = np.random.default_rng(4)
+    time = np.arange(5.0, 3600.0, 10.0)
+    for shift in (0.0, 0.5, 1.0, 1.5, 2.5):
+        heat = rng.normal(0.0, 0.3, (2, time.size)) + shift * np.exp(-(((time - 1800) / 300) ** 2))
+        found = UnexplainedHeat("run", time, NODES, heat, np.full_like(heat, 0.8), 10.0)
+        (drawn,) = heat_fields([found])
+        beyond = bool((np.abs(heat) > found.sure_band).any())
+        assert (largest([found]) is not None) == beyond == bool(drawn.values.any()) == bool(stretches([found]))
+    story = HeatStory.of(adequate[0])
+    assert ("no node lacks heat beyond chance" in in_short(adequate[0], story)[1][1]) == (story.peak is None)
+
+
+def test_the_terminal_says_the_same(missing: Told, capsys: pytest.CaptureFixture[str]) -> None:
+    show_history(missing[0])
+    out = capsys.readouterr().out
+    assert headline(missing[0]) in out
+    assert left_in_words(missing[0]) in out
+    assert "missing something" not in out
