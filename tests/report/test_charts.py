@@ -86,6 +86,7 @@ def test_a_page_on_a_plan_holds_every_joint(tmp_path: Path) -> None:
     assert all(f'"keys":["{node}"]' in page for node in model.nodes if node != "pc")
 
 
+@pytest.mark.long
 def test_a_trade_page_holds_every_choice_and_the_front() -> None:
     sweep = '[pareto]\nagainst = "mass"\nleast = 0.3\nmost = 0.5\npoints = 2'
     asked = study("held_torque", "duration = 120", HELD, more=sweep, cooling='"passive"')

@@ -13,6 +13,7 @@ from lptn.diagnose.unexplained_heat import UnexplainedHeat, largest, stretches
 from lptn.identify.comparison import Comparison, compare
 from lptn.report.heat_story import HeatStory
 from lptn.report.shown import heat_fields
+from lptn.report.text import significant
 from lptn.report.words import (
     caption_of_conditions,
     headline,
@@ -102,6 +103,10 @@ def test_heat_that_is_drawn_as_sure_is_heat_that_is_said(adequate: Told) -> None
         assert (largest([found]) is not None) == beyond == bool(drawn.values.any()) == bool(stretches([found]))
     story = HeatStory.of(adequate[0])
     assert ("no node lacks heat beyond chance" in in_short(adequate[0], story)[1][1]) == (story.peak is None)
+
+
+def test_large_numbers_have_no_exponent() -> None:
+    assert [significant(value, 2) for value in (0.052, 1.0, 9.96, 29.4, 142.0)] == ["0.052", "1.0", "10", "29", "142"]
 
 
 def test_the_terminal_says_the_same(missing: Told, capsys: pytest.CaptureFixture[str]) -> None:

@@ -28,7 +28,9 @@ def signed_kelvin(value: float) -> str:
 
 
 def significant(value: float, digits: int) -> str:
-    """So many digits, zeros among them: 1.00, not 1."""
+    """So many digits, zeros among them: 1.00, not 1; all of those before the point."""
+    if abs(value) >= 10.0**digits:
+        return f"{value:.0f}"
     return f"{value:#.{digits}g}".rstrip(".")
 
 
