@@ -159,7 +159,7 @@ export function missing(page) {
   const other = addAnother(page);
   if (!answers) return [title,
     h("p", null, "Every effect of the catalogue is scored at every place; the best are fitted, and get a probability."),
-    h("div", { className: "row" }, ask("diagnose", "Find what is missing", true), ask("improve", "Add it all by itself")), other];
+    h("div", { className: "row" }, ask("diagnose", "Find what is missing", true), ask("improve", "Add what is missing by itself")), other];
   const group = new Set(answers.answers.length && answers.answers[0].same.length ? [1, ...answers.answers[0].ranks] : []);
   const change = each => {
     return `${each.holdout != null ? "held out" : "fitted"} ${digits(answers.before)} → ${kelvin(each.holdout ?? each.fit)}`;
