@@ -2,8 +2,8 @@
 
 `python -m tests.benchmarks.workbench` measures the page with synthetic lines, `... leg` and `... quadruped DIR` drive
 `lptn open` to the hidden effect (DIR from
-`python -m lptn.virtual quadruped --physics plain --hidden forced_convection --at FR_thigh --runs trial -o DIR`, two hours
-to fit). It needs Playwright and Chromium.
+`python -m lptn.virtual quadruped --physics plain --hidden forced_convection --at FR_thigh --runs trial -o DIR`, two
+hours to fit). It needs Playwright and Chromium.
 """
 
 from __future__ import annotations
