@@ -242,8 +242,9 @@ function parameterTable(page) {
     const order = fixed => event => {
       event.preventDefault();
       const number = id => document.getElementById(id).valueAsNumber;
+      const set = { what: "set", name: each.name, value: number("set value"), bounds: [number("set least"), number("set most")], fixed };
       page.edit("");
-      page.order({ what: "set", name: each.name, value: number("set value"), bounds: [number("set least"), number("set most")], fixed });
+      page.order(set);
     };
     return h("tr", null, h("td", { colSpan: 6 }, h("form", { className: "row", onsubmit: order(!each.free) },
       field("set value", "value", Number(each.value.toPrecision(6))), field("set least", "at least", each.bounds[0]), field("set most", "at most", each.bounds[1]), each.unit,
