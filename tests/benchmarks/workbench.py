@@ -1,7 +1,9 @@
 """How fast the workbench's page is: first paint, zoom, preview of an answer, memory; clicks to a hidden effect.
 
 `python -m tests.benchmarks.workbench` measures the page with synthetic lines, `... leg` and `... quadruped DIR` drive
-`lptn open` to the hidden effect (DIR has fit*.parquet and holdout*.parquet). It needs Playwright and Chromium.
+`lptn open` to the hidden effect (DIR from
+`python -m lptn.virtual quadruped --physics plain --hidden forced_convection --at FR_thigh --runs trial -o DIR`, two
+hours to fit). It needs Playwright and Chromium.
 """
 
 from __future__ import annotations
@@ -20,7 +22,6 @@ from pathlib import Path
 import numpy as np
 from playwright.sync_api import Browser, CDPSession, Page, sync_playwright
 
-from lptn.robots.presets import preset_text
 from lptn.workbench.bench import News
 from lptn.workbench.lines import Attempt, RunLines
 from lptn.workbench.opening import Opening
@@ -218,8 +219,7 @@ def main() -> None:
             case ["leg"]:
                 find(browser, [], "leg")
             case ["quadruped", folder]:
-                model = Path(folder) / "quadruped.toml"
-                model.write_text(preset_text("quadruped"))
+                model = Path(__file__).with_name("quadruped_plain.toml")
                 fitted = sorted(map(str, Path(folder).glob("fit*.parquet")))
                 held_out = sorted(map(str, Path(folder).glob("holdout*.parquet")))
                 find(browser, [str(model), *fitted, "--holdout", *held_out])

@@ -159,7 +159,7 @@ export function missing(page) {
   const other = addAnother(page);
   if (!answers) return [title,
     h("p", null, "Every effect of the catalogue is scored at every place; the best are fitted, and get a probability."),
-    h("div", { className: "row" }, ask("diagnose", "Find what is missing", true), ask("improve", "Add it all by itself")), other];
+    h("div", { className: "row" }, ask("diagnose", "Find what is missing", true), ask("improve", "Add what is missing by itself")), other];
   const group = new Set(answers.answers.length && answers.answers[0].same.length ? [1, ...answers.answers[0].ranks] : []);
   const change = each => {
     return `${each.holdout != null ? "held out" : "fitted"} ${digits(answers.before)} → ${kelvin(each.holdout ?? each.fit)}`;
@@ -242,8 +242,9 @@ function parameterTable(page) {
     const order = fixed => event => {
       event.preventDefault();
       const number = id => document.getElementById(id).valueAsNumber;
+      const set = { what: "set", name: each.name, value: number("set value"), bounds: [number("set least"), number("set most")], fixed };
       page.edit("");
-      page.order({ what: "set", name: each.name, value: number("set value"), bounds: [number("set least"), number("set most")], fixed });
+      page.order(set);
     };
     return h("tr", null, h("td", { colSpan: 6 }, h("form", { className: "row", onsubmit: order(!each.free) },
       field("set value", "value", Number(each.value.toPrecision(6))), field("set least", "at least", each.bounds[0]), field("set most", "at most", each.bounds[1]), each.unit,

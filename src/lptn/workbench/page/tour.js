@@ -12,7 +12,7 @@ const STEPS = [
   { at: "#diagnose", words: "Now let every effect of the catalogue be tried at every place.", done: page => page.state.answers },
   { at: ".answers li", words: "The most probable answer stands first. Put the mouse on it, or press Try: the plots and the dashed bar show what it would change.", done: page => page.attempt },
   { at: ".answers button.first", words: "Convinced? Add it. The model is fitted again, and the error falls.", done: page => page.state.steps.length > 1 },
-  { at: "#diagnose, .answers button.first", words: "A step down. Something may still be missing: ask again, look, and add what comes first.", done: page => page.state.head.now <= FALLEN * page.state.head.given },
+  { at: "#improve", words: "A step down, and not the last. Where data can’t tell answers apart, the first may lead astray: Undo it, and press “Add what is missing by itself”. It follows several ways side by side, and held-out data choose.", done: page => page.state.head.now <= FALLEN * page.state.head.given },
 ];
 
 export function tour(page, plots) {
