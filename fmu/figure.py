@@ -5,6 +5,7 @@ from __future__ import annotations
 from math import ceil
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.figure import Figure
 
 from lptn.basics.arrays import FloatArray
@@ -41,10 +42,10 @@ def cosimulation_figure(done: Cosimulation) -> Figure:
         ax.set_xlabel(label, size=SMALL)
         ax.set_ylabel(unit, size=SMALL)
         ax.margins(x=0.01)
-    handles: dict[str, object] = {}
+    handles: dict[str, Artist] = {}
     for ax in figure.axes:
         for handle, name in zip(*ax.get_legend_handles_labels(), strict=True):
-            handles.setdefault(name, handle)
+            handles.setdefault(str(name), handle)
     if len(handles) > 1:
         figure.legend(
             handles.values(), handles.keys(), loc="outside upper right", ncols=3, frameon=False, fontsize=SMALL

@@ -215,7 +215,7 @@ static double event_in(const Instance *I, const double *after, const double *u0,
 
 static Status core_step(Instance *I, const char *function, double from, double step, const Hooks *hooks, double *reached) {
     Data *d = &I->data;
-    double n, h, x_before[NX], u_before[SPACE_U], u0[SPACE_U], u1[SPACE_U], after[NX];
+    double n, h, time_before = d->time, x_before[NX], u_before[SPACE_U], u0[SPACE_U], u1[SPACE_U], after[NX];
     int64_t crossed_before[SPACE_E];
     uint64_t k, steps;
     int i, ends = 0;
@@ -258,7 +258,7 @@ static Status core_step(Instance *I, const char *function, double from, double s
             memcpy(d->x, x_before, sizeof x_before);
             memcpy(d->u, u_before, sizeof u_before);
             memcpy(d->crossed, crossed_before, sizeof crossed_before);
-            d->time = *reached = from;
+            d->time = *reached = time_before;
             core_forget(I);
             return core_fail(I, function, "temperatures run away before %g s; the step is taken back", end);
         }

@@ -33,9 +33,11 @@ def truth(torque: float = 20.0) -> tuple[float, float]:
     def crossing(_: float, x: Any) -> float:
         return float(x[2] - LIMIT)
 
-    options = {"events": crossing, "method": "DOP853", "rtol": 1e-12, "atol": 1e-12}
+    options: dict[str, Any] = {"events": crossing, "method": "DOP853", "rtol": 1e-12, "atol": 1e-12}
     up = solve_ivp(rates, (0.0, ON), np.full(3, ROOM), **options)
     down = solve_ivp(rates, (ON, 4 * OFF), up.y[:, -1], **options)
+    assert up.t_events is not None
+    assert down.t_events is not None
     return float(up.t_events[0][0]), float(down.t_events[0][0])
 
 
