@@ -2,7 +2,7 @@
 
 The voltage bounds the speed, the data sheet's current the torque; between its continuous rating and that lies what the
 winding bears for a while. How long is told by the network of the stalled motor: losses in the iron and the air that the
-rotor stirs are left out, so it holds near standstill. Source: [Chen2017, sec. 2.2]; the figure itself is not available.
+rotor stirs are left out, so it holds near standstill. Source: [Chen2017, chapter 2]; the figure itself is absent.
 """
 
 from __future__ import annotations

@@ -226,7 +226,7 @@ def test_with_ambient_every_mode_dies_out_without_one_stays() -> None:
 
 
 def test_heat_flows_from_the_hot_joint_to_the_cold_ones() -> None:
-    """[QuadrupedLPTN, eq. 5]: 50, 25, 25 degC in air of 25 degC for 300 s; with the printed sign 67.4, 15.7, 23.0 degC."""
+    """[QuadrupedLPTN, eq. 5]: 50, 25, 25 degC in air of 25 degC for 300 s; the printed sign heats the hot joint."""
     links = (link("a", "b", 5.0), link("b", "c", 2.5), link("a", "c", 12.0), *(link(x, "ambient", 4.5) for x in "abc"))
     model = Model(Network("leg", (*(node(x) for x in "abc"), AMBIENT), links))
     start = np.array([50.0, 25.0, 25.0])

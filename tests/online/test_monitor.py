@@ -88,12 +88,15 @@ def test_a_healthy_log_gives_no_alarm(model: Model, calibration: Calibration, se
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("rate", [FASTEST, -0.015])
-def test_a_drift_is_called_long_before_the_threshold(model: Model, calibration: Calibration, rate: float) -> None:
+@pytest.mark.parametrize(("rate", "late_by"), [(FASTEST, 0.2), (-0.015, 0.3)])
+def test_a_drift_is_called_long_before_the_threshold(
+    model: Model, calibration: Calibration, rate: float, late_by: float
+) -> None:
+    """[QuadrupedLPTN, application 2]; a slow drift has to climb over the model's own error, up to 3 K of the 10."""
     watched = seen(model, calibration, log(4, drift(rate)))
     early, late = only(watched.statistical_alarms), only(watched.threshold_alarms)
     ideal = 10.0 / abs(rate)
-    assert late.time - BEGIN == pytest.approx(ideal, rel=0.2)
+    assert late.time - BEGIN == pytest.approx(ideal, rel=late_by)
     assert 0 < early.time - BEGIN < 0.6 * (late.time - BEGIN)
     assert early.kind == late.kind == "drift"
     for alarm in (early, late):

@@ -319,7 +319,7 @@ def mean_errors() -> Iterable[Check]:
     "largest and mean square errors",
     "2.38 to 4.77 °C, 0.50 to 2.14 °C², reduction 29 to 69 %",
     slow=True,
-    short="robot 3 trots with 4 kg 5.4 K off, without hidden errors; mean squares reach 4.7 K², the oracle's are 0.11 K²",
+    short="robot 3 trots with 4 kg 5.4 K off, without hidden errors; mean squares up to 4.7 K², oracle 0.11 K²",
     more="examples/quadruped/whole_body.py",
 )
 def largest_errors() -> Iterable[Check]:
@@ -350,7 +350,7 @@ def _names(network: Network) -> set[str]:
 @row("S0-N2", "unpowered neighbours", "the single node underestimates coupled regions", slow=True)
 def unpowered_neighbours() -> Iterable[Check]:
     for joint, (truth, whole, single) in neighbours(SEEDS[0]).items():
-        yield below(f"{joint} beside a powered knee, in the end: single node less truth", single - truth, -1.0, "K")
+        yield below(f"{joint} beside a powered knee, rise: single node less truth", single - truth, -1.0, "K")
         share = abs(whole - truth) / abs(single - truth)
         yield below(f"{joint}: error of the whole body over the single node's", share, 0.74 / 2.02, why="table 2's")
 

@@ -41,7 +41,7 @@ def largest(seed: int, level: str = "none") -> Mapping[str, tuple[Any, tuple[flo
 
 
 def neighbours(seed: int) -> dict[str, tuple[float, float, float]]:
-    """Rise [K] of the unpowered joints beside a powered knee, all from one start: truth, whole body, single nodes."""
+    """Rise [K] of the unpowered joints beside a powered knee over its run: truth, whole body, single nodes."""
     name, beside = "knee_RF_LR_10Nm", ("FR_hip", "FR_thigh", "RL_hip", "RL_thigh")
     logs = quadruped_logs(seed=seed, level="none", quantisation=1.0)
     found: dict[str, list[float]] = {joint: [] for joint in beside}
