@@ -7,7 +7,8 @@ import pytest
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
-from lptn.workbench.lines import RunLines, _plain, thinned
+from lptn.basics.lines import thinned
+from lptn.workbench.lines import RunLines, _plain
 
 TIME: FloatArray = np.linspace(0.0, 10_000.2, 100_003)
 

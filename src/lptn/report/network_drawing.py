@@ -10,7 +10,7 @@ from html import escape
 import casadi as ca
 import numpy as np
 
-from lptn.basics.arrays import FloatArray
+from lptn.basics.arrays import BoolArray, FloatArray
 from lptn.basics.places import edge
 from lptn.model.model import Model
 from lptn.model.network import EffectInstance, Network
@@ -332,37 +332,26 @@ class _Drawing:
         """The direction with most room between the node's other lines and other boxes; upward among equals."""
         here = np.array(self.at[name])
         badges = bool(self.parts.effects.get(name))
+        others = [other for other in self.parts.nodes if other != name]
+        middles = np.array([self.at[other] for other in others]).reshape(-1, 2)
+        halves = np.array([self.sizes[other] for other in others]).reshape(-1, 2) / 2
+        inner = [line.ends for line in self.parts.lines if not self._surroundings_of(line) and name not in line.ends]
+        ends = np.array([[self.at[one], self.at[other]] for one, other in inner]).reshape(-1, 2, 2)
         best, room = 0.0, -np.inf
         for place in range(_DIRECTIONS):
             angle = 2 * np.pi * place / _DIRECTIONS
             way = np.array([np.cos(angle), np.sin(angle)])
             end = here + way * (self._to_edge(name, way) + _STUB)
             clear = min((abs((angle - other + np.pi) % (2 * np.pi) - np.pi) for other in taken), default=np.pi)
-            near = min((self._outside(other, end) for other in self.parts.nodes if other != name), default=99.0)
-            crossing = sum(self._crosses(here, end, line, name) for line in self.parts.lines)
+            outside = np.maximum(np.abs(end - middles) - halves, 0.0)  # how far the end is from each box [px]
+            near = float(np.hypot(outside[:, 0], outside[:, 1]).min(initial=99.0))
+            crossing = int(_crossed(here, end, ends[:, 0], ends[:, 1]).sum())
             score = min(clear, 1.2) + min(near, 30.0) / 30.0 - 1.5 * crossing
             score -= 0.7 * badges * max(way[1], 0.0)  # a node's badges stand below it
             score += 0.1 * abs(way[1]) - 0.05 * way[1]  # up or down, where names are not
             if score > room + 1e-9:
                 best, room = angle, score
         return float(best)
-
-    def _outside(self, name: str, point: FloatArray) -> float:
-        """How far a point is from a box [px]."""
-        beyond = np.abs(point - self.at[name]) - np.divide(self.sizes[name], 2)
-        return float(np.hypot(*np.maximum(beyond, 0.0)))
-
-    def _crosses(self, start: FloatArray, end: FloatArray, line: _Line, name: str) -> bool:
-        if self._surroundings_of(line) or name in line.ends:
-            return False
-        one, other = (np.array(self.at[each]) for each in line.ends)
-
-        def side(a: FloatArray, b: FloatArray, c: FloatArray) -> float:
-            return float((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))
-
-        return (
-            side(start, end, one) * side(start, end, other) < 0 and side(one, other, start) * side(one, other, end) < 0
-        )
 
     # --- badges and legend ------------------------------------------------------------------------
 
@@ -414,6 +403,17 @@ class _Drawing:
             )
             rows += 1
         return "".join(drawn), _LEGEND * rows + 12, width
+
+
+def _crossed(start: FloatArray, end: FloatArray, ones: FloatArray, others: FloatArray) -> BoolArray:
+    """Which of the lines from `ones` to `others`, shape (n, 2), the line from start to end crosses."""
+
+    def side(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
+        across = (b - a)[..., 0] * (c - a)[..., 1] - (b - a)[..., 1] * (c - a)[..., 0]
+        return np.asarray(across)
+
+    between = side(start, end, ones) * side(start, end, others) < 0
+    return np.asarray(between & (side(ones, others, start) * side(ones, others, end) < 0))
 
 
 def _names(parameters: Iterable[str]) -> str:

@@ -9,6 +9,7 @@ import numpy as np
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
+from lptn.basics.lines import thinned
 from lptn.diagnose.unexplained_heat import UnexplainedHeat
 from lptn.identify.comparison import Prediction
 
@@ -134,29 +135,6 @@ class RunLines:
         return {"time": np.round(at, 3).tolist()} | {
             name: _plain(values) for name, values in zip(columns, thin, strict=True)
         }
-
-
-def thinned(time: FloatArray, columns: FloatArray, most: int) -> tuple[FloatArray, FloatArray]:
-    """Lines that look the same with at most about `most` points, all at the same times.
-
-    Each block of readings keeps the smallest and the largest value of each line; the very last reading stays itself.
-
-    Args:
-        time: (n,).
-        columns: (lines, n), NaN where missing.
-        most: about how many points to keep.
-    """
-    n = time.size
-    if n <= max(most, 3):
-        return time, columns
-    edges = np.linspace(0, n - 1, max(most, 3) // 2 + 1).astype(int)
-    starts, ends = edges[:-1], edges[1:] - 1
-    low = np.fmin.reduceat(columns[:, : n - 1], starts, axis=1)
-    high = np.fmax.reduceat(columns[:, : n - 1], starts, axis=1)
-    falling = columns[:, ends] < columns[:, starts]
-    pairs = np.stack([np.where(falling, high, low), np.where(falling, low, high)], axis=2)
-    kept = np.concatenate([pairs.reshape(len(columns), -1), columns[:, -1:]], axis=1)
-    return np.append(np.stack([time[starts], time[ends]], axis=1).ravel(), time[-1]), kept
 
 
 def _plain(values: FloatArray) -> list[float | None]:
