@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Iterable
 from dataclasses import replace
@@ -197,7 +198,7 @@ def euler() -> Iterable[Check]:
     model = _one(300.0, 1.69, "constant_heat", power=25.0)
     form = state_space(model, np.array([20.0]), np.array([20.0]))
     yield equal("stable below", form.euler_stable, 2 * 300.0 * 1.69, "s")
-    for step, share in ((1.0, 0.5 * 1.0 / (np.e * 507.0)),):
+    for step, share in ((1.0, 0.5 * 1.0 / (math.e * 507.0)),):
         # The largest error of Euler's step response, rise·h/(2 e τ) to first order.
         found = form.euler_error(step, 3000.0)
         yield equal(f"largest error, h = {step:g} s", found, share * 25.0 * 1.69, "K", 1e-3)
