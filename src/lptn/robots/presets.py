@@ -14,13 +14,14 @@ SIZES = {
     "quadruped": (13, 133),
     "quadruped.coupled": (13, 81),
     "quadruped.single-node": (12, 64),
+    "quadruped.windings": (26, 123),
     "single-motor": (1, 4),
     "single-motor.full": (1, 11),
     "u10": (3, 10),
     "u8": (3, 10),
     "u8-heat-sink": (4, 13),
 }
-"""Nodes and parameters of each file, so that a list of them need not make twelve networks; a test counts them."""
+"""Nodes and parameters of each file, so that a list of them need not make every network; a test counts them."""
 
 
 def presets() -> dict[str, str]:
