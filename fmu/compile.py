@@ -220,7 +220,7 @@ def _link_for_windows(zig: list[str], folder: Path, object_file: Path, library: 
     imports = []
     for number, (dll, names) in enumerate(_WINDOWS.items()):
         definition, imported = (folder / target.name / f"{number}.{ending}" for ending in ("def", "lib"))
-        definition.write_text("\n".join([f"LIBRARY {dll}", "EXPORTS", *names.split()]) + "\n")
+        definition.write_bytes("\n".join([f"LIBRARY {dll}", "EXPORTS", *names.split(), ""]).encode())
         _checked([*zig, "dlltool", "-m", "i386:x86-64", "-d", str(definition), "-l", str(imported)], folder, target)
         imports.append(str(imported))
     words = ["lld-link", "-lldmingw", "-dll", "-noentry", "-machine:x64", "-Brepro", f"-out:{library}"]

@@ -6,7 +6,6 @@ Source: FMI-LS-REF 1.0.0-alpha.1 for the manifest, MA-HS-Experiments (its draft 
 from __future__ import annotations
 
 import hashlib
-import io
 from collections.abc import Mapping
 from typing import Any
 
@@ -93,9 +92,8 @@ def _solved(component: Component, rows: FloatArray) -> FloatArray:
 
 
 def _csv(names: list[str], table: FloatArray) -> str:
-    text = io.StringIO()
-    np.savetxt(text, table, fmt="%.10g", delimiter=",", header=",".join(f'"{name}"' for name in names), comments="")
-    return text.getvalue()
+    header = ",".join(f'"{name}"' for name in names)
+    return "\n".join([header, *(",".join(f"{value:.10g}" for value in row) for row in table)]) + "\n"
 
 
 def related(entries: Mapping[str, bytes]) -> list[dict[str, str]]:
