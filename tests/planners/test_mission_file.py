@@ -136,7 +136,7 @@ def test_the_command_plans_the_deliveries(tmp_path: Path, capsys: pytest.Capture
     assert plot.stat().st_size > 10_000
 
 
-@pytest.mark.long
+@pytest.mark.slow
 def test_what_cannot_be_done_is_said_first() -> None:
     answer = plan_kind.run(read(EXAMPLES / "mission_too_much.toml"))
     first, second, *_ = answer.text().splitlines()
