@@ -91,7 +91,7 @@ def test_neighbouring_joints_of_the_ur3_arm_heat_each_other() -> None:
     assert both.runs[0].reduction > 0.2
 
 
-@pytest.mark.long
+@pytest.mark.slow
 def test_the_whole_body_beats_single_nodes(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(EXAMPLES / "quadruped")
     whole_body = import_module("whole_body")

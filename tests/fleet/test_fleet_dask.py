@@ -78,8 +78,8 @@ def _killed_and_resumed(tmp_path: Path, robots: int, kind: str) -> None:
 
 
 @pytest.mark.long
-def test_two_hundred_robots_over_dask_killed_half_way_and_resumed(tmp_path: Path) -> None:
-    _killed_and_resumed(tmp_path, 200, "threads")
+def test_forty_robots_over_dask_killed_half_way_and_resumed(tmp_path: Path) -> None:
+    _killed_and_resumed(tmp_path, 40, "threads")
 
 
 @pytest.mark.slow

@@ -281,7 +281,7 @@ def run_command(*words: object) -> int:
 def test_the_command_shows_both_detectors(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     found, picture, kept_file = folder / "found.json", folder / "found.png", folder / "calibration.json"
     words = ("monitor", folder / "two.toml", folder / "today.csv", "--threshold", 10, "--json", found)
-    healthy = ("--healthy", folder / "good.csv", folder / "fine.csv", "--calibration", kept_file)
+    healthy = ("--healthy", folder / "good.csv", "--calibration", kept_file)
     assert run_command(*words, *healthy, "--plot", picture) == 0
     shown = capsys.readouterr().out
     assert "drift" in shown
