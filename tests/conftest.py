@@ -19,16 +19,6 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Files with long tests come first, so that no core waits for another at the end.
-
-    Coverage is measured in a long test's first case only: it costs two thirds of the time, the others add little.
-    """
-    long = [item for item in items if item.get_closest_marker("long")]
-    files = {item.path for item in long}
+    """Files with long tests come first, so that no core waits for another at the end."""
+    files = {item.path for item in items if item.get_closest_marker("long")}
     items.sort(key=lambda item: item.path not in files)
-    measured = set()
-    for item in long:
-        test = item.nodeid.partition("[")[0]
-        if test in measured and item.config.pluginmanager.has_plugin("_cov"):
-            item.add_marker("no_cover")
-        measured.add(test)
