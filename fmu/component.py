@@ -13,6 +13,7 @@ import casadi as ca
 from lptn.basics.errors import InputError
 from lptn.basics.parameters import ParameterInstance
 from lptn.basics.places import matching
+from lptn.logs.columns import column_unit
 from lptn.logs.resampling import raw_keys
 from lptn.model.model import Model
 from lptn.model.network import EffectInstance, Link
@@ -23,7 +24,6 @@ from .variables import (
     Variable,
     celsius_offset,
     column_description,
-    column_unit,
     fmi_unit,
     from_column,
     pattern_as_word,

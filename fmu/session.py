@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
@@ -21,12 +22,12 @@ class FmuError(RuntimeError):
     """A call that the FMU refused, with the reason that it logged."""
 
 
-class Closing:
+class Closing(ABC):
     """What is closed at the end of a `with` block."""
 
+    @abstractmethod
     def close(self) -> None:
         """Give back what it holds."""
-        raise NotImplementedError
 
     def __enter__(self) -> Self:
         return self

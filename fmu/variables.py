@@ -235,21 +235,6 @@ _BASES = {
     "candela": "cd",
     "radian": "rad",
 }
-_COLUMN_UNITS = {
-    "temperature": "degC",
-    "torque": "N*m",
-    "current": "A",
-    "current_abs": "A",
-    "velocity": "rad/s",
-    "velocity_rms": "rad/s",
-    "speed": "m/s",
-    "power": "W",
-    "mechanical_power": "W",
-    "powered": "1",
-    "torque_abs": "N*m",
-    "fan": "1",
-    "irradiance": "W/m^2",
-}
 
 
 @dataclass(frozen=True)
@@ -267,11 +252,6 @@ class UnitDefinition:
     exponents: dict[str, int] | None = field(default_factory=dict)
     factor: float = 1.0
     celsius: bool = False
-
-
-def column_unit(column: str) -> str:
-    """The unit of a log column's quantity, empty where there is none for it."""
-    return _COLUMN_UNITS.get(column.partition(".")[0], "")
 
 
 def fmi_unit(unit: str) -> str:

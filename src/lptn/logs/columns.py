@@ -32,6 +32,15 @@ _SI = {  # of a quantity, and what a unit of it is called in a message
     "mechanical_power": ("W", "power, such as W"),
 }
 
+_NEVER_CONVERTED = {"torque_abs": "N*m", "powered": "1", "fan": "1", "irradiance": "W/m^2"}
+
+
+def column_unit(column: str) -> str:
+    """The unit that a log column of lptn's has by its quantity, empty where the quantity has none."""
+    quantity = column.partition(".")[0]
+    return _SI[quantity][0] if quantity in _SI else _NEVER_CONVERTED.get(quantity, "")
+
+
 # pint reads Nm as "number metre" and does not know rev.
 _SPELLINGS = {"Nm": "N*m", "mNm": "mN*m", "kNm": "kN*m", "rev/min": "turn/min", "rev/s": "turn/s"}
 

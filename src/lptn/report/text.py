@@ -10,6 +10,7 @@ from lptn.effects import Effect, catalogue
 from lptn.effects.ambient_offset import AmbientOffset
 from lptn.effects.loss_scale import LossScale
 from lptn.identify.data import Segment, Window
+from lptn.logs.columns import column_unit
 from lptn.model.model import Model
 
 NOTHING = "–"
@@ -64,24 +65,10 @@ def unit_text(unit: str) -> str:
     return unit.replace("^2", "²").replace("*", "·").replace("ohm", "Ω")
 
 
-_UNITS = {
-    "torque": "N·m",
-    "torque_abs": "N·m",
-    "current": "A",
-    "current_abs": "A",
-    "velocity": "rad/s",
-    "velocity_rms": "rad/s",
-    "speed": "m/s",
-    "power": "W",
-    "mechanical_power": "W",
-    "temperature": "°C",
-    "irradiance": "W/m²",
-}
-
-
 def unit_of(column: str) -> str:
-    """The unit of a log's column, `as logged` where its name does not say."""
-    return _UNITS.get(column.partition(".")[0], "as logged")
+    """The unit of a log's column, `as logged` where its quantity has none."""
+    unit = column_unit(column)
+    return "as logged" if unit in ("", "1") else unit_text(unit).replace("degC", "°C")
 
 
 def time_span(seconds: float) -> str:
