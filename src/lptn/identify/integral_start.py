@@ -15,6 +15,7 @@ import numpy as np
 from lptn.basics.arrays import FloatArray
 from lptn.model.model import Model
 from lptn.simulate.bound_run import BoundRun, default_start
+from lptn.simulate.kernel import AtPoints
 
 _MOST_ROWS = 400  # instants of each run that enter
 _FAINT = 1e-12  # W/K; a link that conducts less is none
@@ -58,7 +59,8 @@ class _LinearBalance:
         ]
         self.chosen = _jointly_linear(heat, w, self.chosen)
         self._capacities = capacities
-        self._heat = ca.Function("heat", [x, u, w], [heat, ca.densify(ca.jacobian(heat, w[self.chosen]))])
+        both = ca.densify(ca.horzcat(heat, ca.jacobian(heat, w[self.chosen])))
+        self._heat = AtPoints(ca.Function("heat", [x, u, w], [both]))
         self._declared = self._to_w(model.values)
 
     def equations(self, bound: BoundRun, sigma: FloatArray) -> Iterator[FloatArray]:
@@ -72,9 +74,8 @@ class _LinearBalance:
         n = len(bound)
         w0 = model.in_run(bound.run.name, self._declared).copy()
         w0[self.chosen] = 0.0  # leaves the heat that no chosen parameter changes
-        heat, by_w = self._heat.map(n)(states, bound.inputs, np.repeat(w0[:, None], n, axis=1))
-        constant = _integrated(heat.full(), bound.run.step)
-        slopes = by_w.full().reshape(nodes, n, len(self.chosen))
+        # Shape (nodes, 1 + chosen, n): the constant heat, then what each chosen parameter adds a unit of itself.
+        integrals = _integrated(np.moveaxis(self._heat(states, bound.inputs, w0), 0, 2), bound.run.step)
         rise = temperatures - temperatures[:, :1]
         instants = np.unique(np.linspace(0, n - 1, min(n, _MOST_ROWS)).astype(int))
         for i in range(nodes):
@@ -82,8 +83,7 @@ class _LinearBalance:
             if kept.size == 0:
                 continue
             capacity = self._capacities[i]
-            block = _integrated(slopes[i].T, bound.run.step).T[kept]
-            side = -constant[i][kept]
+            block, side = integrals[i, 1:].T[kept], -integrals[i, 0][kept]
             if capacity in self.chosen:
                 block[:, self.chosen.index(capacity)] -= rise[i][kept]
             else:

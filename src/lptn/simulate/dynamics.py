@@ -17,7 +17,7 @@ import numpy as np
 from lptn.basics.arrays import FloatArray
 from lptn.model.array_function import ArrayFunction
 from lptn.model.model import Model
-from lptn.simulate.kernel import kernel
+from lptn.simulate.kernel import AtPoints, kernel
 
 # --- The linearised rates dx/dt = f(x, u, p) ------------------------------------------------------
 
@@ -29,6 +29,20 @@ too large; RK4 is stable up to 2.78."""
 def fastest_rate(model: Model, x: FloatArray, u: FloatArray, p: FloatArray) -> float:
     """Largest eigenvalue of the linearised rates at a point [1/s], shapes (states,), (inputs,), (m,)."""
     return float(np.abs(np.linalg.eigvals(model.state_jacobian(x, u, p).full())).max())
+
+
+def slopes_at_points(model: Model, x: FloatArray, u: FloatArray, p: FloatArray) -> FloatArray:
+    """Derivatives of the rates by the states at n points [1/s], shape (n, states, states).
+
+    Args:
+        x: shape (states, n).
+        u: shape (inputs, n).
+        p: shape (m,).
+    """
+    compiled = kernel(model)
+    if compiled is not None:
+        return compiled.slopes(x, u, p)
+    return model.made_once("slopes at points", lambda: AtPoints(model.state_jacobian))(x, u, p)
 
 
 class Linearisation:
@@ -43,8 +57,9 @@ class Linearisation:
     def __init__(self, model: Model, core: int, chosen: Sequence[int]) -> None:
         x, u, p, rates, readings = model.symbols
         by = ca.vertcat(x[:core], p[list(chosen)])
-        self._rates = _Stacked([x, u, p], ca.jacobian(rates[:core], by))
-        self._readings = _Stacked([x, p], ca.jacobian(readings, by))
+        of_rates, of_readings = ca.jacobian(rates[:core], by), ca.jacobian(readings, by)
+        self._rates = AtPoints(ca.Function("rates", [x, u, p], [ca.densify(of_rates)]))
+        self._readings = AtPoints(ca.Function("readings", [x, ca.SX(0, 1), p], [ca.densify(of_readings)]))
 
     def rates(self, x: FloatArray, u: FloatArray, p: FloatArray) -> FloatArray:
         """[A B] at n points: d rates/dx beside d rates/dp, shape (n, core, core + chosen).
@@ -58,27 +73,7 @@ class Linearisation:
 
     def readings(self, x: FloatArray, p: FloatArray) -> FloatArray:
         """[C D] at n points: d readings/dx beside d readings/dp, shape (n, nodes, core + chosen)."""
-        return self._readings(x, p)
-
-
-class _Stacked:
-    """A sparse Jacobian evaluated over columns of arguments, the last one common to all, into a dense stack."""
-
-    def __init__(self, arguments: list[ca.SX], jacobian: ca.SX) -> None:
-        self._shape = jacobian.shape
-        self._pattern = np.array(jacobian.sparsity().get_triplet(), dtype=int).reshape(2, -1)
-        nonzeros = ca.vertcat(*jacobian.nonzeros())  # type: ignore[call-overload]
-        self._function = ca.Function("nonzeros", arguments, [ca.densify(nonzeros)])
-        self._maps: dict[int, ArrayFunction] = {}
-
-    def __call__(self, *arguments: FloatArray) -> FloatArray:
-        n = arguments[0].shape[1]
-        if n not in self._maps:
-            self._maps[n] = ArrayFunction(self._function, n, common=(len(arguments) - 1,))
-        stack = np.zeros((n, *self._shape))
-        rows, columns = self._pattern
-        stack[:, rows, columns] = self._maps[n](*arguments).T.reshape(n, -1)
-        return stack
+        return self._readings(x, np.zeros((0, x.shape[1])), p)
 
 
 _SCALED, _TAYLOR_ORDER = 0.5, 14  # the first term of the series that is left out is below 1e-17 of the first

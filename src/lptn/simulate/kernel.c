@@ -54,10 +54,11 @@ static void evaluate(const model *m, int part, double *v) {
     }
 }
 
-static inline void rates_and_slopes(const model *m, const double *x, double *v, double *out) {
+/* The first `count` results. */
+static inline void results_at(const model *m, const double *x, double *v, integer count, double *out) {
     memcpy(v, x, (size_t)m->states * sizeof(double));
     evaluate(m, STATES, v);
-    for (integer k = 0; k < m->results; k++) out[k] = v[m->result[k]];
+    for (integer k = 0; k < count; k++) out[k] = v[m->result[k]];
 }
 
 /* out = A in + [B 0], A and B sparse. */
@@ -85,13 +86,26 @@ integer working_doubles(const model *m) {
     return m->values + 2 * m->states + m->results + 3 * block;
 }
 
+/* The results at n points: x (n, states), u (n, inputs), p common to all; out (n, results). */
+WIDE void at_points(const model *m, integer n, const double *x, const double *u, const double *p, double *out,
+                    double *work) {
+    memcpy(work, m->initial, (size_t)m->values * sizeof(double));
+    memcpy(work + m->states + m->inputs, p, (size_t)m->parameters * sizeof(double));
+    evaluate(m, PARAMETERS, work);
+    for (integer k = 0; k < n; k++, x += m->states, u += m->inputs, out += m->results) {
+        memcpy(work + m->states, u, (size_t)m->inputs * sizeof(double));
+        evaluate(m, INPUTS, work);
+        results_at(m, x, work, m->results, out);
+    }
+}
+
 /* n steps of `parts` internal steps of h seconds each; row k of X and S holds what stands after k steps.
  *
- * x: (n + 1, states), its first row given. S: (n + 1, core, chosen + core), its first block given; not looked at
- * where no derivatives are followed. u: (n, inputs). */
+ * x: (n + 1, states), its first row given. S: (n + 1, core, chosen + core), its first block given; a null pointer
+ * where no derivatives are to be followed. u: (n, inputs). */
 WIDE void run(const model *m, integer n, integer parts, double h, const double *u, const double *p, double *X, double *S,
               double *work) {
-    const integer states = m->states, block = m->core * (m->chosen + m->core);
+    const integer states = m->states, block = S ? m->core * (m->chosen + m->core) : 0;
     const double share[4] = {0.0, h / 2, h / 2, h}, weight[4] = {h / 6, h / 3, h / 3, h / 6};
     double *v = work, *point = v + m->values, *sum = point + states, *slope = sum + states;
     double *moved = slope + m->results, *total = moved + block, *change = total + block;
@@ -99,7 +113,7 @@ WIDE void run(const model *m, integer n, integer parts, double h, const double *
     memcpy(v + states + m->inputs, p, (size_t)m->parameters * sizeof(double));
     evaluate(m, PARAMETERS, v);
     for (integer k = 0; k < n; k++, u += m->inputs) {
-        double *x = X + (k + 1) * states, *d = S + (k + 1) * block;
+        double *x = X + (k + 1) * states, *d = block ? S + (k + 1) * block : 0;
         memcpy(v + states, u, (size_t)m->inputs * sizeof(double));
         evaluate(m, INPUTS, v);
         memcpy(x, x - states, (size_t)states * sizeof(double));
@@ -113,7 +127,7 @@ WIDE void run(const model *m, integer n, integer parts, double h, const double *
                 else memcpy(point, x, (size_t)states * sizeof(double));
                 if (block && stage) combine(block, moved, d, share[stage], change);
                 else if (block) memcpy(moved, d, (size_t)block * sizeof(double));
-                rates_and_slopes(m, point, v, slope);
+                results_at(m, point, v, block ? m->results : states, slope);
                 combine(states, sum, sum, weight[stage], slope);
                 if (block) {
                     derive(m, slope + states, moved, change);

@@ -12,13 +12,15 @@ from functools import cache
 from importlib.resources import files
 from itertools import accumulate, groupby
 from subprocess import CalledProcessError
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
+import numpy.typing as npt
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.c_library import shared_library
+from lptn.model.array_function import ArrayFunction
 from lptn.model.model import Model
 
 # --- A CasADi function as a list of operations ----------------------------------------------------
@@ -100,7 +102,7 @@ class _Operations:
     """
 
     def __init__(self, function: ca.Function) -> None:
-        self.sizes = [function.numel_in(k) for k in range(3)]
+        self.sizes: list[int] = [function.numel_in(k) for k in range(3)]
         parts = np.repeat([_STATES, _INPUTS, _PARAMETERS], self.sizes).tolist()
         values, constants, results = [_Value(part) for part in parts], {}, [0] * function.numel_out(0)
         offsets = [0, *accumulate(self.sizes)]
@@ -151,9 +153,10 @@ class _Operations:
         self.bounds = list(accumulate(([group[0] for group in groups].count(part) for part in range(3)), initial=0))
 
 
-# --- Machine code that steps any model ------------------------------------------------------------
+# --- Machine code that evaluates and steps any model ------------------------------------------------------------
 
 _FLAGS = ("-O3",)
+_NONE = ca.Sparsity(0, 0)
 
 
 class _CModel(ctypes.Structure):
@@ -169,14 +172,70 @@ class _CModel(ctypes.Structure):
     ]
 
 
+def _addresses(*arrays: npt.NDArray[Any]) -> list[ctypes.c_void_p]:
+    return [ctypes.c_void_p(array.ctypes.data) for array in arrays]
+
+
+class _Program:
+    """A function (x, u, p) -> dense column as `kernel.c` takes it.
+
+    Args:
+        library: kernel.c.
+        function: the function.
+        core: how many leading states its results are differentiated by.
+        by_state, by_parameter: where the derivatives among its results stand: of the core states, by these and by
+            chosen parameters.
+
+    Raises:
+        UnknownOperationError: the function has an operation that machine code here does not know.
+    """
+
+    def __init__(
+        self,
+        library: ctypes.CDLL,
+        function: ca.Function,
+        core: int = 0,
+        by_state: ca.Sparsity = _NONE,
+        by_parameter: ca.Sparsity = _NONE,
+    ) -> None:
+        self.library, self._operations = library, _Operations(function)
+        triplets = [np.array(each.get_triplet(), dtype=np.int64) for each in (by_state, by_parameter)]
+        self.of_state = triplets[0].reshape(2, -1)
+        self._pattern = np.concatenate([each.ravel() for each in triplets])
+        made = self._operations
+        self.struct = _CModel(
+            *made.sizes,
+            len(made.initial),
+            len(made.results),
+            (ctypes.c_longlong * 4)(*made.bounds),
+            (ctypes.c_longlong * 3)(*made.first),
+            *_addresses(made.groups, made.left, made.right, made.results, made.initial),
+            core,
+            by_parameter.size2(),
+            by_state.nnz(),
+            by_parameter.nnz(),
+            *_addresses(self._pattern),
+        )
+
+    def at(self, x: FloatArray, u: FloatArray, p: FloatArray) -> FloatArray:
+        """Results at n points, shape (n, results), of x (states, n), u (inputs, n) and p (m,)."""
+        model, n = self.struct, x.shape[1]
+        arguments = [np.ascontiguousarray(each, dtype=np.float64) for each in (x.T, u.T, p)]
+        expected = [(n, model.states), (n, model.inputs), (model.parameters,)]
+        if (found := [each.shape for each in arguments]) != expected:
+            raise ValueError(f"arguments of shapes {found} in place of {expected}")
+        results, work = np.empty((n, model.results)), np.empty(model.values)
+        self.library.at_points(ctypes.byref(model), ctypes.c_longlong(n), *_addresses(*arguments, results, work))
+        return results
+
+
 class Kernel:
     """Compiled steps of one model.
 
     Args:
         library: kernel.c.
         model: the model.
-        core: how many leading states to differentiate, none for the states alone; those behind them must not act back
-            on these.
+        core: how many leading states to differentiate; those behind them must not act back on these.
         chosen: indices of the parameters to differentiate by.
 
     Raises:
@@ -187,24 +246,8 @@ class Kernel:
         x, u, p, rates, _ = model.symbols
         by_state, by_parameter = ca.jacobian(rates[:core], x[:core]), ca.jacobian(rates[:core], p[list(chosen)])
         nonzeros = ca.vertcat(ca.densify(rates), *by_state.nonzeros(), *by_parameter.nonzeros())  # type: ignore[call-overload]
-        self._library = library
-        self._operations = operations = _Operations(ca.Function("rates", [x, u, p], [ca.densify(nonzeros)]))
-        triplets = [np.array(each.sparsity().get_triplet(), dtype=np.int64) for each in (by_state, by_parameter)]
-        self._pattern = np.concatenate([each.ravel() for each in triplets])
-        arrays = (operations.groups, operations.left, operations.right, operations.results, operations.initial)
-        self._model = _CModel(
-            *operations.sizes,
-            len(operations.initial),
-            len(operations.results),
-            (ctypes.c_longlong * 4)(*operations.bounds),
-            (ctypes.c_longlong * 3)(*operations.first),
-            *(array.ctypes.data for array in arrays),
-            core,
-            len(chosen),
-            by_state.nnz(),
-            by_parameter.nnz(),
-            self._pattern.ctypes.data,
-        )
+        function = ca.Function("rates", [x, u, p], [ca.densify(nonzeros)])
+        self._program = _Program(library, function, core, by_state.sparsity(), by_parameter.sparsity())
 
     def run(
         self,
@@ -223,35 +266,58 @@ class Kernel:
             p: parameters, shape (m,).
             step: length of a step [s].
             substeps: Runge-Kutta steps in each step.
-            derivative: of the initial core states, shape (core, chosen + core); `None` where there are none.
+            derivative: of the initial core states, shape (core, chosen + core); `None` for the states alone.
 
         Returns:
-            States, shape (n + 1, states), and derivatives, shape (n + 1, core, chosen + core).
+            States, shape (n + 1, states), and derivatives, shape (n + 1, core, chosen + core); empty without any.
         """
-        model, n = self._model, inputs.shape[1]
+        program, model, n = self._program, self._program.struct, inputs.shape[1]
         states = np.empty((n + 1, model.states))
         states[0] = start
-        derivatives = np.empty((n + 1, model.core, model.chosen + model.core))
+        derivatives = np.empty((n + 1 if derivative is not None else 0, model.core, model.chosen + model.core))
         if derivative is not None:
             derivatives[0] = derivative
         held, parameters = np.ascontiguousarray(inputs.T), np.ascontiguousarray(p)
-        work = np.empty(int(self._library.working_doubles(ctypes.byref(model))))
-        self._library.run(
+        work = np.empty(int(program.library.working_doubles(ctypes.byref(model))))
+        before, followed, after = _addresses(states, derivatives, work)
+        program.library.run(
             ctypes.byref(model),
             ctypes.c_longlong(n),
             ctypes.c_longlong(substeps),
             ctypes.c_double(step / substeps),
-            *(ctypes.c_void_p(array.ctypes.data) for array in (held, parameters, states, derivatives, work)),
+            *_addresses(held, parameters),
+            before,
+            followed if derivative is not None else None,
+            after,
         )
         return states, derivatives
 
+    def slopes(self, x: FloatArray, u: FloatArray, p: FloatArray) -> FloatArray:
+        """Derivatives of the core states' rates by these at n points [1/s], shape (n, core, core).
 
-def kernel(model: Model, core: int = 0, chosen: Sequence[int] = ()) -> Kernel | None:
+        Args:
+            x: shape (states, n).
+            u: shape (inputs, n).
+            p: shape (m,).
+        """
+        model = self._program.struct
+        stack = np.zeros((x.shape[1], model.core, model.core))
+        rows, columns = self._program.of_state
+        nonzeros = self._program.at(x, u, p)[:, model.states : model.states + model.nonzeros_a]
+        stack[:, rows, columns] = nonzeros
+        return stack
+
+
+def kernel(model: Model, core: int | None = None, chosen: Sequence[int] = ()) -> Kernel | None:
     """Compiled steps of a model, made once for it and all its copies at other values; arguments as for `Kernel`.
+
+    Args:
+        core: all states by default.
 
     Returns:
         `None` where no C compiler works, or the model has an operation that is not known here.
     """
+    core = len(model.states) if core is None else core
     return model.made_once(("kernel", core, tuple(chosen)), lambda: _kernel(model, core, chosen))
 
 
@@ -261,6 +327,37 @@ def _kernel(model: Model, core: int, chosen: Sequence[int]) -> Kernel | None:
         return None if compiled is None else Kernel(compiled, model, core, chosen)
     except UnknownOperationError:
         return None
+
+
+class AtPoints:
+    """A function of (x, u, p) at many points at once; by CasADi's interpreter where there is no machine code.
+
+    Args:
+        function: (x, u, p) -> a dense matrix.
+    """
+
+    def __init__(self, function: ca.Function) -> None:
+        compiled = library()
+        self._function, self._maps = function, dict[int, ArrayFunction]()
+        try:
+            self._program = None if compiled is None else _Program(compiled, function)
+        except UnknownOperationError:
+            self._program = None
+
+    def __call__(self, x: FloatArray, u: FloatArray, p: FloatArray) -> FloatArray:
+        """The results at n points, shape (n, rows, columns).
+
+        Args:
+            x: shape (states, n).
+            u: shape (inputs, n).
+            p: common to all points, shape (m,).
+        """
+        n, (rows, columns) = x.shape[1], self._function.size_out(0)
+        if self._program is not None:
+            return np.swapaxes(self._program.at(x, u, p).reshape(n, columns, rows), 1, 2)
+        if n not in self._maps:
+            self._maps[n] = ArrayFunction(self._function, n, common=(2,))
+        return np.moveaxis(self._maps[n](x, u, p).reshape(rows, n, columns), 1, 0)
 
 
 @cache
@@ -274,5 +371,5 @@ def library() -> ctypes.CDLL | None:
     except (OSError, CalledProcessError):
         return None
     compiled.working_doubles.restype = ctypes.c_longlong
-    compiled.run.restype = None
+    compiled.run.restype = compiled.at_points.restype = None
     return compiled

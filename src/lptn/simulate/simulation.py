@@ -10,10 +10,9 @@ from math import ceil, log2
 import numpy as np
 
 from lptn.basics.arrays import FloatArray, IntArray
-from lptn.model.array_function import ArrayFunction
 from lptn.model.model import Model
 from lptn.simulate.bound_run import BoundRun, default_start
-from lptn.simulate.dynamics import RATE_OF_A_STEP, Stepper, states_at_ends, stepper
+from lptn.simulate.dynamics import RATE_OF_A_STEP, Stepper, slopes_at_points, states_at_ends, stepper
 from lptn.simulate.readings import Piece, delayed, delayed_pieces, over_steps
 
 # --- Substeps: how finely a run is integrated -----------------------------------------------------
@@ -40,15 +39,13 @@ def substeps(model: Model, bound: BoundRun, values: FloatArray, start: FloatArra
         SimulationError: more than 32 would be needed.
     """
     sample, step = _sample(len(bound)), bound.run.step
-    n = len(sample)
-    make = lambda: ArrayFunction(model.state_jacobian, n, common=(0, 2))  # noqa: E731
-    jacobians = model.made_once(("state_jacobian", n), make)
-    stacked = jacobians(start, bound.inputs[:, sample], values).reshape(len(start), n, -1)
+    at_start = np.repeat(start[:, None], len(sample), axis=1)
+    stacked = slopes_at_points(model, at_start, bound.inputs[:, sample], values)
     if not np.isfinite(stacked).all():
         raise SimulationError(f"the rates of run {bound.run.name} are not finite at these parameters")
     if step * float(np.abs(stacked).sum(axis=2).max()) <= RATE_OF_A_STEP:
         return 1  # no eigenvalue is larger than a row's sum
-    fastest = float(np.abs(np.linalg.eigvals(np.moveaxis(stacked, 1, 0))).max())
+    fastest = float(np.abs(np.linalg.eigvals(stacked)).max())
     if fastest * step > RATE_OF_A_STEP * _MOST_SUBSTEPS:
         raise SimulationError(f"fastest rate {fastest:.3g} 1/s is too fast for steps of {step:g} s")
     return 1 << ceil(log2(max(fastest * step / RATE_OF_A_STEP, 1.0)))
