@@ -1,4 +1,4 @@
-"""Identification at full scale: what is recovered, from where, how fast; peers run beside it on the same data.
+"""Identification at full scale: what is recovered, from where, how fast. Its peers: `fit_peers.py`.
 
 Truth is the plain virtual quadruped (one mass a joint, parameters scattered over the legs, sensors in steps of 1 K),
 whose code shares nothing with the model.
@@ -17,14 +17,10 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TypeVar
 
-import casadi as ca
 import numpy as np
-from scipy.optimize import least_squares
 
 from lptn import Model, fit, load_model
-from lptn.basics.arrays import FloatArray
 from lptn.basics.places import edge
-from lptn.identify.integral_start import integral_start
 from lptn.identify.noise import balanced_sigma, estimate_noise
 from lptn.identify.problem import Problem
 from lptn.identify.solvers import minimise
@@ -95,7 +91,7 @@ def recovered(seed: int) -> None:
 
 
 def random_starts(seed: int) -> None:
-    """Random starts, and the peers' times, on two hours in steps of 10 s."""
+    """Random starts, on two hours in steps of 10 s."""
     model, bound_runs = load(seed, TWO_HOURS, step=10)
     sigma = balanced_sigma(bound_runs, estimate_noise(bound_runs, model.nodes))
     problem, rng = Problem(model, bound_runs, sigma), np.random.default_rng(seed)
@@ -118,78 +114,6 @@ def random_starts(seed: int) -> None:
         f"ours, {STARTS} random starts ×/÷ {SPREAD:g}: {same} reach the same optimum; "
         f"{np.median(times):.2f} s median, {max(times):.2f} s worst; costs {min(costs):.4f} to {max(costs):.4f}"
     )
-    start = problem.guess(integral_start(model, bound_runs, sigma))
-    ours, ours_time = _timed(lambda: minimise(problem, start, near=True))
-    _peer("scipy trf, finite differences", ours_time, ours.cost, lambda: _scipy(problem, start, "2-point"))
-    _peer("scipy trf, our derivatives", ours_time, ours.cost, lambda: _scipy(problem, start, _analytic(problem)))
-    _simultaneous(problem, start, ours_time)
-
-
-def _peer(name: str, ours: float, cost: float, run: Callable[[], float]) -> None:
-    found, seconds = _timed(run)
-    print(
-        f"{name}: {seconds:.2f} s, {seconds / ours:.0f} times ours ({ours:.3f} s); cost {found:.4f} against {cost:.4f}"
-    )
-
-
-def _scipy(problem: Problem, start: FloatArray, jacobian: str | Callable[[FloatArray], FloatArray]) -> float:
-    lower, upper = problem.bounds()
-    inside = np.clip(start, lower + 1e-9, upper - 1e-9)
-    done = least_squares(problem.residuals, inside, jac=jacobian, bounds=(lower, upper), x_scale="jac")  # type: ignore[arg-type]
-    return float(done.cost)
-
-
-def _analytic(problem: Problem) -> Callable[[FloatArray], FloatArray]:
-    return lambda z: problem.jacobian(z)[1]
-
-
-def _simultaneous(problem: Problem, start: FloatArray, ours: float) -> None:
-    """IPOPT with its exact Hessian over all states of all steps, as textbooks transcribe it."""
-    solver, arguments, building = _timed_build(problem, start)
-    found, seconds = _timed(lambda: solver(**arguments))
-    print(
-        f"IPOPT, simultaneous, exact Hessian: {building:.1f} s to build, {seconds:.2f} s to solve, "
-        f"{seconds / ours:.0f} times ours ({(building + seconds) / ours:.0f} with building); "
-        f"{solver.stats()['return_status']}, cost {float(found['f']):.4f}"
-    )
-
-
-def _timed_build(problem: Problem, start: FloatArray) -> tuple[ca.Function, dict[str, FloatArray], float]:
-    began = time.perf_counter()
-    model, point = problem.model, problem.point(start)
-    count, states = len(problem.free), len(model.states)
-    z = ca.MX.sym("z", count)
-    p = ca.MX(model.values)
-    slope = problem.slope(point.values)
-    logarithmic = np.array([model.parameters[index].logarithmic for index in problem.free])
-    values = [ca.exp(z[k]) if logarithmic[k] else z[k] * slope[k] for k in range(count)]
-    for index, value in zip(problem.free, values, strict=True):
-        p[index] = value
-    cost, parameters, equal, guess = ca.MX(0), [z], [], [start[:count]]
-    for bound, first in zip(problem.bound_runs, point.starts, strict=True):
-        n = len(bound)
-        path = ca.MX.sym("x", states, n + 1)
-        step = model.step("rk4").map(n)
-        h = bound.run.step
-        equal.append(ca.vec(path[:, 1:] - step(path[:, :-1], bound.inputs, ca.repmat(p, 1, n), ca.repmat(h, 1, n))))
-        error = (bound.measured - 0.5 * (path[:, :-1] + path[:, 1:])[: len(model.nodes), :]) / problem.sigma[:, None]
-        cost += 0.5 * ca.sumsqr(error) + 0.5 * ca.sumsqr((path[:, 0] - first) / 10.0)
-        parameters.append(ca.vec(path))
-        ends = np.hstack([bound.measured[:, :1], bound.measured])
-        guess.append(ends.T.ravel())
-    nlp = {"x": ca.vertcat(*parameters), "f": cost, "g": ca.vertcat(*equal)}
-    options = {"ipopt.print_level": 0, "print_time": False, "ipopt.sb": "yes"}
-    solver = ca.nlpsol("simultaneous", "ipopt", nlp, options)  # type: ignore[arg-type]
-    lower, upper = problem.bounds()
-    size = sum(len(each) for each in guess) - count
-    arguments = {
-        "x0": np.concatenate(guess),
-        "lbx": np.concatenate([lower[:count], np.full(size, -np.inf)]),
-        "ubx": np.concatenate([upper[:count], np.full(size, np.inf)]),
-        "lbg": np.zeros(nlp["g"].numel()),
-        "ubg": np.zeros(nlp["g"].numel()),
-    }
-    return solver, arguments, time.perf_counter() - began
 
 
 def _timed(run: Callable[[], Result]) -> tuple[Result, float]:

@@ -80,14 +80,11 @@ class Benchmark:
 
 
 def fits(said: str) -> list[Row]:
-    """Rows of `identification.py starts`."""
-    rows = []
-    for peer, theirs, ours in re.findall(r"^(scipy trf, .*?): ([\d.]+) s, \d+ times ours \(([\d.]+) s\)", said, re.M):
-        rows.append(_seconds("a fit of 56 parameters to 2 h of logs, from one start", ours, peer, theirs))
-    found = _one(r"^IPOPT, simultaneous, exact Hessian: ([\d.]+) s to build, ([\d.]+) s to solve", said)
-    ours = _one(r"times ours \(([\d.]+) s\)", said)[1]
-    rows.append(_seconds("the same", ours, "IPOPT on all states at once, building not counted", found[2]))
-    return rows
+    """Rows of `fit_peers.py`."""
+    what = "a fit of 56 parameters to 2 h of logs, from one start"
+    line = r"^(.*?): ([\d.]+) s, \d+ times ours \(([\d.]+) s\)"
+    _one(line, said)
+    return [_seconds(what, ours, peer, theirs) for peer, theirs, ours in re.findall(line, said, re.M)]
 
 
 def diagnosis(said: str) -> list[Row]:
@@ -150,7 +147,7 @@ BENCHMARKS = (
     Benchmark("Trade study", ("-m", "tests.benchmarks.trade_study"), trade),
     Benchmark("Thermal MPC", ("-m", "tests.benchmarks.torque_mpc", "peers"), controller, ("--steps", "24"), "do_mpc"),
     Benchmark("Load sharing", ("-m", "tests.benchmarks.load_sharing"), sharing),
-    Benchmark("Fits", ("tests/benchmarks/identification.py", "starts"), fits),
+    Benchmark("Fits", ("-m", "tests.benchmarks.fit_peers"), fits),
 )
 LATER = f"{_NOT} in this run, which was stopped before"
 
