@@ -56,7 +56,7 @@ export function steps(page) {
   const error = step => held ? step.holdout : step.fit;
   const tried = triable(page.state).find(each => each.key === page.attempt);
   const finding = busy?.found ?? [];
-  const rows = [...steps, ...finding.map(step => ({ ...step, attempt: true })), ...(tried ? [{ ...tried, name: `${"holdout" in tried ? "try" : "linearised"}: ${tried.title}${tried.place === "everywhere" ? " " : " at "}${tried.place}`, attempt: true }] : []), ...undone.map(step => ({ ...step, undone: true }))];
+  const rows = [...steps, ...finding.map(step => ({ ...step, attempt: true })), ...(tried ? [{ ...tried, name: `${"holdout" in tried ? "try" : "linearised"}: ${placed(tried)}`, attempt: true }] : []), ...undone.map(step => ({ ...step, undone: true }))];
   const most = Math.max(...rows.map(error).filter(Number.isFinite)) || 1;
   const bar = (step, number) => {
     const filled = h("i", { className: step.attempt ? "attempt" : number === 0 ? "zero" : "" }), floor = h("u", { title: `the sensors’ noise: ${kelvin(head.floor)}` });
@@ -65,7 +65,7 @@ export function steps(page) {
     return h("td", { className: "bar" }, h("span", null, filled, floor));
   };
   // A row is kept for what may be tried: the page must not move under the mouse that tries it.
-  const kept = answers?.answers.length && !tried && h("tr", null, h("td", { innerHTML: "&nbsp;" }));
+  const kept = answers?.answers.length > 0 && !tried && h("tr", null, h("td", { innerHTML: "&nbsp;" }));
   const table = h("table", null,
     h("thead", null, h("tr", null, ["", "effect", "parameters", "fitted", ...(held ? ["held out"] : []), ...(tested ? ["test"] : []), ""].map((name, k) =>
       h("th", { className: k < 2 ? "" : name ? "n" : "bar" }, name)))),
@@ -89,6 +89,7 @@ export function steps(page) {
   ];
 }
 
+export const placed = ({ title, place }) => place === "everywhere" ? `${title} ${place}` : `${title} at ${place}`;
 export const triable = ({ answers }) => answers ? [...answers.answers, ...answers.scored].filter(each => each.tried) : [];
 
 // --- where it fails ----------------------------------------------------------------------------------------
@@ -108,11 +109,13 @@ export function where(page) {
   const { state, picked, shown } = page;
   if (!state.tiles) return [];
   const order = [...judged(state), ...state.segments.filter(each => !judged(state).includes(each))];
-  const most = Math.max(...order.flatMap(({ key }) => state.tiles[key].given.map(each => each?.rmse ?? 0)), 1e-9);
+  // Colour is for what the sensors' noise does not explain: a tile of noise alone stays pale.
+  const beyond = each => Math.sqrt(Math.max((each?.rmse ?? 0) ** 2 - state.head.floor ** 2, 0));
+  const most = Math.max(...order.flatMap(({ key }) => state.tiles[key].given.map(beyond)), state.head.floor, 1e-9);
   const css = getComputedStyle(document.documentElement);
   const tile = (each, id, where, segment, node, pressed) => {
     if (!each) return h("td", { title: "not measured" }, "·");
-    const side = each.mean < 0 ? "--cold" : "--hot", share = Math.min(each.rmse / most, 1) ** 0.75;
+    const side = each.mean < 0 ? "--cold" : "--hot", share = Math.min(beyond(each) / most, 1) ** 0.75;
     const way = Math.abs(each.mean) < 0.3 * each.rmse ? "to both sides" : each.mean < 0 ? "too cold" : "too hot";
     const button = h("button", {
       id: `tile ${id} ${node}`,
@@ -125,8 +128,8 @@ export function where(page) {
   };
   const choice = (name, label) => h("button", { id: `show ${name}`, ariaPressed: shown === name, onclick: () => page.show(name) }, label);
   const grouping = (by, label) => h("button", { id: `by ${by}`, ariaPressed: page.by === by, onclick: () => page.group(by) }, label);
-  const bar = h("div", { className: "row" }, h("h2", { style: "margin: 0 auto 0 0" }, "Where it fails"), grouping("run", "by run"), grouping("condition", "by condition"), state.given !== state.now && [choice("given", "as given"), choice("now", "now")]);
-  const said = "RMSE in K; + the model is too hot (orange), − too cold (blue). A tile opens its plot, with Shift beside the others.";
+  const bar = h("div", { className: "row" }, h("h2", { style: "margin: 0" }, "Where it fails"), grouping("run", "by run"), grouping("condition", "by condition"), state.given !== state.now && [choice("given", "as given"), choice("now", "now")]);
+  const said = "RMSE in K; + the model is too hot (orange), − too cold (blue), the stronger the more is beyond the sensors’ noise. A tile opens its plot, with Shift beside the others.";
   if (page.by === "condition") {
     const columns = state.conditions[shown], groups = [...new Set(columns.map(each => each.group))];
     const which = state.segments.some(each => each.job !== "fitted") ? "held-out data" : "fitted data";
@@ -170,7 +173,7 @@ export function missing(page) {
     onmouseleave: () => page.pinned || page.attemptTo(""),
   },
     h("div", { className: "name" },
-      h("span", null, h("b", null, each.title), ` ${each.place === "everywhere" ? "" : "at "}${each.place}`),
+      h("span", null, h("b", null, each.title), placed(each).slice(each.title.length)),
       h("button", {
         id: `try ${each.key}`, disabled: !each.tried, ariaPressed: page.attempt === each.key,
         onclick: () => { page.pinned = page.pinned === each.key ? "" : each.key; page.attemptTo(page.pinned); },
