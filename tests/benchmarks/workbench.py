@@ -116,7 +116,8 @@ MEASURE = """async ([what, count]) => {
 }"""
 DRAG = """async () => {
   const over = document.querySelectorAll(".u-over");
-  const seen = [...over].map(each => each.getBoundingClientRect()).filter(box => box.bottom > 0 && box.top < innerHeight);
+  const boxes = [...over].map(each => each.getBoundingClientRect());
+  const seen = boxes.filter(box => box.bottom > 0 && box.top < innerHeight);
   window.lptnLast = new Promise(done => { window.lptnDrawn = async () => {
     await new Promise(requestAnimationFrame);
     done(performance.now() - window.lptnReleased);

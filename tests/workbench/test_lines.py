@@ -101,4 +101,3 @@ def test_a_clock_that_counts_from_1970_keeps_its_milliseconds() -> None:
     epoch = RunLines(lines.nodes, TIME + 1.7e9, lines.measured, lines.inputs)
     at = epoch.window("hip", {}, 1.7e9, 1.7e9 + 1.0)["time"]
     assert np.diff(np.array(at, dtype=float)) == pytest.approx(0.1, abs=1e-3)
-

@@ -15,6 +15,7 @@ from lptn.effects import catalogue
 from lptn.identify.comparison import Errors
 from lptn.identify.data import Segment, Stretch
 from lptn.report.diagnosis_figures import noise_alone
+from lptn.report.outcome import sorted_steps, tried_in_words
 from lptn.report.text import experiment_for, few, for_people, kelvin, named, percent, place_of, title_of
 from lptn.report.words import size_in_words
 from lptn.study import Study
@@ -79,9 +80,16 @@ def _head(bench: Bench) -> dict[str, Any]:
         "given": _error(first),
         "now": _error(last),
         "floor": floor,
-        "found": [named(*step.key) for step in study.steps[1:]],
+        "found": _found(study),
         "sentence": _sentence(bench, floor),
     }
+
+
+def _found(study: Study) -> str:
+    """What the steps found, what they tried in vain; empty for the model as given."""
+    as_given = study.diagnosed_as_given
+    word = "Added" if as_given and as_given.verdict == "adequate" else ""
+    return tried_in_words(study.steps, study.searched_from, word)
 
 
 def _error(step: Step) -> float:
@@ -94,14 +102,17 @@ def _sentence(bench: Bench, floor: float) -> str:
     diagnosis = study.diagnosed
     if diagnosis is None:
         return _worst(bench, floor)
-    subject = "With what was added the model" if len(study.steps) > 1 else "The model as given"
+    by_help = sorted_steps(study.steps, study.searched_from)
+    helped = bool(by_help["all"] or by_help["fitted"])
+    subject = "With what was added the model" if helped else "With or without it the model"
+    subject = subject if len(study.steps) > 1 else "The model as given"
     differing = "".join(f" {each.sentence}" for each in diagnosis.differing)
     if diagnosis.verdict == "adequate":
         where = " but for a run that differs" if differing else ""
         return f"{subject} is adequate{where}: what is left is no more than the sensors’ noise.{differing}"
     if diagnosis.verdict == "unexplained":
         return f"{subject} is wrong by more than noise, and the catalogue explains little of it. {_worst(bench, floor)}"
-    more = " more" if len(study.steps) > 1 else ""
+    more = " more" if helped else ""
     best = diagnosis.best
     if best is None:
         return f"{subject} lacks something{more}, but no single effect helps. {_worst(bench, floor)}"

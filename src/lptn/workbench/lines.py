@@ -128,7 +128,9 @@ class RunLines:
         blocks = max(points, 3) // 2
         if last - first <= blocks * _BLOCK:
             inside = slice(first, last)
-            at, thin = thinned(self.time[inside], np.array([read(inside) for read in lines.values()], dtype=float), points)
+            at, thin = thinned(
+                self.time[inside], np.array([read(inside) for read in lines.values()], dtype=float), points
+            )
         else:
             at, thin = self._of_blocks(lines, first, last, blocks)
         return {"time": at} | {key[0]: values for key, values in zip(lines, thin, strict=True)}
@@ -138,7 +140,9 @@ class RunLines:
         row = self._row(node)
         measured = self.measured[row]
         models = {name: model for name, model in models.items() if model in self.predicted}
-        readings: dict[_Key, _Read] = {(name, node, of): self.predicted[of][row].__getitem__ for name, of in models.items()}
+        readings: dict[_Key, _Read] = {
+            (name, node, of): self.predicted[of][row].__getitem__ for name, of in models.items()
+        }
         if attempt in self.attempts:
             tried = self.attempts[attempt]
             readings["attempt", node, attempt] = self._between(tried.time, tried.readings[row])

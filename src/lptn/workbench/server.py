@@ -28,8 +28,8 @@ from starlette.routing import Route
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.basics.files import finite
-from lptn.workbench.lines import packed
 from lptn.workbench.gate import Gate
+from lptn.workbench.lines import packed
 from lptn.workbench.orders import LinesAsked, NetworkAsked, ResidualsAsked, SpecialAsked, order
 from lptn.workbench.residuals import Residuals
 from lptn.workbench.session import BusyError, Session

@@ -225,7 +225,8 @@ class Session:
         if models["given"] == models["now"]:
             del models["given"]
         return {
-            node: lines.window(node, models, asked.start, asked.stop, asked.points, asked.attempt) for node in asked.node
+            node: lines.window(node, models, asked.start, asked.stop, asked.points, asked.attempt)
+            for node in asked.node
         }
 
     def special(self, asked: SpecialAsked) -> Special:

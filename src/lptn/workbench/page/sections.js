@@ -39,13 +39,13 @@ export function head(state) {
   if (!it) return [h("p", { className: "lead soft" }, state.version ? "The model as given is being fitted." : "")];
   const which = it.which.replace(" ", "-");
   const figure = (name, value, label, count) => h("div", { className: name }, h("b", null, `${digits(value, count)} K`), h("small", null, label));
-  const added = it.found.length > 0;
+  const added = state.steps.length > 1;
   return [
     h("div", { className: "figures" },
       figure("given", it.given, `${which} error, as given`),
       added && figure("now", it.now, `${which} error now`),
       figure("floor", it.floor, "the sensors’ own noise", 2)),
-    h("p", { className: "lead" }, added ? `Found: ${listed(it.found)}. ` : "", it.sentence),
+    h("p", { className: "lead" }, it.found ? `${it.found}. ` : "", it.sentence),
   ];
 }
 
@@ -236,7 +236,7 @@ function parameterTable(page) {
   const { parameters, busy } = page.state, parts = [...new Set(parameters.map(each => each.part))];
   const fitted = parameters.filter(each => each.free).length, shown = parameters.filter(each => !page.part || each.part === page.part);
   const short = value => value == null ? "∞" : Math.abs(value) >= 1e5 || value && Math.abs(value) < 1e-3 ? value.toExponential(1) : Number(value.toPrecision(4)).toString().replace("-", "−");
-  const said = each => each.free ? each.error == null ? "not determined" : `± ${digits(1.96 * each.error, 2)}` : "fixed";
+  const said = each => each.free ? each.error == null ? "not determined" : `± ${short(Number((1.96 * each.error).toPrecision(2)))}` : "fixed";
   const row = each => h("tr", null, h("td", null, each.name), h("td", { className: "n" }, digits(each.value, 4)), h("td", { className: "n soft" }, said(each)), h("td", { className: "soft" }, each.unit),
     h("td", { className: "n soft" }, each.free ? `${short(each.bounds[0])} … ${short(each.bounds[1])}` : ""),
     h("td", null, h("button", { id: `edit ${each.name}`, ariaExpanded: page.edited === each.name, onclick: () => page.edit(each.name) }, "Change")));
