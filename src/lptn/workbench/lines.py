@@ -13,7 +13,7 @@ from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.basics.lines import joined, thinned
 from lptn.diagnose.unexplained_heat import UnexplainedHeat
-from lptn.identify.comparison import Prediction
+from lptn.identify.comparison import Errors, Prediction
 
 _MARGIN = 1  # readings beyond a window on either side, so that a line runs to the plot's edge
 _BLOCK = 64  # readings of which the smallest and the largest are kept: long windows are drawn from a 64th of the log
@@ -30,11 +30,13 @@ class Attempt:
         time: s, (m,), in the steps of a search.
         readings: degC, (nodes, m).
         linearised: to first order; else the answer was refitted.
+        error: of the readings that count.
     """
 
     time: FloatArray
     readings: FloatArray
     linearised: bool
+    error: Errors
 
 
 @dataclass(frozen=True)

@@ -56,7 +56,7 @@ export function steps(page) {
   const error = step => held ? step.holdout : step.fit;
   const tried = triable(page.state).find(each => each.key === page.attempt);
   const finding = busy?.found ?? [];
-  const rows = [...steps, ...finding.map(step => ({ ...step, attempt: true })), ...(tried ? [{ ...tried, name: `${"holdout" in tried ? "try" : "linearised"}: ${placed(tried)}`, attempt: true }] : []), ...undone.map(step => ({ ...step, undone: true }))];
+  const rows = [...steps, ...finding.map(step => ({ ...step, attempt: true })), ...(tried ? [{ ...tried, name: `${tried.linearised ? "linearised" : "try"}: ${placed(tried)}`, attempt: true }] : []), ...undone.map(step => ({ ...step, undone: true }))];
   const most = Math.max(...rows.map(error).filter(Number.isFinite)) || 1;
   const bar = (step, number) => {
     const filled = h("i", { className: step.attempt ? "attempt" : number === 0 ? "zero" : "" }), floor = h("u", { title: `the sensors’ noise: ${kelvin(head.floor)}` });
@@ -180,7 +180,7 @@ export function missing(page) {
       }, "Try"),
       h("button", { id: `add ${each.key}`, className: each === answers.answers[0] ? "first" : "", disabled: busy, onclick: () => { page.pinned = ""; page.order({ what: "add", effect: each.effect, at: each.at }); } }, "Add")),
     ...more);
-  const scored = each => tryable(each, "", h("span", { className: "soft" }, `fitted ${digits(answers.fitted)} → about ${kelvin(each.fit)}${each.p < 0.05 ? "" : ", as chance may have it"}`));
+  const scored = each => tryable(each, "", h("span", { className: "soft" }, `${each.holdout != null ? "held out" : "fitted"} ${digits(each.holdout != null ? answers.before : answers.fitted)} → about ${kelvin(each.holdout ?? each.fit)}${each.p < 0.05 ? "" : ", as chance may have it"}`));
   const answer = (each, k) => tryable(each, group.has(k + 1) ? "group" : "",
     h("div", null, `${each.probable} probable`, h("span", { className: "soft" }, ` · ${change(each)}`)),
     h("details", { id: `more ${each.key}` }, h("summary", null, "Equation, signs, experiment"),
@@ -195,9 +195,9 @@ export function missing(page) {
     group.size > 1 && h("p", null, h("small", null, "What the bar on the left joins, these data can’t tell apart: one answer with several names.",
       held(answers) ? " Held-out data speak against the more probable names that stand below." : "")),
     h("ol", { className: "answers" }, answers.answers.map(answer)),
-    answers.answers.some(each => each.linearised) && h("p", null, h("small", null, "Try shows the linearised model on fitted runs until the refits are drawn.")),
+    answers.answers.some(each => each.linearised) && h("p", null, h("small", null, "Try shows the linearised model until the refits are drawn.")),
     answers.scored.length ? h("details", { id: "scored" }, h("summary", null, "Scored only: the next best"),
-      h("p", null, h("small", null, "Not refitted: Try shows what the linearised model would do on fitted runs; Add fits it.")),
+      h("p", null, h("small", null, "Not refitted: Try shows what the linearised model would do; Add fits it.")),
       h("ol", { className: "answers" }, answers.scored.map(scored))) : null,
     answers.answers.length ? h("p", null, h("small", null, `Errors on readings of ${digits(answers.step, 2)} s, in which answers are sought; what is added is fitted to all readings.`)) : null,
     state.advice.length ? h("details", { id: "advice", open: true }, h("summary", null, "What to do next"), state.advice.map(text => h("p", null, h("small", null, text)))) : null,
