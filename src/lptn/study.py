@@ -148,7 +148,9 @@ class Study:
         self._undone: list[Step] = []
         self._branches: tuple[tuple[Step, ...], ...] = ()
         self._diagnoses: dict[int, Diagnosis] = {}  # by the number of the step
-        self._improved: History | None = None  # while the steps are just those of one forward selection
+        self._searched: tuple[int, History] | None = (
+            None  # the last search, and from which step, while nothing followed
+        )
         self._advice: tuple[Diagnosis, Advice] | None = None  # the last one, and what it follows from
         self.symmetry_trials: tuple[SymmetryTrial, ...] = ()
         """The symmetry penalties that the last fit tried, with their errors on held-out runs."""
@@ -198,6 +200,16 @@ class Study:
     def diagnosed(self) -> Diagnosis | None:
         """What `diagnose` said of the model as it is now; `None` where it was not asked yet."""
         return self._diagnoses.get(max(len(self._steps) - 1, 0))
+
+    @property
+    def diagnosed_as_given(self) -> Diagnosis | None:
+        """The same of the model as given."""
+        return self._diagnoses.get(0)
+
+    @property
+    def searched_from(self) -> int | None:
+        """The step from which the last search went on until nothing helped; `None` where somebody chose steps since."""
+        return self._searched[0] if self._searched else None
 
     @property
     def advised(self) -> Advice | None:
@@ -307,8 +319,9 @@ class Study:
         """What to do next: the experiment that tells rivals apart, where heat is unexplained, runs that differ."""
         last = self.diagnose()
         if self._advice is None or self._advice[0] is not last:
-            first = self._diagnoses.get(0, last) if self._improved else last  # what the search chose among
-            differing = self._improved.differing if self._improved else last.differing
+            history = self._searched[1] if self._searched else None
+            first = history.first if history else last  # what the search chose among
+            differing = history.differing if history else last.differing
             self._advice = last, advise(first, last.fit, for_search(self.data), logger.info, differing)
         return self._advice[1]
 
@@ -339,14 +352,14 @@ class Study:
         if len(self._steps) > 1:
             self._diagnoses.pop(len(self._steps) - 1, None)
             self._undone.append(self._steps.pop())
-            self._improved = None
+            self._searched = None
         return self
 
     def redo(self) -> Study:
         """Add again what was last taken back."""
         if self._undone:
             self._steps.append(self._undone.pop())
-            self._improved = None
+            self._searched = None
         return self
 
     def go_back(self, number: int = -1) -> Study:
@@ -366,7 +379,7 @@ class Study:
         self._branches = tuple(others if gone_on else [*others, left])
         common = sum(1 for one, other in zip(self._steps, chosen, strict=False) if one is other)
         self._diagnoses = {step: each for step, each in self._diagnoses.items() if step < common}
-        self._steps, self._improved = list(chosen), None
+        self._steps, self._searched = list(chosen), None
         self._undone.clear()
         return self
 
@@ -397,7 +410,7 @@ class Study:
         self._steps[before:] = [given, *history.steps[1:]]
         self._diagnoses = {number: each for number, each in self._diagnoses.items() if number < before}
         self._diagnoses |= {before: history.first, len(self._steps) - 1: history.last}
-        self._improved = history if before == 0 else None
+        self._searched = before, history
         return self
 
     def leave_out(self, run: str, start: float, stop: float) -> Study:
@@ -487,14 +500,18 @@ class Study:
         Raises:
             InputError: there is nothing to fit.
         """
-        if self._improved is not None:
-            return self._improved
+        before, history = self._searched or (None, None)
+        if history and before == 0:
+            return history
         if not self._steps:
             self.fit()
         last = self.diagnose()
         first = self._diagnoses.get(0) or self._diagnosis_of(self._steps[0].fit.model)
         self._diagnoses[0] = first
-        return History(first.verdict, last.verdict, tuple(self._steps), first, last, considered=1)
+        considered, differing = (history.considered, history.differing) if history else (1, ())
+        return History(
+            first.verdict, last.verdict, tuple(self._steps), first, last, considered, differing, searched_from=before
+        )
 
     def report(self, path: str | Path, commands: Sequence[str] = ()) -> None:
         """Write the whole story as one HTML file: data, fit, where it fails, what is missing, held-out errors.
@@ -540,7 +557,7 @@ class Study:
     def _fit_again(self, added: Sequence[Step]) -> Study:
         """Fit the model as given and all steps again, since the data or what is given are others now."""
         fitted = bool(self._steps)
-        self._improved = None
+        self._searched = None
         self._branches = ()
         for told_of_other_data in (self._steps, self._undone, self._diagnoses):
             told_of_other_data.clear()
@@ -571,7 +588,7 @@ class Study:
         holdout, test = (holdout_errors(step.fit, segments) for segments in (self.data.holdout, self.data.test))
         self._steps.append(replace(step, holdout=holdout, test=test))
         self._diagnoses.pop(len(self._steps) - 1, None)
-        self._improved = None
+        self._searched = None
         return self._steps[-1]
 
     def _diagnosis_of(self, model: Model) -> Diagnosis:

@@ -51,7 +51,7 @@ CONSTANTS = (
     "lptn.diagnose.diagnosis._MOST_BY_ONE",
     "lptn.diagnose.diagnosis._ELSEWHERE",
     "lptn.diagnose.diagnosis._RUNS_DIFFER",
-    "lptn.diagnose.improvement._WORTH",
+    "lptn.diagnose.improvement.WORTH",
     "lptn.diagnose.improvement._MOST",
 )
 """What decides; constants of the search for a number, such as precisions, are left out."""

@@ -18,6 +18,7 @@ import tempfile
 import threading
 import time
 from pathlib import Path
+from statistics import median
 
 import numpy as np
 from playwright.sync_api import Browser, CDPSession, Page, sync_playwright
@@ -86,20 +87,20 @@ let waiting = 0;
 window.fetch = async (...words) => {
   const answer = await ask(...words);
   if (!String(words[0]).startsWith("/lines")) return answer;
-  const read = answer.json.bind(answer);
-  answer.json = async () => {
+  const read = answer.arrayBuffer.bind(answer);
+  answer.arrayBuffer = async () => {
     const lines = await read();
     setTimeout(() => { if (--waiting === 0) window.lptnDrawn?.(); });
     return lines;
   };
   return answer;
 };
+addEventListener("mouseup", () => { window.lptnReleased = performance.now(); }, true);
 const counted = window.fetch;
 window.fetch = (...words) => { if (String(words[0]).startsWith("/lines")) waiting++; return counted(...words); };
 """
 MEASURE = """async ([what, count]) => {
-  const button = id => document.getElementById(id), plots = document.querySelectorAll(".u-over").length;
-  const times = [];
+  const button = id => document.getElementById(id), times = [];
   for (let k = 0; k < count; k++) {
     const drawn = new Promise(done => { window.lptnDrawn = done; });
     const begun = performance.now();
@@ -111,14 +112,23 @@ MEASURE = """async ([what, count]) => {
     times.push(performance.now() - begun);
     await new Promise(done => setTimeout(done, 150));
   }
-  times.sort((a, b) => a - b);
-  return [times[times.length >> 1], times.at(-1), plots];
+  return times;
+}"""
+DRAG = """async () => {
+  const over = document.querySelectorAll(".u-over");
+  const boxes = [...over].map(each => each.getBoundingClientRect());
+  const seen = boxes.filter(box => box.bottom > 0 && box.top < innerHeight);
+  window.lptnLast = new Promise(done => { window.lptnDrawn = async () => {
+    await new Promise(requestAnimationFrame);
+    done(performance.now() - window.lptnReleased);
+  }; });
+  return [seen.length, over.length, seen[0].left, Math.max(seen[0].top, 120) + 20, seen[0].width];
 }"""
 
 
-def page_times(browser: Browser, nodes: int, readings: int, views: int) -> None:
+def page_times(browser: Browser, nodes: int, readings: int, views: int, height: int = 900) -> None:
     """First paint, zoom, preview with so many nodes shown."""
-    page = browser.new_page(viewport={"width": 1280, "height": 900})
+    page = browser.new_page(viewport={"width": 1280, "height": height})
     page.add_init_script(DRAWN)
     begun = time.perf_counter()
     page.goto(served(session(nodes, readings)))
@@ -127,19 +137,31 @@ def page_times(browser: Browser, nodes: int, readings: int, views: int) -> None:
     paint = page.evaluate("performance.getEntriesByName('first-contentful-paint')[0]?.startTime ?? 0")
     for k in range(1, views):
         page.locator(f"[id='tile fit 0 node{k}']").click(modifiers=["Shift"])
+    page.locator(".view").nth(views // 2).evaluate("view => view.scrollIntoView()")
     page.wait_for_timeout(1500)
-    print(f"{nodes} nodes × {readings:,} readings, {views} shown:", end=" ")
+    print(f"{nodes} nodes × {readings:,} readings, {views} shown on 1280 × {height}:", end=" ")
     print(f"first paint {paint:.0f} ms, plots {settled * 1e3:.0f} ms")
     page_cpu = page.context.new_cdp_session(page)
     page_cpu.send("Performance.enable", {"timeDomain": "threadTicks"})
     for what, count in (("zoom", 12), ("try", 8)):
         before = _seconds(page_cpu)
-        median, worst, plots = page.evaluate(MEASURE, [what, count])
+        times = page.evaluate(MEASURE, [what, count])
         server, script = (
             1e3 * (after - first) / count for after, first in zip(_seconds(page_cpu), before, strict=True)
         )
-        print(f"  {what}, {plots} plots: {median:.0f} ms (worst {worst:.0f});", end=" ")
+        print(f"  {what}: {median(times):.0f} ms (worst {max(times):.0f});", end=" ")
         print(f"CPU: server {server:.0f}, page {script:.0f} ms")
+    times = []
+    for number in range(8):
+        seen, plots, left, top, width = page.evaluate(DRAG)
+        page.mouse.move(left + (0.1 + 0.02 * number) * width, top)
+        page.mouse.down()
+        page.mouse.move(left + 0.8 * width, top, steps=4)
+        page.mouse.up()
+        times.append(page.evaluate("window.lptnLast"))
+        page.wait_for_timeout(300)
+    print(f"  from the mouse let go to the last of {seen} plots on the screen, {plots} in all:", end=" ")
+    print(f"{median(times):.0f} ms (worst {max(times):.0f})")
     page.close()
 
 
@@ -226,6 +248,7 @@ def main() -> None:
             case _:
                 page_times(browser, 13, 100_000, 1)
                 page_times(browser, 26, 100_000, 13)
+                page_times(browser, 26, 100_000, 13, height=2160)
                 memory()
         browser.close()
 

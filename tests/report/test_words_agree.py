@@ -8,19 +8,24 @@ import numpy as np
 import pytest
 
 from lptn.cli.improve import show_history
+from lptn.diagnose.diagnosis import Step
 from lptn.diagnose.improvement import History
+from lptn.diagnose.refits import continued
 from lptn.diagnose.unexplained_heat import UnexplainedHeat, largest, stretches
+from lptn.effects import Effect
+from lptn.effects.radiation import Radiation
 from lptn.identify.comparison import Comparison, compare
+from lptn.identify.fitting import finished
+from lptn.identify.validation import holdout_errors
+from lptn.model.network import EffectDeclaration
 from lptn.report.heat_story import HeatStory
+from lptn.report.outcome import headline, left_in_words, outcome_of
 from lptn.report.shown import heat_fields
 from lptn.report.text import significant
 from lptn.report.words import (
     caption_of_conditions,
-    headline,
     in_short,
-    left_in_words,
     next_step,
-    outcome_of,
     story_in_words,
 )
 from tests.report.two_joints import NODES, NOISE, Told
@@ -67,6 +72,66 @@ def test_an_effect_added_to_an_adequate_model_is_added_and_not_found(missing: To
     added = replace(missing[0], verdict="adequate")
     assert headline(added).startswith("Added: ")
     assert "Nothing is missing" not in _everything(added, missing)
+
+
+def _by_hand(told: Told, effect: Effect, at: str) -> History:
+    """The model as given with one effect that somebody chose, and what a diagnosis says of the two."""
+    history, data = told
+    given = history.steps[0]
+    declared = EffectDeclaration(effect, at)
+    fit = finished(continued(given.fit, given.fit.model.network.with_effects([declared])))
+    step = Step(fit, declared, holdout=holdout_errors(fit, data.holdout), test=holdout_errors(fit, data.test))
+    remaining = replace(history.first, fit=fit)
+    return replace(
+        history, steps=(given, step), remaining=history.verdict, last=remaining, considered=1, searched_from=None
+    )
+
+
+def test_what_was_added_and_did_not_help_is_not_called_found(
+    adequate: Told, missing: Told, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for told in (adequate, missing):
+        history = _by_hand(told, Radiation(), NODES[1])
+        assert outcome_of(history) == "tried"
+        assert headline(history).startswith(f"Radiation at {NODES[1]}, added, did not help; test ")
+        text = _everything(history, told)
+        show_history(history)
+        text += capsys.readouterr().out
+        for wrong in ("Found", "What was missing", "Nothing else in the catalogue", "nothing else", "best that the"):
+            assert wrong not in text
+    assert f"first of all constant heat at {NODES[0]}" in text
+    assert "next to add would be constant heat" in text
+    assert "in its place" in next_step(history)
+
+
+def test_what_was_added_beside_the_right_effect_and_did_not_help_is_told_apart(missing: Told) -> None:
+    useless = _by_hand(missing, Radiation(), NODES[1])
+    right = replace(missing[0].best, probability=0.9)
+    both = replace(useless, steps=(*useless.steps, right), remaining="adequate")
+    assert headline(both).startswith(
+        f"Found: constant heat at {NODES[0]}; radiation at {NODES[1]}, added as well, did "
+    )
+    assert outcome_of(both) == "found"
+    searched = replace(both, searched_from=0)  # a search keeps what only helps together with what follows
+    assert headline(searched).startswith(f"Added: radiation at {NODES[1]} and constant heat at {NODES[0]}; ")
+
+
+def test_what_helps_on_the_fitted_runs_alone_says_so(missing: Told) -> None:
+    history = missing[0]
+    given, best = history.steps[0], history.best
+    stays = replace(best, holdout=given.holdout, test=given.test)
+    alone = replace(history, steps=(given, stays), remaining="missing", searched_from=None)
+    assert outcome_of(alone) == "tried"
+    assert headline(alone).startswith(f"Constant heat at {NODES[0]} helps on the fitted runs alone; test ")
+
+
+def test_an_answer_that_was_not_added_is_an_answer_and_no_failure(missing: Told) -> None:
+    history = missing[0]
+    asked = replace(history, steps=history.steps[:1], remaining="missing", last=history.first, searched_from=None)
+    assert outcome_of(asked) == "asked"
+    assert headline(asked).startswith(f"Something is missing, first of all constant heat at {NODES[0]} (")
+    assert "no effect that was tried" not in _everything(asked, missing)
+    assert "no effect that was tried" in _everything(replace(asked, searched_from=0), missing)
 
 
 def test_held_out_runs_far_above_the_noise_are_not_called_noise(missing: Told) -> None:

@@ -8,7 +8,8 @@ import pytest
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.basics.lines import thinned
-from lptn.workbench.lines import RunLines, _plain
+from lptn.workbench.lines import _BLOCK, Attempt, RunLines, packed
+from tests.workbench.conftest import unpacked
 
 TIME: FloatArray = np.linspace(0.0, 10_000.2, 100_003)
 
@@ -56,8 +57,41 @@ def test_a_window_has_the_readings_of_its_time() -> None:
     assert "torque.knee" not in shown
 
 
-def test_what_was_not_measured_is_null_and_an_unknown_node_refused() -> None:
-    assert set(_lines().window("knee", {"now": "as given"}, points=50)["measured"]) == {None}
+@pytest.mark.parametrize(("start", "stop"), [(None, None), (1000.0, 9000.0), (4000.0, None), (None, 8000.03)])
+def test_a_long_window_keeps_every_peak_without_reading_the_log_again(start: float | None, stop: float | None) -> None:
+    rng = np.random.default_rng(1)
+    measured = rng.normal(0.0, 1.0, (1, TIME.size))
+    measured[0, [50_000, 60_007, -1]] = 90.0, -80.0, 50.0
+    measured[0, 70_000:71_000] = np.nan
+    attempt = Attempt(TIME[::50], np.sin(TIME[::50])[None, :], linearised=False)
+    lines = RunLines(("hip",), TIME, measured, {"torque.hip": rng.normal(0.0, 1.0, TIME.size)})
+    lines = lines.with_line("as given", np.zeros((1, TIME.size))).with_answers({"fan": attempt}, None)
+    first = lines.window("hip", {"now": "as given"}, start, stop, points=100, attempt="fan")
+    measured[:] = 0.0  # what is asked again is drawn from what was kept, and from single readings of the log
+    again = lines.window("hip", {"now": "as given"}, start, stop, points=100, attempt="fan")
+    for shown in (first, again):
+        assert np.nanmax(shown["measured"]) == 90.0
+        assert (np.diff(shown["time"]) > 0).all()
+        assert shown["time"].size <= 103
+        assert shown["time"][0] <= (start or 0.0) < shown["time"][0] + 0.1 * _BLOCK + 0.3
+        assert shown["time"][-1] >= (stop or TIME[-1]) > shown["time"][-1] - 0.1 * _BLOCK - 0.3
+        assert np.nanmax(shown["error now"]) == 80.0
+        assert np.nanmin(shown["error now"]) == -90.0
+        assert np.ptp(shown["attempt"]) == pytest.approx(2.0, abs=0.1)
+    if stop is None:
+        assert first["measured"][-1] == 50.0
+
+
+def test_lines_are_packed_as_they_are() -> None:
+    windows = {"Hüfte": {"time": TIME[:3], "measured": np.array([1.5, np.nan, -2e-300])}, "b": {"time": TIME[:1]}}
+    read = unpacked(packed(windows))
+    for node, lines in windows.items():
+        for name, values in lines.items():
+            np.testing.assert_array_equal(read[node][name], values)
+
+
+def test_what_was_not_measured_is_missing_and_an_unknown_node_refused() -> None:
+    assert np.isnan(_lines().window("knee", {"now": "as given"}, points=50)["measured"]).all()
     with pytest.raises(InputError, match="hip, knee"):
         _lines().window("elbow", {})
 
@@ -67,8 +101,3 @@ def test_a_clock_that_counts_from_1970_keeps_its_milliseconds() -> None:
     epoch = RunLines(lines.nodes, TIME + 1.7e9, lines.measured, lines.inputs)
     at = epoch.window("hip", {}, 1.7e9, 1.7e9 + 1.0)["time"]
     assert np.diff(np.array(at, dtype=float)) == pytest.approx(0.1, abs=1e-3)
-
-
-def test_numbers_have_six_digits_whatever_their_size() -> None:
-    values = np.array([0.0, np.nan, -1.23456789, 1.23456789e-7, 123456789.0, np.inf, 1e-320])
-    assert _plain(values) == [0.0, None, -1.23457, pytest.approx(1.23457e-7, rel=1e-12), 123457000.0, None, 1e-320]

@@ -23,7 +23,7 @@ from lptn.workbench.orders import Keep, order
 from lptn.workbench.server import application, listening
 from lptn.workbench.session import Session
 from lptn.workbench.tour import EXAMPLES
-from tests.workbench.conftest import EXAMPLE, OPENING
+from tests.workbench.conftest import EXAMPLE, OPENING, unpacked
 
 ADDRESS = "http://127.0.0.1:8000"
 ORIGIN = {"origin": ADDRESS}
@@ -110,12 +110,15 @@ def test_the_state_is_told_once_a_version(browser: TestClient) -> None:
 
 def test_lines_of_a_window(browser: TestClient) -> None:
     asked = {"segment": "holdout 0", "node": "heater2", "points": "100"}
-    whole = browser.get("/lines", params=asked).json()
+    whole = unpacked(browser.get("/lines", params=asked).content)["heater2"]
     assert 90 <= len(whole["time"]) <= 103
     assert whole["time"][-1] == 598.0
     assert max(whole["error now"]) == pytest.approx(9.94, abs=0.01)
-    part = browser.get("/lines", params=asked | {"start": "300", "stop": "310"}).json()
-    assert part["time"] == [float(k) for k in range(299, 312)]
+    both = {"start": "300", "stop": "310", "node": ["heater2", "heater1"]}
+    part = unpacked(browser.get("/lines", params=asked | both).content)
+    assert list(part) == ["heater2", "heater1"]
+    assert part["heater1"]["time"].tolist() == [float(k) for k in range(299, 312)]
+    assert (part["heater1"]["measured"] > part["heater2"]["measured"]).all()
 
 
 def test_residuals_and_what_is_special_are_answered(browser: TestClient) -> None:

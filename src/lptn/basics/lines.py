@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 
-from lptn.basics.arrays import FloatArray
+from lptn.basics.arrays import FloatArray, IntArray
 
 LONG = 600.0  # s; longer time axes are in minutes
 
@@ -56,10 +59,25 @@ def thinned(time: FloatArray, columns: FloatArray, most: int) -> tuple[FloatArra
     if n <= max(most, 3):
         return time, columns
     edges = np.linspace(0, n - 1, max(most, 3) // 2 + 1).astype(int)
+    low = np.fmin.reduceat(columns[:, : n - 1], edges[:-1], axis=1)
+    high = np.fmax.reduceat(columns[:, : n - 1], edges[:-1], axis=1)
+    return joined(time, columns.__getitem__, edges, low, high)
+
+
+def joined(
+    time: FloatArray, lines: Callable[[Any], FloatArray], edges: IntArray, low: FloatArray, high: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Lines through the smallest and the largest value of each block, first the one that the block begins nearer to.
+
+    Args:
+        time: (n,).
+        lines: (lines, n), as an index of NumPy takes values out of it.
+        edges: the first reading of each block, then the one behind the last, which stays itself.
+        low: the smallest values, (lines, blocks).
+        high: the largest.
+    """
     starts, ends = edges[:-1], edges[1:] - 1
-    low = np.fmin.reduceat(columns[:, : n - 1], starts, axis=1)
-    high = np.fmax.reduceat(columns[:, : n - 1], starts, axis=1)
-    falling = columns[:, ends] < columns[:, starts]
+    falling = lines((slice(None), ends)) < lines((slice(None), starts))
     pairs = np.stack([np.where(falling, high, low), np.where(falling, low, high)], axis=2)
-    kept = np.concatenate([pairs.reshape(len(columns), -1), columns[:, -1:]], axis=1)
-    return np.append(np.stack([time[starts], time[ends]], axis=1).ravel(), time[-1]), kept
+    kept = np.concatenate([pairs.reshape(len(pairs), -1), lines((slice(None), edges[-1:]))], axis=1)
+    return np.append(np.stack([time[starts], time[ends]], axis=1).ravel(), time[edges[-1]]), kept

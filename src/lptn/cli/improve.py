@@ -91,8 +91,9 @@ def improve(
 def show_history(history: History) -> None:
     """The steps, from the model as given to the best."""
     from lptn.cli.terminal import show_table
+    from lptn.report.outcome import headline, left_in_words
     from lptn.report.text import for_people, kelvin, percent
-    from lptn.report.words import headline, left_in_words, removed_in_words, size_in_words
+    from lptn.report.words import removed_in_words, size_in_words
 
     tested = any(step.test for step in history.steps)
     rows = []
@@ -113,6 +114,7 @@ def show_history(history: History) -> None:
     for number, step in enumerate(history.steps):
         if step.effect and step.at:
             sentence = "nothing else in the catalogue explains the fitted data as well"
+            sentence = sentence if step.probability else "chosen by hand, and not compared with others"
             if step.indistinguishable:
                 sentence = f"the fitted data alone can't tell it from {in_words(step.indistinguishable)}"
                 sentence += "; the held-out data chose" if step.holdout else ""
@@ -134,7 +136,11 @@ def show_history(history: History) -> None:
 def _who_chose(history: History) -> str:
     """Which data chose the steps, and which only test them."""
     text = "Effects were chosen on the fitted data."
-    if history.steps[0].holdout:
+    if history.searched_from is None:
+        text = "Which effects were added, somebody chose."
+    elif history.considered == 1:
+        text = "No effect was proposed beyond chance."
+    elif history.steps[0].holdout:
         text += f" Held-out data chose among {history.considered} models that were tried, and where to end."
     else:
         text += " No data were held out: the steps end by Schwarz's criterion, and nothing tests them."

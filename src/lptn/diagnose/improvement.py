@@ -67,6 +67,8 @@ class History(Tabular):
         last: the diagnosis of the last step.
         considered: how many models were followed.
         differing: held-out runs that are predicted with one parameter of their own, fitted on the run itself.
+        searched_from: the step from which the search went on until nothing helped; `None` where somebody chose all
+            steps, and nobody asked whether others would help.
     """
 
     verdict: Verdict
@@ -76,6 +78,7 @@ class History(Tabular):
     last: Diagnosis
     considered: int
     differing: tuple[RunDifference, ...] = ()
+    searched_from: int | None = 0
 
     @property
     def best(self) -> Step:
@@ -231,7 +234,7 @@ def _searched(
 # --- Branches of models, followed side by side as long as the fit data can't tell them apart ---------
 
 
-_WORTH = 0.05
+WORTH = 0.05
 """Share by which held-out errors must differ to speak for a step: the RMSE of some 200 independent residuals, an hour
 or two of a few nodes, is itself known to 1/√400."""
 _WIDTH, _WIDTH_LATER = 4, 2  # branches followed side by side after the first step, and after later ones
@@ -287,7 +290,7 @@ class _Search:
             self.report(f"step {depth}: {_in_words(beam)}")
             self.found(min(self.branches, key=_error))
             # The first of a pair may help nobody alone, so one step without a gain is allowed at the start.
-            if reached > (1 - _WORTH) * best and depth > 1:
+            if reached > (1 - WORTH) * best and depth > 1:
                 return
             best = min(best, reached)
 
@@ -304,7 +307,7 @@ class _Search:
             return chosen
         diagnosed = [branch for branch in self.branches if _effects(branch) in self._diagnoses]
         adequate = [branch for branch in diagnosed if self.diagnosis(branch).verdict == "adequate"]
-        unopposed = [branch for branch in adequate if _error(branch) <= _error(chosen) * (1 + _WORTH)]
+        unopposed = [branch for branch in adequate if _error(branch) <= _error(chosen) * (1 + WORTH)]
         return min(unopposed, key=len, default=chosen)
 
     def _longer(self, branch: Branch) -> list[Branch]:
@@ -370,7 +373,7 @@ def _chosen(branches: Sequence[Branch], data: DataSplit) -> Branch:
                 best = branch
         return best
     least = min(_error(branch) for branch in branches)
-    length = min(len(branch) for branch in branches if _error(branch) <= least * (1 + _WORTH))
+    length = min(len(branch) for branch in branches if _error(branch) <= least * (1 + WORTH))
     alike = [branch for branch in branches if len(branch) == length]
     most = MUCH_WORSE * min(map(_error, alike))
     most = min([most, *(_error(branch) for branch in branches if len(branch) < length)])
@@ -379,7 +382,7 @@ def _chosen(branches: Sequence[Branch], data: DataSplit) -> Branch:
     predicted = [[predict(fit.model, run, fit.problem.sigma) for run in data.holdout] for fit in fits]
     chosen = level[int(np.argmax(_probabilities(level, predicted)))]
     further = [branch for branch in branches if _effects(branch) > _effects(chosen)]
-    enough = [branch for branch in further if _error(branch) <= _error(chosen) * (1 - _WORTH)]
+    enough = [branch for branch in further if _error(branch) <= _error(chosen) * (1 - WORTH)]
     return min(enough, key=_error, default=chosen)
 
 
@@ -416,7 +419,7 @@ def _pruned(branch: Branch, data: DataSplit, report: Report) -> Branch:
         fit = continued(last.fit, network)
         if criterion_difference(fit, last.fit) < TIE:
             shorter = _ending_in(tuple(other for other in branch if other is not step), fit, data)
-            if _error(shorter) <= _error(branch) * (1 + _WORTH):
+            if _error(shorter) <= _error(branch) * (1 + WORTH):
                 report(f"{step.effect} at {step.at} is no longer needed")
                 return _pruned(shorter, data, report)
     return branch

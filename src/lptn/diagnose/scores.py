@@ -94,9 +94,9 @@ def score(fit: Fit, candidates: Sequence[Candidate], seed: int = 0) -> Scores:
         seed: of the simulated logs.
     """
     places = sites(candidates)
-    baseline, by_site = _derivatives(fit, places)
+    baseline, by_site = derivatives(fit, places)
     residuals = fit.problem.residuals(fit.z)
-    basis = np.linalg.qr(_regular(baseline[:, ~_granted_no_more(fit, baseline.T @ residuals)]))[0]
+    basis = np.linalg.qr(_regular(baseline[:, ~granted_no_more(fit, baseline.T @ residuals)]))[0]
     residuals = _projected(residuals, basis)
     directions = _directions(candidates, places, by_site, _projected(by_site, basis))
     del baseline, by_site  # as large as all traces together, like each of the two sets of logs below
@@ -112,7 +112,7 @@ def score(fit: Fit, candidates: Sequence[Candidate], seed: int = 0) -> Scores:
     return Scores(ranked, null_gains, level, lack_of_fit(fit, level, residuals), _negligible_gain(fit))
 
 
-def _derivatives(fit: Fit, places: Sequence[Site]) -> tuple[FloatArray, FloatArray]:
+def derivatives(fit: Fit, places: Sequence[Site]) -> tuple[FloatArray, FloatArray]:
     """Weighted derivatives of the residuals: by the fit's unknowns, and by the sites' amplitudes."""
     problem = fit.problem
     _, baseline = problem.jacobian(fit.z)
@@ -135,7 +135,7 @@ def _derivatives(fit: Fit, places: Sequence[Site]) -> tuple[FloatArray, FloatArr
     return baseline, by_site
 
 
-def _granted_no_more(fit: Fit, gradient: FloatArray) -> BoolArray:
+def granted_no_more(fit: Fit, gradient: FloatArray) -> BoolArray:
     """Which unknowns are errors of a run that are pushed beyond what is granted, shape (size,).
 
     They can't follow what a candidate would do. (Parameters of the model itself at a bound could, if it were moved.)

@@ -268,6 +268,16 @@ def fit_starts(model: Model, bound_runs: Sequence[BoundRun], sigma: FloatArray) 
     return starts
 
 
+def nuisances(model: Model, run: str) -> list[int]:
+    """Indices of the nuisance parameters of a run: held parameters with a prior that belong to it alone."""
+    own = tuple(in_run("", name) for name in (run, run.partition("#")[0]))  # a piece of a split log, or all of it
+    return [
+        index
+        for index, parameter in enumerate(model.parameters)
+        if parameter.declared.prior is not None and not parameter.free and parameter.name.endswith(own)
+    ]
+
+
 @one_blas_thread
 def fit_nuisances(model: Model, bound: BoundRun, sigma: FloatArray) -> Model:
     """The model with its nuisance parameters of one run, such as the ambient sensor's bias, fitted to that run.
@@ -277,13 +287,7 @@ def fit_nuisances(model: Model, bound: BoundRun, sigma: FloatArray) -> Model:
     Raises:
         KeyboardInterrupt: Ctrl-C was pressed.
     """
-    log = bound.run.name.partition("#")[0]
-    own = tuple(in_run("", run) for run in (bound.run.name, log))  # a piece of a split log, or all of it
-    chosen = [
-        index
-        for index, parameter in enumerate(model.parameters)
-        if parameter.declared.prior is not None and not parameter.free and parameter.name.endswith(own)
-    ]
+    chosen = nuisances(model, bound.run.name)
     if not chosen:
         return model
     problem = Problem(model, [bound], sigma, free=chosen)

@@ -15,6 +15,7 @@ from lptn.references import works_cited
 from lptn.report import words
 from lptn.report.document import Picture, picture, render
 from lptn.report.heat_story import HeatStory, heat_line_picture, heat_map_picture
+from lptn.report.outcome import headline, left_in_words, outcome_of
 from lptn.report.page_diagnosis import collinearity_figure, detectability_figure, history_figure, ranking_figure
 from lptn.report.page_figures import NAMES, conditions, fields, predictions, versus_bars
 from lptn.report.shown import candidates_shown, error_fields
@@ -79,7 +80,7 @@ def story_html(
     runs = shown_runs([_JOBS[job] for job, _ in jobs], all_given, heat.best or heat.given)
     charts, thinned = time_charts(runs, all_given, all_best, NAMES)
     left = heat.stretches
-    outcome = words.outcome_of(history)
+    outcome = outcome_of(history)
     effects = _effects_named(history)
     works = [cited.reference.full for cited in works_cited(effect.source for effect in effects)]
     titles = [
@@ -97,8 +98,8 @@ def story_html(
         "story.html.j2",
         title=title,
         titles=titles,
-        headline=words.headline(history),
-        remains=words.left_in_words(history) if all_best else "",
+        headline=headline(history),
+        remains=left_in_words(history) if all_best else "",
         short=[(label, for_people(text)) for label, text in words.in_short(history, heat, proposal)],
         words=words.story_in_words(history, data),
         network=network_picture(all_given),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from typing import Literal, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -16,6 +16,16 @@ from lptn.identify.comparison import Comparison, Condition
 from lptn.identify.data import DataSplit, Segment
 from lptn.identify.fitting import Fit
 from lptn.report.heat_story import HeatStory
+from lptn.report.outcome import (
+    HELPED,
+    answer_in_words,
+    help_of,
+    left_in_words,
+    outcome_of,
+    rmse_by_data,
+    sorted_steps,
+    tried_in_words,
+)
 from lptn.report.shown import MOST, NOISE_BAND, candidates_shown, initialisation_end, noise_alone, reaches, views
 from lptn.report.tables import FAR, share_by_chance, worst_condition
 from lptn.report.text import (
@@ -30,90 +40,21 @@ from lptn.report.text import (
     percent,
     place_of,
     short_size,
-    significant,
     title_of,
     unit_text,
     window_text,
 )
 
-# --- how a selection ended: what headline, summary, story and terminal agree on ------------------------------
-
-
-Outcome = Literal["adequate", "found", "unhelped", "unexplained"]
-
-
-def outcome_of(history: History) -> Outcome:
-    """How a selection ended, by its last step; the verdict on the model as given alone would contradict what was found.
-
-    `"found"`: effects were added, and explain what was missing or most of it. `"unhelped"`: something of the catalogue
-    is missing, but nothing tried makes the model better. `"unexplained"`: most of the misfit stays.
-    """
-    if len(history.steps) == 1:
-        return "unhelped" if history.verdict == "missing" else history.verdict
-    return "unexplained" if history.verdict == history.remaining == "unexplained" else "found"
-
-
-def headline(history: History) -> str:
-    """What was found, and by how much the error fell, in one sentence."""
-    runs, before, after = _rmse_by_data(history.steps[0], history.best)[-1]
-    runs = {"fitted": "RMSE", "held-out": "held out", "test": "test"}[runs]
-    errors = f"{kelvin(after)}" if len(history.steps) == 1 else f"{significant(before, 3)} → {kelvin(after)}"
-    numbers = f"{runs} {errors}, floor {kelvin(noise_alone(history.best.fit), 2)}."
-    if len(history.steps) > 1:
-        effects = listed([_short_name(step) for step in _added(history)])
-        if outcome_of(history) == "unexplained":
-            return f"Not explained; the best that the catalogue offers is {effects}; {numbers}"
-        return f"{'Added' if history.verdict == 'adequate' else 'Found'}: {effects}; {numbers}"
-    said = {
-        "adequate": "Adequate: nothing is missing that these data can show",
-        "unhelped": "Something is missing, but no effect that was tried makes the model better",
-        "unexplained": "Not explained: wrong by more than noise, and the catalogue does not explain it",
-    }
-    return f"{said[outcome_of(history)]}; {numbers}"
-
-
-def _short_name(step: Step) -> str:
-    """An effect by its key, and where it acts, such as `conduction heater1–heater2`; no place for everywhere."""
-    key, at = step.key
-    place = "" if at == "*" else f" {place_of(at).replace('~', '–')}" if "~" in at else f" at {place_of(at)}"
-    return f"{key.replace('_', ' ')}{place.removeprefix(' at everywhere')}"
-
-
-def left_in_words(history: History) -> str:
-    """What is left with the last step, in one sentence or two that hold for fitted and held-out runs alike."""
-    best, noise = history.best, noise_alone(history.best.fit)
-    if history.remaining == "adequate":
-        text = "What is left on the fitted runs is no more than the sensors' noise"
-        if best.holdout is not None and best.holdout.rmse > FAR * noise:
-            text += f", but the held-out ones are off by {kelvin(best.holdout.rmse)}: they hold something that the "
-            return text + "fitted runs do not. Fit on runs like them as well."
-        return f"{text}."
-    text = f"The model is still wrong by more than noise, which alone would leave about {kelvin(noise, 2)}; "
-    if history.remaining == "unexplained":
-        return text + "the catalogue explains little of the rest."
-    if len(history.steps) == 1:
-        return text + "no effect that was tried makes it better."
-    where = "did not help on the held-out ones" if best.holdout else "did not pay for their parameters"
-    return text + f"further effects lowered the error on the fitted runs but {where}."
-
-
 # --- what both the short and the long version say -----------------------------------------------------------
-
-
-_HELPED = 0.99  # the share of the error below which an error is called smaller
 
 
 def _added(history: History) -> list[Step]:
     return [step for step in history.steps if step.effect and step.at]
 
 
-def _rmse_by_data(given: Step, best: Step) -> list[tuple[str, float, float]]:
-    """What each kind of data is called, and the RMSE [K] on it with the model as given and with the best one."""
-    pairs = [("fitted", given.fit.rmse, best.fit.rmse)]
-    for runs, before, after in (("held-out", given.holdout, best.holdout), ("test", given.test, best.test)):
-        if before and after:
-            pairs.append((runs, before.rmse, after.rmse))
-    return pairs
+def _found_steps(history: History) -> list[Step]:
+    """The steps that helped; all where they did so on the fitted runs alone, and nothing else was found."""
+    return sorted_steps(history.steps, history.searched_from)["all"] or _added(history)
 
 
 def _first_refit(history: History) -> Step | None:
@@ -177,6 +118,20 @@ def next_step(history: History) -> str:
         )
     if outcome == "unhelped":
         return "measure a longer run with more contrast (rest, load, speed), and diagnose again."
+    answer = answer_in_words(history) if history.remaining == "missing" else ""
+    if outcome == "asked":
+        return (
+            f"add {answer}, and see whether the error falls."
+            if answer
+            else "let a search add several effects together."
+        )
+    if outcome == "tried":
+        then = f"add {answer} in its place" if answer else "look in section 4 for where and when the error grows"
+        return "take back what did not help" + (
+            ". The model as given is enough." if history.verdict == "adequate" else f", and {then}."
+        )
+    if history.searched_from is None and answer:
+        return f"add {answer}, too, and see whether the error falls."
     ambiguous = [step.declaration.effect for step in history.steps if step.indistinguishable and step.declaration]
     if not ambiguous:
         return "use the best model." + ("" if history.remaining == "adequate" else " Section 4 shows the rest.")
@@ -210,6 +165,8 @@ def in_short(history: History, heat: HeatStory, proposal: Proposal | None = None
     summary = {
         "adequate": _short_adequate,
         "found": _short_found,
+        "tried": _short_tried,
+        "asked": _short_asked,
         "unhelped": _short_unhelped,
         "unexplained": _short_unexplained,
     }
@@ -231,28 +188,58 @@ def _short_adequate(history: History, heat: HeatStory) -> tuple[str, str, str]:
     return "Nothing that these data can show.", where, sure
 
 
+def _short_tried(history: History, heat: HeatStory) -> tuple[str, str, str]:
+    answer = answer_in_words(history)
+    what = {
+        "adequate": "nothing that these data show",
+        "missing": f"still something, first of all {answer}"
+        if answer
+        else "still something, but no single effect helps",
+        "unexplained": "something of which the catalogue explains little",
+    }["adequate" if history.verdict == "adequate" else history.remaining]
+    sure = f"{tried_in_words(history.steps, history.searched_from)}. {_short_errors(history)}."
+    return f"{capitalised(what)}.", _where("", heat), sure
+
+
+def _short_asked(history: History, heat: HeatStory) -> tuple[str, str, str]:
+    best, answer = history.last.best, answer_in_words(history)
+    what = (
+        f"First of all {answer}"
+        if answer
+        else "An effect of the catalogue explains most of the misfit, but no single one helps"
+    )
+    rivals = [named(*key) for key in best.indistinguishable] if best else []
+    sure = f"{_short_errors(history)}. Nothing was added yet."
+    if rivals:
+        sure += f" On the fitted runs alone, {few(rivals, _FEW)} would do about as well."
+    return f"{what}.", _where("", heat), sure
+
+
 def _short_unhelped(history: History, heat: HeatStory) -> tuple[str, str, str]:
     what = "An effect of the catalogue explains most of the misfit, but none tried makes the model better."
     return what, _where("", heat), f"{_short_errors(history)}."
 
 
 def _short_found(history: History, heat: HeatStory) -> tuple[str, str, str]:
-    added = _added(history)
+    added = _found_steps(history)
     what = f"{capitalised(listed([title_of(step.effect or '') for step in added]))}."
     places: dict[str, list[str]] = {}
     for step in added:
         places.setdefault(place_of(step.at or ""), []).append(title_of(step.effect or ""))
     where = "; ".join(f"{place} ({listed(effects)})" if len(places) > 1 else place for place, effects in places.items())
     sure = f"{_short_errors(history)}."
-    if refit := _first_refit(history):
+    refit = _first_refit(history)
+    if refit and refit.key == added[0].key:
         as_high = "as high" if len(history.steps) == 2 else "as high as the first of these"
         sure = f"Chance alone would score {as_high} in {share_by_chance(history.first, refit)} of logs. {sure}"
     taken = {step.key for step in added}
     rivals = list(dict.fromkeys(named(*key) for step in added for key in step.indistinguishable if key not in taken))
     if rivals:
         sure += f" On the fitted runs alone, {few(rivals, _FEW)} would do about as well."
-    else:
+    elif all(step.probability for step in added):
         sure += " Nothing else in the catalogue explains the fitted runs as well."
+    if idle := [step for step in _added(history) if step not in added]:
+        sure += f" Added as well, without help: {listed([named(*step.key) for step in idle])}."
     sure += f" {left_in_words(history)}"
     if heat.left:
         stays = ": what was added does not explain that" if heat.event else ""
@@ -275,9 +262,9 @@ def _where(places: str, heat: HeatStory) -> str:
 
 def _short_errors(history: History) -> str:
     """The error before and after, on the data that tell most."""
-    runs, before, after = _rmse_by_data(history.steps[0], history.best)[-1]
-    if before == after:
-        return f"The RMSE on the {runs} runs is {kelvin(before)}"
+    runs, before, after = rmse_by_data(history.steps[0], history.best)[-1]
+    if kelvin(before) == kelvin(after):
+        return f"The RMSE on the {runs} runs is {kelvin(before)}{'' if before == after else ', as before'}"
     return f"The RMSE on the {runs} runs goes from {kelvin(before)} to {kelvin(after)}"
 
 
@@ -286,7 +273,14 @@ def _short_errors(history: History) -> str:
 
 def story_in_words(history: History, data: DataSplit) -> list[str]:
     """The story, a few sentences to each of: what is missing, how sure, which data say so."""
-    stories = {"adequate": _adequate, "found": _found, "unhelped": _unhelped, "unexplained": _unexplained}
+    stories = {
+        "adequate": _adequate,
+        "found": _found,
+        "tried": _tried,
+        "asked": _asked,
+        "unhelped": _unhelped,
+        "unexplained": _unexplained,
+    }
     what = stories[outcome_of(history)]
     differing = " ".join(each.text() for each in history.differing or history.last.differing)
     return [what(history, data), *filter(None, [_how_sure(history), differing]), _which_data(history, data)]
@@ -314,6 +308,21 @@ def _adequate(history: History, data: DataSplit) -> str:
     return f"{text} This holds for what the fitted runs cover: {covered}."
 
 
+def _tried(history: History, data: DataSplit) -> str:
+    text = f"{tried_in_words(history.steps, history.searched_from)}. {_fall(history.steps[0], history.best)}"
+    if history.verdict == "adequate":
+        return (
+            f"{text} The model as given is wrong by no more than noise on the fitted runs, so nothing had to be added."
+        )
+    return f"{text} {left_in_words(history)}"
+
+
+def _asked(history: History, data: DataSplit) -> str:
+    answer = answer_in_words(history)
+    first = f"First of all it may be {answer}. " if answer else "No single effect helps. "
+    return f"The model as given is wrong by more than noise. {_errors(history.steps[0])}. {first}Nothing was added yet."
+
+
 def _unhelped(history: History, data: DataSplit) -> str:
     return (
         f"The model as given is wrong by more than noise. {_errors(history.steps[0])}. On the fitted runs an effect of "
@@ -323,8 +332,10 @@ def _unhelped(history: History, data: DataSplit) -> str:
 
 
 def _found(history: History, data: DataSplit) -> str:
-    word = "Added" if history.verdict == "adequate" else "Missing"
-    return f"{word}: {_effects_added(history)}. {_fall(history.steps[0], history.best)} {left_in_words(history)}"
+    found_by = all(step.probability for step in _found_steps(history))
+    word = "Missing" if found_by and history.verdict != "adequate" else "Added"
+    text = tried_in_words(history.steps, history.searched_from, word)
+    return f"{text}. {_fall(history.steps[0], history.best)} {left_in_words(history)}"
 
 
 def _unexplained(history: History, data: DataSplit) -> str:
@@ -359,10 +370,12 @@ def _errors(step: Step) -> str:
 
 
 def _fall(given: Step, best: Step) -> str:
-    pairs = _rmse_by_data(given, best)
+    pairs = rmse_by_data(given, best)
     changes = [f"from {kelvin(before)} to {kelvin(after)} on the {runs} runs" for runs, before, after in pairs]
     text = f"With that the RMSE goes {listed(changes)}."
-    worse = [f"on the {runs} runs" for runs, before, after in pairs if after > _HELPED * before]
+    worse = [f"on the {runs} runs" for runs, before, after in pairs if after > HELPED * before]
+    if len(worse) == len(pairs):
+        return f"{text} It gets better nowhere."
     return f"{text} It does not get better {listed(worse, 'or')}." if worse else text
 
 
@@ -375,6 +388,9 @@ def _how_sure(history: History) -> str:
 
 def _sure(history: History, number: int, step: Step) -> str:
     text = f"How sure is step {number}, {named(*step.key)}? "
+    if step not in _found_steps(history):
+        lowered = "the error of the fitted runs alone" if help_of(history.steps, number) else "no error beyond chance"
+        return f"{text}It lowers {lowered}."
     if step.probability:
         text += f"Of the answers that were fitted it is the right one with {percent(step.probability)}, by the fitted "
         text += "runs and by what is usual. "
@@ -385,6 +401,8 @@ def _sure(history: History, number: int, step: Step) -> str:
     refit = _first_refit(history) if number == 1 else None
     if refit is not None:
         text += f"Chance alone would score as high in {share_by_chance(history.first, refit)} of logs. "
+    if not step.probability:
+        return text + "It was chosen by hand, and not compared with others."
     if not step.indistinguishable:
         return text + "Nothing else in the catalogue explains the fitted runs about as well."
     verb = "explains" if len(step.indistinguishable) == 1 else "explain"
@@ -397,10 +415,16 @@ def _sure(history: History, number: int, step: Step) -> str:
 
 def _which_data(history: History, data: DataSplit) -> str:
     """Which runs were fitted, which chose, which only test the result."""
-    text = f"Parameters were fitted, and effects proposed, on {_runs(data.fit)}."
+    by_hand = history.searched_from is None and len(history.steps) > 1
+    proposed = "" if by_hand else ", and effects proposed,"
+    text = f"Parameters were fitted{proposed} on {_runs(data.fit)}."
+    text += " Which effects were added, somebody chose." if by_hand else ""
     if not data.holdout:
-        text += " No data were held out: the steps end where a further effect does not pay for its parameters."
+        ends = history.searched_from is not None
+        text += " No data were held out"
+        text += ": the steps end where a further effect does not pay for its parameters." if ends else "."
     else:
+        what = "how good they are" if history.searched_from is None else "where the steps end"
         among = f"chose among the {history.considered} models that were tried, and "
         among = "" if history.considered == 1 else among
         fitted = "No parameter was fitted to it"
@@ -409,7 +433,7 @@ def _which_data(history: History, data: DataSplit) -> str:
             own = [f"that each run may have {granted}"] if granted else []
             own += ["what differs in it"] if history.differing else []
             fitted = f"Nothing was fitted to it but {' and '.join(own)}"
-        text += f" Held out: {_runs(data.holdout)}. {fitted}; it {among}says where the steps end."
+        text += f" Held out: {_runs(data.holdout)}. {fitted}; it {among}says {what}."
     if data.test:
         return f"{text} Test: {_runs(data.test)}. It chose nothing, so its error is the one to quote."
     if len(history.steps) == 1:

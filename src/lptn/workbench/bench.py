@@ -2,22 +2,28 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import numpy as np
+
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.diagnose.diagnosis import Diagnosis, Key, Step, for_search
+from lptn.diagnose.previews import previews
 from lptn.diagnose.scores import Score, linearised
 from lptn.diagnose.unexplained_heat import UnexplainedHeat
-from lptn.identify.comparison import Prediction, predict
+from lptn.identify.comparison import Errors, Prediction, predict
 from lptn.identify.data import Segment
-from lptn.logs.run import Run
 from lptn.report.network_course import NetworkCourse
+from lptn.simulate.bound_run import BoundRun
 from lptn.study import Study
 from lptn.workbench.lines import Attempt, RunLines
 from lptn.workbench.orders import Add, Back, Cut, Keep, Order, Plain, Set
+
+logger = logging.getLogger("lptn")
 
 _MOST_SCORED = 12  # candidates beyond those that were refitted; what scores less helps nobody
 JOBS = ("fit", "holdout", "test")
@@ -137,7 +143,7 @@ class Bench:
         name = self.model
         if self.study.diagnosed is None:
             return
-        self.attempts[name] = self.linearised() | self._attempted(self.study.diagnosed)
+        self.attempts[name] = self.tries() | self._attempted(self.study.diagnosed)
         if name not in self.heat:
             heat = self.study.unexplained_heat()
             self.heat[name] = {f"fit {number}": each for number, each in enumerate(heat)}
@@ -153,19 +159,31 @@ class Bench:
         others = [each for each in diagnosis.scores.ranked if each.gain > 0 and each.candidate.key not in refitted]
         return others[:_MOST_SCORED]
 
-    def linearised(self) -> dict[tuple[str, str], Attempt]:
-        """What the fitted runs would look like with each answer, by its score alone: there at once."""
-        diagnosis = self.study.diagnosed
-        if diagnosis is None:
+    def tries(self) -> dict[tuple[str, str], Attempt]:
+        """What all runs would look like with each answer: refitted where that is done, else to first order."""
+        if self.study.diagnosed is None:
             return {}
+        if self.model not in self.attempts:
+            self.attempts[self.model] = self._linearised(self.study.diagnosed)
+        return self.attempts[self.model]
+
+    def _linearised(self, diagnosis: Diagnosis) -> dict[tuple[str, str], Attempt]:
+        """By the scores alone: there as soon as the answers are."""
         answers = {step.key for step in diagnosis.helpful}
         shown = [each for each in diagnosis.scores.ranked if each.gain > 0 and each.candidate.key in answers]
+        scores = [*shown, *self.scored_only]
+        coarse = for_search(self.study.data)
+        try:
+            others = previews(diagnosis.fit, scores, (*coarse.holdout, *coarse.test))
+        except InputError as error:  # a run lacks what a candidate goes by
+            logger.info("held-out runs are tried once they are refitted: %s", error)
+            others = []
         lines = {}
-        for each in (*shown, *self.scored_only):
-            readings = linearised(diagnosis.fit, each)
-            for number, bound in enumerate(diagnosis.fit.problem.bound_runs):
-                line = Attempt(_middles(bound.run), readings[number], linearised=True)
-                lines[f"fit {number}", key_of(each.candidate.key)] = line
+        for number, each in enumerate(scores):
+            fitted = list(zip(diagnosis.fit.problem.bound_runs, linearised(diagnosis.fit, each), strict=True))
+            runs = [*fitted, *((of_run[number].bound, of_run[number].readings) for of_run in others)]
+            for segment, (bound, readings) in zip(segments(self.study), runs, strict=False):
+                lines[segment, key_of(each.candidate.key)] = _attempt(bound, readings, linearised=True)
         return lines
 
     def _attempted(self, diagnosis: Diagnosis) -> dict[tuple[str, str], Attempt]:
@@ -175,13 +193,13 @@ class Bench:
         for step in diagnosis.helpful:
             problem = step.fit.problem
             fitted = [
-                (bound.run, bound.measured + error)
+                (bound, bound.measured + error)
                 for bound, error in zip(problem.bound_runs, step.fit.residuals, strict=True)
             ]
             others = [predict(step.fit.model, segment, problem.sigma) for segment in (*coarse.holdout, *coarse.test)]
-            runs = [*fitted, *((each.bound.run, each.readings) for each in others)]
-            for segment, (run, readings) in zip(segments(self.study), runs, strict=True):
-                lines[segment, name_of(step)] = Attempt(_middles(run), readings, linearised=False)
+            runs = [*fitted, *((each.bound, each.readings) for each in others)]
+            for segment, (bound, readings) in zip(segments(self.study), runs, strict=True):
+                lines[segment, name_of(step)] = _attempt(bound, readings, linearised=False)
         return lines
 
     # --- what there is to show ------------------------------------------------------------------
@@ -218,7 +236,7 @@ class Bench:
                 if (segment, f"model {name}") not in self._told:
                     news.predicted[segment, name] = prediction.readings
                 self._told |= {(segment, ""), (segment, f"model {name}")}
-        news.attempts = self.attempts.get(self.model) or self.linearised()
+        news.attempts = self.tries()
         news.heat = self.heat.get(self.model, {})
         last = len(self.study.steps) - 1
         now = self.study.steps[last].fit.model
@@ -242,9 +260,11 @@ def key_of(key: Key) -> str:
     return f"{key[0]} at {key[1]}"
 
 
-def _middles(run: Run) -> FloatArray:
-    """Times of a run's readings [s]; a mean over a step is what was there in its middle."""
-    return run.time + (run.step / 2 if run.averaged else 0.0)
+def _attempt(bound: BoundRun, readings: FloatArray, *, linearised: bool) -> Attempt:
+    run = bound.run
+    middles = run.time + (run.step / 2 if run.averaged else 0.0)  # a mean over a step is what was there in its middle
+    error = Errors.of(np.where(bound.counted, readings - bound.measured, np.nan))
+    return Attempt(middles, readings, linearised, error)
 
 
 def names_of(steps: tuple[Step, ...]) -> list[str]:

@@ -2,24 +2,26 @@
 
 from __future__ import annotations
 
+import math
 import shlex
+from collections.abc import Mapping
 from itertools import combinations
 from typing import Any
 
-import numpy as np
-
 from lptn.basics.equations import equations_of
 from lptn.diagnose.diagnosis import Diagnosis, Step
-from lptn.diagnose.scores import Score, linearised
+from lptn.diagnose.scores import Score
 from lptn.effects import catalogue
 from lptn.identify.comparison import Errors
 from lptn.identify.data import Segment, Stretch
 from lptn.report.diagnosis_figures import noise_alone
+from lptn.report.outcome import sorted_steps, tried_in_words
 from lptn.report.text import experiment_for, few, for_people, kelvin, named, percent, place_of, title_of
 from lptn.report.words import size_in_words
 from lptn.study import Study
 from lptn.workbench.bench import Bench, key_of, name_of, names_of, segments
 from lptn.workbench.conditions import by_condition
+from lptn.workbench.lines import Attempt
 from lptn.workbench.opening import Opening
 
 _JOB_NAMES = {"fit": "fitted", "holdout": "held out", "test": "test"}
@@ -79,9 +81,16 @@ def _head(bench: Bench) -> dict[str, Any]:
         "given": _error(first),
         "now": _error(last),
         "floor": floor,
-        "found": [named(*step.key) for step in study.steps[1:]],
+        "found": _found(study),
         "sentence": _sentence(bench, floor),
     }
+
+
+def _found(study: Study) -> str:
+    """What the steps found, what they tried in vain; empty for the model as given."""
+    as_given = study.diagnosed_as_given
+    word = "Added" if as_given and as_given.verdict == "adequate" else ""
+    return tried_in_words(study.steps, study.searched_from, word)
 
 
 def _error(step: Step) -> float:
@@ -94,14 +103,17 @@ def _sentence(bench: Bench, floor: float) -> str:
     diagnosis = study.diagnosed
     if diagnosis is None:
         return _worst(bench, floor)
-    subject = "With what was added the model" if len(study.steps) > 1 else "The model as given"
+    by_help = sorted_steps(study.steps, study.searched_from)
+    helped = bool(by_help["all"] or by_help["fitted"])
+    subject = "With what was added the model" if helped else "With or without it the model"
+    subject = subject if len(study.steps) > 1 else "The model as given"
     differing = "".join(f" {each.sentence}" for each in diagnosis.differing)
     if diagnosis.verdict == "adequate":
         where = " but for a run that differs" if differing else ""
         return f"{subject} is adequate{where}: what is left is no more than the sensors’ noise.{differing}"
     if diagnosis.verdict == "unexplained":
         return f"{subject} is wrong by more than noise, and the catalogue explains little of it. {_worst(bench, floor)}"
-    more = " more" if len(study.steps) > 1 else ""
+    more = " more" if helped else ""
     best = diagnosis.best
     if best is None:
         return f"{subject} lacks something{more}, but no single effect helps. {_worst(bench, floor)}"
@@ -222,8 +234,8 @@ def _correlations(step: Step) -> list[dict[str, Any]]:
 
 
 def _answers(study: Study, diagnosis: Diagnosis, bench: Bench) -> dict[str, Any]:
-    attempts = bench.attempts.get(bench.model) or bench.linearised()
-    tried = {answer: line.linearised for (_, answer), line in attempts.items()}
+    tries = bench.tries()
+    tried = {answer: line.linearised for (_, answer), line in tries.items()}
     ranks = {step.key: rank for rank, step in enumerate(diagnosis.helpful, start=1)}
     shown = []
     for step in diagnosis.helpful:
@@ -255,31 +267,37 @@ def _answers(study: Study, diagnosis: Diagnosis, bench: Bench) -> dict[str, Any]
     return {
         "verdict": diagnosis.verdict,
         "answers": shown,
-        "scored": [_scored(diagnosis, each) for each in bench.scored_only],
+        "scored": [_scored(diagnosis, each, tries) for each in bench.scored_only],
         "before": before,
         "fitted": diagnosis.fit.rmse,
         "step": seconds,
     }
 
 
-def _scored(diagnosis: Diagnosis, score: Score) -> dict[str, Any]:
-    """A candidate that was scored and not refitted, with the error that it would leave to first order."""
+def _scored(diagnosis: Diagnosis, score: Score, tries: Mapping[tuple[str, str], Attempt]) -> dict[str, Any]:
+    """A candidate that was scored and not refitted, with the errors that it would leave to first order."""
     effect, at = score.candidate.key
-    left = [
-        (readings - bound.measured)[bound.counted]
-        for readings, bound in zip(linearised(diagnosis.fit, score), diagnosis.fit.problem.bound_runs, strict=True)
-    ]
+    key = key_of((effect, at))
+    own = {segment: line.error for (segment, of), line in tries.items() if of == key}
     return {
         "effect": effect,
         "at": at,
-        "key": key_of((effect, at)),
+        "key": key,
         "title": title_of(effect),
         "place": place_of(at),
-        "fit": float(np.sqrt(np.mean(np.concatenate(left) ** 2))),
+        "fit": _pooled(own, "fit"),
+        "holdout": _pooled(own, "holdout"),
         "p": diagnosis.scores.p_value(score.gain),
         "tried": True,
         "linearised": True,
     }
+
+
+def _pooled(errors: Mapping[str, Errors], job: str) -> float | None:
+    """RMSE [K] of the runs of a job together; `None` without any."""
+    some = [each for segment, each in errors.items() if segment.startswith(job) and each.count]
+    count = sum(each.count for each in some)
+    return math.sqrt(sum(each.count * each.rmse**2 for each in some) / count) if count else None
 
 
 # --- data -----------------------------------------------------------------------------------------------------

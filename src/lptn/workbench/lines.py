@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import json
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
-from lptn.basics.lines import thinned
+from lptn.basics.lines import joined, thinned
 from lptn.diagnose.unexplained_heat import UnexplainedHeat
-from lptn.identify.comparison import Prediction
+from lptn.identify.comparison import Errors, Prediction
 
 _MARGIN = 1  # readings beyond a window on either side, so that a line runs to the plot's edge
+_BLOCK = 64  # readings of which the smallest and the largest are kept: long windows are drawn from a 64th of the log
+
+_Key = tuple[str, ...]
+_Read = Callable[[Any], FloatArray]  # the values of a line at an index of the run's readings
 
 
 @dataclass(frozen=True)
@@ -24,11 +30,13 @@ class Attempt:
         time: s, (m,), in the steps of a search.
         readings: degC, (nodes, m).
         linearised: to first order; else the answer was refitted.
+        error: of the readings that count.
     """
 
     time: FloatArray
     readings: FloatArray
     linearised: bool
+    error: Errors
 
 
 @dataclass(frozen=True)
@@ -52,6 +60,7 @@ class RunLines:
     predicted: Mapping[str, FloatArray] = field(default_factory=dict)
     attempts: Mapping[str, Attempt] = field(default_factory=dict)
     heat: UnexplainedHeat | None = None
+    _extremes: dict[_Key, FloatArray] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @classmethod
     def of(cls, prediction: Prediction, nodes: tuple[str, ...]) -> RunLines:
@@ -99,8 +108,8 @@ class RunLines:
         stop: float | None = None,
         points: int = 1500,
         attempt: str = "",
-    ) -> dict[str, list[float | None]]:
-        """The lines of one node from `start` to `stop` [s], all at the same times.
+    ) -> dict[str, FloatArray]:
+        """The lines of one node from `start` to `stop` [s], all at the same times, NaN where something is missing.
 
         Args:
             node: its name.
@@ -113,38 +122,83 @@ class RunLines:
         Raises:
             InputError: no such node.
         """
-        row = self._row(node)
+        lines = self._lines(node, models, attempt)
+        size = self.time.size
         first = 0 if start is None else max(int(np.searchsorted(self.time, start)) - _MARGIN, 0)
-        last = self.time.size if stop is None else int(np.searchsorted(self.time, stop, side="right")) + _MARGIN
-        inside = slice(min(first, self.time.size - 1), max(last, first + 1))
-        time, measured = self.time[inside], self.measured[row, inside]
-        columns = {"measured": measured}
-        lines = {name: self.predicted[model][row, inside] for name, model in models.items() if model in self.predicted}
+        last = size if stop is None else int(np.searchsorted(self.time, stop, side="right")) + _MARGIN
+        first, last = min(first, size - 1), min(max(last, first + 1), size)
+        blocks = max(points, 3) // 2
+        if last - first <= blocks * _BLOCK:
+            inside = slice(first, last)
+            at, thin = thinned(
+                self.time[inside], np.array([read(inside) for read in lines.values()], dtype=float), points
+            )
+        else:
+            at, thin = self._of_blocks(lines, first, last, blocks)
+        return {"time": at} | {key[0]: values for key, values in zip(lines, thin, strict=True)}
+
+    def _lines(self, node: str, models: Mapping[str, str], attempt: str) -> dict[_Key, _Read]:
+        """What is drawn of a node, by the name on the page and what else tells a line from the run's others."""
+        row = self._row(node)
+        measured = self.measured[row]
+        models = {name: model for name, model in models.items() if model in self.predicted}
+        readings: dict[_Key, _Read] = {
+            (name, node, of): self.predicted[of][row].__getitem__ for name, of in models.items()
+        }
         if attempt in self.attempts:
             tried = self.attempts[attempt]
-            lines["attempt"] = np.interp(time, tried.time, tried.readings[row])
-        for name, readings in lines.items():
-            columns |= {name: readings, f"error {name}": readings - measured}
-        columns |= {name: self.inputs[name][inside] for name in self.inputs_of(node)}
+            readings["attempt", node, attempt] = self._between(tried.time, tried.readings[row])
+        lines: dict[_Key, _Read] = {("measured", node): measured.__getitem__}
+        for (name, *of), read in readings.items():
+            lines[name, *of] = read
+            lines[f"error {name}", *of] = _difference(read, measured.__getitem__)
+        lines |= {(name,): self.inputs[name].__getitem__ for name in self.inputs_of(node)}
         if self.heat is not None and node in self.heat.nodes:
             place = self.heat.nodes.index(node)
             heat, band = self.heat.heat[place], self.heat.band[place]
             for name, values in (("heat", heat), ("heat low", heat - band), ("heat high", heat + band)):
-                columns[name] = np.interp(time, self.heat.time, values, left=np.nan, right=np.nan)
-        at, thin = thinned(time, np.array(list(columns.values()), dtype=float), points)
-        return {"time": np.round(at, 3).tolist()} | {
-            name: _plain(values) for name, values in zip(columns, thin, strict=True)
-        }
+                lines[name, node] = self._between(self.heat.time, values, outside=np.nan)
+        return lines
+
+    def _between(self, time: FloatArray, values: FloatArray, outside: float | None = None) -> _Read:
+        """A line that was worked out at other times than the run's readings."""
+        return lambda at: np.interp(self.time[at], time, values, left=outside, right=outside)
+
+    def _of_blocks(
+        self, lines: Mapping[_Key, _Read], first: int, last: int, most: int
+    ) -> tuple[FloatArray, FloatArray]:
+        """Lines through the extremes of many blocks at a time, from the block that holds `first` on."""
+        begin, end = first // _BLOCK, -(-(last - 1) // _BLOCK)
+        edges = np.linspace(begin, end, min(most, end - begin) + 1).astype(int)
+        low, high = np.stack([self._kept(key, read) for key, read in lines.items()], axis=1)[:, :, :end]
+        return joined(
+            self.time,
+            lambda index: np.array([read(index[1]) for read in lines.values()], dtype=float),
+            np.minimum(edges * _BLOCK, self.time.size - 1),
+            np.fmin.reduceat(low, edges[:-1], axis=1),
+            np.fmax.reduceat(high, edges[:-1], axis=1),
+        )
+
+    def _kept(self, key: _Key, read: _Read) -> FloatArray:
+        """The smallest and the largest value of each block of a line, all but its last reading; looked for once."""
+        if key not in self._extremes:
+            values = read(slice(0, self.time.size - 1))
+            starts = np.arange(0, values.size, _BLOCK)
+            self._extremes[key] = np.stack([np.fmin.reduceat(values, starts), np.fmax.reduceat(values, starts)])
+        return self._extremes[key]
 
 
-def _plain(values: FloatArray) -> list[float | None]:
-    """Six digits, which no screen exceeds; `None` for what is missing."""
-    missing = ~np.isfinite(values)
-    known = np.where(missing | (values == 0), 1.0, values)
-    places = 5 - np.floor(np.log10(np.abs(known)))
-    exact = np.abs(places) < 300  # beyond, a power of ten is no double any more
-    scale = 10.0 ** np.where(exact, places, 0.0)
-    shown: list[float | None] = np.where(exact, np.round(values * scale) / scale, values).tolist()
-    for k in np.flatnonzero(missing):
-        shown[int(k)] = None
-    return shown
+def _difference(one: _Read, other: _Read) -> _Read:
+    return lambda at: one(at) - other(at)
+
+
+def packed(windows: Mapping[str, Mapping[str, FloatArray]]) -> bytes:
+    """Lines of several nodes as a page reads them without parsing numbers.
+
+    A line of JSON says by node which lines follow and how many values each has; then come the values, as 64-bit numbers
+    with the least byte first, from a multiple of 8 bytes on.
+    """
+    head = {node: [list(lines), lines["time"].size] for node, lines in windows.items()}
+    text = json.dumps(head).encode()
+    values = [np.asarray(line, dtype="<f8").tobytes() for lines in windows.values() for line in lines.values()]
+    return b"".join([text, b" " * (-(len(text) + 1) % 8), b"\n", *values])

@@ -102,12 +102,12 @@ class NetworkAsked(BaseModel):
 
 
 class LinesAsked(BaseModel):
-    """Which lines a plot wants: of one node in one run, from a time to another, at most so many points."""
+    """Which lines plots want: of nodes in one run, from a time to another, at most so many points each."""
 
     model_config = ConfigDict(extra="forbid")
 
     segment: str
-    node: str
+    node: list[str] = Field(min_length=1, max_length=1000)
     start: FiniteFloat | None = None
     stop: FiniteFloat | None = None
     points: int = Field(default=1500, ge=10, le=20000)

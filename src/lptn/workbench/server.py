@@ -10,11 +10,11 @@ import json
 import secrets
 import socket
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from importlib.resources import files
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, get_origin
 
 import uvicorn
 from pydantic import BaseModel, ValidationError
@@ -25,11 +25,15 @@ from starlette.requests import Request
 from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, Response
 from starlette.routing import Route
 
+from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.basics.files import finite
 from lptn.workbench.gate import Gate
+from lptn.workbench.lines import packed
 from lptn.workbench.orders import LinesAsked, NetworkAsked, ResidualsAsked, SpecialAsked, order
+from lptn.workbench.residuals import Residuals
 from lptn.workbench.session import BusyError, Session
+from lptn.workbench.special import Special
 
 _LARGEST_ORDER = 10_000  # bytes; an order is a sentence
 _PAGE = {
@@ -83,6 +87,7 @@ async def _nothing(_: Request) -> Response:
 
 
 Asked = TypeVar("Asked", bound=BaseModel)
+Found = TypeVar("Found")
 
 
 class _Site:
@@ -100,16 +105,16 @@ class _Site:
         return Response(status_code=204) if content is None else JSONResponse(content)
 
     async def lines(self, request: Request) -> Response:
-        return await _answered(request, LinesAsked, self._session.lines)
+        return await _answered(request, LinesAsked, self._session.lines, _packed)
 
     async def special(self, request: Request) -> Response:
-        return await _answered(request, SpecialAsked, lambda asked: finite(asdict(self._session.special(asked))))
+        return await _answered(request, SpecialAsked, self._session.special, _told)
 
     async def residuals(self, request: Request) -> Response:
-        return await _answered(request, ResidualsAsked, lambda asked: finite(asdict(self._session.residuals(asked))))
+        return await _answered(request, ResidualsAsked, self._session.residuals, _told)
 
     async def network(self, request: Request) -> Response:
-        return await _answered(request, NetworkAsked, self._session.network)
+        return await _answered(request, NetworkAsked, self._session.network, JSONResponse)
 
     async def order(self, request: Request) -> Response:
         body = await request.body()
@@ -139,11 +144,24 @@ class _Site:
         return PlainTextResponse(self._session.model_file, headers=headers)
 
 
-async def _answered(request: Request, kind: type[Asked], answer: Callable[[Asked], dict[str, Any]]) -> Response:
+def _packed(lines: Mapping[str, Mapping[str, FloatArray]]) -> Response:
+    return Response(packed(lines), media_type="application/octet-stream")
+
+
+def _told(found: Special | Residuals) -> Response:
+    return JSONResponse(finite(asdict(found)))
+
+
+async def _answered(
+    request: Request, kind: type[Asked], answer: Callable[[Asked], Found], said: Callable[[Found], Response]
+) -> Response:
     """The answer to a question whose parts stand in the address; what was wrong with it in a line."""
+    lists = {name for name, field in kind.model_fields.items() if get_origin(field.annotation) is list}
+    words = request.query_params
+    parts = {name: words.getlist(name) if name in lists else words[name] for name in words}
     try:
-        asked = kind.model_validate(dict(request.query_params))
-        return JSONResponse(await run_in_threadpool(answer, asked))
+        asked = kind.model_validate(parts)
+        return await run_in_threadpool(lambda: said(answer(asked)))
     except ValidationError as error:
         return _wrong(_in_words(error))
     except InputError as error:

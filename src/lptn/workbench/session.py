@@ -13,6 +13,7 @@ from typing import Any
 
 import platformdirs
 
+from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.basics.files import finite
 from lptn.report.network_course import NetworkCourse
@@ -214,8 +215,8 @@ class Session:
         """The text of the model file as it is now."""
         return self._file
 
-    def lines(self, asked: LinesAsked) -> dict[str, list[float | None]]:
-        """The lines that a plot wants.
+    def lines(self, asked: LinesAsked) -> dict[str, dict[str, FloatArray]]:
+        """The lines that plots want, by node.
 
         Raises:
             InputError: no such run or node.
@@ -223,7 +224,10 @@ class Session:
         lines, models = self._lines_of(asked.segment)
         if models["given"] == models["now"]:
             del models["given"]
-        return lines.window(asked.node, models, asked.start, asked.stop, asked.points, asked.attempt)
+        return {
+            node: lines.window(node, models, asked.start, asked.stop, asked.points, asked.attempt)
+            for node in asked.node
+        }
 
     def special(self, asked: SpecialAsked) -> Special:
         """What is special in a stretch, at a node, to the error of the model as it is now.

@@ -1,13 +1,17 @@
 // Time plots: drag to zoom, hover to read. Lines come from the server for the window that is shown, thinned to its width.
 
 import uPlot from "/uPlot.js";
-import { h, kelvin, triable } from "/sections.js";
+import { h, kelvin, placed, triable } from "/sections.js";
 
 const GRID = [1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1200, 1800, 3600, 7200, 14400, 28800, 86400];  // s between ticks
 const LONG = 600, EPOCH = 1e6;  // s: minutes from here on; a clock that did not begin with the log
+const POINTS = 2;  // of a line to each pixel across: the smallest and the largest reading there
 const MOST_INPUTS = 4, MOST_COMPANIONS = 8;
 const UNITS = { torque: "N·m", current: "A", velocity: "rad/s", power: "W", speed: "m/s", temperature: "°C" };
-const color = name => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+const NEAR = "200px";  // above and below the screen: plots that come into sight are drawn by then
+const dark = matchMedia("(prefers-color-scheme: dark)"), colors = new Map();
+dark.addEventListener("change", () => colors.clear());
+const color = name => colors.get(name) ?? colors.set(name, getComputedStyle(document.documentElement).getPropertyValue(name).trim()).get(name);
 const sync = uPlot.sync("time");
 
 export class Plots {
@@ -16,23 +20,51 @@ export class Plots {
     this.bar = h("div", { className: "row" });
     this.list = h("div");
     section.append(this.bar, this.told = h("div", { id: "told", ariaLive: "polite" }), this.list);
-    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.draw(true));
-    addEventListener("resize", () => this.draw(true));
+    for (const [source, event] of [[dark, "change"], [window, "resize"]]) source.addEventListener(event, () => this.load());
+    this.sight = new IntersectionObserver(seen => {
+      for (const { target, isIntersecting } of seen) target.view.seen = isIntersecting;
+      this.load();
+    }, { rootMargin: `${NEAR} 0px` });
   }
 
-  // Views that are picked, made anew where a model or a run has changed.
-  draw(anew = false) {
+  // Views that are picked; of which models, runs and answers their lines are.
+  draw() {
     const { state, picked, attempt } = this.page;
     this.drawBar();
     const wanted = picked.map(each => ({ ...each, id: `${each.segment} ${each.node}` }));
     for (const [id, view] of this.views) if (!wanted.some(each => each.id === id)) { view.remove(); this.views.delete(id); }
-    for (const each of wanted) {
-      const what = JSON.stringify([state.now, state.given, state.head.now, state.stretches, state.answers?.answers.map(each => each.linearised), state.advice.length, wanted.length > 1, attempt]);
-      let view = this.views.get(each.id);
-      if (!view) this.views.set(each.id, view = new View(this, each));
-      if (anew || view.what !== what) { view.what = what; view.load(anew); }
-      this.list.append(view.element);
+    this.what = JSON.stringify([state.now, state.given, state.head.now, state.stretches, state.answers?.answers.map(each => each.linearised), state.advice.length, wanted.length > 1, attempt]);
+    wanted.forEach((each, k) => {
+      if (!this.views.has(each.id)) this.views.set(each.id, new View(this, each));
+      const { element } = this.views.get(each.id);
+      if (this.list.children[k] !== element) this.list.insertBefore(element, this.list.children[k] ?? null);
+    });
+    this.load();
+  }
+
+  // Draws what is in sight and shows something else than is wanted: one question for each run. What is out of sight
+  // waits until it is scrolled to: the cost of a zoom goes with the screen, not with the nodes that were picked.
+  load() {
+    const runs = new Map(), paper = color("--paper");
+    for (const view of this.views.values()) {
+      const look = [paper, view.stack.clientWidth], wanted = JSON.stringify([this.what, this.windows[view.segment] ?? null, look]);
+      if (!view.seen || !look[1] || view.wanted === wanted) continue;
+      Object.assign(view, { wanted, look });
+      runs.set(view.segment, [...runs.get(view.segment) ?? [], view]);
     }
+    for (const [segment, views] of runs) this.ask(segment, views);
+  }
+
+  async ask(segment, views) {
+    const { attempt } = this.page, wanted = views.map(view => view.wanted), zoomed = this.windows[segment];
+    const points = Math.ceil(POINTS * devicePixelRatio * Math.max(...views.map(view => view.stack.clientWidth)));
+    const asked = new URLSearchParams({ segment, points, attempt });
+    if (zoomed) { asked.set("start", zoomed[0]); asked.set("stop", zoomed[1]); }
+    for (const view of views) asked.append("node", view.node);
+    const answer = await fetch(`/lines?${asked}`).catch(() => null);
+    if (!answer?.ok) return;
+    const lines = unpacked(await answer.arrayBuffer());
+    views.forEach((view, k) => view.wanted === wanted[k] && view.show(lines[view.node]));  // else another window is wanted meanwhile
   }
 
   clear() {
@@ -84,50 +116,63 @@ export class Plots {
     if (window) this.windows[segment] = window; else delete this.windows[segment];
     this.told.replaceChildren();
     this.drawBar();
-    for (const view of this.views.values()) if (view.segment === segment) view.load();
     this.page.tell();
   }
 }
 
 const clock = value => Number(value.toPrecision(5)).toString();
 
+// Lines by node: a line of JSON says which they are, and how long; then come their values, 8 bytes each.
+function unpacked(bytes) {
+  const end = new Uint8Array(bytes).indexOf(10), head = JSON.parse(new TextDecoder().decode(new Uint8Array(bytes, 0, end)));
+  let at = end + 1;
+  const line = length => {
+    const values = new Float64Array(bytes, at, length);
+    at += 8 * length;
+    return values.some(Number.isNaN) ? Array.from(values, value => Number.isNaN(value) ? null : value) : values;
+  };
+  return Object.fromEntries(Object.entries(head).map(([node, [names, length]]) => [node, Object.fromEntries(names.map(name => [name, line(length)]))]));
+}
+
 class View {
   constructor(plots, { segment, node }) {
-    Object.assign(this, { plots, segment, node, charts: [], asked: 0 });
+    Object.assign(this, { plots, segment, node, charts: [] });
     this.stack = h("div", { className: "stack", tabIndex: 0, role: "group", ariaLabel: `${node} over time; + and − zoom, arrows move, 0 shows the whole run`, onkeydown: event => this.key(event) });
     this.element = h("div", { className: "view" }, this.title = h("h3"), this.stack, this.still = h("small"));
+    this.element.view = this;
+    plots.sight.observe(this.element);
   }
 
-  remove() { this.charts.forEach(each => each.destroy()); this.element.remove(); }
+  remove() { this.plots.sight.unobserve(this.element); this.charts.forEach(each => each.destroy()); this.element.remove(); }
 
   get run() { return this.plots.page.state.segments.find(each => each.key === this.segment); }
   get window() { return this.plots.windows[this.segment] ?? [this.run.start, this.run.stop]; }
 
-  async load(anew = true) {
-    const { run, plots } = this, page = plots.page, number = ++this.asked, zoomed = plots.windows[this.segment];
-    const asked = new URLSearchParams({ segment: this.segment, node: this.node, points: 1600, attempt: page.attempt });
-    if (zoomed) { asked.set("start", zoomed[0]); asked.set("stop", zoomed[1]); }
-    const answer = await fetch(`/lines?${asked}`);
-    const lines = await answer.json();
-    if (!answer.ok || number !== this.asked) return;  // refused, or another window is wanted meanwhile
-    const tile = page.state.tiles[this.segment]?.now[page.state.nodes.indexOf(this.node)];
+  // Charts are made anew where there are other lines than before, or another look.
+  show(lines) {
+    const { run, plots } = this, { state, attempt, picked } = plots.page, [min, max] = this.window;
+    const tile = state.tiles[this.segment]?.now[state.nodes.indexOf(this.node)];
     this.title.textContent = `${this.node} in ${run.run} (${run.job})${tile ? `: RMSE ${kelvin(tile.rmse)}` : ""}`;
-    const names = Object.keys(lines).join() + (plots.page.picked.length > 1) + triable(page.state).find(each => each.key === page.attempt)?.linearised;
-    if (anew !== true && names === this.names || names === this.names && anew === true && !this.dark_changed()) this.charts.forEach(chart => {
-      chart.batch(() => { chart.setData(chart.names.map(name => lines[name]), false); chart.setScale("x", { min: this.window[0], max: this.window[1] }); });
+    const tries = triable(state), tried = "attempt" in lines && tries.find(each => each.key === attempt);
+    if (tried) this.title.append(h("small", null, ` – dotted: with ${placed(tried)}${tried.linearised ? ", by the linearised model" : ", refitted"}`));
+    if (tries.length && !tried) lines.attempt = lines["error attempt"] = Array(lines.time.length).fill(null);
+    const made = JSON.stringify([Object.keys(lines).sort(), picked.length > 1, this.look]);
+    if (made !== this.made) {
+      this.made = made;
+      this.build(lines, !!tried);
+    } else for (const chart of this.charts) chart.batch(() => {
+      chart.names.forEach((name, k) => name.endsWith("attempt") && chart.series[k].show !== !!tried && chart.setSeries(k, { show: !!tried }));
+      chart.setData(chart.names.map(name => lines[name]), false);
+      chart.setScale("x", { min, max });
     });
-    else { this.names = names; this.build(lines); }
   }
 
-  dark_changed() { const now = color("--paper") + this.stack.clientWidth, was = this.look; this.look = now; return was !== now; }
-
-  build(lines) {
+  build(lines, tried) {
     this.charts.forEach(each => each.destroy());
-    const one = this.plots.page.picked.length === 1, { state, attempt } = this.plots.page;
-    const linear = triable(state).find(each => each.key === attempt)?.linearised;
-    const line = (name, label, stroke, more) => ({ name, label, stroke, width: 1.5, ...more });
+    const one = this.plots.page.picked.length === 1, { state } = this.plots.page;
+    const line = (name, label, stroke, more) => ({ name, label, stroke, width: 1.5, show: tried || name !== "attempt", ...more });
     const models = ["given", "now", "attempt"].filter(each => each in lines).map(each => line(each,
-      { given: "as given", now: state.given === state.now ? "model as given" : "now", attempt: linear ? "with it, linearised" : "with the answer tried" }[each],
+      { given: "as given", now: state.given === state.now ? "model as given" : "now", attempt: "with the answer tried" }[each],
       color(each === "now" && state.given === state.now ? "--given" : `--${each}`), { dash: each === "given" ? [7, 4] : each === "attempt" ? [2, 3] : undefined, width: each === "now" ? 2 : 1.6 }));
     const errors = models.map(each => ({ ...each, name: `error ${each.name}` }));
     const panels = [
@@ -147,7 +192,6 @@ class View {
       panels.push({ unit, label: unit, height: 82, series: [line(name, name, color("--soft"), { width: 1 })] });
     }
     this.charts = panels.map((panel, k) => this.chart(panel, lines, k === panels.length - 1));
-    this.look = color("--paper") + this.stack.clientWidth;
   }
 
   chart({ unit, label, height, series, floor, zero, band }, lines, last) {
@@ -155,7 +199,7 @@ class View {
     const ink = color("--soft"), grid = { stroke: color("--shade"), width: 1 }, ticks = { stroke: color("--line"), width: 1, size: 4 };
     const number = value => value == null ? "–" : `${Number(value.toPrecision(4))} ${unit}`;
     const options = {
-      width: this.stack.clientWidth || 1200, height: height + (last ? 30 : 0),
+      width: this.look[1] || 1200, height: height + (last ? 30 : 0),
       padding: [8, 8, last ? null : 0, 0],
       cursor: {
         sync: { key: sync.key, setSeries: false }, drag: { x: true, y: false, setScale: false }, points: { size: 6 },

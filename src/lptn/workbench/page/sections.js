@@ -39,13 +39,13 @@ export function head(state) {
   if (!it) return [h("p", { className: "lead soft" }, state.version ? "The model as given is being fitted." : "")];
   const which = it.which.replace(" ", "-");
   const figure = (name, value, label, count) => h("div", { className: name }, h("b", null, `${digits(value, count)} K`), h("small", null, label));
-  const added = it.found.length > 0;
+  const added = state.steps.length > 1;
   return [
     h("div", { className: "figures" },
       figure("given", it.given, `${which} error, as given`),
       added && figure("now", it.now, `${which} error now`),
       figure("floor", it.floor, "the sensors’ own noise", 2)),
-    h("p", { className: "lead" }, added ? `Found: ${listed(it.found)}. ` : "", it.sentence),
+    h("p", { className: "lead" }, it.found ? `${it.found}. ` : "", it.sentence),
   ];
 }
 
@@ -56,7 +56,7 @@ export function steps(page) {
   const error = step => held ? step.holdout : step.fit;
   const tried = triable(page.state).find(each => each.key === page.attempt);
   const finding = busy?.found ?? [];
-  const rows = [...steps, ...finding.map(step => ({ ...step, attempt: true })), ...(tried ? [{ ...tried, name: `${"holdout" in tried ? "try" : "linearised"}: ${tried.title}${tried.place === "everywhere" ? " " : " at "}${tried.place}`, attempt: true }] : []), ...undone.map(step => ({ ...step, undone: true }))];
+  const rows = [...steps, ...finding.map(step => ({ ...step, attempt: true })), ...(tried ? [{ ...tried, name: `${tried.linearised ? "linearised" : "try"}: ${placed(tried)}`, attempt: true }] : []), ...undone.map(step => ({ ...step, undone: true }))];
   const most = Math.max(...rows.map(error).filter(Number.isFinite)) || 1;
   const bar = (step, number) => {
     const filled = h("i", { className: step.attempt ? "attempt" : number === 0 ? "zero" : "" }), floor = h("u", { title: `the sensors’ noise: ${kelvin(head.floor)}` });
@@ -65,7 +65,7 @@ export function steps(page) {
     return h("td", { className: "bar" }, h("span", null, filled, floor));
   };
   // A row is kept for what may be tried: the page must not move under the mouse that tries it.
-  const kept = answers?.answers.length && !tried && h("tr", null, h("td", { innerHTML: "&nbsp;" }));
+  const kept = answers?.answers.length > 0 && !tried && h("tr", null, h("td", { innerHTML: "&nbsp;" }));
   const table = h("table", null,
     h("thead", null, h("tr", null, ["", "effect", "parameters", "fitted", ...(held ? ["held out"] : []), ...(tested ? ["test"] : []), ""].map((name, k) =>
       h("th", { className: k < 2 ? "" : name ? "n" : "bar" }, name)))),
@@ -89,6 +89,7 @@ export function steps(page) {
   ];
 }
 
+export const placed = ({ title, place }) => place === "everywhere" ? `${title} ${place}` : `${title} at ${place}`;
 export const triable = ({ answers }) => answers ? [...answers.answers, ...answers.scored].filter(each => each.tried) : [];
 
 // --- where it fails ----------------------------------------------------------------------------------------
@@ -108,11 +109,13 @@ export function where(page) {
   const { state, picked, shown } = page;
   if (!state.tiles) return [];
   const order = [...judged(state), ...state.segments.filter(each => !judged(state).includes(each))];
-  const most = Math.max(...order.flatMap(({ key }) => state.tiles[key].given.map(each => each?.rmse ?? 0)), 1e-9);
+  // Colour is for what the sensors' noise does not explain: a tile of noise alone stays pale.
+  const beyond = each => Math.sqrt(Math.max((each?.rmse ?? 0) ** 2 - state.head.floor ** 2, 0));
+  const most = Math.max(...order.flatMap(({ key }) => state.tiles[key].given.map(beyond)), state.head.floor, 1e-9);
   const css = getComputedStyle(document.documentElement);
   const tile = (each, id, where, segment, node, pressed) => {
     if (!each) return h("td", { title: "not measured" }, "·");
-    const side = each.mean < 0 ? "--cold" : "--hot", share = Math.min(each.rmse / most, 1) ** 0.75;
+    const side = each.mean < 0 ? "--cold" : "--hot", share = Math.min(beyond(each) / most, 1) ** 0.75;
     const way = Math.abs(each.mean) < 0.3 * each.rmse ? "to both sides" : each.mean < 0 ? "too cold" : "too hot";
     const button = h("button", {
       id: `tile ${id} ${node}`,
@@ -125,8 +128,8 @@ export function where(page) {
   };
   const choice = (name, label) => h("button", { id: `show ${name}`, ariaPressed: shown === name, onclick: () => page.show(name) }, label);
   const grouping = (by, label) => h("button", { id: `by ${by}`, ariaPressed: page.by === by, onclick: () => page.group(by) }, label);
-  const bar = h("div", { className: "row" }, h("h2", { style: "margin: 0 auto 0 0" }, "Where it fails"), grouping("run", "by run"), grouping("condition", "by condition"), state.given !== state.now && [choice("given", "as given"), choice("now", "now")]);
-  const said = "RMSE in K; + the model is too hot (orange), − too cold (blue). A tile opens its plot, with Shift beside the others.";
+  const bar = h("div", { className: "row" }, h("h2", { style: "margin: 0" }, "Where it fails"), grouping("run", "by run"), grouping("condition", "by condition"), state.given !== state.now && [choice("given", "as given"), choice("now", "now")]);
+  const said = "RMSE in K; + the model is too hot (orange), − too cold (blue), the stronger the more is beyond the sensors’ noise. A tile opens its plot, with Shift beside the others.";
   if (page.by === "condition") {
     const columns = state.conditions[shown], groups = [...new Set(columns.map(each => each.group))];
     const which = state.segments.some(each => each.job !== "fitted") ? "held-out data" : "fitted data";
@@ -170,14 +173,14 @@ export function missing(page) {
     onmouseleave: () => page.pinned || page.attemptTo(""),
   },
     h("div", { className: "name" },
-      h("span", null, h("b", null, each.title), ` ${each.place === "everywhere" ? "" : "at "}${each.place}`),
+      h("span", null, h("b", null, each.title), placed(each).slice(each.title.length)),
       h("button", {
         id: `try ${each.key}`, disabled: !each.tried, ariaPressed: page.attempt === each.key,
         onclick: () => { page.pinned = page.pinned === each.key ? "" : each.key; page.attemptTo(page.pinned); },
       }, "Try"),
       h("button", { id: `add ${each.key}`, className: each === answers.answers[0] ? "first" : "", disabled: busy, onclick: () => { page.pinned = ""; page.order({ what: "add", effect: each.effect, at: each.at }); } }, "Add")),
     ...more);
-  const scored = each => tryable(each, "", h("span", { className: "soft" }, `fitted ${digits(answers.fitted)} → about ${kelvin(each.fit)}${each.p < 0.05 ? "" : ", as chance may have it"}`));
+  const scored = each => tryable(each, "", h("span", { className: "soft" }, `${each.holdout != null ? "held out" : "fitted"} ${digits(each.holdout != null ? answers.before : answers.fitted)} → about ${kelvin(each.holdout ?? each.fit)}${each.p < 0.05 ? "" : ", as chance may have it"}`));
   const answer = (each, k) => tryable(each, group.has(k + 1) ? "group" : "",
     h("div", null, `${each.probable} probable`, h("span", { className: "soft" }, ` · ${change(each)}`)),
     h("details", { id: `more ${each.key}` }, h("summary", null, "Equation, signs, experiment"),
@@ -192,9 +195,9 @@ export function missing(page) {
     group.size > 1 && h("p", null, h("small", null, "What the bar on the left joins, these data can’t tell apart: one answer with several names.",
       held(answers) ? " Held-out data speak against the more probable names that stand below." : "")),
     h("ol", { className: "answers" }, answers.answers.map(answer)),
-    answers.answers.some(each => each.linearised) && h("p", null, h("small", null, "Try shows the linearised model on fitted runs until the refits are drawn.")),
+    answers.answers.some(each => each.linearised) && h("p", null, h("small", null, "Try shows the linearised model until the refits are drawn.")),
     answers.scored.length ? h("details", { id: "scored" }, h("summary", null, "Scored only: the next best"),
-      h("p", null, h("small", null, "Not refitted: Try shows what the linearised model would do on fitted runs; Add fits it.")),
+      h("p", null, h("small", null, "Not refitted: Try shows what the linearised model would do; Add fits it.")),
       h("ol", { className: "answers" }, answers.scored.map(scored))) : null,
     answers.answers.length ? h("p", null, h("small", null, `Errors on readings of ${digits(answers.step, 2)} s, in which answers are sought; what is added is fitted to all readings.`)) : null,
     state.advice.length ? h("details", { id: "advice", open: true }, h("summary", null, "What to do next"), state.advice.map(text => h("p", null, h("small", null, text)))) : null,
@@ -233,7 +236,7 @@ function parameterTable(page) {
   const { parameters, busy } = page.state, parts = [...new Set(parameters.map(each => each.part))];
   const fitted = parameters.filter(each => each.free).length, shown = parameters.filter(each => !page.part || each.part === page.part);
   const short = value => value == null ? "∞" : Math.abs(value) >= 1e5 || value && Math.abs(value) < 1e-3 ? value.toExponential(1) : Number(value.toPrecision(4)).toString().replace("-", "−");
-  const said = each => each.free ? each.error == null ? "not determined" : `± ${digits(1.96 * each.error, 2)}` : "fixed";
+  const said = each => each.free ? each.error == null ? "not determined" : `± ${short(Number((1.96 * each.error).toPrecision(2)))}` : "fixed";
   const row = each => h("tr", null, h("td", null, each.name), h("td", { className: "n" }, digits(each.value, 4)), h("td", { className: "n soft" }, said(each)), h("td", { className: "soft" }, each.unit),
     h("td", { className: "n soft" }, each.free ? `${short(each.bounds[0])} … ${short(each.bounds[1])}` : ""),
     h("td", null, h("button", { id: `edit ${each.name}`, ariaExpanded: page.edited === each.name, onclick: () => page.edit(each.name) }, "Change")));

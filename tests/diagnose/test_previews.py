@@ -1,0 +1,48 @@
+"""What an effect would change in a held-out run, to first order, beside what refitting it does."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lptn.basics.parameters import Parameter
+from lptn.diagnose.candidates import possible_effects, with_errors_of_runs
+from lptn.diagnose.previews import previews
+from lptn.diagnose.refits import continued
+from lptn.diagnose.scores import score
+from lptn.effects.constant_heat import ConstantHeat
+from lptn.identify.comparison import Errors, predict
+from lptn.identify.data import split_data
+from lptn.identify.fitting import finished
+from lptn.identify.validation import fit_segments
+from lptn.model.network import EffectDeclaration
+from tests.report.two_joints import NODES, NOISE, make_run, robot
+
+
+@pytest.mark.parametrize("granted", [False, True])
+def test_a_preview_of_a_held_out_run_comes_near_to_the_refit(granted: bool) -> None:
+    """With errors granted to the runs, too, which a refit fits anew."""
+    truth = robot(EffectDeclaration(ConstantHeat(), NODES[0], (Parameter("power", 0.3, "W", (0.0, 100.0), off=0.0),)))
+    runs = [make_run(truth, seed, name) for seed, name in ((1, "one"), (2, "two"), (3, "three"))]
+    data = split_data(runs[:2], runs[2:])
+    model = with_errors_of_runs(robot(), data, 0.3, 0.015) if granted else robot()
+    fit = fit_segments(model, data.fit)
+    ranked = score(fit, possible_effects(fit, runs[0].columns)).ranked
+    answer = next(each for each in ranked if each.candidate.key == ("constant_heat", NODES[0]))
+    other = next(each for each in ranked if each.candidate.key == ("radiation", NODES[1]))
+    ((preview, _),) = previews(fit, [answer, other], data.holdout)
+
+    (segment,), sigma = data.holdout, fit.problem.sigma
+    before = predict(fit.model, segment, sigma)
+    declared = answer.candidate.declaration(answer.amplitude, answer.shape)
+    refit = finished(continued(fit, fit.model.network.with_effects([declared])))
+    refitted = predict(refit.model, segment, sigma).readings
+    change = np.sqrt(np.mean((refitted - before.readings) ** 2))
+    assert np.sqrt(np.mean((preview.readings - refitted) ** 2)) < 0.2 * change
+    assert Errors.of(preview.error).rmse < 1.1 * NOISE < 0.8 * Errors.of(before.error).rmse
+
+
+def test_without_held_out_runs_there_is_nothing_to_foresee() -> None:
+    run = make_run(robot(), 1, "one")
+    fit = fit_segments(robot(), split_data([run]).fit)
+    assert previews(fit, score(fit, possible_effects(fit, run.columns)).ranked[:2], ()) == []
