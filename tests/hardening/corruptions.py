@@ -15,6 +15,7 @@ import argparse
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
+from itertools import product
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -353,25 +354,31 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=int, nargs="+", default=[4, 5, 6])
     parser.add_argument("--improve", action="store_true")
+    parser.add_argument("--kinds", default="", help="those whose words hold this")
     asked = parser.parse_args()
     seeds: list[int] = asked.seeds
+    chosen = {kind: corruption for kind, corruption in CORRUPTIONS.items() if asked.kinds in kind}
     if asked.improve:
         print("| what is wrong | seed | what is added |\n| --- | --- | --- |")
-        for kind in CORRUPTIONS:
+        for kind in chosen:
             for seed in seeds:
                 print(f"| {kind} | {seed} | {improved(kind, seed)} |", flush=True)
         return
     clean = [issues_in(healthy(robot, seed, steps)) for robot in ROBOTS for seed in seeds for steps in STEPS]
     print(f"{len(clean)} healthy logs, something said of {sum(1 for issues in clean if issues != [])}\n")
     print("| what is wrong | found | of | other channels named |\n| --- | --- | --- | --- |")
-    total = np.zeros(3, dtype=int)
-    for kind, corruption in CORRUPTIONS.items():
-        tiers = STEPS if corruption.coarse else STEPS[:1]
-        answers = [ask(kind, robot, seed, steps) for robot in ROBOTS for seed in seeds for steps in tiers]
+    total, wrong = np.zeros(3, dtype=int), list[str]()
+    for kind, corruption in chosen.items():
+        logs = list(product(ROBOTS, seeds, STEPS if corruption.coarse else STEPS[:1]))
+        answers = [ask(kind, *log) for log in logs]
         row = np.array([sum(each.found for each in answers), len(answers), sum(len(each.blamed) for each in answers)])
+        for (robot, seed, steps), answer in zip(logs, answers, strict=True):
+            said = [*["missed"] * (not answer.found), *(f"{key} named" for key in sorted(answer.blamed))]
+            wrong += [f"{kind}, {robot}, seed {seed}, {steps:g} K: {', '.join(said)}"] * bool(said)
         print(f"| {kind} | {row[0]} | {row[1]} | {row[2]} |", flush=True)
         total += row
-    print(f"| all {len(CORRUPTIONS)} | {total[0]} | {total[1]} | {total[2]} |")
+    print(f"| all {len(chosen)} | {total[0]} | {total[1]} | {total[2]} |")
+    print(*wrong, sep="\n")
 
 
 if __name__ == "__main__":
