@@ -168,6 +168,20 @@ def _counts(log: Log, joint: str, _rng: Rng) -> None:
     log[f"temperature.{joint}"] = np.round(4095 / 125 * log[f"temperature.{joint}"])
 
 
+def _converted(quantity: str, full: float, per_torque: float) -> Callable[[Log, str, Rng], None]:
+    """Counts of a converter of 12 bit, with zero in the middle of its range."""
+
+    def change(log: Log, joint: str, _rng: Rng) -> None:
+        values = log[f"torque.{joint}"] * per_torque
+        log[f"{quantity}.{joint}"] = np.clip(np.round(2048 + 2048 / full * values), 0, 4095)
+
+    return change
+
+
+def _zero_throughout(log: Log, joint: str, _rng: Rng) -> None:
+    log[f"torque.{joint}"] = 0.0
+
+
 def _wrapping(log: Log, joint: str, _rng: Rng) -> None:
     log[f"temperature.{joint}"] = (np.round(log[f"temperature.{joint}"] * 2000)) % 65536
 
@@ -265,8 +279,11 @@ CORRUPTIONS: dict[str, Corruption] = {
     "one torque of 18,000 N·m": Corruption(_single(_TORQUE, 18_000.0), _TORQUE, ("size", "refused")),
     "torque in mN·m": Corruption(_scaled(_TORQUE, 1000.0), _TORQUE, ("size", *_UNIT)),
     "torque in mN·m, named so": Corruption(_renamed(_TORQUE, "torque.{joint}_mNm", 1000.0), "*", _UNIT),
+    "a torque in counts of a converter": Corruption(_converted("torque", 60.0, 1.0), _TORQUE, _UNIT),
+    "a torque that nobody measures": Corruption(_zero_throughout, _TORQUE, ("frozen",)),
     "an infinite torque": Corruption(_single(_TORQUE, np.inf), _TORQUE, ("refused",)),
     "current in mA": Corruption(_current(1000.0), "current.{joint}", _UNIT),
+    "a current in counts of a converter": Corruption(_converted("current", 100.0, 2.0), "current.{joint}", _UNIT),
     # Of slow joints no number tells: at 86 times its speed a hip of 3 N·m still has a power that joints have.
     "speed in rpm of the motor": Corruption(_scaled(_SPEED, 30 / np.pi * 9), _SPEED, _UNIT),
     "a speed freezes": Corruption(_frozen(_SPEED, 900, 0.1), _SPEED, _STILL),
@@ -337,7 +354,11 @@ def improved(kind: str, seed: int) -> str:
     corruption.change(logs["fit2"], joint, np.random.default_rng([seed, list(CORRUPTIONS).index(kind)]))
     with TemporaryDirectory() as name:
         folder = Path(name)
-        (folder / "leg.toml").write_text(presets()["leg"], encoding="utf-8")
+        model = presets()["leg"]
+        if "temperature.ambient" not in logs["fit2"]:
+            logs = {run: log.drop(columns="temperature.ambient", errors="ignore") for run, log in logs.items()}
+            model = model.replace('ambient = "temperature.ambient"', 'ambient = "start"')
+        (folder / "leg.toml").write_text(model, encoding="utf-8")
         for run, log in logs.items():
             log.to_parquet(folder / f"{run}.parquet")
         fitted = [folder / "fit1.parquet", folder / "fit2.parquet"]

@@ -48,6 +48,7 @@ def only(path: Path, columns: dict[str, ColumnSource] | None = None, **options: 
         ("temperature.a", np.array(WARMING) * 100, "values around", WARMING),
         ("current.a", np.array(WARMING) * 1000, "mA", WARMING),
         ("velocity.a", np.array(WARMING) * 100, "rpm", np.array(WARMING) * 100 * np.pi / 30),
+        ("torque.a", 2048 + np.arange(100.0), "converter of 12 bit", 50 / 2048 * np.arange(100.0)),
     ],
 )
 def test_a_unit_that_can_not_be_is_refused_and_its_remedy_corrects_it(
@@ -58,8 +59,9 @@ def test_a_unit_that_can_not_be_is_refused_and_its_remedy_corrects_it(
     assert looks_like in said
     np.testing.assert_allclose(only(path, proposed(said)).columns[key], truth, rtol=1e-9)
     # The user's word for the unit as it stands is taken.
-    unit = {"temperature.a": "degC", "current.a": "A", "velocity.a": "rad/s"}[key]
-    assert not only(path, {key: ColumnSource((key,), unit)}).issues
+    if key != "torque.a":  # which no joint bears, in whatever converter's counts
+        unit = {"temperature.a": "degC", "current.a": "A", "velocity.a": "rad/s"}[key]
+        assert not only(path, {key: ColumnSource((key,), unit)}).issues
 
 
 @pytest.mark.parametrize(
