@@ -317,3 +317,17 @@ def test_a_whole_log_in_fahrenheit_waits_until_its_unit_is_named(write: Write, r
     assert only(path, columns).temperature("b")[0] == pytest.approx(20.0)
     stated = {f"temperature.{name}": ColumnSource((f"temperature.{name}",), "degC") for name in "ab"}
     assert not only(path, stated).issues
+
+
+def test_a_torque_that_always_brakes_has_its_sign_turned_round(write: Write) -> None:
+    speed = [5.0 + 0.01 * k for k in range(100)]
+    torque = [2.0 + 0.02 * k for k in range(100)]
+    columns = {"time": TIME, "velocity.a": speed, "temperature.a": WARMING}
+    run = only(write(columns | {"torque.a": [-each for each in torque]}))
+    (issue,) = run.issues
+    assert issue.kind == "sign"
+    assert "100% of its work" in issue.problem
+    assert "scale = -1" in issue.remedy
+    assert not only(write(columns | {"torque.a": torque})).issues
+    in_turn = [each * (-1) ** (k // 10) for k, each in enumerate(torque)]
+    assert not only(write(columns | {"torque.a": in_turn})).issues

@@ -32,7 +32,7 @@ class Issue:
         certain: it can't be right as it is read.
         corrected: the entry of [columns] that the remedy proposes, if it proposes one.
         kind: of what is odd: "unit", "wrap", "code", "spike", "frozen", "clamped", "dead", "duplicate", "follows",
-            "size".
+            "size", "sign".
         stretch: s, the first and last time of what is odd; all of the log by default.
     """
 
@@ -545,6 +545,26 @@ def _suspect_power(key: str, source: ColumnSource, values: Mapping[str, FloatArr
     return [_in_unit(key, source, "rpm", problem, certain=False)]
 
 
+_BRAKES = 0.98  # of the work of a joint, that is taken up: legs and wheels that are driven brake in a part of it
+_LEAST_POWER = 1.0  # W, on average: of less the sign is the noise's
+
+
+def _suspect_sign(key: str, source: ColumnSource, values: Mapping[str, FloatArray]) -> list[Issue]:
+    """A torque that opposes its joint's speed all the time: one of the two counts the other way round."""
+    speed = values.get(key.replace("torque.", "velocity.", 1))
+    if source.unit is not None or source.scale != 1 or speed is None:
+        return []
+    power = (values[key] * speed)[np.isfinite(values[key]) & np.isfinite(speed)]
+    work, braking = float(np.abs(power).sum()), -float(np.minimum(power, 0).sum())
+    if not power.size or work < _LEAST_POWER * power.size or braking < _BRAKES * work:
+        return []
+    problem = (
+        f"{braking / work:.0%} of its work with the joint's speed is braking, which looks like a sign turned round"
+    )
+    remedy = "write {}; if the joint is driven from outside, say the unit: what heats with the square heeds no sign"
+    return [_correctable(key, problem, replace(source, scale=-1.0), False, remedy, kind="sign")]
+
+
 _FOLLOWS = 0.9  # share of the variance of an ambient that a joint's own warmth explains
 _LEAST_FOLLOWED = 2.0  # K, by which the ambient rises: less is the room, which a robot may warm
 _MOST_FOLLOWED = 1.0  # of a joint's warmth: what moves farther moves the joint
@@ -606,7 +626,7 @@ def issues_of(
             rests_at_zero = all(not issue.corrected or not issue.corrected.offset for issue in of_column)
             said = [each for each in said if each.lasts and rests_at_zero]
         elif key.startswith("torque."):
-            of_column = _suspect_torque(key, source, values[key])
+            of_column = _suspect_torque(key, source, values[key]) or _suspect_sign(key, source, values)
         elif key.startswith("velocity."):
             of_column = _suspect_power(key, source, values)
         issues += [*of_column, *suspect_silence(key, source, said, numbers, roles)]
