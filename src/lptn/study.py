@@ -39,6 +39,7 @@ from lptn.identify.data import (
 )
 from lptn.identify.fitting import Checkpoint, Fit, finished
 from lptn.identify.validation import SymmetryTrial, fit_split, holdout_errors
+from lptn.logs.beside import refuse_other_units
 from lptn.logs.repeated import repeated_stretch
 from lptn.logs.run import Run
 from lptn.model.file import ModelFile, added
@@ -137,6 +138,7 @@ class Study:
         self.executor = executor
         groups = {name: self._read(name, logs) for name, logs in (("fit", fit), ("holdout", holdout), ("test", test))}
         _refuse_twice(groups)
+        refuse_other_units([run for runs in groups.values() for run in runs])
         self._given = split_data(groups["fit"], groups["holdout"], groups["test"], holdout_after)
         self.data: DataSplit = self._given
         """The segments of the runs that are fitted, held out, and kept for the test."""

@@ -13,7 +13,7 @@ import pytest
 
 from lptn.basics.errors import InputError
 from lptn.identify.data import split_data
-from lptn.logs.columns import ColumnSource, parse_map_option
+from lptn.logs.columns import ColumnSource, parse_columns, parse_map_option, toml_line
 from lptn.logs.layout import Layout, find_layout
 from lptn.logs.reading import open_log, read_log
 from lptn.logs.run import Run
@@ -212,7 +212,22 @@ def test_a_log_that_ends_early_ends_the_run_and_is_no_zero_afterwards(tmp_path: 
     (run,) = read_log(tmp_path / "warm.csv+heat.csv@0", inputs=["power.a"], outputs=["temperature.a"])
     assert len(run) == 150
     assert (run.columns["power.a"] == 30.0).all()
-    assert "power.a: no value in the last 250 s; cut off." in run.notes
+    (note,) = (note for note in run.notes if note.startswith("power.a: no value in the last 250 s; cut off; "))
+    assert "afterwards = 0" in note
+
+
+def test_what_holds_after_a_log_that_ends_early_can_be_said(tmp_path: Path) -> None:
+    time = np.arange(400.0)
+    frame = pd.DataFrame({"time": time, "P_mW": 3e4, "temperature.a": 20 + 0.05 * time})
+    frame[["time", "temperature.a"]].to_csv(tmp_path / "warm.csv", index=False)
+    frame[["time", "P_mW"]].iloc[:150].to_csv(tmp_path / "heat.csv", index=False)
+    key, source = parse_map_option("power.a=P_mW[mW; afterwards=0]")
+    (run,) = read_log(tmp_path / "warm.csv+heat.csv@0", {key: source}, inputs=[key], outputs=["temperature.a"])
+    assert len(run) == 400
+    assert (run.columns["power.a"][:150] == 30.0).all()
+    assert not run.columns["power.a"][151:].any()
+    assert parse_columns({key: {"column": "P_mW", "unit": "mW", "afterwards": 0}}, "m", "c") == {key: source}
+    assert toml_line(key, source) == '"power.a" = { column = "P_mW", unit = "mW", afterwards = 0 }'
 
 
 # --- A mean of several columns ----------------------------------------------------------------------------------------

@@ -48,6 +48,7 @@ def only(path: Path, columns: dict[str, ColumnSource] | None = None, **options: 
         ("temperature.a", np.array(WARMING) * 100, "values around", WARMING),
         ("current.a", np.array(WARMING) * 1000, "mA", WARMING),
         ("velocity.a", np.array(WARMING) * 100, "rpm", np.array(WARMING) * 100 * np.pi / 30),
+        ("torque.a", 2048 + np.arange(100.0), "converter of 12 bit", 50 / 2048 * np.arange(100.0)),
     ],
 )
 def test_a_unit_that_can_not_be_is_refused_and_its_remedy_corrects_it(
@@ -58,8 +59,9 @@ def test_a_unit_that_can_not_be_is_refused_and_its_remedy_corrects_it(
     assert looks_like in said
     np.testing.assert_allclose(only(path, proposed(said)).columns[key], truth, rtol=1e-9)
     # The user's word for the unit as it stands is taken.
-    unit = {"temperature.a": "degC", "current.a": "A", "velocity.a": "rad/s"}[key]
-    assert not only(path, {key: ColumnSource((key,), unit)}).issues
+    if key != "torque.a":  # which no joint bears, in whatever converter's counts
+        unit = {"temperature.a": "degC", "current.a": "A", "velocity.a": "rad/s"}[key]
+        assert not only(path, {key: ColumnSource((key,), unit)}).issues
 
 
 @pytest.mark.parametrize(
@@ -315,3 +317,17 @@ def test_a_whole_log_in_fahrenheit_waits_until_its_unit_is_named(write: Write, r
     assert only(path, columns).temperature("b")[0] == pytest.approx(20.0)
     stated = {f"temperature.{name}": ColumnSource((f"temperature.{name}",), "degC") for name in "ab"}
     assert not only(path, stated).issues
+
+
+def test_a_torque_that_always_brakes_has_its_sign_turned_round(write: Write) -> None:
+    speed = [5.0 + 0.01 * k for k in range(100)]
+    torque = [2.0 + 0.02 * k for k in range(100)]
+    columns = {"time": TIME, "velocity.a": speed, "temperature.a": WARMING}
+    run = only(write(columns | {"torque.a": [-each for each in torque]}))
+    (issue,) = run.issues
+    assert issue.kind == "sign"
+    assert "100% of its work" in issue.problem
+    assert "scale = -1" in issue.remedy
+    assert not only(write(columns | {"torque.a": torque})).issues
+    in_turn = [each * (-1) ** (k // 10) for k, each in enumerate(torque)]
+    assert not only(write(columns | {"torque.a": in_turn})).issues

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from lptn.logs.repeated import repeated_stretch
 from lptn.logs.run import Run
 from lptn.robots.presets import presets
 from lptn.study import Study
+from lptn.virtual import leg_logs
 from tests.hardening.corruptions import healthy
 
 
@@ -38,6 +40,44 @@ def test_a_part_an_average_and_a_rounded_copy_are_found(steps: float) -> None:
     assert repeated_stretch(run, _run(later)) == (-4400.0, -4176.0)
     assert repeated_stretch(run, _run(log.round(3))) is not None
     assert repeated_stretch(run, _run(log, step=10.0)) is not None
+
+
+def _means(log: pd.DataFrame, rows: int) -> pd.DataFrame:
+    return log.groupby(np.arange(len(log)) // rows).mean()
+
+
+def _read_between(log: pd.DataFrame, step: float) -> pd.DataFrame:
+    time = np.arange(0.4, log["time"].iloc[-1], step)
+    return pd.DataFrame({str(name): np.interp(time, log["time"], log[name]) for name in log} | {"time": time})
+
+
+@pytest.mark.parametrize(
+    "resample",
+    [lambda log: log[::5], lambda log: log[3::37], lambda log: _means(log, 50), lambda log: _read_between(log, 1.7)],
+    ids=["each fifth row", "each 37th row", "means", "read between the rows"],
+)
+def test_a_copy_at_a_lower_rate_is_found(resample: Callable[[pd.DataFrame], pd.DataFrame]) -> None:
+    """The reader itself takes means over a second, so that most rows of such a copy share a part of their noise."""
+    log = healthy("leg", 1, 0.1)
+    run, copy = _run(log), _run(resample(log).reset_index(drop=True))
+    assert repeated_stretch(run, copy) is not None
+    assert repeated_stretch(copy, run) is not None
+
+
+@pytest.mark.parametrize("steps", [0.1, 1.0])
+def test_two_days_of_one_motion_are_not_the_same(steps: float) -> None:
+    true, rng = leg_logs(seed=5, noise=0.0)["fit1"].reset_index(drop=True), np.random.default_rng(1)
+
+    def day(warmer: float) -> pd.DataFrame:
+        log = true.copy()
+        for name in (name for name in map(str, log) if name.startswith("temperature.")):
+            log[name] += rng.normal(warmer, 0.1, len(log))
+            log[name] = np.round(log[name] / steps) * steps if steps else log[name]
+        return log
+
+    monday, tuesday = day(0.0), day(0.3)
+    for rows in (10, 100, 300):
+        assert repeated_stretch(_run(monday), _run(tuesday[::rows].reset_index(drop=True))) is None
 
 
 def test_two_robots_that_cool_are_not_the_same_for_falling_alike() -> None:

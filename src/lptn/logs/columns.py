@@ -99,6 +99,7 @@ class ColumnSource:
             middle value is taken to lie between -wrap/2 and wrap/2.
         invalid: numbers in the file that stand for no reading, such as 850.
         valid: least and greatest number in the file that is a reading.
+        afterwards: in `unit`, what holds behind the last reading: 0 where a log ends because all was switched off.
         rate: rows a second, of a log without a time column.
     """
 
@@ -111,6 +112,7 @@ class ColumnSource:
     invalid: tuple[float, ...] = ()
     valid: tuple[float, float] = (-math.inf, math.inf)
     rate: float = 0.0
+    afterwards: float | None = None
 
     def parts(self) -> tuple[ColumnSource, ...]:
         """What a mean is taken of, each as a source of its own; this one itself of all else."""
@@ -127,6 +129,9 @@ class ColumnSource:
             x = _COMBINED[self.how](columns)
         if self.scale != 1 or self.offset:  # a copy of millions of rows only where it says something else
             x = self.scale * x + self.offset
+        there = np.flatnonzero(np.isfinite(x)) if self.afterwards is not None else ()
+        if len(there):
+            x = np.where(np.arange(x.size) > there[-1], self.afterwards, x)
         return to_si(x, quantity, self.unit)
 
     def missing(self, raw: Mapping[str, FloatArray]) -> int:
@@ -154,7 +159,7 @@ class ColumnSource:
 
 _OPTION = re.compile(r"(?P<key>[^=]+)=(?P<column>.*?)(?:\[(?P<unit>[^\[\]]*)\])?")
 _COLUMN_ENTRIES = ("column", "norm", "product", "mean", "rate")  # of which an entry has one
-_ENTRIES = (*_COLUMN_ENTRIES, "unit", "scale", "offset", "wrap", "invalid", "valid")
+_ENTRIES = (*_COLUMN_ENTRIES, "unit", "scale", "offset", "wrap", "invalid", "valid", "afterwards")
 _EXAMPLES = {"norm": '["i_d", "i_q"]', "product": '["u_dc", "i_dc"]', "mean": '["T1", "T2"]'}
 
 
@@ -162,7 +167,8 @@ def parse_columns(table: Mapping[str, object], file: str | Path, place: str) -> 
     """Read a `[columns]` table.
 
     An entry is a name, `{ column = "T1" }`, `{ norm = ["i_d", "i_q"] }`, `{ product = ["u_dc", "i_dc"] }` or
-    `{ mean = ["T1", "T2"] }`, with unit, scale, offset, wrap, invalid and valid; or, of `time`, `{ rate = 50 }`.
+    `{ mean = ["T1", "T2"] }`, with unit, scale, offset, wrap, invalid, valid and afterwards; or, of `time`,
+    `{ rate = 50 }`.
 
     Args:
         table: the table as it was read from TOML.
@@ -178,9 +184,9 @@ def parse_columns(table: Mapping[str, object], file: str | Path, place: str) -> 
 def parse_map_option(text: str, option: str = "--map") -> tuple[str, ColumnSource]:
     """Read `temperature.a=T1`, `temperature.a=T1[degF]` or `temperature.a=T1[degC; invalid=850,-127]`.
 
-    Behind the unit may stand scale, offset, wrap, invalid and valid. Without a column one of `mean=T1,T2`, `norm=…`,
-    `product=…` stands there, or of time `rate=50`: `temperature.a=[degC; mean=T1,T2]`. A name that ends in a bracket
-    is written with another one behind it: `T[x][]`.
+    Behind the unit may stand scale, offset, wrap, invalid, valid and afterwards. Without a column one of `mean=T1,T2`,
+    `norm=…`, `product=…` stands there, or of time `rate=50`: `temperature.a=[degC; mean=T1,T2]`. A name that ends in a
+    bracket is written with another one behind it: `T[x][]`.
 
     Raises:
         InputError: the text or its unit can't be used.
@@ -261,6 +267,7 @@ class _Entry:
             self.number("wrap", 0.0),
             self.numbers("invalid", ()),
             (low, high),
+            afterwards=self.number("afterwards", 0.0) if "afterwards" in self.table else None,
         )
 
     def rate(self) -> ColumnSource:
@@ -393,6 +400,8 @@ def _settings(source: ColumnSource) -> list[tuple[str, list[str]]]:
         settings.append(("invalid", list(source.invalid)))
     if source.valid != (-math.inf, math.inf):
         settings.append(("valid", list(source.valid)))
+    if source.afterwards is not None:
+        settings.append(("afterwards", [source.afterwards]))
     return [(word, [f"{number:.12g}" for number in numbers]) for word, numbers in settings]
 
 

@@ -32,7 +32,7 @@ class Issue:
         certain: it can't be right as it is read.
         corrected: the entry of [columns] that the remedy proposes, if it proposes one.
         kind: of what is odd: "unit", "wrap", "code", "spike", "frozen", "clamped", "dead", "duplicate", "follows",
-            "size".
+            "size", "sign".
         stretch: s, the first and last time of what is odd; all of the log by default.
     """
 
@@ -60,9 +60,8 @@ def _correctable(
     key: str, problem: str, corrected: ColumnSource, certain: bool, remedy: str = "write {}", kind: str = "unit"
 ) -> Issue:
     """An issue whose remedy is an entry of [columns], put into the text `remedy`."""
-    return Issue(
-        key, corrected.columns[0], problem, remedy.format(as_line_or_option(key, corrected)), certain, corrected, kind
-    )
+    remedy = remedy.replace("{}", as_line_or_option(key, corrected))
+    return Issue(key, corrected.columns[0], problem, remedy, certain, corrected, kind)
 
 
 # --- What can't be used at all, refused with the line that it stands on ---------------------------
@@ -103,8 +102,9 @@ def check_time(table: Table, name: str, time: FloatArray) -> tuple[npt.NDArray[n
     _require_rows(table, keep.size)
     period = float(np.median(np.diff(time[keep])))
     if period > _LONGEST_PERIOD:
-        expected = f'seconds; for another unit write time = {{ column = "{name}", unit = "ns" }} in [columns]'
-        raise InputError(table.path, f"column '{name}'", f"{period:.3g} s from row to row", expected)
+        line = as_line_or_option("time", ColumnSource((name,), _unit_of_rows(period)))
+        problem = f"{period:.3g} s from row to row, which looks like {_unit_of_rows(period)}"
+        raise InputError(table.path, f"column '{name}'", problem, f"seconds; for another unit write, say, {line}")
     dropped = time.size - keep.size
     note = f"time: {dropped} of {time.size} rows repeat a time stamp; the first of each is kept."
     return keep, (note,) if dropped else ()
@@ -193,6 +193,8 @@ def suspect_unit(key: str, source: ColumnSource, values: FloatArray, stated: str
     match quantity:
         case "temperature":
             return _suspect_temperature_unit(key, source, readings)
+        case "current" | "torque" if counts := _suspect_counts(key, source, readings):
+            return counts
         case "current":
             return _suspect_size(key, source, readings, "mA", _LARGEST_CURRENT, _LARGEST_WHOLE_CURRENT)
         case "velocity" if name.electrical:
@@ -230,11 +232,16 @@ def _suspect_time_unit(source: ColumnSource, time: FloatArray) -> list[Issue]:
     span = float(abs(time[-1] - time[0]))
     of_minutes = period % 60 == 0  # buildings are logged so; nobody logs every 60 ms
     if period >= _LONG_PERIOD and not of_minutes and span > _HALF_A_DAY and bool((np.round(time) == time).all()):
-        per_second = {"ms": 1e3, "us": 1e6}
-        unit = next((name for name, n in per_second.items() if period / n <= _LONG_PERIOD_AS_MEANT), "ns")
+        unit = _unit_of_rows(period)
         problem = f"{period:.4g} s from row to row over {span / 3600:.3g} h, which looks like {unit}"
         return [_in_unit("time", source, unit, problem, certain=False)]
     return []
+
+
+def _unit_of_rows(period: float) -> str:
+    """The longest unit of time in which rows that are so many units apart are as close as those of a log."""
+    per_second = {"ms": 1e3, "us": 1e6}
+    return next((name for name, n in per_second.items() if period / n <= _LONG_PERIOD_AS_MEANT), "ns")
 
 
 # Middle values of a temperature column, degC, beyond which nobody logs a robot in degC.
@@ -264,7 +271,13 @@ def _suspect_temperature_unit(key: str, source: ColumnSource, readings: FloatArr
     if in_parts:
         scale, words, certain = in_parts
         corrected = replace(source, scale=source.scale * scale)
-        return [_correctable(key, f"values around {middle:.4g}", corrected, certain, f"for {words} write {{}}")]
+        remedy = f"for {words} write {{}}"
+        if _bits_of(readings):
+            scale = _EXAMPLE_HOTTEST / (2 ** _bits_of(readings) - 1)
+            as_counts = replace(source, scale=float(f"{scale:.6g}"))
+            remedy += f"; for counts of a converter, with {_EXAMPLE_HOTTEST:g} degC at full scale, say, "
+            remedy += as_line_or_option(key, as_counts)
+        return [_correctable(key, f"values around {middle:.4g}", corrected, certain, remedy)]
     if key == AMBIENT and _ROOM_FAHRENHEIT[0] < middle < _ROOM_FAHRENHEIT[1]:
         problem = f"surroundings at {middle:.4g} degC, which look like degF"
         return [_in_unit(key, source, "degF", problem, certain=middle > _NO_ROOM)]
@@ -286,6 +299,43 @@ def _suspect_size(
     certain = high > largest
     if certain or (high > largest_whole and (np.round(readings) == readings).all()):
         return [_in_unit(key, source, unit, f"values up to {high:.4g}, which look like {unit}", certain)]
+    return []
+
+
+_CONVERTERS = (10, 12, 14, 16)  # bits that converters have
+_LEAST_COUNTS = 0.25  # of a converter's range, that whole numbers reach
+_MOST_AWAY, _AT_REST = 0.125, 0.01  # of it, from the middle: usually, and now and then
+_EXAMPLE_HOTTEST, _EXAMPLE_FULL_SCALE = 125.0, {"current": 40.0, "torque": 50.0}  # degC, A, N*m: in proposed lines
+_LARGEST_WHOLE_TORQUE = 150.0  # N*m, doubted where all are whole numbers: nobody measures a large torque so coarsely
+
+
+def _bits_of(readings: FloatArray) -> int:
+    """How many bits a converter has whose counts, from 0 up, these may be; 0 where they can't."""
+    high = float(readings.max())
+    if readings.min() < 0 or not (np.round(readings) == readings).all():
+        return 0
+    return next((bits for bits in _CONVERTERS if _LEAST_COUNTS * 2**bits < high < 2**bits), 0)
+
+
+def _suspect_counts(key: str, source: ColumnSource, readings: FloatArray) -> list[Issue]:
+    """Whole numbers about the middle of a converter's range, which stand for none, or large ones about zero."""
+    quantity = key.partition(".")[0]
+    full, unit = _EXAMPLE_FULL_SCALE[quantity], _SI[quantity]
+    bits = _bits_of(readings)
+    zero = 2 ** (bits - 1)
+    away = np.abs(readings - zero) / (2 * zero)
+    if bits and readings.min() > 0 and np.median(away) < _MOST_AWAY and away.min() < _AT_REST:
+        corrected = replace(source, scale=full / zero, offset=-full)
+        problem = f"whole numbers from {readings.min():.6g} to {readings.max():.6g}, as a converter of {bits} bit gives"
+        remedy = f"for one with ±{full:g} {unit} at full scale, say, write {{}}"
+        return [_correctable(key, problem, corrected, True, remedy)]
+    high = float(np.percentile(np.abs(readings), 99))
+    whole = bool((np.round(readings) == readings).all())
+    if quantity == "torque" and whole and _LARGEST_WHOLE_TORQUE < high <= _MOST_TORQUE:
+        problem = f"whole numbers up to {high:.4g}, which look like the counts of a converter"
+        corrected = replace(source, scale=full / 2**11)
+        remedy = f"for 12 bit with ±{full:g} {unit} at full scale, say, write {{}}"
+        return [_correctable(key, problem, corrected, False, remedy)]
     return []
 
 
@@ -410,10 +460,14 @@ def suspect_silence(
         number, count = f"{each.value:.6g}", int(each.rows.sum())
         problem = f"{each.kind} at {number} {unit} from {each.start:.6g} to {each.stop:.6g} s"
         entry = "in its entry of [columns]"
+        if_so = f"if it was so, write valid = [LEAST, GREATEST] {entry}"
         if each.kind == "spike":
             problem = f"{count} spike{'s' * (count > 1)} of up to {each.value:.3g} K in single readings "
             problem += f"from {each.start:.6g} to {each.stop:.6g} s"
             remedy = "these readings are left out"
+        elif each.whole and quantity in INPUTS:
+            problem = f"reads {number} {unit} throughout, {each.stop - each.start:.4g} s, while the joint moves"
+            remedy = f"the heat of {place} is not known; map the column that has it; {if_so}"
         elif each.whole:
             problem = f"reads {number} {unit} throughout, {each.stop - each.start:.4g} s, while another one moves"
             remedy = "it is the only sensor, and counts all the same; if it was stuck, nothing can be concluded from it"
@@ -425,10 +479,7 @@ def suspect_silence(
             remedy = "these readings are left out"
         else:
             what = f"the heat of {place}" if quantity in INPUTS else "what it gives to the model"
-            remedy = (
-                f"{what} is not known there, so that the log is cut; if it was so, write valid = [LEAST, GREATEST] "
-            )
-            remedy += entry
+            remedy = f"{what} is not known there, so that the log is cut; {if_so}"
         if each.column:
             problem = f"its column '{each.column}' {'is ' * (not each.whole)}{problem}"
         stretch = (each.start, each.stop)
@@ -494,6 +545,26 @@ def _suspect_power(key: str, source: ColumnSource, values: Mapping[str, FloatArr
     return [_in_unit(key, source, "rpm", problem, certain=False)]
 
 
+_BRAKES = 0.98  # of the work of a joint, that is taken up: legs and wheels that are driven brake in a part of it
+_LEAST_POWER = 1.0  # W, on average: of less the sign is the noise's
+
+
+def _suspect_sign(key: str, source: ColumnSource, values: Mapping[str, FloatArray]) -> list[Issue]:
+    """A torque that opposes its joint's speed all the time: one of the two counts the other way round."""
+    speed = values.get(key.replace("torque.", "velocity.", 1))
+    if source.unit is not None or source.scale != 1 or speed is None:
+        return []
+    power = (values[key] * speed)[np.isfinite(values[key]) & np.isfinite(speed)]
+    work, braking = float(np.abs(power).sum()), -float(np.minimum(power, 0).sum())
+    if not power.size or work < _LEAST_POWER * power.size or braking < _BRAKES * work:
+        return []
+    problem = (
+        f"{braking / work:.0%} of its work with the joint's speed is braking, which looks like a sign turned round"
+    )
+    remedy = "write {}; if the joint is driven from outside, say the unit: what heats with the square heeds no sign"
+    return [_correctable(key, problem, replace(source, scale=-1.0), False, remedy, kind="sign")]
+
+
 _FOLLOWS = 0.9  # share of the variance of an ambient that a joint's own warmth explains
 _LEAST_FOLLOWED = 2.0  # K, by which the ambient rises: less is the room, which a robot may warm
 _MOST_FOLLOWED = 1.0  # of a joint's warmth: what moves farther moves the joint
@@ -551,9 +622,11 @@ def issues_of(
         of_column = of_column or suspect_unit(key, source, values[key], units.get(source.columns[0], ""))
         said = silent.get(key, [])
         if of_column:
-            said = [each for each in said if each.lasts]  # readings in another unit look like codes, and like spikes
+            # Readings in another unit look like codes, and like spikes; a converter rests at another number than 0.
+            rests_at_zero = all(not issue.corrected or not issue.corrected.offset for issue in of_column)
+            said = [each for each in said if each.lasts and rests_at_zero]
         elif key.startswith("torque."):
-            of_column = _suspect_torque(key, source, values[key])
+            of_column = _suspect_torque(key, source, values[key]) or _suspect_sign(key, source, values)
         elif key.startswith("velocity."):
             of_column = _suspect_power(key, source, values)
         issues += [*of_column, *suspect_silence(key, source, said, numbers, roles)]

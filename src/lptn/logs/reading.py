@@ -338,7 +338,7 @@ def read_log(
     choice = choose_columns(table, columns, inputs, outputs, optional)
     samples, of_values, issues = _checked_samples(table, choice, strict)
     choice, samples, gappy = _without_gappy(choice, samples, {*inputs, *outputs} or set(choice.inputs), table.mixed)
-    choice, samples, empty = _without_empty(table, choice, samples)
+    choice, samples, empty = _without_empty(table, choice, samples, issues)
     step, of_step = _step(step, samples.period)
     max_gap = max_gap if max_gap is not None else max(_BRIDGED, _BRIDGED_STEPS * step)
     if max_gap < SEVERAL * samples.period:
@@ -442,7 +442,9 @@ def _without_gappy(
     return replace(choice, inputs=inputs), replace(samples, raw=raw), notes
 
 
-def _without_empty(table: Table, choice: ColumnChoice, samples: Samples) -> tuple[ColumnChoice, Samples, list[str]]:
+def _without_empty(
+    table: Table, choice: ColumnChoice, samples: Samples, issues: Collection[Issue]
+) -> tuple[ColumnChoice, Samples, list[str]]:
     """Leave out columns that hold no number at all, unless the model can't do without; with notes.
 
     Raises:
@@ -459,6 +461,8 @@ def _without_empty(table: Table, choice: ColumnChoice, samples: Samples) -> tupl
     if (lost and not choice.everything) or none_left:
         needed = {key for column in lost for key in raw_keys(column, samples.raw)}
         key = next((key for key in empty if key in needed), empty[0])
+        for issue in (issue for issue in issues if issue.key == key):
+            raise InputError(table.path, *issue.error)  # which is why nothing of it is left
         place = f"column '{choice.sources[key].columns[0]}'"
         raise InputError(table.path, place, "no value in any row", f"numbers for {key}")
     notes = [f"{key}: no value in any row; left out." for key in empty]

@@ -177,7 +177,8 @@ def _gaps(
     lead, trail = stamps[0] - time[0], time[-1] - stamps[-1]
     if max(lead, trail) > (usual if slow else 0.0):
         ends = [f"the {end} {length:.4g} s" for end, length in (("first", lead), ("last", trail)) if length > 0]
-        notes.append(f"{name}: no value in {' and '.join(ends)}; cut off.")
+        zero = "; where it was 0 after that, write afterwards = 0 in its entry of [columns]" if trail > max_gap else ""
+        notes.append(f"{name}: no value in {' and '.join(ends)}; cut off{zero if name != 'time' else ''}.")
     outside = [(-np.inf, float(stamps[0])), (float(stamps[-1] + period), np.inf)]
     return outside + list(zip((stamps[:-1] + period)[long].tolist(), stamps[1:][long].tolist(), strict=True)), notes
 

@@ -280,7 +280,7 @@ def silences_of(values: Mapping[str, FloatArray]) -> dict[str, list[Silence]]:
         elif quantity in INPUTS:
             speed = f"velocity.{place}"
             moving = without_silent(values.get(speed, np.zeros(each.size)), found.get(speed, []))
-            stands = silences(values["time"], each, temperature=False)
+            stands = silences(values["time"], each, temperature=False) or _zero_throughout(values["time"], each)
             found[key] = [one for one in stands if one.value != 0 or (key != speed and _moves(moving, one))]
     return {key: each for key, each in found.items() if each}
 
@@ -312,6 +312,15 @@ def _still_throughout(values: Mapping[str, FloatArray]) -> dict[str, list[Silenc
         if moved and not extent and stamps.size >= 3 and key != AMBIENT and stamps[-1] - stamps[0] >= _STUCK:
             found[key] = [Silence("frozen", float(read[key][0]), float(stamps[0]), float(stamps[-1]), rows, whole=True)]
     return found
+
+
+def _zero_throughout(time: FloatArray, values: FloatArray) -> list[Silence]:
+    """All of a column that is nothing but zero, as of drives that don't measure what they are asked for."""
+    rows = np.isfinite(values)
+    if np.count_nonzero(rows) < _FEWEST or values[rows].any() or np.ptp(time[rows]) < STILL:
+        return []
+    stamps = time[rows]
+    return [Silence("frozen", 0.0, float(stamps[0]), float(stamps[-1]), rows, whole=True)]
 
 
 def _moves(speed: FloatArray, silence: Silence) -> bool:

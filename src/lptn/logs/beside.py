@@ -1,0 +1,41 @@
+"""A doubt about one run's unit that the other runs of the same robot settle: its room is theirs, said in degF."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from lptn.basics.errors import InputError
+from lptn.logs.run import Run
+from lptn.logs.silence import AMBIENT
+
+_WARMER = 25.0  # K, by which rooms of one robot's runs hardly differ
+_LIKE = 15.0  # K, by which they may
+
+
+def refuse_other_units(runs: Sequence[Run]) -> None:
+    """Refuse a run whose surroundings, doubted to be in degF, are in degF what they are in another run in degC.
+
+    Args:
+        runs: of one robot, with their issues.
+
+    Raises:
+        InputError: there is such a run.
+    """
+    for run in runs:
+        doubted = [issue for issue in run.issues if issue.corrected is not None and issue.corrected.unit == "degF"]
+        room = _room(run)
+        for other in runs if doubted and room is not None else ():
+            there, in_doubt = _room(other), {issue.key for issue in other.issues}
+            if room is None or there is None or in_doubt & {issue.key for issue in doubted}:
+                continue
+            if room - there > _WARMER and abs((room - 32) / 1.8 - there) < _LIKE:
+                place, problem, remedy = doubted[0].error
+                raise InputError(
+                    run.source, place, f"{problem}, since {other.source} begins at {there:.3g} degC", remedy
+                )
+
+
+def _room(run: Run) -> float | None:
+    """Temperature of the surroundings where a run begins [degC]; where they have no sensor, of the coldest other."""
+    readings = [value for key, value in run.beginning.items() if key.startswith("temperature.")]
+    return run.beginning.get(AMBIENT, min(readings, default=None))
