@@ -41,21 +41,19 @@ class Robots:
         self._advance = ArrayFunction(_steps(model, self._steps), number, (3,))
         self._period = period / self._steps
 
-    def draw(self, chosen: FloatArray, temperatures: FloatArray, rng: np.random.Generator) -> None:
-        """Begin anew with some of the robots.
+    def draw(self, robot: int, temperature: float, rng: np.random.Generator) -> None:
+        """Begin anew with one robot.
 
         Args:
-            chosen: whether each does, shape (number,).
-            temperatures: degC of all states of each robot, shape (number,).
-            rng: draws their parameters.
+            robot: its number.
+            temperature: of all its states [degC].
+            rng: draws its parameters.
         """
-        count = int(chosen.sum())
-        self.states[:, chosen] = temperatures[chosen]
-        values = np.repeat(self.model.values[:, None], count, axis=1)
+        self.states[:, robot] = temperature
+        self.values[:, robot] = self.model.values
         if self._spread > 0:
             # Capacities, resistances and coefficients are positive: their logarithms scatter.
-            values[self._free] *= np.exp(self._spread * rng.standard_normal((len(self._free), count)))
-        self.values[:, chosen] = values
+            self.values[self._free, robot] *= np.exp(self._spread * rng.standard_normal(len(self._free)))
 
     def advance(self, inputs: FloatArray) -> None:
         """One period with the inputs held, shape (inputs, number)."""

@@ -11,19 +11,18 @@ from gymnasium import spaces
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.model.model import Model
 
 from ..heating import Request, heating, requested_by
 from ..values import Each, checked_by_place
 from .robots import Robots
-from .task import Course, Task, rated_load
+from .task import Task, rated_load
 
 Array = npt.NDArray[Any]
 Observation = npt.NDArray[np.float32]
 UNIT = 10.0  # K, in which temperatures are observed
-AHEAD = (60.0, 300.0)
+AHEAD = (60.0, 300.0, 1200.0)
 """Seconds over which what will be asked is observed as its RMS: a mission is known before it begins."""
 LARGEST = 100.0  # of an observation: 1000 K, or a hundred times what could be given for ever
 
@@ -33,7 +32,7 @@ class TorqueVectorEnv(VectorEnv[Observation, Array, Array]):
 
     *Action*: share of the asked torque for each joint, 0 to 1. *Observation*: `names` tells each number: what limited
     nodes have left and how far other states are above the air, in tens of kelvins; what is asked now and, as RMS, over
-    the next 60 and 300 s, over what could be given for ever; the share of the episode that is left. *Reward*: the mean
+    the next 1, 5 and 20 min, over what could be given for ever; the share of the episode that is left. *Reward*: the mean
     over the joints of :math:`(q^2 - (q - g)^2) / r^2`, asked q, given g, r what could be given for ever: all that is
     asked is worth its square, and the last bit of it least. *Cost* (`info["cost"]`, no part of the reward unless
     `penalty` says so): how far the hottest node is above its limit [K]. At `trip` above a limit the drives cut out and
@@ -88,7 +87,10 @@ class TorqueVectorEnv(VectorEnv[Observation, Array, Array]):
         largest[self._conditions], largest[self._asked] = self._ranges[:, 1], self.task.load[1] * self.rated
         self.robots = Robots(model, num_envs, period, largest, spread)
         self.steps = max(1, round(self.task.seconds / period))
-        self._courses: list[Course] = [Course(np.zeros((1, 0)), np.zeros((1, 0)))] * num_envs
+        self._random: list[np.random.Generator | None] = [None] * num_envs
+        self._courses = np.zeros((num_envs, self.steps + 1, len(self.rated)))
+        self._around = np.zeros((num_envs, self.steps + 1, len(self._ranges)))
+        self._sums = np.zeros((num_envs, self.steps + 2, len(self.rated)))
         self._step = np.zeros(num_envs, dtype=int)
         self._over = np.ones(num_envs, dtype=bool)
         names = self.names
@@ -124,41 +126,42 @@ class TorqueVectorEnv(VectorEnv[Observation, Array, Array]):
         """Begin new episodes on all robots.
 
         Args:
-            seed: draws tasks, temperatures and parameters; of a list the first, which stands for all.
+            seed: draws tasks, temperatures and parameters, of one robot each; a number stands for itself and those
+                behind it. The same seed gives the same episode in any number of robots.
             options: `{"reset_mask": …}` begins anew with those robots only.
         """
-        first = seed[0] if isinstance(seed, list) else seed
-        super().reset(seed=first, options=options)
+        super().reset(seed=seed if isinstance(seed, int) else None, options=options)
+        seeds = seed if isinstance(seed, list) else [None if seed is None else seed + k for k in range(self.num_envs)]
         mask = np.asarray((options or {}).get("reset_mask", np.ones(self.num_envs, dtype=bool)), dtype=bool)
+        for k in np.flatnonzero(mask):
+            if seeds[k] is not None or self._random[k] is None:
+                self._random[k] = np.random.default_rng(seeds[k])
         self._begin(mask)
         return self._observe(), self._info(np.zeros(self.num_envs))
 
     def _begin(self, chosen: Array) -> None:
-        rng = self.np_random
-        air = np.full(self.num_envs, 25.0)
         for k in np.flatnonzero(chosen):
+            rng = self._random[k]
+            assert rng is not None  # `reset` comes first
             course = self.task.draw(rng, self.heating, self.rated, self._ranges, self.period)
-            self._courses[k] = course
-            if self._air is not None:
-                air[k] = course.conditions[0, self._air]
-        start = air + rng.uniform(*self.task.start, self.num_envs)
-        self.robots.draw(chosen, start, rng)
+            air = 25.0 if self._air is None else float(course.conditions[0, self._air])
+            self.robots.draw(int(k), air + rng.uniform(*self.task.start), rng)
+            # One row more than there are steps: what is seen at the end, where nothing is asked.
+            self._courses[k, :-1] = course.asked
+            self._around[k, :-1] = course.conditions
+            self._around[k, -1] = course.conditions[-1]
+            self._sums[k, 1:-1] = np.cumsum(course.asked**2, axis=0)
+            self._sums[k, -1] = self._sums[k, -2]
         self._step[chosen], self._over[chosen] = 0, False
-        # Padded so that what is ahead can be seen to the end: behind it nothing is asked.
-        self._all_asked = np.stack([_padded(course.asked, self.steps + 1) for course in self._courses])
-        self._all_conditions = np.stack([_padded(course.conditions, self.steps + 1) for course in self._courses])
-        self._sums = np.concatenate(
-            [np.zeros_like(self._all_asked[:, :1]), np.cumsum(self._all_asked**2, axis=1)], axis=1
-        )
 
     def step(self, actions: Array) -> tuple[Observation, Array, Array, Array, dict[str, Any]]:
         """One period on all robots; one whose episode was over begins the next one instead."""
         began = self._over.copy()
         rows = np.arange(self.num_envs)
-        asked = self._all_asked[rows, self._step]
+        asked = self._courses[rows, self._step]
         share = np.clip(np.nan_to_num(np.asarray(actions, dtype=float)), 0.0, 1.0)
         inputs = np.zeros((len(self.robots.model.inputs), self.num_envs))
-        inputs[self._conditions] = self._all_conditions[rows, self._step].T
+        inputs[self._conditions] = self._around[rows, self._step].T
         inputs[self._asked] = (share * asked).T
         self.robots.advance(inputs)
         cost = np.maximum((self.robots.states[self._limited] - self._limits[:, None]).max(axis=0), 0.0)
@@ -178,11 +181,11 @@ class TorqueVectorEnv(VectorEnv[Observation, Array, Array]):
 
     def _observe(self) -> Observation:
         states, rows = self.robots.states, np.arange(self.num_envs)
-        air = 25.0 if self._air is None else self._all_conditions[rows, self._step.clip(max=self.steps), self._air]
+        air = 25.0 if self._air is None else self._around[rows, self._step.clip(max=self.steps), self._air]
         parts = [
             (self._limits[:, None] - states[self._limited]).T / UNIT,
             (states[self._free] - air).T / UNIT,
-            self._all_asked[rows, self._step] / self.rated,
+            self._courses[rows, self._step] / self.rated,
         ]
         for seconds in AHEAD:
             steps = max(1, round(seconds / self.period))
@@ -191,14 +194,6 @@ class TorqueVectorEnv(VectorEnv[Observation, Array, Array]):
             parts.append(np.sqrt(mean.clip(min=0.0)) / self.rated)
         parts.append(1 - self._step[:, None] / self.steps)
         return np.concatenate(parts, axis=1).clip(-LARGEST, LARGEST).astype(np.float32)
-
-
-def _padded(rows: FloatArray, length: int) -> FloatArray:
-    """The rows, and behind them zeros; conditions there are looked at by nobody."""
-    padded = np.zeros((length, rows.shape[1]))
-    padded[: min(length, len(rows))] = rows[:length]
-    padded[len(rows) :] = rows[-1] * 0.0
-    return padded
 
 
 class TorqueEnv(gymnasium.Env[Observation, Array]):

@@ -92,7 +92,7 @@ class ThermalWrapper(gymnasium.Wrapper[npt.NDArray[Any], Any, npt.NDArray[Any], 
         observation, info = self.env.reset(seed=seed, options=options)
         drawn = self.unwrapped.np_random.uniform(*self._start)
         warm = float((options or {}).get("temperature", drawn))
-        self._robots.draw(np.ones(1, dtype=bool), np.array([warm]), self.unwrapped.np_random)
+        self._robots.draw(0, warm, self.unwrapped.np_random)
         self._window = []
         return self._seen(observation), info | self._told()
 
