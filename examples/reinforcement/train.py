@@ -12,23 +12,27 @@
 from __future__ import annotations
 
 import argparse
+import io
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-import matplotlib.pyplot as plt
 import numpy as np
 
 from lptn.basics.files import write_whole
+from lptn.basics.style import BEST, GIVEN, dress, new_figure
 from lptn.model.file import parse_model
 from lptn.model.model import Model
 from lptn.planners.gym import Task, TorqueVectorEnv
 from lptn.robots.presets import preset_text
 
-LIMIT, LAST = 60.0, 0.1  # degC; the drive's own derating over the last 1 K (in tens of kelvins) keeps it for any policy
+LIMIT, LAST = (
+    60.0,
+    0.1,
+)  # degC; the last 1 K, in tens of kelvins, over which the drive itself derates, whatever is asked
 TASK = Task(load=(1.0, 5.0))
-SEEDS = {"learn": 1, "choose": 10**6, "judge": 2 * 10**6}  # episodes to learn on, to choose the best iterate, and to judge it
+CHOOSE, JUDGE = 10**6, 2 * 10**6  # seeds of the episodes that choose the best iterate, and of those that judge it
 
 Policy = Callable[[np.ndarray], np.ndarray]
 
@@ -115,7 +119,7 @@ def _products(seen: np.ndarray, weights: np.ndarray) -> np.ndarray:
 
 
 def features(view: Views, seen: np.ndarray) -> np.ndarray:
-    """Shape (robots, joints, features), each of some size 1: margins in tens of kelvins, what is asked over the rated."""
+    """Shape (robots, joints, features), each of some size 1: margins in 10 K, what is asked over 2 × rated."""
     margin = seen[:, view.margin].clip(0.0, 4.0)
     leg = margin.reshape(len(seen), 4, 3)  # the joints of a leg heat each other
     hottest = np.repeat(leg.min(axis=2), 3, axis=1)
@@ -129,18 +133,21 @@ def features(view: Views, seen: np.ndarray) -> np.ndarray:
 # %% [markdown]
 # ## Learning
 #
-# The cross-entropy method draws weights from a normal distribution, keeps the best tenth, and moves there. Each iterate
+# The cross-entropy method draws weights from a normal distribution, keeps the best fifth, and moves there. Each iterate
 # sees other episodes. A kelvin above the limit costs a tenth of all work.
 
 
 # %%
 class Step(NamedTuple):
-    """The distribution's mean after so many episodes, on the episodes that choose."""
+    """The distribution's mean after so many episodes and seconds of CPU, on the episodes that choose."""
 
     episodes: int
     seconds: float
-    work: float
-    above: float
+    outcome: Outcome
+
+    def __str__(self) -> str:
+        work, above = self.outcome.work.mean(), self.outcome.above.mean()
+        return f"{self.episodes:6d} episodes, {self.seconds:4.0f} s: work {work:.1%}, {above:.2f} K above the limit"
 
 
 def worth(outcome: Outcome) -> np.ndarray:
@@ -150,22 +157,22 @@ def worth(outcome: Outcome) -> np.ndarray:
 
 def learn(rounds: int, drawn: int = 40, episodes: int = 12, chosen: int = 64) -> tuple[np.ndarray, list[Step]]:
     """Weights that did best on the episodes that choose, and the course of learning."""
-    rng = np.random.default_rng(SEEDS["learn"])
+    rng, began = np.random.default_rng(1), time.process_time()
     env, judge = robots(drawn * episodes), robots(chosen)
-    view, size = views(env.names), 9
+    view, steps = views(env.names), []
+    size = features(view, np.zeros((1, len(env.names)))).shape[2]
     mean, spread = np.zeros(size), np.full(size, 0.7)
-    best, steps, began = (-np.inf, mean), [], time.process_time()
+    best = (-np.inf, mean)
     for number in range(rounds + 1):
-        outcome = played(judge, learnt(view, mean), SEEDS["choose"])
-        value = float(worth(outcome).mean())
-        best = max(best, (value, mean), key=lambda each: each[0])
-        steps.append(Step(number * drawn * episodes, time.process_time() - began, outcome.work.mean(), outcome.above.max()))
-        print(f"round {number}: work {steps[-1].work:.3f}, at most {steps[-1].above:.2f} K above, {steps[-1].seconds:.0f} s")
+        outcome = played(judge, learnt(view, mean), CHOOSE)
+        best = max(best, (float(worth(outcome).mean()), mean), key=lambda each: each[0])
+        steps.append(Step(number * drawn * episodes, time.process_time() - began, outcome))
+        print(steps[-1], flush=True)
         if number == rounds:
             break
+        # A robot for each draw and episode, all in one batch; every draw meets the same episodes.
         weights = mean + spread * rng.standard_normal((drawn, size))
-        # Each robot has the weights of its draw: one batch of episodes for all draws.
-        seeds = [*range(1000 * number, 1000 * number + episodes)] * drawn  # the same episodes for all
+        seeds = [*range(1000 * number, 1000 * number + episodes)] * drawn
         values = worth(played(env, learnt(view, np.repeat(weights, episodes, axis=0)), seeds))
         elite = weights[np.argsort(-values.reshape(drawn, episodes).mean(axis=1))[: drawn // 5]]
         mean, spread = elite.mean(axis=0), elite.std(axis=0) + 0.2 * 0.85**number
@@ -184,7 +191,7 @@ def compare(weights: np.ndarray, number: int = 256) -> dict[str, Outcome]:
     env, chooser = robots(number), robots(64)
     view = views(env.names)
     bands = (0.5, 1.0, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0)
-    values = [float(worth(played(chooser, derating(view, band), SEEDS["choose"])).mean()) for band in bands]
+    values = [float(worth(played(chooser, derating(view, band), CHOOSE)).mean()) for band in bands]
     tuned = bands[int(np.argmax(values))]
     policies = {
         "everything asked": lambda seen: np.ones((len(seen), len(view.margin))),
@@ -192,36 +199,45 @@ def compare(weights: np.ndarray, number: int = 256) -> dict[str, Outcome]:
         f"derating, best band ({tuned:g} K)": derating(view, tuned),
         "learnt": learnt(view, weights),
     }
-    return {name: played(env, policy, SEEDS["judge"]) for name, policy in policies.items()}
+    return {name: played(env, policy, JUDGE) for name, policy in policies.items()}
 
 
 def picture(steps: Sequence[Step], against: dict[str, Outcome], output: Path) -> None:
-    """The learning curve, with the others as lines."""
-    figure, axes = plt.subplots(figsize=(7, 4), layout="constrained")
-    axes.plot([each.episodes for each in steps], [100 * each.work for each in steps], marker="o", label="learnt (mean of the search)")
-    for (name, outcome), style in zip(against.items(), ("", "--", "-.", ":"), strict=True):
-        if style:
-            axes.axhline(100 * outcome.work.mean(), linestyle=style, color="0.3", label=f"{name}: {outcome.work.mean():.1%}")
-    axes.set(xlabel="episodes of 30 min", ylabel="work, % of what was asked")
-    axes.legend(loc="lower right")
-    figure.savefig(output, dpi=120)
+    """The learning curve beside derating: work, and kelvins above the limit."""
+    figure = new_figure(5.0)
+    upper, lower = figure.subplots(2, 1, sharex=True)
+    episodes = [step.episodes for step in steps]
+    upper.plot(episodes, [100 * step.outcome.work.mean() for step in steps], **BEST, marker="o", ms=3, label="learnt")
+    lower.plot(episodes, [step.outcome.above.mean() for step in steps], **BEST, marker="o", ms=3)
+    for (name, outcome), style in zip(list(against.items())[1:3], (":", "--"), strict=True):
+        upper.axhline(100 * outcome.work.mean(), color=GIVEN["color"], ls=style, label=name)
+        lower.axhline(outcome.above.mean(), color=GIVEN["color"], ls=style)
+    upper.set(ylabel="work, % of what was asked", title="A policy learnt over episodes of 30 min")
+    lower.set(xlabel="episodes", ylabel="hottest moment above\nthe limit, mean [K]", ylim=(0, None))
+    upper.legend(frameon=False, loc="lower right")
+    for ax in (upper, lower):
+        dress(ax)
+    picture = io.BytesIO()
+    figure.savefig(picture, format=output.suffix.removeprefix("."))
+    write_whole(output, picture.getvalue())
 
 
-def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
+def main(arguments: Sequence[str] | None = None) -> dict[str, Outcome]:
     """Learn, compare, print, draw."""
     parser = argparse.ArgumentParser(description="A policy for torque under temperature limits, learnt in minutes.")
-    parser.add_argument("--rounds", type=int, default=30, help="of the cross-entropy method")
+    parser.add_argument("--rounds", type=int, default=25, help="of the cross-entropy method")
     parser.add_argument("-o", "--output", type=Path, help="picture of the learning curve")
     given = parser.parse_args(arguments)
     weights, steps = learn(given.rounds)
     against = compare(weights)
-    for name, outcome in against.items():
-        print(f"{name:32s} work {outcome.work.mean():.1%}, hottest {outcome.above.max():.2f} K above the limit")
+    for name, (work, above) in against.items():
+        print(f"{name:30s} work {work.mean():.1%}; above the limit {above.mean():.2f} K, at most {above.max():.2f} K")
     better = against["learnt"].work - list(against.values())[2].work
-    print(f"learnt less best derating: {better.mean():+.2%} of what was asked, better in {(better > 0).mean():.0%} of episodes")
+    share = (better > 0).mean()
+    print(f"learnt less the best derating: {better.mean():+.1%} of what was asked, better in {share:.0%} of episodes")
     if given.output is not None:
         picture(steps, against, given.output)
-    return {"weights": weights, "steps": steps, "against": against}
+    return against
 
 
 if __name__ == "__main__":

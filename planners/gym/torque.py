@@ -32,9 +32,9 @@ class TorqueVectorEnv(VectorEnv[Observation, Array, Array]):
 
     *Action*: share of the asked torque for each joint, 0 to 1. *Observation*: `names` tells each number: what limited
     nodes have left and how far other states are above the air, in tens of kelvins; what is asked now and, as RMS, over
-    the next 1, 5 and 20 min, over what could be given for ever; the share of the episode that is left. *Reward*: the mean
-    over the joints of :math:`(q^2 - (q - g)^2) / r^2`, asked q, given g, r what could be given for ever: all that is
-    asked is worth its square, and the last bit of it least. *Cost* (`info["cost"]`, no part of the reward unless
+    the next 1, 5 and 20 min, over what could be given for ever; the share of the episode that is left. *Reward*: the
+    mean over the joints of :math:`(q^2 - (q - g)^2) / r^2`, asked q, given g, r what could be given for ever: all that
+    is asked is worth its square, and the last bit of it least. *Cost* (`info["cost"]`, no part of the reward unless
     `penalty` says so): how far the hottest node is above its limit [K]. At `trip` above a limit the drives cut out and
     the episode is over.
 
@@ -197,13 +197,7 @@ class TorqueVectorEnv(VectorEnv[Observation, Array, Array]):
 
 
 class TorqueEnv(gymnasium.Env[Observation, Array]):
-    """One robot: `TorqueVectorEnv` with a single one; arguments, observation, action, reward and cost are its.
-
-    Example:
-        >>> import lptn
-        >>> from lptn.planners.gym import TorqueEnv
-        >>> model = lptn.load_model("examples/plan/../robots_leg.toml").model  # doctest: +SKIP
-    """
+    """One robot: `TorqueVectorEnv` with a single one; arguments, observation, action, reward and cost are its."""
 
     metadata = {"render_modes": []}  # noqa: RUF012  # gymnasium's own type
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import gymnasium
@@ -26,13 +26,13 @@ Columns = Callable[[gymnasium.Env[Any, Any]], Mapping[str, float]]
 class ThermalWrapper(gymnasium.Wrapper[npt.NDArray[Any], Any, npt.NDArray[Any], Any]):
     """An environment with a thermal network beside it.
 
-    What the simulator does is sampled at each step and reduced to the network's inputs as a log is (torque as its RMS, so
-    that no heat is lost), and every `period` the network takes a step. The observation grows by the margins of limited
-    nodes, `(limit - T)/10 K`; `info` by `temperature` [degC] and `cost`, how far the hottest of them is above its limit
-    [K]. Reward and action stay as they are.
+    What the simulator does is sampled at each step and reduced to the network's inputs as a log is (torque as its RMS,
+    so that no heat is lost), and every `period` the network takes a step. The observation grows by the margins of
+    limited nodes, `(limit - T)/10 K`; `info` by `temperature` [degC] and `cost`, how far the hottest of them is above
+    its limit [K]. Reward and action stay as they are.
 
-    Joints warm up for minutes, episodes last seconds: `start` draws how warm the robot is at the beginning, and `faster`
-    lets thermal time pass so many times as fast.
+    Joints warm up for minutes, episodes last seconds: `start` draws how warm the robot is at the beginning, and
+    `faster` lets thermal time pass so many times as fast.
 
     Args:
         env: with a `Box` of one dimension as its observations.
@@ -134,30 +134,33 @@ _FASTEST = {"speed": 3.0, "velocity": 20.0, "velocity_rms": 20.0, "torque": 30.0
 """Speeds [m/s, rad/s], torques [N·m] and air [degC] at which a legged robot's network is at its fastest."""
 
 
-def mujoco_columns(joints: Sequence[str], constant: Mapping[str, float] | None = None) -> Columns:
+def mujoco_columns(joints: Mapping[str, str], constant: Mapping[str, float] | None = None) -> Columns:
     """What a MuJoCo environment's log would hold: torque and velocity of its joints, speed of its free joint.
 
     Args:
-        joints: hinges by their names in MuJoCo, which are the network's places.
+        joints: MuJoCo's names of the hinges by the network's places, `{"FR_calf": "FR_calf_joint"}`.
         constant: further columns, such as `{"power.pc": 20.0}`; drives are powered unless said otherwise.
 
     Returns:
         A function of the environment, whose `unwrapped` has MuJoCo's `model` and `data`.
     """
     fixed = {**{f"powered.{joint}": 1.0 for joint in joints}, **(constant or {})}
-    places: dict[int, list[int]] = {}
+    torques, velocities = ([f"{quantity}.{joint}" for joint in joints] for quantity in ("torque", "velocity"))
+    places: dict[int, tuple[list[int], bool]] = {}
 
     def columns(env: gymnasium.Env[Any, Any]) -> Mapping[str, float]:
         inner: Any = env.unwrapped
         model, data = inner.model, inner.data
         if id(model) not in places:
+            free = model.njnt > 0 and model.jnt_type[0] == 0  # mjJNT_FREE
             places.clear()
-            places[id(model)] = [int(model.joint(joint).dofadr[0]) for joint in joints]
+            places[id(model)] = [int(model.joint(name).dofadr[0]) for name in joints.values()], free
+        at, free = places[id(model)]
+        velocity = data.qvel
         told = dict(fixed)
-        for joint, at in zip(joints, places[id(model)], strict=True):
-            told[f"torque.{joint}"] = float(data.qfrc_actuator[at])
-            told[f"velocity.{joint}"] = float(data.qvel[at])
-        told["speed.base"] = float(np.hypot(data.qvel[0], data.qvel[1])) if model.jnt_type[0] == 0 else 0.0
+        told.update(zip(torques, data.qfrc_actuator[at].tolist(), strict=True))
+        told.update(zip(velocities, velocity[at].tolist(), strict=True))
+        told["speed.base"] = float(np.hypot(velocity[0], velocity[1])) if free else 0.0
         return told
 
     return columns
