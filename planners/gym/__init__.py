@@ -14,7 +14,7 @@ from .task import Task
 from .torque import TorqueEnv, TorqueVectorEnv
 from .wrapper import ThermalWrapper, mujoco_columns
 
-__all__ = ["Task", "ThermalWrapper", "TorqueEnv", "TorqueVectorEnv", "mujoco_columns"]
+__all__ = ["ID", "Task", "ThermalWrapper", "TorqueEnv", "TorqueVectorEnv", "mujoco_columns"]
 
 ID = "lptn/Torque-v0"
 if ID not in gymnasium.registry:

@@ -17,8 +17,8 @@ from lptn.effects.iron_loss import IronLoss
 from lptn.effects.natural_convection import NaturalConvection
 from lptn.effects.radiation import Radiation
 from lptn.effects.resistance_rise import ResistanceRise
-from lptn.effects.second_mass import SecondMass
 from lptn.effects.resistance_thermometer import ResistanceThermometer
+from lptn.effects.second_mass import SecondMass
 from lptn.effects.sensor_offset import SensorOffset
 from lptn.effects.torque_constant_drop import TorqueConstantDrop
 from lptn.effects.viscous_friction import ViscousFriction

@@ -29,7 +29,7 @@ class ResistanceThermometer(SensorEffect):
         Parameter("reference", 25.0, "degC", (-50.0, 200.0), typical=25.0, title="reference temperature", fixed=True),
     )
     signature = Signature(
-        looks_like="a rested motor reads off ambient, 2.6 K for each per cent of resistance, and a hot one a little more",
+        looks_like="a rested motor reads off ambient, 2.6 K for each per cent of resistance, a hot one a little more",
         separate_by="a plain cool-down to a known ambient: what is left is the error of the cold resistance",
         confused_with=("sensor_offset",),
     )

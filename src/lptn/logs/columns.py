@@ -86,7 +86,7 @@ _COMBINED: Mapping[Combined, Callable[[Sequence[FloatArray]], FloatArray]] = {
     "ratio": lambda columns: _ratio(*columns),
 }
 _LEAST_SHARE = 0.1
-"""Of the largest current of a log: at less than this a measured resistance has ten times the error that it has there."""
+"""Of the largest current of a log: below it a measured resistance has over ten times the error that it has there."""
 
 
 def _ratio(above: FloatArray, below: FloatArray) -> FloatArray:
@@ -106,8 +106,8 @@ class ColumnSource:
         scale: factor on x.
         offset: added after scaling, in `unit`.
         how: several columns are one: the root of the sum of their squares, their product (voltage and current), their
-            mean (two sensors on one housing), or the first over the second (a resistance: voltage over current), where
-            the second is above a tenth of its largest.
+            mean (two sensors on one housing), or the first over the second where that is above a tenth of its largest
+            (a resistance: voltage over current).
         wrap: what a counter of few bits jumps by, 65536 for one of 16 bit; 0 for none. Of what is no time, the
             middle value is taken to lie between -wrap/2 and wrap/2.
         invalid: numbers in the file that stand for no reading, such as 850.
@@ -181,9 +181,9 @@ def parse_columns(table: Mapping[str, object], file: str | Path, place: str) -> 
     """Read a `[columns]` table.
 
     An entry is a name, `{ column = "T1" }`, `{ norm = ["i_d", "i_q"] }`, `{ product = ["u_dc", "i_dc"] }`,
-    `{ mean = ["T1", "T2"] }` or `{ ratio = ["u_dc", "i_dc"] }`, with unit, scale, offset, wrap, invalid and valid; or, of
-    `time`, `{ rate = 50 }`. With `thermometer = { resistance = 0.186, at = 25, alpha = 0.0039 }` a resistance [ohm] becomes
-    the temperature at which a winding has it ([QuadrupedLPTN, eq. 6]).
+    `{ mean = ["T1", "T2"] }` or `{ ratio = ["u_dc", "i_dc"] }`, with unit, scale, offset, wrap, invalid and valid; or,
+    of `time`, `{ rate = 50 }`. With `thermometer = { resistance = 0.186, at = 25, alpha = 0.0039 }` a resistance [ohm]
+    becomes the temperature at which a winding has it ([QuadrupedLPTN, eq. 6]).
 
     Args:
         table: the table as it was read from TOML.
