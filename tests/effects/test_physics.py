@@ -17,6 +17,7 @@ from lptn.effects.iron_loss import IronLoss
 from lptn.effects.natural_convection import NaturalConvection
 from lptn.effects.radiation import Radiation
 from lptn.effects.resistance_rise import ResistanceRise
+from lptn.effects.resistance_thermometer import ResistanceThermometer
 from lptn.effects.second_mass import SecondMass
 from lptn.effects.sensor_offset import SensorOffset
 from lptn.effects.torque_constant_drop import TorqueConstantDrop
@@ -156,6 +157,16 @@ def test_offset_is_added_to_the_reading_only() -> None:
     np.testing.assert_array_equal(
         with_offset.rhs(x, u, with_offset.values).full(), without.rhs(x, u, without.values).full()
     )
+
+
+def test_a_winding_that_is_its_own_thermometer_is_off_by_its_cold_resistance() -> None:
+    """A resistance 2 % above the assumed one, solved for the temperature with the assumed one."""
+    assumed, true, alpha, temperature = 0.186, 0.186 * 1.02, 0.0039, 80.0
+    measured = true * (1 + alpha * (temperature - 25.0))
+    read = 25.0 + (measured / assumed - 1) / alpha
+    values = p(change=0.02, alpha=alpha, reference=25.0)
+    assert ResistanceThermometer().error(temperature, None, values) == pytest.approx(read - temperature)
+    assert ResistanceThermometer().error(25.0, None, values) == pytest.approx(0.02 / alpha)  # 5.1 K at rest
 
 
 def test_heats_that_are_plain_numbers() -> None:

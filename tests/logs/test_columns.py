@@ -62,7 +62,12 @@ def test_a_norm_joins_columns() -> None:
 @pytest.mark.parametrize(
     ("key", "entry", "found", "expected"),
     [
-        ("temperature.a", {"column": "T", "units": "K"}, "key 'units'", "column, norm, product, mean, rate, unit"),
+        (
+            "temperature.a",
+            {"column": "T", "units": "K"},
+            "key 'units'",
+            "column, norm, product, mean, ratio, rate, unit",
+        ),
         ("temperature", "T", "key 'temperature'", "<quantity>.<place>"),
         ("torque.a", {"column": "M", "unit": "W"}, "unit 'W'", "a unit of torque, such as N*m"),
         ("torque.a", {"column": "M", "unit": "%"}, "unit '%'", "a unit of torque"),
@@ -134,6 +139,7 @@ def test_lines_to_paste_are_read_as_they_are_meant(source: ColumnSource) -> None
         ColumnSource(("i_d", "i_q"), "mA", how="norm"),
         ColumnSource(("u_dc", "i_dc"), "mA", how="product"),
         ColumnSource(("A 1", "A 2"), "mA", how="mean", invalid=(850.0,)),
+        ColumnSource(("u", "r"), "mA", how="ratio"),
     ],
 )
 def test_lines_of_several_columns(source: ColumnSource) -> None:
@@ -150,6 +156,27 @@ def test_a_mean_is_missing_where_one_of_its_columns_is() -> None:
     source = parse_map_option("temperature.a=[degF; mean=T1,T2]")[1]
     values = source.values("temperature.a", {"T1": np.array([32.0, 50.0]), "T2": np.array([68.0, np.nan])})
     np.testing.assert_allclose(values, [10.0, np.nan])
+
+
+def test_a_winding_is_its_own_thermometer() -> None:
+    """Voltage over current of a copper winding of 0.186 ohm at 25 degC, whose temperature is known here."""
+    temperature = np.array([25.0, 60.0, 105.0, 105.0])
+    current = np.array([10.0, -20.0, 5.0, 1.0])  # the last is less than a tenth of the largest: it says nothing
+    entry = {"ratio": ["u", "i"], "thermometer": {"resistance": 0.186, "at": 25, "alpha": 0.0039}}
+    source = parse_columns({"temperature.a": entry}, "m.toml", "[columns]")["temperature.a"]
+    voltage = 0.186 * (1 + 0.0039 * (temperature - 25.0)) * current
+    found = source.values("temperature.a", {"u": voltage, "i": current})
+    np.testing.assert_allclose(found, [25.0, 60.0, 105.0, np.nan])
+    # In ohm, as a quantity of its own; copper at 25 degC is what is taken where nothing else is said.
+    own = parse_columns({"resistance.a": {"ratio": ["u", "i"], "unit": "mohm"}}, "m", "[columns]")["resistance.a"]
+    np.testing.assert_allclose(own.values("resistance.a", {"u": 1e3 * voltage, "i": current})[1], 0.186 * 1.1365)
+    short = parse_columns({"temperature.a": {"column": "R", "thermometer": {"resistance": 0.186}}}, "m", "[columns]")
+    np.testing.assert_allclose(short["temperature.a"].values("temperature.a", {"R": np.array([0.186 * 1.312])}), 105.0)
+
+
+def test_a_thermometer_is_for_temperatures(refuse: Refuse) -> None:
+    entry = {"column": "R", "thermometer": {"resistance": 0.186}}
+    assert "a thermometer for torque.a" in refuse("m", parse_columns, {"torque.a": entry}, "m", "[columns]")
 
 
 def test_a_rate_is_of_time_alone() -> None:
@@ -175,6 +202,10 @@ def test_a_rate_is_of_time_alone() -> None:
         ({"mean": ["a"]}, "['a']"),
         ({"mean": "a"}, "'a'"),
         ({"rate": 50}, "50"),
+        ({"ratio": ["u", "i", "j"]}, "['u', 'i', 'j']"),
+        ({"column": "R", "thermometer": {"at": 25}}, "{ at = 25 }"),
+        ({"column": "R", "thermometer": {"resistance": -0.1}}, "{ resistance = -0.1 }"),
+        ({"column": "R", "thermometer": {"resistance": 0.1}, "scale": 2}, "scale beside thermometer"),
     ],
 )
 def test_a_wrong_setting_is_named(refuse: Refuse, entry: dict[str, object], found: str) -> None:

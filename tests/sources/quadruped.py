@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import math
 import time
+import warnings
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
+import gymnasium
 import numpy as np
 import pytest
+from gymnasium.utils.env_checker import check_env
 from scipy.integrate import simpson
 from scipy.linalg import expm
 
@@ -25,6 +28,7 @@ from lptn.model.model import Model
 from lptn.model.network import Network
 from lptn.online.monitoring import alarms_by_threshold
 from lptn.online.sensor_faults import MonitoredRun
+from lptn.planners.gym import ID
 from lptn.robots.presets import presets
 from lptn.simulate.state_space import state_space
 from lptn.virtual import QUADRUPED_JOINTS, Run, Segment, motion, plan, quadruped_logs
@@ -33,7 +37,7 @@ from tests.identify import test_fit_problem
 from tests.identify.truth import TRUTH, truth_run
 from tests.identify.truth import network as two_node_network
 from tests.online import test_monitor
-from tests.sources.row import Check, Verdict, above, below, differs, equal, printed, row
+from tests.sources.row import Check, Verdict, above, below, differs, equal, example, printed, row
 from tests.sources.trials import SEEDS, forecasts, largest, neighbours, whole_body
 
 REFERENCE = Path(__file__).parents[2] / "fmu" / "reference"
@@ -488,6 +492,24 @@ def time_to_limit() -> Iterable[Check]:
     yield above("share of times inside the 90 % interval", float(np.mean([each.inside for each in done])), 0.8)
 
 
-@row("S0-A4", "reinforcement learning", "future work", short="no environment yet")
+@row(
+    "S0-A4",
+    "reinforcement learning",
+    "future work: temperatures as limits of a policy",
+    slow=True,
+    more="tests/planners/test_gym.py; examples/reinforcement",
+)
 def environment() -> Iterable[Check]:
-    return ()
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        model = Model(parse_model(presets()["quadruped"], Path("quadruped.toml")).network)
+        check_env(gymnasium.make(ID, model=model, limits={"*_*": 60.0}).unwrapped)
+    yield equal("complaints of gymnasium's checker", len(said), 0)
+    train = example("reinforcement", "train")
+    weights, steps = train.learn(rounds=3, drawn=24, episodes=8, chosen=16)
+    derating, learnt = list(train.compare(weights, 64).values())[2:]
+    before = f"over 64 fresh episodes, after {steps[-1].episodes} to learn on"
+    gained = {what: 100 * float((of(learnt) - of(derating)).mean()) for what, of in
+              (("work", lambda outcome: outcome.work), ("worth", train.worth))}  # fmt: skip
+    yield above("work of a learnt policy less the best derating's", gained["work"], 2.0, "% of what is asked", before)
+    yield above("the same, 10 % off for each kelvin above the limit", gained["worth"], 2.0, "%")

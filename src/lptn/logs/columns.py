@@ -30,6 +30,8 @@ _SI = {  # of a quantity, and what a unit of it is called in a message
     "speed": ("m/s", "speed, such as m/s"),
     "power": ("W", "power, such as W"),
     "mechanical_power": ("W", "power, such as W"),
+    "voltage": ("V", "voltage, such as V"),
+    "resistance": ("ohm", "resistance, such as ohm"),
 }
 
 _NEVER_CONVERTED = {"torque_abs": "N*m", "powered": "1", "fan": "1", "irradiance": "W/m^2"}
@@ -76,12 +78,22 @@ def is_key(name: str) -> bool:
     return _KEY.fullmatch(name) is not None
 
 
-Combined = Literal["norm", "product", "mean"]
+Combined = Literal["norm", "product", "mean", "ratio"]
 _COMBINED: Mapping[Combined, Callable[[Sequence[FloatArray]], FloatArray]] = {
     "norm": lambda columns: np.sqrt(np.sum(np.square(columns), axis=0)),
     "product": lambda columns: np.prod(columns, axis=0),
     "mean": lambda columns: np.mean(columns, axis=0),  # where one is missing, the others' mean would be another one's
+    "ratio": lambda columns: _ratio(*columns),
 }
+_LEAST_SHARE = 0.1
+"""Of the largest current of a log: below it a measured resistance has over ten times the error that it has there."""
+
+
+def _ratio(above: FloatArray, below: FloatArray) -> FloatArray:
+    """The first over the second, NaN where the second is too small to tell."""
+    size = np.abs(below)
+    enough = size > _LEAST_SHARE * np.nanmax(size, initial=0.0)
+    return np.divide(above, below, out=np.full(below.shape, np.nan), where=enough)
 
 
 @dataclass(frozen=True)
@@ -93,8 +105,9 @@ class ColumnSource:
         unit: what `scale * x + offset` is in; None for SI (degC for temperatures).
         scale: factor on x.
         offset: added after scaling, in `unit`.
-        how: several columns are one: the root of the sum of their squares, their product (voltage and current), or
-            their mean (two sensors on one housing).
+        how: several columns are one: the root of the sum of their squares, their product (voltage and current), their
+            mean (two sensors on one housing), or the first over the second where that is above a tenth of its largest
+            (a resistance: voltage over current).
         wrap: what a counter of few bits jumps by, 65536 for one of 16 bit; 0 for none. Of what is no time, the
             middle value is taken to lie between -wrap/2 and wrap/2.
         invalid: numbers in the file that stand for no reading, such as 850.
@@ -158,17 +171,24 @@ class ColumnSource:
 
 
 _OPTION = re.compile(r"(?P<key>[^=]+)=(?P<column>.*?)(?:\[(?P<unit>[^\[\]]*)\])?")
-_COLUMN_ENTRIES = ("column", "norm", "product", "mean", "rate")  # of which an entry has one
-_ENTRIES = (*_COLUMN_ENTRIES, "unit", "scale", "offset", "wrap", "invalid", "valid", "afterwards")
-_EXAMPLES = {"norm": '["i_d", "i_q"]', "product": '["u_dc", "i_dc"]', "mean": '["T1", "T2"]'}
+_COLUMN_ENTRIES = ("column", "norm", "product", "mean", "ratio", "rate")  # of which an entry has one
+_ENTRIES = (*_COLUMN_ENTRIES, "unit", "scale", "offset", "wrap", "invalid", "valid", "afterwards", "thermometer")
+_EXAMPLES = {
+    "norm": '["i_d", "i_q"]',
+    "product": '["u_dc", "i_dc"]',
+    "mean": '["T1", "T2"]',
+    "ratio": '["u_dc", "i_dc"]',
+}
+_THERMOMETER = "{ resistance = 0.186, at = 25, alpha = 0.0039 }: ohm, degC, 1/K"
 
 
 def parse_columns(table: Mapping[str, object], file: str | Path, place: str) -> dict[str, ColumnSource]:
     """Read a `[columns]` table.
 
-    An entry is a name, `{ column = "T1" }`, `{ norm = ["i_d", "i_q"] }`, `{ product = ["u_dc", "i_dc"] }` or
-    `{ mean = ["T1", "T2"] }`, with unit, scale, offset, wrap, invalid, valid and afterwards; or, of `time`,
-    `{ rate = 50 }`.
+    An entry is a name, `{ column = "T1" }`, `{ norm = ["i_d", "i_q"] }`, `{ product = ["u_dc", "i_dc"] }`,
+    `{ mean = ["T1", "T2"] }` or `{ ratio = ["u_dc", "i_dc"] }`, with unit, scale, offset, wrap, invalid, valid and
+    afterwards; or, of `time`, `{ rate = 50 }`. With `thermometer = { resistance = 0.186, at = 25, alpha = 0.0039 }` a
+    resistance [ohm] becomes the temperature at which a winding has it ([QuadrupedLPTN, eq. 6]).
 
     Args:
         table: the table as it was read from TOML.
@@ -258,17 +278,36 @@ class _Entry:
         how, columns = self.columns()
         if how == "rate":
             return self.rate()
+        unit, (scale, offset) = self.unit(), self.thermometer()
         return ColumnSource(
             columns,
-            self.unit(),
-            self.number("scale", 1.0),
-            self.number("offset", 0.0),
+            unit,
+            scale,
+            offset,
             how if how in _EXAMPLES else "norm",  # type: ignore[arg-type]
             self.number("wrap", 0.0),
             self.numbers("invalid", ()),
             (low, high),
             afterwards=self.number("afterwards", 0.0) if "afterwards" in self.table else None,
         )
+
+    def thermometer(self) -> tuple[float, float]:
+        """Factor and offset; those that make a temperature of a resistance where the entry says that it is one."""
+        if "thermometer" not in self.table:
+            return self.number("scale", 1.0), self.number("offset", 0.0)
+        said = self.table["thermometer"]
+        both = [name for name in ("unit", "scale", "offset") if name in self.table]
+        if both or not self.key.startswith("temperature."):
+            found = f"{both[0]} beside thermometer" if both else f"a thermometer for {self.key}"
+            self.refuse("", found, f"of a temperature: thermometer = {_THERMOMETER}")
+        numbers = {"at": 25.0, "alpha": 0.0039, **(said if isinstance(said, Mapping) else {})}
+        if set(numbers) != {"resistance", "at", "alpha"} or not all(map(_is_finite_number, numbers.values())):
+            self.refuse("thermometer", shown(said), _THERMOMETER)
+        cold, at, alpha = (float(numbers[name]) for name in ("resistance", "at", "alpha"))
+        if cold <= 0 or alpha <= 0:
+            self.refuse("thermometer", shown(said), "a resistance and an alpha above 0")
+        # R = R_0 (1 + α (T - T_0)), solved for T.
+        return 1 / (alpha * cold), at - 1 / alpha
 
     def rate(self) -> ColumnSource:
         rate = self.table["rate"]
@@ -285,7 +324,7 @@ class _Entry:
         """How an entry says where its values stand, and the names of their columns."""
         names = [name for name in _COLUMN_ENTRIES if name in self.table]
         if len(names) != 1:
-            problem = f"both {names[0]} and {names[1]}" if names else "neither column nor norm, product or mean"
+            problem = f"both {names[0]} and {names[1]}" if names else "neither column nor norm, product, mean or ratio"
             self.refuse("", problem, 'one of them: column = "T1" or mean = ["T1", "T2"]')
         name, value = names[0], self.table[names[0]]
         if name == "rate":
@@ -296,8 +335,9 @@ class _Entry:
             self.refuse(name, shown(value), "the name of a column")
         listed = value if isinstance(value, Sequence) and not isinstance(value, str) else ()
         columns = tuple(str(column) for column in listed if isinstance(column, str) and column)
-        if len(columns) < 2 or len(columns) < len(listed):
-            self.refuse(name, shown(value), f"two or more column names, such as {_EXAMPLES[name]}")
+        if len(columns) < 2 or len(columns) < len(listed) or (name == "ratio" and len(columns) > 2):
+            many = "two column names" if name == "ratio" else "two or more column names"
+            self.refuse(name, shown(value), f"{many}, such as {_EXAMPLES[name]}")
         return name, columns
 
     def unit(self) -> str | None:
