@@ -36,6 +36,7 @@ class Plan:
         time: of each [s].
         speed: in each [m/s].
         load: in each [kg].
+        posture: in each, a value for each posture of its gait.
         share: of each activity that is done.
         course: temperatures along it, from the replay in fine steps.
         coarse: greatest temperature of each limited node as the program has it [degC].
@@ -55,6 +56,7 @@ class Plan:
     time: FloatArray
     speed: FloatArray
     load: FloatArray
+    posture: list[tuple[float, ...]]
     share: FloatArray
     course: Course
     coarse: dict[str, float]
@@ -100,7 +102,7 @@ class Plan:
     @property
     def peaks(self) -> dict[str, float]:
         """Greatest temperature of each limited node along the replayed plan [degC]."""
-        return _peaks(self.mission, self.course)
+        return peaks_of(self.mission, self.course)
 
     @property
     def coarseness(self) -> float:
@@ -108,30 +110,32 @@ class Plan:
         return max((abs(self.peaks[node] - value) for node, value in self.coarse.items()), default=0.0)
 
 
-def plan_mission(mission: Mission) -> Plan:
+def plan_mission(mission: Mission, *, explain: bool = True) -> Plan:
     """Find the fastest plan that keeps all limits, or the best of what is possible.
 
     Never fails: where not all can be done the verdict says so, and the plan is the safe part of it.
 
     Args:
         mission: what is asked.
+        explain: whether the rise of the limits that would do is sought where something has to be given up, which takes
+            ten solves more.
     """
     complete, assumed = with_complete_start(mission)
-    return replace(_planned(complete), assumed=assumed)
+    return replace(_planned(complete, explain), assumed=assumed)
 
 
-def _planned(mission: Mission) -> Plan:
+def _planned(mission: Mission, explain: bool) -> Plan:
     program = Program(mission)
     fastest = program.solve("time")
     if fastest.success:
         if not _misses(mission, fastest):
             return _finished(program, "met", fastest, 0.0)
-        raised = _rise(program, fastest, "time")
+        raised = _rise(program, fastest, "time") if explain else None
         if mission.gives_up == "deadline":
             return _finished(program, "late", fastest, raised)
     part = program.solve("work", deadline=mission.deadline)
     if part.success:
-        raised = _rise(program, part, "work")
+        raised = _rise(program, part, "work") if explain else None
         return _finished(program, "cut", part, raised)
     return _resting(program, part)
 
@@ -204,9 +208,10 @@ def _plan(program: Program, verdict: Verdict, solution: Solution, lowered: float
     mission, kept = program.mission, np.flatnonzero(solution.time > _SHORTEST)
     segments = [program.segments[k] for k in kept.tolist()]
     time, speed, load = solution.time[kept], solution.speed[kept], solution.load[kept]
-    course = simulate_plan(mission, segments, time, speed, load)
+    posture = [solution.posture[k] for k in kept.tolist()]
+    course = simulate_plan(mission, segments, time, speed, load, posture)
     return Plan(
-        mission, verdict, segments, time, speed, load, solution.share, course, program.peaks(solution), lowered,
+        mission, verdict, segments, time, speed, load, posture, solution.share, course, program.peaks(solution), lowered,
         solution.prices, raised, solution.status,
     )  # fmt: skip
 
@@ -218,15 +223,18 @@ def _resting(program: Program, failed: Solution) -> Plan:
     segments = [] if rest is None else [rest]
     time = np.full(len(segments), mission.deadline or mission.longest_rest)
     still = np.zeros(len(segments))
-    course = simulate_plan(mission, segments, time, still, still)
+    posture = [tuple(low for low, _ in segment.posture) for segment in segments]
+    course = simulate_plan(mission, segments, time, still, still, posture)
     share = np.zeros(len(mission.activities))
-    return Plan(mission, "none", segments, time, still, still, share, course, {}, 0.0, {}, None, failed.status)
+    return Plan(mission, "none", segments, time, still, still, posture, share, course, {}, 0.0, {}, None, failed.status)
 
 
-def _peaks(mission: Mission, course: Course) -> dict[str, float]:
-    """A node that begins too hot counts from when the rest at the beginning is over."""
+def peaks_of(mission: Mission, course: Course) -> dict[str, float]:
+    """Greatest temperature of each limited node along a course [degC].
+
+    A node that begins too hot counts from when the rest at the beginning is over, one that begins within its margin
+    from the end of the first piece.
+    """
+    begins = dict.fromkeys(mission.too_hot, course.rested) | dict.fromkeys(mission.within_margin, course.settled)
     rows = {node: mission.model.nodes.index(node) for node in mission.limits}
-    return {
-        node: float(course.states[row, course.rested if node in mission.too_hot else 0 :].max())
-        for node, row in rows.items()
-    }
+    return {node: float(course.states[row, begins.get(node, 0) :].max()) for node, row in rows.items()}
