@@ -37,8 +37,9 @@ class Gait:
     """The inputs of a model over base speed and load, and over postures where it has some.
 
     A posture is whatever else can be chosen and moves the torques: the height of the base [m], how far the weight is
-    shifted forward [m]. Between the cells a natural cubic spline in each direction: smooth, as a solver needs it, and straight where there
-    are two cells. [QuadrupedLPTN, eq. 15] logs torques as RMS over a second; heat goes with their square.
+    shifted forward [m]. Between the cells a natural cubic spline in each direction: smooth, as a solver needs it, and
+    straight where there are two cells. [QuadrupedLPTN, eq. 15] logs torques as RMS over a second; heat goes with their
+    square.
 
     Args:
         name: what the task file calls it.

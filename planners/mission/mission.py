@@ -78,9 +78,8 @@ class Mission:
         gives_up: what yields where the deadline can't be met: the deadline, or the distance.
         name: what people call it.
         origin: the file, for messages.
-        utmost: temperature [degC] that a node may not pass where `limits` keep a margin below it; `limits` where nothing
-            is said. A node that begins within its margin is out of it when the first piece ends, and gets no hotter
-            until then.
+        utmost: what a node may not pass [degC] where `limits` keep a margin below it; `limits` where nothing is said. A
+            node that begins within its margin is out of it when the first piece ends, and gets no hotter until then.
     """
 
     model: Model

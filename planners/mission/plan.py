@@ -10,7 +10,7 @@ import numpy as np
 from lptn.basics.arrays import FloatArray
 from lptn.basics.places import class_of
 
-from .mission import Mission, Segment, with_complete_start
+from .mission import Mission, Segment, segments_of, with_complete_start
 from .program import Goal, Program, Solution
 from .simulation import Course, simulate_plan
 
@@ -23,6 +23,21 @@ _FINE = 0.1  # K, or share of the rise, to which the rise that would do is sough
 _FARTHEST = 100.0  # K by which limits are raised in search of what would do
 _SHORTEST = 0.05  # s; shorter pieces are solver dust
 _COUNTS = 1e-3  # s/K; smaller multipliers are solver dust
+
+
+@dataclass(frozen=True)
+class Obstacle:
+    """The first limit that a mission passes.
+
+    Args:
+        node: whose limit it is.
+        time: when [s].
+        name: of the piece in which it is passed.
+    """
+
+    node: str
+    time: float
+    name: str
 
 
 @dataclass(frozen=True)
@@ -103,6 +118,35 @@ class Plan:
     def peaks(self) -> dict[str, float]:
         """Greatest temperature of each limited node along the replayed plan [degC]."""
         return peaks_of(self.mission, self.course)
+
+    @property
+    def obstacle(self) -> Obstacle | None:
+        """Where the mission fails if it is done straight on, as fast as it goes, without rests but those asked for.
+
+        `None` where no limit is passed so.
+        """
+        mission = self.mission
+        segments = [segment for segment in segments_of(mission) if segment.activity >= 0]
+        activities = [mission.activities[segment.activity] for segment in segments]
+        asked = [activity for activity in mission.activities if activity.chooses_load]
+        room = sum(activity.load[1] - activity.load[0] for activity in asked)
+        lacking = mission.carry - sum(activity.load[0] for activity in asked)
+        share = min(max(lacking, 0.0) / room, 1.0) if room else 0.0
+        speed = np.array([activity.speed[1] for activity in activities])
+        load = np.array([low + share * (high - low) for low, high in (activity.load for activity in activities)])
+        time = np.array([
+            segment.length / activity.speed[1] if segment.travels else segment.time[0]
+            for segment, activity in zip(segments, activities, strict=True)
+        ])  # fmt: skip
+        middle = [tuple((low + high) / 2 for low, high in segment.posture) for segment in segments]
+        course = simulate_plan(mission, segments, time, speed, load, middle)
+        first: Obstacle | None = None
+        for node, limit in mission.limits.items():
+            over = np.flatnonzero(course.states[mission.model.nodes.index(node)] > limit + _EXACT)
+            if over.size and (first is None or course.time[over[0]] < first.time):
+                at = int(np.searchsorted(course.ends, over[0]))
+                first = Obstacle(node, float(course.time[over[0]]), segments[at].name)
+        return first
 
     @property
     def coarseness(self) -> float:
@@ -211,8 +255,8 @@ def _plan(program: Program, verdict: Verdict, solution: Solution, lowered: float
     posture = [solution.posture[k] for k in kept.tolist()]
     course = simulate_plan(mission, segments, time, speed, load, posture)
     return Plan(
-        mission, verdict, segments, time, speed, load, posture, solution.share, course, program.peaks(solution), lowered,
-        solution.prices, raised, solution.status,
+        mission, verdict, segments, time, speed, load, posture, solution.share, course, program.peaks(solution),
+        lowered, solution.prices, raised, solution.status,
     )  # fmt: skip
 
 

@@ -43,7 +43,8 @@ class Transcription:
     """The expressions of one mission's program.
 
     Unknowns are the temperatures at the stages, the pace of each segment (speed, or time where it stays), the load
-    and the share done of each activity, and the postures of each segment. The temperatures' limits are bounds of the first.
+    and the share done of each activity, and the postures of each segment. The temperatures' limits are bounds of the
+    first.
 
     Args:
         mission: what is asked.
@@ -123,7 +124,8 @@ class Transcription:
             speeds.append(pace if segment.travels else ca.MX(0))
             loads.append(ca.MX(0) if inserted else self._loads[segment.activity] * LOAD)
             low, high = np.array(segment.posture).reshape(-1, 2).T
-            self._postures.append(ca.DM(low) + ca.DM(high - low) * self._posture[self._of_segment[k]])
+            chosen = self._posture[self._of_segment[k]]
+            self._postures.append(ca.DM(low) + ca.DM(high - low) * chosen if segment.posture else ca.MX(0, 1))
         self._time, self._speed, self._load = ca.vertcat(*times), ca.vertcat(*speeds), ca.vertcat(*loads)
 
     def _inputs(self) -> Any:
