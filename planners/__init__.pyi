@@ -1,4 +1,5 @@
 from .limiter.limiter import Limiter as Limiter
+from .mission.replanning import MissionControl as MissionControl
 from .mpc.controller import Plan as Plan
 from .mpc.controller import TorqueMPC as TorqueMPC
 from .mpc.loop import ControlLoop as ControlLoop

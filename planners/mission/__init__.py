@@ -6,6 +6,7 @@ from .mission import Activity, Mission, Segment
 from .mission_file import read_mission
 from .plan import Plan, plan_mission
 from .program import Program, Solution
+from .replanning import MissionControl, Order, Replanned
 
 __all__ = [
     "Activity",
@@ -13,8 +14,11 @@ __all__ = [
     "LogPart",
     "Mission",
     "MissionAnswer",
+    "MissionControl",
+    "Order",
     "Plan",
     "Program",
+    "Replanned",
     "Segment",
     "Solution",
     "gait_from_logs",

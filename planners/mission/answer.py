@@ -45,6 +45,12 @@ class MissionAnswer:
             "speed [m/s]": plan.speed, "load [kg]": plan.load, "distance [m]": distance,
             "hottest": [nodes[k] for k in ends.argmax(axis=0)] if plan.segments else [],
         }  # fmt: skip
+        names = dict.fromkeys(name for segment in plan.segments for name in segment.gait.postures)
+        for name in names:
+            columns[name] = [
+                dict(zip(segment.gait.postures, posture, strict=True)).get(name, np.nan)
+                for segment, posture in zip(plan.segments, plan.posture, strict=True)
+            ]
         warm = {f"temperature.{node} [degC]": row for node, row in zip(nodes, ends, strict=True)}
         return pd.DataFrame(columns | warm)
 
@@ -56,8 +62,8 @@ class MissionAnswer:
 
     def as_json(self) -> dict[str, object]:
         """The whole answer, SI and degC; `seconds_per_kelvin` counts what one kelvin more of a limit gains."""
-        plan, mission = self.plan, self.plan.mission
-        rows = self.table().iloc[:, :7].rename(columns=lambda name: name.partition(" ")[0]).to_dict("records")
+        plan, mission, first = self.plan, self.plan.mission, self.plan.obstacle
+        rows = _doings(self.table()).rename(columns=lambda name: name.partition(" ")[0]).to_dict("records")
         return {
             "mission": mission.name, "verdict": plan.verdict, "total": plan.total, "deadline": mission.deadline,
             "late": plan.late if mission.deadline is not None else None, "plan": rows,
@@ -65,6 +71,7 @@ class MissionAnswer:
                 {"activity": activity.do, "share": share}
                 for activity, share in zip(mission.activities, plan.share.tolist(), strict=True)
             ],
+            "obstacle": None if first is None else {"node": first.node, "time": first.time, "in": first.name},
             "bottleneck": plan.bottleneck, "seconds_per_kelvin": plan.limit_prices,
             "seconds_per_kelvin_of_class": plan.class_prices, "prices": plan.prices,
             "raise_needed": plan.raise_needed, "limits": mission.limits, "peaks": plan.peaks,
@@ -78,16 +85,24 @@ class MissionAnswer:
         return "\n".join([*_verdict(plan), *_assumed(plan), *_prices(plan), "", *self._rows(), "", *_check(plan)])
 
     def _rows(self) -> list[str]:
-        table = self.table().iloc[:, :7]
+        table = _doings(self.table())
         if table.empty:
             return ["nothing to do"]
         ends = self.plan.course.states[: len(self.plan.mission.model.nodes), self.plan.course.ends].max(axis=0)
         table["[degC]"] = ends
-        formats = {"start [s]": "{:.0f}", "duration [s]": "{:.0f}", "speed [m/s]": "{:.2f}", "load [kg]": "{:.1f}",
-                   "distance [m]": "{:.0f}", "[degC]": "{:.1f}"}  # fmt: skip
+        postures = {name: "{:.3g}" for segment in self.plan.segments for name in segment.gait.postures}
+        formats = postures | {
+            "start [s]": "{:.0f}", "duration [s]": "{:.0f}", "speed [m/s]": "{:.2f}", "load [kg]": "{:.1f}",
+            "distance [m]": "{:.0f}", "[degC]": "{:.1f}",
+        }  # fmt: skip
         return str(
             table.to_string(index=False, formatters={key: value.format for key, value in formats.items()})
         ).splitlines()
+
+
+def _doings(table: pd.DataFrame) -> pd.DataFrame:
+    """What is done, without the temperature of every node."""
+    return table[[column for column in table.columns if not column.startswith("temperature.")]]
 
 
 def _verdict(plan: Plan) -> list[str]:
@@ -97,16 +112,27 @@ def _verdict(plan: Plan) -> list[str]:
         spare = "" if mission.deadline is None else f", {_time(-plan.late)} to spare"
         return [f"{mission.name}: done in {total}{until}{spare}"]
     if plan.verdict == "none":
-        return [f"{mission.name}: given up: all of it; the plan is to rest", _why_none(plan)]
+        return [f"{mission.name}: given up: all of it; the plan is to rest", _why_none(plan), *_obstacle(plan)]
     if plan.verdict == "late":
         missed = f"the deadline, missed by {_time(plan.late)}"
-        return [f"{mission.name}: given up: {missed} ({total}{until})", *_wanted(plan)]
+        return [f"{mission.name}: given up: {missed} ({total}{until})", *_obstacle(plan), *_wanted(plan)]
     parts = [
         f"{activity.do} {1 + sum(earlier.do == activity.do for earlier in mission.activities[:k])} {100 * share:.1f} %"
         for k, (activity, share) in enumerate(zip(mission.activities, plan.share.tolist(), strict=True))
         if share < 1 - 1e-4
     ]
-    return [f"{mission.name}: given up: part of the work; done of {', '.join(parts)} ({total}{until})", *_wanted(plan)]
+    return [f"{mission.name}: given up: part of the work; done of {', '.join(parts)} ({total}{until})",
+            *_obstacle(plan), *_wanted(plan)]  # fmt: skip
+
+
+def _obstacle(plan: Plan) -> list[str]:
+    first = plan.obstacle
+    if first is None:
+        return []
+    limit = f"{plan.mission.limits[first.node]:g} degC"
+    return [
+        f"done straight on at full speed, {first.node} passes its {limit} after {_time(first.time)}, in {first.name}"
+    ]
 
 
 def _assumed(plan: Plan) -> list[str]:

@@ -1,10 +1,10 @@
-"""Gaits: RMS torques, speeds and powers of an activity over base speed and load, from tables or learned from logs."""
+"""Gaits: RMS torques, speeds and powers over base speed, load and posture, from tables or learned from logs."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -34,41 +34,53 @@ _BEYOND = 0.1  # share of the range of the cells by which a window may lie outsi
 
 @dataclass(frozen=True)
 class Gait:
-    """The inputs of a model over base speed and load.
+    """The inputs of a model over base speed and load, and over postures where it has some.
 
-    Between the cells a natural cubic spline in each direction: smooth, as a solver needs it, and straight where there
-    are two cells. [QuadrupedLPTN, eq. 15] logs torques as RMS over a second; heat goes with their square.
+    A posture is whatever else can be chosen and moves the torques: the height of the base [m], how far the weight is
+    shifted forward [m]. Between the cells a natural cubic spline in each direction: smooth, as a solver needs it, and
+    straight where there are two cells. [QuadrupedLPTN, eq. 15] logs torques as RMS over a second; heat goes with their
+    square.
 
     Args:
         name: what the task file calls it.
         speeds: base speeds of the cells [m/s], rising; one where it has none to choose.
         loads: loads of the cells [kg], rising.
-        cells: inputs in the model's order, SI, shape (loads, speeds, inputs).
+        cells: inputs in the model's order, SI, shape (*postures, loads, speeds, inputs).
+        postures: by name the values of the cells, rising.
     """
 
     name: str
     speeds: FloatArray
     loads: FloatArray
     cells: FloatArray
+    postures: Mapping[str, FloatArray] = field(default_factory=dict)
 
-    def inputs(self, speed: Any, load: Any) -> Any:
-        """The model's inputs as expressions of speed and load, shape (inputs,)."""
-        by_speed, by_load = basis_at(speed, self.speeds), basis_at(load, self.loads)
-        flat = self.cells.reshape(-1, self.cells.shape[2]).T
-        return ca.mtimes(ca.DM(flat), ca.vec(ca.mtimes(by_speed, by_load.T)))
+    @property
+    def axes(self) -> tuple[FloatArray, ...]:
+        """Values of the cells along each axis of `cells` but the last."""
+        return (*self.postures.values(), self.loads, self.speeds)
 
-    def at(self, speed: float, load: float) -> FloatArray:
-        """The model's inputs at one speed and load, shape (inputs,)."""
-        weights = np.outer(weights_at(load, self.loads), weights_at(speed, self.speeds))
-        inputs: FloatArray = np.einsum("ij,ijk->k", weights, self.cells)
-        return inputs
+    def inputs(self, speed: Any, load: Any, posture: Sequence[Any] = ()) -> Any:
+        """The model's inputs as expressions of speed, load and each posture, shape (inputs,)."""
+        weights = ca.SX.ones(1)
+        for value, knots in zip((*posture, load, speed), self.axes, strict=True):
+            weights = ca.kron(weights, basis_at(value, knots))
+        return ca.mtimes(ca.DM(self.cells.reshape(-1, self.cells.shape[-1]).T), weights)
+
+    def at(self, speed: float, load: float, posture: Sequence[float] = ()) -> FloatArray:
+        """The model's inputs at one speed, load and posture, shape (inputs,)."""
+        inputs = self.cells
+        for value, knots in zip((*posture, load, speed), self.axes, strict=True):
+            inputs = np.tensordot(weights_at(value, knots), inputs, axes=1)
+        return np.asarray(inputs)
 
     def least(self) -> FloatArray:
         """The least value of each input anywhere between the cells, shape (inputs,)."""
-        speeds = np.linspace(self.speeds[0], self.speeds[-1], _GRID)
-        loads = np.linspace(self.loads[0], self.loads[-1], _GRID)
-        by_speed, by_load = weights_at(speeds, self.speeds), weights_at(loads, self.loads)
-        return np.asarray(np.einsum("ai,bj,ijk->abk", by_load, by_speed, self.cells).min(axis=(0, 1)))
+        inputs = self.cells
+        for axis, knots in enumerate(self.axes):
+            weights = weights_at(np.linspace(knots[0], knots[-1], _GRID if knots.size > 2 else knots.size), knots)
+            inputs = np.moveaxis(np.tensordot(weights, inputs, axes=(1, axis)), 0, axis)
+        return np.asarray(inputs.reshape(-1, inputs.shape[-1]).min(axis=0))
 
 
 def weights_at(value: Any, knots: FloatArray) -> FloatArray:
@@ -101,7 +113,13 @@ def _spline(knots: FloatArray) -> CubicSpline:
 
 
 def gait_from_tables(
-    name: str, speeds: Sequence[float], loads: Sequence[float], given: Mapping[str, Any], model: Model, origin: str
+    name: str,
+    speeds: Sequence[float],
+    loads: Sequence[float],
+    given: Mapping[str, Any],
+    model: Model,
+    origin: str,
+    postures: Mapping[str, Sequence[float]] | None = None,
 ) -> Gait:
     """A gait from its tables.
 
@@ -110,14 +128,16 @@ def gait_from_tables(
         speeds: of the columns of each table [m/s].
         loads: of its rows [kg].
         given: for each quantity by pattern of places a number, a list over the speeds (over the loads where there is
-            one speed), or a row of speeds for each load.
+            one speed), a row of speeds for each load, or a list of such tables for each posture.
         model: whose inputs are needed.
         origin: the task file, for messages.
+        postures: by name their values, one for each table.
 
     Raises:
         InputError: a quantity is missing, a table has the wrong shape, a pattern matches no input of the model.
     """
-    shape = len(loads), len(speeds)
+    axes = {key: np.array(values, dtype=float) for key, values in (postures or {}).items()}
+    shape = (*(knots.size for knots in axes.values()), len(loads), len(speeds))
     tables: dict[str, FloatArray] = {}
     for quantity, by_place in given.items():
         place = f"gaits.{name}.{quantity}"
@@ -131,25 +151,27 @@ def gait_from_tables(
                 places = ", ".join(c.partition(".")[2] for c in columns) or f"no {quantity} at all: the model has none"
                 raise InputError(origin, where, "a pattern that matches no input of the model", f"some of {places}")
             tables |= dict.fromkeys(matched, _table(values, shape, origin, where))
-    return _gait(name, np.array(speeds, dtype=float), np.array(loads, dtype=float), tables, model, origin)
+    return _gait(name, np.array(speeds, dtype=float), np.array(loads, dtype=float), axes, tables, model, origin)
 
 
 def _gait(
     name: str,
     speeds: FloatArray,
     loads: FloatArray,
+    postures: Mapping[str, FloatArray],
     tables: Mapping[str, FloatArray],
     model: Model,
     origin: str,
 ) -> Gait:
-    """A gait from one table of shape (loads, speeds) by input column; what follows from others is filled in.
+    """A gait from one table of shape (*postures, loads, speeds) by input column; what follows from others is filled in.
 
     Raises:
         InputError: an input of the model has no table, or a table swings below zero between its cells.
     """
     columns = {column: _of(column, tables, name, origin) for column in model.inputs}
-    cells = np.stack([np.broadcast_to(table, (loads.size, speeds.size)) for table in columns.values()], axis=2)
-    gait = Gait(name, speeds, loads, np.ascontiguousarray(cells, dtype=float))
+    shape = (*(knots.size for knots in postures.values()), loads.size, speeds.size)
+    cells = np.stack([np.broadcast_to(table, shape) for table in columns.values()], axis=-1)
+    gait = Gait(name, speeds, loads, np.ascontiguousarray(cells, dtype=float), dict(postures))
     for column, least in zip(columns, gait.least().tolist(), strict=True):
         if least < _BELOW * max(float(np.abs(columns[column]).max()), 1e-9):
             raise InputError(
@@ -176,16 +198,19 @@ def _of(column: str, tables: Mapping[str, FloatArray], name: str, origin: str) -
     raise InputError(origin, f"gaits.{name}.{quantity}", f"nothing for {place}", f'"{place}" = …, for the model')
 
 
-def _table(values: Any, shape: tuple[int, int], origin: str, where: str) -> FloatArray:
-    """A number, one row over speeds (over loads where there is one speed), or rows; of shape (loads, speeds)."""
-    expected = f"a number, or {shape[0]} rows (loads) of {shape[1]} numbers (speeds), none below 0"
+def _table(values: Any, shape: tuple[int, ...], origin: str, where: str) -> FloatArray:
+    """A number, one row over speeds (over loads where there is one speed), rows, or rows for each posture."""
+    expected = f"a number, or {shape[-2]} rows (loads) of {shape[-1]} numbers (speeds), none below 0"
+    if shape[:-2]:
+        expected += f", for all postures or for each: {' x '.join(map(str, shape))} numbers"
     try:
         array = np.array(values, dtype=float)
     except (TypeError, ValueError) as error:
         raise InputError(origin, where, "something that is no table", expected) from error
     if array.ndim == 1:
-        array = array[None, :] if shape[1] > 1 else array[:, None]
-    if array.ndim > 2 or array.shape not in ((), shape, (shape[0], 1), (1, shape[1])):
+        array = array[None, :] if shape[-1] > 1 else array[:, None]
+    admitted = [(), (shape[-2], shape[-1]), (shape[-2], 1), (1, shape[-1]), shape]
+    if array.shape not in admitted:
         raise InputError(origin, where, f"a table of {' x '.join(map(str, array.shape))}", expected)
     wrong = array[~((array >= 0) & (array < _MOST))]
     if wrong.size:
@@ -205,12 +230,14 @@ class LogPart:
         load: on the robot's back [kg].
         start: since the log's beginning [s].
         end: since the log's beginning [s].
+        posture: by name.
     """
 
     file: Path
     load: float
     start: float = 0.0
     end: float = np.inf
+    posture: Mapping[str, float] = field(default_factory=dict)
 
 
 def gait_from_logs(
@@ -223,6 +250,7 @@ def gait_from_logs(
     *,
     window: float = 10.0,
     columns: Mapping[str, ColumnSource] | None = None,
+    postures: Mapping[str, Sequence[float]] | None = None,
 ) -> Gait:
     """Learn a gait's cells by least squares over windows of the logs.
 
@@ -238,44 +266,52 @@ def gait_from_logs(
         origin: the task file, for messages.
         window: length of a window [s], some gait cycles.
         columns: other people's column names.
+        postures: by name the values of the cells; each part of a log says which it was.
 
     Raises:
         InputError: a log can't be used, or no log comes near a cell.
     """
-    knots = np.array(speeds, dtype=float), np.array(loads, dtype=float)
+    named = {key: np.array(values, dtype=float) for key, values in (postures or {}).items()}
+    axes = [*named.values(), np.array(loads, dtype=float), np.array(speeds, dtype=float)]
+    titles = [*named, "kg", "m/s"]
     needed = [c for c in model.inputs if c.partition(".")[0] not in ("temperature", "speed")]
-    asked = [*needed, *(["speed.base"] if knots[0].size > 1 else [])]
+    asked = [*needed, *(["speed.base"] if axes[-1].size > 1 else [])]
     measured: list[FloatArray] = []
     for part in parts:
         runs = read_log(part.file, columns, inputs=asked)
         begin = float(runs[0].time[0])
-        measured += [_windows(run, part, run.time - begin, asked, window) for run in runs]
+        still = [*(part.posture[key] for key in named), part.load]
+        measured += [_windows(run, part, run.time - begin, asked, window, still) for run in runs]
     rows = np.vstack(measured)
     rows = rows[np.isfinite(rows).all(axis=1)]
-    if knots[0].size > 1:
-        rows = rows[_inside(rows[:, -2], knots[0])]
-    rows = rows[_inside(rows[:, -1], knots[1])]
-    v = rows[:, -2]  # unused where there is one speed
-    _refuse_empty(name, v, rows[:, -1], knots, origin)
-    by_load, by_speed = weights_at(rows[:, -1], knots[1]), weights_at(v, knots[0])
-    weights = (by_load[:, :, None] * by_speed[:, None, :]).reshape(len(rows), -1)
+    known = rows[:, len(asked) :]  # postures and load; the speed is measured
+    at = np.column_stack([known, rows[:, len(needed)] if axes[-1].size > 1 else np.zeros(len(rows))])
+    bounded = axes if axes[-1].size > 1 else axes[:-1]
+    inside = np.all([_inside(at[:, k], knots) for k, knots in enumerate(bounded)], axis=0)
+    rows, at = rows[inside], at[inside]
+    _refuse_empty(name, at, axes, titles, origin)
+    weights = np.ones((len(rows), 1))
+    for values, knots in zip(at.T, axes, strict=True):
+        weights = (weights[:, :, None] * weights_at(values, knots)[:, None, :]).reshape(len(rows), -1)
     cells, _, rank, _ = np.linalg.lstsq(weights, rows[:, : len(needed)])
     if rank < weights.shape[1]:
         expected = "speeds in the logs that differ enough to tell the cells apart, or fewer cells"
         raise InputError(
             origin, f"gaits.{name}.speeds", f"{weights.shape[1]} cells, {rank} of them determined", expected
         )
-    shape = knots[1].size, knots[0].size
+    shape = [knots.size for knots in axes]
     tables = {column: cells[:, k].reshape(shape).clip(min=0.0) for k, column in enumerate(needed)}
-    return _gait(name, *knots, tables, model, origin)
+    return _gait(name, axes[-1], axes[-2], named, tables, model, origin)
 
 
-def _windows(run: Run, part: LogPart, since: FloatArray, columns: Sequence[str], window: float) -> FloatArray:
-    """Each window's values of the columns, the last of them the load; shape (windows, columns + 1)."""
+def _windows(
+    run: Run, part: LogPart, since: FloatArray, columns: Sequence[str], window: float, still: Sequence[float]
+) -> FloatArray:
+    """Each window's values of the columns, then what does not change in a part; shape (windows, columns + still)."""
     factor = max(1, round(window / run.step))
     keep = (since >= part.start) & (since < part.end)
     reduced = [reduce_blocks(column, run.columns[column][keep], factor) for column in columns]
-    return np.column_stack([*reduced, np.full(reduced[0].size, part.load)])
+    return np.column_stack([*reduced, np.tile(still, (reduced[0].size, 1))])
 
 
 def _inside(values: FloatArray, knots: FloatArray) -> BoolArray:
@@ -283,18 +319,24 @@ def _inside(values: FloatArray, knots: FloatArray) -> BoolArray:
     return np.asarray((values >= knots[0] - reach) & (values <= knots[-1] + reach))
 
 
-def _refuse_empty(
-    name: str, speed: FloatArray, load: FloatArray, knots: tuple[FloatArray, FloatArray], origin: str
-) -> None:
-    """Every cell needs windows around it."""
-    near = [np.stack([_hat(values, which, k) for k in range(which.size)]) for values, which in
-            ((load, knots[1]), (speed, knots[0]))]  # fmt: skip
-    count = near[0] @ near[1].T
-    if (count < _FEWEST).any():
-        row, column = np.unravel_index(int(count.argmin()), count.shape)
-        at = f" at {knots[0][column]:g} m/s" if knots[0].size > 1 else ""
-        found = f"{count[row, column]:.1f} windows near {knots[1][row]:g} kg{at}"
-        raise InputError(origin, f"gaits.{name}.logs", found, f"{_FEWEST:g} or more around each cell, or other cells")
+def _refuse_empty(name: str, at: FloatArray, axes: Sequence[FloatArray], titles: Sequence[str], origin: str) -> None:
+    """Every cell needs windows around it; `at` tells where each window lies, shape (windows, axes)."""
+    count = np.ones((len(at), 1))
+    for values, knots in zip(at.T, axes, strict=True):
+        near = np.stack([_hat(values, knots, k) for k in range(knots.size)], axis=1)
+        count = (count[:, :, None] * near[:, None, :]).reshape(len(at), -1)
+    found = count.sum(axis=0).reshape([knots.size for knots in axes])
+    if (found < _FEWEST).any():
+        cell = np.unravel_index(int(found.argmin()), found.shape)
+        where = [
+            f"{title} {knots[k]:g}" if title not in ("kg", "m/s") else f"{knots[k]:g} {title}"
+            for title, knots, k in zip(titles, axes, cell, strict=True)
+            if title != "m/s" or knots.size > 1
+        ]
+        raise InputError(
+            origin, f"gaits.{name}.logs", f"{found[cell]:.1f} windows near {' at '.join(where)}",
+            f"{_FEWEST:g} or more around each cell, or other cells",
+        )  # fmt: skip
 
 
 def _hat(values: FloatArray, knots: FloatArray, k: int) -> FloatArray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
@@ -27,6 +28,7 @@ class Activity:
         duration: least and most time [s] of one that stays where it is.
         speed: least and most speed [m/s].
         load: least and most load [kg].
+        posture: least and most of each posture of its gait, by name.
         pieces: parts that may each have a speed of their own and a rest before them.
     """
 
@@ -36,6 +38,7 @@ class Activity:
     duration: Range = (0.0, 0.0)
     speed: Range = (0.0, 0.0)
     load: Range = (0.0, 0.0)
+    posture: Mapping[str, Range] = field(default_factory=dict)
     pieces: int = 1
 
     @property
@@ -75,6 +78,8 @@ class Mission:
         gives_up: what yields where the deadline can't be met: the deadline, or the distance.
         name: what people call it.
         origin: the file, for messages.
+        utmost: what a node may not pass [degC] where `limits` keep a margin below it; `limits` where nothing is said. A
+            node that begins within its margin is out of it when the first piece ends, and gets no hotter until then.
     """
 
     model: Model
@@ -89,6 +94,7 @@ class Mission:
     gives_up: GivesUp = "deadline"
     name: str = "mission"
     origin: str = "mission"
+    utmost: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def fastest(self) -> float:
@@ -97,8 +103,21 @@ class Mission:
 
     @property
     def too_hot(self) -> list[str]:
-        """Nodes that begin above their limit."""
-        return [node for node, most in self.limits.items() if self.start[self.model.nodes.index(node)] > most]
+        """Nodes that begin above what they may not pass."""
+        return [node for node, most in self.limits.items() if self._begins(node) > self.utmost.get(node, most)]
+
+    @property
+    def within_margin(self) -> dict[str, float]:
+        """Temperatures at the start [degC] of the nodes that begin between their limit and their utmost."""
+        begins = {node: self._begins(node) for node in self.limits}
+        return {
+            node: begins[node]
+            for node, most in self.limits.items()
+            if most < begins[node] <= self.utmost.get(node, most)
+        }
+
+    def _begins(self, node: str) -> float:
+        return float(self.start[self.model.nodes.index(node)])
 
 
 def with_complete_start(mission: Mission) -> tuple[Mission, tuple[str, ...]]:
@@ -128,6 +147,7 @@ class Segment:
         length: distance [m], or least time [s] of what stays.
         travels: whether `length` is a distance.
         time: least and most time [s] where it stays; equal for a given time.
+        posture: least and most of each posture of the gait, in its order.
     """
 
     name: str
@@ -136,6 +156,7 @@ class Segment:
     length: float
     travels: bool
     time: Range = field(default=(0.0, 0.0))
+    posture: tuple[Range, ...] = ()
 
 
 def segments_of(mission: Mission) -> list[Segment]:
@@ -145,11 +166,13 @@ def segments_of(mission: Mission) -> list[Segment]:
         named = f"{activity.do} {1 + sum(earlier.do == activity.do for earlier in mission.activities[:number])}"
         for part in range(activity.pieces):
             if mission.rest is not None and not _rests(mission.rest, segments, activity):
-                segments.append(Segment("rest", -1, mission.rest, 0.0, False, (0.0, mission.longest_rest)))
+                still = tuple((float(knots[0]), float(knots[-1])) for knots in mission.rest.postures.values())
+                segments.append(Segment("rest", -1, mission.rest, 0.0, False, (0.0, mission.longest_rest), still))
             name = named if activity.pieces == 1 else f"{named}, part {part + 1} of {activity.pieces}"
             low, high = (limit / activity.pieces for limit in activity.duration)
             length = low if activity.distance is None else activity.distance / activity.pieces
-            segments.append(Segment(name, number, activity.gait, length, activity.travels, (low, high)))
+            posture = tuple(activity.posture[key] for key in activity.gait.postures)
+            segments.append(Segment(name, number, activity.gait, length, activity.travels, (low, high), posture))
     return segments
 
 

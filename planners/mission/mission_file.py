@@ -45,6 +45,7 @@ class ActivityTable(Strict):
     duration: Any = None
     speed: Any = None
     load: Any = None
+    posture: dict[str, Any] = Field(default_factory=dict)
     pieces: Annotated[int, Field(ge=1, le=12, strict=True)] | None = None
 
 
@@ -53,6 +54,7 @@ class LogTable(Strict):
     load: ExtraMass = 0.0
     start: NotNegative = 0.0
     end: Positive | None = None
+    posture: dict[str, Number] = Field(default_factory=dict)
 
 
 class GaitTable(BaseModel):
@@ -61,6 +63,7 @@ class GaitTable(BaseModel):
     model_config = ConfigDict(extra="allow")
     speeds: Annotated[list[Speed], Field(min_length=1, max_length=12)] | None = None
     loads: Annotated[list[ExtraMass], Field(min_length=1, max_length=12)] = [0.0]
+    postures: dict[str, Annotated[list[Number], Field(min_length=1, max_length=12)]] = Field(default_factory=dict)
     logs: Annotated[list[LogTable], Field(min_length=1)] | None = None
     window: Annotated[Number, Field(ge=2, le=600)] = 10.0
 
@@ -80,6 +83,10 @@ class Between(BaseModel):
     load: ExtraMass | Annotated[list[ExtraMass], Field(min_length=2, max_length=2)] | None = None
     duration: Seconds | Annotated[list[NotNegative], Field(min_length=2, max_length=2)] | None = None
 
+
+_TWO: TypeAdapter[float | list[float] | None] = TypeAdapter(
+    Number | Annotated[list[Number], Field(min_length=2, max_length=2)] | None
+)
 
 # --- reading ------------------------------------------------------------------------------------
 
@@ -162,19 +169,26 @@ def _start(task: TaskTable, model: Model, origin: str) -> FloatArray:
 
 def _gait(name: str, table: GaitTable, tables: File, model: Model, origin: str) -> Gait:
     speeds = [0.0] if table.speeds is None else table.speeds
-    for key, values in (("speeds", speeds), ("loads", table.loads)):
+    named = {f"postures.{key}": values for key, values in table.postures.items()}
+    for key, values in {"speeds": speeds, "loads": table.loads, **named}.items():
         if np.any(np.diff(values) <= 0):
             raise InputError(origin, f"gaits.{name}.{key}", str(values), "rising numbers")
     given = dict(table.model_extra or {})
     if table.logs is None:
-        return gait_from_tables(name, speeds, table.loads, given, model, origin)
+        return gait_from_tables(name, speeds, table.loads, given, model, origin, table.postures)
     if given:
         raise InputError(origin, f"gaits.{name}", f"{next(iter(given))} beside logs", "tables or logs, not both")
     folder = Path(origin).parent
-    parts = [LogPart(folder / log.file, log.load, log.start, log.end or np.inf) for log in table.logs]
+    parts = []
+    for k, log in enumerate(table.logs):
+        if log.posture.keys() != table.postures.keys():
+            expected = f"a number for each of {', '.join(table.postures)}" if table.postures else "none"
+            found = ", ".join(log.posture) or "none"
+            raise InputError(origin, f"gaits.{name}.logs[{k}].posture", found, expected)
+        parts.append(LogPart(folder / log.file, log.load, log.start, log.end or np.inf, log.posture))
     columns = parse_columns(tables.columns, origin, "[columns]")
     return gait_from_logs(
-        name, speeds, table.loads, parts, model, origin, window=table.window, columns=columns
+        name, speeds, table.loads, parts, model, origin, window=table.window, columns=columns, postures=table.postures
     )  # fmt: skip
 
 
@@ -188,16 +202,38 @@ def _activity(table: ActivityTable, place: str, gaits: Mapping[str, Gait], origi
         expected = "a distance [m], for it has speeds" if travels else "a duration [s], for its gait has no speeds"
         raise InputError(origin, place, "a duration" if travels else "a distance", expected)
     load = _range(between.load, gait.loads, f"{place}.load", "kg", origin)
+    posture = _postures(table.posture, gait, f"{place}.posture", origin)
     if travels:
         speed = _range(between.speed, gait.speeds, f"{place}.speed", "m/s", origin)
-        return Activity(table.do, gait, table.distance, (0.0, 0.0), speed, load, table.pieces or _WALK_PIECES)
+        return Activity(table.do, gait, table.distance, (0.0, 0.0), speed, load, posture, table.pieces or _WALK_PIECES)
     if between.duration is None or table.speed is not None:
         raise InputError(origin, place, "no duration" if between.duration is None else "a speed", "a duration [s]")
     given = between.duration
     duration = (given[0], given[1]) if isinstance(given, list) else (given, given)
     if duration[1] <= 0 or duration[1] < duration[0]:
         raise InputError(origin, f"{place}.duration", str(given), "a time [s], or the least and the most")
-    return Activity(table.do, gait, None, duration, (0.0, 0.0), load, table.pieces or 1)
+    return Activity(table.do, gait, None, duration, (0.0, 0.0), load, posture, table.pieces or 1)
+
+
+def _postures(given: Mapping[str, Any], gait: Gait, place: str, origin: str) -> dict[str, Range]:
+    """Least and most of each posture of a gait; all of its cells' range where nothing is said."""
+    for key in given:
+        if key not in gait.postures:
+            expected = (
+                f"some of {', '.join(gait.postures)}" if gait.postures else f"none, for {gait.name} has no postures"
+            )
+            raise InputError(origin, f"{place}.{key}", "a posture that the gait has not", expected)
+    return {
+        key: _range(_between_two(given.get(key), f"{place}.{key}", origin), knots, f"{place}.{key}", "", origin)
+        for key, knots in gait.postures.items()
+    }
+
+
+def _between_two(given: Any, place: str, origin: str) -> float | list[float] | None:
+    try:
+        return _TWO.validate_python(given)
+    except ValidationError as error:
+        raise InputError(origin, place, shown(given), "a number, or [least, most]") from error
 
 
 def _between(table: ActivityTable, place: str, origin: str) -> Between:
@@ -213,8 +249,9 @@ def _range(given: float | list[float] | None, cells: FloatArray, place: str, uni
     """Least and most of a speed or load, within the cells of the gait."""
     low, high = float(cells[0]), float(cells[-1])
     if given is None:
-        return (low, high) if unit == "m/s" else (low, low)
+        return (low, low) if unit == "kg" else (low, high)
     chosen = (given[0], given[1]) if isinstance(given, list) else (given, given)
     if not low - 1e-9 <= chosen[0] <= chosen[1] <= high + 1e-9:
-        raise InputError(origin, place, f"{given} {unit}", f"within {low:g} to {high:g} {unit}, the gait's cells")
+        unit = f" {unit}" if unit else ""
+        raise InputError(origin, place, f"{given}{unit}", f"within {low:g} to {high:g}{unit}, the gait's cells")
     return chosen

@@ -10,7 +10,7 @@ import numpy as np
 from lptn.basics.arrays import FloatArray
 from lptn.basics.places import class_of
 
-from .mission import Mission, Segment, with_complete_start
+from .mission import Mission, Segment, segments_of, with_complete_start
 from .program import Goal, Program, Solution
 from .simulation import Course, simulate_plan
 
@@ -26,6 +26,21 @@ _COUNTS = 1e-3  # s/K; smaller multipliers are solver dust
 
 
 @dataclass(frozen=True)
+class Obstacle:
+    """The first limit that a mission passes.
+
+    Args:
+        node: whose limit it is.
+        time: when [s].
+        name: of the piece in which it is passed.
+    """
+
+    node: str
+    time: float
+    name: str
+
+
+@dataclass(frozen=True)
 class Plan:
     """The answer to a mission.
 
@@ -36,6 +51,7 @@ class Plan:
         time: of each [s].
         speed: in each [m/s].
         load: in each [kg].
+        posture: in each, a value for each posture of its gait.
         share: of each activity that is done.
         course: temperatures along it, from the replay in fine steps.
         coarse: greatest temperature of each limited node as the program has it [degC].
@@ -55,6 +71,7 @@ class Plan:
     time: FloatArray
     speed: FloatArray
     load: FloatArray
+    posture: list[tuple[float, ...]]
     share: FloatArray
     course: Course
     coarse: dict[str, float]
@@ -100,7 +117,36 @@ class Plan:
     @property
     def peaks(self) -> dict[str, float]:
         """Greatest temperature of each limited node along the replayed plan [degC]."""
-        return _peaks(self.mission, self.course)
+        return peaks_of(self.mission, self.course)
+
+    @property
+    def obstacle(self) -> Obstacle | None:
+        """Where the mission fails if it is done straight on, as fast as it goes, without rests but those asked for.
+
+        `None` where no limit is passed so.
+        """
+        mission = self.mission
+        segments = [segment for segment in segments_of(mission) if segment.activity >= 0]
+        activities = [mission.activities[segment.activity] for segment in segments]
+        asked = [activity for activity in mission.activities if activity.chooses_load]
+        room = sum(activity.load[1] - activity.load[0] for activity in asked)
+        lacking = mission.carry - sum(activity.load[0] for activity in asked)
+        share = min(max(lacking, 0.0) / room, 1.0) if room else 0.0
+        speed = np.array([activity.speed[1] for activity in activities])
+        load = np.array([low + share * (high - low) for low, high in (activity.load for activity in activities)])
+        time = np.array([
+            segment.length / activity.speed[1] if segment.travels else segment.time[0]
+            for segment, activity in zip(segments, activities, strict=True)
+        ])  # fmt: skip
+        middle = [tuple((low + high) / 2 for low, high in segment.posture) for segment in segments]
+        course = simulate_plan(mission, segments, time, speed, load, middle)
+        first: Obstacle | None = None
+        for node, limit in mission.limits.items():
+            over = np.flatnonzero(course.states[mission.model.nodes.index(node)] > limit + _EXACT)
+            if over.size and (first is None or course.time[over[0]] < first.time):
+                at = int(np.searchsorted(course.ends, over[0]))
+                first = Obstacle(node, float(course.time[over[0]]), segments[at].name)
+        return first
 
     @property
     def coarseness(self) -> float:
@@ -108,30 +154,32 @@ class Plan:
         return max((abs(self.peaks[node] - value) for node, value in self.coarse.items()), default=0.0)
 
 
-def plan_mission(mission: Mission) -> Plan:
+def plan_mission(mission: Mission, *, explain: bool = True) -> Plan:
     """Find the fastest plan that keeps all limits, or the best of what is possible.
 
     Never fails: where not all can be done the verdict says so, and the plan is the safe part of it.
 
     Args:
         mission: what is asked.
+        explain: whether the rise of the limits that would do is sought where something has to be given up, which takes
+            ten solves more.
     """
     complete, assumed = with_complete_start(mission)
-    return replace(_planned(complete), assumed=assumed)
+    return replace(_planned(complete, explain), assumed=assumed)
 
 
-def _planned(mission: Mission) -> Plan:
+def _planned(mission: Mission, explain: bool) -> Plan:
     program = Program(mission)
     fastest = program.solve("time")
     if fastest.success:
         if not _misses(mission, fastest):
             return _finished(program, "met", fastest, 0.0)
-        raised = _rise(program, fastest, "time")
+        raised = _rise(program, fastest, "time") if explain else None
         if mission.gives_up == "deadline":
             return _finished(program, "late", fastest, raised)
     part = program.solve("work", deadline=mission.deadline)
     if part.success:
-        raised = _rise(program, part, "work")
+        raised = _rise(program, part, "work") if explain else None
         return _finished(program, "cut", part, raised)
     return _resting(program, part)
 
@@ -204,10 +252,11 @@ def _plan(program: Program, verdict: Verdict, solution: Solution, lowered: float
     mission, kept = program.mission, np.flatnonzero(solution.time > _SHORTEST)
     segments = [program.segments[k] for k in kept.tolist()]
     time, speed, load = solution.time[kept], solution.speed[kept], solution.load[kept]
-    course = simulate_plan(mission, segments, time, speed, load)
+    posture = [solution.posture[k] for k in kept.tolist()]
+    course = simulate_plan(mission, segments, time, speed, load, posture)
     return Plan(
-        mission, verdict, segments, time, speed, load, solution.share, course, program.peaks(solution), lowered,
-        solution.prices, raised, solution.status,
+        mission, verdict, segments, time, speed, load, posture, solution.share, course, program.peaks(solution),
+        lowered, solution.prices, raised, solution.status,
     )  # fmt: skip
 
 
@@ -218,15 +267,18 @@ def _resting(program: Program, failed: Solution) -> Plan:
     segments = [] if rest is None else [rest]
     time = np.full(len(segments), mission.deadline or mission.longest_rest)
     still = np.zeros(len(segments))
-    course = simulate_plan(mission, segments, time, still, still)
+    posture = [tuple(low for low, _ in segment.posture) for segment in segments]
+    course = simulate_plan(mission, segments, time, still, still, posture)
     share = np.zeros(len(mission.activities))
-    return Plan(mission, "none", segments, time, still, still, share, course, {}, 0.0, {}, None, failed.status)
+    return Plan(mission, "none", segments, time, still, still, posture, share, course, {}, 0.0, {}, None, failed.status)
 
 
-def _peaks(mission: Mission, course: Course) -> dict[str, float]:
-    """A node that begins too hot counts from when the rest at the beginning is over."""
+def peaks_of(mission: Mission, course: Course) -> dict[str, float]:
+    """Greatest temperature of each limited node along a course [degC].
+
+    A node that begins too hot counts from when the rest at the beginning is over, one that begins within its margin
+    from the end of the first piece.
+    """
+    begins = dict.fromkeys(mission.too_hot, course.rested) | dict.fromkeys(mission.within_margin, course.settled)
     rows = {node: mission.model.nodes.index(node) for node in mission.limits}
-    return {
-        node: float(course.states[row, course.rested if node in mission.too_hot else 0 :].max())
-        for node, row in rows.items()
-    }
+    return {node: float(course.states[row, begins.get(node, 0) :].max()) for node, row in rows.items()}

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, Literal
 
 import casadi as ca
@@ -25,13 +26,14 @@ _NO_DEADLINE = 1e6  # s
 _STARTS = (0.8, 0.2)  # eager and cautious: how far between the least and the greatest of each choice
 _IPOPT = {
     "print_level": 0, "sb": "yes", "tol": 1e-9, "max_iter": 250, "max_cpu_time": 60.0, "bound_relax_factor": 0,
+    "mu_strategy": "adaptive",  # half the iterations of the monotone one, to the same optimum
     # The program is scaled as it stands; with the scaling of the linear solver the factors fill in: 25 times slower.
     "mumps_permuting_scaling": 0, "mumps_scaling": 0,
 }  # fmt: skip
 _OPTIONS: dict[str, Any] = {"print_time": False, "ipopt": _IPOPT}
 ELEMENTS, DEGREE, _GRADING = 4, 3, 1.5  # the temperatures change fastest when a piece begins
 TIME, LOAD = 1000.0, 10.0  # s, kg: sizes that make the program's numbers about one
-_TIDY = 1e-7  # of plans equally fast the one with the smaller loads' squares is meant
+_TIDY = 1e-7  # of plans equally fast the one with the smaller loads' squares and middling postures is meant
 _HASTE = 1e-4  # of plans that do equally much the faster is meant; too little to show in a price
 _COLD, _HOT = 10.0, 1000.0  # K below and above what is given: beyond runaway the formulas have other roots
 PARAMETERS = ("ambient", "carry", "deadline")
@@ -41,7 +43,8 @@ class Transcription:
     """The expressions of one mission's program.
 
     Unknowns are the temperatures at the stages, the pace of each segment (speed, or time where it stays), the load
-    and the share done of each activity. The temperatures' limits are bounds of the first.
+    and the share done of each activity, and the postures of each segment. The temperatures' limits are bounds of the
+    first.
 
     Args:
         mission: what is asked.
@@ -57,12 +60,15 @@ class Transcription:
         activities = len(mission.activities)
         self._pace = ca.MX.sym("pace", len(self.segments))
         self._loads, self._shares = ca.MX.sym("load", activities), ca.MX.sym("share", activities)
+        ends = np.cumsum([0, *(len(segment.posture) for segment in self.segments)])
+        self._posture = ca.MX.sym("posture", int(ends[-1]))
+        self._of_segment = [slice(int(a), int(b)) for a, b in pairwise(ends)]
         self._path()
         self._write()
 
     @property
     def choices(self) -> tuple[FloatArray, FloatArray]:
-        """Least and greatest of what is chosen: paces, loads, shares; shape (segments + 2 activities,)."""
+        """Least and greatest of what is chosen: paces, loads, shares, postures as shares of their ranges."""
         activities = self.mission.activities
         bounds = [
             activities[segment.activity].speed if segment.travels else (segment.time[0] / TIME, segment.time[1] / TIME)
@@ -70,6 +76,7 @@ class Transcription:
         ]
         bounds += [(low / LOAD, high / LOAD) for low, high in (activity.load for activity in activities)]
         bounds += [(1.0, 1.0)] * len(activities)
+        bounds += [(0.0, float(high > low)) for segment in self.segments for low, high in segment.posture]
         return np.array([low for low, _ in bounds]), np.array([high for _, high in bounds])
 
     @property
@@ -88,9 +95,13 @@ class Transcription:
         leading = next(
             (k for k, segment in enumerate(self.segments) if segment.gait is not mission.rest), len(self.segments)
         )
+        settled = min(leading + 1, len(self.segments)) * ELEMENTS * DEGREE - 1
         for node, limit in limits.items():
             first = max(leading * ELEMENTS * DEGREE - 1, 0) if node in mission.too_hot else 0
-            ceilings[mission.model.nodes.index(node), first:] = limit
+            row = mission.model.nodes.index(node)
+            ceilings[row, first:] = limit
+            if node in mission.within_margin:
+                ceilings[row, :settled] = max(limit, mission.within_margin[node])
         return ceilings
 
     def clock(self, time: FloatArray) -> FloatArray:
@@ -105,12 +116,16 @@ class Transcription:
     def _path(self) -> None:
         """Time, speed and load of each segment."""
         times, speeds, loads = [], [], []
+        self._postures: list[Any] = []
         for k, segment in enumerate(self.segments):
             inserted, pace = segment.activity < 0, self._pace[k]
             share = ca.MX(1) if inserted else self._shares[segment.activity]
             times.append(share * (segment.length / pace if segment.travels else pace * TIME))
             speeds.append(pace if segment.travels else ca.MX(0))
             loads.append(ca.MX(0) if inserted else self._loads[segment.activity] * LOAD)
+            low, high = np.array(segment.posture).reshape(-1, 2).T
+            chosen = self._posture[self._of_segment[k]]
+            self._postures.append(ca.DM(low) + ca.DM(high - low) * chosen if segment.posture else ca.MX(0, 1))
         self._time, self._speed, self._load = ca.vertcat(*times), ca.vertcat(*speeds), ca.vertcat(*loads)
 
     def _inputs(self) -> Any:
@@ -120,12 +135,12 @@ class Transcription:
         for k, segment in enumerate(self.segments):
             gait = segment.gait
             if gait.name not in functions:
-                v, m, air = ca.SX.sym("v"), ca.SX.sym("m"), ca.SX.sym("air")
-                u = gait.inputs(v, m)
+                v, m, air, q = (ca.SX.sym(*of) for of in (("v",), ("m",), ("air",), ("q", len(gait.postures))))
+                u = gait.inputs(v, m, ca.vertsplit(q) if gait.postures else ())
                 for row, column in enumerate(self.mission.model.inputs):
                     u[row] = air if column.startswith("temperature.") else v if column == "speed.base" else u[row]
-                functions[gait.name] = ca.Function("gait", [v, m, air], [u])
-            columns.append(functions[gait.name](self._speed[k], self._load[k], self._ambient))
+                functions[gait.name] = ca.Function("gait", [v, m, air, q], [u])
+            columns.append(functions[gait.name](self._speed[k], self._load[k], self._ambient, self._postures[k]))
         return ca.horzcat(*columns)
 
     def _element(self) -> Any:
@@ -151,13 +166,19 @@ class Transcription:
         # Rests that were asked for are no work, but kept where they cost nothing.
         counts = [activity.work or 2 * _HASTE * activity.least_time for activity in self.mission.activities]
         work = ca.dot(self._shares, ca.DM(counts)) / TIME
-        cost = self._for_work * (_HASTE * total - work) + (1 - self._for_work) * total + _TIDY * ca.sumsqr(self._loads)
-        self.w = ca.vertcat(ca.vec(stages), self._pace, self._loads, self._shares)
+        tidy = ca.sumsqr(self._loads) + ca.sumsqr(self._posture - 0.5)
+        cost = self._for_work * (_HASTE * total - work) + (1 - self._for_work) * total + _TIDY * tidy
+        self.w = ca.vertcat(ca.vec(stages), self._pace, self._loads, self._shares, self._posture)
         self.p = ca.vertcat(self._ambient, self._carry, self._deadline, self._start, self._for_work)
         self.f = cost
         self.g = ca.vertcat(ca.vec(balance), total - self._deadline / TIME, self._carry / LOAD - carried)
         """Zero, but for the last two, which are at most zero."""
-        self.look = ca.Function("look", [self.w], [self._time, self._speed, self._load, self._shares])
+        chosen = [self._time, self._speed, self._load, self._shares, ca.vertcat(*self._postures)]
+        self.look = ca.Function("look", [self.w], chosen)
+
+    def by_segment(self, postures: FloatArray) -> list[tuple[float, ...]]:
+        """Postures of all segments in one row, cut into those of each."""
+        return [tuple(postures[where].tolist()) for where in self._of_segment]
 
 
 def _grid() -> FloatArray:
@@ -176,6 +197,7 @@ class Solution:
         speed: in each segment [m/s].
         load: in each segment [kg].
         share: of each activity that is done, 0 to 1.
+        posture: in each segment, a value for each posture of its gait.
         prices: what one unit more of a parameter adds to the goal [s]: `limit.FR_calf` and `ambient` per kelvin,
             `carry` per kilogram; the goal is the total time, or the work done. Empty unless it converged.
         raw: IPOPT's primal point, to start from.
@@ -188,6 +210,7 @@ class Solution:
     speed: FloatArray
     load: FloatArray
     share: FloatArray
+    posture: list[tuple[float, ...]]
     prices: dict[str, float]
     raw: FloatArray
     iterations: int
@@ -257,7 +280,8 @@ class Program:
     def _bounds(self, goal: Goal, ceilings: FloatArray) -> tuple[FloatArray, FloatArray]:
         least, most = self._written.choices
         if goal == "work":
-            least[-len(self.mission.activities) :] = 0.0
+            first = len(self._written.segments) + len(self.mission.activities)
+            least[first : first + len(self.mission.activities)] = 0.0
         floor = np.full(ceilings.size, self._written.range[0])
         return np.concatenate([floor, least]), np.concatenate([ceilings.T.ravel(), most])
 
@@ -268,8 +292,8 @@ class Program:
         mix = np.full(least.size, eagerness)
         mix[: len(self.segments)][[segment.activity < 0 for segment in self.segments]] = 1 - eagerness
         choice = least + mix * (most - least)
-        time, speed, load, _ = self._choices(np.concatenate([np.zeros(ceilings.size), choice]))
-        course = simulate_plan(self.mission, self.segments, time, speed, load)
+        time, speed, load, _, posture = self._choices(np.concatenate([np.zeros(ceilings.size), choice]))
+        course = simulate_plan(self.mission, self.segments, time, speed, load, written.by_segment(posture))
         clock = written.clock(time)
         states = np.array([np.interp(clock, course.time, row) for row in course.states])
         return np.concatenate([states.clip(written.range[0] + 1, ceilings - 1).T.ravel(), choice])
@@ -282,7 +306,7 @@ class Program:
         least = np.concatenate([np.zeros(rows - 2), np.full(2, -np.inf)])
         done = self._solver(x0=start, p=p, lbx=lower, ubx=upper, lbg=least, ubg=np.zeros(rows))
         stats = self._solver.stats()
-        time, speed, load, share = self._choices(done["x"])
+        time, speed, load, share, posture = self._choices(done["x"])
         return Solution(
             bool(stats["success"]),
             str(stats["return_status"]),
@@ -290,6 +314,7 @@ class Program:
             speed,
             load,
             share,
+            self._written.by_segment(posture),
             self._prices(done, goal) if stats["success"] else {},
             done["x"].full().ravel(),
             int(stats["iter_count"]),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import ceil
 
@@ -27,17 +28,21 @@ class Course:
         states: [degC], shape (states, n).
         ends: index into `time` at which each segment ends.
         rested: index into `time` at which the rest at the beginning ends.
+        settled: index into `time` at which the first piece that is no rest ends.
     """
 
     time: FloatArray
     states: FloatArray
     ends: list[int]
     rested: int
+    settled: int
 
 
-def inputs_of(mission: Mission, segment: Segment, speed: float, load: float) -> FloatArray:
+def inputs_of(
+    mission: Mission, segment: Segment, speed: float, load: float, posture: Sequence[float] = ()
+) -> FloatArray:
     """The model's inputs in a segment, shape (inputs,)."""
-    inputs = segment.gait.at(speed, load)
+    inputs = segment.gait.at(speed, load, posture)
     for row, column in enumerate(mission.model.inputs):
         if column.startswith("temperature."):
             inputs[row] = mission.ambient
@@ -47,7 +52,12 @@ def inputs_of(mission: Mission, segment: Segment, speed: float, load: float) -> 
 
 
 def simulate_plan(
-    mission: Mission, segments: list[Segment], time: FloatArray, speed: FloatArray, load: FloatArray
+    mission: Mission,
+    segments: Sequence[Segment],
+    time: FloatArray,
+    speed: FloatArray,
+    load: FloatArray,
+    posture: Sequence[Sequence[float]] | None = None,
 ) -> Course:
     """Simulate a plan.
 
@@ -57,13 +67,17 @@ def simulate_plan(
         time: of each [s].
         speed: of each [m/s].
         load: of each [kg].
+        posture: of each, a value for each posture of its gait.
     """
     model, values = mission.model, mission.model.values
     run = model.run(_BLOCK)
     clock, states, ends = [0.0], [mission.start[:, None]], []
     count = 0
-    for segment, duration, v, m in zip(segments, time.tolist(), speed.tolist(), load.tolist(), strict=True):
-        u = inputs_of(mission, segment, v, m)
+    postures = posture or [()] * len(segments)
+    for segment, duration, v, m, q in zip(
+        segments, time.tolist(), speed.tolist(), load.tolist(), postures, strict=True
+    ):
+        u = inputs_of(mission, segment, v, m, q)
         blocks = max(1, ceil(duration / (_BLOCK * _step(model, states[-1][:, -1], u))))
         h = duration / (_BLOCK * blocks)
         begin = clock[-1]
@@ -74,7 +88,8 @@ def simulate_plan(
         count += blocks * _BLOCK
         ends.append(count)
     leading = next((k for k, segment in enumerate(segments) if segment.gait is not mission.rest), len(segments))
-    return Course(np.array(clock), np.hstack(states), ends, ends[leading - 1] if leading else 0)
+    settled = ends[min(leading, len(ends) - 1)] if ends else 0
+    return Course(np.array(clock), np.hstack(states), ends, ends[leading - 1] if leading else 0, settled)
 
 
 def _step(model: Model, x: FloatArray, u: FloatArray) -> float:

@@ -193,7 +193,12 @@ def test_what_no_rest_can_help_is_cut_to_the_length_that_bisection_finds() -> No
         return float(truth.simulate([("stand", time, 0.0, 4.0)], np.full(3, truth.AMBIENT)).max() - truth.LIMIT)
 
     assert plan.verdict == "cut"
-    assert 3000 * plan.share[0] == pytest.approx(brentq(over, 1.0, 3000.0), rel=2e-3)
+    when = brentq(over, 1.0, 3000.0)
+    assert 3000 * plan.share[0] == pytest.approx(when, rel=2e-3)
+    assert plan.obstacle is not None
+    assert (plan.obstacle.node, plan.obstacle.name) == ("FR_calf", "stand 1")
+    assert plan.obstacle.time == pytest.approx(when, abs=1.5)
+    assert "FR_calf passes its 60 degC after" in plan_kind.run(plan.mission).text()
     assert plan.bottleneck == "FR_calf"
 
 

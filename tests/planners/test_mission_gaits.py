@@ -13,7 +13,15 @@ import pytest
 
 from lptn.basics.errors import InputError
 from lptn.model.model import Model
-from lptn.planners.mission import Gait, LogPart, gait_from_logs, gait_from_tables
+from lptn.planners.mission import (
+    Gait,
+    LogPart,
+    MissionAnswer,
+    gait_from_logs,
+    gait_from_tables,
+    plan_kind,
+    plan_mission,
+)
 from tests.planners import mission_truth as truth
 
 SPEEDS, LOADS = [0.2, 0.5, 1.0], [0.0, 2.0, 4.0]
@@ -95,13 +103,13 @@ def test_a_table_that_cannot_be_used_is_refused(changed: dict[str, Any], place: 
 # --- learned from logs --------------------------------------------------------------------------
 
 
-def write_log(path: Path, speeds: list[float], load: float, seconds: int = 120) -> Path:
+def write_log(path: Path, speeds: list[float], load: float, seconds: int = 120, heavier: float = 1.0) -> Path:
     """Walking at these speeds in turn, 50 Hz, torque a sine whose RMS is linear in speed and load."""
     time = np.arange(0.0, seconds * len(speeds), 0.02)
     speed = np.repeat(speeds, seconds * 50)
     log = {"time": time, "speed.base": speed, "temperature.ambient": 25.0}
     for k, joint in enumerate(truth.VELOCITY):
-        log[f"torque.{joint}"] = np.sqrt(2) * rms(k, speed, load) * np.sin(2 * np.pi * 1.9 * time)
+        log[f"torque.{joint}"] = heavier * np.sqrt(2) * rms(k, speed, load) * np.sin(2 * np.pi * 1.9 * time)
         log[f"velocity.{joint}"] = (k + speed) * np.sin(2 * np.pi * 1.9 * time)
         log[f"temperature.{joint}"] = 25.0 + 0.001 * time
         log[f"powered.{joint}"] = 1.0
@@ -140,3 +148,75 @@ def test_a_cell_that_no_log_has_seen_is_refused(tmp_path: Path) -> None:
     parts = [LogPart(write_log(tmp_path / "log.parquet", [0.2, 1.0], 0.0), 0.0)]
     with pytest.raises(InputError, match=r"0\.0 windows near 4 kg at 0\.2 m/s"):
         gait_from_logs("walk", [0.2, 1.0], [0.0, 4.0], parts, leg(), "task.toml")
+
+
+# --- postures ------------------------------------------------------------------------------------
+
+HEIGHTS = [0.25, 0.30, 0.35]
+
+
+def crouching(height: float, load: float) -> list[float]:
+    """Hip, thigh, calf [N*m]: what a crouch costs the calf, standing tall costs the thigh."""
+    return [2.0, 4.0 + 20.0 * (height - 0.25), (7.0 - 40.0 * (height - 0.25)) * (1 + load / 8)]
+
+
+def with_heights() -> Gait:
+    rows = np.array([[[crouching(height, load)] for load in LOADS] for height in HEIGHTS])
+    torque = {joint: rows[..., k].tolist() for k, joint in enumerate(("FR_hip", "FR_thigh", "FR_calf"))}
+    given = {"torque": torque, "velocity": {"*": 1.0}}
+    return gait_from_tables("stand", [0.0], LOADS, given, leg(), "task.toml", {"height": HEIGHTS})
+
+
+def test_a_table_for_each_posture_is_exact_at_its_cells_and_straight_between_them() -> None:
+    gait = with_heights()
+    for height, load in ((0.25, 0.0), (0.35, 4.0), (0.3, 2.0), (0.32, 3.0)):
+        expected = crouching(height, load)
+        at = gait.at(0.0, load, [height])
+        assert [at[row(f"torque.FR_{part}")] for part in ("hip", "thigh", "calf")] == pytest.approx(expected)
+
+
+def test_the_expression_with_a_posture_is_the_table() -> None:
+    gait, q, m = with_heights(), ca.SX.sym("q"), ca.SX.sym("m")
+    function = ca.Function("f", [q, m], [gait.inputs(0.0, m, [q])])
+    np.testing.assert_allclose(function(0.31, 1.5).full().ravel(), gait.at(0.0, 1.5, [0.31]), atol=1e-12)
+
+
+def test_postures_are_learned_from_logs(tmp_path: Path) -> None:
+    parts = [
+        LogPart(
+            write_log(tmp_path / f"{height}_{load}.parquet", [0.2, 1.0], load, heavier=1 + height), load,
+            posture={"height": height},
+        )
+        for height in (0.0, 0.5) for load in (0.0, 4.0)
+    ]  # fmt: skip
+    gait = gait_from_logs("walk", [0.2, 1.0], [0.0, 4.0], parts, leg(), "task.toml", postures={"height": [0.0, 0.5]})
+    low, high = (gait.at(0.6, 2.0, [height])[row("torque.FR_calf")] for height in (0.0, 0.5))
+    assert high / low == pytest.approx(1.5, rel=0.01)
+
+
+def test_the_posture_that_is_chosen_is_the_best_of_all() -> None:
+    """Standing low heats the calf, standing tall the thigh: the most time lies between."""
+
+    def mission(height: list[float]) -> Any:
+        task = truth.task([{"do": "stand", "duration": 2000, "load": 4, "posture": {"height": height}}], limit=50.0)
+        task["gaits"]["stand"] = {  # type: ignore[index]
+            "loads": LOADS, "postures": {"height": HEIGHTS}, "velocity": {"*": 1.0},
+            "torque": {
+                joint: [[[crouching(h, load)[k]] for load in LOADS] for h in HEIGHTS]
+                for k, joint in enumerate(("FR_hip", "FR_thigh", "FR_calf"))
+            },
+        }  # fmt: skip
+        return plan_mission(plan_kind.read(task, "task.toml", leg()), explain=False)
+
+    chosen = mission([0.25, 0.35])
+    fixed = [mission([height, height]).share[0] for height in (0.25, 0.28, 0.31, 0.35)]
+    assert chosen.verdict == "cut"
+    assert max(fixed) > 1.1 * min(fixed), "the posture must matter"
+    assert chosen.share[0] >= max(fixed) * (1 - 1e-6)
+    assert "height" in MissionAnswer(chosen).text()
+
+
+def test_a_posture_that_the_gait_has_not_is_refused() -> None:
+    task = truth.task([{"do": "stand", "duration": 60, "posture": {"lean": 0.1}}])
+    with pytest.raises(InputError, match=r"posture\.lean: found a posture that the gait has not"):
+        plan_kind.read(task, "task.toml", leg())

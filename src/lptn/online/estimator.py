@@ -284,6 +284,27 @@ class Estimator:
         missing = np.full(len(self.model.nodes), np.nan)
         return self._estimate(missing, missing)
 
+    @property
+    def states(self) -> FloatArray:
+        """The model's states as they are estimated now [degC], shape (states,)."""
+        return self._z[self.augmented.layout.states].copy()
+
+    def deviations_ahead(self, inputs: Mapping[str, float], seconds: float) -> FloatArray:
+        """Standard deviations of the nodes' temperatures after so many seconds without readings [K], shape (nodes,).
+
+        Args:
+            inputs: held until then, by column.
+            seconds: how far ahead; the linearisation now is taken for the whole of it.
+
+        Raises:
+            InputError: as `update`.
+        """
+        self._refuse_time(seconds)
+        u = _inputs_of(self.model, inputs)
+        step = self.augmented.long_step(self._z, np.where(np.isnan(u), self._resting, u), seconds)
+        variances = np.einsum("ij,jk,ik->i", step.transition, self._covariance, step.transition) + np.diag(step.added)
+        return np.asarray(np.sqrt(np.maximum(variances[: len(self.model.nodes)], 0.0)))
+
     def state(self) -> dict[str, FloatArray]:
         """All that the estimator remembers, as plain arrays: `numpy.savez(file, **estimator.state())`."""
         return {

@@ -1,0 +1,354 @@
+"""A mission in closed loop: what is left of it is planned anew where the robot turns out other than the plan has it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from math import ceil
+
+import numpy as np
+from scipy.stats import norm
+
+from lptn.basics.arrays import FloatArray
+from lptn.basics.errors import InputError
+from lptn.online import Estimate, Estimator, ModelError
+
+from .gait import Gait
+from .mission import Activity, Mission, Segment
+from .plan import Plan, peaks_of, plan_mission
+from .simulation import simulate_plan
+
+_TRUSTED = 60.0  # s for which a gait's table counts against what is measured
+_FEWEST = 0.5  # s; what takes less is done
+_GREATEST = 0.5  # of the way from the air to a limit; a greater margin would forbid what teaches the model
+_FIXED = ("temperature", "speed")  # inputs that no gait prescribes
+
+
+@dataclass(frozen=True)
+class Order:
+    """What the robot shall do now.
+
+    Args:
+        name: of the piece, for people: `walk 1, part 2 of 3`.
+        do: its gait.
+        speed: [m/s].
+        load: [kg].
+        posture: by name.
+        seconds: how long it goes on as planned.
+        finished: whether nothing is left to do.
+    """
+
+    name: str
+    do: str
+    speed: float = 0.0
+    load: float = 0.0
+    posture: Mapping[str, float] = field(default_factory=dict)
+    seconds: float = np.inf
+    finished: bool = False
+
+
+@dataclass(frozen=True)
+class Replanned:
+    """A plan that took the place of another.
+
+    Args:
+        time: since the start of the mission [s].
+        why: in words.
+        plan: of what was left then.
+        total: expected time of the whole mission [s].
+    """
+
+    time: float
+    why: str
+    plan: Plan
+    total: float
+
+
+class MissionControl:
+    """Plans a mission, follows the robot while it does it, and plans what is left anew.
+
+    An estimator learns from the sensors how hot each node is and how the model's parameters are off, the torques
+    that are measured correct the gaits' tables, and the air is what its sensor says. Once a period the rest of the plan
+    is simulated from there. Where a limit less its margin would be passed, or a plan that is held up by heat would stay
+    below all of them, what is left is solved again: speeds, rests, postures, and loads of what has not begun. So a plan
+    that was too bold yields before a limit is passed, one that was too careful becomes faster.
+
+    Args:
+        mission: what is asked.
+        level: probability with which a node is to be below its limit a period after it was brought there.
+        period: time between two looks at the plan [s].
+        apart: by how much a peak may come out other than planned before what is left is planned anew [K].
+        noise: standard deviation of a reading [K], its rounding aside.
+        resolution: step to which readings are rounded [K].
+        model_error: how far the model's free parameters may be off, relative.
+        estimator: of the mission's model, in place of one made of these.
+
+    Raises:
+        InputError: the mission lacks a gait for resting, or a number can't be used.
+
+    Example:
+        >>> control = MissionControl(mission)  # doctest: +SKIP
+        >>> order = control.update(readings, inputs, dt=5.0, moved=2.1)  # doctest: +SKIP
+    """
+
+    def __init__(
+        self,
+        mission: Mission,
+        *,
+        level: float = 0.95,
+        period: float = 60.0,
+        apart: float = 0.2,
+        noise: float | Mapping[str, float] = 0.1,
+        resolution: float | Mapping[str, float] = 0.0,
+        model_error: float = 0.2,
+        estimator: Estimator | None = None,
+    ) -> None:
+        for name, value, most in (("level", level, 1.0), ("period", period, np.inf), ("apart", apart, np.inf)):
+            if not 0 < value < most:
+                raise InputError(mission.origin, name, f"{value:g}", f"a number between 0 and {most:g}")
+        model = mission.model
+        if estimator is None:
+            free = [model.parameters[index].name for index in model.free]
+            spread = model_error**2 * np.eye(len(free))
+            estimator = Estimator(
+                model, noise=noise, step=resolution, error=ModelError(), learn=free, covariance=spread
+            )
+        self.mission, self.estimator = mission, estimator
+        self.replanned: list[Replanned] = []
+        """The plans in their order; the first is the one at the start."""
+        self.clock = 0.0
+        """Time since the start [s]."""
+        self._sure, self._period, self._apart = float(norm.ppf(level)), period, apart
+        self._left = [
+            activity.distance if activity.distance is not None else activity.duration[0]
+            for activity in mission.activities
+        ]
+        self._spent = [0.0] * len(self._left)  # s in each activity
+        self._first = 0  # activity that is not over
+        self._loads: dict[int, float] = {}  # of what has begun
+        self._measured: dict[str, FloatArray] = {}  # by gait: integrals of squares, as measured and by the table
+        self._air = mission.ambient
+        self._segments: list[Segment] = []
+        self._pieces: list[tuple[float, float, float, tuple[float, ...]]] = []  # time, speed, load, posture of each
+        self._gone = 0.0  # s of the present piece, at its planned speed
+        self._looked = -np.inf
+        self._margins = dict.fromkeys(mission.limits, 0.0)
+
+    @property
+    def plan(self) -> Plan:
+        """The plan in force, of what was left when it was made.
+
+        Raises:
+            IndexError: before the first update.
+        """
+        return self.replanned[-1].plan
+
+    @property
+    def done(self) -> dict[str, float]:
+        """Share of each activity that is done; of what stays, of its least time."""
+        shares = {}
+        for number, activity in enumerate(self.mission.activities):
+            whole = activity.distance or activity.duration[0]
+            named = f"{activity.do} {1 + sum(a.do == activity.do for a in self.mission.activities[:number])}"
+            shares[named] = 1 - max(self._left[number], 0.0) / whole if whole else 1.0
+        return shares
+
+    @property
+    def margins(self) -> Mapping[str, float]:
+        """What is kept below each limit [K], by node."""
+        return dict(self._margins)
+
+    def update(
+        self, readings: Mapping[str, float | None], inputs: Mapping[str, float], dt: float, moved: float | None = None
+    ) -> Order:
+        """Take in what was measured since the last update, and tell what to do now.
+
+        Args:
+            readings: temperatures now [degC] by node; NaN, `None` or no entry for a missing one.
+            inputs: the model's inputs since then, RMS or means as in a log, by column; the air's temperature too.
+            dt: time since then [s]; 0 at the first one.
+            moved: distance travelled since then [m]; by default as ordered.
+
+        Raises:
+            InputError: as `Estimator.update`.
+        """
+        estimate = self.estimator.update(inputs, readings, dt)
+        self.clock += dt
+        air = [inputs[name] for name in self.mission.model.inputs if name.startswith("temperature.") and name in inputs]
+        self._air = max(air, default=self._air)
+        if dt > 0 and self._segments:
+            self._advance(inputs, dt, moved)
+        if self._first >= len(self._left):
+            return Order("finished", "rest", finished=True)
+        if not self._segments or self.clock >= self._looked + self._period or self._too_hot(estimate):
+            self._look(inputs)
+            self._looked = self.clock
+        return self._order()
+
+    # --- how far it is ------------------------------------------------------------------------
+
+    def _advance(self, inputs: Mapping[str, float], dt: float, moved: float | None) -> None:
+        """Count what was done. What a plan leaves out is over when the plan goes on to something else, or ends."""
+        segment, (time, speed, load, posture) = self._segments[0], self._pieces[0]
+        done = dt if not segment.travels or moved is None else moved / speed
+        self._gone += done
+        if segment.activity >= 0:
+            self._left[segment.activity] -= done * speed if segment.travels else dt
+            self._spent[segment.activity] += dt
+            self._loads[segment.activity] = load
+            self._learn(segment.gait, speed, load, posture, inputs, dt)
+        if self._gone < time - _FEWEST / 2:
+            return
+        self._gone -= time
+        del self._segments[0], self._pieces[0]
+        if segment.activity >= 0:
+            later = [following.activity for following in self._segments if following.activity >= 0]
+            self._first = later[0] if later else len(self._left)
+
+    def _learn(
+        self, gait: Gait, speed: float, load: float, posture: Sequence[float], inputs: Mapping[str, float], dt: float
+    ) -> None:
+        table = self._own(gait).at(speed, load, posture)
+        sums = self._measured.setdefault(gait.name, np.zeros((2, table.size)))
+        measured = np.array([inputs.get(column, np.nan) for column in self.mission.model.inputs])
+        known = np.isfinite(measured)
+        sums[0, known] += dt * measured[known] ** 2
+        sums[1, known] += dt * table[known] ** 2
+
+    def _own(self, gait: Gait) -> Gait:
+        """The gait as the mission has it, before any correction."""
+        return next((a.gait for a in self.mission.activities if a.gait.name == gait.name), gait)
+
+    def _corrected(self, gait: Gait) -> Gait:
+        """A gait whose inputs are as large as they were measured to be."""
+        if gait.name not in self._measured:
+            return gait
+        measured, table = self._measured[gait.name]
+        typical = _TRUSTED * (gait.cells**2).reshape(-1, gait.cells.shape[-1]).mean(axis=0)
+        known = typical > 0
+        factor = np.ones(known.size)
+        factor[known] = np.sqrt((measured + typical)[known] / (table + typical)[known])
+        for row, column in enumerate(self.mission.model.inputs):
+            if column.partition(".")[0] in _FIXED:
+                factor[row] = 1.0
+        return replace(gait, cells=gait.cells * factor)
+
+    # --- what is left -------------------------------------------------------------------------
+
+    def remaining(self) -> Mission:
+        """What is left as a mission of its own, from the estimate, with what was learnt."""
+        mission, estimator = self.mission, self.estimator
+        activities = tuple(
+            self._rest_of(number) for number in range(self._first, len(self._left)) if not self._is_over(number)
+        )
+        carried = sum(
+            load for number, load in self._loads.items() if mission.activities[number].chooses_load
+        )  # of what has begun, none of it is to be chosen any more
+        return replace(
+            mission,
+            model=mission.model.with_values(estimator.values),
+            activities=activities,
+            start=estimator.states,
+            ambient=self._air,
+            deadline=None if mission.deadline is None else max(mission.deadline - self.clock, _FEWEST),
+            carry=max(0.0, mission.carry - carried) if any(a.chooses_load for a in activities) else 0.0,
+            limits={node: limit - self._margins[node] for node, limit in mission.limits.items()},
+            utmost=dict(mission.limits),
+        )
+
+    def _is_over(self, number: int) -> bool:
+        activity, left = self.mission.activities[number], self._left[number]
+        if activity.distance is not None:
+            return left <= _FEWEST * activity.speed[0]
+        return left <= _FEWEST and activity.duration[1] - self._spent[number] <= _FEWEST
+
+    def _rest_of(self, number: int) -> Activity:
+        activity, left = self.mission.activities[number], self._left[number]
+        begun = number in self._loads
+        load = (self._loads[number],) * 2 if begun else activity.load
+        now = replace(activity, gait=self._corrected(activity.gait), load=load)
+        if activity.distance is not None:
+            pieces = max(1, ceil(activity.pieces * left / activity.distance))
+            return replace(now, distance=left, pieces=pieces)
+        most = activity.duration[1] - self._spent[number]
+        return replace(now, duration=(max(left, 0.0), max(most, left, 0.0)))
+
+    # --- looking and planning -----------------------------------------------------------------
+
+    def _too_hot(self, estimate: Estimate) -> bool:
+        """Whether a node is above its limit while the plan has it work."""
+        working = bool(self._segments) and self._segments[0].gait is not self.mission.rest
+        limits = self.mission.limits
+        return working and any(estimate.temperature(node)[0] > limit for node, limit in limits.items())
+
+    def _look(self, inputs: Mapping[str, float]) -> None:
+        """Plan what is left anew where the plan in force would pass a limit, or is held up by none any more."""
+        self._margins = self._margins_now(inputs)
+        left = self.remaining()
+        why = self._reason(left)
+        if why:
+            self._adopt(plan_mission(left, explain=not self.replanned), why)
+
+    def _reason(self, left: Mission) -> str:
+        """Why the plan in force does not do for what is left, in words; nothing where it does."""
+        if not self.replanned:
+            return "the start"
+        if not self._segments or self.plan.verdict == "none":
+            return "the plan had come to its end"
+        peaks = self._peaks_ahead(left)
+        nearest = min(peaks, key=lambda node: left.limits[node] - peaks[node])
+        spare = left.limits[nearest] - peaks[nearest]
+        said = f"{nearest} would get to {peaks[nearest]:.1f} degC, {abs(spare):.1f} K"
+        its = f"its limit of {self.mission.limits[nearest]:g} degC less a margin of {self._margins[nearest]:.1f} K"
+        if spare < -self._apart:
+            return f"{said} above {its}"
+        slower = self._seconds_left() > left.fastest + _FEWEST or self.plan.verdict == "cut"
+        return f"{said} below {its}" if spare > self._apart and slower else ""
+
+    def _margins_now(self, inputs: Mapping[str, float]) -> dict[str, float]:
+        """What the temperatures may be off by a period from now, by node [K]."""
+        deviations = self.estimator.deviations_ahead(inputs, self._period)
+        nodes, air = self.mission.model.nodes, self._air
+        return {
+            node: min(self._sure * float(deviations[nodes.index(node)]), _GREATEST * max(limit - air, 0.0))
+            for node, limit in self.mission.limits.items()
+        }
+
+    def _peaks_ahead(self, left: Mission) -> dict[str, float]:
+        """Peaks of the limited nodes if the plan in force goes on [degC]."""
+        gaits = {activity.do: activity.gait for activity in left.activities}
+        segments = [replace(segment, gait=gaits.get(segment.gait.name, segment.gait)) for segment in self._segments]
+        time, speed, load, posture = zip(*self._pieces, strict=True)
+        times = np.array(time)
+        times[0] = max(times[0] - self._gone, _FEWEST)
+        return peaks_of(left, simulate_plan(left, segments, times, np.array(speed), np.array(load), posture))
+
+    def _seconds_left(self) -> float:
+        return sum(time for time, *_ in self._pieces) - self._gone
+
+    def _adopt(self, plan: Plan, why: str) -> None:
+        self._segments = [self._renumbered(segment) for segment in plan.segments]
+        self._pieces = list(zip(plan.time.tolist(), plan.speed.tolist(), plan.load.tolist(), plan.posture, strict=True))
+        self._gone = 0.0
+        self.replanned.append(Replanned(self.clock, why, plan, self.clock + plan.total))
+
+    def _renumbered(self, segment: Segment) -> Segment:
+        """A piece of what was left, with the number of its activity in the whole mission."""
+        if segment.activity < 0:
+            return segment
+        open_ones = [number for number in range(self._first, len(self._left)) if not self._is_over(number)]
+        number = open_ones[segment.activity]
+        return replace(segment, activity=number, name=list(self.done)[number])
+
+    def _order(self) -> Order:
+        if not self._segments:
+            return Order("rest", "rest", seconds=self._period)
+        segment, (time, speed, load, posture) = self._segments[0], self._pieces[0]
+        named = dict(zip(segment.gait.postures, posture, strict=True))
+        return Order(segment.name, segment.gait.name, speed, load, named, max(time - self._gone, 0.0))
+
+    def text(self) -> str:
+        """How it went so far, a line for each plan."""
+        lines = [f"{event.time:6.0f} s  {event.total / 60:5.1f} min in all, {event.plan.verdict}: {event.why}"
+                 for event in self.replanned]  # fmt: skip
+        return "\n".join(lines)
