@@ -12,18 +12,22 @@ from __future__ import annotations
 import argparse
 import sys
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from functools import cache
 from itertools import repeat
 from pathlib import Path
+from typing import Any
 
 import lptn
 from lptn.basics.processes import one_blas_thread
+from lptn.diagnose import diagnosis
 from lptn.diagnose.diagnosis import diagnose
 from lptn.identify.data import DataSplit
+from lptn.identify.fitting import Fit
 from lptn.model.model import Model
+from lptn.model.network import EffectDeclaration, Network
 from tests.benchmarks.verdict_cases import TRUTHS, Case, draw_cases
 
 CONSTANTS = (
@@ -59,6 +63,50 @@ FACTORS = (1 / 1.5, 1.5)
 ABOVE_ONE = frozenset(("HOPELESS", "MUCH_WORSE", "LACKING", "CLEARLY", "_SHOWS_PLAINLY", "_OCCAM"))
 """Ratios: what lies above one is changed."""
 STEPS = 3
+
+# --- The same fit is made once for a case: most constants judge fits, and change none ---------------------------------
+
+FITTERS = ("fit_segments", "refit", "continued", "finished", "holdout_errors")
+"""Functions of `lptn.diagnose.diagnosis` whose result depends on their arguments alone."""
+
+
+def fingerprint(thing: object) -> object:
+    """What an argument of a fitter is, beside the data of the case."""
+    if isinstance(thing, Network):
+        return tuple((each.name, each.value, each.declared) for each in thing.parameters)
+    if isinstance(thing, Fit):
+        return fingerprint(thing.model.network), thing.cost
+    if isinstance(thing, EffectDeclaration):
+        return thing.name, thing.where, thing.difference, thing.parameters
+    if isinstance(thing, Model):
+        return fingerprint(thing.network)
+    return thing if isinstance(thing, float) else str(type(thing))
+
+
+@contextmanager
+def remembered() -> Iterator[None]:
+    """Within it a fitter that is asked the same thing of the same case answers from memory."""
+    known: dict[object, Any] = {}
+
+    def once(fitter: Callable[..., Any]) -> Callable[..., Any]:
+        def asked(*arguments: Any) -> Any:
+            runs = tuple(len(each) for each in arguments if isinstance(each, Sequence))
+            key = (fitter.__name__, runs, *map(fingerprint, arguments))
+            if key not in known:
+                known[key] = fitter(*arguments)
+            return known[key]
+
+        return asked
+
+    before = {name: getattr(diagnosis, name) for name in FITTERS}
+    for name, fitter in before.items():
+        setattr(diagnosis, name, once(fitter))
+    try:
+        yield
+    finally:
+        for name, fitter in before.items():
+            setattr(diagnosis, name, fitter)
+
 
 Said = tuple[str, tuple[str, str] | None]
 """The verdict, and effect and place of the first step."""
@@ -112,11 +160,12 @@ def right(case: Case, answer: Said) -> bool:
 
 def answers_of(case: Case, constants: Sequence[str], first: bool) -> list[Said]:
     """As things are, then with each constant at each factor."""
-    answers = [said(case, first)]
-    for constant in constants:
-        for factor in FACTORS:
-            with changed(constant, factor):
-                answers.append(said(case, first))
+    with remembered():
+        answers = [said(case, first)]
+        for constant in constants:
+            for factor in FACTORS:
+                with changed(constant, factor):
+                    answers.append(said(case, first))
     return answers
 
 
