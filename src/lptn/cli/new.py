@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter as Option
@@ -16,20 +17,34 @@ def new(
     /,
     *,
     model: Annotated[str | None, Option(help="Another model of the same robot, such as single-node.")] = None,
+    urdf: Annotated[Path | None, Option(help="A model for the robot of this URDF, in place of a ready one.")] = None,
     output: OptionalOutput = None,
 ) -> None:
-    """Write a ready model file; without a name, list them.
+    """Write a model file to begin with: a ready one, or one made of a URDF; without either, list the ready ones.
 
     Example: lptn new quadruped --model single-node -o baseline.toml
+    Example: lptn new --urdf my_robot.urdf -o my_robot.toml
     """
+    from lptn.basics.errors import InputError
     from lptn.basics.files import write_whole
     from lptn.cli.terminal import show_table
-    from lptn.robots.presets import preset_text
 
-    if preset is None:
+    if urdf is not None:
+        from lptn.robots.urdf import urdf_model_text
+
+        beside = preset or model
+        if beside:
+            raise InputError("command line", "--urdf", f"'{beside}' beside it", "a URDF, or a preset")
+        if output is not None and output.resolve() == urdf.resolve():
+            raise InputError(output, "output", "the URDF itself", "another file, for this one would be lost")
+        text = urdf_model_text(urdf)
+    elif preset is not None:
+        from lptn.robots.presets import preset_text
+
+        text = preset_text(preset, model)
+    else:
         show_table(("preset", ">nodes", ">parameters", "what it is"), _presets())
         return
-    text = preset_text(preset, model)
     if output is None:
         print(text, end="")
     else:

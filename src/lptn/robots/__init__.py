@@ -1,4 +1,4 @@
-"""Ready model files: motors, a leg, a quadruped; and model files made from a motor's drawing."""
+"""Ready model files: motors, a leg, a quadruped; and model files made from a motor's drawing or a robot's URDF."""
 
 import lazy_loader
 

@@ -6,5 +6,6 @@ from .motor_model import model_text as model_text
 from .presets import preset_text as preset_text
 from .presets import presets as presets
 from .presets import variants as variants
+from .urdf import urdf_model_text as urdf_model_text
 
 __all__: list[str]

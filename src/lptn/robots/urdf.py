@@ -1,0 +1,230 @@
+"""A model file to begin with from a robot's URDF: a node for each driven joint, links along the chains.
+
+A URDF says which joints there are, what each is bolted to, how far apart they sit and what torque each may give. It
+says nothing of motors: heat capacitances, resistances and losses are guessed from the torque limit, as starts for a
+fit to logs.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NoReturn
+from xml.etree import ElementTree
+
+from lptn.basics.errors import InputError, one_line
+from lptn.basics.places import EVERYWHERE, class_of, matching
+from lptn.model.file import parse_model
+
+# --- What a torque limit says of a joint's motor and gear, as a start ------------------------------
+
+_DENSITY = 45.0
+"""N·m/kg: peak torque of motor with gear over their mass. Unitree A1 33.5 N·m of 0.6 kg, ANYdrive 40 of 1.1, UR5's
+shoulder 150 of 3.3, each by its data sheet."""
+_SPECIFIC_HEAT = 500.0  # J/(kg K): copper 385, steel 460, aluminium 900
+_BULK = 4000.0  # kg/m³: steel, copper and air gaps together; sets the surface of a cube of that mass
+_TO_AIR = 10.0  # W/(m² K): free convection and radiation of a warm surface
+_LOSS = 7.0  # W of copper loss for each N·m of the limit, at the limit: A1 237 W at 33.5 N·m [QuadrupedLPTN, eq. 3]
+_JOINTED, _TUBE = 2.0, 160.0 * 6e-4  # K/W of two flanges; W m/K of an aluminium tube of 6 cm² between two joints
+_RANGE = 20.0  # times: how far the fit may go from such a guess, up and down
+_NO_LIMIT = 20.0  # N·m: where a URDF states no effort
+
+_MOVED = ("revolute", "continuous", "prismatic")
+_SUFFIX = re.compile(r"_(joint|motor|actuator)$")
+_NOT_IN_NAMES = re.compile(r"[^\w-]")
+_LARGEST = 50_000_000  # bytes; no robot's URDF comes near
+
+
+@dataclass(frozen=True)
+class Joint:
+    """A driven joint.
+
+    Args:
+        name: of its node.
+        effort: largest torque [N·m], or force [N].
+        before: node of the driven joint that carries it, `None` for one on the base.
+        distance: from that joint [m].
+        body: what it sits on.
+    """
+
+    name: str
+    effort: float
+    before: str | None
+    distance: float
+    body: str
+
+
+def urdf_model_text(path: str | Path) -> str:
+    """The text of a model file for the robot that a URDF describes.
+
+    Args:
+        path: the URDF; a xacro has to be expanded before.
+
+    Raises:
+        InputError: not a URDF, or a robot without driven joints.
+    """
+    robot, joints = read_joints(path)
+    text = "\n".join(_lines(Path(path).name, robot, joints))
+    parse_model(text, Path(path))
+    return text
+
+
+# --- Reading -----------------------------------------------------------------------------------------
+
+
+def read_joints(path: str | Path) -> tuple[str, list[Joint]]:
+    """The robot's name and its driven joints, each behind the one that carries it.
+
+    Raises:
+        InputError: not a URDF, or a robot without driven joints.
+    """
+    root = _parsed(path)
+    driven = {each.get("name") for each in root.iterfind("transmission/joint")}
+    joints = root.findall("joint")
+    carrying = {_end(path, each, "child"): each for each in joints}
+    moved = [each for each in joints if each.get("type") in _MOVED and each.find("mimic") is None]
+    moved = [each for each in moved if each.get("name") in driven] or moved
+    if not moved:
+        raise InputError(path, "robot", "no joint that moves", f"joints of type {', '.join(_MOVED)}")
+    names = _node_names(path, moved)
+    found = []
+    for joint in moved:
+        body, distance, before = _end(path, joint, "parent"), 0.0, None
+        below, seen = body, set[str]()
+        # Up the chain, over fixed joints and those that nothing drives, to the driven joint that carries this one.
+        step = joint
+        while before is None:
+            distance += _length(path, step)
+            if below not in carrying or below in seen:
+                break
+            seen.add(below)
+            step = carrying[below]
+            before, below = names.get(str(step.get("name"))), _end(path, step, "parent")
+        found.append(Joint(names[str(joint.get("name"))], _effort(path, joint), before, distance, body))
+    return one_line(root.get("name", "robot")), found
+
+
+def _parsed(path: str | Path) -> ElementTree.Element:
+    def refuse(found: str) -> NoReturn:
+        raise InputError(path, "file", found, "a URDF: XML with <robot> outermost (expand a .xacro first)")
+
+    try:
+        if Path(path).stat().st_size > _LARGEST:
+            refuse("more than 50 MB")
+        root = ElementTree.fromstring(Path(path).read_bytes())
+    except OSError as error:
+        refuse(error.strerror or str(error))
+    except (ElementTree.ParseError, ValueError, LookupError) as error:
+        refuse(f"no XML: {error}")
+    if root.tag != "robot":
+        refuse(f"<{one_line(root.tag)}> outermost")
+    return root
+
+
+def _end(path: str | Path, joint: ElementTree.Element, which: str) -> str:
+    body = joint.find(which)
+    name = None if body is None else body.get("link")
+    if not name:
+        raise InputError(path, f"joint {joint.get('name')}", f"no <{which} link=…>", "what the joint connects")
+    return name
+
+
+def _node_names(path: str | Path, moved: list[ElementTree.Element]) -> dict[str, str]:
+    """A node's name for each joint's: without `_joint` behind it where that leaves them different."""
+    given = [each.get("name", "") for each in moved]
+    if len(set(given)) < len(given) or "" in given:
+        raise InputError(path, "joint", "one without a name, or a name twice", "joints with names of their own")
+    legal = [_NOT_IN_NAMES.sub("_", name) for name in given]
+    short = [_SUFFIX.sub("", name) for name in legal]
+    for names in (short, legal):
+        if len(set(names)) == len(names):
+            return dict(zip(given, names, strict=True))
+    raise InputError(path, "joint", "names that differ in signs only", "names of letters, digits, - and _")
+
+
+def _effort(path: str | Path, joint: ElementTree.Element) -> float:
+    limit = joint.find("limit")
+    effort = 0.0 if limit is None else _number(path, joint, limit.get("effort", "0"))
+    return effort if 0 < effort < math.inf else _NO_LIMIT
+
+
+def _length(path: str | Path, joint: ElementTree.Element) -> float:
+    """How far a joint sits from the origin of what it is fixed to [m]."""
+    origin = joint.find("origin")
+    words = [] if origin is None else origin.get("xyz", "").split()
+    return math.hypot(*(_number(path, joint, word) for word in words)) if words else 0.0
+
+
+def _number(path: str | Path, joint: ElementTree.Element, word: str) -> float:
+    try:
+        return float(word)
+    except ValueError:
+        raise InputError(path, f"joint {joint.get('name')}", f"'{word}'", "a number") from None
+
+
+# --- Writing ----------------------------------------------------------------------------------------
+
+
+def _lines(file: str, robot: str, joints: list[Joint]) -> Iterator[str]:
+    names = [joint.name for joint in joints]
+    yield f"# {robot}: its {len(joints)} driven joints, each a node; made of {one_line(file)} by `lptn new --urdf`."
+    yield "# Log columns: time, temperature.<joint>, torque.<joint> (a sliding joint's force), temperature.ambient."
+    yield "# Capacities, resistances and losses are guesses from each joint's torque limit, starts for `lptn fit`. Put"
+    yield "# in winding resistance and torque constant at the joint from data sheets: they set the scale of the others."
+    yield from ("", "[model]", f"name = {_quoted(robot)}", "joints = [")
+    yield from (f"    {_quoted(name)}," for name in names)
+    yield from ("]", 'ambient = "temperature.ambient"')
+    for pattern, effort in _groups(joints):
+        mass = effort / _DENSITY
+        surface = 6.0 * (mass / _BULK) ** (2 / 3)
+        yield from ("", f"# --- {'all joints' if pattern == EVERYWHERE else pattern}: {effort:g} N·m ---")
+        yield from ("", f"[nodes.{_quoted(pattern)}]", f"capacity = {_guess(_SPECIFIC_HEAT * mass, 'J/K')}")
+        yield from ("", "[[links]]", f'between = [{_quoted(pattern)}, "ambient"]')
+        yield f"resistance = {_guess(1.0 / (_TO_AIR * surface), 'K/W')}"
+        yield from ("", "[[effects]]", 'kind = "copper_loss"', f"at = {_quoted(pattern)}")
+        yield f"resistance = {_LOSS / effort:.3g}          # ohm: guessed"
+        yield "torque_constant = 1.0       # N·m at the joint per ampere: guessed"
+    yield from ("", "# --- what drives and bearings add, whatever is held ---")
+    yield from ("", "[[effects]]", 'kind = "constant_heat"', f"at = {_quoted(EVERYWHERE)}", 'share = "each"')
+    carried = [joint for joint in joints if joint.before is not None]
+    if carried:
+        yield from ("", "# --- along the chains: each joint with the one that carries it ---")
+    for joint in carried:
+        yield from ("", "[[links]]", f"between = [{_quoted(str(joint.before))}, {_quoted(joint.name)}]")
+        yield f"resistance = {_guess(_JOINTED + joint.distance / _TUBE, 'K/W')}"
+    on_base: dict[str, list[str]] = {}
+    for joint in joints:
+        if joint.before is None:
+            on_base.setdefault(joint.body, []).append(joint.name)
+    for body, together in on_base.items():
+        if len(together) > 1:
+            yield from ("", f"# {', '.join(together)} sit on {one_line(body)} and may warm each other through it:")
+            yield "# `lptn improve` says whether your logs show that (conduction, or a mass that they share)."
+    yield ""
+
+
+def _groups(joints: list[Joint]) -> list[tuple[str, float]]:
+    """Patterns of joints that are alike, all or such as `*_calf`, with their torque limit; others by name."""
+    names, groups = [joint.name for joint in joints], dict[str, float]()
+    if len({joint.effort for joint in joints}) == 1:
+        return [(EVERYWHERE, joints[0].effort)]
+    for joint in joints:
+        pattern = class_of(joint.name)
+        alike = {each.effort for each in joints if each.name in matching(pattern, names)}
+        classes = {class_of(name) for name in matching(pattern, names)}
+        several = len(matching(pattern, names)) > 1 and len(alike) == 1 and classes == {pattern}
+        groups[pattern if several else joint.name] = joint.effort
+    return list(groups.items())
+
+
+def _guess(value: float, unit: str) -> str:
+    low, high = value / _RANGE, value * _RANGE
+    return f'{{ value = {value:.3g}, unit = "{unit}", bounds = [{low:.3g}, {high:.3g}], share = "each" }}'
+
+
+def _quoted(text: str) -> str:
+    escaped = text.replace("\\", "\\\\").replace('"', '\\"')
+    return f'"{escaped}"'
