@@ -13,6 +13,8 @@ export function h(tag, properties, ...children) {
 
 export const digits = (value, count = 3) => value == null ? "–" : Number(value).toPrecision(count).replace("-", "−");
 export const kelvin = value => value == null ? "–" : `${digits(value)} K`;
+const unit = each => each.unit.replaceAll("*", "·");
+const LARGEST = 1e12;  // what no bound of nature's bounds is declared to reach so far
 const signed = value => `${value < 0 ? "−" : "+"}${Math.abs(value) < 9.95 ? Math.abs(value).toPrecision(2) : Math.abs(value).toFixed(0)}`;
 const capital = text => text.charAt(0).toUpperCase() + text.slice(1);
 const listed = items => items.length < 2 ? items.join("") : `${items.slice(0, -1).join(", ")} and ${items.at(-1)}`;
@@ -235,9 +237,9 @@ export function data(page) {
 function parameterTable(page) {
   const { parameters, busy } = page.state, parts = [...new Set(parameters.map(each => each.part))];
   const fitted = parameters.filter(each => each.free).length, shown = parameters.filter(each => !page.part || each.part === page.part);
-  const short = value => value == null ? "∞" : Math.abs(value) >= 1e5 || value && Math.abs(value) < 1e-3 ? value.toExponential(1) : Number(value.toPrecision(4)).toString().replace("-", "−");
+  const short = value => value == null || Math.abs(value) >= LARGEST ? value < 0 ? "−∞" : "∞" : Math.abs(value) >= 1e5 || value && Math.abs(value) < 1e-3 ? value.toExponential(1) : Number(value.toPrecision(4)).toString().replace("-", "−");
   const said = each => each.free ? each.error == null ? "not determined" : `± ${short(Number((1.96 * each.error).toPrecision(2)))}` : "fixed";
-  const row = each => h("tr", null, h("td", null, each.name), h("td", { className: "n" }, digits(each.value, 4)), h("td", { className: "n soft" }, said(each)), h("td", { className: "soft" }, each.unit),
+  const row = each => h("tr", null, h("td", null, each.name), h("td", { className: "n" }, digits(each.value, 4)), h("td", { className: "n soft" }, said(each)), h("td", { className: "soft" }, unit(each)),
     h("td", { className: "n soft" }, each.free ? `${short(each.bounds[0])} … ${short(each.bounds[1])}` : ""),
     h("td", null, h("button", { id: `edit ${each.name}`, ariaExpanded: page.edited === each.name, onclick: () => page.edit(each.name) }, "Change")));
   const form = each => {
@@ -250,7 +252,7 @@ function parameterTable(page) {
       page.order(set);
     };
     return h("tr", null, h("td", { colSpan: 6 }, h("form", { className: "row", onsubmit: order(!each.free) },
-      field("set value", "value", Number(each.value.toPrecision(6))), field("set least", "at least", each.bounds[0]), field("set most", "at most", each.bounds[1]), each.unit,
+      field("set value", "value", Number(each.value.toPrecision(6))), field("set least", "at least", each.bounds[0]), field("set most", "at most", each.bounds[1]), unit(each),
       h("button", { id: "set", className: "first", disabled: busy }, "Fit again"),
       h("button", { id: "set other", type: "button", disabled: busy, onclick: order(each.free) }, each.free ? "Fix it there, and fit the rest" : "Free it"),
       each.together.length ? h("small", null, `Bounds, and whether it is fixed, go for ${listed(each.together)}, too: they are declared together.`) : null)));
