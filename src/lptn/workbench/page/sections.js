@@ -69,8 +69,8 @@ export function steps(page) {
   // A row is kept for what may be tried: the page must not move under the mouse that tries it.
   const kept = answers?.answers.length > 0 && !tried && h("tr", null, h("td", { innerHTML: "&nbsp;" }));
   const table = h("table", null,
-    h("thead", null, h("tr", null, ["", "effect", "parameters", "fitted", ...(held ? ["held out"] : []), ...(tested ? ["test"] : []), ""].map((name, k) =>
-      h("th", { className: k < 2 ? "" : name ? "n" : "bar" }, name)))),
+    h("thead", null, h("tr", null, ["step", "effect", "parameters", "fitted", ...(held ? ["held out"] : []), ...(tested ? ["test"] : []), "RMSE"].map((name, k, all) =>
+      h("th", { className: k < 2 ? "" : k < all.length - 1 ? "n" : "bar" }, name)))),
     h("tbody", null, rows.map((step, number) => h("tr", { className: step.undone ? "undone" : "" },
       h("td", { className: "soft" }, step.attempt ? "?" : step.undone ? "" : `${number}`),
       h("td", null, step.name), h("td", { className: "n soft" }, step.parameters ?? ""),
@@ -260,7 +260,7 @@ function parameterTable(page) {
   return h("details", { id: "parameters" }, h("summary", null, `${fitted} fitted parameters, ${parameters.length - fitted} fixed`),
     parts.length > 1 && h("select", { id: "part", ariaLabel: "node or link", onchange: event => page.partOf(event.target.value) },
       h("option", { value: "" }, "all nodes and links"), parts.map(part => h("option", { value: part, selected: part === page.part }, part))),
-    h("table", { className: "parameters" }, h("thead", null, h("tr", null, ["", "value", "95 %", "", "bounds", ""].map(name => h("th", { className: "n" }, name)))),
+    h("table", { className: "parameters" }, h("thead", null, h("tr", null, ["parameter", "value", "95 %", "unit", "bounds"].map((name, k) => h("th", { className: k % 3 ? "n" : "" }, name)), h("td"))),
       h("tbody", null, shown.flatMap(each => page.edited === each.name ? [row(each), form(each)] : [row(each)]))));
 }
 
@@ -272,7 +272,7 @@ export function out(page) {
   return [h("h2", null, "Take away"),
     h("div", { className: "row" }, h("a", { className: "button", id: "get model", href: "/model", download: "better.toml" }, "Model file"),
       made("report", "story.html", "story.html", "Write the report"), made("fmu", "model.fmu", "model.fmu", "Build the FMU")),
-    h("details", { id: "commands" }, h("summary", null, "The same as commands"), h("pre", null, commands.join("\n"))),
-    h("details", { id: "python" }, h("summary", null, "The same in Python"), h("pre", null, python)),
+    h("details", { id: "commands" }, h("summary", null, "The same as commands"), h("pre", { tabIndex: 0 }, commands.join("\n"))),
+    h("details", { id: "python" }, h("summary", null, "The same in Python"), h("pre", { tabIndex: 0 }, python)),
     h("p", null, h("small", null, `What is done here is kept in ${folder}; the same command goes on from it.`))];
 }
