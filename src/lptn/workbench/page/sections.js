@@ -128,6 +128,10 @@ export function where(page) {
     button.style.background = `rgb(${css.getPropertyValue(side)} / ${share * css.getPropertyValue("--most")})`;
     return h("td", null, button);
   };
+  // Nodes that no run measures have no tiles, and would be half the rows of a model of windings and housings.
+  const silent = state.nodes.filter((_, k) => order.every(({ key }) => !state.tiles[key].given[k]));
+  const rows = columns => state.nodes.map((node, k) => [node, k]).filter(([node]) => !silent.includes(node)).map(([node, k]) => h("tr", null, h("th", { scope: "row" }, node), columns(node, k)));
+  const unmeasured = silent.length ? h("p", null, h("small", null, `Measured in no run: ${listed(silent)}.`)) : null;
   const choice = (name, label) => h("button", { id: `show ${name}`, ariaPressed: shown === name, onclick: () => page.show(name) }, label);
   const grouping = (by, label) => h("button", { id: `by ${by}`, ariaPressed: page.by === by, onclick: () => page.group(by) }, label);
   const bar = h("div", { className: "row" }, h("h2", { style: "margin: 0" }, "Where it fails"), grouping("run", "by run"), grouping("condition", "by condition"), state.given !== state.now && [choice("given", "as given"), choice("now", "now")]);
@@ -140,8 +144,8 @@ export function where(page) {
         h("thead", null,
           h("tr", null, h("td"), groups.map(group => h("th", { scope: "colgroup", colSpan: columns.filter(each => each.group === group).length, className: "job" }, group))),
           h("tr", null, h("td"), columns.map(each => h("th", { scope: "col" }, h("span", null, each.name))))),
-        h("tbody", null, state.nodes.map((node, k) => h("tr", null, h("th", { scope: "row" }, node),
-          columns.map(each => tile(each.tiles[k], `${each.group} ${each.name}`, `${each.group}: ${each.name}${each.tiles[k]?.limits ? ` (${each.tiles[k].limits})` : ""}`, each.tiles[k]?.segment, node, false)))))))];
+        h("tbody", null, rows((node, k) =>
+          columns.map(each => tile(each.tiles[k], `${each.group} ${each.name}`, `${each.group}: ${each.name}${each.tiles[k]?.limits ? ` (${each.tiles[k].limits})` : ""}`, each.tiles[k]?.segment, node, false)))))), unmeasured];
   }
   return [bar, h("p", null, h("small", null, said)),
     h("div", { className: `tiles${order.length > 5 ? " narrow" : ""}` }, h("table", null,
@@ -149,7 +153,8 @@ export function where(page) {
         h("tr", null, h("td"), ["held out", "test", "fitted"].map(job => [job, order.filter(each => each.job === job).length]).filter(([, count]) => count)
           .map(([job, count]) => h("th", { scope: "colgroup", colSpan: count, className: "job" }, job))),
         h("tr", null, h("td"), order.map(each => h("th", { scope: "col" }, h("span", null, each.run))))),
-      h("tbody", null, state.nodes.map((node, k) => h("tr", null, h("th", { scope: "row" }, node), order.map(each => tile(state.tiles[each.key][shown][k], each.key, `${each.run} (${each.job})`, each.key, node, picked.some(p => p.segment === each.key && p.node === node)))))))),
+      h("tbody", null, rows((node, k) => order.map(each => tile(state.tiles[each.key][shown][k], each.key, `${each.run} (${each.job})`, each.key, node, picked.some(p => p.segment === each.key && p.node === node))))))),
+    unmeasured,
   ];
 }
 
