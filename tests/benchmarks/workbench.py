@@ -23,6 +23,7 @@ from statistics import median
 import numpy as np
 from playwright.sync_api import Browser, CDPSession, Page, sync_playwright
 
+from lptn.identify.comparison import Errors
 from lptn.workbench.bench import News
 from lptn.workbench.lines import Attempt, RunLines
 from lptn.workbench.opening import Opening
@@ -66,7 +67,8 @@ def session(nodes: int, readings: int) -> Session:
     made = Session(Opening(Path("made_up.toml"), ()))
     news = News(runs={"fit 0": RunLines(names, time_s, measured, inputs)})
     news.predicted["fit 0", "as given"] = measured + 0.5
-    news.attempts["fit 0", "fan at node0"] = Attempt(time_s[::5], measured[:, ::5] + 0.1, linearised=False)
+    error = Errors.of(np.full(readings, 0.1))
+    news.attempts["fit 0", "fan at node0"] = Attempt(time_s[::5], measured[:, ::5] + 0.1, linearised=False, error=error)
     made._heard_shown(content, news)
     return made
 

@@ -115,10 +115,10 @@ def test_a_browser_draws_picks_and_zooms_without_a_network(missing: Told, tmp_pa
         assert page.locator(".charts canvas").count() >= 2
         assert page.locator(".still").first.is_hidden()
         page.locator(".tiles button").nth(3).click()
-        title = page.locator(".charts h4").inner_text()
+        title = page.locator(".charts h3").inner_text()
         assert title.startswith(f"{NODES[1]}, ")
         page.locator(".tiles button").nth(0).click(modifiers=["Shift"])
-        assert page.locator(".charts h4").count() == 2
+        assert page.locator(".charts h3").count() == 2
         page.locator(".tiles button").nth(0).click(modifiers=["Shift"])
         over = page.locator(".charts .u-over").first
         box = over.bounding_box()

@@ -105,6 +105,12 @@ def test_from_opening_to_a_fallen_error(browser: Browser, tmp_path: Path) -> Non
         expect(page.locator("#missing > .answers li")).to_have_count(2)
         page.locator(".answers li").first.hover()  # what it would change, at once
         expect(page.locator("#steps tbody")).to_contain_text("try: sensor lag")
+        page.locator("#scored summary").click()  # what was not refitted is foreseen, on held-out data, too
+        page.locator("#scored button").first.click()
+        expect(page.locator(".view h3")).to_contain_text("by the linearised model")
+        expect(page.locator("#steps tbody tr").nth(1)).to_contain_text("linearised: ")
+        expect(page.locator("#steps tbody tr").nth(1).locator("td").nth(4)).to_contain_text(re.compile(r"^\d\.\d+ K$"))
+        page.locator("#scored button").first.click()
         _order(page, "add sensor_lag at *")
         assert _now(page) == pytest.approx(3.88, abs=0.02)
 
@@ -203,6 +209,7 @@ def test_parameters_conditions_and_ways_that_were_left(browser: Browser, tmp_pat
             if effect == "sensor_lag":
                 page.locator("#undo").click()
                 expect(page.locator("#redo")).to_be_enabled()
+        expect(page.locator(".lead")).to_contain_text("Added: conduction heater1–heater2")
         page.locator("#branches summary").click()
         page.locator("[id='back 0']").click()
         expect(page.locator("#steps tbody")).to_contain_text("sensor lag")
@@ -235,6 +242,15 @@ def test_zoom_and_a_stretch_left_out(browser: Browser, tmp_path: Path) -> None:
         with page.expect_response(_window(135), timeout=PATIENCE) as answered:
             page.locator(".stack").press("ArrowRight")
         assert unpacked(answered.value.body())["heater1"]["time"][0] == pytest.approx(135, abs=4)
+        for name in ("tile fit 0 heater2", "tile holdout 0 heater1", "tile holdout 0 heater2"):
+            page.locator(f"[id='{name}']").click(modifiers=["Shift"])
+        last = page.locator(".view").last
+        expect(page.locator(".view")).to_have_count(4)
+        expect(page.locator(".u-over").nth(3)).to_be_attached()
+        expect(last.locator(".u-over")).to_have_count(0)  # not on the screen, so not drawn yet
+        last.scroll_into_view_if_needed()
+        expect(last.locator(".u-over")).to_have_count(2)
+        page.locator("[id='tile fit 0 heater1']").click()
         page.locator(".u-over").first.hover()  # the network goes with the mouse
         expect(page.locator("#network p")).to_contain_text(re.compile(r"^log at 16\d"))
         page.locator("[data-link='ambient~heater1']").click(force=True)

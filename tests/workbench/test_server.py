@@ -114,8 +114,8 @@ def test_lines_of_a_window(browser: TestClient) -> None:
     assert 90 <= len(whole["time"]) <= 103
     assert whole["time"][-1] == 598.0
     assert max(whole["error now"]) == pytest.approx(9.94, abs=0.01)
-    both = {"start": "300", "stop": "310", "node": ["heater2", "heater1"]}
-    part = unpacked(browser.get("/lines", params=asked | both).content)
+    both = {"segment": "holdout 0", "start": "300", "stop": "310", "node": ["heater2", "heater1"]}
+    part = unpacked(browser.get("/lines", params=both).content)
     assert list(part) == ["heater2", "heater1"]
     assert part["heater1"]["time"].tolist() == [float(k) for k in range(299, 312)]
     assert (part["heater1"]["measured"] > part["heater2"]["measured"]).all()

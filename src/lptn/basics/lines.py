@@ -34,15 +34,16 @@ def decimated(time: FloatArray, values: FloatArray, most: int = MOST) -> tuple[F
     """
     if time.size <= most:
         return time, values
-    kept: list[int] = []
-    for block in np.array_split(np.arange(time.size), max(1, most // 2)):
-        finite = block[np.isfinite(values[block])]
-        if finite.size == 0:
-            kept.append(int(block[0]))
-        else:
-            extremes = finite[np.argmin(values[finite])], finite[np.argmax(values[finite])]
-            kept += sorted({int(index) for index in extremes})
-    return time[kept], values[kept]
+    starts = np.array([block[0] for block in np.array_split(np.arange(time.size), max(1, most // 2))])
+    missing = ~np.isfinite(values)
+    kept = [starts[np.logical_and.reduceat(missing, starts)]]
+    for extreme in (np.minimum, np.maximum):
+        filled = np.where(missing, np.inf if extreme is np.minimum else -np.inf, values)
+        reached = filled == np.repeat(extreme.reduceat(filled, starts), np.diff(starts, append=time.size))
+        first = np.flatnonzero(reached & ~missing)
+        kept.append(first[np.unique(np.searchsorted(starts, first, side="right"), return_index=True)[1]])
+    at = np.unique(np.concatenate(kept))
+    return time[at], values[at]
 
 
 def thinned(time: FloatArray, columns: FloatArray, most: int) -> tuple[FloatArray, FloatArray]:

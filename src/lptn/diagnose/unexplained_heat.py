@@ -8,9 +8,10 @@ is where it predicts too cold (error = predicted − measured < 0).
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from math import ceil
+from statistics import NormalDist
 
 import numpy as np
 
@@ -50,10 +51,8 @@ class UnexplainedHeat:
 
         It is the 95 % band widened for all nodes and minutes that are looked at: what decides whether heat is sure.
         """
-        from scipy.special import ndtri  # heavy, and few commands need it
-
         comparisons = len(self.nodes) * max(1.0, self.time.size * self.seconds / _INDEPENDENT)
-        return np.asarray(-float(ndtri(0.025 / comparisons)) / _WIDE * self.band)
+        return np.asarray(-NormalDist().inv_cdf(0.025 / comparisons) / _WIDE * self.band)
 
     @property
     def clear(self) -> FloatArray:
@@ -99,6 +98,7 @@ class HeatPeak:
 
 
 _GRID = (0.001, 0.003, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0)  # of the heat scale, wandered in a minute
+_FIRST_TRIED = 2  # of the grid
 _START, _HIDDEN_START = 1.5, 5.0  # K; how far a measured node, or any other state, may start from the fit
 _PARAMETER = 0.7  # of a logarithm, a factor of two: how far missing heat may have biased the fitted parameters
 _WIDE = 1.96  # standard deviations on either side of a 95 % band
@@ -119,9 +119,9 @@ def unexplained_heat(fit: Fit) -> list[UnexplainedHeat]:
     """
     runs = [blocks(fit, number) for number in range(len(fit.problem.bound_runs))]
     scale = _heat_scale(runs)
-    walk = max(
-        (share * scale / np.sqrt(60.0) for share in _GRID),
-        key=lambda walk: sum(likelihood(run, _prior(fit, run, scale, walk)) for run in runs),
+    walk = _likeliest(
+        [share * scale / np.sqrt(60.0) for share in _GRID],
+        lambda walk: sum(likelihood(run, _prior(fit, run, scale, walk)) for run in runs),
     )
     unexplained = []
     for run, bound in zip(runs, fit.problem.bound_runs, strict=True):
@@ -129,6 +129,24 @@ def unexplained_heat(fit: Fit) -> list[UnexplainedHeat]:
         nodes = tuple(fit.model.nodes[row] for row in run.rows)
         unexplained.append(UnexplainedHeat(bound.run.name, run.time, nodes, heat, _WIDE * spread, run.seconds))
     return unexplained
+
+
+def _likeliest(walks: Sequence[float], density: Callable[[float], float]) -> float:
+    """The walk with the highest density, which has one peak: climbed to from near the slow end, where most have it."""
+    known: dict[int, float] = {}
+
+    def height(number: int) -> float:
+        if number not in known:
+            known[number] = density(walks[number])
+        return known[number]
+
+    top = min(_FIRST_TRIED, len(walks) - 1)
+    while True:
+        around = [number for number in (top, top - 1, top + 1) if 0 <= number < len(walks)]
+        higher = max(around, key=height)
+        if higher == top:
+            return walks[top]
+        top = higher
 
 
 def stretches(runs: Sequence[UnexplainedHeat]) -> list[HeatPeak]:
@@ -584,4 +602,5 @@ def _correlation(one: FloatArray, other: FloatArray) -> float:
         return 0.0
     if np.ptp(one) == 0 or np.ptp(other) <= _CONSTANT * np.abs(other).max():
         return 0.0
-    return float(np.corrcoef(one, other)[0, 1])
+    one, other = one - one.mean(), other - other.mean()
+    return float(one @ other / np.sqrt((one @ one) * (other @ other)))

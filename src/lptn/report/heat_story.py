@@ -39,7 +39,7 @@ class HeatStory:
         run: number of the run whose heat is drawn.
         node: the node whose heat is drawn: where it is clearest, or comes nearest to its band.
         peak: where its heat is largest, `None` where none is beyond its band.
-        links: inputs that the node's heat goes with, closest first.
+        links: inputs that the node's heat goes with, closest first; none where it is none beyond chance.
     """
 
     fit: Fit
@@ -57,7 +57,8 @@ class HeatStory:
         given = unexplained_heat(fit)
         best = unexplained_heat(history.best.fit) if len(history.steps) > 1 else []
         run, node, peak = worst_of(given)
-        return cls(fit, given, best, run, node, peak, chosen_links(input_links(fit, given), node))
+        links = chosen_links(input_links(fit, given), node) if peak else []  # heat by chance goes with inputs by chance
+        return cls(fit, given, best, run, node, peak, links)
 
     @property
     def where(self) -> str:
@@ -144,7 +145,7 @@ def heat_line_picture(story: HeatStory) -> Picture:
     text = f"The heat that {story.node} lacks over time, with its 95 % band over all nodes and times; "
     text += "shaded where it is clearest."
     if story.peak is None:
-        text = f"No node lacks heat beyond chance; {story.node} comes nearest to it."
+        return picture(f"No node lacks heat beyond chance; {story.node} comes nearest to it.", drawing)
     return picture(f"{text} {_inputs(story.links)}", drawing)
 
 

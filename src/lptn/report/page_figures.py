@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Sequence
 from math import ceil
@@ -263,7 +264,7 @@ def heat_line(
 
 
 _CELL = 30.0  # px, a node's row
-_NOISE_IS_LIGHT = 5.0  # multiples of the noise up to which the colour scale reaches at least
+_NOISE_IS_LIGHT = 2.0  # multiples of the noise up to which the colour scale reaches at least; it begins at the noise
 
 
 def conditions(given: Comparison, best: Comparison | None = None) -> list[Markup]:
@@ -282,8 +283,10 @@ def conditions(given: Comparison, best: Comparison | None = None) -> list[Markup
     nodes = list(dict.fromkeys(cell.node for cells in left.values() for cell in cells))
     right = _panels(best) if best else {}
     every = [cell for cells in [*left.values(), *right.values()] for cell in cells]
-    noise = max(given.floor(cell.node) for cell in every)
-    most = max(max(cell.errors.rmse for cell in every), _NOISE_IS_LIGHT * noise)
+    noise = {cell.node: given.floor(cell.node) for cell in every}
+    shares = {id(cell): math.sqrt(max(cell.errors.rmse**2 - noise[cell.node] ** 2, 0.0)) for cell in every}
+    most = max(*shares.values(), _NOISE_IS_LIGHT * max(noise.values()))
+    shares = {number: strength(each / most) for number, each in shares.items()}
     quantities = list(left)
     rows = (
         [[(q, left[q]), (q, right[q])] for q in quantities]
@@ -303,7 +306,7 @@ def conditions(given: Comparison, best: Comparison | None = None) -> list[Markup
             draw.text(begin, 14, f"{quantity}{unit}, low to high")
             if best:
                 draw.text(begin + width, 14, NAMES[column], "end", "of-best" if column else "of-given")
-            _cells(draw, begin, width, cells, nodes, most)
+            _cells(draw, begin, width, cells, nodes, shares)
         drawn.append(draw.svg(f"RMSE by node and {row[0][0]}"))
     return drawn
 
@@ -318,14 +321,14 @@ def _panels(comparison: Comparison) -> dict[str, list[Condition]]:
 
 
 def _cells(
-    draw: Drawing, left: float, width: float, cells: Sequence[Condition], nodes: Sequence[str], most: float
+    draw: Drawing, left: float, width: float, cells: Sequence[Condition], nodes: Sequence[str], shares: dict[int, float]
 ) -> None:
     for row, node in enumerate(nodes):
         of_node = [cell for cell in cells if cell.node == node]
         for place, cell in enumerate(of_node):
             wide = width / len(of_node)
             x, y = left + place * wide, 20 + _CELL * row
-            share = strength(cell.errors.rmse / most)
+            share = shares[id(cell)]
             draw.rect(x, y, wide - 1, _CELL - 1, "bad", share=share)
             look = "on" if share > _ON_DARK else ""
             draw.text(x + wide / 2, y + 13, significant(cell.errors.rmse, 2), "middle", look)

@@ -98,7 +98,8 @@ def removed_in_words(history: History, number: int) -> str:
     removed = Removed.between(history.steps[number - 1].fit, history.steps[number].fit)
     if removed.share <= 0:
         return ""
-    text = f"It removes {100 * removed.share:.0f} % of the squared error that was left of the fitted runs"
+    share = "less than 1" if removed.share < 0.01 else f"{100 * removed.share:.0f}"
+    text = f"It removes {share} % of the squared error that was left of the fitted runs"
     for word, shares in (("at", removed.by_node), ("in", removed.by_run)):
         name = max(shares, key=shares.__getitem__)
         if len(shares) > 1 and shares[name] > _MOST:
@@ -371,11 +372,14 @@ def _errors(step: Step) -> str:
 
 def _fall(given: Step, best: Step) -> str:
     pairs = rmse_by_data(given, best)
-    changes = [f"from {kelvin(before)} to {kelvin(after)} on the {runs} runs" for runs, before, after in pairs]
-    text = f"With that the RMSE goes {listed(changes)}."
-    worse = [f"on the {runs} runs" for runs, before, after in pairs if after > HELPED * before]
-    if len(worse) == len(pairs):
-        return f"{text} It gets better nowhere."
+    alike = [
+        f"at {kelvin(before)} on the {runs} runs" for runs, before, after in pairs if kelvin(before) == kelvin(after)
+    ]
+    other = [each for each in pairs if kelvin(each[1]) != kelvin(each[2])]
+    changes = [f"goes from {kelvin(before)} to {kelvin(after)} on the {runs} runs" for runs, before, after in other]
+    changes = [*changes, *(f"stays {each}" for each in alike)]
+    text = f"With that the RMSE {listed(changes)}."
+    worse = [f"on the {runs} runs" for runs, before, after in other if after > HELPED * before]
     return f"{text} It does not get better {listed(worse, 'or')}." if worse else text
 
 
@@ -457,7 +461,8 @@ _PLAIN = 0.5  # share of the RMSE from which its mean is worth a word
 def caption_of_history(history: History) -> str:
     """Under the falling errors."""
     last = len(history.steps) - 1
-    held = "the held-out errors say where to end" if history.best.holdout else "no held-out errors check it"
+    ends = "where to end" if history.searched_from is not None else "how good it is"
+    held = f"the held-out errors say {ends}" if history.best.holdout else "no held-out errors check it"
     return f"RMSE from the model as given (step 0, blue) to the best model (step {last}, green); {held}."
 
 

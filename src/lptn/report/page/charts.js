@@ -82,7 +82,7 @@ class Charts {
     for (const view of this.picked) {
       const stack = h("div", { className: "stack", tabIndex: 0, ariaLabel: `${view.title}; + and − zoom, arrows move, 0 shows all`, onkeydown: event => this.key(event, view) });
       stack.setAttribute("role", "group");
-      this.list.append(h("h4", {}, view.title), stack);
+      this.list.append(h("h3", {}, view.title), stack);
       const lines = Object.fromEntries(Object.entries(view.lines).map(([name, values]) => [name, unpacked(values)]));
       const panels = this.content.panels.filter(panel => panel.lines.some(line => line.name in lines));
       panels.forEach((panel, number) => this.charts.push(this.chart(view, panel, lines, stack, number === panels.length - 1)));

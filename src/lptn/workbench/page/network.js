@@ -46,6 +46,7 @@ export class Network {
       this.styled.replaceSync(style);
       document.adoptedStyleSheets.push(this.styled);
     }
+    this.drawing.querySelector("svg").setAttribute("role", "group");  // its parts are buttons
     for (const each of this.drawing.querySelectorAll("[data-parameter]")) {
       if (each.dataset.parameter === "[]") continue;
       each.setAttribute("tabindex", 0);

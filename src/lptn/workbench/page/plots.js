@@ -6,6 +6,7 @@ import { h, kelvin, placed, triable } from "/sections.js";
 const GRID = [1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1200, 1800, 3600, 7200, 14400, 28800, 86400];  // s between ticks
 const LONG = 600, EPOCH = 1e6;  // s: minutes from here on; a clock that did not begin with the log
 const POINTS = 2;  // of a line to each pixel across: the smallest and the largest reading there
+const STRIDE = 0.01;  // of the width, by which a key moves the cursor
 const MOST_INPUTS = 4, MOST_COMPANIONS = 8;
 const UNITS = { torque: "N·m", current: "A", velocity: "rad/s", power: "W", speed: "m/s", temperature: "°C" };
 const NEAR = "200px";  // above and below the screen: plots that come into sight are drawn by then
@@ -94,7 +95,7 @@ export class Plots {
       h("button", { id: "whole", disabled: !window, onclick: () => this.zoom(segment.key, null) }, "Whole run"),
       h("button", { id: "special", disabled: !window, onclick: () => this.special(at, window) }, "What is special here?"),
       segment.job === "fitted" && cut("fit_on", "Fit on this"), segment.job === "fitted" && cut("hold_out", "Hold this out"), cut("leave_out", "Leave this out"),
-      h("small", null, window ? `${clock(window[0])} to ${clock(window[1])} s` : "Drag over a stretch to zoom; + − ← → with the keyboard.")].filter(Boolean));
+      h("small", null, window ? `${clock(window[0])} to ${clock(window[1])} s` : "Drag over a stretch to zoom; keys: + − ← →, with Shift the cursor.")].filter(Boolean));
     if (focused) document.getElementById(focused)?.focus();
   }
 
@@ -137,7 +138,7 @@ function unpacked(bytes) {
 class View {
   constructor(plots, { segment, node }) {
     Object.assign(this, { plots, segment, node, charts: [] });
-    this.stack = h("div", { className: "stack", tabIndex: 0, role: "group", ariaLabel: `${node} over time; + and − zoom, arrows move, 0 shows the whole run`, onkeydown: event => this.key(event) });
+    this.stack = h("div", { className: "stack", tabIndex: 0, role: "group", ariaLabel: `${node} over time; + and − zoom, arrows move, 0 shows the whole run, arrows with Shift move the cursor`, onkeydown: event => this.key(event) });
     this.element = h("div", { className: "view" }, this.title = h("h3"), this.stack, this.still = h("small"));
     this.element.view = this;
     plots.sight.observe(this.element);
@@ -252,8 +253,19 @@ class View {
     this.plots.zoom(this.segment, window);
   }
 
+  // The cursor by the keyboard: values are read where it stands.
+  point(event) {
+    const [chart] = this.charts, width = chart.over.clientWidth, { left } = chart.cursor, way = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
+    if (!way) return;
+    event.preventDefault();
+    const to = Math.min(Math.max((left < 0 ? width / 2 : left) + way * width * STRIDE, 0), width - 1);
+    chart.setCursor({ left: to, top: 10 }, true, true);
+    this.plots.page.at(this.segment, chart.posToVal(to, "x"));
+  }
+
   key(event) {
     if (event.ctrlKey || event.metaKey || event.altKey) return;
+    if (event.shiftKey && event.key.startsWith("Arrow")) return this.point(event);
     const [low, high] = this.window, width = high - low, { start, stop } = this.run;
     const moved = { "+": [0.25, -0.25], "=": [0.25, -0.25], "-": [-0.5, 0.5], ArrowLeft: [-0.25, -0.25], ArrowRight: [0.25, 0.25] }[event.key];
     if (event.key === "0" || event.key === "Escape") this.plots.zoom(this.segment, null);

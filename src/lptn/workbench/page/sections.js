@@ -13,6 +13,8 @@ export function h(tag, properties, ...children) {
 
 export const digits = (value, count = 3) => value == null ? "–" : Number(value).toPrecision(count).replace("-", "−");
 export const kelvin = value => value == null ? "–" : `${digits(value)} K`;
+const unit = each => each.unit.replaceAll("*", "·");
+const LARGEST = 1e12;  // what no bound of nature's bounds is declared to reach so far
 const signed = value => `${value < 0 ? "−" : "+"}${Math.abs(value) < 9.95 ? Math.abs(value).toPrecision(2) : Math.abs(value).toFixed(0)}`;
 const capital = text => text.charAt(0).toUpperCase() + text.slice(1);
 const listed = items => items.length < 2 ? items.join("") : `${items.slice(0, -1).join(", ")} and ${items.at(-1)}`;
@@ -67,8 +69,8 @@ export function steps(page) {
   // A row is kept for what may be tried: the page must not move under the mouse that tries it.
   const kept = answers?.answers.length > 0 && !tried && h("tr", null, h("td", { innerHTML: "&nbsp;" }));
   const table = h("table", null,
-    h("thead", null, h("tr", null, ["", "effect", "parameters", "fitted", ...(held ? ["held out"] : []), ...(tested ? ["test"] : []), ""].map((name, k) =>
-      h("th", { className: k < 2 ? "" : name ? "n" : "bar" }, name)))),
+    h("thead", null, h("tr", null, ["step", "effect", "parameters", "fitted", ...(held ? ["held out"] : []), ...(tested ? ["test"] : []), "RMSE"].map((name, k, all) =>
+      h("th", { className: k < 2 ? "" : k < all.length - 1 ? "n" : "bar" }, name)))),
     h("tbody", null, rows.map((step, number) => h("tr", { className: step.undone ? "undone" : "" },
       h("td", { className: "soft" }, step.attempt ? "?" : step.undone ? "" : `${number}`),
       h("td", null, step.name), h("td", { className: "n soft" }, step.parameters ?? ""),
@@ -126,6 +128,10 @@ export function where(page) {
     button.style.background = `rgb(${css.getPropertyValue(side)} / ${share * css.getPropertyValue("--most")})`;
     return h("td", null, button);
   };
+  // Nodes that no run measures have no tiles, and would be half the rows of a model of windings and housings.
+  const silent = state.nodes.filter((_, k) => order.every(({ key }) => !state.tiles[key].given[k]));
+  const rows = columns => state.nodes.map((node, k) => [node, k]).filter(([node]) => !silent.includes(node)).map(([node, k]) => h("tr", null, h("th", { scope: "row" }, node), columns(node, k)));
+  const unmeasured = silent.length ? h("p", null, h("small", null, `Measured in no run: ${listed(silent)}.`)) : null;
   const choice = (name, label) => h("button", { id: `show ${name}`, ariaPressed: shown === name, onclick: () => page.show(name) }, label);
   const grouping = (by, label) => h("button", { id: `by ${by}`, ariaPressed: page.by === by, onclick: () => page.group(by) }, label);
   const bar = h("div", { className: "row" }, h("h2", { style: "margin: 0" }, "Where it fails"), grouping("run", "by run"), grouping("condition", "by condition"), state.given !== state.now && [choice("given", "as given"), choice("now", "now")]);
@@ -138,8 +144,8 @@ export function where(page) {
         h("thead", null,
           h("tr", null, h("td"), groups.map(group => h("th", { scope: "colgroup", colSpan: columns.filter(each => each.group === group).length, className: "job" }, group))),
           h("tr", null, h("td"), columns.map(each => h("th", { scope: "col" }, h("span", null, each.name))))),
-        h("tbody", null, state.nodes.map((node, k) => h("tr", null, h("th", { scope: "row" }, node),
-          columns.map(each => tile(each.tiles[k], `${each.group} ${each.name}`, `${each.group}: ${each.name}${each.tiles[k]?.limits ? ` (${each.tiles[k].limits})` : ""}`, each.tiles[k]?.segment, node, false)))))))];
+        h("tbody", null, rows((node, k) =>
+          columns.map(each => tile(each.tiles[k], `${each.group} ${each.name}`, `${each.group}: ${each.name}${each.tiles[k]?.limits ? ` (${each.tiles[k].limits})` : ""}`, each.tiles[k]?.segment, node, false)))))), unmeasured];
   }
   return [bar, h("p", null, h("small", null, said)),
     h("div", { className: `tiles${order.length > 5 ? " narrow" : ""}` }, h("table", null,
@@ -147,7 +153,8 @@ export function where(page) {
         h("tr", null, h("td"), ["held out", "test", "fitted"].map(job => [job, order.filter(each => each.job === job).length]).filter(([, count]) => count)
           .map(([job, count]) => h("th", { scope: "colgroup", colSpan: count, className: "job" }, job))),
         h("tr", null, h("td"), order.map(each => h("th", { scope: "col" }, h("span", null, each.run))))),
-      h("tbody", null, state.nodes.map((node, k) => h("tr", null, h("th", { scope: "row" }, node), order.map(each => tile(state.tiles[each.key][shown][k], each.key, `${each.run} (${each.job})`, each.key, node, picked.some(p => p.segment === each.key && p.node === node)))))))),
+      h("tbody", null, rows((node, k) => order.map(each => tile(state.tiles[each.key][shown][k], each.key, `${each.run} (${each.job})`, each.key, node, picked.some(p => p.segment === each.key && p.node === node))))))),
+    unmeasured,
   ];
 }
 
@@ -235,9 +242,9 @@ export function data(page) {
 function parameterTable(page) {
   const { parameters, busy } = page.state, parts = [...new Set(parameters.map(each => each.part))];
   const fitted = parameters.filter(each => each.free).length, shown = parameters.filter(each => !page.part || each.part === page.part);
-  const short = value => value == null ? "∞" : Math.abs(value) >= 1e5 || value && Math.abs(value) < 1e-3 ? value.toExponential(1) : Number(value.toPrecision(4)).toString().replace("-", "−");
+  const short = value => value == null || Math.abs(value) >= LARGEST ? value < 0 ? "−∞" : "∞" : Math.abs(value) >= 1e5 || value && Math.abs(value) < 1e-3 ? value.toExponential(1) : Number(value.toPrecision(4)).toString().replace("-", "−");
   const said = each => each.free ? each.error == null ? "not determined" : `± ${short(Number((1.96 * each.error).toPrecision(2)))}` : "fixed";
-  const row = each => h("tr", null, h("td", null, each.name), h("td", { className: "n" }, digits(each.value, 4)), h("td", { className: "n soft" }, said(each)), h("td", { className: "soft" }, each.unit),
+  const row = each => h("tr", null, h("td", null, each.name), h("td", { className: "n" }, digits(each.value, 4)), h("td", { className: "n soft" }, said(each)), h("td", { className: "soft" }, unit(each)),
     h("td", { className: "n soft" }, each.free ? `${short(each.bounds[0])} … ${short(each.bounds[1])}` : ""),
     h("td", null, h("button", { id: `edit ${each.name}`, ariaExpanded: page.edited === each.name, onclick: () => page.edit(each.name) }, "Change")));
   const form = each => {
@@ -250,7 +257,7 @@ function parameterTable(page) {
       page.order(set);
     };
     return h("tr", null, h("td", { colSpan: 6 }, h("form", { className: "row", onsubmit: order(!each.free) },
-      field("set value", "value", Number(each.value.toPrecision(6))), field("set least", "at least", each.bounds[0]), field("set most", "at most", each.bounds[1]), each.unit,
+      field("set value", "value", Number(each.value.toPrecision(6))), field("set least", "at least", each.bounds[0]), field("set most", "at most", each.bounds[1]), unit(each),
       h("button", { id: "set", className: "first", disabled: busy }, "Fit again"),
       h("button", { id: "set other", type: "button", disabled: busy, onclick: order(each.free) }, each.free ? "Fix it there, and fit the rest" : "Free it"),
       each.together.length ? h("small", null, `Bounds, and whether it is fixed, go for ${listed(each.together)}, too: they are declared together.`) : null)));
@@ -258,7 +265,7 @@ function parameterTable(page) {
   return h("details", { id: "parameters" }, h("summary", null, `${fitted} fitted parameters, ${parameters.length - fitted} fixed`),
     parts.length > 1 && h("select", { id: "part", ariaLabel: "node or link", onchange: event => page.partOf(event.target.value) },
       h("option", { value: "" }, "all nodes and links"), parts.map(part => h("option", { value: part, selected: part === page.part }, part))),
-    h("table", { className: "parameters" }, h("thead", null, h("tr", null, ["", "value", "95 %", "", "bounds", ""].map(name => h("th", { className: "n" }, name)))),
+    h("table", { className: "parameters" }, h("thead", null, h("tr", null, ["parameter", "value", "95 %", "unit", "bounds"].map((name, k) => h("th", { className: k % 3 ? "n" : "" }, name)), h("td"))),
       h("tbody", null, shown.flatMap(each => page.edited === each.name ? [row(each), form(each)] : [row(each)]))));
 }
 
@@ -270,7 +277,7 @@ export function out(page) {
   return [h("h2", null, "Take away"),
     h("div", { className: "row" }, h("a", { className: "button", id: "get model", href: "/model", download: "better.toml" }, "Model file"),
       made("report", "story.html", "story.html", "Write the report"), made("fmu", "model.fmu", "model.fmu", "Build the FMU")),
-    h("details", { id: "commands" }, h("summary", null, "The same as commands"), h("pre", null, commands.join("\n"))),
-    h("details", { id: "python" }, h("summary", null, "The same in Python"), h("pre", null, python)),
+    h("details", { id: "commands" }, h("summary", null, "The same as commands"), h("pre", { tabIndex: 0 }, commands.join("\n"))),
+    h("details", { id: "python" }, h("summary", null, "The same in Python"), h("pre", { tabIndex: 0 }, python)),
     h("p", null, h("small", null, `What is done here is kept in ${folder}; the same command goes on from it.`))];
 }
