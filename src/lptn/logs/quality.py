@@ -343,6 +343,7 @@ def _suspect_counts(key: str, source: ColumnSource, readings: FloatArray) -> lis
 
 _COLDEST_FAHRENHEIT = (48.0, 120.0)  # degF, 9 … 49 degC: the coldest reading of a log in a room
 _COOLED = 3.0  # K, by which a robot that was so warm cools whenever it does less
+_OVER_ROBOT = 20.0  # K over the robot at the first reading: robots begin as warm as the room, or warmer
 _OVER_ROOM = 30.0  # K over the room at the first reading: hardly any log begins so warm
 _SAME_START = 6.0  # degF, how close the first readings then are to each other, and to the room's in degF
 
@@ -369,6 +370,13 @@ def suspect_fahrenheit(sources: Mapping[str, ColumnSource], values: Mapping[str,
             problem = "begins at {:.4g} degC, as all sensors do, and none of them ever cools: which looks like degF"
         return [_in_unit(key, sources[key], "degF", problem.format(first[key]), certain=certain) for key in keys]
     room = first.pop(AMBIENT, np.nan)
+    usual = float(np.median(list(first.values()))) if first else np.nan
+    in_range = _COLDEST_FAHRENHEIT[0] < room < _COLDEST_FAHRENHEIT[1]
+    if in_range and room - usual > _OVER_ROBOT and abs((room - 32) / 1.8 - usual) < _COOLED:
+        problem = (
+            f"surroundings of {room:.4g} degC around a robot that begins at {usual:.4g} degC, which look like degF"
+        )
+        return [_in_unit(AMBIENT, sources[AMBIENT], "degF", problem)]
     like_room = {
         key: start
         for key, start in first.items()
@@ -592,9 +600,11 @@ _LEAST_FOLLOWED = 2.0  # K, by which the ambient rises: less is the room, which 
 _MOST_FOLLOWED = 1.0  # of a joint's warmth: what moves farther moves the joint
 
 
-def _suspect_ambient(sources: Mapping[str, ColumnSource], values: Mapping[str, FloatArray]) -> list[Issue]:
+def _suspect_ambient(
+    sources: Mapping[str, ColumnSource], numbers: Mapping[str, FloatArray], values: Mapping[str, FloatArray]
+) -> list[Issue]:
     """An ambient sensor that is warmed by a joint: it goes with how much the joint is warmer than it."""
-    if AMBIENT not in sources:
+    if AMBIENT not in sources or np.isfinite(sources[AMBIENT].valid).any():  # who says what is valid knows the room
         return []
     air = values[AMBIENT]
     for key in (key for key in sources if _is_read_temperature(key, values[key]) and key != AMBIENT):
@@ -607,8 +617,12 @@ def _suspect_ambient(sources: Mapping[str, ColumnSource], values: Mapping[str, F
         if correlation > 0 and correlation**2 > _FOLLOWS and slope < _MOST_FOLLOWED:
             problem = f"rises with {key}, by {slope:.2g} K for each kelvin that this is warmer"
             remedy = (
-                "is the sensor near that joint? What leaves to the air can't be fitted with it; use one further away"
+                "is the sensor near that joint? What leaves to the air can't be fitted with it; use one further away,"
             )
+            remedy += (
+                ' or, for a log that begins at rest, ambient = "start" under [model]; if the room itself is warmed,'
+            )
+            remedy += f" write {_believed(AMBIENT, sources[AMBIENT], numbers)}"
             return [Issue(AMBIENT, sources[AMBIENT].columns[0], problem, remedy, False, kind="follows")]
     return []
 
@@ -651,7 +665,7 @@ def issues_of(
         elif key.startswith("velocity."):
             of_column = _suspect_power(key, source, values)
         issues += [*of_column, *suspect_silence(key, source, said, numbers, roles)]
-    issues += [*_suspect_duplicates(sources, values), *_suspect_ambient(sources, values)]
+    issues += [*_suspect_duplicates(sources, values), *_suspect_ambient(sources, numbers, values)]
     of_air = [issue.corrected for issue in issues if issue.key == AMBIENT]
     in_other_units = [issue for issue in issues if issue.key.startswith("temperature.") and issue.key != AMBIENT]
     if not in_other_units and all(corrected and corrected.unit == "degF" for corrected in of_air):

@@ -68,7 +68,7 @@ class _Copy:
 
     def at(self, position: float, size: int) -> FloatArray:
         """Readings of the copy, (size,), the first at a position in steps of the run; NaN where it has none."""
-        return self._at(position + np.arange(size) * self.ratio)
+        return self._at(np.asarray(position + np.arange(size) * self.ratio))
 
     def everywhere(self) -> FloatArray:
         """What the copy would read at each step of the run, (n,)."""
@@ -170,7 +170,7 @@ def _is_one(part: FloatArray, other: FloatArray) -> bool:
     if not np.isfinite(part).any():
         return True  # a sensor that says nothing says nothing against it
     noise = float(np.nanstd(np.diff(part))) / np.sqrt(2)
-    return _difference(part, other) <= max(_OF_NOISE * noise, _OF_SPREAD * float(np.nanstd(part)))
+    return bool(_difference(part, other) <= max(_OF_NOISE * noise, _OF_SPREAD * float(np.nanstd(part))))
 
 
 _LEAST_SHARED = 0.1  # correlation of the noise: of one row that is picked from a hundred that the other averages
