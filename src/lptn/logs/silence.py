@@ -194,6 +194,7 @@ def spikes(time: FloatArray, values: FloatArray, *, resolution: float = 0.0) -> 
 _FAULT_CODES = (0.0, -127.0, 85.0, -999.0, 999.0, 255.0, 65535.0, 32767.0, -32768.0)
 _FAR_OF_UNLISTED = 30.0  # K, from the readings on both sides: no sensor on a motor moves so far from row to row
 _TOO_HOT = 150.0  # degC: a number beyond, or below its negative, may be a code though it occurs but once
+_OF_FAR = 0.2  # of all readings so far off, that one number is: spikes hit the same one now and then by chance
 _MOST_CODES = 4  # of one sensor; with more of them it is noise
 
 
@@ -210,12 +211,12 @@ def codes(time: FloatArray, values: FloatArray) -> list[Silence]:
         return []
     levels = readings[np.concatenate(([True], np.diff(readings) != 0))]
     distance = np.fmin(np.abs(np.diff(levels, prepend=np.nan)), np.abs(np.diff(levels, append=np.nan)))
-    found = []
+    found, lone = [], np.count_nonzero(distance > _FAR_OF_UNLISTED)
     for level in np.unique(levels[distance > _FAR]):
         distances = distance[levels == level]
         listed = level in _FAULT_CODES
         far = (distances > (_FAR if listed else _FAR_OF_UNLISTED)).all()
-        if far and (listed or abs(level) > _TOO_HOT or distances.size > 1):
+        if far and (listed or abs(level) > _TOO_HOT or distances.size > max(1, _OF_FAR * lone)):
             found.append(float(level))
     # A minority: of a sensor that reads nothing else, nothing tells which is the code.
     if np.isin(readings, found).mean() >= 0.5 or len(found) > _MOST_CODES:
