@@ -39,7 +39,7 @@ from lptn.identify.data import (
 )
 from lptn.identify.fitting import Checkpoint, Fit, finished
 from lptn.identify.validation import SymmetryTrial, fit_split, holdout_errors
-from lptn.logs.beside import refuse_other_units
+from lptn.logs.beside import refuse_doubtful, refuse_other_units
 from lptn.logs.repeated import repeated_stretch
 from lptn.logs.run import Run
 from lptn.model.file import ModelFile, added
@@ -309,9 +309,9 @@ class Study:
         """Say which effect of the catalogue is missing, where, how sure, and what else would look the same.
 
         Raises:
-            InputError: there is nothing to fit.
+            InputError: there is nothing to fit, or a channel of what is fitted may be in another unit.
         """
-        self._needs_fit_data()
+        self._needs_conclusive_data()
         number = max(len(self._steps) - 1, 0)
         if number not in self._diagnoses:
             self._diagnoses[number] = self._diagnosis_of(self.model)
@@ -393,9 +393,9 @@ class Study:
             found: called after each step with the best steps so far, the model as it is now first.
 
         Raises:
-            InputError: there is nothing to fit.
+            InputError: there is nothing to fit, or a channel of what is fitted may be in another unit.
         """
-        self._needs_fit_data()
+        self._needs_conclusive_data()
         history = improve(
             self.model,
             self.data,
@@ -578,6 +578,10 @@ class Study:
     def _needs_fit_data(self) -> None:
         if not self.data.fit:
             raise InputError("study", "fit", "no run", "one log or more to fit")
+
+    def _needs_conclusive_data(self) -> None:
+        self._needs_fit_data()
+        refuse_doubtful([segment.run for segment in self.data.fit])
 
     def _leave(self) -> None:
         """Keep what was undone as a branch, where the study goes another way now."""

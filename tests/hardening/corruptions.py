@@ -279,11 +279,11 @@ CORRUPTIONS: dict[str, Corruption] = {
     "one torque of 18,000 N·m": Corruption(_single(_TORQUE, 18_000.0), _TORQUE, ("size", "refused")),
     "torque in mN·m": Corruption(_scaled(_TORQUE, 1000.0), _TORQUE, ("size", *_UNIT)),
     "torque in mN·m, named so": Corruption(_renamed(_TORQUE, "torque.{joint}_mNm", 1000.0), "*", _UNIT),
-    "a torque in counts of a converter": Corruption(_converted("torque", 60.0, 1.0), _TORQUE, _UNIT),
+    "a torque in counts of a converter": Corruption(_converted("torque", 60.0, 1.0), _TORQUE, ("counts",)),
     "a torque that nobody measures": Corruption(_zero_throughout, _TORQUE, ("frozen",)),
     "an infinite torque": Corruption(_single(_TORQUE, np.inf), _TORQUE, ("refused",)),
     "current in mA": Corruption(_current(1000.0), "current.{joint}", _UNIT),
-    "a current in counts of a converter": Corruption(_converted("current", 100.0, 2.0), "current.{joint}", _UNIT),
+    "a current in counts of a converter": Corruption(_converted("current", 100.0, 2.0), "current.{joint}", ("counts",)),
     # Of slow joints no number tells: at 86 times its speed a hip of 3 N·m still has a power that joints have.
     "speed in rpm of the motor": Corruption(_scaled(_SPEED, 30 / np.pi * 9), _SPEED, _UNIT),
     "a speed freezes": Corruption(_frozen(_SPEED, 900, 0.1), _SPEED, _STILL),

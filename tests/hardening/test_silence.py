@@ -143,3 +143,12 @@ def test_a_code_twice_in_a_row_is_no_reading() -> None:
     (issue,) = run.issues
     assert (issue.kind, "these readings are left out" in issue.remedy) == ("code", True)
     assert np.nanmin(run.temperature("FR_calf")) > 10.0
+
+
+def test_a_sensor_that_shows_its_noise_is_frozen_after_a_minute() -> None:
+    rng, time = np.random.default_rng(3), np.arange(0.0, 1200.0, 0.5)
+    readings = 30 + 0.01 * time + rng.normal(0, 0.1, time.size)
+    readings[800:1000], readings[1100:1120] = readings[800], readings[1100]  # 100 s, and 10 s
+    (frozen,) = silences(time, readings)
+    assert (frozen.kind, frozen.start, frozen.stop) == ("frozen", 400.0, 499.5)
+    assert not silences(time, np.round(readings / 0.1) * 0.1, resolution=0.1)  # such a one may stand for longer

@@ -331,3 +331,13 @@ def test_a_torque_that_always_brakes_has_its_sign_turned_round(write: Write) -> 
     assert not only(write(columns | {"torque.a": torque})).issues
     in_turn = [each * (-1) ** (k // 10) for k, each in enumerate(torque)]
     assert not only(write(columns | {"torque.a": in_turn})).issues
+
+
+def test_spikes_that_hit_one_number_twice_by_chance_are_no_codes(write: Write) -> None:
+    rng = np.random.default_rng(4)
+    time, readings = np.arange(2000.0), np.round(30 + rng.normal(0, 0.1, 2000), 1)
+    rows = rng.choice(np.arange(5, 1995, 4), 60, replace=False)
+    readings[rows] = np.round(30 + rng.choice([-1, 1], 60) * rng.uniform(31, 40, 60), 1)
+    assert np.unique(readings[rows]).size < 60
+    run = only(write({"time": time.tolist(), "temperature.a": readings.tolist()}))
+    assert [issue.kind for issue in run.issues] == ["spike"]

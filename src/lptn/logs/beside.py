@@ -1,4 +1,8 @@
-"""A doubt about one run's unit that the other runs of the same robot settle: its room is theirs, said in degF."""
+"""What becomes of doubts about a log: one that another run settles, and those that leave nothing to conclude.
+
+What is only doubted is read as it stands, since machines are of many kinds: a fit is made, and says what looks wrong.
+But what such a log would say of physics may be the logger's doing, and is not concluded from it.
+"""
 
 from __future__ import annotations
 
@@ -33,6 +37,24 @@ def refuse_other_units(runs: Sequence[Run]) -> None:
                 raise InputError(
                     run.source, place, f"{problem}, since {other.source} begins at {there:.3g} degC", remedy
                 )
+
+
+_DECIDES = ("unit", "counts", "sign", "follows")  # kinds of issues: all readings of the channel are something else
+
+
+def refuse_doubtful(runs: Sequence[Run]) -> None:
+    """Refuse to conclude from runs of which a whole channel may be something else than it is read as.
+
+    Args:
+        runs: of which physics would be concluded.
+
+    Raises:
+        InputError: there is one; its remedies are the entry that corrects it, and the one that says it is right.
+    """
+    for run in runs:
+        for issue in (issue for issue in run.issues if issue.kind in _DECIDES):
+            place, problem, remedy = issue.error
+            raise InputError(run.source, place, problem, f"a log that conclusions can be drawn from: {remedy}")
 
 
 def _room(run: Run) -> float | None:

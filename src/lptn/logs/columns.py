@@ -142,8 +142,7 @@ class ColumnSource:
             x = _COMBINED[self.how](columns)
         if self.scale != 1 or self.offset:  # a copy of millions of rows only where it says something else
             x = self.scale * x + self.offset
-        there = np.flatnonzero(np.isfinite(x)) if self.afterwards is not None else ()
-        if len(there):
+        if self.afterwards is not None and (there := np.flatnonzero(np.isfinite(x))).size:
             x = np.where(np.arange(x.size) > there[-1], self.afterwards, x)
         return to_si(x, quantity, self.unit)
 

@@ -31,8 +31,8 @@ class Issue:
         remedy: what to write, or to do.
         certain: it can't be right as it is read.
         corrected: the entry of [columns] that the remedy proposes, if it proposes one.
-        kind: of what is odd: "unit", "wrap", "code", "spike", "frozen", "clamped", "dead", "duplicate", "follows",
-            "size", "sign".
+        kind: of what is odd: "unit", "counts", "wrap", "code", "spike", "frozen", "clamped", "dead", "duplicate",
+            "follows", "size", "sign".
         stretch: s, the first and last time of what is odd; all of the log by default.
     """
 
@@ -324,23 +324,26 @@ def _suspect_counts(key: str, source: ColumnSource, readings: FloatArray) -> lis
     bits = _bits_of(readings)
     zero = 2 ** (bits - 1)
     away = np.abs(readings - zero) / (2 * zero)
-    if bits and readings.min() > 0 and np.median(away) < _MOST_AWAY and away.min() < _AT_REST:
-        corrected = replace(source, scale=full / zero, offset=-full)
-        problem = f"whole numbers from {readings.min():.6g} to {readings.max():.6g}, as a converter of {bits} bit gives"
-        remedy = f"for one with ±{full:g} {unit} at full scale, say, write {{}}"
-        return [_correctable(key, problem, corrected, True, remedy)]
     high = float(np.percentile(np.abs(readings), 99))
     whole = bool((np.round(readings) == readings).all())
-    if quantity == "torque" and whole and _LARGEST_WHOLE_TORQUE < high <= _MOST_TORQUE:
+    if bits and readings.min() > 0 and np.median(away) < _MOST_AWAY and away.min() < _AT_REST:
+        meant = replace(source, scale=full / zero, offset=-full)
+        problem = f"whole numbers from {readings.min():.6g} to {readings.max():.6g}, as a converter of {bits} bit gives"
+        what, certain = "one", True
+    elif quantity == "torque" and whole and _LARGEST_WHOLE_TORQUE < high <= _MOST_TORQUE:
+        meant = replace(source, scale=full / 2**11)
         problem = f"whole numbers up to {high:.4g}, which look like the counts of a converter"
-        corrected = replace(source, scale=full / 2**11)
-        remedy = f"for 12 bit with ±{full:g} {unit} at full scale, say, write {{}}"
-        return [_correctable(key, problem, corrected, False, remedy)]
-    return []
+        what, certain = "12 bit", False
+    else:
+        return []
+    # No number tells its full scale, so that nobody is to take this line unseen.
+    remedy = f"for {what} with ±{full:g} {unit} at full scale, say, write {as_line_or_option(key, meant)}"
+    return [Issue(key, source.columns[0], problem, remedy, certain, kind="counts")]
 
 
 _COLDEST_FAHRENHEIT = (48.0, 120.0)  # degF, 9 … 49 degC: the coldest reading of a log in a room
 _COOLED = 3.0  # K, by which a robot that was so warm cools whenever it does less
+_OVER_ROBOT = 20.0  # K over the robot at the first reading: robots begin as warm as the room, or warmer
 _OVER_ROOM = 30.0  # K over the room at the first reading: hardly any log begins so warm
 _SAME_START = 6.0  # degF, how close the first readings then are to each other, and to the room's in degF
 
@@ -367,6 +370,13 @@ def suspect_fahrenheit(sources: Mapping[str, ColumnSource], values: Mapping[str,
             problem = "begins at {:.4g} degC, as all sensors do, and none of them ever cools: which looks like degF"
         return [_in_unit(key, sources[key], "degF", problem.format(first[key]), certain=certain) for key in keys]
     room = first.pop(AMBIENT, np.nan)
+    usual = float(np.median(list(first.values()))) if first else np.nan
+    in_range = _COLDEST_FAHRENHEIT[0] < room < _COLDEST_FAHRENHEIT[1]
+    if in_range and room - usual > _OVER_ROBOT and abs((room - 32) / 1.8 - usual) < _COOLED:
+        problem = (
+            f"surroundings of {room:.4g} degC around a robot that begins at {usual:.4g} degC, which look like degF"
+        )
+        return [_in_unit(AMBIENT, sources[AMBIENT], "degF", problem)]
     like_room = {
         key: start
         for key, start in first.items()
@@ -411,6 +421,7 @@ def suspect_wrap(key: str, source: ColumnSource, raw: FloatArray) -> list[Issue]
 
 
 _MOST_TORQUE = 1000.0  # N·m: no robot's joint bears more
+_OUTLIERS = 0.01  # of the readings: fewer are single ones gone wrong, not another unit
 
 
 @dataclass(frozen=True)
@@ -459,27 +470,27 @@ def suspect_silence(
     for each in (each for each in silent if each.kind != "code"):
         number, count = f"{each.value:.6g}", int(each.rows.sum())
         problem = f"{each.kind} at {number} {unit} from {each.start:.6g} to {each.stop:.6g} s"
-        entry = "in its entry of [columns]"
-        if_so = f"if it was so, write valid = [LEAST, GREATEST] {entry}"
+        believed = f"write {_believed(key, source, numbers)}"
         if each.kind == "spike":
             problem = f"{count} spike{'s' * (count > 1)} of up to {each.value:.3g} K in single readings "
             problem += f"from {each.start:.6g} to {each.stop:.6g} s"
             remedy = "these readings are left out"
         elif each.whole and quantity in INPUTS:
             problem = f"reads {number} {unit} throughout, {each.stop - each.start:.4g} s, while the joint moves"
-            remedy = f"the heat of {place} is not known; map the column that has it; {if_so}"
+            remedy = f"the heat of {place} is not known; map the column that has it; if it was so, {believed}"
         elif each.whole:
             problem = f"reads {number} {unit} throughout, {each.stop - each.start:.4g} s, while another one moves"
             remedy = "it is the only sensor, and counts all the same; if it was stuck, nothing can be concluded from it"
             if roles.left_out(key, source, each):
-                remedy = f"it is left out; if it is alive all the same, write valid = [LEAST, GREATEST] {entry}"
+                remedy = f"it is left out; if it is alive all the same, {believed}"
         elif not roles.left_out(key, source, each):
-            remedy = f"it is taken as it stands; with invalid = [{number}] {entry} it is a gap"
+            gap = replace(source, invalid=(*source.invalid, _in_file(source, each, numbers)))
+            remedy = f"it is taken as it stands; to have a gap there, write {as_line_or_option(key, gap)}"
         elif key in roles.predicted:
             remedy = "these readings are left out"
         else:
             what = f"the heat of {place}" if quantity in INPUTS else "what it gives to the model"
-            remedy = f"{what} is not known there, so that the log is cut; {if_so}"
+            remedy = f"{what} is not known there, so that the log is cut; if it was so, {believed}"
         if each.column:
             problem = f"its column '{each.column}' {'is ' * (not each.whole)}{problem}"
         stretch = (each.start, each.stop)
@@ -488,13 +499,25 @@ def suspect_silence(
     return [issue for some in issues for issue in some]
 
 
+def _in_file(source: ColumnSource, silence: Silence, numbers: Mapping[str, FloatArray]) -> float:
+    """The number that the file has in a silence."""
+    return float(np.median(numbers[silence.column or source.columns[0]][silence.rows]))
+
+
+def _believed(key: str, source: ColumnSource, numbers: Mapping[str, FloatArray]) -> str:
+    """The entry by which all that a channel says is valid: a range with some room around all its numbers."""
+    raw = np.concatenate([numbers[name][np.isfinite(numbers[name])] for name in source.columns])
+    far = float(f"{max(2 * np.abs(raw).max(initial=0.0), 1.0):.0e}")
+    return as_line_or_option(key, replace(source, valid=(-far, far)))
+
+
 def _of_codes(key: str, source: ColumnSource, codes: list[Silence], numbers: Mapping[str, FloatArray]) -> list[Issue]:
     """The fault codes of a channel, all in one."""
     if not codes or (len(source.columns) > 1 and source.how != "mean"):
         return []
     count = int(sum(code.rows.sum() for code in codes))
     listed = " and ".join(f"{code.value:.6g}" for code in codes)
-    in_file = [float(np.median(numbers[code.column or source.columns[0]][code.rows])) for code in codes]
+    in_file = [_in_file(source, code, numbers) for code in codes]
     problem = f"{count} reading{'s' * (count > 1)} of exactly {listed} degC, far from those around: a fault code"
     corrected = replace(source, invalid=tuple(dict.fromkeys((*source.invalid, *in_file))))
     remedy = "these readings are left out; to have it in the model file, write {}"
@@ -508,7 +531,14 @@ def _suspect_torque(key: str, source: ColumnSource, values: FloatArray) -> list[
         return []
     count, most = int(beyond.sum()), float(np.nanmax(np.abs(values)))
     problem = f"{count} value{'s' * (count != 1)} up to {most:.4g} N*m, more than any joint bears"
-    remedy = 'write its unit, such as unit = "mN*m", or valid = [LEAST, GREATEST], in its entry of [columns]'
+    if source.scale == 1 and source.unit is None and len(source.columns) == 1:
+        outliers = beyond.mean() < _OUTLIERS
+        meant = replace(source, valid=(-_MOST_TORQUE, _MOST_TORQUE)) if outliers else replace(source, unit="mN*m")
+        remedy = (
+            "to leave them out, write {}" if outliers else "if it is in mN*m, write {}, and any other unit likewise"
+        )
+        return [_correctable(key, problem, meant, True, remedy, kind="size")]
+    remedy = f"write another unit, or valid = [{-_MOST_TORQUE:g}, {_MOST_TORQUE:g}], in its entry of [columns]"
     return [Issue(key, source.columns[0], problem, remedy, True, kind="size")]
 
 
@@ -570,9 +600,11 @@ _LEAST_FOLLOWED = 2.0  # K, by which the ambient rises: less is the room, which 
 _MOST_FOLLOWED = 1.0  # of a joint's warmth: what moves farther moves the joint
 
 
-def _suspect_ambient(sources: Mapping[str, ColumnSource], values: Mapping[str, FloatArray]) -> list[Issue]:
+def _suspect_ambient(
+    sources: Mapping[str, ColumnSource], numbers: Mapping[str, FloatArray], values: Mapping[str, FloatArray]
+) -> list[Issue]:
     """An ambient sensor that is warmed by a joint: it goes with how much the joint is warmer than it."""
-    if AMBIENT not in sources:
+    if AMBIENT not in sources or np.isfinite(sources[AMBIENT].valid).any():  # who says what is valid knows the room
         return []
     air = values[AMBIENT]
     for key in (key for key in sources if _is_read_temperature(key, values[key]) and key != AMBIENT):
@@ -585,8 +617,12 @@ def _suspect_ambient(sources: Mapping[str, ColumnSource], values: Mapping[str, F
         if correlation > 0 and correlation**2 > _FOLLOWS and slope < _MOST_FOLLOWED:
             problem = f"rises with {key}, by {slope:.2g} K for each kelvin that this is warmer"
             remedy = (
-                "is the sensor near that joint? What leaves to the air can't be fitted with it; use one further away"
+                "is the sensor near that joint? What leaves to the air can't be fitted with it; use one further away,"
             )
+            remedy += (
+                ' or, for a log that begins at rest, ambient = "start" under [model]; if the room itself is warmed,'
+            )
+            remedy += f" write {_believed(AMBIENT, sources[AMBIENT], numbers)}"
             return [Issue(AMBIENT, sources[AMBIENT].columns[0], problem, remedy, False, kind="follows")]
     return []
 
@@ -623,14 +659,13 @@ def issues_of(
         said = silent.get(key, [])
         if of_column:
             # Readings in another unit look like codes, and like spikes; a converter rests at another number than 0.
-            rests_at_zero = all(not issue.corrected or not issue.corrected.offset for issue in of_column)
-            said = [each for each in said if each.lasts and rests_at_zero]
+            said = [each for each in said if each.lasts and of_column[0].kind != "counts"]
         elif key.startswith("torque."):
             of_column = _suspect_torque(key, source, values[key]) or _suspect_sign(key, source, values)
         elif key.startswith("velocity."):
             of_column = _suspect_power(key, source, values)
         issues += [*of_column, *suspect_silence(key, source, said, numbers, roles)]
-    issues += [*_suspect_duplicates(sources, values), *_suspect_ambient(sources, values)]
+    issues += [*_suspect_duplicates(sources, values), *_suspect_ambient(sources, numbers, values)]
     of_air = [issue.corrected for issue in issues if issue.key == AMBIENT]
     in_other_units = [issue for issue in issues if issue.key.startswith("temperature.") and issue.key != AMBIENT]
     if not in_other_units and all(corrected and corrected.unit == "degF" for corrected in of_air):

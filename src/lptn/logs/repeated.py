@@ -64,24 +64,24 @@ class _Copy:
     def __init__(self, readings: FloatArray, ratio: float, means: bool) -> None:
         self.length, self.ratio, self._means, self._readings = readings.size, ratio, means, readings
         self._sums = np.concatenate(([0.0], np.cumsum(np.nan_to_num(readings))))
+        self._steps = np.arange(readings.size + 1.0)
         self._counts = np.concatenate(([0.0], np.cumsum(np.isfinite(readings))))
 
     def at(self, position: float, size: int) -> FloatArray:
         """Readings of the copy, (size,), the first at a position in steps of the run; NaN where it has none."""
-        return self._at(position + np.arange(size) * self.ratio)
+        return self._at(np.asarray(position + np.arange(size) * self.ratio))
 
     def everywhere(self) -> FloatArray:
         """What the copy would read at each step of the run, (n,)."""
-        return self._at(np.arange(float(self.length)))
+        return self._at(self._steps[:-1])
 
     def _at(self, positions: FloatArray) -> FloatArray:
         if not self._means:
-            whole = np.arange(self.length)
-            return np.asarray(np.interp(positions, whole, self._readings, left=np.nan, right=np.nan))
-        edges = np.arange(self.length + 1)
+            return np.asarray(np.interp(positions, self._steps[:-1], self._readings, left=np.nan, right=np.nan))
         ends = [np.clip(each, 0, self.length) for each in (positions, positions + self.ratio)]
         total, count = (
-            np.diff([np.interp(end, edges, each) for end in ends], axis=0)[0] for each in (self._sums, self._counts)
+            np.diff([np.interp(end, self._steps, each) for end in ends], axis=0)[0]
+            for each in (self._sums, self._counts)
         )
         return np.where(count > self.ratio - 1e-6, total / self.ratio, np.nan)
 
@@ -170,18 +170,19 @@ def _is_one(part: FloatArray, other: FloatArray) -> bool:
     if not np.isfinite(part).any():
         return True  # a sensor that says nothing says nothing against it
     noise = float(np.nanstd(np.diff(part))) / np.sqrt(2)
-    return _difference(part, other) <= max(_OF_NOISE * noise, _OF_SPREAD * float(np.nanstd(part)))
+    return bool(_difference(part, other) <= max(_OF_NOISE * noise, _OF_SPREAD * float(np.nanstd(part))))
 
 
 _LEAST_SHARED = 0.1  # correlation of the noise: of one row that is picked from a hundred that the other averages
 _CHANCE = 6.0  # standard deviations of it, which other readings reach once in 500 million
 _SPREAD = np.sqrt(35 / 18)  # of a correlation of N second differences of white noise, times √N
+_MOST_COLUMNS = 4  # that are compared at each of the places, of which there may be hundreds
 _MOST_ROWS = 5000  # that are compared: such a correlation shows in a tenth of them
 _NOISY = -0.5  # correlation of a second difference with the next one, below which it is noise: -2/3 where it is white
 
 
 def _same_noise(coarse: Mapping[str, FloatArray], copies: Mapping[str, _Copy], stretch: _Stretch) -> _Stretch | None:
-    """A long stretch there, if the noise of all columns together goes with that of the other's.
+    """A long stretch there, if the noise of some columns together goes with that of the other's.
 
     Second differences leave noise alone where a temperature moves little from row to row. Days of one motion have one
     ripple, but hardly one level.
@@ -193,7 +194,7 @@ def _same_noise(coarse: Mapping[str, FloatArray], copies: Mapping[str, _Copy], s
     size = min(length - first, int((copy.length - position) / ratio), _MOST_ROWS)
     parts = {name: values[first : first + size] for name, values in coarse.items()}
     noises = {name: np.diff(part, n=2) for name, part in parts.items() if not _is_rounding(part)}
-    noises = {name: noise for name, noise in noises.items() if _is_noise(noise)}
+    noises = {name: noises[name] for name in [name for name in noises if _is_noise(noises[name])][:_MOST_COLUMNS]}
     best, found = 0.0, None
     for at in position + np.arange(-np.ceil(_AROUND * ratio), np.ceil(_AROUND * ratio) + 1):
         score, rows = 0.0, 0

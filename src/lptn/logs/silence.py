@@ -50,9 +50,10 @@ class Silence:
         return self.kind not in ("spike", "code")
 
 
-_SHORTEST = 60.0  # s, of a number far from all others; nothing thermal is lost in less
+_SHORTEST = 60.0  # s, of a number far from all others, or of a sensor that never repeats itself; in less little is lost
 STILL = 180.0  # s, of one among them: filters in drives let a steady motor's reading stand for two minutes
 CHANCE = 1e-6  # that a live sensor would ever give the same number for so long
+_REPEATS = 0.02  # share of readings like the one before, below which a sensor shows all of its noise
 _REVERSALS = 0.2  # share of changes that turn back: above it, what changes is noise; of a smooth rise there are none
 _LIVELY = 0.7  # share of readings like the one before, up to which a sensor without steps shows its noise
 _BY_TWO, _STAYS = 0.02, 0.85
@@ -86,9 +87,10 @@ def silences(
     spans = stamps[last] - stamps[first]
     found = []
     rests = (spans >= _SHORTEST) & (readings[first] == 0) & (not temperature)  # joints that stand say so for long
+    shortest = _SHORTEST if temperature and _hardly_repeats(last - first, spans) else STILL
     for k in np.flatnonzero(spans >= _SHORTEST):
         lone = _is_alone(readings, first[k], last[k]) if temperature else False
-        if not lone and spans[k] < STILL:
+        if not lone and spans[k] < shortest:
             continue
         if not lone and not _is_too_long(stamps, readings, first, last, int(k), rests, resolution, temperature):
             continue
@@ -109,6 +111,19 @@ def _is_alone(readings: FloatArray, first: int, last: int) -> bool:
         return False
     outside = readings[first] < others.min() - _FAR or readings[first] > others.max() + _FAR
     return bool((np.abs(beside - readings[first]) > _FAR).all() and outside)
+
+
+def _hardly_repeats(repeats: IntArray, spans: FloatArray) -> bool:
+    """Whether a channel says another number each time, but in long stretches.
+
+    Args:
+        repeats: how often each number is said once more in a row, shape (m,).
+        spans: for how long each stands [s], shape (m,).
+    """
+    short = spans < _SHORTEST
+    repeated = int(repeats[short].sum())
+    steps = repeated + repeats.size - 1  # from reading to reading, but for those in such stretches
+    return steps >= _FEWEST and repeated < _REPEATS * steps
 
 
 def _is_too_long(
@@ -194,6 +209,7 @@ def spikes(time: FloatArray, values: FloatArray, *, resolution: float = 0.0) -> 
 _FAULT_CODES = (0.0, -127.0, 85.0, -999.0, 999.0, 255.0, 65535.0, 32767.0, -32768.0)
 _FAR_OF_UNLISTED = 30.0  # K, from the readings on both sides: no sensor on a motor moves so far from row to row
 _TOO_HOT = 150.0  # degC: a number beyond, or below its negative, may be a code though it occurs but once
+_OF_FAR = 0.2  # of all readings so far off, that one number is: spikes hit the same one now and then by chance
 _MOST_CODES = 4  # of one sensor; with more of them it is noise
 
 
@@ -210,12 +226,12 @@ def codes(time: FloatArray, values: FloatArray) -> list[Silence]:
         return []
     levels = readings[np.concatenate(([True], np.diff(readings) != 0))]
     distance = np.fmin(np.abs(np.diff(levels, prepend=np.nan)), np.abs(np.diff(levels, append=np.nan)))
-    found = []
+    found, lone = [], np.count_nonzero(distance > _FAR_OF_UNLISTED)
     for level in np.unique(levels[distance > _FAR]):
         distances = distance[levels == level]
         listed = level in _FAULT_CODES
         far = (distances > (_FAR if listed else _FAR_OF_UNLISTED)).all()
-        if far and (listed or abs(level) > _TOO_HOT or distances.size > 1):
+        if far and (listed or abs(level) > _TOO_HOT or distances.size > max(1, _OF_FAR * lone)):
             found.append(float(level))
     # A minority: of a sensor that reads nothing else, nothing tells which is the code.
     if np.isin(readings, found).mean() >= 0.5 or len(found) > _MOST_CODES:
