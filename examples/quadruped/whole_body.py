@@ -108,12 +108,13 @@ def _quickly(model: Model, runs: Sequence[Run]) -> Fit:
     would be fitted as the robot's own. Nothing of the kind is fitted to a run that is predicted.
     """
     averages = [run.coarsen(round(_SLOW_STEP / run.step)) for run in runs]
+    outside = "*_case" if any(node.endswith("_case") for node in model.nodes) else "*_*"
     granted = [
         each
         for run in runs
         for each in (
             _granted(AmbientOffset(), "ambient", AMBIENT_ERROR, run),
-            _granted(SurfaceScale(), "*_case", SURFACE_ERROR, run),
+            _granted(SurfaceScale(), outside, SURFACE_ERROR, run),
         )
     ]
     own = Model(model.network.with_effects(granted))
