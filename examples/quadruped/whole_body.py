@@ -94,9 +94,13 @@ def trial(seed: int, level: Level, folder: Path, only: Sequence[str] | None = No
         loaded = load_model(path)
         runs, held = (loaded.runs(_logs(kind, seed, level, folder, only)) for kind in ("protocol", "tests"))
         whole = split_data(runs, held)
-        data.append(whole if only is None or model is not None else whole.coarsened(_FAST_STEP))
+        averaged = whole if only is None else whole.coarsened(_FAST_STEP)
+        data.append(averaged if model is None else whole)
         began = time.perf_counter()
-        fitted.append(fit_segments(loaded.model, data[-1].fit) if model is None else _quickly(loaded.model, runs))
+        if chosen == "windings":
+            fitted.append(_quickly(loaded.model, runs))
+        else:
+            fitted.append(fit_segments(loaded.model, averaged.fit))
         seconds = seconds or time.perf_counter() - began
     return Trial(seed, (fitted[0], fitted[1]), *(_errors(fitted, data, held) for held in (False, True)), seconds)
 
@@ -108,13 +112,12 @@ def _quickly(model: Model, runs: Sequence[Run]) -> Fit:
     would be fitted as the robot's own. Nothing of the kind is fitted to a run that is predicted.
     """
     averages = [run.coarsen(round(_SLOW_STEP / run.step)) for run in runs]
-    outside = "*_case" if any(node.endswith("_case") for node in model.nodes) else "*_*"
     granted = [
         each
         for run in runs
         for each in (
             _granted(AmbientOffset(), "ambient", AMBIENT_ERROR, run),
-            _granted(SurfaceScale(), outside, SURFACE_ERROR, run),
+            _granted(SurfaceScale(), "*_case", SURFACE_ERROR, run),
         )
     ]
     own = Model(model.network.with_effects(granted))
