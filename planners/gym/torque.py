@@ -87,7 +87,7 @@ class TorqueVectorEnv(VectorEnv[Observation, Array, Array]):
         largest[self._conditions], largest[self._asked] = self._ranges[:, 1], self.task.load[1] * self.rated
         self.robots = Robots(model, num_envs, period, largest, spread)
         self.steps = max(1, round(self.task.seconds / period))
-        self._random: list[np.random.Generator | None] = [None] * num_envs
+        self._random = [np.random.default_rng() for _ in range(num_envs)]
         self._courses = np.zeros((num_envs, self.steps + 1, len(self.rated)))
         self._around = np.zeros((num_envs, self.steps + 1, len(self._ranges)))
         self._sums = np.zeros((num_envs, self.steps + 2, len(self.rated)))
@@ -134,7 +134,7 @@ class TorqueVectorEnv(VectorEnv[Observation, Array, Array]):
         seeds = seed if isinstance(seed, list) else [None if seed is None else seed + k for k in range(self.num_envs)]
         mask = np.asarray((options or {}).get("reset_mask", np.ones(self.num_envs, dtype=bool)), dtype=bool)
         for k in np.flatnonzero(mask):
-            if seeds[k] is not None or self._random[k] is None:
+            if seeds[k] is not None:
                 self._random[k] = np.random.default_rng(seeds[k])
         self._begin(mask)
         return self._observe(), self._info(np.zeros(self.num_envs))
@@ -142,7 +142,6 @@ class TorqueVectorEnv(VectorEnv[Observation, Array, Array]):
     def _begin(self, chosen: Array) -> None:
         for k in np.flatnonzero(chosen):
             rng = self._random[k]
-            assert rng is not None  # `reset` comes first
             course = self.task.draw(rng, self.heating, self.rated, self._ranges, self.period)
             air = 25.0 if self._air is None else float(course.conditions[0, self._air])
             self.robots.draw(int(k), air + rng.uniform(*self.task.start), rng)

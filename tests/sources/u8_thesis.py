@@ -7,6 +7,7 @@ import math
 from collections.abc import Iterable
 from functools import cache
 from types import ModuleType, SimpleNamespace
+from typing import Any
 
 import numpy as np
 
@@ -16,10 +17,11 @@ from lptn.effects.resistance_rise import ResistanceRise
 from lptn.effects.torque_constant_drop import TorqueConstantDrop
 from lptn.model.model import Model
 from lptn.model.network import Network
+from lptn.planners.trade import load_study, solve_study
 from lptn.planners.trade.motors import U8, U10
 from lptn.planners.trade.profiles import JUMP_RATIO, PEAK, jump, level_walking
 from tests.builders import AMBIENT, link, node
-from tests.sources.row import Check, Verdict, above, below, differs, equal, example, printed, row
+from tests.sources.row import EXAMPLES, Check, Verdict, above, below, differs, equal, example, printed, row
 
 COUNTED = "tests/cooling/test_thesis_table.py"
 NETWORKS = "tests/cooling/test_thesis_networks.py"
@@ -525,6 +527,28 @@ def structure_as_sink() -> Iterable[Check]:
     yield above("an hour's torque with it over without", structure / alone, 1.1)
     best = held["U8, a sink without any resistance"]
     yield below("U8 with any sink whatever over a U10", best / held["U10 alone"], 1.0, why="so it can't, for an hour")
+    found = {each.option.name: each for each in _prosthesis().designs}
+    optimised, thesis = found["U8, passive"], _held_for_minutes()
+    yield above(
+        "structure optimised at the exchanger's mass and volume, ten minutes' torque over the thesis's C and R",
+        optimised.value / thesis,
+        1.0,
+        why=f"{optimised.capacity:.0f} J/K and {optimised.resistance:.2f} K/W in place of 353 and 3.3",
+    )
+    yield below("the same over a U10 without any sink", optimised.value / found["U10, no sink"].value, 1.0)
+
+
+@cache
+def _prosthesis() -> Any:
+    """The example's study: how the metal of a prosthesis is best shared between wall and fins."""
+    return solve_study(load_study(EXAMPLES / "u8_trade" / "prosthesis.toml"))
+
+
+def _held_for_minutes() -> float:
+    """Torque [N·m] held for ten minutes with a structure like the thesis's exchanger."""
+    designs = example("u8_trade", "compare_designs")
+    (candidate,) = (each for each in designs.CANDIDATES if each.name == "U8, prosthesis's structure as the sink")
+    return float(designs.held(candidate, (600.0,))[0])
 
 
 @row("S1-A4", "35 A for 1 s at a time", '"intermittently and for a short duration"', more=COUNTED)

@@ -93,7 +93,7 @@ def _ratio(above: FloatArray, below: FloatArray) -> FloatArray:
     """The first over the second, NaN where the second is too small to tell."""
     size = np.abs(below)
     enough = size > _LEAST_SHARE * np.nanmax(size, initial=0.0)
-    return np.divide(above, below, out=np.full(below.shape, np.nan), where=enough)
+    return np.asarray(np.divide(above, below, out=np.full(below.shape, np.nan), where=enough))
 
 
 @dataclass(frozen=True)
