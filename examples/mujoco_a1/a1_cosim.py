@@ -60,6 +60,7 @@ class Setting:
         motor: MuJoCo's one-node motors; their ambient is everybody's.
         task: what the robot shall do.
         window: simulator steps a thermal step.
+        slope: of the ground, uphill along x [rad].
     """
 
     duration: float = 1200.0
@@ -68,6 +69,7 @@ class Setting:
     motor: OneNode = field(default_factory=OneNode)
     task: Command = field(default_factory=Command)
     window: int = WINDOW
+    slope: float = 0.0
 
 
 @dataclass
@@ -127,6 +129,8 @@ class CoSimulation:
         self._setting, self._thermal, self._governor, self._limiter = setting, thermal, governor, limiter
         self._film = film
         self._model = build(motor, setting.payload)
+        down = (-np.sin(setting.slope), 0.0, -np.cos(setting.slope))
+        self._model.opt.gravity[:] = 9.81 * np.array(down)  # the floor stays level, what pulls is tilted
         self._data = data = mujoco.MjData(self._model)
         data.qpos[2], data.qpos[7:19] = setting.task.height, START
         data.act[:] = setting.start - motor.ambient
