@@ -109,7 +109,8 @@ def support_first(model: Model, torque: FloatArray) -> Admit:
     mpc = TorqueMPC(model, {"*_*": LIMIT}, request="torque", period=PERIOD, noise=NOISE, floors=floors)
 
     def admit(readings: dict[str, float], asked: FloatArray, others: dict[str, float]) -> FloatArray:
-        return mpc.step(readings, asked, {name: others[name] for name in mpc.conditions}).admitted
+        admitted: FloatArray = mpc.step(readings, asked, {name: others[name] for name in mpc.conditions}).admitted
+        return admitted
 
     return admit
 

@@ -175,7 +175,7 @@ def compared(records: dict[str, list[Record]], limit: float, path: Path) -> None
         path: the picture.
     """
     colours = {record.label: f"C{k}" for k, record in enumerate(next(iter(records.values())))}
-    figure, axes = plt.subplots(2, len(records), figsize=(4.2 * len(records), 5.6), sharex=True, squeeze=False)
+    figure, axes = plt.subplots(2, len(records), figsize=(4.2 * len(records), 5.8), sharex="col", squeeze=False)
     for column, (name, runs) in enumerate(records.items()):
         upper, lower = axes[:, column]
         for record in runs:
@@ -190,7 +190,8 @@ def compared(records: dict[str, list[Record]], limit: float, path: Path) -> None
         lower.set_xlabel("time [s]")
     axes[0, 0].set_ylabel("hottest joint [degC]")
     axes[1, 0].set_ylabel("base's height [m]; × fell")
-    axes[0, -1].legend(frameon=False, fontsize=8)
-    figure.tight_layout()
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="lower center", ncols=len(labels), frameon=False)
+    figure.tight_layout(rect=(0, 0.05, 1, 1))
     figure.savefig(path, dpi=120)
     plt.close(figure)

@@ -1,14 +1,14 @@
 """How `TorqueMPC`'s time grows with nodes and stages, beside acados in C and do-mpc, in one run.
 
-Run it with ``python -m tests.benchmarks.torque_mpc_scaling --acados FOLDER``. acados comes from PyPI, without its own CasADi:
-``pip install --no-deps --target FOLDER comma-deps-acados``. Each line is written when it is ready.
+Run it with ``python -m tests.benchmarks.torque_mpc_scaling --acados FOLDER``. acados comes from PyPI, without its own
+CasADi: ``pip install --no-deps --target FOLDER comma-deps-acados``. Each line is written when it is ready.
 
-A chain of motors, each with copper loss that grows with temperature and a way to the air, all of whose nodes have a limit; five
-seconds a stage. All solve the same sequence of starts: one step of random torques after the other from 50 to 58 degC.
-Ours solves each problem to its optimum, sensors and estimate included. acados makes one real-time iteration on the heat
-scale (its exact Hessian is convex there), with partially condensing HPIPM and RK4, and its function is called by Python: its
-own clock tells the time in C. do-mpc is as its documentation writes it (collocation, IPOPT, warm start). Time is that of the
-processor, the median of some calls; acados' is the least of its own wall clock, which a busy machine makes longer, never shorter.
+A chain of motors, each with copper loss that grows with temperature and a way to the air, all of whose nodes have a
+limit; five seconds a stage. All solve the same sequence of starts from 50 to 58 degC, each near the one before, for the
+same torques. Ours solves each problem to its optimum, sensors and estimate included. acados makes one real-time iteration
+on the heat scale (its exact Hessian is convex there), with partially condensing HPIPM and RK4; its own clock tells the
+time in C. do-mpc is as its documentation writes it (collocation, IPOPT, warm start). Ours and do-mpc's time is that of the
+processor, the median of some calls; acados' is the least of its wall clock, which a busy machine makes longer.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -61,9 +62,7 @@ at = "*_motor"
 def chain(nodes: int) -> Model:
     """Motors in a row."""
     names = [f"J{k}_motor" for k in range(nodes)]
-    links = "".join(
-        f'[[links]]\nbetween = ["{a}", "{b}"]\nresistance = 3\n' for a, b in zip(names, names[1:], strict=False)
-    )
+    links = "".join(f'[[links]]\nbetween = ["{a}", "{b}"]\nresistance = 3\n' for a, b in pairwise(names))
     text = CHAIN.format(joints=str(names).replace("'", '"'), links=links)
     return Model(parse_model(text, Path("chain.toml")).network)
 
@@ -96,7 +95,7 @@ def ours(model: Model, stages: int, asked: FloatArray) -> Solve:
 
 def acados(model: Model, stages: int, asked: FloatArray, folder: Path) -> Solve:
     """acados' real-time iteration on the heat scale."""
-    from acados.acados_template import AcadosOcp, AcadosOcpSolver
+    from acados.acados_template import AcadosOcp, AcadosOcpSolver  # type: ignore[import-not-found]
 
     heat, nodes = heating(model, "torque"), len(model.nodes)
     scale, moved = ca.SX.sym("scale", nodes), ca.SX.sym("moved", nodes)
