@@ -4,11 +4,11 @@ Run it with ``python -m tests.benchmarks.torque_mpc_scaling --acados FOLDER``. a
 CasADi: ``pip install --no-deps --target FOLDER comma-deps-acados``. Each line is written when it is ready.
 
 A chain of motors, each with copper loss that grows with temperature and a way to the air, all of whose nodes have a
-limit; five seconds a stage. All solve the same sequence of starts from 50 to 58 degC, each near the one before, for the
-same torques. Ours solves each problem to its optimum, sensors and estimate included. acados makes one real-time iteration
-on the heat scale (its exact Hessian is convex there), with partially condensing HPIPM and RK4; its own clock tells the
-time in C. do-mpc is as its documentation writes it (collocation, IPOPT, warm start). Ours and do-mpc's time is that of the
-processor, the median of some calls; acados' is the least of its wall clock, which a busy machine makes longer.
+limit; five seconds a stage. All solve the same sequence of starts from 50 to 58 degC, each near the one before, for
+the same torques. Ours solves each problem to its optimum, sensors and estimate included. acados makes one real-time
+iteration on the heat scale (the cost's Hessian, which is convex there), with partially condensing HPIPM and RK4, all
+of it one call into C. do-mpc is as its documentation writes it (collocation, IPOPT, warm start). Times are the
+processor's, the median of some calls.
 """
 
 from __future__ import annotations
@@ -121,7 +121,7 @@ def acados(model: Model, stages: int, asked: FloatArray, folder: Path) -> Solve:
     options = ocp.solver_options
     options.qp_solver, options.hessian_approx, options.integrator_type = "PARTIAL_CONDENSING_HPIPM", "EXACT", "ERK"
     options.nlp_solver_type, options.qp_solver_iter_max = "SQP_RTI", 100
-    options.regularize_method = "PROJECT_REDUC_HESS"
+    options.exact_hess_dyn, options.exact_hess_constr = 0, 0  # the cost's alone is convex: nothing to regularise
     ocp.code_export_directory = str(folder / f"code_{nodes}_{stages}")
     solver: Any = AcadosOcpSolver(ocp, json_file=str(folder / f"ocp_{nodes}_{stages}.json"), verbose=False)
     for k in range(stages + 1):
@@ -132,8 +132,9 @@ def acados(model: Model, stages: int, asked: FloatArray, folder: Path) -> Solve:
     def solve(start: FloatArray) -> float:
         solver.set(0, "lbx", start)
         solver.set(0, "ubx", start)
+        before = time.process_time()
         solver.solve()
-        return float(np.ravel(solver.get_stats("time_tot"))[0])
+        return time.process_time() - before
 
     return solve
 
@@ -167,7 +168,7 @@ def do_mpc_controller(model: Model, stages: int, asked: FloatArray) -> Solve:
     return solve
 
 
-def measured(solve: Solve, starts: FloatArray, least: bool) -> float:
+def measured(solve: Solve, starts: FloatArray) -> float:
     """Milliseconds of a call once it is warm; few calls where they are long."""
     times = [solve(starts[0])]
     for start in starts[1:]:
@@ -175,7 +176,7 @@ def measured(solve: Solve, starts: FloatArray, least: bool) -> float:
         if sum(times) > PATIENCE:
             break
     kept = times[1:] or times
-    return 1e3 * float(min(kept) if least else np.median(kept))
+    return 1e3 * float(np.median(kept))
 
 
 def main() -> None:
@@ -198,12 +199,12 @@ def main() -> None:
         for nodes in told.nodes:
             model, (starts, asked) = chain(nodes), sequence(nodes)
             for stages in told.stages:
-                row = [measured(ours(model, stages, asked), starts, False)]
-                row.append(measured(acados(model, stages, asked, Path(name)), starts, True) if told.acados else np.nan)
+                row = [measured(ours(model, stages, asked), starts)]
+                row.append(measured(acados(model, stages, asked, Path(name)), starts) if told.acados else np.nan)
                 if told.no_do_mpc or slow.get(f"{stages}"):
                     row.append(np.nan)
                 else:
-                    row.append(measured(do_mpc_controller(model, stages, asked), starts, False))
+                    row.append(measured(do_mpc_controller(model, stages, asked), starts))
                     slow[f"{stages}"] = row[-1] > 1e3 * PATIENCE / 4
                 print(f"{nodes:5d} {stages:6d} " + " ".join(f"{value:10.3f}" for value in row), flush=True)
 
