@@ -20,7 +20,7 @@ from a1_task import JOINTS, TORQUE_LIMIT, Command, FloatArray
 from a1_thermal import CasadiThermal
 from lptn.model.model import Model
 from lptn.planners import MissionControl, TorqueMPC
-from lptn.planners.mission import Activity, Gait, Mission, Order, gait_from_tables
+from lptn.planners.mission import Activity, Gait, Mission, gait_from_tables
 
 LIMIT, BEGINS, RESUMES, NOISE = 60.0, 50.0, 55.0, 0.1  # degC; degC; degC; K
 PERIOD = 5.0  # s, of the predictive controllers
@@ -293,17 +293,3 @@ def run(label: str, setting: Setting, truth: Model, controller: Controller, film
     """
     thermal = _Watched(CasadiThermal(truth, setting.start, LIMIT, BEGINS), controller, 1)
     return CoSimulation(label, setting, thermal, _Commanded(controller), thermal.limiter, film).run()
-
-
-__all__ = [
-    "CutOff",
-    "Derating",
-    "Order",
-    "Predictive",
-    "Replanned",
-    "gait_in",
-    "mission_of",
-    "of_another_version",
-    "run",
-    "support_first",
-]
