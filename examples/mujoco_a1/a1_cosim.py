@@ -19,6 +19,7 @@ CONTROL_STEPS = 2  # simulator steps a controller step: 250 Hz
 WINDOW = 250  # simulator steps a thermal step: 0.5 s, one gait cycle
 FRAME_STEPS = 20  # simulator steps a film frame: 25 a second
 COMPUTER = 20.0  # W
+NO_SLIP = 5  # of the solver: without them its soft friction lets standing feet creep downhill, a centimetre a second
 SAGGED, LEANING = 0.12, 1.0  # m, rad: a base that hangs lower, or is more tilted, has fallen
 START = [0.0, 0.9, -1.8] * 4  # rad
 
@@ -60,6 +61,7 @@ class Setting:
         motor: MuJoCo's one-node motors; their ambient is everybody's.
         task: what the robot shall do.
         window: simulator steps a thermal step.
+        slope: of the ground, uphill along x [rad].
     """
 
     duration: float = 1200.0
@@ -68,6 +70,7 @@ class Setting:
     motor: OneNode = field(default_factory=OneNode)
     task: Command = field(default_factory=Command)
     window: int = WINDOW
+    slope: float = 0.0
 
 
 @dataclass
@@ -127,6 +130,9 @@ class CoSimulation:
         self._setting, self._thermal, self._governor, self._limiter = setting, thermal, governor, limiter
         self._film = film
         self._model = build(motor, setting.payload)
+        down = (-np.sin(setting.slope), 0.0, -np.cos(setting.slope))
+        self._model.opt.gravity[:] = 9.81 * np.array(down)  # the floor stays level, what pulls is tilted
+        self._model.opt.noslip_iterations = NO_SLIP if setting.slope else 0
         self._data = data = mujoco.MjData(self._model)
         data.qpos[2], data.qpos[7:19] = setting.task.height, START
         data.act[:] = setting.start - motor.ambient

@@ -56,7 +56,7 @@ class Controller:
         self._jacobian = np.zeros((4, 3, model.nv))
         self._lift_off = np.zeros((4, 3))
         self._in_air = np.zeros(4, dtype=bool)
-        self._line = float(data.qpos[1])
+        self._line, self._spot = float(data.qpos[1]), float(data.qpos[0])
         self._height = float(data.qpos[2])
         self._speed = self._trim = 0.0
         self._fold = 0.0
@@ -110,6 +110,8 @@ class Controller:
         if started.any():
             self._lift_off[started] = data.geom_xpos[self._feet][started]
         self._in_air = in_air
+        if self.trotting:
+            self._spot = float(data.qpos[0])
 
     def _move_height(self, command: Command, dt: float) -> None:
         lying = command.activity == "rest" and not self.trotting
@@ -162,11 +164,12 @@ class Controller:
         roll, pitch, yaw = tilt(matrix)
         force = self._mass * np.array(
             [
-                dy * (self._speed + self._trim - velocity[0]),
+                dy * (self._speed + self._trim - velocity[0]) + ky * (self._spot - data.qpos[0]),
                 ky * (self._line - data.qpos[1]) - dy * velocity[1],
-                9.81 + kz * (self._height - data.qpos[2]) - dz * velocity[2],
+                kz * (self._height - data.qpos[2]) - dz * velocity[2],
             ]
         )
+        force -= self._mass * self._model.opt.gravity
         moment = self._inertia * (-kt * np.array([roll, pitch, yaw]) - dt * turning)
         return np.concatenate([force, moment])
 

@@ -164,3 +164,34 @@ def film(record: Record, limit: float, path: Path, scenes: Sequence[tuple[float,
     palette = sample.quantize(256)
     images = [image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images]
     images[0].save(path, save_all=True, append_images=images[1:], duration=1000 / FILM_RATE, loop=0)
+
+
+def compared(records: dict[str, list[Record]], limit: float, path: Path) -> None:
+    """The hottest joint and the base's height over time, a column for each scenario, a line for each controller.
+
+    Args:
+        records: by scenario.
+        limit: of all joints [degC].
+        path: the picture.
+    """
+    colours = {record.label: f"C{k}" for k, record in enumerate(next(iter(records.values())))}
+    figure, axes = plt.subplots(2, len(records), figsize=(4.2 * len(records), 5.8), sharex="col", squeeze=False)
+    for column, (name, runs) in enumerate(records.items()):
+        upper, lower = axes[:, column]
+        for record in runs:
+            time, colour = np.array(record.time), colours[record.label]
+            upper.plot(time, np.array(record.temperature).max(axis=1), color=colour, label=record.label)
+            height = np.array(record.position)[:, 2]
+            lower.plot(time, height, color=colour)
+            if record.fell is not None:
+                lower.plot(time[-1], height[-1], "x", color=colour, ms=9, mew=2)
+        upper.axhline(limit, color=BLACK, lw=1, ls="--")
+        upper.set_title(name)
+        lower.set_xlabel("time [s]")
+    axes[0, 0].set_ylabel("hottest joint [degC]")
+    axes[1, 0].set_ylabel("base's height [m]; × fell")
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="lower center", ncols=len(labels), frameon=False)
+    figure.tight_layout(rect=(0, 0.05, 1, 1))
+    figure.savefig(path, dpi=120)
+    plt.close(figure)

@@ -84,7 +84,7 @@ class MissionControl:
         estimator: of the mission's model, in place of one made of these.
 
     Raises:
-        InputError: the mission lacks a gait for resting, or a number can't be used.
+        InputError: a number can't be used.
 
     Example:
         >>> control = MissionControl(mission)  # doctest: +SKIP
@@ -178,11 +178,13 @@ class MissionControl:
         self._air = max(air, default=self._air)
         if dt > 0 and self._segments:
             self._advance(inputs, dt, moved)
-        if self._first >= len(self._left):
-            return Order("finished", "rest", finished=True)
-        if not self._segments or self.clock >= self._looked + self._period or self._too_hot(estimate):
+        ended = not self._segments and (not self.replanned or self.plan.verdict != "none")
+        due = ended or self.clock >= self._looked + self._period or self._too_hot(estimate)
+        if due and self._first < len(self._left):
             self._look(inputs)
             self._looked = self.clock
+        if self._first >= len(self._left):
+            return Order("finished", "rest", finished=True)
         return self._order()
 
     # --- how far it is ------------------------------------------------------------------------
@@ -197,13 +199,17 @@ class MissionControl:
             self._spent[segment.activity] += dt
             self._loads[segment.activity] = load
             self._learn(segment.gait, speed, load, posture, inputs, dt)
-        if self._gone < time - _FEWEST / 2:
-            return
-        self._gone -= time
-        del self._segments[0], self._pieces[0]
-        if segment.activity >= 0:
-            later = [following.activity for following in self._segments if following.activity >= 0]
-            self._first = later[0] if later else len(self._left)
+        if self._gone >= time - _FEWEST / 2:
+            self._gone = max(self._gone - time, 0.0)
+            del self._segments[0], self._pieces[0]
+            if segment.activity >= 0:
+                later = [following.activity for following in self._segments if following.activity >= 0]
+                self._first = later[0] if later else len(self._left)
+        while self._first < len(self._left) and self._is_over(self._first):
+            self._first += 1
+        while self._segments and 0 <= self._segments[0].activity < self._first:
+            self._gone = 0.0
+            del self._segments[0], self._pieces[0]
 
     def _learn(
         self, gait: Gait, speed: float, load: float, posture: Sequence[float], inputs: Mapping[str, float], dt: float
@@ -241,9 +247,9 @@ class MissionControl:
         activities = tuple(
             self._rest_of(number) for number in range(self._first, len(self._left)) if not self._is_over(number)
         )
-        carried = sum(
-            load for number, load in self._loads.items() if mission.activities[number].chooses_load
-        )  # of what has begun, none of it is to be chosen any more
+        # Of what has begun the load stands; the rest may round to a hair more than what is left can take.
+        carried = sum(load for number, load in self._loads.items() if mission.activities[number].chooses_load)
+        room = sum(activity.load[1] for activity in activities if activity.chooses_load)
         return replace(
             mission,
             model=mission.model.with_values(estimator.values),
@@ -251,7 +257,7 @@ class MissionControl:
             start=estimator.states,
             ambient=self._air,
             deadline=None if mission.deadline is None else max(mission.deadline - self.clock, _FEWEST),
-            carry=max(0.0, mission.carry - carried) if any(a.chooses_load for a in activities) else 0.0,
+            carry=min(max(0.0, mission.carry - carried), room),
             limits={node: limit - self._margins[node] for node, limit in mission.limits.items()},
             utmost=dict(mission.limits),
         )
@@ -331,6 +337,8 @@ class MissionControl:
         self._pieces = list(zip(plan.time.tolist(), plan.speed.tolist(), plan.load.tolist(), plan.posture, strict=True))
         self._gone = 0.0
         self.replanned.append(Replanned(self.clock, why, plan, self.clock + plan.total))
+        if not self._segments and plan.verdict != "none":
+            self._first = len(self._left)  # too little is left, or there is no time for it
 
     def _renumbered(self, segment: Segment) -> Segment:
         """A piece of what was left, with the number of its activity in the whole mission."""

@@ -89,8 +89,9 @@ class Walker:
         other = other + robot.drive * of["powered"] + of["power"]
         to_air = robot.to_air * (1 + robot.forced_convection * order.speed)
         shift = np.array([self.air(self.clock + k + 0.5) - self.mission.ambient for k in range(seconds)])
-        held = [np.tile(each, (seconds, 1)) for each in (copper, other, to_air)]
-        path = self.network.solve(Forcing(*held, shift), self.state)
+        each_second = (seconds, 1)
+        acting = Forcing(np.tile(copper, each_second), np.tile(other, each_second), np.tile(to_air, each_second), shift)
+        path = self.network.solve(acting, self.state)
         self.state, self.clock = path[-1], self.clock + seconds
         return np.asarray(path[1:, joints])
 

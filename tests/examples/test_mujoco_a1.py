@@ -163,3 +163,17 @@ def test_example_runs_in_its_fast_mode(tmp_path: Path) -> None:
     assert [line.split(":")[0] for line in lines] == ["open loop", "closed loop", "torque cut"]
     assert "stays on its feet" in lines[1]
     assert (tmp_path / "overview.png").stat().st_size > 20_000
+
+
+@pytest.mark.long
+def test_hot_drives_that_are_cut_off_drop_a_robot_that_a_mission_lays_down(setting: Setting) -> None:
+    from a1_controllers import CutOff, Replanned, gait_in, mission_of, run
+
+    hot, model = replace(setting, start=63.0, duration=6.0), quadruped()
+    assert run("cut-off", hot, model, CutOff(hot.task)).fell is not None
+    gait = gait_in(hot, "trot", [0.5], [0.27, 0.34], model)
+    control = Replanned(mission_of(model, "trot", gait, 20.0, hot.start), hot.task)
+    lying = run("mission", hot, model, control)
+    assert lying.fell is None
+    assert lying.command[-1].activity == "rest"
+    assert lying.temperature[-1].max() < 63.3

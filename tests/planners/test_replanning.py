@@ -122,3 +122,14 @@ def test_what_is_left_is_what_was_not_done() -> None:
 def test_settings_that_mean_nothing_are_refused(wrong: dict[str, float]) -> None:
     with pytest.raises(InputError, match=next(iter(wrong))):
         MissionControl(mission(0.0), **wrong)
+
+
+def test_when_the_time_is_over_so_is_the_mission() -> None:
+    asked = mission(0.0, deadline=100, gives_up="distance")
+    control = MissionControl(asked)
+    still = dict.fromkeys(truth.VELOCITY, truth.AMBIENT)
+    order = control.update(still, inputs_of(asked, Order("", "rest"), truth.AMBIENT), 0.0)
+    for _ in range(6):
+        order = control.update(still, inputs_of(asked, order, truth.AMBIENT), 20.0)
+    assert order.finished
+    assert sum(control.done.values()) == pytest.approx(100 / 300, rel=0.05), "a metre a second, until the deadline"

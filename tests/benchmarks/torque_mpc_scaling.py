@@ -1,0 +1,215 @@
+"""How `TorqueMPC`'s time grows with nodes and stages, beside acados in C and do-mpc, in one run.
+
+Run it with ``python -m tests.benchmarks.torque_mpc_scaling --acados FOLDER``. acados comes from PyPI, without its own
+CasADi: ``pip install --no-deps --target FOLDER comma-deps-acados``. Each line is written when it is ready.
+
+A chain of motors, each with copper loss that grows with temperature and a way to the air, all of whose nodes have a
+limit; five seconds a stage. All solve the same sequence of starts from 50 to 58 degC, each near the one before, for
+the same torques. Ours solves each problem to its optimum, without an estimate. acados makes one real-time
+iteration on the heat scale (the cost's Hessian, which is convex there), with partially condensing HPIPM and RK4, all
+of it one call into C. do-mpc is as its documentation writes it (collocation, IPOPT, warm start). Times are the
+processor's, the median of some calls.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ctypes
+import os
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from lptn.basics.arrays import FloatArray
+from lptn.model.file import parse_model
+from lptn.model.model import Model
+from lptn.planners.heating import heating
+from lptn.planners.mpc import TorqueMPC
+
+NODES, STAGES, PERIOD, LIMIT, AMBIENT = (1, 3, 13, 26, 52, 104), (16, 60, 240), 5.0, 60.0, 25.0
+CALLS, PATIENCE = 12, 20.0  # of each; s of one call after which no larger problem is tried
+SLACK = (1e2, 1e3)  # price of a kelvin, linear and quadratic, for the peers
+
+CHAIN = """
+[model]
+name = "chain"
+joints = {joints}
+ambient = "temperature.ambient"
+[nodes."*"]
+capacity = 300
+[[links]]
+between = ["*_motor", "ambient"]
+resistance = 10
+{links}
+[[effects]]
+kind = "copper_loss"
+at = "*_motor"
+resistance = 0.15
+torque_constant = 0.84357
+[[effects]]
+kind = "resistance_rise"
+at = "*_motor"
+"""
+
+
+def chain(nodes: int) -> Model:
+    """Motors in a row."""
+    names = [f"J{k}_motor" for k in range(nodes)]
+    links = "".join(f'[[links]]\nbetween = ["{a}", "{b}"]\nresistance = 3\n' for a, b in pairwise(names))
+    text = CHAIN.format(joints=str(names).replace("'", '"'), links=links)
+    return Model(parse_model(text, Path("chain.toml")).network)
+
+
+def sequence(nodes: int) -> tuple[FloatArray, FloatArray]:
+    """Starts, shape (calls, nodes), and the request [N*m]."""
+    random = np.random.default_rng(nodes)
+    asked = random.uniform(8, 18, nodes)
+    starts = [random.uniform(50, 58, nodes)]
+    for _ in range(CALLS):
+        starts.append(np.clip(starts[-1] + random.uniform(-0.3, 0.3, nodes), 45, 59.8))
+    return np.array(starts), asked
+
+
+Solve = Callable[[FloatArray], float]
+"""From a start to seconds."""
+
+
+def ours(model: Model, stages: int, asked: FloatArray) -> Solve:
+    """`TorqueMPC` with equal stages."""
+    horizon = PERIOD * stages
+    # The starts follow from no plan: an estimate would learn from them that the model lacks a heat.
+    mpc = TorqueMPC(model, LIMIT, request="torque", period=PERIOD, horizon=horizon, stages=stages, model_error=0.0)
+
+    def solve(start: FloatArray) -> float:
+        before = time.process_time()
+        mpc.step(start, asked, [AMBIENT])
+        return time.process_time() - before
+
+    return solve
+
+
+def acados(model: Model, stages: int, asked: FloatArray, folder: Path) -> Solve:
+    """acados' real-time iteration on the heat scale."""
+    from acados.acados_template import AcadosOcp, AcadosOcpSolver  # type: ignore[import-not-found]
+
+    heat, nodes = heating(model, "torque"), len(model.nodes)
+    scale, moved = ca.SX.sym("scale", nodes), ca.SX.sym("moved", nodes)
+    rates = ca.substitute(heat.rates, heat.heat, scale * ca.DM(asked**2))
+    rates = ca.cse(ca.substitute(ca.substitute(rates, heat.d, ca.DM([AMBIENT])), heat.p, ca.DM(model.values)))
+    ocp: Any = AcadosOcp()
+    ocp.model.name, ocp.model.x, ocp.model.u, ocp.model.xdot = f"chain_{nodes}_{stages}", heat.x, scale, moved
+    ocp.model.f_expl_expr, ocp.model.f_impl_expr = rates, moved - rates
+    ocp.dims.N, ocp.solver_options.tf = stages, PERIOD * stages
+    ocp.cost.cost_type, ocp.cost.cost_type_e = "EXTERNAL", "EXTERNAL"
+    share = ca.DM(asked**2 / float(asked @ asked))
+    ocp.model.cost_expr_ext_cost = ca.dot(share, (1 - ca.sqrt(scale + 1e-4)) ** 2) / stages
+    ocp.model.cost_expr_ext_cost_e = ca.SX(0)
+    every, bounds = np.arange(nodes), ocp.constraints
+    bounds.lbu, bounds.ubu, bounds.idxbu = np.zeros(nodes), np.ones(nodes), every
+    for end in ("", "_e"):
+        for name, value in (("lbx", np.full(nodes, -100.0)), ("ubx", np.full(nodes, LIMIT)), ("idxbx", every),
+                            ("idxsbx", every)):  # fmt: skip
+            setattr(bounds, name + end, value)
+        for name, price in (("zl", SLACK[0]), ("zu", SLACK[0]), ("Zl", SLACK[1]), ("Zu", SLACK[1])):
+            setattr(ocp.cost, name + end, np.full(nodes, price))
+    bounds.x0 = np.full(nodes, 50.0)
+    options = ocp.solver_options
+    options.qp_solver, options.hessian_approx, options.integrator_type = "PARTIAL_CONDENSING_HPIPM", "EXACT", "ERK"
+    options.nlp_solver_type, options.qp_solver_iter_max = "SQP_RTI", 100
+    options.exact_hess_dyn, options.exact_hess_constr = 0, 0  # the cost's alone is convex: nothing to regularise
+    ocp.code_export_directory = str(folder / f"code_{nodes}_{stages}")
+    solver: Any = AcadosOcpSolver(ocp, json_file=str(folder / f"ocp_{nodes}_{stages}.json"), verbose=False)
+    for k in range(stages + 1):
+        solver.set(k, "x", np.full(nodes, 55.0))
+        if k < stages:
+            solver.set(k, "u", np.full(nodes, 0.5))
+
+    def solve(start: FloatArray) -> float:
+        solver.set(0, "lbx", start)
+        solver.set(0, "ubx", start)
+        before = time.process_time()
+        solver.solve()
+        return time.process_time() - before
+
+    return solve
+
+
+def do_mpc_controller(model: Model, stages: int, asked: FloatArray) -> Solve:
+    """do-mpc, default collocation and IPOPT."""
+    import do_mpc
+
+    heat, nodes = heating(model, "torque"), len(model.nodes)
+    plant = do_mpc.model.Model("continuous", symvar_type="SX")
+    x, u = plant.set_variable("_x", "T", (nodes, 1)), plant.set_variable("_u", "torque", (nodes, 1))
+    plant.set_rhs("T", heat.rate_function()(x, u**2, np.array([AMBIENT]), model.values))
+    plant.setup()
+    mpc = do_mpc.controller.MPC(plant)
+    mpc.settings.n_horizon, mpc.settings.t_step, mpc.settings.store_full_solution = stages, PERIOD, False
+    mpc.settings.supress_ipopt_output()
+    mpc.set_objective(mterm=0 * x[0], lterm=ca.sumsqr(u - asked) / float(asked @ asked))
+    mpc.set_rterm(torque=0.0)
+    mpc.bounds["lower", "_u", "torque"], mpc.bounds["upper", "_u", "torque"] = np.zeros(nodes), asked
+    for k in range(nodes):
+        mpc.set_nl_cons(f"limit{k}", x[k], ub=LIMIT, soft_constraint=True, penalty_term_cons=10.0)
+    mpc.setup()
+    mpc.x0 = np.full(nodes, 55.0)
+    mpc.set_initial_guess()
+
+    def solve(start: FloatArray) -> float:
+        before = time.process_time()
+        mpc.make_step(start[:, None])
+        return time.process_time() - before
+
+    return solve
+
+
+def measured(solve: Solve, starts: FloatArray) -> float:
+    """Milliseconds of a call once it is warm; few calls where they are long."""
+    times = [solve(starts[0])]
+    for start in starts[1:]:
+        times.append(solve(start))
+        if sum(times) > PATIENCE:
+            break
+    kept = times[1:] or times
+    return 1e3 * float(np.median(kept))
+
+
+def main() -> None:
+    """Read the command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--acados", type=Path, help="folder with the package acados")
+    parser.add_argument("--nodes", type=int, nargs="*", default=NODES)
+    parser.add_argument("--stages", type=int, nargs="*", default=STAGES)
+    parser.add_argument("--no-do-mpc", action="store_true")
+    told = parser.parse_args()
+    if told.acados:
+        install = told.acados.resolve() / "acados" / "install"
+        os.environ |= {"ACADOS_SOURCE_DIR": str(install), "TERA_PATH": str(install / "bin" / "t_renderer")}
+        sys.path.append(str(told.acados.resolve()))
+        for library in ("blasfeo", "hpipm", "qpOASES_e", "acados"):  # what acados' own code asks for by name
+            ctypes.CDLL(str(install / "lib" / f"lib{library}.so"), ctypes.RTLD_GLOBAL)
+    print(f"{'nodes':>5} {'stages':>6} {'ours ms':>10} {'acados ms':>10} {'do-mpc ms':>10}", flush=True)
+    slow: dict[str, bool] = {}
+    with tempfile.TemporaryDirectory() as name:
+        for nodes in told.nodes:
+            model, (starts, asked) = chain(nodes), sequence(nodes)
+            for stages in told.stages:
+                row = [measured(ours(model, stages, asked), starts)]
+                row.append(measured(acados(model, stages, asked, Path(name)), starts) if told.acados else np.nan)
+                if told.no_do_mpc or slow.get(f"{stages}"):
+                    row.append(np.nan)
+                else:
+                    row.append(measured(do_mpc_controller(model, stages, asked), starts))
+                    slow[f"{stages}"] = row[-1] > 1e3 * PATIENCE / 4
+                print(f"{nodes:5d} {stages:6d} " + " ".join(f"{value:10.3f}" for value in row), flush=True)
+
+
+if __name__ == "__main__":
+    main()
