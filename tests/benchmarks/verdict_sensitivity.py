@@ -16,6 +16,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from functools import cache
+from importlib import import_module
 from itertools import repeat
 from pathlib import Path
 from typing import Any
@@ -116,7 +117,7 @@ Said = tuple[str, tuple[str, str] | None]
 def changed(constant: str, factor: float) -> Iterator[None]:
     """The constant times a factor, wherever it was imported to."""
     module, _, name = constant.rpartition(".")
-    before = getattr(sys.modules[module], name)
+    before = getattr(import_module(module), name)
     value = 1 + (before - 1) * factor if name in ABOVE_ONE else before * factor
     holders = [each for key, each in sys.modules.items() if key.startswith("lptn.") and vars(each).get(name) is before]
     for each in holders:
@@ -180,6 +181,8 @@ def main() -> None:
     parser.add_argument("--first", action="store_true", help="ask for one diagnosis, in a fifth of the time")
     parser.add_argument("--jobs", type=int, default=1)
     chosen = parser.parse_args()
+    if chosen.first:
+        chosen.constants = [each for each in chosen.constants if ".improvement." not in each]
     numbers = {"most": chosen.most, "pairs": 1, "nothing": 1, "outside": 1}
     cases = [case for truth in chosen.truths for case in draw_cases(truth, chosen.tiers, chosen.seeds, **numbers)]
     with ProcessPoolExecutor(chosen.jobs) as executor:
