@@ -54,6 +54,16 @@ def test_a_frozen_sensor_stands_in_the_way_of_no_conclusion() -> None:
     refuse_doubtful([run])
 
 
+def test_air_near_a_joint_and_a_sign_turned_round_stand_in_the_way_of_none() -> None:
+    time = np.arange(900.0)
+    warm = 20 * (1 - np.exp(-time / 300))
+    log = pd.DataFrame({"time": time, AIR: 20 + 0.3 * warm, "temperature.a": 20 + warm})
+    speed = 3 * np.sin(time / 7)
+    (run,) = read_log(log.assign(**{"velocity.a": speed, "torque.a": -4 * np.sign(speed)}), name="beside")
+    assert {issue.kind for issue in run.issues} == {"follows", "sign"}
+    refuse_doubtful([run])
+
+
 def test_surroundings_in_degf_around_a_robot_in_degc() -> None:
     time = np.arange(400.0)
     log = pd.DataFrame({"time": time, AIR: 53.6, "temperature.a": 12.4 + 0.05 * time})

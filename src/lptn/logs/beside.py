@@ -39,7 +39,9 @@ def refuse_other_units(runs: Sequence[Run]) -> None:
                 )
 
 
-_DECIDES = ("unit", "counts", "sign", "follows")  # kinds of issues: all readings of the channel are something else
+_DECIDES = ("unit", "counts")
+"""Kinds of issues by which all readings of a channel are other numbers. A sign turned round leaves losses as they are, and
+air that a joint warms may be the room's: these are said, and conclusions are drawn."""
 
 
 def refuse_doubtful(runs: Sequence[Run]) -> None:
