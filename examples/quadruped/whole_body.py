@@ -37,7 +37,7 @@ from lptn.virtual import quadruped_logs, write_logs
 
 Level = Literal["none", "default", "strong"]
 _FAST_STEP, _SLOW_STEP = 10.0, 30.0  # s
-_ITERATIONS = 9  # of a fit in averages of 30 s: later ones were seen to change errors by less than 0.01 K
+_ITERATIONS = 9  # of a fit in averages of 30 s: the searches of ten robots are to end in an hour
 AMBIENT_ERROR, SURFACE_ERROR = 1.0, 0.15  # K, share; one standard deviation: air near a robot, and how it moves
 _FARTHEST = 2.5  # standard deviations
 FEW = (

@@ -23,6 +23,7 @@ def new(
     """Write a model file to begin with: a ready one, or one made of a URDF; without either, list the ready ones.
 
     Example: lptn new quadruped --model single-node -o baseline.toml
+
     Example: lptn new --urdf my_robot.urdf -o my_robot.toml
     """
     from lptn.basics.errors import InputError
