@@ -40,8 +40,8 @@ def refuse_other_units(runs: Sequence[Run]) -> None:
 
 
 _DECIDES = ("unit", "counts")
-"""Kinds of issues by which all readings of a channel are other numbers. A sign turned round leaves losses as they are, and
-air that a joint warms may be the room's: these are said, and conclusions are drawn."""
+"""Kinds of issues by which all readings of a channel are other numbers. A sign turned round leaves losses as they are,
+and air that a joint warms may be the room's: these are said, and conclusions are drawn."""
 
 
 def refuse_doubtful(runs: Sequence[Run]) -> None:
