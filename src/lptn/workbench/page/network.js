@@ -2,6 +2,8 @@
 
 import { h } from "/sections.js";
 
+const LEAST_SCALE = 0.6;  // of the drawing's own size: smaller, its words can't be read, and it is moved sideways
+
 export class Network {
   constructor(section, page) {
     Object.assign(this, { page, key: "", moment: null, asking: false, words: h("small"), drawing: h("div", { id: "drawing" }) });
@@ -46,7 +48,9 @@ export class Network {
       this.styled.replaceSync(style);
       document.adoptedStyleSheets.push(this.styled);
     }
-    this.drawing.querySelector("svg").setAttribute("role", "group");  // its parts are buttons
+    const svg = this.drawing.querySelector("svg");
+    svg.setAttribute("role", "group");  // its parts are buttons
+    svg.style.minWidth = `${LEAST_SCALE * svg.viewBox.baseVal.width}px`;
     for (const each of this.drawing.querySelectorAll("[data-parameter]")) {
       if (each.dataset.parameter === "[]") continue;
       each.setAttribute("tabindex", 0);

@@ -86,6 +86,16 @@ function redraw(id, shown, make) {
   if (focused) place(focused)?.focus();
 }
 
+// Of many nodes the tile that is opened, the worst at first, may lie below the others' edge.
+let revealedFor = "";
+function revealed() {
+  const chosen = document.querySelector('.tiles [aria-pressed="true"]'), now = JSON.stringify(page.picked);
+  if (!chosen || revealedFor === now) return;
+  revealedFor = now;
+  const tiles = chosen.closest(".tiles"), box = tiles.getBoundingClientRect(), at = chosen.getBoundingClientRect();
+  if (at.top < box.top || at.bottom > box.bottom) tiles.scrollTop += at.top - box.top - tiles.clientHeight / 2;
+}
+
 export function draw() {
   const { state, attempt, picked, shown, failed, away } = page, busy = !!state.busy;
   document.title = state.name ? `${state.name} – lptn` : "lptn";
@@ -94,6 +104,7 @@ export function draw() {
   redraw("head", [state.head], () => sections.head(state));
   redraw("steps", [state.steps, state.undone, state.branches, state.head, attempt, busy, state.busy?.found, state.answers], () => sections.steps(page));
   redraw("where", [state.tiles, picked, shown, page.by], () => sections.where(page));
+  revealed();
   redraw("missing", [state.answers, state.advice, attempt, busy, state.fitted, state.now], () => sections.missing(page));
   redraw("data", [state.segments, state.issues, state.stretches, state.notes, busy, state.parameters, page.part, page.edited], () => sections.data(page));
   redraw("out", [state.commands, state.python, state.files, busy, state.folder, state.fitted], () => sections.out(page));
