@@ -153,7 +153,7 @@ class _Operations:
         self.bounds = list(accumulate(([group[0] for group in groups].count(part) for part in range(3)), initial=0))
 
 
-# --- Machine code that evaluates and steps any model ------------------------------------------------------------
+# --- Machine code that evaluates and steps any model ----------------------------------------------
 
 _FLAGS = ("-O3",)
 _NONE = ca.Sparsity(0, 0)
@@ -279,16 +279,16 @@ class Kernel:
             derivatives[0] = derivative
         held, parameters = np.ascontiguousarray(inputs.T), np.ascontiguousarray(p)
         work = np.empty(int(program.library.working_doubles(ctypes.byref(model))))
-        before, followed, after = _addresses(states, derivatives, work)
+        to_states, to_derivatives, to_work = _addresses(states, derivatives, work)
         program.library.run(
             ctypes.byref(model),
             ctypes.c_longlong(n),
             ctypes.c_longlong(substeps),
             ctypes.c_double(step / substeps),
             *_addresses(held, parameters),
-            before,
-            followed if derivative is not None else None,
-            after,
+            to_states,
+            None if derivative is None else to_derivatives,
+            to_work,
         )
         return states, derivatives
 
