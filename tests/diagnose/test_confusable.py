@@ -5,26 +5,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lptn.diagnose.candidates import Candidate
-from lptn.diagnose.fit_statistics import NoiseLevel
-from lptn.diagnose.scores import Score, Scores, confusability
+from lptn.diagnose.candidates import Candidate, possible_effects
+from lptn.diagnose.scores import Confusability, score
 from lptn.effects import catalogue
-
-
-def _score(at: str, gain: float, direction: list[float]) -> Score:
-    candidate = Candidate(catalogue()["constant_heat"], at, (at,))
-    return Score(candidate, gain, 1.0, None, np.array(direction), 1.0)
-
-
-def _scores(*ranked: Score) -> Scores:
-    return Scores(list(ranked), np.ones(20), NoiseLevel({}, {}), {}, 0.0)
+from lptn.identify.data import split_data
+from lptn.identify.validation import fit_segments
+from tests.report.two_joints import make_run, robot
 
 
 def test_the_matrix_holds_the_sizes_of_correlations() -> None:
-    found = confusability(
-        _scores(_score("a", 9.0, [1.0, 0.0]), _score("b", 5.0, [-0.6, 0.8]), _score("c", 2.0, [-1.0, 0.0]))
-    )
-    assert found.keys == (("constant_heat", "a"), ("constant_heat", "b"), ("constant_heat", "c"))
+    keys = [("constant_heat", name) for name in "abc"]
+    found = Confusability.of(keys, np.array([[1.0, 0.0], [-0.6, 0.8], [-1.0, 0.0]]))
+    assert found.keys == tuple(keys)
     np.testing.assert_allclose(found.matrix, [[1.0, 0.6, 1.0], [0.6, 1.0, 0.6], [1.0, 0.6, 1.0]])
     ((one, other, share),) = found.indistinguishable()
     assert (one[1], other[1]) == ("a", "c")
@@ -34,11 +26,37 @@ def test_the_matrix_holds_the_sizes_of_correlations() -> None:
     assert [len(group) for group in found.groups(0.5)] == [3]
 
 
-def test_what_scores_nothing_is_left_out_and_the_best_come_first() -> None:
-    found = confusability(_scores(*(_score(f"n{row}", 9.0 - row, [1.0, row]) for row in range(10))), most=4)
-    assert [at for _, at in found.keys] == ["n0", "n1", "n2", "n3"]
-    empty = confusability(_scores(_score("a", 0.0, [0.0, 0.0])))
+def test_the_best_that_score_at_all_are_compared() -> None:
+    run = make_run(robot(), 1, "one")
+    fit = fit_segments(robot(), split_data([run]).fit)
+    scores = score(fit, possible_effects(fit, run.columns))
+    compared = scores.confusability
+    assert 1 < len(compared.keys) < len(scores.ranked)
+    assert compared.keys == tuple(each.candidate.key for each in scores.ranked[: len(compared.keys)])
+    np.testing.assert_allclose(np.diag(compared.matrix), 1.0)
+
+    twice = [Candidate(catalogue()["constant_heat"], at, (node,)) for node in fit.model.nodes for at in (node, "*")]
+    assert score(fit, twice).confusability.matrix[0, 1] == pytest.approx(1.0)
+
+
+def test_with_nothing_to_score_nothing_is_compared() -> None:
+    run = make_run(robot(), 1, "one")
+    empty = score(fit_segments(robot(), split_data([run]).fit), []).confusability
     assert empty.keys == ()
     assert empty.matrix.shape == (0, 0)
     assert not empty.indistinguishable()
     assert not empty.groups()
+
+
+def test_traces_made_a_block_at_a_time_score_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    run = make_run(robot(), 1, "one")
+    fit = fit_segments(robot(), split_data([run]).fit)
+    possible = possible_effects(fit, run.columns)
+    at_once = score(fit, possible)
+    monkeypatch.setattr("lptn.diagnose.scores._BLOCK", 3 * fit.problem.rows)
+    in_blocks = score(fit, possible)
+    np.testing.assert_allclose(in_blocks.null_gains, at_once.null_gains, rtol=1e-6)
+    np.testing.assert_allclose(in_blocks.confusability.matrix, at_once.confusability.matrix, atol=1e-6)
+    assert [each.candidate.key for each in in_blocks.ranked] == [each.candidate.key for each in at_once.ranked]
+    gains = [[each.gain for each in scores.ranked] for scores in (in_blocks, at_once)]
+    np.testing.assert_allclose(gains[0], gains[1], rtol=1e-6, atol=1e-9)

@@ -9,7 +9,7 @@ import pytest
 
 import lptn
 from lptn.diagnose.diagnosis import Diagnosis, diagnose
-from lptn.diagnose.scores import linearised
+from lptn.diagnose.previews import Previews
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "tclab"
 
@@ -24,12 +24,12 @@ def diagnosis() -> Diagnosis:
 def test_the_misfit_falls_by_the_score(diagnosis: Diagnosis) -> None:
     problem = diagnosis.fit.problem
     before = np.sum(problem.residuals(diagnosis.fit.z)[: problem.readings] ** 2)
-    for score in diagnosis.scores.ranked[:5]:
-        after = 0.0
-        for bound, readings in zip(problem.bound_runs, linearised(diagnosis.fit, score), strict=True):
-            assert np.isnan(readings[~bound.counted]).all()
-            errors = (readings - bound.measured) / problem.sigma[:, None]
-            after += float(np.sum(errors[bound.counted] ** 2))
+    scores = diagnosis.scores.ranked[:5]
+    ((bound, of_scores),) = zip(problem.bound_runs, Previews(diagnosis.fit, scores).of_fitted_runs(), strict=True)
+    for score, readings in zip(scores, of_scores, strict=True):
+        assert np.isnan(readings[~bound.counted]).all()
+        errors = (readings - bound.measured) / problem.sigma[:, None]
+        after = float(np.sum(errors[bound.counted] ** 2))
         # The trace has rows of the starts' priors, too, which are no readings.
         assert before - after == pytest.approx(score.gain, rel=0.05)
 
@@ -39,7 +39,7 @@ def test_it_lies_near_what_the_refit_gives(diagnosis: Diagnosis) -> None:
     assert diagnosis.helpful
     for step in diagnosis.helpful:
         score = next(each for each in diagnosis.scores.ranked if each.candidate.key == step.key)
-        (readings,) = linearised(diagnosis.fit, score)
+        ((readings,),) = Previews(diagnosis.fit, [score]).of_fitted_runs()
         change = (readings - bound.measured - before)[bound.counted]
         refitted = (step.fit.residuals[0] - before)[bound.counted]
         assert np.corrcoef(change, refitted)[0, 1] > 0.9

@@ -7,7 +7,7 @@ import pytest
 
 from lptn.basics.parameters import Parameter
 from lptn.diagnose.candidates import possible_effects, with_errors_of_runs
-from lptn.diagnose.previews import previews
+from lptn.diagnose.previews import Previews
 from lptn.diagnose.refits import continued
 from lptn.diagnose.scores import score
 from lptn.effects.constant_heat import ConstantHeat
@@ -30,9 +30,9 @@ def test_a_preview_of_a_held_out_run_comes_near_to_the_refit(granted: bool) -> N
     ranked = score(fit, possible_effects(fit, runs[0].columns)).ranked
     answer = next(each for each in ranked if each.candidate.key == ("constant_heat", NODES[0]))
     other = next(each for each in ranked if each.candidate.key == ("radiation", NODES[1]))
-    ((preview, _),) = previews(fit, [answer, other], data.holdout)
-
     (segment,), sigma = data.holdout, fit.problem.sigma
+    preview, _ = Previews(fit, [answer, other]).of(segment)
+
     before = predict(fit.model, segment, sigma)
     declared = answer.candidate.declaration(answer.amplitude, answer.shape)
     refit = finished(continued(fit, fit.model.network.with_effects([declared])))
@@ -42,7 +42,9 @@ def test_a_preview_of_a_held_out_run_comes_near_to_the_refit(granted: bool) -> N
     assert Errors.of(preview.error).rmse < 1.1 * NOISE < 0.8 * Errors.of(before.error).rmse
 
 
-def test_without_held_out_runs_there_is_nothing_to_foresee() -> None:
+def test_without_candidates_there_is_nothing_to_foresee() -> None:
     run = make_run(robot(), 1, "one")
-    fit = fit_segments(robot(), split_data([run]).fit)
-    assert previews(fit, score(fit, possible_effects(fit, run.columns)).ranked[:2], ()) == []
+    data = split_data([run], [make_run(robot(), 2, "two")])
+    nothing = Previews(fit_segments(robot(), data.fit), [])
+    assert nothing.of(data.holdout[0]) == []
+    assert [len(of_scores) for of_scores in nothing.of_fitted_runs()] == [0]

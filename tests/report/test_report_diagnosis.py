@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from lptn.basics.style import new_figure
 from lptn.diagnose.improvement import History
-from lptn.diagnose.scores import Confusability, Detectable, confusability, smallest
+from lptn.diagnose.scores import Confusability, Detectable, smallest
 from lptn.diagnose.unexplained_heat import InputLink, UnexplainedHeat
 from lptn.identify.comparison import compare
 from lptn.report import words
@@ -148,7 +148,7 @@ def test_heat_that_stays_is_said_and_asked_about(missing: Told, heat: HeatStory)
 
 
 def test_confusion_shows_every_pair(missing: Told) -> None:
-    found = confusability(missing[0].first.scores, 5)
+    found = missing[0].first.scores.confusability
     ax = plot_collinearity(found, new_figure(3.0).add_subplot())
     assert len(ax.texts) == len(found.keys) ** 2
     assert isinstance(ax.figure, Figure)

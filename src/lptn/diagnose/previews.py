@@ -1,4 +1,4 @@
-"""What an effect would change in runs that no fit saw, to first order: shown before anybody refits."""
+"""What an effect would change, in fitted runs and in runs that no fit saw, to first order: before anybody refits."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from lptn.diagnose.scores import Score, derivatives, granted_no_more
 from lptn.identify.comparison import Prediction, predict, with_own_errors
 from lptn.identify.data import Segment
 from lptn.identify.fitting import Fit, nuisances
+from lptn.identify.problem import rows_of_readings
 from lptn.model.model import Model
 from lptn.simulate.bound_run import bind, start_from
 from lptn.simulate.simulation import sensitivity_windows
 
 
-@one_blas_thread
-def previews(fit: Fit, scores: Sequence[Score], segments: Sequence[Segment]) -> list[list[Prediction]]:
+class Previews:
     """Runs as they would be predicted with each candidate added and all else refitted, to first order.
 
     The candidate has its first-order size, and the fitted parameters take back what they can imitate of it in the
@@ -28,34 +28,44 @@ def previews(fit: Fit, scores: Sequence[Score], segments: Sequence[Segment]) -> 
     Args:
         fit: the baseline that was scored.
         scores: of the candidates.
-        segments: runs that were not fitted.
-
-    Returns:
-        For each segment what is predicted with each candidate.
-
-    Raises:
-        InputError: a run lacks an input of a candidate.
     """
-    places = list(dict.fromkeys(site for each in scores for site in each.candidate.sites(each.shape)))
-    acts = [set(each.candidate.sites(each.shape)) for each in scores]
-    sizes = np.array(
-        [[each.amplitude * (site in own) for each, own in zip(scores, acts, strict=True)] for site in places]
-    )
-    if not segments or not sizes.size:
-        return [[] for _ in segments]
-    steps = np.vstack([_adapted(fit, places, sizes), sizes])
-    return [_moved(fit, places, steps, segment) for segment in segments]
 
+    @one_blas_thread
+    def __init__(self, fit: Fit, scores: Sequence[Score]) -> None:
+        self._fit = fit
+        self._places = list(dict.fromkeys(site for each in scores for site in each.candidate.sites(each.shape)))
+        acts = [set(each.candidate.sites(each.shape)) for each in scores]
+        sizes = np.array(
+            [[each.amplitude * (site in own) for each, own in zip(scores, acts, strict=True)] for site in self._places]
+        ).reshape(len(self._places), len(scores))
+        residuals, baseline = fit.problem.jacobian(fit.z)
+        able = ~granted_no_more(fit, baseline.T @ residuals)
+        length = np.maximum(np.linalg.norm(baseline[:, able], axis=0), np.finfo(float).tiny)
+        alone = derivatives(fit, self._places) @ sizes
+        adapted = np.zeros((baseline.shape[1], len(scores)))
+        adapted[able] = -np.linalg.lstsq(baseline[:, able] / length, alone)[0] / length[:, None]
+        self._change = alone + baseline @ adapted  # of the weighted residuals, shape (rows, candidates)
+        parameters = adapted[: len(fit.problem.free)] * fit.problem.slope(fit.point.values)[:, None]
+        self._steps = np.vstack([parameters, sizes])  # in their units, shape (free parameters + places, candidates)
 
-def _adapted(fit: Fit, places: Sequence[Site], sizes: FloatArray) -> FloatArray:
-    """By how much each candidate moves the fitted parameters, in their units, (free parameters, candidates)."""
-    baseline, by_site = derivatives(fit, places)
-    able = ~granted_no_more(fit, baseline.T @ fit.problem.residuals(fit.z))
-    moved = np.zeros((baseline.shape[1], sizes.shape[1]))
-    length = np.maximum(np.linalg.norm(baseline[:, able], axis=0), np.finfo(float).tiny)
-    moved[able] = -np.linalg.lstsq(baseline[:, able] / length, by_site @ sizes)[0] / length[:, None]
-    count = len(fit.problem.free)
-    return np.asarray(moved[:count] * fit.problem.slope(fit.point.values)[:, None])
+    def of_fitted_runs(self) -> list[FloatArray]:
+        """Readings [degC] of each fitted run, shape (candidates, nodes, n), NaN where nothing was measured."""
+        predicted, first = [], 0
+        for bound, error in zip(self._fit.problem.bound_runs, self._fit.residuals, strict=True):
+            change = self._change[rows_of_readings(bound) + first] * self._fit.problem.sigma[:, None, None]
+            readings = (bound.measured + error)[:, :, None] + change
+            predicted.append(np.moveaxis(np.where(bound.counted[:, :, None], readings, np.nan), 2, 0))
+            first += int(bound.counted.sum())
+        return predicted
+
+    @one_blas_thread
+    def of(self, segment: Segment) -> list[Prediction]:
+        """What is predicted of a run that was not fitted, with each candidate.
+
+        Raises:
+            InputError: the run lacks an input of a candidate.
+        """
+        return _moved(self._fit, self._places, self._steps, segment) if self._places else []
 
 
 def _moved(fit: Fit, places: Sequence[Site], steps: FloatArray, segment: Segment) -> list[Prediction]:

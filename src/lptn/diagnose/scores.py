@@ -10,13 +10,13 @@ Then: which candidates these data can't tell apart, and what size of each they w
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
-from lptn.basics.arrays import BoolArray, FloatArray
+from lptn.basics.arrays import BoolArray, FloatArray, IntArray
 from lptn.basics.processes import one_blas_thread
 from lptn.diagnose.candidates import Candidate, Site, sites
 from lptn.diagnose.fit_statistics import NEGLIGIBLE, NoiseLevel, block_numbers, lack_of_fit
@@ -26,10 +26,12 @@ from lptn.model.model import Model
 from lptn.simulate.bound_run import bind, start_from
 from lptn.simulate.simulation import sensitivity_windows
 
-_TOGETHER = 32  # traces multiplied at once
 _LOGS = 200  # simulated for the distribution by chance: p-values down to 0.005
 _AT_BOUND = 1e-4  # in the search's coordinates
 _IMITATED = 1e-8  # share of a trace's length left after projection: the fitted parameters imitate it wholly
+_COMPARED = 12  # of the best candidates, whose traces are held against each other
+_BLOCK = 2**26  # numbers, half a gigabyte: columns of sites in memory at once
+_TOGETHER = 32  # traces multiplied at once
 
 
 @dataclass(frozen=True)
@@ -41,7 +43,6 @@ class Score:
         gain: by how much adding it would lower the sum of squared weighted residuals, to first order.
         amplitude: its size to first order, in the amplitude's unit.
         shape: the shape of the grid that scores best.
-        direction: its trace on the residuals, projected and normalised, shape (rows,).
         per_unit: length of the trace of a unit amplitude, 0 where the fitted parameters imitate it wholly.
     """
 
@@ -49,7 +50,6 @@ class Score:
     gain: float
     amplitude: float
     shape: float | None
-    direction: FloatArray
     per_unit: float
 
 
@@ -63,6 +63,7 @@ class Scores:
         noise: what a perfect model would leave of each node's readings.
         lack_of_fit: of each node: mean square of its one-minute means over the most that noise leaves.
         negligible: the gain of an effect too small to matter, however far beyond chance.
+        confusability: of the best few, those that score nothing left out.
     """
 
     ranked: list[Score]
@@ -70,6 +71,7 @@ class Scores:
     noise: NoiseLevel
     lack_of_fit: dict[str, float]
     negligible: float
+    confusability: Confusability
 
     @property
     def threshold(self) -> float:
@@ -88,40 +90,57 @@ class Scores:
 def score(fit: Fit, candidates: Sequence[Candidate], seed: int = 0) -> Scores:
     """Score every candidate against the residuals of a fit.
 
+    Memory is bounded: beyond `_BLOCK` numbers the traces are made twice, a block at a time, and never held together.
+
     Args:
         fit: the fitted baseline.
         candidates: effects and places.
         seed: of the simulated logs.
     """
-    places = sites(candidates)
-    baseline, by_site = derivatives(fit, places)
-    residuals = fit.problem.residuals(fit.z)
-    basis = np.linalg.qr(_regular(baseline[:, ~granted_no_more(fit, baseline.T @ residuals)]))[0]
-    residuals = _projected(residuals, basis)
-    directions = _directions(candidates, places, by_site, _projected(by_site, basis))
-    del baseline, by_site  # as large as all traces together, like each of the two sets of logs below
-    ranked = [_score(candidate, own, residuals) for candidate, own in zip(candidates, directions, strict=True)]
-    ranked.sort(key=lambda each: -each.gain)
-    # Chance is the worse of two models of it: the sensors' noise alone, and what else the residuals hold at random.
     rng = np.random.default_rng(seed)
-    noise = _projected(_simulated_noise(fit, rng), basis)
-    level, by_noise = NoiseLevel.of(fit, noise), np.sort(_largest_gains(directions, noise))
+    residuals = fit.problem.residuals(fit.z)
+    basis = _imitable(fit, residuals)
+    _project(residuals, basis)
+    noise = _simulated_noise(fit, rng)
+    _project(noise, basis)
+    level = NoiseLevel.of(fit, noise)
+    traces = _Traces(fit, candidates, basis)
+
+    # Chance is the worse of two models of it: the sensors' noise alone, and what else the residuals hold at random.
+    scores, by_noise = {each: Score(each, 0.0, 0.0, None, 0.0) for each in candidates}, np.zeros(_LOGS)
+    best, best_trace = 0.0, np.zeros_like(residuals)
+    for group, rows in traces:
+        for trace, row, statistic in zip(group, rows, -(rows @ residuals), strict=True):
+            scores[trace.candidate] = scored = _better(scores[trace.candidate], trace, float(statistic))
+            if scored.gain > best:
+                best, best_trace = scored.gain, row.copy()
+        by_noise = np.maximum(by_noise, _largest_gains(group, -(rows @ noise)))
     del noise
-    resampled = _projected(_wild_bootstrap(fit, _less_the_best(residuals, ranked), rng), basis)
-    null_gains = np.maximum(by_noise, np.sort(_largest_gains(directions, resampled)))
-    return Scores(ranked, null_gains, level, lack_of_fit(fit, level, residuals), _negligible_gain(fit))
+    ranked = sorted(scores.values(), key=lambda each: -each.gain)
+
+    compared = {(each.candidate, each.shape): place for place, each in enumerate(ranked[:_COMPARED]) if each.gain > 0}
+    compared_traces = np.zeros((len(compared), len(residuals)))
+    resampling = _WildBootstrap(fit, residuals - best_trace * (best_trace @ residuals), rng)
+    by_resampling = np.zeros(_LOGS)
+    for group, rows in traces:
+        for trace, row in zip(group, rows, strict=True):
+            if (trace.candidate, trace.shape) in compared:
+                compared_traces[compared[trace.candidate, trace.shape]] = row
+        by_resampling = np.maximum(by_resampling, _largest_gains(group, resampling.statistics(rows)))
+    null_gains = np.maximum(np.sort(by_noise), np.sort(by_resampling))
+    confusable = Confusability.of([candidate.key for candidate, _ in compared], compared_traces)
+    return Scores(ranked, null_gains, level, lack_of_fit(fit, level, residuals), _negligible_gain(fit), confusable)
 
 
-def derivatives(fit: Fit, places: Sequence[Site]) -> tuple[FloatArray, FloatArray]:
-    """Weighted derivatives of the residuals: by the fit's unknowns, and by the sites' amplitudes."""
+def derivatives(fit: Fit, places: Sequence[Site]) -> FloatArray:
+    """Weighted derivatives of the residuals by the sites' amplitudes, shape (rows, places), stored by columns."""
     problem = fit.problem
-    _, baseline = problem.jacobian(fit.z)
     full = Model(fit.model.network.with_effects(site.declaration() for site in places))
     index = {parameter.name: number for number, parameter in enumerate(full.parameters)}
     amplitudes = [index[site.amplitude_name] for site in places]
     core = len(fit.model.states)  # effects are added behind the network's own, and so are their states
     # By columns, as candidates sum them up; the penalties' rows stay zero, for no site enters them.
-    by_site = np.zeros((len(baseline), len(places)), order="F")
+    by_site = np.zeros((problem.rows, len(places)), order="F")
     first = 0
     for bound, start in zip(problem.bound_runs, fit.point.starts, strict=True):
         wide = bind(full, bound.run)
@@ -132,7 +151,7 @@ def derivatives(fit: Fit, places: Sequence[Site]) -> tuple[FloatArray, FloatArra
             scale = 1.0 / np.repeat(problem.sigma, counted.sum(axis=1))[:, None]
             by_site[row_of[:, window][counted]] = moved.by_parameter[counted] * scale
         first += int(bound.counted.sum())
-    return baseline, by_site
+    return by_site
 
 
 def granted_no_more(fit: Fit, gradient: FloatArray) -> BoolArray:
@@ -148,70 +167,109 @@ def granted_no_more(fit: Fit, gradient: FloatArray) -> BoolArray:
     return np.asarray(granted & ((below & (gradient > 0)) | (above & (gradient < 0))))
 
 
-def _regular(baseline: FloatArray) -> FloatArray:
-    """The baseline's columns scaled to length one; empty ones left out."""
+# --- Traces: what a candidate would leave on the residuals that the fitted parameters can't imitate ---------
+
+
+def _imitable(fit: Fit, residuals: FloatArray) -> FloatArray:
+    """What the fitted parameters can imitate, as orthonormal columns, shape (rows, k)."""
+    _, baseline = fit.problem.jacobian(fit.z)
     length = np.linalg.norm(baseline, axis=0)
-    kept = length > 0
-    return np.asarray(baseline[:, kept] / length[kept])
+    kept = ~granted_no_more(fit, baseline.T @ residuals) & (length > 0)
+    return np.asarray(np.linalg.qr(baseline[:, kept] / length[kept])[0])
 
 
-def _projected(columns: FloatArray, basis: FloatArray) -> FloatArray:
-    """What the fitted parameters can't imitate of columns, (rows,) or (rows, k)."""
-    return np.asarray(columns - basis @ (basis.T @ columns))
+def _project(columns: FloatArray, basis: FloatArray) -> FloatArray:
+    """Take out of columns, (rows,) or (rows, n), what the fitted parameters can imitate; returns how much of each."""
+    imitated = basis.T @ columns
+    if columns.ndim == 1:
+        columns -= basis @ imitated
+    else:
+        for first in range(0, columns.shape[1], _TOGETHER):  # a product as large as the columns would double them
+            group = slice(first, first + _TOGETHER)
+            columns[:, group] -= basis @ imitated[:, group]
+    return np.asarray(imitated)
 
 
-class _Direction(NamedTuple):
-    """A candidate's projected trace at one shape, of length 1; the length of a unit amplitude's; whether one-sided."""
+class _Trace(NamedTuple):
+    """A candidate's projected trace at one shape: the length of a unit amplitude's, and whether it has one sign."""
 
+    candidate: Candidate
     shape: float | None
-    trace: FloatArray
     length: float
-    one_sided: bool
 
 
-def _directions(
-    candidates: Sequence[Candidate], places: Sequence[Site], by_site: FloatArray, projected: FloatArray
-) -> list[list[_Direction]]:
-    """For each candidate the sum of its places' columns, at each shape of its grid."""
-    where = {site: number for number, site in enumerate(places)}
-    # A candidate's columns lie side by side in memory when the matrices are stored by columns.
-    projected, by_site = np.asfortranarray(projected), np.asfortranarray(by_site)
-    directions = []
+class _Traces:
+    """The candidates' projected traces at each shape of their grids, of length 1, a few at a time.
+
+    The columns of all sites stay in memory if they are few; else those of some effects are made, used and left, and
+    made again when the traces are asked for again.
+    """
+
+    def __init__(self, fit: Fit, candidates: Sequence[Candidate], basis: FloatArray) -> None:
+        self._fit, self._basis = fit, basis
+        self._blocks = _blocks(candidates, len(basis))
+        self._held: tuple[FloatArray, FloatArray] | None = None
+
+    def __iter__(self) -> Iterator[tuple[list[_Trace], FloatArray]]:
+        """Groups of traces, and they themselves in rows, shape (traces, rows)."""
+        for block in self._blocks:
+            places = sites(block)
+            projected, imitated = self._held or self._columns(places)
+            if len(self._blocks) == 1:
+                self._held = projected, imitated
+            where = {site: number for number, site in enumerate(places)}
+            wanted = [
+                (candidate, shape, [where[site] for site in candidate.sites(shape)])
+                for candidate in block
+                for shape in candidate.shapes
+            ]
+            for first in range(0, len(wanted), _TOGETHER):
+                group = wanted[first : first + _TOGETHER]
+                rows = np.array([projected[:, members].sum(axis=1) for _, _, members in group])
+                lengths = np.linalg.norm(rows, axis=1)
+                taken = [float(np.linalg.norm(imitated[:, members].sum(axis=1))) for _, _, members in group]
+                left = lengths > _IMITATED * np.hypot(lengths, taken)
+                rows = rows[left] / lengths[left, None]
+                yield [_Trace(*group[k][:2], float(lengths[k])) for k in np.flatnonzero(left)], rows
+
+    def _columns(self, places: Sequence[Site]) -> tuple[FloatArray, FloatArray]:
+        by_site = derivatives(self._fit, places)
+        return by_site, _project(by_site, self._basis)
+
+
+def _blocks(candidates: Sequence[Candidate], rows: int) -> list[list[Candidate]]:
+    """The candidates, those of an effect together, in blocks of as many sites as memory is meant for."""
+    by_effect: dict[type, list[Candidate]] = {}
     for candidate in candidates:
-        own = []
-        for shape in candidate.shapes:
-            members = [where[site] for site in candidate.sites(shape)]
-            trace = projected[:, members].sum(axis=1)
-            whole = float(np.linalg.norm(by_site[:, members].sum(axis=1)))
-            length = float(np.linalg.norm(trace))
-            if length > _IMITATED * whole:
-                own.append(_Direction(shape, trace / length, length, candidate.one_sided))
-        directions.append(own)
-    return directions
+        by_effect.setdefault(candidate.effect, []).append(candidate)
+    blocks: list[list[Candidate]] = []
+    size = 0
+    for own in by_effect.values():
+        more = len(sites(own)) * rows
+        if not blocks or size + more > _BLOCK:
+            blocks.append([])
+            size = 0
+        blocks[-1] += own
+        size += more
+    return blocks
 
 
-def _score(candidate: Candidate, directions: Sequence[_Direction], residuals: FloatArray) -> Score:
-    longest = max((each.length for each in directions), default=0.0)
-    best = Score(candidate, 0.0, 0.0, None, np.zeros_like(residuals), longest)
-    for shape, trace, length, one_sided in directions:
-        statistic = -float(trace @ residuals)  # predicted too low along the trace: more of the effect is wanted
-        if one_sided and statistic < 0:
-            continue
-        if statistic**2 > best.gain:
-            best = Score(candidate, statistic**2, statistic / length, shape, trace, length)
-    return best
+def _better(before: Score, trace: _Trace, statistic: float) -> Score:
+    """A candidate's score with one more shape: the better one; the longest trace of all shapes."""
+    per_unit = max(before.per_unit, trace.length)
+    if (trace.candidate.one_sided and statistic < 0) or statistic**2 <= before.gain:
+        return replace(before, per_unit=per_unit) if before.gain == 0 else before
+    return Score(trace.candidate, statistic**2, statistic / trace.length, trace.shape, trace.length)
 
 
-def _largest_gains(directions: Sequence[Sequence[_Direction]], residuals: FloatArray) -> FloatArray:
-    """The largest gain over all candidates in each simulated log, shape (logs,), of residuals (rows, logs)."""
-    flat = [each for own in directions for each in own]
-    if not flat:
-        return np.zeros(residuals.shape[1])
-    # All traces in one matrix would be a second copy of what takes most memory.
-    groups = (flat[first : first + _TOGETHER] for first in range(0, len(flat), _TOGETHER))
-    statistics = -np.vstack([np.array([each.trace for each in group]) @ residuals for group in groups])
-    one_sided = np.array([each.one_sided for each in flat])[:, None]
-    return np.asarray(np.max(np.where(one_sided & (statistics < 0), 0.0, statistics) ** 2, axis=0))
+def _largest_gains(group: Sequence[_Trace], statistics: FloatArray) -> FloatArray:
+    """The largest gain of some traces in each simulated log, shape (logs,), from statistics (traces, logs)."""
+    one_sided = np.array([trace.candidate.one_sided for trace in group], dtype=bool)[:, None]
+    allowed = np.where(one_sided & (statistics < 0), 0.0, statistics)
+    return np.asarray(np.max(allowed**2, axis=0, initial=0.0))
+
+
+# --- What chance alone would score --------------------------------------------------------------------------
 
 
 def _simulated_noise(fit: Fit, rng: np.random.Generator) -> FloatArray:
@@ -233,32 +291,31 @@ def _simulated_noise(fit: Fit, rng: np.random.Generator) -> FloatArray:
     return np.vstack([noise, penalties])
 
 
-def _less_the_best(residuals: FloatArray, ranked: Sequence[Score]) -> FloatArray:
-    """What the best candidate leaves of the residuals."""
-    if not ranked:
-        return residuals
-    direction = ranked[0].direction
-    return np.asarray(residuals - direction * (direction @ residuals))
-
-
-def _wild_bootstrap(fit: Fit, residuals: FloatArray, rng: np.random.Generator) -> FloatArray:
-    """The residuals with random signs, one for each ten-minute block of each run, (rows, logs).
+class _WildBootstrap:
+    """The residuals with random signs, one for each ten-minute block of each run.
 
     It keeps what residuals have beside the sensors' noise: loads that the log does not hold to the last per cent
     leave errors for minutes, which all nodes of a block share.
 
     Source: [Wu1986]; blocks after [Shao2010].
     """
-    signs = np.zeros((len(residuals), _LOGS))
-    start = 0
-    for bound in fit.problem.bound_runs:
-        numbers = block_numbers(bound)
-        drawn = rng.choice((-1.0, 1.0), (int(numbers[-1]) + 1, _LOGS))
-        for counted in bound.counted:
-            rows = numbers[counted]
-            signs[start : start + len(rows)] = drawn[rows]
-            start += len(rows)
-    return np.asarray(signs * residuals[:, None])
+
+    def __init__(self, fit: Fit, residuals: FloatArray, rng: np.random.Generator) -> None:
+        drawn, numbers, count = [], [], 0
+        for bound in fit.problem.bound_runs:
+            own = block_numbers(bound)
+            numbers += [count + own[counted] for counted in bound.counted]
+            count += int(own[-1]) + 1
+            drawn.append(rng.choice((-1.0, 1.0), (int(own[-1]) + 1, _LOGS)))
+        block_of: IntArray = np.concatenate(numbers)
+        self._firsts = np.flatnonzero(np.diff(block_of, prepend=-1))  # of each node's rows in each block
+        self._signs = np.vstack(drawn)[block_of[self._firsts]]
+        self._residuals = residuals[: len(block_of)]  # the rest are penalties
+
+    def statistics(self, traces: FloatArray) -> FloatArray:
+        """How much of each log lies against each trace, shape (traces, logs)."""
+        along = traces[:, : len(self._residuals)] * self._residuals
+        return np.asarray(-np.add.reduceat(along, self._firsts, axis=1) @ self._signs)
 
 
 def _negligible_gain(fit: Fit) -> float:
@@ -266,29 +323,6 @@ def _negligible_gain(fit: Fit) -> float:
     readings = np.sum([bound.counted.sum(axis=1) for bound in fit.problem.bound_runs], axis=0)
     gains = readings * (NEGLIGIBLE / fit.problem.sigma) ** 2
     return float(gains[readings > 0].min(initial=np.inf))
-
-
-def linearised(fit: Fit, score: Score) -> list[FloatArray]:
-    """What the readings of the fitted runs would be with a candidate added and all else refitted, to first order.
-
-    The candidate moves them along its trace, with what the fitted parameters take back of it, by its first-order size.
-
-    Args:
-        fit: the baseline that was scored.
-        score: of the candidate.
-
-    Returns:
-        Predicted readings [degC] of each run, shape (nodes, n), NaN where nothing was measured.
-    """
-    moved = score.direction * np.sign(score.amplitude) * np.sqrt(score.gain)
-    predicted, first = [], 0
-    for bound, error in zip(fit.problem.bound_runs, fit.residuals, strict=True):
-        readings = np.where(bound.counted, bound.measured + error, np.nan)
-        rows = rows_of_readings(bound) + first
-        readings += np.where(bound.counted, moved[rows] * fit.problem.sigma[:, None], 0.0)
-        predicted.append(readings)
-        first += int(bound.counted.sum())
-    return predicted
 
 
 # --- Collinear candidates: those whose traces these data can't tell apart -------------------------
@@ -310,6 +344,11 @@ class Confusability:
     keys: tuple[tuple[str, str], ...]
     matrix: FloatArray
 
+    @classmethod
+    def of(cls, keys: Sequence[tuple[str, str]], traces: FloatArray) -> Confusability:
+        """From the traces, each of length 1, shape (n, rows)."""
+        return cls(tuple(keys), np.asarray(np.minimum(np.abs(traces @ traces.T), 1.0)))
+
     def indistinguishable(
         self, least: float = INDISTINGUISHABLE
     ) -> list[tuple[tuple[str, str], tuple[str, str], float]]:
@@ -329,21 +368,6 @@ class Confusability:
         count, labels = connected_components(self.matrix >= least, directed=False) if self.keys else (0, np.zeros(0))
         members = [tuple(self.keys[row] for row in np.flatnonzero(labels == label)) for label in range(count)]
         return [group for group in members if len(group) > 1]
-
-
-def confusability(scores: Scores, most: int = 12) -> Confusability:
-    """The best candidates against each other.
-
-    Args:
-        scores: of a diagnosis.
-        most: how many candidates to compare at most; those that score nothing leave no trace to compare.
-    """
-    chosen = [each for each in scores.ranked if each.gain > 0 and each.direction.any()][:most]
-    keys = tuple(each.candidate.key for each in chosen)
-    if not chosen:
-        return Confusability(keys, np.zeros((0, 0)))
-    traces = np.array([each.direction / np.linalg.norm(each.direction) for each in chosen])
-    return Confusability(keys, np.asarray(np.minimum(np.abs(traces @ traces.T), 1.0)))
 
 
 # --- Power: the smallest size of each effect that these data would have shown ---------------------

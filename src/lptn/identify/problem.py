@@ -75,6 +75,11 @@ class Problem:
         """Number of readings that count."""
 
     @property
+    def rows(self) -> int:
+        """Number of residuals: of readings, priors and penalties."""
+        return self.readings + len(self._prior_jacobian())
+
+    @property
     def size(self) -> int:
         """Number of unknowns."""
         return len(self.free) + len(self.bound_runs) * len(self.model.states)
@@ -139,7 +144,7 @@ class Problem:
             SimulationError: the point makes the model too stiff, or it runs away.
         """
         point, prior = self.point(z), self._prior_jacobian()
-        weighted, slopes = np.zeros(self.readings + len(prior)), np.zeros((self.readings + len(prior), self.size))
+        weighted, slopes = np.zeros(self.rows), np.zeros((self.rows, self.size))
         first = 0
         for number, bound in enumerate(self.bound_runs):
             columns, row_of = self._columns(number), rows_of_readings(bound) + first

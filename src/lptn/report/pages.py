@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from lptn.diagnose.improvement import History
-from lptn.diagnose.scores import confusability, smallest
+from lptn.diagnose.scores import smallest
 from lptn.effects import Effect
 from lptn.identify.comparison import Comparison, Versus, predict
 from lptn.identify.data import DataSplit
@@ -185,7 +185,7 @@ def _ranking(history: History) -> Picture | None:
 
 
 def _collinearity(history: History) -> Picture | None:
-    result = confusability(history.first.scores)
+    result = history.first.scores.confusability
     if len(result.keys) < 2:
         return None
     return picture(words.caption_of_collinearity(result), collinearity_figure(result))

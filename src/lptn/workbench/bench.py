@@ -12,8 +12,8 @@ import numpy as np
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.diagnose.diagnosis import Diagnosis, Key, Step, for_search
-from lptn.diagnose.previews import previews
-from lptn.diagnose.scores import Score, linearised
+from lptn.diagnose.previews import Previews
+from lptn.diagnose.scores import Score
 from lptn.diagnose.unexplained_heat import UnexplainedHeat
 from lptn.identify.comparison import Errors, Prediction, predict
 from lptn.identify.data import Segment
@@ -172,19 +172,21 @@ class Bench:
         answers = {step.key for step in diagnosis.helpful}
         shown = [each for each in diagnosis.scores.ranked if each.gain > 0 and each.candidate.key in answers]
         scores = [*shown, *self.scored_only]
-        coarse = for_search(self.study.data)
+        if not scores:
+            return {}
+        first_order, coarse = Previews(diagnosis.fit, scores), for_search(self.study.data)
+        runs = list(zip(diagnosis.fit.problem.bound_runs, first_order.of_fitted_runs(), strict=True))
         try:
-            others = previews(diagnosis.fit, scores, (*coarse.holdout, *coarse.test))
+            for segment in (*coarse.holdout, *coarse.test):
+                predicted = first_order.of(segment)
+                runs.append((predicted[0].bound, np.array([each.readings for each in predicted])))
         except InputError as error:  # a run lacks what a candidate goes by
             logger.info("held-out runs are tried once they are refitted: %s", error)
-            others = []
-        lines = {}
-        for number, each in enumerate(scores):
-            fitted = list(zip(diagnosis.fit.problem.bound_runs, linearised(diagnosis.fit, each), strict=True))
-            runs = [*fitted, *((of_run[number].bound, of_run[number].readings) for of_run in others)]
-            for segment, (bound, readings) in zip(segments(self.study), runs, strict=False):
-                lines[segment, key_of(each.candidate.key)] = _attempt(bound, readings, linearised=True)
-        return lines
+        return {
+            (name, key_of(score.candidate.key)): _attempt(bound, readings, linearised=True)
+            for name, (bound, of_scores) in zip(segments(self.study), runs, strict=False)
+            for score, readings in zip(scores, of_scores, strict=True)
+        }
 
     def _attempted(self, diagnosis: Diagnosis) -> dict[tuple[str, str], Attempt]:
         """What the page's runs would look like with each answer added: the refits' own predictions."""
