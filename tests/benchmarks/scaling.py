@@ -22,7 +22,7 @@ import time
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -37,8 +37,19 @@ FANNED = 1.6  # times the conductance to the air, of the last joint, while the f
 WHAT = ("fit", "diagnosis")
 
 
-def write_robot(folder: Path, nodes: int, hours: float) -> tuple[Path, Path]:
-    """A model file and a log of a chain of joints; every node has parameters of its own."""
+def write_robot(
+    folder: Path, nodes: int, hours: float, seed: int = 0, scatter: float = 0.0, fanned: float = FANNED
+) -> tuple[Path, Path]:
+    """A model file and a log of a chain of joints; every node has parameters of its own.
+
+    Args:
+        folder: where to write them.
+        nodes: joints of the chain.
+        hours: of log.
+        seed: of the loads, the noise and the robot's constants.
+        scatter: standard deviation of the constants' logarithms, from joint to joint.
+        fanned: times the conductance to the air, of the last joint, while the fan blows.
+    """
     names = [f"j{k:03d}" for k in range(nodes)]
     text = ["[model]", 'name = "chain"', f"joints = {json.dumps(names)}", 'ambient = "temperature.ambient"', ""]
     text += ['[nodes."*"]', f'capacity = {{ value = {1.5 * CAPACITY}, unit = "J/K", share = "each" }}', ""]
@@ -48,11 +59,11 @@ def write_robot(folder: Path, nodes: int, hours: float) -> tuple[Path, Path]:
     text += ['[[effects]]\nkind = "heat_input"\nat = "*"\ngain = { value = 1, fixed = true }']
     model, log = folder / "chain.toml", folder / "log.parquet"
     model.write_text("\n".join(text))
-    rng, count = np.random.default_rng(0), round(3600 * hours)
+    rng, count = np.random.default_rng(seed), round(3600 * hours)
     blocks = math.ceil(count / SEGMENT)
     heats = np.repeat(rng.uniform(0, HEAT, (nodes, blocks)) * (rng.random((nodes, blocks)) < 0.6), SEGMENT, axis=1)
     fan = np.repeat(rng.random(math.ceil(count / 600)) < 0.5, 600)[:count].astype(float)
-    temperatures = _temperatures(heats[:, :count], fan)
+    temperatures = _temperatures(heats[:, :count], fan, constants(nodes, seed, scatter), fanned)
     columns = {"time": np.arange(count, dtype=float)}
     noisy = temperatures + rng.normal(scale=0.05, size=temperatures.shape)
     columns |= {f"temperature.{name}": row for name, row in zip(names, noisy, strict=True)}
@@ -62,18 +73,32 @@ def write_robot(folder: Path, nodes: int, hours: float) -> tuple[Path, Path]:
     return model, log
 
 
-def _temperatures(heats: FloatArray, fan: FloatArray) -> FloatArray:
+class Constants(NamedTuple):
+    """True capacities [J/K] and resistances [K/W] to the air, shape (nodes,), and between neighbours, (nodes − 1,)."""
+
+    capacity: FloatArray
+    to_air: FloatArray
+    between: FloatArray
+
+
+def constants(nodes: int, seed: int, scatter: float) -> Constants:
+    """Those of one robot, scattered about the usual ones."""
+    factors = np.exp(scatter * np.random.default_rng([seed, 1]).normal(size=(3, nodes)))
+    return Constants(CAPACITY * factors[0], TO_AIR * factors[1], BETWEEN * factors[2, : nodes - 1])
+
+
+def _temperatures(heats: FloatArray, fan: FloatArray, true: Constants, fanned: float) -> FloatArray:
     """Means over each second [degC], shape (nodes, n): exact steps of both linear networks, with fan and without."""
     nodes, count = heats.shape
     steps = []
-    for factor in (1.0, FANNED):
-        loss = np.full(nodes, 1 / TO_AIR)
+    for factor in (1.0, fanned):
+        loss = 1 / true.to_air
         loss[-1] *= factor
-        chain = np.diag(np.full(nodes - 1, 1 / BETWEEN), 1)
+        chain = np.diag(1 / true.between, 1)
         chain = chain + chain.T
-        a = (chain - np.diag(chain.sum(axis=1) + loss)) / CAPACITY
+        a = (chain - np.diag(chain.sum(axis=1) + loss)) / true.capacity[:, None]
         g = expm(a)
-        steps.append((g, np.linalg.solve(a, g - np.eye(nodes)) / CAPACITY))
+        steps.append((g, np.linalg.solve(a, (g - np.eye(nodes)) / true.capacity)))
     above, before, means = np.zeros(nodes), np.zeros(nodes), np.empty_like(heats)
     for k in range(count):
         g, h = steps[int(fan[k])]

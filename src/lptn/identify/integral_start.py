@@ -13,6 +13,7 @@ import casadi as ca
 import numpy as np
 
 from lptn.basics.arrays import FloatArray
+from lptn.identify.bounded_minimum import bounded_minimum
 from lptn.model.model import Model
 from lptn.simulate.bound_run import BoundRun, default_start
 from lptn.simulate.kernel import AtPoints
@@ -33,12 +34,11 @@ def integral_start(model: Model, bound_runs: Sequence[BoundRun], sigma: FloatArr
     system = _LinearBalance(model)
     if not system.chosen:
         return model.values
-    condensed = np.zeros((0, len(system.chosen) + 1))
+    products = np.zeros((len(system.chosen) + 1, len(system.chosen) + 1))
     for bound in bound_runs:
-        for block in system.equations(bound, sigma):
-            # A triangular factor stands for all rows so far: hours of data take no more memory than minutes.
-            condensed = np.asarray(np.linalg.qr(np.vstack([condensed, block]), mode="r"))
-    return system.solve(condensed[:, :-1], condensed[:, -1])
+        for rows in system.equations(bound, sigma):
+            products += rows.T @ rows  # stand for all rows: hours of data take no more memory than minutes
+    return system.solve(products[:-1, :-1], products[:-1, -1])
 
 
 class _LinearBalance:
@@ -91,19 +91,17 @@ class _LinearBalance:
             whole = np.column_stack([block, side]) / (self._declared[capacity] * sigma[i])
             yield whole - whole.mean(axis=0)
 
-    def solve(self, rows: FloatArray, sides: FloatArray) -> FloatArray:
-        """Bounded least squares with a weak pull to the declared values."""
-        from scipy.optimize import lsq_linear  # heavy, and few commands need it
-
+    def solve(self, squares: FloatArray, sides: FloatArray) -> FloatArray:
+        """Bounded least squares with a weak pull to the declared values, from the normal equations."""
         model = self.model
         bounds = np.array([self._bounds(i) for i in self.chosen])
         scale = np.array([self._scale(i) for i in self.chosen])
-        pull = np.eye(len(self.chosen)) * _RIDGE
-        target = self._declared[self.chosen] / scale * _RIDGE
-        limits = (bounds[:, 0] / scale, bounds[:, 1] / scale)
-        solution = lsq_linear(np.vstack([rows * scale, pull]), np.concatenate([sides, target]), limits)
+        declared = self._declared[self.chosen]
+        slope = (squares @ declared - sides) * scale
+        curvature = squares * np.outer(scale, scale) + _RIDGE**2 * np.eye(len(scale))
+        lower, upper = ((bounds - declared[:, None]) / scale[:, None]).T
         w = self._declared.copy()
-        w[self.chosen] = solution.x * scale
+        w[self.chosen] += bounded_minimum(slope, curvature, lower, upper) * scale
         values = np.divide(1.0, np.maximum(w, _FAINT), out=w.copy(), where=self._inverse)
         return np.where(np.isin(np.arange(len(values)), self.chosen), values, model.values)
 

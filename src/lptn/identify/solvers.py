@@ -17,6 +17,7 @@ import casadi as ca
 import numpy as np
 
 from lptn.basics.arrays import FloatArray
+from lptn.identify.bounded_minimum import bounded_minimum
 from lptn.identify.problem import Problem
 from lptn.simulate.simulation import SimulationError
 
@@ -115,7 +116,7 @@ def polish(
         if not np.isfinite(hessian).all():
             return "stopped"
         enough = max(_GAIN * evaluator.scale, precision * evaluator.cost(z))
-        free = _bounded_step(gradient, hessian, *_room(evaluator.problem, z))
+        free = bounded_minimum(gradient, hessian, *_room(evaluator.problem, z))
         predicted, before = _predicted_gain(gradient, hessian, free), evaluator.cost(z)
         if predicted < enough:
             return "converged"
@@ -141,7 +142,7 @@ def _downhill(
     room = _room(evaluator.problem, z)
     before, diagonal = evaluator.cost(z), np.diag(np.diag(hessian))
     while damping <= _MOST_DAMPING:
-        step = free if damping == 0 else _bounded_step(gradient, hessian + damping * diagonal, *room)
+        step = free if damping == 0 else bounded_minimum(gradient, hessian + damping * diagonal, *room)
         kept = (before - evaluator.cost(z + step)) / max(_predicted_gain(gradient, hessian, step), 1e-300)
         if kept > _POOR:
             if kept > _GOOD:
@@ -173,34 +174,6 @@ def _further(evaluator: Evaluator, z: FloatArray, step: FloatArray) -> FloatArra
 def _predicted_gain(gradient: FloatArray, hessian: FloatArray, step: FloatArray) -> float:
     """What the quadratic model says that a step gains."""
     return -float(gradient @ step + 0.5 * step @ hessian @ step)
-
-
-_ACTIVE_SETS = 30  # tried; from the quadratic models of a search seldom more than four are
-
-
-def _bounded_step(gradient: FloatArray, hessian: FloatArray, lower: FloatArray, upper: FloatArray) -> FloatArray:
-    """The optimum of the quadratic model within the bounds, shape (size,).
-
-    By guessing which unknowns end at a bound: those that a step leaves beyond one do, those that the slope there pushes
-    off it don't [Hintermueller2003]. Where the guesses go round in a circle, SciPy's slower search decides.
-    """
-    below, above = np.zeros((2, len(gradient)), dtype=bool)
-    for _ in range(_ACTIVE_SETS):
-        step = np.where(below, lower, np.where(above, upper, 0.0))
-        free = ~(below | above)
-        step[free] = np.linalg.solve(hessian[np.ix_(free, free)], -(gradient + hessian @ step)[free])
-        slope = gradient + hessian @ step
-        guess = np.where(free, step < lower, below & (slope > 0)), np.where(free, step > upper, above & (slope < 0))
-        if np.array_equal(guess[0], below) and np.array_equal(guess[1], above):
-            return step
-        below, above = guess
-    from scipy.optimize import lsq_linear  # heavy, and seldom needed
-
-    factor = np.linalg.cholesky(hessian)
-    side = np.linalg.solve(factor, -gradient)
-    # The solver wants a little room between bounds.
-    solution = lsq_linear(factor.T, side, (lower, np.maximum(upper, lower + 1e-12)), method="bvls")
-    return np.clip(solution.x, lower, upper)
 
 
 # --- IPOPT on a least-squares problem, with the Gauss-Newton Hessian ------------------------------
