@@ -57,6 +57,5 @@ def test_traces_made_a_block_at_a_time_score_the_same(monkeypatch: pytest.Monkey
     in_blocks = score(fit, possible)
     np.testing.assert_allclose(in_blocks.null_gains, at_once.null_gains, rtol=1e-6)
     np.testing.assert_allclose(in_blocks.confusability.matrix, at_once.confusability.matrix, atol=1e-6)
-    assert [each.candidate.key for each in in_blocks.ranked] == [each.candidate.key for each in at_once.ranked]
-    gains = [[each.gain for each in scores.ranked] for scores in (in_blocks, at_once)]
-    np.testing.assert_allclose(gains[0], gains[1], rtol=1e-6, atol=1e-9)
+    gains = [{each.candidate: each.gain for each in scores.ranked} for scores in (in_blocks, at_once)]
+    assert gains[0] == pytest.approx(gains[1], rel=1e-6, abs=1e-9)

@@ -28,7 +28,9 @@ from lptn.simulate.simulation import sensitivity_windows
 
 _LOGS = 200  # simulated for the distribution by chance: p-values down to 0.005
 _AT_BOUND = 1e-4  # in the search's coordinates
-_IMITATED = 1e-8  # share of a trace's length left after projection: the fitted parameters imitate it wholly
+_IMITATED = 1e-6
+"""Share of a trace's length left after projection, below which the fitted parameters imitate it wholly: the length is
+a difference of squares, of which double precision leaves no digit at 1e-8."""
 _COMPARED = 12  # of the best candidates, whose traces are held against each other
 _BLOCK = 2**26  # numbers, half a gigabyte: columns of sites in memory at once
 _TOGETHER = 32  # traces multiplied at once
@@ -100,33 +102,33 @@ def score(fit: Fit, candidates: Sequence[Candidate], seed: int = 0) -> Scores:
     rng = np.random.default_rng(seed)
     residuals = fit.problem.residuals(fit.z)
     basis = _imitable(fit, residuals)
-    _project(residuals, basis)
+    residuals -= basis @ (basis.T @ residuals)
     noise = _simulated_noise(fit, rng)
-    _project(noise, basis)
+    noise -= basis @ (basis.T @ noise)
     level = NoiseLevel.of(fit, noise)
     traces = _Traces(fit, candidates, basis)
 
     # Chance is the worse of two models of it: the sensors' noise alone, and what else the residuals hold at random.
     scores, by_noise = {each: Score(each, 0.0, 0.0, None, 0.0) for each in candidates}, np.zeros(_LOGS)
     best, best_trace = 0.0, np.zeros_like(residuals)
-    for group, rows in traces:
-        for trace, row, statistic in zip(group, rows, -(rows @ residuals), strict=True):
+    for group in traces:
+        for number, (trace, statistic) in enumerate(zip(group.traces, -(group.rows @ residuals), strict=True)):
             scores[trace.candidate] = scored = _better(scores[trace.candidate], trace, float(statistic))
             if scored.gain > best:
-                best, best_trace = scored.gain, row.copy()
-        by_noise = np.maximum(by_noise, _largest_gains(group, -(rows @ noise)))
+                best, best_trace = scored.gain, group.projected(number, basis)
+        by_noise = np.maximum(by_noise, group.largest_gains(-(group.rows @ noise)))
     del noise
     ranked = sorted(scores.values(), key=lambda each: -each.gain)
 
     compared = {(each.candidate, each.shape): place for place, each in enumerate(ranked[:_COMPARED]) if each.gain > 0}
     compared_traces = np.zeros((len(compared), len(residuals)))
-    resampling = _WildBootstrap(fit, residuals - best_trace * (best_trace @ residuals), rng)
+    resampling = _WildBootstrap(fit, residuals - best_trace * (best_trace @ residuals), basis, rng)
     by_resampling = np.zeros(_LOGS)
-    for group, rows in traces:
-        for trace, row in zip(group, rows, strict=True):
+    for group in traces:
+        for number, trace in enumerate(group.traces):
             if (trace.candidate, trace.shape) in compared:
-                compared_traces[compared[trace.candidate, trace.shape]] = row
-        by_resampling = np.maximum(by_resampling, _largest_gains(group, resampling.statistics(rows)))
+                compared_traces[compared[trace.candidate, trace.shape]] = group.projected(number, basis)
+        by_resampling = np.maximum(by_resampling, group.largest_gains(resampling.statistics(group)))
     null_gains = np.maximum(np.sort(by_noise), np.sort(by_resampling))
     confusable = Confusability.of([candidate.key for candidate, _ in compared], compared_traces)
     return Scores(ranked, null_gains, level, lack_of_fit(fit, level, residuals), _negligible_gain(fit), confusable)
@@ -178,80 +180,105 @@ def _imitable(fit: Fit, residuals: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.qr(baseline[:, kept] / length[kept])[0])
 
 
-def _project(columns: FloatArray, basis: FloatArray) -> FloatArray:
-    """Take out of columns, (rows,) or (rows, n), what the fitted parameters can imitate; returns how much of each."""
-    imitated = basis.T @ columns
-    if columns.ndim == 1:
-        columns -= basis @ imitated
-    else:
-        for first in range(0, columns.shape[1], _TOGETHER):  # a product as large as the columns would double them
-            group = slice(first, first + _TOGETHER)
-            columns[:, group] -= basis @ imitated[:, group]
-    return np.asarray(imitated)
+_Wanted = tuple[Candidate, float | None, IntArray]
+"""A candidate, a shape of its grid, and the numbers of its sites there."""
 
 
 class _Trace(NamedTuple):
-    """A candidate's projected trace at one shape: the length of a unit amplitude's, and whether it has one sign."""
+    """A candidate's trace at one shape of its grid, and its length for a unit amplitude, after projection."""
 
     candidate: Candidate
     shape: float | None
     length: float
 
 
-class _Traces:
-    """The candidates' projected traces at each shape of their grids, of length 1, a few at a time.
+@dataclass(frozen=True)
+class _Group:
+    """Some traces, scaled to length 1 after projection.
 
-    The columns of all sites stay in memory if they are few; else those of some effects are made, used and left, and
-    made again when the traces are asked for again.
+    Args:
+        traces: which.
+        rows: they themselves, not projected, shape (traces, rows).
+        imitated: how much of each column of the basis is in them, shape (traces, k).
+    """
+
+    traces: list[_Trace]
+    rows: FloatArray
+    imitated: FloatArray
+
+    def projected(self, number: int, basis: FloatArray) -> FloatArray:
+        """One of them, shape (rows,)."""
+        return np.asarray(self.rows[number] - basis @ self.imitated[number])
+
+    def largest_gains(self, statistics: FloatArray) -> FloatArray:
+        """The largest gain of any of them in each simulated log, shape (logs,), from statistics (traces, logs)."""
+        one_sided = np.array([trace.candidate.one_sided for trace in self.traces], dtype=bool)[:, None]
+        allowed = np.where(one_sided & (statistics < 0), 0.0, statistics)
+        return np.asarray(np.max(allowed**2, axis=0, initial=0.0))
+
+
+class _Traces:
+    """The candidates' traces at each shape of their grids, in groups, as often as they are gone through.
+
+    The columns of all sites stay in memory if they are few; else they are made a block at a time, each time anew. What
+    the fitted parameters imitate of a column is taken off products with it, not off the column.
     """
 
     def __init__(self, fit: Fit, candidates: Sequence[Candidate], basis: FloatArray) -> None:
-        self._fit, self._basis = fit, basis
-        self._blocks = _blocks(candidates, len(basis))
-        self._held: tuple[FloatArray, FloatArray] | None = None
+        self._fit, self._basis, self._places = fit, basis, sites(candidates)
+        self._imitated = np.empty((basis.shape[1], len(self._places)))
+        self._held: FloatArray | None = None
+        where = {site: number for number, site in enumerate(self._places)}
+        wanted = [
+            (candidate, shape, np.array([where[site] for site in candidate.sites(shape)]))
+            for candidate in candidates
+            for shape in candidate.shapes
+        ]
+        self._single = [each for each in wanted if len(each[2]) == 1]
+        self._sums = [each for each in wanted if len(each[2]) > 1]
 
-    def __iter__(self) -> Iterator[tuple[list[_Trace], FloatArray]]:
-        """Groups of traces, and they themselves in rows, shape (traces, rows)."""
-        for block in self._blocks:
-            places = sites(block)
-            projected, imitated = self._held or self._columns(places)
-            if len(self._blocks) == 1:
-                self._held = projected, imitated
-            where = {site: number for number, site in enumerate(places)}
-            wanted = [
-                (candidate, shape, [where[site] for site in candidate.sites(shape)])
-                for candidate in block
-                for shape in candidate.shapes
-            ]
-            for first in range(0, len(wanted), _TOGETHER):
-                group = wanted[first : first + _TOGETHER]
-                rows = np.array([projected[:, members].sum(axis=1) for _, _, members in group])
-                lengths = np.linalg.norm(rows, axis=1)
-                taken = [float(np.linalg.norm(imitated[:, members].sum(axis=1))) for _, _, members in group]
-                left = lengths > _IMITATED * np.hypot(lengths, taken)
-                rows = rows[left] / lengths[left, None]
-                yield [_Trace(*group[k][:2], float(lengths[k])) for k in np.flatnonzero(left)], rows
+    def __iter__(self) -> Iterator[_Group]:
+        sums = np.zeros((len(self._sums), len(self._basis)))
+        for first, columns in self._blocks():
+            last = first + columns.shape[1]
+            single = [each for each in self._single if first <= each[2][0] < last]
+            for some in _groups(len(single)):
+                numbers = np.concatenate([members for _, _, members in single[some]])
+                yield self._group(single[some], columns[:, numbers - first].T)
+            for row, (_, _, members) in zip(sums, self._sums, strict=True):
+                row += columns[:, members[(first <= members) & (members < last)] - first].sum(axis=1)
+        for some in _groups(len(sums)):
+            yield self._group(self._sums[some], sums[some])
 
-    def _columns(self, places: Sequence[Site]) -> tuple[FloatArray, FloatArray]:
-        by_site = derivatives(self._fit, places)
-        return by_site, _project(by_site, self._basis)
+    def _blocks(self) -> Iterator[tuple[int, FloatArray]]:
+        """The number of a block's first site, and the sites' columns."""
+        most = max(1, _BLOCK // len(self._basis))
+        for first in range(0, len(self._places), most):
+            if self._held is None:
+                columns = derivatives(self._fit, self._places[first : first + most])
+                self._imitated[:, first : first + most] = self._basis.T @ columns
+            else:
+                columns = self._held
+            if len(self._places) <= most:
+                self._held = columns
+            yield first, columns
+
+    def _group(self, wanted: Sequence[_Wanted], rows: FloatArray) -> _Group:
+        """Without those that the fitted parameters imitate wholly."""
+        imitated = np.array([self._imitated[:, members].sum(axis=1) for _, _, members in wanted])
+        whole = np.linalg.norm(rows, axis=1)
+        squares = whole**2 - np.linalg.norm(imitated, axis=1) ** 2
+        left = np.flatnonzero(squares > (_IMITATED * whole) ** 2)
+        lengths = np.sqrt(squares[left])
+        traces = [
+            _Trace(wanted[int(k)][0], wanted[int(k)][1], length)
+            for k, length in zip(left, lengths.tolist(), strict=True)
+        ]
+        return _Group(traces, rows[left] / lengths[:, None], imitated[left] / lengths[:, None])
 
 
-def _blocks(candidates: Sequence[Candidate], rows: int) -> list[list[Candidate]]:
-    """The candidates, those of an effect together, in blocks of as many sites as memory is meant for."""
-    by_effect: dict[type, list[Candidate]] = {}
-    for candidate in candidates:
-        by_effect.setdefault(candidate.effect, []).append(candidate)
-    blocks: list[list[Candidate]] = []
-    size = 0
-    for own in by_effect.values():
-        more = len(sites(own)) * rows
-        if not blocks or size + more > _BLOCK:
-            blocks.append([])
-            size = 0
-        blocks[-1] += own
-        size += more
-    return blocks
+def _groups(count: int) -> list[slice]:
+    return [slice(first, first + _TOGETHER) for first in range(0, count, _TOGETHER)]
 
 
 def _better(before: Score, trace: _Trace, statistic: float) -> Score:
@@ -260,13 +287,6 @@ def _better(before: Score, trace: _Trace, statistic: float) -> Score:
     if (trace.candidate.one_sided and statistic < 0) or statistic**2 <= before.gain:
         return replace(before, per_unit=per_unit) if before.gain == 0 else before
     return Score(trace.candidate, statistic**2, statistic / trace.length, trace.shape, trace.length)
-
-
-def _largest_gains(group: Sequence[_Trace], statistics: FloatArray) -> FloatArray:
-    """The largest gain of some traces in each simulated log, shape (logs,), from statistics (traces, logs)."""
-    one_sided = np.array([trace.candidate.one_sided for trace in group], dtype=bool)[:, None]
-    allowed = np.where(one_sided & (statistics < 0), 0.0, statistics)
-    return np.asarray(np.max(allowed**2, axis=0, initial=0.0))
 
 
 # --- What chance alone would score --------------------------------------------------------------------------
@@ -300,7 +320,7 @@ class _WildBootstrap:
     Source: [Wu1986]; blocks after [Shao2010].
     """
 
-    def __init__(self, fit: Fit, residuals: FloatArray, rng: np.random.Generator) -> None:
+    def __init__(self, fit: Fit, residuals: FloatArray, basis: FloatArray, rng: np.random.Generator) -> None:
         drawn, numbers, count = [], [], 0
         for bound in fit.problem.bound_runs:
             own = block_numbers(bound)
@@ -311,11 +331,16 @@ class _WildBootstrap:
         self._firsts = np.flatnonzero(np.diff(block_of, prepend=-1))  # of each node's rows in each block
         self._signs = np.vstack(drawn)[block_of[self._firsts]]
         self._residuals = residuals[: len(block_of)]  # the rest are penalties
+        self._imitated = self._along(basis.T)
 
-    def statistics(self, traces: FloatArray) -> FloatArray:
+    def statistics(self, group: _Group) -> FloatArray:
         """How much of each log lies against each trace, shape (traces, logs)."""
-        along = traces[:, : len(self._residuals)] * self._residuals
-        return np.asarray(-np.add.reduceat(along, self._firsts, axis=1) @ self._signs)
+        return group.imitated @ self._imitated - self._along(group.rows)
+
+    def _along(self, rows: FloatArray) -> FloatArray:
+        """Products of each row with the residuals of each log, shape (rows, logs): sums over blocks, then signs."""
+        products = rows[:, : len(self._residuals)] * self._residuals
+        return np.asarray(np.add.reduceat(products, self._firsts, axis=1) @ self._signs)
 
 
 def _negligible_gain(fit: Fit) -> float:
