@@ -180,3 +180,16 @@ def test_the_terminal_says_the_same(missing: Told, capsys: pytest.CaptureFixture
     assert headline(missing[0]) in out
     assert left_in_words(missing[0]) in out
     assert "missing something" not in out
+
+
+def test_a_step_that_the_fitted_data_alone_speak_against_is_not_called_the_best(
+    missing: Told, capsys: pytest.CaptureFixture[str]
+) -> None:
+    history = missing[0]
+    first = replace(history.steps[1], probability=0.01, indistinguishable=())
+    told = replace(history, steps=(history.steps[0], first, *history.steps[2:]))
+    show_history(told)
+    text = _everything(told, missing) + capsys.readouterr().out
+    assert "othing else in the catalogue explains" not in text
+    assert text.count("another answer") >= 3
+    assert "held-out runs included, decided" in text

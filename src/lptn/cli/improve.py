@@ -93,7 +93,7 @@ def show_history(history: History) -> None:
     from lptn.cli.terminal import show_table
     from lptn.report.outcome import headline, left_in_words
     from lptn.report.text import for_people, kelvin, percent
-    from lptn.report.words import removed_in_words, size_in_words
+    from lptn.report.words import outweighed_in_words, removed_in_words, size_in_words
 
     tested = any(step.test for step in history.steps)
     rows = []
@@ -115,6 +115,7 @@ def show_history(history: History) -> None:
         if step.effect and step.at:
             sentence = "nothing else in the catalogue explains the fitted data as well"
             sentence = sentence if step.probability else "chosen by hand, and not compared with others"
+            sentence = outweighed_in_words(step) if step.outweighed else sentence
             if step.indistinguishable:
                 sentence = f"the fitted data alone can't tell it from {in_words(step.indistinguishable)}"
                 sentence += "; the held-out data chose" if step.holdout else ""

@@ -99,6 +99,11 @@ class Step(Tabular):
         return self.effect or "", self.at or ""
 
     @property
+    def outweighed(self) -> bool:
+        """Whether the fitted data alone speak for another answer; several steps together may begin with it even so."""
+        return 0.0 < self.probability < 0.5 and not self.indistinguishable
+
+    @property
     def parameters(self) -> int:
         """Number of free parameters of the model."""
         return len(self.fit.free)

@@ -237,6 +237,8 @@ def _short_found(history: History, heat: HeatStory) -> tuple[str, str, str]:
     rivals = list(dict.fromkeys(named(*key) for step in added for key in step.indistinguishable if key not in taken))
     if rivals:
         sure += f" On the fitted runs alone, {few(rivals, _FEW)} would do about as well."
+    elif any(step.outweighed for step in added):
+        sure += " On the fitted runs alone another answer would do better; the steps together decided."
     elif all(step.probability for step in added):
         sure += " Nothing else in the catalogue explains the fitted runs as well."
     if idle := [step for step in _added(history) if step not in added]:
@@ -407,6 +409,8 @@ def _sure(history: History, number: int, step: Step) -> str:
         text += f"Chance alone would score as high in {share_by_chance(history.first, refit)} of logs. "
     if not step.probability:
         return text + "It was chosen by hand, and not compared with others."
+    if step.outweighed:
+        return f"{text}{capitalised(outweighed_in_words(step))}."
     if not step.indistinguishable:
         return text + "Nothing else in the catalogue explains the fitted runs about as well."
     verb = "explains" if len(step.indistinguishable) == 1 else "explain"
@@ -415,6 +419,12 @@ def _sure(history: History, number: int, step: Step) -> str:
         return text + f"The effect is clear, its place is not: {others} the fitted runs about as well."
     chose = "; the held-out runs chose" if step.holdout else ""
     return text + f"The fitted runs alone cannot tell: {others} them about as well{chose}."
+
+
+def outweighed_in_words(step: Step) -> str:
+    """Why a step is there although the fitted data alone speak for another answer."""
+    held_out = ", held-out runs included," if step.holdout else ""
+    return f"by itself another answer explains the fitted runs better; the steps together{held_out} decided"
 
 
 def _which_data(history: History, data: DataSplit) -> str:
