@@ -30,6 +30,9 @@ _FEWEST = 3  # nodes that share an unseen mass
 _WARM, _NO_HEAT = 25.0, 1e-12  # degC, W
 _ONE_LOGGER = 0.1  # prior odds of clocks apart within one logger's file, relative to two files that were joined
 _MOST_RISE = 30.0  # K; what would warm its place by more in the long run, at its usual size, is expected smaller there
+_JOINT_MOVES, _JOINT_POWER = {"velocity": 2.5, "velocity_rms": 2.5}, 15.0
+"""rad/s and W, torque times speed: of the joint for which effects state their sizes, a leg's that walks. Friction is
+usually the same share of that power at any joint, an arm's with a gear of a hundred for one."""
 _JOINTS = "*_*"  # names such as FR_calf
 _ONE_RUN_ONLY = 0.1  # prior odds of what acts in one run and no other, relative to the same in all runs
 _RATIO = 4.0  # of a time constant to the one before it, for a grid of one
@@ -278,14 +281,19 @@ def _with_sizes(candidate: Candidate, network: Network, sizes: Sizes, rms: Mappi
     usual = {place: abs(sizes.typical(amplitude, [ends[place]])) for place in candidate.places}
     if rms is not None and candidate.effect.site == "node" and not candidate.effect.has_state:
         for place, size in usual.items():
-            heat = _heat_driven(candidate.declaration(size, None), ends[place], rms)
-            usual[place] = size * min(1.0, _MOST_RISE * sizes.conductance(ends[place]) / max(heat, _NO_HEAT))
+            declared = candidate.declaration(size, None)
+            inputs = {feature: rms[input_column(feature, ends[place][0])] for feature in declared.effect.needed()}
+            heat = max(_heat_driven(declared, inputs), _NO_HEAT)
+            larger = 1.0
+            if inputs and inputs.keys() <= _JOINT_MOVES.keys():  # a large joint that moves slowly has more friction
+                power = math.prod(rms.get(f"{feature}.{place}", 0.0) for feature in ("torque", "velocity_rms"))
+                larger = max(1.0, _heat_driven(declared, _JOINT_MOVES) / _JOINT_POWER * power / heat)
+            usual[place] = size * min(larger, _MOST_RISE * sizes.conductance(ends[place]) / heat)
     return replace(candidate, sizes=tuple(usual.values()))
 
 
-def _heat_driven(declared: EffectDeclaration, ends: tuple[str, ...], rms: Mapping[str, float]) -> float:
-    """Heat that log columns of these root mean squares drive at a place [W]; 0 for what no column drives."""
-    inputs = {feature: rms[input_column(feature, ends[0])] for feature in declared.effect.needed()}
+def _heat_driven(declared: EffectDeclaration, inputs: Mapping[str, float]) -> float:
+    """Heat that inputs of these root mean squares drive [W]; 0 for what none drives."""
     p = {name: parameter.value for name, parameter in declared.resolved.items()}
     here = SimpleNamespace(temperatures=(_WARM,), inputs=SimpleNamespace(**inputs), p=SimpleNamespace(**p))
     return abs(float(declared.effect.heat_into_ends(here)[0])) if inputs else 0.0
