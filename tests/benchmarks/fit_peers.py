@@ -34,6 +34,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from lptn.basics.arrays import FloatArray
+from lptn.basics.parameters import Transform
 from lptn.identify.integral_start import integral_start
 from lptn.identify.noise import balanced_sigma, estimate_noise
 from lptn.identify.problem import Problem
@@ -184,9 +185,9 @@ def _parameters(given: Task) -> tuple[ca.MX, ca.MX]:
     """The free unknowns, and all parameters as an expression of them."""
     problem, model = given.problem, given.model
     z, p = ca.MX.sym("z", len(problem.free)), ca.MX(model.values)
-    slope = problem.slope(problem.point(given.start).values)
+    transform = Transform([model.parameters[index] for index in problem.free])
     for k, index in enumerate(problem.free):
-        p[index] = ca.exp(z[k]) if model.parameters[index].logarithmic else z[k] * slope[k]
+        p[index] = transform.expression(k, z[k])
     return z, p
 
 

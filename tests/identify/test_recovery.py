@@ -162,3 +162,17 @@ def test_transform_goes_there_and_back(model: Model) -> None:
     e = 1e-6
     slope = (transform.backward(coordinates + e) - transform.backward(coordinates - e)) / (2 * e)
     np.testing.assert_allclose(transform.slope(model.values), slope, rtol=1e-8)
+
+
+def test_a_resistance_is_searched_by_its_conductance_which_may_be_none(model: Model) -> None:
+    resistances = [each for each in model.parameters if each.resistance]
+    transform = Transform(resistances)
+    endless = np.full(len(resistances), 1e12)
+    coordinates = transform.forward(endless)
+    np.testing.assert_allclose(transform.backward(coordinates), endless, rtol=1e-9)
+    np.testing.assert_allclose(transform.backward(0.0 * coordinates + 1.0) > 1e100, True)
+    # A step back from there is a conductance that counts, and few steps are a link as it was.
+    assert (transform.backward(coordinates - 1.0) < 1000.0).all()
+    usual = np.array([each.declared.typical for each in resistances])
+    logarithms = transform.forward(usual) - transform.forward(usual / 2)
+    np.testing.assert_allclose(logarithms, np.log(2.0), rtol=0.01)

@@ -85,7 +85,8 @@ class Parameter:
         return replace(self, value=self.typical) if self.on is None else replace(self, value=self.on, fixed=True)
 
 
-_NEAR_ZERO = 0.1  # of the typical size: below it a parameter that may be 0 is searched in even steps
+_NEAR_ZERO = 0.1  # of the typical size: below it what may be 0, or a conductance, is searched in even steps
+_NEARLY_NONE = -1e-300  # coordinate of a resistance without end
 
 
 @dataclass(frozen=True)
@@ -147,44 +148,60 @@ class ParameterInstance:
         """Whether the fit works with its logarithm; degrees Celsius have no natural zero."""
         return self.declared.bounds[0] > 0 and self.declared.unit != "degC"
 
+    @property
+    def resistance(self) -> bool:
+        """Whether it is a thermal resistance, whose conductance may be none."""
+        return self.logarithmic and self.declared.unit == "K/W"
+
 
 class Transform:
     """Between parameter values and the well-scaled coordinates in which a fit searches.
 
     A positive parameter is searched by its logarithm, one that may be 0 by the inverse hyperbolic sine, which goes
     over into the logarithm far above it, any other by its share of the typical size. Multiplying all capacitances,
-    conductances and heat by one factor changes hardly a temperature: along logarithms that valley is straight.
+    conductances and heat by one factor changes hardly a temperature: along logarithms that valley is straight. A
+    thermal resistance is searched by its conductance so, which may be none: along its own logarithm a search that
+    once took a link away would see no slope that leads back.
 
     Args:
         parameters: the m parameters, in order.
     """
 
     def __init__(self, parameters: Sequence[ParameterInstance]) -> None:
-        self._log = np.array([parameter.logarithmic for parameter in parameters], dtype=bool)
-        self._from_zero = (
-            np.array([parameter.declared.bounds[0] == 0 for parameter in parameters], dtype=bool) & ~self._log
-        )
+        self._resistance = np.array([parameter.resistance for parameter in parameters], dtype=bool)
+        self._log = np.array([parameter.logarithmic for parameter in parameters], dtype=bool) & ~self._resistance
+        zero = np.array([parameter.declared.bounds[0] == 0 for parameter in parameters], dtype=bool)
+        self._from_zero = zero & ~self._log & ~self._resistance
         typical = np.array([abs(parameter.declared.typical) or 1.0 for parameter in parameters])
         self._scale = np.where(self._from_zero, _NEAR_ZERO * typical, typical)
+        self._scale = np.where(self._resistance, typical / _NEAR_ZERO, self._scale)
 
     def forward(self, values: FloatArray) -> FloatArray:
         """Coordinates, shape (m,), of parameter values, shape (m,)."""
         shares = values / self._scale
         logarithms = np.log(np.where(self._log, values, 1.0))
-        return np.where(self._log, logarithms, np.where(self._from_zero, np.arcsinh(shares), shares))
+        conductances = 1.0 / np.where(self._resistance, shares, 1.0)
+        curved = np.where(self._resistance, -np.arcsinh(conductances), np.arcsinh(shares))
+        return np.where(self._log, logarithms, np.where(self._from_zero | self._resistance, curved, shares))
 
     def backward(self, coordinates: FloatArray) -> FloatArray:
         """Parameter values, shape (m,), of coordinates, shape (m,)."""
         positive = np.exp(np.where(self._log, coordinates, 0.0))
         from_zero = np.sinh(np.where(self._from_zero, coordinates, 0.0))
-        return np.where(self._log, positive, self._scale * np.where(self._from_zero, from_zero, coordinates))
+        shares = np.where(self._from_zero, from_zero, coordinates)
+        conductances = np.sinh(-np.where(self._resistance, np.minimum(coordinates, _NEARLY_NONE), -1.0))
+        return np.where(self._log, positive, self._scale * np.where(self._resistance, 1.0 / conductances, shares))
 
     def expression(self, place: int, coordinate: Any) -> Any:
         """One parameter's value as an expression of its coordinate, which has methods `exp` and `sinh` as CasADi's."""
         if self._log[place]:
             return coordinate.exp()
+        if self._resistance[place]:
+            return float(self._scale[place]) / (-coordinate).sinh()
         return float(self._scale[place]) * (coordinate.sinh() if self._from_zero[place] else coordinate)
 
     def slope(self, values: FloatArray) -> FloatArray:
         """d value / d coordinate, shape (m,)."""
-        return np.where(self._log, values, np.where(self._from_zero, np.hypot(values, self._scale), self._scale))
+        of_resistances = values * np.hypot(1.0, values / self._scale)
+        straight = np.where(self._from_zero, np.hypot(values, self._scale), self._scale)
+        return np.where(self._log, values, np.where(self._resistance, of_resistances, straight))

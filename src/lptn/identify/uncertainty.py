@@ -57,13 +57,20 @@ def uncertainty(problem: Problem, z: FloatArray) -> Uncertainty:
     covariance = _widened_by_blocks(covariance, problem, z, whole)
     spread = np.sqrt(np.diag(covariance))
     undetermined = (np.abs(vectors[:, singular]) > _INVOLVED).any(axis=1)
+    perhaps_none = _may_be_none(problem, z, spread)
     slope = problem.slope(problem.point(z).values)
-    errors = np.where(undetermined, np.inf, spread * np.abs(slope))
+    errors = np.where(undetermined | perhaps_none, np.inf, spread * np.abs(slope))
     scale = np.where(spread > 0, spread, 1.0)
     names = [problem.model.parameters[index].name for index in problem.free]
     warnings = _combinations(names, vectors[:, singular])
-    warnings += _single_parameters(problem, z, names, spread, undetermined)
+    warnings += _single_parameters(problem, z, names, spread, undetermined, perhaps_none)
     return Uncertainty(errors, covariance, covariance / np.outer(scale, scale), tuple(warnings))
+
+
+def _may_be_none(problem: Problem, z: FloatArray, spread: FloatArray) -> BoolArray:
+    """Which free parameters are resistances whose conductance is not told from none, shape (free,)."""
+    resistances = np.array([problem.model.parameters[index].resistance for index in problem.free], dtype=bool)
+    return np.asarray(resistances & (-z[: len(problem.free)] < 2 * spread))
 
 
 def _without_starts(whole: FloatArray, count: int) -> FloatArray:
@@ -119,7 +126,12 @@ def _combinations(names: list[str], vectors: FloatArray) -> list[str]:
 
 
 def _single_parameters(
-    problem: Problem, z: FloatArray, names: list[str], spread: FloatArray, in_combination: BoolArray
+    problem: Problem,
+    z: FloatArray,
+    names: list[str],
+    spread: FloatArray,
+    in_combination: BoolArray,
+    perhaps_none: BoolArray,
 ) -> list[str]:
     """Warnings on parameters at a bound, or with a standard error that leaves them open."""
     lower, upper = problem.bounds()
@@ -130,7 +142,10 @@ def _single_parameters(
         if parameter.declared.prior is not None:  # a nuisance of the logs, and no part of the model
             continue
         at_bound = z[row] - lower[row] < _AT_BOUND or upper[row] - z[row] < _AT_BOUND
-        if at_bound and not _is_off(parameter, values[problem.free[row]]):
+        if perhaps_none[row]:
+            least = problem.point(z - 2 * spread[row] * (np.arange(len(z)) == row)).values[problem.free[row]]
+            warnings.append(f"{name}: these data don't tell whether heat passes there; {least:.2g} K/W at least")
+        elif at_bound and not _is_off(parameter, values[problem.free[row]]):
             bounds = " to ".join(f"{bound:g}" for bound in parameter.declared.bounds)
             warnings.append(f"{name}: ends at its bound ({bounds} {parameter.declared.unit})")
         elif spread[row] > _UNDETERMINED and not in_combination[row] and parameter.logarithmic:
