@@ -25,6 +25,7 @@ from lptn.model.model import Model
 from lptn.online.augmented_model import AugmentedModel, ModelError
 from lptn.online.believed import Doubt, refuse_none, standing_or_leaping, wandering, without
 from lptn.online.estimator import Estimator, run_filter
+from lptn.online.fault_likelihood import KINDS
 from lptn.online.operating_point import Gait, OperatingPoint, WindowChoice, find_gait, present_operating_point
 from lptn.online.quantisation import coarse_noise
 from lptn.simulate.bound_run import BoundRun, bind, default_start
@@ -295,7 +296,7 @@ def _of_blocks(model: Model, count: float, noise: Noise, uncertainty: ModelUncer
 # --- Sensors that are alive -----------------------------------------------------------------------
 
 _FAULT = 6.0
-"""Standard deviations of an offset or drift that is called: chance among some thousand onsets at some ten sensors,
+"""Standard deviations of an offset, drift or lag that is called: chance among some thousand onsets at some ten sensors,
 times one faulty sensor in a thousand logs, is met by 5.5."""
 _MISSING = 60.0  # s without a reading at the end of a log, that is worth a word
 
@@ -322,7 +323,7 @@ def present_by_live_sensors(model: Model, run: Run, uncertainty: ModelUncertaint
     def fresh() -> Estimator:
         return _of_blocks(model, blocks.step / run.step, noise, uncertainty, estimator.error)
 
-    wander = wandering(fresh, bind(model, blocks), np.full((2, len(nodes)), _FAULT))
+    wander = wandering(fresh, bind(model, blocks), np.full((len(KINDS), len(nodes)), _FAULT))
     if not wander:
         return estimator, doubts
     since = {doubt.node: doubt.since for doubt in wander}
