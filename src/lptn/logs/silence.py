@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+import pandas as pd
 
 from lptn.basics.arrays import BoolArray, FloatArray, IntArray
 
@@ -260,7 +261,8 @@ def quantisation_step(values: FloatArray) -> float:
         values: (n,) raw readings, K or degC; NaN is left out.
     """
     readings = values[np.isfinite(values)]
-    levels = np.unique(np.round(readings, 4))  # float32 and unit conversion blur the last digits
+    # float32 and unit conversion blur the last digits; pandas needs no sorting of millions of rows
+    levels = np.sort(pd.unique(np.round(readings, 4)))
     if levels.size < 2 or readings.size < _RETURNS * levels.size:
         return 0.0
     gaps = np.diff(levels)
@@ -319,6 +321,8 @@ def _still_throughout(values: Mapping[str, FloatArray]) -> dict[str, list[Silenc
     """Temperatures that are one number throughout while another one moves; people write one number for the room."""
     read = {key: each[np.isfinite(each)] for key, each in values.items() if key.startswith("temperature.")}
     ranges = {key: float(np.ptp(each)) for key, each in read.items() if each.size}
+    if all(ranges.values()):
+        return {}
     coarsest = max((quantisation_step(each) for key, each in read.items() if ranges.get(key)), default=0.0)
     moved = max(ranges.values(), default=0.0) > max(_MOVED_APART, _MOVED_STEPS * coarsest)
     found = {}
@@ -366,11 +370,15 @@ def duplicates(values: Mapping[str, FloatArray]) -> dict[str, str]:
     names = list(values)
     for number, name in enumerate(names):
         for earlier in names[:number]:
+            equal = int(np.count_nonzero(values[name] == values[earlier]))
+            if equal < _FEWEST:  # the usual case, said by one look at millions of rows
+                continue
             both = np.isfinite(values[name]) & np.isfinite(values[earlier])
-            one, other = values[name][both], values[earlier][both]
+            if equal < _ALIKE * np.count_nonzero(both):
+                continue
+            one = values[name][both]
             if earlier in found or np.count_nonzero(np.diff(one)) < _FEWEST or np.ptp(one) < _MOVED:
                 continue
-            if float(np.mean(one == other)) >= _ALIKE:
-                found[name] = earlier
-                break
+            found[name] = earlier
+            break
     return found

@@ -168,6 +168,7 @@ def rare(maxima: FloatArray, share: float) -> float:
 
 _FACTOR = 2.0  # from one size tried to the next
 _GAIN = 2e-3  # of log-likelihood a reading; less than that is not worth another trial
+_LEAST = {"heat_time": _SEARCH_STEP}  # s; what wanders within a step is white, of which the noise already is
 _FIRST_SIZES = {"heat": 0.5, "change": 0.5, "bias": 0.5}  # W, share, W
 _FIRST_HEAT_TIME, _FIRST_AIR, _FIRST_INPUT = 100.0, 0.1, 1.0  # s; share; K
 
@@ -222,7 +223,7 @@ def _improved(best: dict[str, float], value: Callable[[dict[str, float]], float]
     """Each size in turn made larger or smaller, as far as that helps."""
     for name in best:
         for times in (_FACTOR, 1 / _FACTOR):
-            while value(trial := best | {name: best[name] * times}) > value(best) + _GAIN:
+            while value(trial := best | {name: max(best[name] * times, _LEAST.get(name, 0.0))}) > value(best) + _GAIN:
                 best = trial
     return best
 

@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import cholesky, solve_triangular
 
 from lptn.basics.arrays import BoolArray, FloatArray
 from lptn.identify.noise import Noise
@@ -77,13 +76,13 @@ class LikelihoodRatios:
 
     A fault of unit size that begins at some time shifts the innovations :math:`\nu` of covariance :math:`S` by a
     signature :math:`g`, found by passing the fault through the filter's own gains. With the information
-    :math:`J = \sum g^\top S^{-1} g` and the score :math:`s = \sum g^\top S^{-1}\nu` its size is :math:`\hat b = s/J`, its
-    weight :math:`|\hat b| \sqrt J`. The signature goes through all sensors: what a fault at one does to its neighbours'
-    innovations counts for it.
+    :math:`J = \sum g^\top S^{-1} g` and the score :math:`s = \sum g^\top S^{-1}\nu` its size is
+    :math:`\hat b = s/J`, its weight :math:`|\hat b| \sqrt J`. The signature goes through all sensors: what a fault at
+    one does to its neighbours' innovations counts for it.
 
     What a lag adds to the reading is known beforehand: the path that the model predicts, followed with a time constant,
-    less that path. Its size is 1, and its weight :math:`\sqrt{2s - J}`. If no sensor lags, the ratio of these likelihoods
-    ever exceeds a number A with a probability of 1/A at most [Ville1939].
+    less that path. Its size is 1, and its weight :math:`\sqrt{2s - J}`. If no sensor lags, the ratio of these
+    likelihoods ever exceeds a number A with a probability of 1/A at most [Ville1939].
 
     Args:
         nodes: number of nodes.
@@ -127,17 +126,15 @@ class LikelihoodRatios:
                 signature[row, node] += faults[node]
             across = signature.reshape(len(signature), -1)
             self._shift = (flat + correction.gain @ across).reshape(self._shift.shape)
-            # A product with the inverse: solving for so many right-hand sides starts threads, which take a hundred
-            # times as long as the few numbers.
-            root = cholesky(correction.covariance, lower=True, check_finite=False)
-            whitening = solve_triangular(root, np.eye(len(root)), lower=True, check_finite=False)
+            # SciPy's solve_triangular starts threads, which take a thousand times as long as these few numbers.
+            whitening = np.linalg.inv(np.linalg.cholesky(correction.covariance))
             white = whitening @ across
             self._score += ((whitening @ correction.innovation) @ white).reshape(self._score.shape)
             self._information += np.einsum("ij,ij->j", white, white).reshape(self._score.shape)
         return self._best()
 
     def _faults(self, time: float, predicted: FloatArray) -> FloatArray:
-        """What each fault of unit size adds to the reading now, (nodes, slots); 0 in a slot in which none is followed."""
+        """What each fault of unit size adds to the reading now, (nodes, slots); 0 in a slot that follows none."""
         faults = np.tile(np.where(np.isnan(self._onset), 0.0, 1.0), (self._nodes, 1))
         drifts, lags = self._drifts.slots, self._lags.slots
         faults[:, drifts] *= np.nan_to_num(time - self._onset[drifts])
