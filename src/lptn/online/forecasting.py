@@ -85,6 +85,7 @@ class Forecast:
         log: time [s] until the end of the log, 0 there, shape (k,).
         measured: its readings [degC], shape (names, k), NaN where missing.
         doubts: sensors on which the forecast does not lean at the end of the log, and why.
+        late: s, by which the log goes on behind that end: it is cut where an input is not known any more.
     """
 
     nodes: dict[str, NodeForecast]
@@ -99,12 +100,14 @@ class Forecast:
     log: FloatArray
     measured: FloatArray
     doubts: tuple[Doubt, ...] = ()
+    late: float = 0.0
 
     def as_json(self) -> dict[str, object]:
         """The forecast as other tools read it: s and degC; what is never reached is null."""
         return {
             "coverage": self.coverage,
             "trust": self.trust,
+            "seconds_before_log_end": self.late,
             "window": {
                 "seconds": self.window.seconds,
                 "cycles": self.window.cycles,
@@ -470,6 +473,7 @@ def forecast(
         log=run.time - run.time[-1] - run.step,
         measured=bound.measured,
         doubts=tuple(doubts),
+        late=max(run.log_end - float(run.time[-1]) - run.step, 0.0) if isfinite(run.log_end) else 0.0,
     )
 
 
