@@ -53,7 +53,7 @@ def test_without_healthy_logs_a_lag_and_swapped_plugs_are_named_and_a_drift_is_n
         ({"a": "drift"}, {"temperature.a": towards_b}),
         ({}, {}),
     ):
-        (watched,) = monitor(model, [replace(RUN, columns=RUN.columns | columns)], rmse=0.2).runs
+        (watched,) = monitor(model, [replace(RUN, columns={**RUN.columns, **columns})], rmse=0.2).runs
         assert {alarm.node: alarm.kind for alarm in watched.statistical_alarms} == expected
 
 

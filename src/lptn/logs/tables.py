@@ -214,7 +214,7 @@ def open_parquet(path: Path) -> Table:
                 at_once = max(1, _NUMBERS_AT_ONCE // max(rows, 1))
                 some = [list(wanted[k : k + at_once]) for k in range(0, len(wanted), at_once)]
                 frames = [file.read(names).to_pandas(ignore_metadata=True, split_blocks=True) for names in some]
-                frame = pd.concat(frames, axis="columns")
+                frame: pd.DataFrame = pd.concat(frames, axis="columns")
         except Exception as error:
             raise broken(path, error, "a whole Parquet file") from error
         return frame
