@@ -116,19 +116,19 @@ CASES = (
         "a sensor bit-identical for 1800 s",
         _stands("fit1", CALF, 300, 2100),
         (("check", "leg.toml", "fit1.parquet"), IMPROVE),
-        "FR_calf|explain|adds|adequate|verdict",
+        "FR_calf|explain|adds|adequate|verdict|found",
     ),
     Case(
         "a sensor at exactly 0.0 °C for 1500 s",
         _stands("fit1", CALF, 300, 1800, 0.0),
         (("check", "leg.toml", "fit1.parquet"), IMPROVE),
-        "FR_calf|explain|adds|adequate|verdict",
+        "FR_calf|explain|adds|adequate|verdict|found",
     ),
     Case(
         "firmware clamps a sensor at 55.0 °C",
         _clamped,
         (("check", "leg.toml", "fit1.parquet"), IMPROVE),
-        "FR_calf|explain|adds|adequate|verdict|hold",
+        "FR_calf|explain|adds|adequate|verdict|hold|found",
     ),
     Case("forecast with a sensor stuck for 4 min", _stands("now", CALF, 1260, 1500), (FORECAST,), "FR_calf"),
     Case("forecast with a sensor dead for 4 min", _stands("now", CALF, 1260, 1500, 0.0), (FORECAST,), "FR_calf"),
@@ -201,7 +201,7 @@ def said(command: Path, words: list[str], folder: Path, shown: str) -> str:
     if done.returncode in (-signal.SIGXCPU, -signal.SIGKILL):
         return f"no answer in {LIMIT} s"
     lines = [" ".join(line.split()) for line in (done.stdout + "\n" + done.stderr).splitlines()]
-    kept = [line for line in lines if re.search(shown, line)] or [line for line in lines if line][-2:]
+    kept = [line for line in lines if re.search(shown, line, re.IGNORECASE)] or [line for line in lines if line][-2:]
     return f"exit {done.returncode}: " + " / ".join(kept)
 
 

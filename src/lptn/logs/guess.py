@@ -139,9 +139,10 @@ def _with_unit(table: Table, key: str, column: str, why: str, numbers: Mapping[s
         return Guess(key, replace(source, unit=unit), f"{why}, unit and all")
     if quantity == "current" and _of_opensourceleg(table):
         return Guess(key, replace(source, unit="mA"), f"{why}; opensourceleg logs mA")
-    for issue in suspect_unit(key, source, values, table.units.get(column, "")):
-        return Guess(key, issue.corrected or source, f"{why}; {issue.problem}")
-    return Guess(key, source, why)
+    issue = next(iter(suspect_unit(key, source, values, table.units.get(column, ""))), None)
+    if issue is None:
+        return Guess(key, source, why)
+    return Guess(key, issue.corrected or source, f"{why}; {issue.problem}")
 
 
 # --- What words in a column's name say -------------------------------------------------------------

@@ -63,6 +63,8 @@ middle of a step, where it shows least, gives the same number with this chance. 
 however lively the sensor is near an edge."""
 _LONGER = 20.0  # times the median time that a number stands: topics that repeat themselves stand for long
 _JUMPS = 3.0  # steps: a coarse sensor that was alive all the while never moves by so many at once
+_LAST_MOVES, _RESTS = 5, 0.125
+"""Readings before a stretch, and the share of the usual move below which they are at rest; of white noise 3 in 1000."""
 _TOUCHES = 5  # readings at the end of its range, before and after it stays there
 _FAR = 10.0  # K from what was read before and after: a number that is dead, or a code
 _FEWEST = 20  # readings, to know what a sensor is like
@@ -91,7 +93,7 @@ def silences(
     shortest = _SHORTEST if temperature and _hardly_repeats(last - first, spans) else STILL
     for k in np.flatnonzero(spans >= _SHORTEST):
         lone = _is_alone(readings, first[k], last[k]) if temperature else False
-        if not lone and spans[k] < shortest:
+        if not lone and (spans[k] < shortest or (spans[k] < STILL and _comes_to_rest(readings, first[k], last[k]))):
             continue
         if not lone and not _is_too_long(stamps, readings, first, last, int(k), rests, resolution, temperature):
             continue
@@ -125,6 +127,14 @@ def _hardly_repeats(repeats: IntArray, spans: FloatArray) -> bool:
     repeated = int(repeats[short].sum())
     steps = repeated + repeats.size - 1  # from reading to reading, but for those in such stretches
     return steps >= _FEWEST and repeated < _REPEATS * steps
+
+
+def _comes_to_rest(readings: FloatArray, first: int, last: int) -> bool:
+    """Whether the moves before a stretch die away, as those of a filtered reading do: a live sensor stops at once."""
+    before = np.abs(np.diff(readings[max(first - _LAST_MOVES, 0) : first + 1]))
+    before = before if before.size == _LAST_MOVES else np.abs(np.diff(readings[last : last + _LAST_MOVES + 1]))
+    moves = np.abs(np.diff(readings))
+    return before.size > 0 and float(np.median(before)) < _RESTS * float(np.median(moves[moves > 0]))
 
 
 def _is_too_long(
