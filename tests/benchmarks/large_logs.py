@@ -1,10 +1,10 @@
-"""Large and slow logs: time and memory of `lptn check`.
+"""Large and slow logs: time and memory of `lptn check`, or of `lptn fit`.
 
     python -m tests.benchmarks.large_logs --folder BIG --versions old=OLD/bin/lptn new=NEW/bin/lptn
 
 makes the logs in a folder (6 GB; they are taken as they are where they stand already), asks each version in a process
 of its own, and prints CPU seconds, the most memory that was resident, and the last line where it refused.
-`--rows 500000` makes the long ones shorter.
+`--rows 500000` makes the long ones shorter; `--ask fit` fits the model to the log in place of looking at it.
 """
 
 from __future__ import annotations
@@ -140,6 +140,7 @@ def main() -> None:
     parser.add_argument("--folder", type=Path, required=True)
     parser.add_argument("--rows", type=int, default=5_000_000)
     parser.add_argument("--only", default="", help="logs whose file names hold this")
+    parser.add_argument("--ask", choices=("check", "fit"), default="check")
     parser.add_argument("--versions", nargs="+", default=["lptn=lptn"])
     asked = parser.parse_args()
     folder: Path = asked.folder
@@ -157,7 +158,9 @@ def main() -> None:
             maker.join()
         for version in asked.versions:
             label, _, command = version.partition("=")
-            seconds, memory, refused = measure([command, "check", str(folder / f"{log.model}.toml"), str(path)])
+            words = [command, asked.ask, str(folder / f"{log.model}.toml"), str(path)]
+            words += ["-o", str(folder / "fitted.toml")] if asked.ask == "fit" else []
+            seconds, memory, refused = measure(words)
             print(f"| {name} | {label} | {seconds:.1f} | {memory:.0f} | {refused} |", flush=True)
 
 

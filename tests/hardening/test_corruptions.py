@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
+from lptn.identify.data import load_model
 from tests.hardening.corruptions import CORRUPTIONS, ROBOTS, STEPS, Answer, ask, healthy, issues_in
 
 SEED = 4
+EXAMPLES = Path(__file__).parents[2] / "examples"
 UNSEEN = {"speed in rpm of the motor"}
 """What slow joints can't show; where they are fast it is found."""
 
@@ -15,6 +19,22 @@ UNSEEN = {"speed in rpm of the motor"}
 @pytest.mark.parametrize("steps", [*STEPS, 0.0])
 def test_of_a_healthy_log_nothing_is_said(robot: str, steps: float) -> None:
     assert issues_in(healthy(robot, SEED, steps)) == []
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("model", "logs"),
+    [
+        ("pmsm/four_nodes", ["log.csv"]),
+        ("bldc_stators/two_nodes", [f"Run{number}.csv" for number in (1, 3, 4, 5)]),
+        ("tclab/two_heaters", ["log.csv"]),
+        ("ur3/coupled", ["later.parquet", "warm_up.parquet"]),
+    ],
+)
+def test_of_the_measured_logs_nothing_is_said(model: str, logs: list[str]) -> None:
+    file = EXAMPLES / f"{model}.toml"
+    runs = load_model(file).runs([file.parent / log for log in logs])
+    assert [issue.sentence for run in runs for issue in run.issues] == []
 
 
 @pytest.mark.parametrize("robot", ROBOTS)

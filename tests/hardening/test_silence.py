@@ -152,3 +152,11 @@ def test_a_sensor_that_shows_its_noise_is_frozen_after_a_minute() -> None:
     (frozen,) = silences(time, readings)
     assert (frozen.kind, frozen.start, frozen.stop) == ("frozen", 400.0, 499.5)
     assert not silences(time, np.round(readings / 0.1) * 0.1, resolution=0.1)  # such a one may stand for longer
+
+
+def test_a_filtered_reading_that_comes_to_rest_is_not_frozen_after_a_minute() -> None:
+    rng, time = np.random.default_rng(4), np.arange(0.0, 1200.0, 0.5)
+    readings = 30 + 0.01 * time + rng.normal(0, 0.1, time.size)
+    readings[790:800] = readings[800] + 0.1 * 0.5 ** np.arange(1, 11)
+    readings[800:1000] = readings[800]
+    assert not silences(time, readings)

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from lptn.basics.errors import InputError
 from lptn.cli.main import main
 from lptn.logs.columns import ColumnSource, parse_columns, parse_map_option
 from lptn.logs.guess import format_note, guess
@@ -198,3 +199,13 @@ def test_map_guess_says_what_it_takes(tmp_path: Path, write: Write, capsys: pyte
     assert out.exists()
     for line in ('time = { column = "t_ms", unit = "ms" }', '"torque.motor" = "tau"', '"temperature.ambient" = "room"'):
         assert f"guessed: {line}" in said
+
+
+def test_electrical_turns_are_guessed_and_never_converted_by_a_number_that_nobody_said(write: Write) -> None:
+    erpm = [1200.0 + k for k in range(60)]
+    path = write({"time": TIME[:60], "knee_erpm": erpm, "temperature.knee": WARM})
+    (found,) = guess(open_table(path), {}, ["velocity.knee"], ["temperature.knee"])
+    assert (found.key, found.source) == ("velocity.knee", ColumnSource(("knee_erpm",)))
+    assert "electrical turns" in found.why
+    with pytest.raises(InputError, match=r"for 14 pole pairs, say, write"):
+        read_log(path, inputs=["velocity.knee"], outputs=["temperature.knee"], guessing=True)

@@ -36,6 +36,27 @@ def test_a_sensor_that_reads_something_else_is_named_by_what_it_reads(kind: str)
     assert set(named.values()) == {kind}
 
 
+@pytest.mark.long
+def test_without_healthy_logs_a_lag_and_swapped_plugs_are_named_and_a_drift_is_no_swap() -> None:
+    model = Model(network().with_values(TRUTH))
+    a, b = (RUN.columns[f"temperature.{place}"] for place in ("a", "b"))
+    lagging, keep = a.copy(), np.exp(-RUN.step / 300.0)
+    smooth = np.convolve(np.pad(a, 20, mode="edge"), np.ones(41) / 41, mode="valid")
+    path = smooth.copy()
+    for k in range(BEGIN, len(RUN)):
+        path[k] = keep * path[k - 1] + (1 - keep) * smooth[k]
+    lagging += path - smooth
+    towards_b = a + (np.arange(len(RUN)) >= BEGIN) * np.linspace(-1, 1, len(RUN)).clip(0) * float((b - a)[-300:].mean())
+    for expected, columns in (
+        ({"a": "lag"}, {"temperature.a": lagging}),
+        ({"a": "swapped", "b": "swapped"}, {"temperature.a": b, "temperature.b": a}),
+        ({"a": "drift"}, {"temperature.a": towards_b}),
+        ({}, {}),
+    ):
+        (watched,) = monitor(model, [replace(RUN, columns={**RUN.columns, **columns})], rmse=0.2).runs
+        assert {alarm.node: alarm.kind for alarm in watched.statistical_alarms} == expected
+
+
 def test_noise_that_grows_is_called_and_rounding_is_not() -> None:
     rng = np.random.default_rng(0)
     quiet = np.round(30 + 0.15 * rng.standard_normal((1, len(RUN))))

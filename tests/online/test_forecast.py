@@ -315,6 +315,19 @@ def test_the_command_says_times_and_writes_json_and_figure(
     assert picture.read_bytes().startswith(b"\x89PNG")
 
 
+def test_it_says_how_far_before_the_end_of_a_log_its_present_is_where_an_input_ends_earlier(
+    files: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    model, log = files
+    table, cut, written = pd.read_parquet(log), tmp_path / "cut.parquet", tmp_path / "found.json"
+    table.loc[table["time"] >= 200, "torque.m"] = np.nan
+    table.to_parquet(cut)
+    for path, late in ((log, 0.0), (cut, 100.0)):
+        lptn("forecast", str(model), str(path), "--limit", "60", "--json", str(written))
+        assert ("before the end of the log" in capsys.readouterr().out) == (late > 0)
+        assert json.loads(written.read_text())["seconds_before_log_end"] == pytest.approx(late, abs=1.0)
+
+
 def test_ten_gait_cycles_on_request(files: tuple[Path, Path], capsys: pytest.CaptureFixture[str]) -> None:
     lptn("forecast", *map(str, files), "--limit", "60", "--window", "cycles")
     assert "the last 10 gait cycles" in capsys.readouterr().out

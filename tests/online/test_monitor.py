@@ -17,7 +17,7 @@ from lptn.cli.main import main
 from lptn.logs.run import Run
 from lptn.model.model import Model
 from lptn.online.calibration import Calibration, calibrate, rare, read_calibration, write_calibration
-from lptn.online.fault_likelihood import DRIFT, OFFSET, STEP, coarsely_bound, fault_statistics, gaussian_estimator
+from lptn.online.fault_likelihood import DRIFT, LAG, OFFSET, STEP, coarsely_bound, fault_statistics, gaussian_estimator
 from lptn.online.monitoring import Monitoring, monitor
 from lptn.online.sensor_faults import Alarm, MonitoredRun
 from lptn.report.online_figures import monitoring_figure
@@ -204,6 +204,11 @@ def test_a_kept_calibration_is_the_same_and_belongs_to_its_model(
     again = read_calibration(file, model)
     assert again.as_json(model.nodes) == calibration.as_json(model.nodes)
     content = json.loads(file.read_text())
+    del content["limits"]["lag"]  # as earlier versions wrote it
+    file.write_text(json.dumps(content))
+    old = read_calibration(file, model).limits
+    assert old.shape == again.limits.shape
+    assert (old[LAG] >= again.limits[LAG]).all()
     spoilt: object
     for spoilt in (content | {"nodes": ["a", "c"]}, content | {"still": [1.0]}, content | {"more": 1}, []):
         file.write_text(json.dumps(spoilt))

@@ -76,6 +76,9 @@ def forecast(
         write_figure(forecast_figure(ahead), plot)
 
 
+_LATE = 60.0  # s before a log's end, that are worth a word
+
+
 def _limits(words: list[str]) -> dict[str, float]:
     """Limits by node or pattern; the empty pattern stands for all joints."""
     found = {}
@@ -149,6 +152,8 @@ def _show(ahead: Forecast) -> None:
     window = ahead.window
     cycles = f" ({window.cycles} gait cycles of {window.period:.3g} s)" if window.cycles and window.period else ""
     print(f"Taken to go on: {window.why}{cycles}.")
+    if ahead.late >= _LATE:
+        print(f"Now is {_duration(ahead.late)} before the end of the log: what drives the robot is not known behind it.")
     print(f"Uncertainty of the model: {ahead.trust}.")
     for doubt in ahead.doubts:
         print(f"Not believed: {doubt}. Since then the forecast goes on from the model and the other sensors.")

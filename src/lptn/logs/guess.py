@@ -139,10 +139,10 @@ def _with_unit(table: Table, key: str, column: str, why: str, numbers: Mapping[s
         return Guess(key, replace(source, unit=unit), f"{why}, unit and all")
     if quantity == "current" and _of_opensourceleg(table):
         return Guess(key, replace(source, unit="mA"), f"{why}; opensourceleg logs mA")
-    for issue in suspect_unit(key, source, values, table.units.get(column, "")):
-        if issue.corrected:
-            return Guess(key, issue.corrected, f"{why}; {issue.problem}")
-    return Guess(key, source, why)
+    issue = next(iter(suspect_unit(key, source, values, table.units.get(column, ""))), None)
+    if issue is None:
+        return Guess(key, source, why)
+    return Guess(key, issue.corrected or source, f"{why}; {issue.problem}")
 
 
 # --- What words in a column's name say -------------------------------------------------------------
@@ -157,7 +157,7 @@ _QUANTITIES: Mapping[str, frozenset[str]] = {
     "temperature": _set("temperature temperatures temp temps tmp t thermistor ntc pt therm thermocouple"),
     "torque": _set("torque torques tau effort trq tq moment"),
     "current": _set("current currents i cur curr iq amps amp"),
-    "velocity": _set("velocity velocities vel omega speed dq qd qdot rpm w"),
+    "velocity": _set("velocity velocities vel omega speed dq qd qdot rpm erpm w"),
     "speed": _set("speed velocity vel v vx"),
     "power": _set("power watt watts p"),
     "powered": _set("powered enabled enable"),

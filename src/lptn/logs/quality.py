@@ -198,9 +198,10 @@ def suspect_unit(key: str, source: ColumnSource, values: FloatArray, stated: str
         case "current":
             return _suspect_size(key, source, readings, "mA", _LARGEST_CURRENT, _LARGEST_WHOLE_CURRENT)
         case "velocity" if name.electrical:
-            corrected = replace(source, unit="rpm", scale=1 / _EXAMPLE_POLE_PAIRS)
-            remedy = f"for {_EXAMPLE_POLE_PAIRS} pole pairs, say, write {{}}"
-            return [_correctable(key, "electrical turns, by the column's name", corrected, True, remedy)]
+            meant = replace(source, unit="rpm", scale=1 / _EXAMPLE_POLE_PAIRS)
+            remedy = f"for {_EXAMPLE_POLE_PAIRS} pole pairs, say, write {as_line_or_option(key, meant)}"
+            # No log says how many there are, so that nobody is to take this line unseen.
+            return [Issue(key, source.columns[0], "electrical turns, by the column's name", remedy, True)]
         case "velocity":
             return _suspect_size(key, source, readings, "rpm", _LARGEST_VELOCITY, _LARGEST_WHOLE_VELOCITY)
     return []

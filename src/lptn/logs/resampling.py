@@ -328,7 +328,10 @@ def interpolate(time: FloatArray, values: FloatArray, at: FloatArray, max_gap: f
 
 def hold(values: FloatArray) -> FloatArray:
     """`values` with each NaN replaced by the last number before it; NaN at the beginning stays."""
-    last = np.maximum.accumulate(np.where(np.isnan(values), 0, np.arange(values.size)))
+    missing = np.isnan(values)
+    if not missing.any():  # no copy of millions of rows
+        return values
+    last = np.maximum.accumulate(np.where(missing, 0, np.arange(values.size)))
     return values[last]
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from math import nan
 
 import numpy as np
 
@@ -29,6 +30,7 @@ class Run:
         resolution: for a temperature column whose sensor moves in steps, the step in K.
         notes: what is noteworthy about the file and how it was treated, a sentence each.
         issues: those of the notes that name something wrong, with the line that would correct it.
+        log_end: s, in the log's own clock, where the log ends; behind the run, where it is cut at a gap.
 
     Example:
         >>> import lptn
@@ -50,6 +52,7 @@ class Run:
     resolution: Mapping[str, float] = field(default_factory=dict)
     beginning: Mapping[str, float] = field(default_factory=dict)
     issues: tuple[Issue, ...] = ()
+    log_end: float = nan
 
     def __len__(self) -> int:
         return int(self.time.size)

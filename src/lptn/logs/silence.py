@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+import pandas as pd
 
 from lptn.basics.arrays import BoolArray, FloatArray, IntArray
 
@@ -62,6 +63,8 @@ middle of a step, where it shows least, gives the same number with this chance. 
 however lively the sensor is near an edge."""
 _LONGER = 20.0  # times the median time that a number stands: topics that repeat themselves stand for long
 _JUMPS = 3.0  # steps: a coarse sensor that was alive all the while never moves by so many at once
+_LAST_MOVES, _RESTS = 5, 0.125
+"""Readings before a stretch, and the share of the usual move below which they are at rest; of white noise 3 in 1000."""
 _TOUCHES = 5  # readings at the end of its range, before and after it stays there
 _FAR = 10.0  # K from what was read before and after: a number that is dead, or a code
 _FEWEST = 20  # readings, to know what a sensor is like
@@ -90,7 +93,7 @@ def silences(
     shortest = _SHORTEST if temperature and _hardly_repeats(last - first, spans) else STILL
     for k in np.flatnonzero(spans >= _SHORTEST):
         lone = _is_alone(readings, first[k], last[k]) if temperature else False
-        if not lone and spans[k] < shortest:
+        if not lone and (spans[k] < shortest or (spans[k] < STILL and _comes_to_rest(readings, first[k], last[k]))):
             continue
         if not lone and not _is_too_long(stamps, readings, first, last, int(k), rests, resolution, temperature):
             continue
@@ -124,6 +127,14 @@ def _hardly_repeats(repeats: IntArray, spans: FloatArray) -> bool:
     repeated = int(repeats[short].sum())
     steps = repeated + repeats.size - 1  # from reading to reading, but for those in such stretches
     return steps >= _FEWEST and repeated < _REPEATS * steps
+
+
+def _comes_to_rest(readings: FloatArray, first: int, last: int) -> bool:
+    """Whether the moves before a stretch die away, as those of a filtered reading do: a live sensor stops at once."""
+    before = np.abs(np.diff(readings[max(first - _LAST_MOVES, 0) : first + 1]))
+    before = before if before.size == _LAST_MOVES else np.abs(np.diff(readings[last : last + _LAST_MOVES + 1]))
+    moves = np.abs(np.diff(readings))
+    return before.size > 0 and float(np.median(before)) < _RESTS * float(np.median(moves[moves > 0]))
 
 
 def _is_too_long(
@@ -260,7 +271,8 @@ def quantisation_step(values: FloatArray) -> float:
         values: (n,) raw readings, K or degC; NaN is left out.
     """
     readings = values[np.isfinite(values)]
-    levels = np.unique(np.round(readings, 4))  # float32 and unit conversion blur the last digits
+    # float32 and unit conversion blur the last digits; pandas needs no sorting of millions of rows
+    levels = np.sort(pd.unique(np.round(readings, 4)))
     if levels.size < 2 or readings.size < _RETURNS * levels.size:
         return 0.0
     gaps = np.diff(levels)
@@ -319,6 +331,8 @@ def _still_throughout(values: Mapping[str, FloatArray]) -> dict[str, list[Silenc
     """Temperatures that are one number throughout while another one moves; people write one number for the room."""
     read = {key: each[np.isfinite(each)] for key, each in values.items() if key.startswith("temperature.")}
     ranges = {key: float(np.ptp(each)) for key, each in read.items() if each.size}
+    if all(ranges.values()):
+        return {}
     coarsest = max((quantisation_step(each) for key, each in read.items() if ranges.get(key)), default=0.0)
     moved = max(ranges.values(), default=0.0) > max(_MOVED_APART, _MOVED_STEPS * coarsest)
     found = {}
@@ -366,11 +380,15 @@ def duplicates(values: Mapping[str, FloatArray]) -> dict[str, str]:
     names = list(values)
     for number, name in enumerate(names):
         for earlier in names[:number]:
+            equal = int(np.count_nonzero(values[name] == values[earlier]))
+            if equal < _FEWEST:  # the usual case, said by one look at millions of rows
+                continue
             both = np.isfinite(values[name]) & np.isfinite(values[earlier])
-            one, other = values[name][both], values[earlier][both]
+            if equal < _ALIKE * np.count_nonzero(both):
+                continue
+            one = values[name][both]
             if earlier in found or np.count_nonzero(np.diff(one)) < _FEWEST or np.ptp(one) < _MOVED:
                 continue
-            if float(np.mean(one == other)) >= _ALIKE:
-                found[name] = earlier
-                break
+            found[name] = earlier
+            break
     return found

@@ -19,6 +19,7 @@ from lptn.basics.files import fingerprint
 from lptn.logs.columns import ColumnSource, is_key
 
 MOST_NUMBERS = 500_000_000  # 4 GB; a day of twelve joints at 100 Hz has 400 million
+_NUMBERS_AT_ONCE = 10_000_000  # read from a file before they are copied into their columns, so that few stand twice
 _LONGEST_REASON = 200  # characters of another library's error that go into a message
 _LONGEST_CELL = 100  # characters of a cell that go into a message
 
@@ -209,9 +210,11 @@ def open_parquet(path: Path) -> Table:
     def read(wanted: Sequence[str]) -> pd.DataFrame:
         check_size(path, rows, len(wanted))  # such a number of rows takes few bytes to write
         try:
-            frame: pd.DataFrame = pq.read_table(path, columns=list(wanted)).to_pandas(
-                ignore_metadata=True, split_blocks=True, self_destruct=True
-            )
+            with pq.ParquetFile(path) as file:
+                at_once = max(1, _NUMBERS_AT_ONCE // max(rows, 1))
+                some = [list(wanted[k : k + at_once]) for k in range(0, len(wanted), at_once)]
+                frames = [file.read(names).to_pandas(ignore_metadata=True, split_blocks=True) for names in some]
+                frame: pd.DataFrame = pd.concat(frames, axis="columns")
         except Exception as error:
             raise broken(path, error, "a whole Parquet file") from error
         return frame

@@ -1,7 +1,7 @@
 """Which readings of a run are to be believed, by the model and its own errors: those of sensors that are alive.
 
-Reading by reading a filter leaves out sensors that stand or leap (`aliveness`); of the others, offsets and drifts that
-the model's errors don't explain are found by their likelihood ratio (`fault_likelihood`).
+Reading by reading a filter leaves out sensors that stand or leap (`aliveness`); of the others, offsets, drifts and
+lags that the model's errors don't explain are found by their likelihood ratio (`fault_likelihood`).
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ def _since(rows: BoolArray, time: FloatArray) -> float:
 
 
 def wandering(make: Callable[[], Estimator], bound: BoundRun, limits: FloatArray) -> list[Doubt]:
-    """Sensors that are off, or drift, by more than the model's errors explain.
+    """Sensors that are off, drift or lag by more than the model's errors explain.
 
     None is called unless most of the sensors agree with the model: of one sensor and one model nothing says which is
     wrong.
@@ -88,7 +88,7 @@ def wandering(make: Callable[[], Estimator], bound: BoundRun, limits: FloatArray
     Args:
         make: gives a fresh estimator that takes all readings in.
         bound: the run, in steps of some 10 s.
-        limits: weight that calls an offset, a drift [standard deviations], shape (2, nodes).
+        limits: weight that calls an offset, a drift, a lag [standard deviations], shape (3, nodes).
     """
     measured, doubts = bound.measured.copy(), list[Doubt]()
     seen, step = int(np.isfinite(measured).any(axis=1).sum()), bound.run.step
@@ -104,8 +104,12 @@ def wandering(make: Callable[[], Estimator], bound: BoundRun, limits: FloatArray
 
 def _why(alarm: Alarm, end: float) -> str:
     size = 0.0 if alarm.size is None else alarm.size
-    what = f"is off by {size:+.2g} K" if alarm.kind == "offset" else f"drifts by {3600 * size:+.2g} K/h"
-    return f"{what}, as it seems, for {end - alarm.onset:.0f} s"
+    what = {
+        "offset": f"is off by {size:+.2g} K",
+        "drift": f"drifts by {3600 * size:+.2g} K/h",
+        "lag": f"lags behind by {size:.0f} s",
+    }
+    return f"{what[alarm.kind]}, as it seems, for {end - alarm.onset:.0f} s"
 
 
 def refuse_none(run: Run, nodes: tuple[str, ...], doubts: list[Doubt]) -> None:

@@ -24,7 +24,7 @@ from lptn.logs.run import Run
 from lptn.model.model import Model
 from lptn.online.augmented_model import ModelError
 from lptn.online.estimator import run_filter
-from lptn.online.fault_likelihood import STEP, coarsely_bound, fault_statistics, gaussian_estimator
+from lptn.online.fault_likelihood import KINDS, LAG, STEP, coarsely_bound, fault_statistics, gaussian_estimator
 from lptn.online.sensor_faults import MonitoredRun
 from lptn.simulate.bound_run import BoundRun, bind
 
@@ -47,7 +47,7 @@ class Calibration:
     Args:
         noise: of the sensors.
         error: what the model lacks on healthy logs.
-        limits: weight that calls an offset, a drift [standard deviations], shape (2, nodes).
+        limits: weight that calls an offset, a drift, a lag [standard deviations], shape (3, nodes).
         still: predicted change [K] over which a healthy reading never stands still, shape (nodes,).
         hours: length of the healthy logs; 0 where there were none.
     """
@@ -64,7 +64,7 @@ class Calibration:
         return {
             "nodes": list(nodes),
             "healthy_hours": self.hours,
-            "limits": {"offset": self.limits[0].tolist(), "drift": self.limits[1].tolist()},
+            "limits": {kind: limits.tolist() for kind, limits in zip(KINDS, self.limits, strict=True)},
             "still": self.still.tolist(),
             "noise": {"white": self.noise.white.tolist(), "step": self.noise.step.tolist()},
             "model_error": error,
@@ -102,8 +102,8 @@ def calibrate(
         weights += _block_maxima(np.array([statistics.weight for _, statistics in followed]), bound.run.step)
         moved += _block_maxima(MonitoredRun.of(model, run).moved.T, run.step)
     hours = sum(len(run) * run.step for run in runs) / 3600
-    share = false_alarms * hours / len(weights) / (2 * len(model.nodes))
-    limits = [_rare_by_class(np.array(weights)[:, kind], model.nodes, share) for kind in (0, 1)]
+    share = false_alarms * hours / len(weights) / (len(KINDS) * len(model.nodes))
+    limits = [_rare_by_class(np.array(weights)[:, kind], model.nodes, share) for kind in range(len(KINDS))]
     still = np.maximum(_rare_by_class(np.array(moved), model.nodes, share), noise.step + _LEAST_MOVE)
     return Calibration(noise, error, np.maximum(limits, _LEAST_LIMIT), still, hours)
 
@@ -120,7 +120,8 @@ def uncalibrated(model: Model, runs: Sequence[Run], rmse: float | None) -> Calib
     air = [column for column in model.inputs if column.startswith("temperature.")]
     # Twice what the search on healthy logs begins with, and heat of a watt for each kelvin that the fit errs.
     error = ModelError(size, _FIRST_HEAT_TIME, _FIRST_SIZES["change"], size, 2 * _FIRST_AIR, dict.fromkeys(air, 2.0))
-    limits = np.full((2, len(model.nodes)), _UNTRIED)
+    limits = np.full((len(KINDS), len(model.nodes)), _UNTRIED)
+    limits[LAG] = _LEAST_LIMIT  # of a fault whose course is known, and which explains more than any other
     return Calibration(noise, error, limits, noise.step + 3 * size, 0.0)
 
 
@@ -167,6 +168,7 @@ def rare(maxima: FloatArray, share: float) -> float:
 
 _FACTOR = 2.0  # from one size tried to the next
 _GAIN = 2e-3  # of log-likelihood a reading; less than that is not worth another trial
+_LEAST = {"heat_time": _SEARCH_STEP}  # s; what wanders within a step is white, of which the noise already is
 _FIRST_SIZES = {"heat": 0.5, "change": 0.5, "bias": 0.5}  # W, share, W
 _FIRST_HEAT_TIME, _FIRST_AIR, _FIRST_INPUT = 100.0, 0.1, 1.0  # s; share; K
 
@@ -221,7 +223,7 @@ def _improved(best: dict[str, float], value: Callable[[dict[str, float]], float]
     """Each size in turn made larger or smaller, as far as that helps."""
     for name in best:
         for times in (_FACTOR, 1 / _FACTOR):
-            while value(trial := best | {name: best[name] * times}) > value(best) + _GAIN:
+            while value(trial := best | {name: max(best[name] * times, _LEAST.get(name, 0.0))}) > value(best) + _GAIN:
                 best = trial
     return best
 
@@ -239,6 +241,7 @@ class _Strict(BaseModel):
 class _Limits(_Strict):
     offset: list[_Positive]
     drift: list[_Positive]
+    lag: list[_Positive] | None = None  # files of earlier versions know none
 
 
 class _Noise(_Strict):
@@ -286,7 +289,8 @@ def read_calibration(path: Path, model: Model) -> Calibration:
         stands = sentence(first["msg"]) if first["type"] == "json_invalid" else found_in(first)
         expected = "JSON" if first["type"] == "json_invalid" else expectation(first)
         raise InputError(path, place, stands, f"{expected}, as `lptn monitor --healthy` writes it") from error
-    lists = (file.still, file.noise.white, file.noise.step, file.limits.offset, file.limits.drift)
+    limits = [file.limits.offset, file.limits.drift, file.limits.lag or [_UNTRIED] * len(model.nodes)]
+    lists = (file.still, file.noise.white, file.noise.step, *limits)
     same = all(len(values) == len(model.nodes) for values in lists)
     if file.nodes != model.nodes or not same or not set(file.model_error.inputs) <= set(model.inputs):
         expected = f"those of the model: {', '.join(model.nodes)}"
@@ -294,7 +298,7 @@ def read_calibration(path: Path, model: Model) -> Calibration:
     return Calibration(
         Noise(np.array(file.noise.white), np.array(file.noise.step)),
         ModelError(**file.model_error.model_dump()),
-        np.array([file.limits.offset, file.limits.drift]),
+        np.array(limits),
         np.array(file.still),
         file.healthy_hours,
     )

@@ -1,4 +1,4 @@
-"""Faults followed through a Kalman filter: the likelihood ratio of an offset or a drift at each sensor."""
+"""Faults followed through a Kalman filter: the likelihood ratio of an offset, a drift or a lag at each sensor."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import cholesky, solve_triangular
 
 from lptn.basics.arrays import BoolArray, FloatArray
 from lptn.identify.noise import Noise
@@ -16,19 +15,25 @@ from lptn.online.augmented_model import ModelError
 from lptn.online.estimator import Correction, Estimator, run_filter
 from lptn.online.sensor_faults import Alarm, Kind
 from lptn.simulate.bound_run import BoundRun, bind
+from lptn.simulate.simulation import simulate
 
-OFFSET, DRIFT = 0, 1
-"""Rows of what is said of both kinds of fault."""
+OFFSET, DRIFT, LAG = 0, 1, 2
+"""Rows of what is said of each kind of fault."""
+KINDS: tuple[Kind, ...] = ("offset", "drift", "lag")
 _FRESH = 360.0  # s; an offset that was not noticed by then is absorbed: later on it looks like a drift
 _DRIFTS = 60  # onsets of drifts that are followed at once
 _BETWEEN_DRIFTS = 60.0  # s between these onsets; doubled when there would be too many
+_LAGS = (60.0, 240.0, 960.0)  # s; a lag between two of them shows as the nearer one
+_LAG_ONSETS = 20
+_BETWEEN_LAGS = 240.0  # s; a lag shows over minutes, and one that begins this much later is nearly the same
 _LEAST_INFORMATION = 1e-9  # 1/K²; keeps a fault that no reading has shown yet from a division by zero
 
 
 class FaultStatistics(NamedTuple):
-    """The weightiest hypothesis of each kind (offset, drift) at each sensor; arrays of shape (2, nodes).
+    """The weightiest hypothesis of each kind (offset, drift, lag) at each sensor; arrays of shape (3, nodes).
 
-    weight: √ of the likelihood ratio, in standard deviations. onset: s. size: K for an offset, K/s for a drift.
+    weight: √ of twice the logarithm of the likelihood ratio, in standard deviations; 0 where a lag is less likely than
+    no fault. onset: s. size: K for an offset, K/s for a drift, s for a lag.
     """
 
     weight: FloatArray
@@ -36,14 +41,48 @@ class FaultStatistics(NamedTuple):
     size: FloatArray
 
 
+class _Onsets:
+    """Regular onsets of one kind of fault: every second one is dropped when there would be too many.
+
+    Args:
+        first: slot of the first onset.
+        count: of onsets that are followed at once.
+        each: slots of an onset.
+        between: time between onsets [s].
+    """
+
+    def __init__(self, first: int, count: int, each: int, between: float) -> None:
+        self.slots = slice(first, first + count * each)
+        self._count, self._each, self._between = count, each, between
+        self._followed, self._last = 0, -np.inf
+
+    def next(self, onset: float, arrays: tuple[FloatArray, ...]) -> slice | None:
+        """The slots of a new onset [s], where it is time for one; in the arrays, (…, slots), others make room."""
+        if onset < self._last + self._between:
+            return None
+        if self._followed == self._count:
+            self._followed, self._between = self._count // 2, 2 * self._between
+            for array in arrays:
+                onsets = array[..., self.slots].reshape(*array.shape[:-1], self._count, self._each)
+                kept = onsets[..., ::2, :].reshape(*array.shape[:-1], -1)
+                array[..., self.slots.start : self.slots.start + kept.shape[-1]] = kept
+        start = self.slots.start + self._followed * self._each
+        self._followed, self._last = self._followed + 1, onset
+        return slice(start, start + self._each)
+
+
 class LikelihoodRatios:
-    r"""Generalised likelihood ratios of an offset or a drift at each sensor, for many times of onset.
+    r"""Generalised likelihood ratios of an offset, a drift or a lag at each sensor, for many times of onset.
 
     A fault of unit size that begins at some time shifts the innovations :math:`\nu` of covariance :math:`S` by a
     signature :math:`g`, found by passing the fault through the filter's own gains. With the information
-    :math:`J = \sum g^\top S^{-1} g` its size is :math:`\hat b = \sum g^\top S^{-1}\nu / J`, its weight
-    :math:`|\hat b| \sqrt J`. The signature goes through all sensors: what a fault at one does to its neighbours'
-    innovations counts for it.
+    :math:`J = \sum g^\top S^{-1} g` and the score :math:`s = \sum g^\top S^{-1}\nu` its size is
+    :math:`\hat b = s/J`, its weight :math:`|\hat b| \sqrt J`. The signature goes through all sensors: what a fault at
+    one does to its neighbours' innovations counts for it.
+
+    What a lag adds to the reading is known beforehand: the path that the model predicts, followed with a time constant,
+    less that path. Its size is 1, and its weight :math:`\sqrt{2s - J}`. If no sensor lags, the ratio of these
+    likelihoods ever exceeds a number A with a probability of 1/A at most [Ville1939].
 
     Args:
         nodes: number of nodes.
@@ -54,73 +93,81 @@ class LikelihoodRatios:
     def __init__(self, nodes: int, states: int, step: float) -> None:
         self._nodes, self._step = nodes, step
         self._fresh = max(2, round(_FRESH / step))
-        slots = self._fresh + _DRIFTS
+        self._drifts = _Onsets(self._fresh, _DRIFTS, 1, max(_BETWEEN_DRIFTS, step))
+        self._lags = _Onsets(self._drifts.slots.stop, _LAG_ONSETS, len(_LAGS), max(_BETWEEN_LAGS, step))
+        slots = self._lags.slots.stop
         self._shift = np.zeros((states, nodes, slots))
         self._score = np.zeros((nodes, slots))
         self._information = np.zeros((nodes, slots))
         self._onset = np.full(slots, np.nan)
-        self._between_drifts, self._updates = max(_BETWEEN_DRIFTS, step), 0
+        self._path = np.zeros((nodes, slots))  # degC, that a lagging sensor follows
+        self._updates, self._predicted = 0, np.zeros(nodes)
 
-    def update(self, time: float, correction: Correction | None, read: BoolArray) -> FaultStatistics:
-        """Take in one update of the filter, made at a time [s] from the readings of the nodes that were `read`."""
-        self._follow_new(time)
+    def update(
+        self, time: float, correction: Correction | None, read: BoolArray, predicted: FloatArray
+    ) -> FaultStatistics:
+        """Take in one update of the filter.
+
+        Args:
+            time: at which it was made [s].
+            correction: its linear algebra.
+            read: nodes whose readings were taken in, shape (nodes,).
+            predicted: readings of the model that runs freely [degC], shape (nodes,).
+        """
+        self._begin_new(time, predicted if self._updates == 0 else self._predicted)
+        self._updates, self._predicted = self._updates + 1, predicted
+        faults = self._faults(time, predicted)
         if correction is not None:
             flat = self._shift.reshape(len(self._shift), -1)
             flat = correction.transition @ flat
             signature = -correction.by_state @ flat
             signature = signature.reshape(-1, *self._score.shape)
-            fault = self._fault(time)
             for row, node in enumerate(np.flatnonzero(read)):
-                signature[row, node] += fault
+                signature[row, node] += faults[node]
             across = signature.reshape(len(signature), -1)
             self._shift = (flat + correction.gain @ across).reshape(self._shift.shape)
-            root = cholesky(correction.covariance, lower=True, check_finite=False)
-            both = np.column_stack([across, correction.innovation])
-            white = solve_triangular(root, both, lower=True, check_finite=False)
-            self._score += (white[:, -1] @ white[:, :-1]).reshape(self._score.shape)
-            self._information += np.einsum("ij,ij->j", white[:, :-1], white[:, :-1]).reshape(self._score.shape)
+            # SciPy's solve_triangular starts threads, which take a thousand times as long as these few numbers.
+            whitening = np.linalg.inv(np.linalg.cholesky(correction.covariance))
+            white = whitening @ across
+            self._score += ((whitening @ correction.innovation) @ white).reshape(self._score.shape)
+            self._information += np.einsum("ij,ij->j", white, white).reshape(self._score.shape)
         return self._best()
 
-    def _fault(self, time: float) -> FloatArray:
-        """Size of the unit fault now, for each slot; 0 for a slot in which none is followed."""
-        sizes = np.where(np.isnan(self._onset), 0.0, 1.0)
-        drifts = self._onset[self._fresh :]
-        sizes[self._fresh :] = np.where(np.isnan(drifts), 0.0, time - drifts)
-        return sizes
+    def _faults(self, time: float, predicted: FloatArray) -> FloatArray:
+        """What each fault of unit size adds to the reading now, (nodes, slots); 0 in a slot that follows none."""
+        faults = np.tile(np.where(np.isnan(self._onset), 0.0, 1.0), (self._nodes, 1))
+        drifts, lags = self._drifts.slots, self._lags.slots
+        faults[:, drifts] *= np.nan_to_num(time - self._onset[drifts])
+        keep = np.tile(np.exp(-self._step / np.array(_LAGS)), _LAG_ONSETS)
+        self._path[:, lags] = keep * self._path[:, lags] + (1 - keep) * predicted[:, None]
+        faults[:, lags] *= self._path[:, lags] - predicted[:, None]
+        return faults
 
-    def _follow_new(self, time: float) -> None:
-        """Begin a new offset, and a new drift now and then."""
-        self._begin(self._updates % self._fresh, time)
-        self._updates += 1
-        drifts = self._onset[self._fresh :]
-        followed = int(np.isfinite(drifts).sum())
-        if followed and time - self._step < drifts[followed - 1] + self._between_drifts:
-            return
-        if followed == _DRIFTS:
-            self._thin()
-            followed = _DRIFTS // 2
-        self._begin(self._fresh + followed, time - self._step)
+    def _begin_new(self, time: float, before: FloatArray) -> None:
+        """Begin a new offset, and a new drift or lag now and then; `before` is what was predicted an update ago."""
+        offset = self._updates % self._fresh
+        self._begin(slice(offset, offset + 1), time)
+        arrays = (self._shift, self._score, self._information, self._onset, self._path)
+        for onsets in (self._drifts, self._lags):
+            if (slots := onsets.next(time - self._step, arrays)) is not None:
+                self._begin(slots, time - self._step)
+                self._path[:, slots] = before[:, None]
 
-    def _begin(self, slot: int, onset: float) -> None:
-        self._onset[slot] = onset
-        self._shift[:, :, slot] = 0.0
-        self._score[:, slot] = 0.0
-        self._information[:, slot] = 0.0
-
-    def _thin(self) -> None:
-        """Keep every second drift, so that a long log costs no more than a short one."""
-        kept, rest = slice(self._fresh, None, 2), slice(self._fresh + _DRIFTS // 2, None)
-        for array in (self._onset, self._score, self._information, self._shift):
-            array[..., self._fresh : self._fresh + _DRIFTS // 2] = array[..., kept].copy()
-        self._onset[rest] = np.nan
-        self._between_drifts *= 2
+    def _begin(self, slots: slice, onset: float) -> None:
+        self._onset[slots] = onset
+        for array in (self._shift, self._score, self._information):
+            array[..., slots] = 0.0
 
     def _best(self) -> FaultStatistics:
         information = np.maximum(self._information, _LEAST_INFORMATION)
         weight = np.abs(self._score) / np.sqrt(information)
         size = self._score / information
+        lags = self._lags.slots
+        weight[:, lags] = np.sqrt(np.maximum(2 * self._score - self._information, 0.0))[:, lags]
+        size[:, lags] = np.tile(_LAGS, _LAG_ONSETS)
+        weight[:, np.isnan(self._onset)] = 0.0
         kinds = []
-        for slots in (slice(0, self._fresh), slice(self._fresh, None)):
+        for slots in (slice(0, self._fresh), self._drifts.slots, lags):
             chosen = weight[:, slots].argmax(axis=1)
             rows = np.arange(self._nodes)
             kinds.append((weight[:, slots][rows, chosen], self._onset[slots][chosen], size[:, slots][rows, chosen]))
@@ -159,9 +206,10 @@ def fault_statistics(
     step = bound.run.step
     delay = step if bound.run.averaged else 0.0  # a mean is known at the end of its step
     ratios = LikelihoodRatios(len(measured), estimator.size, step)
+    predicted = simulate(estimator.model, bound).readings
     for k, _ in enumerate(run_filter(estimator, bound, measured)):
         time = float(bound.run.time[k]) + delay
-        yield time, ratios.update(time, estimator.last, np.isfinite(measured[:, k]))
+        yield time, ratios.update(time, estimator.last, np.isfinite(measured[:, k]), predicted[:, k])
 
 
 # --- The first sensor that is called --------------------------------------------------------------
@@ -176,24 +224,30 @@ def first_alarm(estimator: Estimator, bound: BoundRun, measured: FloatArray, lim
         estimator: fresh.
         bound: the run.
         measured: readings [degC] as they are to be believed, shape (nodes, n).
-        limits: weight that calls an offset, a drift [standard deviations], shape (2, nodes).
+        limits: weight that calls an offset, a drift, a lag [standard deviations], shape (3, nodes).
     """
     alarm: Alarm | None = None
     row = 0
     for time, statistics in fault_statistics(estimator, bound, measured):
         if alarm is None:
-            excess = statistics.weight / limits
+            excess = _excess(statistics, limits)
             if excess.max() > 1:
                 row = int(excess.max(axis=0).argmax())
-                alarm = _alarm(estimator.model.nodes[row], statistics, row, limits, time)
+                alarm = _alarm(estimator.model.nodes[row], statistics, row, excess, time)
         elif time <= alarm.time + _SETTLED:
-            alarm = _alarm(estimator.model.nodes[row], statistics, row, limits, alarm.time)
+            alarm = _alarm(estimator.model.nodes[row], statistics, row, _excess(statistics, limits), alarm.time)
         else:
             break
     return alarm
 
 
-def _alarm(node: str, statistics: FaultStatistics, row: int, limits: FloatArray, time: float) -> Alarm:
-    kind = int((statistics.weight[:, row] / limits[:, row]).argmax())
-    name: Kind = "drift" if kind == DRIFT else "offset"
-    return Alarm(node, name, time, float(statistics.onset[kind, row]), float(statistics.size[kind, row]))
+def _excess(statistics: FaultStatistics, limits: FloatArray) -> FloatArray:
+    """Weights as shares of their limits; a lag counts where no offset or drift, at any sensor, explains more."""
+    excess = statistics.weight / limits
+    excess[LAG, statistics.weight[LAG] < statistics.weight[:LAG].max()] = 0.0
+    return excess
+
+
+def _alarm(node: str, statistics: FaultStatistics, row: int, excess: FloatArray, time: float) -> Alarm:
+    kind = int(excess[:, row].argmax())
+    return Alarm(node, KINDS[kind], time, float(statistics.onset[kind, row]), float(statistics.size[kind, row]))

@@ -35,7 +35,7 @@ def named(
         measured: readings [degC], NaN where missing, shape (nodes, n).
         healthy: those of them that nothing speaks against, shape (nodes, n).
         calibration: noise and the model's errors.
-        alarm: an offset or a drift.
+        alarm: an offset, a drift or a lag.
     """
     row, onset = model.nodes.index(alarm.node), alarm.onset
     behind = coarse.run.time >= onset

@@ -25,6 +25,7 @@ from lptn.model.model import Model
 from lptn.online.augmented_model import AugmentedModel, ModelError
 from lptn.online.believed import Doubt, refuse_none, standing_or_leaping, wandering, without
 from lptn.online.estimator import Estimator, run_filter
+from lptn.online.fault_likelihood import KINDS
 from lptn.online.operating_point import Gait, OperatingPoint, WindowChoice, find_gait, present_operating_point
 from lptn.online.quantisation import coarse_noise
 from lptn.simulate.bound_run import BoundRun, bind, default_start
@@ -84,6 +85,7 @@ class Forecast:
         log: time [s] until the end of the log, 0 there, shape (k,).
         measured: its readings [degC], shape (names, k), NaN where missing.
         doubts: sensors on which the forecast does not lean at the end of the log, and why.
+        late: s, by which the log goes on behind that end: it is cut where an input is not known any more.
     """
 
     nodes: dict[str, NodeForecast]
@@ -98,12 +100,14 @@ class Forecast:
     log: FloatArray
     measured: FloatArray
     doubts: tuple[Doubt, ...] = ()
+    late: float = 0.0
 
     def as_json(self) -> dict[str, object]:
         """The forecast as other tools read it: s and degC; what is never reached is null."""
         return {
             "coverage": self.coverage,
             "trust": self.trust,
+            "seconds_before_log_end": self.late,
             "window": {
                 "seconds": self.window.seconds,
                 "cycles": self.window.cycles,
@@ -295,7 +299,7 @@ def _of_blocks(model: Model, count: float, noise: Noise, uncertainty: ModelUncer
 # --- Sensors that are alive -----------------------------------------------------------------------
 
 _FAULT = 6.0
-"""Standard deviations of an offset or drift that is called: chance among some thousand onsets at some ten sensors,
+"""Standard deviations of an offset, drift or lag that is called: chance among some thousand onsets at some ten sensors,
 times one faulty sensor in a thousand logs, is met by 5.5."""
 _MISSING = 60.0  # s without a reading at the end of a log, that is worth a word
 
@@ -322,7 +326,7 @@ def present_by_live_sensors(model: Model, run: Run, uncertainty: ModelUncertaint
     def fresh() -> Estimator:
         return _of_blocks(model, blocks.step / run.step, noise, uncertainty, estimator.error)
 
-    wander = wandering(fresh, bind(model, blocks), np.full((2, len(nodes)), _FAULT))
+    wander = wandering(fresh, bind(model, blocks), np.full((len(KINDS), len(nodes)), _FAULT))
     if not wander:
         return estimator, doubts
     since = {doubt.node: doubt.since for doubt in wander}
@@ -469,6 +473,7 @@ def forecast(
         log=run.time - run.time[-1] - run.step,
         measured=bound.measured,
         doubts=tuple(doubts),
+        late=max(run.log_end - float(run.time[-1]) - run.step, 0.0) if isfinite(run.log_end) else 0.0,
     )
 
 

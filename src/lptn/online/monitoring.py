@@ -13,6 +13,7 @@ from lptn.logs.run import Run
 from lptn.model.model import Model
 from lptn.online.calibration import Calibration, uncalibrated
 from lptn.online.fault_likelihood import (
+    KINDS,
     STEP,
     coarsely_bound,
     first_alarm,
@@ -29,6 +30,7 @@ from lptn.online.sensor_faults import (
     offset_or_drift,
     or_stuck,
 )
+from lptn.online.swapped_sensors import swapped_sensors
 
 THRESHOLD = 10.0
 """K; the threshold of [QuadrupedLPTN, application 2]."""
@@ -166,6 +168,10 @@ def alarms_by_statistics(
         since = np.array([onsets.get(node, inf) for node in model.nodes])
         return np.where(coarse.run.time >= since[:, None] - coarse.run.step, np.nan, measured)
 
+    for pair in swapped_sensors(model, coarse, measured, calibration):
+        for alarm in pair:
+            onsets[alarm.node] = alarm.onset
+            faulty += [alarm] * (alarm.node not in named_already)
     for alarm in (*noise, *_standing(watched, calibration)):
         if alarm.node not in onsets:
             onsets[alarm.node] = alarm.onset
@@ -179,7 +185,7 @@ def alarms_by_statistics(
         faulty += [or_stuck(watched, found)] * (found.node not in named_already)
     healthy = trusted()
     for alarm in faulty:
-        moves = alarm.kind in ("offset", "drift")
+        moves = alarm.kind in KINDS
         alarms.append(named(model, coarse, measured, healthy, calibration, alarm) if moves else alarm)
     return first_at_each_sensor(alarms)
 
