@@ -44,7 +44,7 @@ class HeatBalance:
         started: those inputs that are taken from the start of a run.
         hidden: effect instances that have a state, in the order of the states behind the nodes'.
         temperature: temperatures of all places, those of prescribed nodes as the others feel them [degC].
-        x: states: nodes, then those of effects, then the hottest points of elements.
+        x: states: nodes, then the hottest points of elements, then those of effects.
         rates: dx/dt [K/s].
         readings: what the sensors of the nodes read [degC].
         delays: how late each node's readings come [s].
@@ -75,10 +75,10 @@ class HeatBalance:
         self.temperature: dict[str, ca.SX] = self._nodes | felt | self._faces
         self.warming = self._balance()
         hottest = {point.name: ca.SX.sym(point.name) for point in network.hottest}
-        self.x = ca.vertcat(*self._nodes.values(), *self.states.values(), *hottest.values())
-        state_rates = [instance.effect.state_rate(self._here(instance)) for instance in self.hidden]
+        self.x = ca.vertcat(*self._nodes.values(), *hottest.values(), *self.states.values())
         hottest_rates = [self._hottest_rate(point, hottest[point.name]) for point in network.hottest]
-        self.rates = ca.vertcat(*self.warming.values(), *state_rates, *hottest_rates)
+        state_rates = [instance.effect.state_rate(self._here(instance)) for instance in self.hidden]
+        self.rates = ca.vertcat(*self.warming.values(), *hottest_rates, *state_rates)
         self.readings = ca.vertcat(*(self._reading(name) for name in self._nodes))
         self.delays = ca.vertcat(*(self._delay(name) for name in self._nodes))
         self.u = ca.vertcat(*self.columns.values()) if self.columns else ca.SX(0, 1)
@@ -148,6 +148,14 @@ class HeatBalance:
         """Heat that the effects of one key bring into a place [W]."""
         there = (other for other in self._at_ends[frozenset(ends)] if other.effect.key == key)
         return sum((self.heat_into_ends(other)[0] for other in there), start=ca.SX(0))
+
+    def with_faces_solved(self, expression: Any) -> Any:
+        """An expression with the temperatures of faces without capacitance put in: one of states and inputs alone."""
+        if not self._solved:
+            return expression
+        names = list(self._solved)
+        faces, solved = ca.vertcat(*(self._faces[name] for name in names)), ca.vertcat(*self._solved.values())
+        return ca.substitute(ca.SX(expression), faces, solved)
 
     def _balance(self) -> dict[str, ca.SX]:
         """Rate of each node [K/s]."""
