@@ -1,4 +1,4 @@
-"""A winding 4 mm thick on an iron core, cooled on one side: its model file, and its truth by finite volumes (SciPy only)."""
+"""A winding 4 mm thick on an iron core, cooled on one side: its model file, and its truth by finite volumes."""
 
 from __future__ import annotations
 
@@ -71,8 +71,8 @@ def truth(currents: FloatArray, step: float, start: float = AIR) -> dict[str, Fl
     flows[n, n] -= 1 / TO_AIR
     a = flows / capacity[:, None]
     moved = expm(step * a)
-    by_air, by_watt = -np.linalg.solve(a, np.column_stack([np.eye(n + 1)[n] * AIR / TO_AIR / capacity,
-                                                           np.append(np.full(n, 1.0 / n), 0.0) / capacity])).T  # fmt: skip
+    by_air = -np.linalg.solve(a, np.eye(n + 1)[n] * AIR / TO_AIR / capacity)
+    by_watt = -np.linalg.solve(a, np.append(np.full(n, 1.0 / n), 0.0) / capacity)
     T, found = np.full(n + 1, start), []
     for current in currents:
         settled = by_air + RESISTANCE * current**2 * by_watt

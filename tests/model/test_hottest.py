@@ -1,4 +1,4 @@
-"""The hottest point of an element against the exact profiles of a block, a ring and a rod, and finite volumes in time."""
+"""The hottest point of an element: the exact profiles of a block, a ring and a rod, and finite volumes in time."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from lptn.model.model import Model
 from lptn.robots.presets import presets
 from tests.model import slot
 
-BLOCK = presets()["heated-block"].replace('kind = "cuboid"', 'kind = "cuboid"\nhottest = true', 1)
+BLOCK = presets()["heated-block"]
 
 
 def _block(text: str = BLOCK) -> Model:
@@ -34,7 +34,10 @@ def test_steady_the_hottest_point_of_a_block_is_exact_whatever_its_ends(left: fl
     assert end == pytest.approx([exact.mean, exact.maximum], abs=1e-9)
 
 
-@pytest.mark.parametrize(("low", "high", "heat"), [(20.0, 20.0, 1e6), (20.0, 60.0, 1e6), (90.0, 20.0, 4e5), (50.0, 20.0, 0.0)])  # fmt: skip
+RINGS = [(20.0, 20.0, 1e6), (20.0, 60.0, 1e6), (90.0, 20.0, 4e5), (50.0, 20.0, 0.0)]
+
+
+@pytest.mark.parametrize(("low", "high", "heat"), RINGS)
 def test_steady_the_hottest_radius_of_a_ring(low: float, high: float, heat: float) -> None:
     """By finite volumes: (1/r) (r T')' = -q/k."""
     inner, outer, k, n = 0.01, 0.03, 2.0, 2000

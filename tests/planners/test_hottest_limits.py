@@ -1,4 +1,4 @@
-"""A limit of a winding's hottest point, kept by limiter, MPC and missions in finite volumes that share no code with them."""
+"""A limit of a winding's hottest point, kept by limiter, MPC and missions in finite volumes of our own."""
 
 from __future__ import annotations
 
