@@ -1,7 +1,7 @@
 # %% [markdown]
 # # Every network that is shipped, drawn from its model file
 #
-# One function draws them, `lptn.report.draw_network`, the same that reports, the workbench and `lptn check --drawing` use.
+# One function draws them, `lptn.report.draw_network`, which reports, the workbench and `lptn check --drawing` use.
 #
 # `python examples/networks/draw.py` writes the drawings and the page beside this script, `-o FOLDER` elsewhere.
 
@@ -57,9 +57,10 @@ def page() -> str:
     lines = [
         "# The networks",
         "",
-        "Every model file that is shipped, drawn by the one function `lptn.report.draw_network`, which reports, the workbench and",
-        "`lptn check MODEL --drawing FILE.svg` use. `python examples/networks/draw.py` made this page. A box is a node, a line a",
-        "thermal resistance, a short line with a bar one to the surroundings; numbers name the effects that act there.",
+        "Every model file that is shipped, drawn by the one function `lptn.report.draw_network`, which reports, the",
+        "workbench and `lptn check MODEL --drawing FILE.svg` use. `python examples/networks/draw.py` made this page. A box is",
+        "a node, a line a thermal resistance, a short line with a bar one to the surroundings; numbers name the effects",
+        "that act there.",
     ]
     for name, place, file in models():
         source = f" {OF_SOURCES[name]}." if name in OF_SOURCES else ""

@@ -447,20 +447,26 @@ def _fmu_name(column: str) -> str:
 
 @row("S0-A2", "faults of sensors", "alarm at 10 °C; linear drift", more="tests/online/test_monitor.py")
 def sensor_faults() -> Iterable[Check]:
-    model = Model(two_node_network().with_values(TRUTH | test_monitor.WRONG))
-    for rate in (0.03, 0.05):
-        watched = MonitoredRun.of(model, test_monitor.log(4, test_monitor.drift(rate)))
-        (alarm,) = alarms_by_threshold(watched, 10.0)
-        late = (alarm.time - test_monitor.BEGIN) * rate / 10.0
-        yield printed(
-            f"time to the alarm over 10 K/rate, {rate:g} K/s",
-            late,
-            "1",
-            within=0.2,
-            why="as the drift adds to the model's own error and the sensor's 1 K steps",
-        )
-    healthy = alarms_by_threshold(MonitoredRun.of(model, test_monitor.log(5)), 10.0)
+    right = Model(two_node_network().with_values(TRUTH))
+    wrong = Model(two_node_network().with_values(TRUTH | test_monitor.WRONG))
+    for rate in test_monitor.RATES:
+        late = _time_to_alarm(right, rate)
+        why = "a fifth; noise and steps of 1 K take part"
+        yield printed(f"time to the alarm over 10 K/rate, {rate:g} K/s", late, "1", within=0.2, why=why)
+    off = [abs(_time_to_alarm(wrong, rate) - 1) for rate in test_monitor.RATES]
+    own = max(MonitoredRun.of(wrong, test_monitor.log(4)).largest_error.values()) / 10
+    yield below(
+        "by a model that is wrong: off by at most", max(off), own + 0.05, why="its own error over 10 K, and a step"
+    )
+    healthy = alarms_by_threshold(MonitoredRun.of(wrong, test_monitor.log(5)), 10.0)
     yield equal("alarms of a healthy log", len(healthy), 0)
+
+
+def _time_to_alarm(model: Model, rate: float) -> float:
+    """When a drift is called, over 10 K/rate."""
+    watched = MonitoredRun.of(model, test_monitor.log(4, test_monitor.drift(rate)))
+    (alarm,) = alarms_by_threshold(watched, 10.0)
+    return (alarm.time - test_monitor.BEGIN) * abs(rate) / 10.0
 
 
 @row(
