@@ -58,9 +58,9 @@ def page() -> str:
         "# The networks",
         "",
         "Every model file that is shipped, drawn by the one function `lptn.report.draw_network`, which reports, the",
-        "workbench and `lptn check MODEL --drawing FILE.svg` use. `python examples/networks/draw.py` made this page.",
-        "A box is a node, a line a thermal resistance, a short line with a bar one to the surroundings; numbers name the",
-        "effects that act there.",
+        "workbench and `lptn check MODEL --drawing FILE.svg` use. `python examples/networks/draw.py` made it.",
+        "A box is a node, a line a thermal resistance, a short line with a bar one to the surroundings; numbers name",
+        "the effects that act there.",
     ]
     for name, place, file in models():
         source = f" {OF_SOURCES[name]}." if name in OF_SOURCES else ""

@@ -1,8 +1,7 @@
-"""Every shipped model has its drawing, with each of its nodes, and every script of the examples is named."""
+"""Every shipped model has its drawing, with each of its nodes."""
 
 from __future__ import annotations
 
-import subprocess
 from pathlib import Path
 
 import pytest
@@ -26,10 +25,3 @@ def test_a_drawing_names_every_node(name: str) -> None:
     drawing = (HERE / "networks" / draw.picture(name)).read_text(encoding="utf-8")
     for node in MODELS[name].network.dynamic:
         assert f">{node}<" in drawing
-
-
-def test_the_page_of_examples_names_every_script() -> None:
-    listed = subprocess.run(["git", "ls-files", "*.py"], cwd=HERE, capture_output=True, text=True, check=False)
-    scripts = [Path(line).name for line in listed.stdout.split()] or [path.name for path in HERE.rglob("*.py")]
-    page = (HERE / "README.md").read_text(encoding="utf-8")
-    assert [name for name in scripts if name != "__init__.py" and f"`{name}`" not in page] == []
