@@ -106,7 +106,7 @@ def test_the_whole_body_meets_tables_2_and_3(
         if pair.what in whole_body.SOURCE_RUNS:
             largest, square, reduction = whole_body.SOURCE_RUNS[pair.what]
             assert pair.max[0] <= largest + 0.005
-            # No fitted run loads all joints at once as standing does: 0.50 K² is met by most robots, not by this one (0.72).
+            # No fitted run loads all joints at once as standing does: this robot misses 0.50 K² by 0.22.
             assert pair.square[0] <= (square + 0.005 if pair.what != "stand" else 0.75)
             assert 100 * pair.reduction >= reduction - 0.005
 
