@@ -6,11 +6,13 @@ import math
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from scipy.linalg import solve_banded
 
 from exact_block import HeatedBlock
 from lptn.basics.errors import InputError
+from lptn.cli.main import main
 from lptn.model.bodies import RingProfile, RodProfile, SlabProfile
 from lptn.model.file import parse_model
 from lptn.model.model import Model
@@ -88,6 +90,19 @@ def test_in_time_the_hottest_point_follows_the_heat_equation_and_its_mean_delay_
     assert np.abs(error).max() < 0.03 * above_iron
     one_node = course[0] - found["winding"]
     assert abs(error.sum()) < 0.01 * abs(one_node.sum()), "what the mean alone is off by, in time"
+
+
+def test_it_stands_in_the_predicted_log(tmp_path: Path) -> None:
+    found, n = slot.truth(np.full(300, 20.0), 1.0), 300
+    columns = {f"temperature.{node}": np.append(slot.AIR, found[node][:-1]) for node in slot.model().nodes}
+    columns |= {"current.winding": np.full(n, 20.0), "temperature.ambient": np.full(n, slot.AIR)}
+    pd.DataFrame({"time": np.arange(float(n)), **columns}).to_csv(tmp_path / "log.csv", index=False)
+    (tmp_path / "slot.toml").write_text(slot.TEXT)
+    assert (
+        main(["simulate", str(tmp_path / "slot.toml"), str(tmp_path / "log.csv"), "-o", str(tmp_path / "p.csv")]) == 0
+    )
+    written = pd.read_csv(tmp_path / "p.csv")["temperature.winding.hottest"].to_numpy()
+    assert written[-1] == pytest.approx(found["winding.hottest"][-2], rel=0.01)
 
 
 def test_several_axes_add_and_the_quickest_leads() -> None:
