@@ -116,6 +116,13 @@ def test_several_axes_add_and_the_quickest_leads() -> None:
     assert end[1] - 20.0 == pytest.approx((end[0] - 20.0) * (1 + 3 * 0.5), rel=1e-6)
 
 
+def test_a_thin_metal_has_no_state_quicker_than_a_second() -> None:
+    thin = BLOCK.replace("length_x = { value = 10, unit", "length_x = { value = 0.1, unit")
+    model = _block(thin.replace("conductivity = 10 ", "conductivity = 400 "))
+    jacobian = model.state_jacobian([30.0, 30.0], [], model.values).full()
+    assert jacobian[1, 1] == pytest.approx(-1.0)
+
+
 def test_it_is_true_or_false_and_named_in_the_file() -> None:
     with pytest.raises(InputError, match=r"hottest.*true or false"):
         parse_model(BLOCK.replace("hottest = true", "hottest = 3"), Path("block.toml"))

@@ -6,7 +6,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, reduce
 from typing import Any, ClassVar
 
 import casadi as ca
@@ -93,6 +93,7 @@ def langevin(x: float) -> float:
 
 _LEAST_CURVED = 1e-6  # K; what is straighter has its hottest place at a face
 _ONE_SIDE = 4.0  # a slab with one face closed is half of one that is twice as thick
+_AT_ONCE = 1.0  # s; a metal's profile forms in milliseconds and is flat: a state as quick would only cost steps
 
 
 class Profile(ABC):
@@ -427,11 +428,8 @@ class HottestPoint:
 
     def forming_rate(self, p: Any, capacity: Any) -> Any:
         """How fast its profiles form [1/s], from the network's parameters and the element's capacity [J/K]."""
-        rates = [p[axis.conductivity] * self.volume / (capacity * axis.forming) for axis in self.axes]
-        quickest = rates[0]
-        for rate in rates[1:]:
-            quickest = ca.fmax(quickest, rate)
-        return quickest
+        rates = (p[axis.conductivity] * self.volume / (capacity * axis.forming) for axis in self.axes)
+        return ca.fmin(reduce(ca.fmax, rates), 1.0 / _AT_ONCE)
 
 
 HOTTEST = "hottest"
