@@ -57,13 +57,15 @@ def neighbours(seed: int) -> dict[str, tuple[float, float, float]]:
     name, beside = "knee_RF_LR_10Nm", ("FR_hip", "FR_thigh", "RL_hip", "RL_thigh")
     logs = quadruped_logs(seed=seed, level="none", quantisation=1.0)
     found: dict[str, list[float]] = {joint: [] for joint in beside}
-    truth = logs.truth[name]
+    truth, study = logs.truth[name], example("quadruped", "whole_body")
+    with tempfile.TemporaryDirectory() as folder:  # fitted to all runs of the protocol, this one too, as the source's
+        fitted = study.trial(seed, "none", Path(folder), tuple(logs))
     for joint in beside:
         found[joint].append(_rise(truth[f"temperature.{joint}"].to_numpy()))
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder)
         write_logs(place / "logs", logs)
-        for fit, variant in zip(whole_body(seed).fits, (None, "single-node"), strict=True):
+        for fit, variant in zip(fitted.fits, (None, "single-node"), strict=True):
             path = place / "model.toml"
             path.write_text(preset_text("quadruped", variant))
             loaded = load_model(path)
