@@ -76,7 +76,7 @@ class Admissible:
         columns, inputs = limiter.model.inputs, self.model_inputs(u)
         load = [inputs[columns.index(f"{limiter.heating.request}.{joint}")] for joint in limiter.joints]
         conditions = [inputs[columns.index(column)] for column in limiter.conditions]
-        limits = p[own : own + len(limiter.model.nodes)] - ZERO_CELSIUS  # they stand behind the model's parameters
+        limits = p[own : own + len(limiter.model.places)] - ZERO_CELSIUS  # they stand behind the model's parameters
         parameters = p[:own] - ca.DM(self.parameter_offsets)
         arguments = (x - ZERO_CELSIUS, ca.vertcat(*load), ca.vertcat(ca.MX(0, 1), *conditions), parameters, limits)
         return ca.densify(limiter.function(*arguments, limiter.most))

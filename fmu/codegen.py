@@ -215,7 +215,8 @@ def _dependents_of_limits(
     states, parameters = component.of("state"), component.of("parameter")
     pairs = [
         (state.reference, parameters[limit].reference)
-        for state, limit in zip(states, component.limited, strict=False)  # hidden states come last and have no limit
+        # States of effects come last and have no limit.
+        for state, limit in zip(states, component.limited, strict=False)
     ]
     every = tuple(sorted(reference for pair in pairs for reference in pair))
     clocks = [clock for clock in component.of("clock") if not clock.entrance]

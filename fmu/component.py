@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, reduce
 from typing import TYPE_CHECKING, Any, get_args
 
 import casadi as ca
@@ -27,6 +27,7 @@ from .variables import (
     fmi_unit,
     from_column,
     pattern_as_word,
+    place_name,
     places_of_owner,
     structured_name,
 )
@@ -58,7 +59,7 @@ class Component:
         p: parameters, temperatures in kelvin; the model's, then limits, band, and the horizon of forecasts.
         rates: dx/dt [K/s].
         outputs: the calculated outputs, states left out.
-        limited: for each node the index of its limit in p.
+        limited: for each place the index of its limit in p.
         admissible: the predictive limiter, where its outputs were asked for.
     """
 
@@ -100,7 +101,7 @@ def component(
     """A model's component.
 
     Args:
-        limits: temperature limit [degC] of each node by name or pattern, or one of all; 80 degC where none is given.
+        limits: temperature limit [degC] of each place by name or pattern, or one of all; 80 degC where none is given.
         start: start temperature [degC] in the same way; 25 degC where none is given.
         forecast: whether to add the time to each node's limit.
         events: whether to add limits that are crossed as events, with their clocks.
@@ -111,7 +112,11 @@ def component(
         InputError: a limit or start names no node, or lies below absolute zero; the model has no admissible torque; or
             two places have names that FMI can't tell apart.
     """
-    temperatures = _by_node(model, limits, DEFAULT_LIMIT, "limits"), _by_node(model, start, ROOM, "start")
+    origin = model.network.origin
+    temperatures = (
+        _by_place(model.places, limits, DEFAULT_LIMIT, origin, "limits"),
+        _by_place(model.nodes, start, ROOM, origin, "start"),
+    )
     builder = _Builder(model, *temperatures, forecast, events)
     if admissible:
         from .admissible import admissible_of  # the planners are loaded only where they are needed
@@ -122,18 +127,19 @@ def component(
     return builder.build()
 
 
-def _by_node(model: Model, values: Mapping[str, float] | float | None, default: float, where: str) -> dict[str, float]:
-    """A temperature [degC] for each node; the last pattern that matches wins."""
+def _by_place(
+    places: Sequence[str], values: Mapping[str, float] | float | None, default: float, origin: str, where: str
+) -> dict[str, float]:
+    """A temperature [degC] for each place; the last pattern that matches wins."""
     table = {"*": default} | ({} if values is None else dict(values) if isinstance(values, Mapping) else {"*": values})
     temperatures: dict[str, float] = {}
     for pattern, value in table.items():
-        nodes = matching(pattern, model.nodes)
-        if not nodes:
-            expected = f"one of {', '.join(model.nodes)}, or a pattern"
-            raise InputError(model.network.origin, where, f'"{pattern}"', expected)
+        matched = matching(pattern, places)
+        if not matched:
+            raise InputError(origin, where, f'"{pattern}"', f"one of {', '.join(places)}, or a pattern")
         if not -ZERO_CELSIUS < value < 1e4:
-            raise InputError(model.network.origin, where, f"{value!r} degC", "a temperature in degC")
-        temperatures |= dict.fromkeys(nodes, value)
+            raise InputError(origin, where, f"{value!r} degC", "a temperature in degC")
+        temperatures |= dict.fromkeys(matched, value)
     return temperatures
 
 
@@ -153,7 +159,7 @@ class _Builder:
     """Collects variables block by block, for a value reference is a place in that order.
 
     Args:
-        limits: temperature limit of each node [degC].
+        limits: temperature limit of each place [degC].
         start: start temperature of each node [degC].
         forecast: whether to add the time to each node's limit.
         events: whether to add limits that are crossed as events.
@@ -167,10 +173,10 @@ class _Builder:
         self.admissible: Admissible | None = None
         self.variables = [Variable("time", 0, "time", "s", None, "Simulation time")]
         self.model_parameters = len(model.parameters)
-        self.limited = tuple(range(self.model_parameters, self.model_parameters + len(model.nodes)))
+        self.limited = tuple(range(self.model_parameters, self.model_parameters + len(model.places)))
         self.columns = (*model.inputs, *_raw_inputs(model))
         self.x, self.u = ca.SX.sym("x", len(model.states)), ca.SX.sym("u", len(self.columns))
-        self.p = ca.SX.sym("p", self.model_parameters + len(model.nodes) + (2 if forecast else 1))
+        self.p = ca.SX.sym("p", self.model_parameters + len(model.places) + (2 if forecast else 1))
         # What the component's values exceed the model's by: kelvin here, degC there.
         self.input_offsets = [celsius_offset(column_unit(column)) for column in self.columns]
         self.parameter_offsets = [celsius_offset(parameter.declared.unit) for parameter in model.parameters]
@@ -182,9 +188,9 @@ class _Builder:
         outputs = self._add_outputs()
         for name, unit, description in self.admissible.outputs if self.admissible else ():
             self._add(name, "admissible", unit, None, description, minimum=0.0)
-        for node in self.model.nodes if self.forecast else ():
-            description = f"Time until {node} reaches its limit, inputs held: connect a display or a planner"
-            self._add(structured_name(node, "time_to_limit"), "forecast", "s", None, description, minimum=0.0)
+        for place in self.model.places if self.forecast else ():
+            description = f"Time until {place} reaches its limit, inputs held: connect a display or a planner"
+            self._add(place_name(place, "time_to_limit"), "forecast", "s", None, description, minimum=0.0)
         if self.events:
             self._add_events()
         rates = self.model.rhs(*self._model_arguments())
@@ -229,6 +235,10 @@ class _Builder:
             name, start = structured_name(node, "temperature"), self.start[node] + ZERO_CELSIUS
             description = f"Temperature of {node}, settable before the start: connect a display or a controller"
             references.append(self._add(name, "state", "K", start, description, celsius=True, minimum=0.0))
+        for point in self.model.network.hottest:
+            name, start = place_name(point.name, "temperature"), self.start[point.element] + ZERO_CELSIUS
+            description = f"Temperature of the hottest point of {point.element}: connect a display or a limiter"
+            references.append(self._add(name, "state", "K", start, description, celsius=True, minimum=0.0))
         for effect in self.model.balance.hidden:
             place, _ = places_of_owner(effect.place, ())
             name, start = structured_name(place, effect.name, "temperature"), self._resting(effect.ends)
@@ -260,9 +270,9 @@ class _Builder:
     def _add_parameters(self) -> None:
         for parameter in self.model.parameters:
             self._add_parameter(parameter)
-        for node in self.model.nodes:
-            name, limit = structured_name(node, "temperature_limit"), self.limits[node] + ZERO_CELSIUS
-            description = f"Limit that {node} must not pass"
+        for place in self.model.places:
+            name, limit = place_name(place, "temperature_limit"), self.limits[place] + ZERO_CELSIUS
+            description = f"Limit that {place} must not pass"
             self._add(name, "parameter", "K", limit, description, celsius=True, minimum=0.0)
         description = "Range below the limit in which the limiter takes torque away"
         self._add("limiter.band", "parameter", "K", _BAND, description, minimum=1e-3)
@@ -272,12 +282,12 @@ class _Builder:
         self._add("limiter.horizon", "parameter", "s", _HORIZON, description, minimum=1e-3, maximum=1e7)
 
     def _add_events(self) -> None:
-        for node in self.model.nodes:
-            name, description = structured_name(node, "limit_indicator"), f"Changes sign where {node} crosses its limit"
+        for place in self.model.places:
+            name, description = place_name(place, "limit_indicator"), f"Changes sign where {place} crosses its limit"
             self._add(name, "indicator", "K", None, description, hidden=True)
-        for node in self.model.nodes:
-            description = f"Whether {node} has passed its limit: connect what must react at once"
-            self._add(structured_name(node, "limit_crossed"), "crossed", "", None, description)
+        for place in self.model.places:
+            description = f"Whether {place} has passed its limit: connect what must react at once"
+            self._add(place_name(place, "limit_crossed"), "crossed", "", None, description)
         self._add("clocks.limit_crossed", "clock", "", None, "Ticks when any limit is passed, or is no longer")
         description = "Set it when a run begins anew: all temperatures are those of the start again"
         self._add("clocks.run_begins", "clock", "", None, description, entrance=True)
@@ -324,14 +334,16 @@ class _Builder:
                 outputs.append(of_component(reading) + ZERO_CELSIUS)
         for flow in heat_flows(self.model):
             self._add(flow.name, "output", "W", None, flow.description)
-            outputs.append(of_component(flow.expression))
-        band = self.p[self.model_parameters + len(self.model.nodes)]
+            outputs.append(of_component(self.model.balance.with_faces_solved(flow.expression)))
+        band = self.p[self.model_parameters + len(self.model.places)]
         for row, node in enumerate(self.model.nodes):
             if node in with_torque:
                 description = f"Thermal limiter of {node}: multiply the wanted torque by it, 1 below the limit's band"
                 name = structured_name(node, "torque_scale")
                 self._add(name, "output", "1", None, description, minimum=0.0, maximum=1.0)
-                outputs.append(ca.fmin(1, ca.fmax(0, (self.p[self.limited[row]] - self.x[row]) / band)))
+                there = (k for k, owner in enumerate(self.model.owners[: len(self.model.places)]) if owner == row)
+                room = reduce(ca.fmin, (self.p[self.limited[k]] - self.x[k] for k in there))
+                outputs.append(ca.fmin(1, ca.fmax(0, room / band)))
         return outputs
 
 

@@ -165,6 +165,11 @@ def structured_name(*parts: str) -> str:
     return ".".join(_name_part(part) for part in parts)
 
 
+def place_name(place: str, quantity: str) -> str:
+    """The name of a quantity at a place: a node, or the hottest point of one, `winding.hottest`."""
+    return structured_name(*place.split("."), quantity)
+
+
 def _name_part(text: str) -> str:
     ascii_text = "".join(letter if letter.isascii() else f"_u{ord(letter):04X}" for letter in text)
     if _IDENTIFIER.fullmatch(ascii_text):

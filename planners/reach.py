@@ -43,7 +43,7 @@ def refuse_what_no_rest_can_keep(
         x = solve_ivp(idle, (before, end), x, method="LSODA", t_eval=[end], max_step=end - before).y[:, -1]
         hottest, before = np.maximum(hottest, x), float(end)
     for node, limit in limits.items():
-        row = model.nodes.index(node)
+        row = model.places.index(node)
         above = start[row] > limit  # then it is enough that it cools
         if above and (first[row] < 0 or x[row] <= limit):
             continue

@@ -41,7 +41,7 @@ def inputs_of(model: Model) -> FloatArray:
 
 
 def outputs_of(model: Model, rows: FloatArray) -> FloatArray:
-    """Temperatures of the nodes [degC] at the start and after each hold."""
+    """Temperatures of the places [degC] at the start and after each hold."""
     state, found = np.full(len(model.states), ROOM), [np.full(len(model.states), ROOM)]
     for row in rows:
 
@@ -50,7 +50,7 @@ def outputs_of(model: Model, rows: FloatArray) -> FloatArray:
 
         state = solve_ivp(rates, (0.0, HOLD), state, method="DOP853", rtol=1e-12, atol=1e-12).y[:, -1]
         found.append(state)
-    return np.array(found)[:, : len(model.nodes)]
+    return np.array(found)[:, : len(model.places)]
 
 
 def write(name: str, file: ModelFile) -> None:
@@ -72,7 +72,7 @@ def write(name: str, file: ModelFile) -> None:
     pd.DataFrame(held, columns=inputs).assign(time=times)[["time", *inputs]].to_csv(
         folder / f"{name}_in.csv", index=False, float_format="%.10g"
     )
-    outputs = pd.DataFrame(outputs_of(model, rows) + ZERO, columns=[f"{node}.temperature" for node in model.nodes])
+    outputs = pd.DataFrame(outputs_of(model, rows) + ZERO, columns=[f"{place}.temperature" for place in model.places])
     outputs.insert(0, "time", HOLD * np.arange(JUMPS + 1))
     outputs.to_csv(folder / f"{name}_ref.csv", index=False, float_format="%.12g")
     (folder / f"{name}_ref.opt").write_text(OPTIONS)

@@ -76,10 +76,10 @@ class TorqueVectorEnv(VectorEnv[Observation, Array, Array]):
         if self.heating.request != requested_by(model):
             expected = f'"{requested_by(model)}", which the model\'s columns hold'
             raise InputError("environment", "request", f'"{request}"', expected)
-        bounds = checked_by_place(limits, model.nodes, "limits")
+        bounds = checked_by_place(limits, model.places, "limits")
         self._ranges = self.task.ranges(self.heating)
         self.rated = rated_load(self.heating, bounds, self._ranges)
-        self._limited = np.array([model.nodes.index(node) for node in bounds])
+        self._limited = np.array([model.places.index(node) for node in bounds])
         self._limits = np.array(list(bounds.values()))
         self._free = np.setdiff1d(np.arange(len(model.states)), self._limited)
         self._columns(model)
@@ -113,7 +113,7 @@ class TorqueVectorEnv(VectorEnv[Observation, Array, Array]):
         model = self.robots.model
         joints = self.heating.joints
         return [
-            *(f"margin.{model.nodes[k]}" for k in self._limited),
+            *(f"margin.{model.places[k]}" for k in self._limited),
             *(f"rise.{model.states[k]}" for k in self._free),
             *(f"asked.{joint}" for joint in joints),
             *(f"asked_{seconds:g}s.{joint}" for seconds in AHEAD for joint in joints),

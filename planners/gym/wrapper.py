@@ -66,8 +66,8 @@ class ThermalWrapper(gymnasium.Wrapper[npt.NDArray[Any], Any, npt.NDArray[Any], 
         inner = env.observation_space
         if not isinstance(inner, spaces.Box) or len(inner.shape) != 1:
             raise InputError("environment", "observation_space", str(inner), "a Box of one dimension")
-        bounds = checked_by_place(limits, model.nodes, "limits")
-        self._limited = np.array([model.nodes.index(node) for node in bounds])
+        bounds = checked_by_place(limits, model.places, "limits")
+        self._limited = np.array([model.places.index(node) for node in bounds])
         self._limits = np.array(list(bounds.values()))
         self._columns, self._start, self._ambient = columns, start, ambient
         self._samples = max(1, round(period / seconds))

@@ -74,10 +74,10 @@ class Limiter:
         self.model = model
         self.heating: Heating = heating(model, requested_by(model) if request is None else request)
         self.joints, self.conditions, self.horizons = self.heating.joints, self.heating.conditions, tuple(horizons)
-        bounds = checked_by_place(limits, model.nodes, "limits")
+        bounds = checked_by_place(limits, model.places, "limits")
         if not bounds:
-            raise InputError(model.network.origin, "limits", "none", f"a limit for one of {', '.join(model.nodes)}")
-        self.limits = np.array([bounds.get(node, _UNLIMITED) for node in model.nodes])
+            raise InputError(model.network.origin, "limits", "none", f"a limit for one of {', '.join(model.places)}")
+        self.limits = np.array([bounds.get(place, _UNLIMITED) for place in model.places])
         most = checked_by_place(current_limits, self.joints, "current_limits", infinite=True)
         self.most = np.minimum([most.get(joint, inf) for joint in self.joints], _UNLIMITED)
         self.function = self._function()
@@ -284,7 +284,7 @@ def _divisors(heating: Heating) -> list[int]:
 
 def _symbols(heating: Heating, kind: Any) -> _Symbols:
     joints, states = len(heating.joints), heating.x.numel()
-    sizes = (1, joints, joints, 1, states, heating.d.numel(), heating.p.numel(), len(heating.model.nodes))
+    sizes = (1, joints, joints, 1, states, heating.d.numel(), heating.p.numel(), len(heating.model.places))
     return _Symbols(*(kind.sym(name, size) for name, size in zip(_Symbols._fields, sizes, strict=True)))
 
 

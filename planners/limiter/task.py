@@ -171,7 +171,7 @@ class LimitKind:
         """
         with mistakes_with_line(origin):
             file = File.model_validate(dict(table))
-            by_place(file.limits, model.nodes, origin, "limits")
+            by_place(file.limits, model.places, origin, "limits")
             request = file.task.request or requested_by(model)
             limiter = Limiter(model, file.limits, request=request, horizons=(*sorted(set(file.task.horizons)), inf),
                               current_limits=file.current_limits or inf)  # fmt: skip

@@ -36,14 +36,14 @@ class MissionAnswer:
     def table(self) -> pd.DataFrame:
         """A row for each piece of the plan; with the temperature of every node at its end."""
         plan = self.plan
-        nodes = plan.mission.model.nodes
+        places = plan.mission.model.places
         begins = np.concatenate([[0.0], np.cumsum(plan.time)[:-1]]) if plan.time.size else np.zeros(0)
-        ends = plan.course.states[: len(nodes), plan.course.ends]
+        ends = plan.course.states[: len(places), plan.course.ends]
         distance = plan.speed * plan.time
         columns: dict[str, object] = {
             "start [s]": begins, "duration [s]": plan.time, "activity": [segment.name for segment in plan.segments],
             "speed [m/s]": plan.speed, "load [kg]": plan.load, "distance [m]": distance,
-            "hottest": [nodes[k] for k in ends.argmax(axis=0)] if plan.segments else [],
+            "hottest": [places[k] for k in ends.argmax(axis=0)] if plan.segments else [],
         }  # fmt: skip
         names = dict.fromkeys(name for segment in plan.segments for name in segment.gait.postures)
         for name in names:
@@ -51,7 +51,7 @@ class MissionAnswer:
                 dict(zip(segment.gait.postures, posture, strict=True)).get(name, np.nan)
                 for segment, posture in zip(plan.segments, plan.posture, strict=True)
             ]
-        warm = {f"temperature.{node} [degC]": row for node, row in zip(nodes, ends, strict=True)}
+        warm = {f"temperature.{node} [degC]": row for node, row in zip(places, ends, strict=True)}
         return pd.DataFrame(columns | warm)
 
     def figure(self) -> Figure:
@@ -88,7 +88,7 @@ class MissionAnswer:
         table = _doings(self.table())
         if table.empty:
             return ["nothing to do"]
-        ends = self.plan.course.states[: len(self.plan.mission.model.nodes), self.plan.course.ends].max(axis=0)
+        ends = self.plan.course.states[: len(self.plan.mission.model.places), self.plan.course.ends].max(axis=0)
         table["[degC]"] = ends
         postures = {name: "{:.3g}" for segment in self.plan.segments for name in segment.gait.postures}
         formats = postures | {

@@ -34,7 +34,7 @@ def mission_figure(plan: Plan) -> Figure:
 
 
 def _temperatures(ax: Axes, plan: Plan) -> None:
-    nodes = plan.mission.model.nodes
+    nodes = plan.mission.model.places
     classes = list(dict.fromkeys(class_of(node) for node in nodes))
     time, _ = time_axis(plan.course.time)
     seen: set[str] = set()

@@ -117,7 +117,7 @@ class Mission:
         }
 
     def _begins(self, node: str) -> float:
-        return float(self.start[self.model.nodes.index(node)])
+        return float(self.start[self.model.places.index(node)])
 
 
 def with_complete_start(mission: Mission) -> tuple[Mission, tuple[str, ...]]:

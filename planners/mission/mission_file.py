@@ -112,9 +112,9 @@ def _mission(tables: File, origin: str, model: Model) -> Mission:
     activities = tuple(
         _activity(activity, f"activities[{k}]", gaits, origin) for k, activity in enumerate(tables.activities)
     )
-    limits = by_place(tables.limits, model.nodes, origin, "limits")
+    limits = by_place(tables.limits, model.places, origin, "limits")
     start = _start(task, model, origin)
-    hot = any(start[model.nodes.index(node)] > most for node, most in limits.items())
+    hot = any(start[model.places.index(node)] > most for node, most in limits.items())
     rest = gaits.get(REST) if task.longest_rest > 0 or hot else None
     if rest is None and (task.longest_rest > 0 or hot):
         expected = f"[gaits.{REST}], or longest_rest = 0 and a start below the limits"

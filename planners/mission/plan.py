@@ -142,7 +142,7 @@ class Plan:
         course = simulate_plan(mission, segments, time, speed, load, middle)
         first: Obstacle | None = None
         for node, limit in mission.limits.items():
-            over = np.flatnonzero(course.states[mission.model.nodes.index(node)] > limit + _EXACT)
+            over = np.flatnonzero(course.states[mission.model.places.index(node)] > limit + _EXACT)
             if over.size and (first is None or course.time[over[0]] < first.time):
                 at = int(np.searchsorted(course.ends, over[0]))
                 first = Obstacle(node, float(course.time[over[0]]), segments[at].name)
@@ -280,5 +280,5 @@ def peaks_of(mission: Mission, course: Course) -> dict[str, float]:
     from the end of the first piece.
     """
     begins = dict.fromkeys(mission.too_hot, course.rested) | dict.fromkeys(mission.within_margin, course.settled)
-    rows = {node: mission.model.nodes.index(node) for node in mission.limits}
+    rows = {node: mission.model.places.index(node) for node in mission.limits}
     return {node: float(course.states[row, begins.get(node, 0) :].max()) for node, row in rows.items()}

@@ -98,7 +98,7 @@ class Transcription:
         settled = min(leading + 1, len(self.segments)) * ELEMENTS * DEGREE - 1
         for node, limit in limits.items():
             first = max(leading * ELEMENTS * DEGREE - 1, 0) if node in mission.too_hot else 0
-            row = mission.model.nodes.index(node)
+            row = mission.model.places.index(node)
             ceilings[row, first:] = limit
             if node in mission.within_margin:
                 ceilings[row, :settled] = max(limit, mission.within_margin[node])
@@ -275,7 +275,7 @@ class Program:
         written, mission = self._written, self.mission
         states = solution.raw[: written.states * written.stages].reshape(-1, written.states).T
         states = np.where(written.ceilings(mission.limits) < written.range[1], states, -np.inf)
-        return {node: float(states[mission.model.nodes.index(node)].max()) for node in mission.limits}
+        return {node: float(states[mission.model.places.index(node)].max()) for node in mission.limits}
 
     def _bounds(self, goal: Goal, ceilings: FloatArray) -> tuple[FloatArray, FloatArray]:
         least, most = self._written.choices
@@ -329,5 +329,5 @@ class Program:
         size = self._written.states * self._written.stages
         ceilings = unit * done["lam_x"].full().ravel()[:size].reshape(-1, self._written.states).clip(min=0.0)
         by_state = ceilings.sum(axis=0)
-        nodes = self.mission.model.nodes
-        return prices | {f"limit.{node}": float(by_state[nodes.index(node)]) for node in self.mission.limits}
+        places = self.mission.model.places
+        return prices | {f"limit.{node}": float(by_state[places.index(node)]) for node in self.mission.limits}

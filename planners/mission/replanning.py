@@ -314,9 +314,9 @@ class MissionControl:
     def _margins_now(self, inputs: Mapping[str, float]) -> dict[str, float]:
         """What the temperatures may be off by a period from now, by node [K]."""
         deviations = self.estimator.deviations_ahead(inputs, self._period)
-        nodes, air = self.mission.model.nodes, self._air
+        places, air = self.mission.model.places, self._air
         return {
-            node: min(self._sure * float(deviations[nodes.index(node)]), _GREATEST * max(limit - air, 0.0))
+            node: min(self._sure * float(deviations[places.index(node)]), _GREATEST * max(limit - air, 0.0))
             for node, limit in self.mission.limits.items()
         }
 

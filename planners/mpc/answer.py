@@ -71,7 +71,7 @@ class TrackAnswer:
         for number, joint in enumerate(self.joints):
             columns[f"requested.{joint} [{unit}]"] = task.asked[:, number]
             columns[f"{task.request}.{joint} [{unit}]"] = self.admitted[:, number]
-        for number, node in enumerate(model.nodes):
+        for number, node in enumerate(model.places):
             columns[f"temperature.{node} [degC]"] = self.temperatures[number, 1:]
         for number, node in enumerate(self.limits):
             columns[f"slack.{node} [K]"] = self.slack[:, number]
@@ -87,7 +87,7 @@ class TrackAnswer:
         """The plan by joint and node, in SI and degC."""
         task = self.task
         nodes = {
-            node: {"limit": limit, "hottest": float(self.temperatures[task.model.nodes.index(node)].max()),
+            node: {"limit": limit, "hottest": float(self.temperatures[task.model.places.index(node)].max()),
                    "slack": float(self.slack[:, number].max())}
             for number, (node, limit) in enumerate(self.limits.items())
         }  # fmt: skip
@@ -181,7 +181,7 @@ def _answer(
     solver: str,
     given_up: tuple[str, ...],
 ) -> TrackAnswer:
-    rows = [task.model.nodes.index(node) for node in limits]
+    rows = [task.model.places.index(node) for node in limits]
     over = temperatures[rows, 1:].T - np.array(list(limits.values()))
     return TrackAnswer(task, admitted, temperatures, limits, np.maximum(over, 0.0), cost, solver, given_up)
 

@@ -323,7 +323,7 @@ class TorqueMPC:
         settings, model = self.settings, self.model
         to.stage[:] = settings.stages.tolist()
         to.limit[:] = settings.planned_limits.tolist()
-        to.node[:] = [model.nodes.index(node) for node in settings.limits]
+        to.node[:] = [model.places.index(node) for node in settings.limits]
         to.owner[:] = list(model.owners)
         to.weight[:], to.most[:], to.rate[:] = (
             settings.weights.tolist(),

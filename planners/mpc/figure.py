@@ -44,7 +44,7 @@ def track_figure(
     axes = figure.subplots(2 * rows, columns, squeeze=False, sharex=True, sharey=False)
     unit = heating(task.model, task.request).unit.replace("*", "·")
     ends, label = time_axis(np.arange(len(task.asked) + 1, dtype=float) * task.period)
-    by_node = dict(zip(task.model.nodes, temperatures, strict=False))
+    by_node = dict(zip(task.model.places, temperatures, strict=False))
     is_over = any(by_node[node][1:].max() > limit for node, limit in limits.items())
     for ax in axes.ravel():
         ax.set_visible(False)

@@ -75,7 +75,7 @@ class Reference:
         weight = settings.stages[:, None] * settings.weights * request**2
         weight = np.maximum(weight / weight.sum(), 1e-9) if weight.sum() > 0 else np.full_like(weight, 1 / weight.size)
         most = self._most(start, request, conditions, p)
-        nodes = [self.heating.model.nodes.index(node) for node in settings.limits]
+        nodes = [self.heating.model.places.index(node) for node in settings.limits]
         asked = np.maximum(np.abs(request), 1e-12)
         least = np.maximum(_FLOOR * most, np.minimum((settings.floors / asked) ** 2, most))
         lower = np.concatenate([np.ravel(least), np.full(n * len(start), -ca.inf), np.zeros(n * len(nodes))])
@@ -113,7 +113,7 @@ class Reference:
     def _build(self) -> tuple[Any, tuple[int, int]]:
         heating, settings = self.heating, self.settings
         states, joints, others = heating.x.numel(), len(heating.joints), len(heating.conditions)
-        nodes, n = [heating.model.nodes.index(node) for node in settings.limits], len(settings.stages)
+        nodes, n = [heating.model.places.index(node) for node in settings.limits], len(settings.stages)
         s, x, e = ca.MX.sym("s", joints, n), ca.MX.sym("x", states, n), ca.MX.sym("e", len(nodes), n)
         start, square = ca.MX.sym("start", states), ca.MX.sym("square", joints, n)
         d, weight = ca.MX.sym("d", others, n), ca.MX.sym("weight", joints, n)

@@ -126,9 +126,9 @@ def settle(
         ValueError: period, horizon or number of stages can't be.
     """
     model = heating.model
-    bounds = checked_by_place(limits, model.nodes, "limits")
+    bounds = checked_by_place(limits, model.places, "limits")
     if not bounds:
-        raise InputError(model.network.origin, "limits", "none", f"a limit for one of {', '.join(model.nodes)}")
+        raise InputError(model.network.origin, "limits", "none", f"a limit for one of {', '.join(model.places)}")
     for place, value, least in (
         ("margin", margin, 0.0),
         ("recovery", 0.0 if recovery is None else recovery, 0.0),
@@ -144,7 +144,7 @@ def settle(
     lengths = growing_stages(period, horizon, stages)
     joints = heating.joints
     cooling = _cooling(heating, bounds)
-    slow = BAND / cooling[[model.nodes.index(node) for node in bounds]]
+    slow = BAND / cooling[[model.places.index(node) for node in bounds]]
     levels = _by_joint(priorities, joints, "priorities", 0.0, least=-_MOST_LEVELS)
     if np.any(levels > _MOST_LEVELS):
         raise InputError(model.network.origin, "priorities", f"{levels.max():g}", f"at most {_MOST_LEVELS}")

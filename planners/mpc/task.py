@@ -132,7 +132,7 @@ def read_task(table: Mapping[str, Any], origin: str, model: Model) -> Task:
             given = file.conditions | phase.conditions
             asked += [np.array([levels.get(joint, 0.0) for joint in heat.joints])] * steps
             around += [conditions_of(given, heat.conditions, origin)] * steps
-        by_place(file.limits, model.nodes, origin, "limits")
+        by_place(file.limits, model.places, origin, "limits")
         for name in ("current_limits", "weights", "rates", "floors", "priorities"):
             by_place(getattr(file, name), heat.joints, origin, name)
         repeated = file.task.repeat
@@ -158,7 +158,7 @@ def _refuse_what_can_not_be(task: Task, origin: str) -> None:
 
     columns = [(number, name) for number, name in enumerate(heat.conditions) if name.startswith("temperature.")]
     air = {name: float(task.conditions[:, number].max()) for number, name in columns}
-    limits = by_place(task.file.limits, task.model.nodes, origin, "limits")
+    limits = by_place(task.file.limits, task.model.places, origin, "limits")
     ends = np.asarray(task.period * np.arange(1, len(task.asked) + 1), dtype=np.float64)
     refuse_what_no_rest_can_keep(task.model, origin, limits, task.start, idle, ends, air)
 

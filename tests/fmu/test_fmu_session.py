@@ -21,6 +21,7 @@ from lptn.robots.presets import presets
 from tests.builders import effect, with_every_effect
 from tests.fmu.conftest import Build
 from tests.fmu.truth import ROOM, ZERO, bead_and_motor_by_hand, in_kelvin, leg_by_hand, solved, steps
+from tests.model import slot
 
 
 def _temperatures(session: Session, rows: np.ndarray, step: float, ramps: bool = False) -> np.ndarray:
@@ -287,3 +288,23 @@ def test_the_stored_description_is_what_export_writes(name: str, fmi: int, tmp_p
 @pytest.mark.parametrize(("name", "fmi"), [("leg", 2), ("leg", 3), ("quadruped", 3)])
 def test_a_new_fmu_gives_the_reference(name: str, fmi: int, built: Build) -> None:
     assert _apart(built(name, fmi).path, name) < 1e-6
+
+
+@pytest.mark.long
+def test_a_hottest_point_is_an_output_with_a_limit_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    path, places = tmp_path / "slot.fmu", ["winding", "iron", "winding.hottest"]
+    export(slot.model(), path, limits={"*": 200.0, "winding.hottest": 98.0}, start=slot.AIR, forecast=True)
+    outputs = [*(f"{place}.temperature" for place in places), "winding.hottest.time_to_limit", "winding.torque_scale"]
+    with Session(path, outputs=outputs, trust=True) as session:
+        session.inputs[session.input_names.index("winding.current")] = 20.0
+        session.inputs[session.input_names.index("ambient.temperature")] = slot.AIR + ZERO
+        found = np.array([session.step(1.0).copy() for _ in range(300)])
+    truth = slot.truth(np.full(1200, 20.0), 1.0)
+    rise = truth["winding.hottest"] - slot.AIR
+    assert np.abs(found[:, 2] - ZERO - truth["winding.hottest"][:300]).max() < 0.02 * rise[299]
+    reached = int((truth["winding.hottest"] > 98.0).argmax()) + 1
+    assert found[-1, 3] == pytest.approx(reached - 300, abs=1.5)
+    derated = found[:, 4] < 1
+    assert derated.any()
+    np.testing.assert_array_equal(derated, found[:, 2] - ZERO > 88.0, "10 K below the hottest point's limit")

@@ -23,6 +23,7 @@ from lptn.online.forecasting import ModelUncertainty, forecast, present
 from lptn.online.operating_point import find_gait, operating_point, steady_seconds
 from lptn.simulate.bound_run import bind
 from tests.builders import AMBIENT, capacity, effect, link, make_run, node
+from tests.model import slot
 
 AIR, CAPACITY, RESISTANCE, OHM, CONSTANT = 20.0, 300.0, 5.0, 0.15, 0.84
 PER_TORQUE = OHM / CONSTANT**2  # W/(N·m)²
@@ -71,6 +72,19 @@ def test_never_is_said_with_the_temperature_at_which_it_settles(motor: Model) ->
     assert found.steady == pytest.approx(AIR + RESISTANCE * PER_TORQUE * 16, abs=0.3)
     assert found.steady_low < found.steady < found.steady_high < 60
     assert found.chance < 0.01
+
+
+def test_the_hottest_point_of_a_winding_is_forecast_though_no_sensor_measures_it() -> None:
+    """20 A: against finite volumes, of which the log has the mean and the iron alone."""
+    truth, model = slot.truth(np.full(3000, 20.0), 1.0), slot.model()
+    columns = {f"temperature.{node}": truth[node][:300] for node in model.nodes}
+    columns |= {"current.winding": np.full(300, 20.0), "temperature.ambient": np.full(300, slot.AIR)}
+    ahead = forecast(model, make_run(columns), {"winding": 105.0, "*.hottest": 105.0}, fit=certain(model))
+    assert ahead.names == ("winding", "iron", "winding.hottest")
+    for place in ("winding", "winding.hottest"):
+        reached = int((truth[place] >= 105.0).argmax()) + 1
+        assert ahead.nodes[place].time_to_limit == pytest.approx(reached - 300, rel=0.01)
+    assert np.isnan(ahead.measured[2]).all()
 
 
 def test_a_limit_that_is_passed_takes_no_time(motor: Model) -> None:

@@ -1,6 +1,6 @@
 """The sources' rows beside ours: `python -m tests.sources`; `--fast` without the slow ones, `-o PAGE.md` as a page.
 
-Exits 1 where a row falls short.
+On a page that is there, rows that were not worked out stay as they are. Exits 1 where a row falls short.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.sources", description=__doc__)
     parser.add_argument("--fast", action="store_true", help="leave out the rows that take minutes")
     parser.add_argument("--only", nargs="+", metavar="ROW", help="these rows only, such as S1-N7")
-    parser.add_argument("-o", "--output", type=Path, help="write the page (Markdown) too")
+    parser.add_argument("-o", "--output", type=Path, help="write the page (Markdown) too, or renew its rows")
     given = parser.parse_args(arguments)
     chosen = rows() if given.only is None else [row for row in rows() if row.id in given.only]
     lines: list[Line] = []
@@ -34,7 +34,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     left = sum(line.verdict == NOT_RUN for line in lines)
     print(f"{len(lines)} rows, {len(short)} short{': ' if short else ''}{', '.join(short)}; {left} not run")
     if given.output is not None:
-        write_whole(given.output, page(lines))
+        old = given.output.read_text(encoding="utf-8") if given.output.is_file() else ""
+        write_whole(given.output, page(lines, old))
     return 1 if short else 0
 
 

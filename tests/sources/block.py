@@ -105,9 +105,20 @@ def half_the_source() -> Iterable[Check]:
 
 @row("S2-M1b", "half the source, node shifted", '"iteratively adjusted until convergence" (sec. 2.1)', more=LONG)
 def shifted_node() -> Iterable[Check]:
-    for block in (EQUAL, UNEQUAL):
+    for block, ends in ((EQUAL, "T1 = T2"), (UNEQUAL, "T1 = T2 + 20 K")):
         found = steady_errors(block_network(block, 1, SHIFTED))
-        yield equal("error of the maximum", found.maximum, 0.0, "K", 1e-12, "no iteration: the place is known")
+        yield equal(f"error of the maximum, {ends}", found.maximum, 0.0, "K", 1e-12, "no iteration: the place is known")
+        off = _ready(block)[1] - block.maximum
+        yield equal(f"ready model's hottest point, {ends}", off, 0.0, "K", 1e-9, "and all heat arrives")
+
+
+def _ready(block: HeatedBlock) -> tuple[float, float]:
+    """Mean and hottest point of the ready model between such ends, when it has settled [degC]."""
+    text = presets()["heated-block"].replace("temperature = 40", f"temperature = {block.left}")
+    model = Model(parse_model(text, Path("heated-block.toml")).network)
+    inputs = np.zeros((len(model.inputs), 1000))
+    mean, hottest = model.run(1000)([20.0, 20.0], inputs, model.values, 15.0).full()[:, -1]
+    return float(mean), float(hottest)
 
 
 @row("S2-M2", "negative resistance, the node", '"ensures a more accurate average" (sec. 3)', more=LONG)
@@ -115,6 +126,10 @@ def mean_and_maximum() -> Iterable[Check]:
     found = steady_errors(block_network(EQUAL, 1, NEGATIVE))
     yield equal("error of the mean", found.mean, 0.0, "K", 1e-10)
     yield equal("error of the maximum, T1 = T2", found.maximum, -1e5 * 0.1**2 / (24 * 10), "K")
+    for block, ends in ((EQUAL, "T1 = T2"), (UNEQUAL, "T1 = T2 + 20 K"), (STEEP, "T1 = T2 + 60 K")):
+        mean, hottest = _ready(block)
+        yield equal(f"ready model: error of the mean, {ends}", mean - block.mean, 0.0, "K")
+        yield equal(f"its hottest point's, {ends}", hottest - block.maximum, 0.0, "K")
 
 
 @row("S2-M3", "more nodes", '"improves spatial accuracy" (sec. 2.3)', more=LONG)

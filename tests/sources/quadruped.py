@@ -38,7 +38,7 @@ from tests.identify.truth import TRUTH, truth_run
 from tests.identify.truth import network as two_node_network
 from tests.online import test_monitor
 from tests.sources.row import Check, Verdict, above, below, differs, equal, example, printed, row
-from tests.sources.trials import SEEDS, forecasts, largest, neighbours, whole_body
+from tests.sources.trials import LEVELS, SEEDS, SOURCE_RUNS, forecasts, largest, neighbours, whole_body, windings
 
 REFERENCE = Path(__file__).parents[2] / "fmu" / "reference"
 PHYSICS = "tests/effects/test_physics.py"
@@ -304,19 +304,15 @@ def mean_errors() -> Iterable[Check]:
         why="rounded joint types: 2.022 to 2.032",
     )
     yield printed("the same, whole body", (0.67 + 0.66 + 0.88) / 3, "0.74", "K")
-    for seed in SEEDS:
-        for pair, single, whole in zip(
-            whole_body(seed).protocol.classes, (1.57, 2.07, 2.44, 2.02), (0.67, 0.66, 0.88, 0.74), strict=True
-        ):
-            yield below(
-                f"robot {seed}, {pair.what}: whole body", pair.mean[0], whole + 0.005, "K", "as good as the source's"
-            )
-            yield below(
-                f"robot {seed}, {pair.what}: whole over single",
-                pair.mean[0] / pair.mean[1],
-                0.55,
-                why=f"source {whole / single:.2f}",
-            )
+    sources = list(zip((1.57, 2.07, 2.44, 2.02), (0.67, 0.66, 0.88, 0.74), strict=True))
+    fits = {f"robot {SEEDS[0]}, one mass a joint": whole_body(SEEDS[0])}
+    fits |= {f"robot {seed}, level {level}": windings(seed, level) for seed in SEEDS for level in LEVELS}
+    for name, fitted in fits.items():
+        for pair, (single, whole) in zip(fitted.protocol.classes, sources, strict=True):
+            good = "as good as the source's"
+            yield below(f"{name}, {pair.what}: whole body", pair.mean[0], whole + 0.005, "K", good)
+            share = pair.mean[0] / pair.mean[1]
+            yield below(f"{name}, {pair.what}: whole over single", share, whole / single, why="the source's")
 
 
 @row(
@@ -327,13 +323,25 @@ def mean_errors() -> Iterable[Check]:
     more="examples/quadruped/whole_body.py",
 )
 def largest_errors() -> Iterable[Check]:
-    """With winding and housing apart and a trunk; one mass a joint is up to 5.4 K off, examples/quadruped/README.md."""
+    """Winding and housing apart and a trunk; one mass a joint is up to 7.7 K off, see examples/quadruped/README.md.
+
+    Without errors that differ from run to run each printed number is met. With them the largest errors stay below the
+    source's largest; its smaller ones can't all be met, for the oracle, which has the robot's own physics, misses some.
+    """
     for seed in SEEDS:
-        for name, (found, floor) in largest(seed, "none").items():
-            seen = f"oracle's mean square {floor[1]:.2f} K²"
-            yield below(f"robot {seed}, {name}: largest error", found.max[0], 4.77, "K", "the source's largest")
-            yield below(f"robot {seed}, {name}: mean square error", found.square[0], 2.14, "K²", seen)
-            yield above(f"robot {seed}, {name}: reduction against single nodes", found.reduction, 0.29)
+        for name, (found, _) in largest(seed, "none").items():
+            if name not in SOURCE_RUNS:
+                continue
+            most, square, reduction = SOURCE_RUNS[name]
+            yield below(f"robot {seed}, {name}: largest error", found.max[0], most + 0.005, "K", "printed")
+            yield below(f"robot {seed}, {name}: mean square error", found.square[0], square + 0.005, "K²", "printed")
+            reduced = 100 * found.reduction
+            yield above(
+                f"robot {seed}, {name}: reduction against single nodes", reduced, reduction - 0.005, "%", "printed"
+            )
+        for name, (found, floor) in largest(seed, "default").items():
+            beside = f"oracle {floor[0]:.2f} K, {floor[1]:.2f} K²"
+            yield below(f"robot {seed}, {name}, errors of runs: largest error", found.max[0], 4.77, "K", beside)
 
 
 # --- numbers --------------------------------------------------------------------------------------------------
@@ -387,7 +395,9 @@ def several_gaits() -> Iterable[Check]:
     run = plan("tests", 0)["multi_gait"]
     yield equal("parts: stand 0/4 kg, trot 2/4 kg, walk 4 kg", len(run.segments), 5)
     for seed in SEEDS:
-        yield below(f"robot {seed}: largest error", largest(seed, "none")["multi_gait"][0].max[0], 5.0, "K")
+        yield below(
+            f"robot {seed}: largest error", largest(seed, "none")["multi_gait"][0].max[0], 3.345, "K", "printed"
+        )
 
 
 @row("S0-N6", "forced convection", "slows the rise", more=PHYSICS)
@@ -447,20 +457,26 @@ def _fmu_name(column: str) -> str:
 
 @row("S0-A2", "faults of sensors", "alarm at 10 °C; linear drift", more="tests/online/test_monitor.py")
 def sensor_faults() -> Iterable[Check]:
-    model = Model(two_node_network().with_values(TRUTH | test_monitor.WRONG))
-    for rate in (0.03, 0.05):
-        watched = MonitoredRun.of(model, test_monitor.log(4, test_monitor.drift(rate)))
-        (alarm,) = alarms_by_threshold(watched, 10.0)
-        late = (alarm.time - test_monitor.BEGIN) * rate / 10.0
-        yield printed(
-            f"time to the alarm over 10 K/rate, {rate:g} K/s",
-            late,
-            "1",
-            within=0.2,
-            why="as the drift adds to the model's own error and the sensor's 1 K steps",
-        )
-    healthy = alarms_by_threshold(MonitoredRun.of(model, test_monitor.log(5)), 10.0)
+    right = Model(two_node_network().with_values(TRUTH))
+    wrong = Model(two_node_network().with_values(TRUTH | test_monitor.WRONG))
+    for rate in test_monitor.RATES:
+        late = _time_to_alarm(right, rate)
+        why = "a fifth; noise and steps of 1 K take part"
+        yield printed(f"time to the alarm over 10 K/rate, {rate:g} K/s", late, "1", within=0.2, why=why)
+    off = [abs(_time_to_alarm(wrong, rate) - 1) for rate in test_monitor.RATES]
+    own = max(MonitoredRun.of(wrong, test_monitor.log(4)).largest_error.values()) / 10
+    yield below(
+        "by a model that is wrong: off by at most", max(off), own + 0.05, why="its own error over 10 K, and a step"
+    )
+    healthy = alarms_by_threshold(MonitoredRun.of(wrong, test_monitor.log(5)), 10.0)
     yield equal("alarms of a healthy log", len(healthy), 0)
+
+
+def _time_to_alarm(model: Model, rate: float) -> float:
+    """When a drift is called, over 10 K/rate."""
+    watched = MonitoredRun.of(model, test_monitor.log(4, test_monitor.drift(rate)))
+    (alarm,) = alarms_by_threshold(watched, 10.0)
+    return (alarm.time - test_monitor.BEGIN) * abs(rate) / 10.0
 
 
 @row(

@@ -48,9 +48,18 @@ def text(line: Line) -> str:
     return "\n".join([head, *marked, *([f"    ! {line.row.short}"] if line.row.short else [])])
 
 
-def page(lines: Sequence[Line]) -> str:
-    """The rows as a page of Markdown."""
-    counts = {verdict.value: sum(line.verdict == verdict.value for line in lines) for verdict in Verdict}
+def page(lines: Sequence[Line], old: str = "") -> str:
+    """The rows as a page of Markdown.
+
+    Args:
+        lines: the rows that were worked out.
+        old: the page as it was, from which the others are kept.
+    """
+    cells = {line.row.id: _cells(line) for line in lines if line.verdict != NOT_RUN}
+    kept = {text.split(" | ")[0].removeprefix("| "): text for text in old.splitlines() if text.startswith("| S")}
+    shown = {row.id: cells.get(row.id) or kept.get(row.id) or _cells(Line(row, (), NOT_RUN)) for row in rows()}
+    verdicts = [verdict.value for verdict in Verdict] + [NOT_RUN]
+    counts = {verdict: sum(f" | *{verdict}* | " in text for text in shown.values()) for verdict in verdicts}
     said = ", ".join(f"{count} {verdict}" for verdict, count in counts.items() if count)
     parts = [
         "# The sources, row by row",
@@ -59,15 +68,15 @@ def page(lines: Sequence[Line]) -> str:
         "wrote this page, and exits 1 where a row falls short. An id is source, kind (equation, table, figure, number,",
         "method, application) and number. The last printed digit says how far ours may lie from it; where it",
         "doesn't, a reason stands in parentheses. *cannot be met*: the source contradicts itself or physics, and the",
-        "checks show it; *an input is missing*: what can be said without it is checked; *not run*: it takes minutes,",
-        "and `--fast` left it out. A number that missed is marked (!).",
+        "checks show it; *an input is missing*: what can be said without it is checked. A number that missed is marked",
+        "(!).",
         "",
-        f"{len(lines)} rows: {said}.",
+        f"{len(shown)} rows: {said}.",
     ]
     for source, cited in _SOURCES.items():
-        own = [line for line in lines if line.row.id.startswith(source)]
+        own = [text for name, text in shown.items() if name.startswith(source)]
         parts += ["", f"## {source} {cited}", "", "| row | what is printed | what we get | verdict | test |"]
-        parts += ["| --- | --- | --- | --- | --- |", *(_cells(line) for line in own)]
+        parts += ["| --- | --- | --- | --- | --- |", *own]
     return "\n".join(parts) + "\n"
 
 

@@ -56,6 +56,8 @@ def test_the_command_says_what_falls_short(capsys: pytest.CaptureFixture[str], t
     assert main(["--only", "S2-E8", "-o", str(tmp_path / "page.md")]) == 0
     assert "1 rows, 0 short" in capsys.readouterr().out
     assert "| S2-E8 |" in (tmp_path / "page.md").read_text()
+    assert main(["--only", "S2-E6/E7", "-o", str(tmp_path / "page.md")]) == 0
+    assert "85 rows: 2 holds, 83 not run." in (tmp_path / "page.md").read_text(), "the row of before is kept"
     (row,) = (each for each in rows() if each.id == "S2-E8")
     line = evaluate(row)
     wrong = Line(row, (printed("x", 1.0, "2"),), Verdict.SHORT.value)

@@ -38,7 +38,7 @@ static void bound(const lptn_mpc_settings *o, const lptn_mpc_state *m, lptn_mpc_
  * margin, in a minute: were that as slow, nodes would drift to the hot end of what the readings' noise leaves open. */
 static void limit(const lptn_mpc_settings *o, const lptn_mpc_state *m, lptn_mpc_work *w, lptn_mpc_result *out) {
     double time = 0;
-    for (int l = 0; l < LPTN_NL; l++) out->margin[l] = margin_of(o, m, o->node[l]);
+    for (int l = 0; l < LPTN_NL; l++) out->margin[l] = margin_of(o, m, o->owner[o->node[l]]);
     for (int k = 0; k < LPTN_N; k++) {
         time += o->stage[k];
         for (int l = 0; l < LPTN_NL; l++) {

@@ -23,6 +23,7 @@ from lptn.identify.noise import Noise, balanced_sigma, estimate_noise
 from lptn.logs.run import Run
 from lptn.model.model import Model
 from lptn.simulate.bound_run import BoundRun, bind
+from lptn.simulate.readings import over_steps
 from lptn.simulate.simulation import simulate
 
 _BINS = 5  # of an operating condition, with equally many readings each
@@ -384,7 +385,9 @@ def check_ending(path: Path) -> None:
 
 
 def write_predictions(comparison: Comparison, path: Path) -> None:
-    """Write time [s], each node's predicted reading [degC] and the inputs, runs one after the other.
+    """Write time [s], each node's predicted reading, each hottest point's temperature [degC] and the inputs.
+
+    Runs follow one after the other.
 
     Raises:
         InputError: the file name ends in neither `.csv` nor `.parquet`, or can't be written.
@@ -395,6 +398,9 @@ def write_predictions(comparison: Comparison, path: Path) -> None:
         columns = {"time": prediction.bound.run.time}
         for node, readings in zip(comparison.model.nodes, prediction.readings, strict=True):
             columns[f"temperature.{node}"] = readings
+        nodes, places = len(comparison.model.nodes), comparison.model.places
+        inside = over_steps(prediction.states[nodes : len(places)], prediction.bound.run.averaged)
+        columns |= {f"temperature.{place}": row for place, row in zip(places[nodes:], inside, strict=True)}
         for column, values in zip(comparison.model.inputs, prediction.bound.inputs, strict=True):
             columns.setdefault(column, values)
         tables.append(pd.DataFrame(columns))

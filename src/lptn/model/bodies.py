@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
-from typing import ClassVar
+from functools import cached_property, reduce
+from typing import Any, ClassVar
+
+import casadi as ca
 
 from lptn.basics.errors import InputError
 from lptn.basics.parameters import Parameter
@@ -40,18 +42,20 @@ class Axis:
     Args:
         faces: names of the low and the high face; the high one alone where the body reaches to its centre line.
         mean: from the mean temperature to each face.
+        profile: of the temperature along it.
         across: from face to face; negative for a slab or a ring.
     """
 
     faces: tuple[str, ...]
     mean: tuple[float, ...]
+    profile: Profile
     across: float = 0.0
 
 
 def slab_axis(faces: tuple[str, str], length: float, area: float) -> Axis:
     """Along `length` [m] through a constant `area` [m²] ([BlockLPTN, eq. 8, 9])."""
     one = area / length
-    return Axis(faces, (6.0 * one, 6.0 * one), -2.0 * one)
+    return Axis(faces, (6.0 * one, 6.0 * one), SlabProfile(length), -2.0 * one)
 
 
 def ring_axis(faces: tuple[str, str], inner: float, outer: float, angle: float, length: float) -> Axis:
@@ -63,12 +67,12 @@ def ring_axis(faces: tuple[str, str], inner: float, outer: float, angle: float, 
     curved = langevin(x)
     size = angle * length
     mean = 2.0 * size * (1.0 - curved) / curved, 2.0 * size * (1.0 + curved) / curved
-    return Axis(faces, mean, size * (1.0 / x - 1.0 / curved + curved))
+    return Axis(faces, mean, RingProfile(inner, outer), size * (1.0 / x - 1.0 / curved + curved))
 
 
-def rod_axis(face: str, angle: float, length: float) -> Axis:
+def rod_axis(face: str, radius: float, angle: float, length: float) -> Axis:
     """From a solid cylinder, or a wedge of an `angle` [rad], to its surface: R = 1/(4 angle length k)."""
-    return Axis((face,), (4.0 * angle * length,))
+    return Axis((face,), (4.0 * angle * length,), RodProfile(radius))
 
 
 def langevin(x: float) -> float:
@@ -77,6 +81,99 @@ def langevin(x: float) -> float:
         square = x * x
         return x / 3.0 * (1.0 - square / 15.0 * (1.0 - square * 2.0 / 21.0 * (1.0 - square / 10.0)))
     return 1.0 / math.tanh(x) - 1.0 / x
+
+
+# --- The profile along one axis, and its hottest place -----------------------------------------------
+#
+# The mean and the temperatures of the faces say how much a uniform source curves the profile, and so the whole of it:
+# in the steady state this is exact. After a step of the heat the profile of a slab takes L²/(16 a) longer to form than
+# its mean takes to rise (a: diffusivity). That time is chosen so that the mean delay of the hottest place, the integral
+# of what is missing of its rise, is that of Poisson's equation solved twice: 5 q L⁴/(384 k a) = q L⁴/(96 k a) + time
+# q L²/(24 k), where one node has q L⁴/(96 k a). For a rod of radius R it is R²/(8 a).
+
+_LEAST_CURVED = 1e-6  # K; what is straighter has its hottest place at a face
+_ONE_SIDE = 4.0  # a slab with one face closed is half of one that is twice as thick
+_AT_ONCE = 1.0  # s; a metal's profile forms in milliseconds and is flat: a state as quick would only cost steps
+
+
+class Profile(ABC):
+    """The temperature along one axis of a body with uniform heat."""
+
+    @abstractmethod
+    def hottest(self, mean: Any, faces: Sequence[Any]) -> Any:
+        """Its greatest temperature [degC], for symbols and numbers.
+
+        Args:
+            mean: of the body [degC].
+            faces: temperatures of the axis' faces [degC].
+        """
+
+    @abstractmethod
+    def forming(self, open_faces: int) -> float:
+        """How much longer than the rise of the mean it takes to form, times the diffusivity [m²].
+
+        Args:
+            open_faces: how many of its faces something is attached to.
+        """
+
+
+@dataclass(frozen=True)
+class SlabProfile(Profile):
+    """A parabola: T = low + (high - low) s + c s (1 - s), with s = x/L and c = 6 (mean - (low + high)/2)."""
+
+    length: float
+
+    def hottest(self, mean: Any, faces: Sequence[Any]) -> Any:
+        low, high = faces
+        curved = 6.0 * (mean - (low + high) / 2.0)
+        # [BlockLPTN, eq. 5], corrected
+        place = _within(0.5 + (high - low) / (2.0 * ca.fmax(curved, _LEAST_CURVED)), 0.0, 1.0)
+        return ca.fmax(ca.fmax(low, high), low + (high - low) * place + curved * place * (1.0 - place))
+
+    def forming(self, open_faces: int) -> float:
+        return self.length**2 / 16.0 * (1.0 if open_faces == 2 else _ONE_SIDE)
+
+
+@dataclass(frozen=True)
+class RingProfile(Profile):
+    r"""T = low + (high - low + c) ln(r/r_i)/x - c (r² - r_i²)/(r_o² - r_i²), with x = ln(r_o/r_i).
+
+    c is 2/𝓛(x) times what the source lifts the mean above that of pure conduction.
+    """
+
+    inner: float
+    outer: float
+
+    def hottest(self, mean: Any, faces: Sequence[Any]) -> Any:
+        low, high = faces
+        x = math.log(self.outer / self.inner)
+        share, most = langevin(x), math.expm1(2.0 * x)  # most: (r_o² - r_i²)/r_i²
+        curved = 2.0 / share * (mean - (low * (1.0 - share) + high * (1.0 + share)) / 2.0)
+        rising = high - low + curved
+        square = _within(rising * most / (2.0 * x * ca.fmax(curved, _LEAST_CURVED)), 1.0, 1.0 + most)  # (r/r_i)²
+        there = low + rising * ca.log(square) / (2.0 * x) - curved * (square - 1.0) / most
+        return ca.fmax(ca.fmax(low, high), there)
+
+    def forming(self, open_faces: int) -> float:
+        return SlabProfile(self.outer - self.inner).forming(open_faces)  # as of a slab as thick
+
+
+@dataclass(frozen=True)
+class RodProfile(Profile):
+    """T = face + c (1 - r²/R²), with c = 2 (mean - face): hottest on the axis, or at the surface."""
+
+    radius: float
+
+    def hottest(self, mean: Any, faces: Sequence[Any]) -> Any:
+        (face,) = faces
+        return ca.fmax(face, 2.0 * mean - face)
+
+    def forming(self, open_faces: int) -> float:
+        return self.radius**2 / 8.0
+
+
+def _within(value: Any, least: float, most: float) -> Any:
+    return ca.fmin(ca.fmax(value, least), most)
 
 
 def slab_peak(power: float, length: float, conductivity: float, area: float, cooled: int = 2) -> float:
@@ -247,7 +344,7 @@ class Cylinder(Shape):
     @cached_property
     def axes(self) -> dict[str, Axis]:
         return {
-            "radial": rod_axis("outer", self.count * math.tau, self.length),
+            "radial": rod_axis("outer", self.radius, self.count * math.tau, self.length),
             "axial": slab_axis(("front", "back"), self.length, self.volume / self.length),
         }
 
@@ -262,10 +359,12 @@ class Element:
     Args:
         shape: the body.
         conductivity: for each of its directions [W/(m K)]; one parameter may serve for several.
+        hottest: whether its hottest point is a place of its own, `"winding.hottest"`, that limits may be set for.
     """
 
     shape: Shape
     conductivity: Mapping[str, Parameter]
+    hottest: bool = False
 
 
 # --- The bodies of a network: their faces, which of them touch perfectly, and the conduction inside ---
@@ -278,6 +377,63 @@ class Conductor:
     ends: tuple[str, str]
     conductivity: int
     shape: float
+
+
+@dataclass(frozen=True)
+class HeatedAxis:
+    """An axis of an element along which heat can flow.
+
+    Args:
+        profile: of its temperature.
+        faces: the places whose temperatures its faces have.
+        conductivity: index of the conductivity.
+        forming: how much longer than the rise of the mean the profile takes to form, times the diffusivity [m²].
+    """
+
+    profile: Profile
+    faces: tuple[str, ...]
+    conductivity: int
+    forming: float
+
+
+@dataclass(frozen=True)
+class HottestPoint:
+    """The hottest point of an element.
+
+    Along each axis the profile is that of uniform heat; where the heat through each face is spread evenly over it,
+    the profiles of several axes add. Of several, the quickest to form sets how fast the hottest point follows.
+
+    Args:
+        element: name of the element.
+        volume: of all its bodies [m³].
+        axes: those along which heat can flow.
+    """
+
+    element: str
+    volume: float
+    axes: tuple[HeatedAxis, ...]
+
+    @property
+    def name(self) -> str:
+        """What the place is called."""
+        return f"{self.element}.{HOTTEST}"
+
+    def above_mean(self, temperature: Mapping[str, Any]) -> Any:
+        """By how much it is warmer than the mean once the profiles are formed [K]; temperatures in degC by place."""
+        mean = temperature[self.element]
+        return sum(
+            (axis.profile.hottest(mean, [temperature[face] for face in axis.faces]) - mean for axis in self.axes),
+            start=0.0,
+        )
+
+    def forming_rate(self, p: Any, capacity: Any) -> Any:
+        """How fast its profiles form [1/s], from the network's parameters and the element's capacity [J/K]."""
+        rates = (p[axis.conductivity] * self.volume / (capacity * axis.forming) for axis in self.axes)
+        return ca.fmin(reduce(ca.fmax, rates), 1.0 / _AT_ONCE)
+
+
+HOTTEST = "hottest"
+"""How the hottest point of an element is called, behind the element's name and a dot."""
 
 
 class Bodies:
@@ -297,6 +453,8 @@ class Bodies:
         self.massless: dict[str, str] = {}
         """Faces with a temperature of their own, and their element; known once the conductors are laid."""
         self.conductors: list[Conductor] = []
+        self.hottest: list[HottestPoint] = []
+        """Hottest points of the elements that have one; known once the conductors are laid."""
         self._same: dict[str, str] = {}
         self._touched: set[str] = set()
 
@@ -343,18 +501,26 @@ class Bodies:
             self._same[first] = second
         self.touch(one, other)
 
-    def lay_conductors(self, conductivity: Callable[[str, str], int]) -> None:
+    def lay_conductors(self, conductivity: Callable[[str, str], int], hottest: Collection[str] = ()) -> None:
         """The conductances of every axis that something is attached to; through the others no heat can pass.
 
         Args:
             conductivity: the index of an element's conductivity in a direction.
+            hottest: names of the elements whose hottest point is a place.
         """
         for name, shape in self.shapes.items():
+            heated: list[HeatedAxis] = []
             for direction, axis in shape.axes.items():
-                if self._touched.intersection(f"{name}.{face}" for face in axis.faces):
-                    self._lay(name, axis, conductivity(name, direction))
+                touched = len(self._touched.intersection(f"{name}.{face}" for face in axis.faces))
+                if touched:
+                    index = conductivity(name, direction)
+                    ends = self._lay(name, axis, index)
+                    heated.append(HeatedAxis(axis.profile, ends, index, axis.profile.forming(touched)))
+            if name in hottest and heated:
+                self.hottest.append(HottestPoint(name, shape.volume, tuple(heated)))
 
-    def _lay(self, name: str, axis: Axis, conductivity: int) -> None:
+    def _lay(self, name: str, axis: Axis, conductivity: int) -> tuple[str, ...]:
+        """Lay the conductors of one axis; returns the places whose temperatures its faces have."""
         ends = [self.where(f"{name}.{face}") for face in axis.faces]
         for end, factor in zip(ends, axis.mean, strict=True):
             self.conductors.append(Conductor((name, end), conductivity, factor))
@@ -362,3 +528,4 @@ class Bodies:
                 self.massless.setdefault(end, name)
         if len(ends) == 2 and ends[0] != ends[1]:
             self.conductors.append(Conductor((ends[0], ends[1]), conductivity, axis.across))
+        return tuple(ends)

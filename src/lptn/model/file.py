@@ -19,7 +19,7 @@ from lptn.basics.toml import expectation, first_mistake, found_in, mistakes_by_l
 from lptn.basics.units import convert
 from lptn.effects import effect_named
 from lptn.logs.columns import ColumnSource, parse_columns
-from lptn.model.bodies import KINDS, Element, Shape
+from lptn.model.bodies import HOTTEST, KINDS, Element, Shape
 from lptn.model.network import ROUNDING, START, EffectDeclaration, Key, LinkDeclaration, Network, NodeDeclaration
 
 # --- What may stand in a model file: its tables and keys, checked by pydantic -----------------------
@@ -144,7 +144,7 @@ class ElementReader:
         if kind is None:
             raise self._mistake("kind", f'unknown element "{table.kind}"', f"one of {', '.join(KINDS)}")
         self.kind: type[Shape] = kind
-        allowed = [*kind.units, *self._conductivities(), *_MATERIAL]
+        allowed = [*kind.units, *self._conductivities(), *_MATERIAL, HOTTEST]
         for name in self.given:
             if name not in allowed:
                 raise self._mistake(name, f'unknown key "{name}"', f"one of kind, {', '.join(allowed)}")
@@ -166,7 +166,10 @@ class ElementReader:
         wrong = shape.wrong()
         if wrong is not None:
             raise self._mistake(*wrong)
-        return Element(shape, self._conductivity())
+        hottest = self.given.get(HOTTEST, False)
+        if not isinstance(hottest, bool):
+            raise self._mistake(HOTTEST, shown(hottest), "true or false")
+        return Element(shape, self._conductivity(), hottest)
 
     def capacity(self, shape: Shape) -> Parameter | None:
         """Heat capacity from density, specific heat and volume; `None` where the table gives neither.

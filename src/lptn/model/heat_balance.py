@@ -8,6 +8,7 @@ from typing import Any
 
 import casadi as ca
 
+from lptn.model.bodies import HottestPoint
 from lptn.model.network import START, EffectInstance, Link, Network
 
 # Input features of which a log has one column for the whole robot; any other has one for each place.
@@ -43,7 +44,7 @@ class HeatBalance:
         started: those inputs that are taken from the start of a run.
         hidden: effect instances that have a state, in the order of the states behind the nodes'.
         temperature: temperatures of all places, those of prescribed nodes as the others feel them [degC].
-        x: states: nodes, then those of effects.
+        x: states: nodes, then the hottest points of elements, then those of effects.
         rates: dx/dt [K/s].
         readings: what the sensors of the nodes read [degC].
         delays: how late each node's readings come [s].
@@ -69,12 +70,15 @@ class HeatBalance:
         self.states = {id(instance): ca.SX.sym(instance.label) for instance in self.hidden}
         self.given = {name: self._prescribed(name) for name in network.prescribed}
         self._faces = {name: ca.SX.sym(name) for name in network.massless}
+        self._solved: dict[str, ca.SX] = {}  # the faces' temperatures as expressions of all else
         felt = {name: self._felt(name) for name in self.given}
         self.temperature: dict[str, ca.SX] = self._nodes | felt | self._faces
         self.warming = self._balance()
-        self.x = ca.vertcat(*self._nodes.values(), *self.states.values())
+        hottest = {point.name: ca.SX.sym(point.name) for point in network.hottest}
+        self.x = ca.vertcat(*self._nodes.values(), *hottest.values(), *self.states.values())
+        hottest_rates = [self._hottest_rate(point, hottest[point.name]) for point in network.hottest]
         state_rates = [instance.effect.state_rate(self._here(instance)) for instance in self.hidden]
-        self.rates = ca.vertcat(*self.warming.values(), *state_rates)
+        self.rates = ca.vertcat(*self.warming.values(), *hottest_rates, *state_rates)
         self.readings = ca.vertcat(*(self._reading(name) for name in self._nodes))
         self.delays = ca.vertcat(*(self._delay(name) for name in self._nodes))
         self.u = ca.vertcat(*self.columns.values()) if self.columns else ca.SX(0, 1)
@@ -145,6 +149,14 @@ class HeatBalance:
         there = (other for other in self._at_ends[frozenset(ends)] if other.effect.key == key)
         return sum((self.heat_into_ends(other)[0] for other in there), start=ca.SX(0))
 
+    def with_faces_solved(self, expression: Any) -> Any:
+        """An expression with the temperatures of faces without capacitance put in: one of states and inputs alone."""
+        if not self._solved:
+            return expression
+        names = list(self._solved)
+        faces, solved = ca.vertcat(*(self._faces[name] for name in names)), ca.vertcat(*self._solved.values())
+        return ca.substitute(ca.SX(expression), faces, solved)
+
     def _balance(self) -> dict[str, ca.SX]:
         """Rate of each node [K/s]."""
         network, temperature = self.network, self.temperature
@@ -168,8 +180,18 @@ class HeatBalance:
                 give(node, flow)
         if self._faces:
             means = [self._nodes[element] for element in network.massless.values()]
-            heat = without_faces(heat, self._faces, means)
+            solved = temperatures_of_faces(heat, self._faces, means)
+            flows = ca.vertcat(*(heat[name] for name in self._nodes))
+            flows = ca.substitute(flows, ca.vertcat(*self._faces.values()), solved)
+            heat = dict(zip(self._nodes, ca.vertsplit(flows), strict=True))
+            self._solved = dict(zip(self._faces, ca.vertsplit(solved), strict=True))
         return {name: heat[name] / self.p[network.capacities[name]] for name in self._nodes}
+
+    def _hottest_rate(self, point: HottestPoint, hottest: ca.SX) -> Any:
+        """Rate of an element's hottest point [K/s]: with the mean, and towards the profile that the faces tell."""
+        mean, capacity = self._nodes[point.element], self.p[self.network.capacities[point.element]]
+        formed = mean + point.above_mean(self.temperature | self._solved)
+        return self.warming[point.element] + point.forming_rate(self.p, capacity) * (formed - hottest)
 
     # --- sensors ----------------------------------------------------------------------------------
 
@@ -237,8 +259,8 @@ class _Conditions:
 _NEWTON_STEPS = 5  # of a law that is not linear at a face; each step squares the error
 
 
-def without_faces(heat: Mapping[str, ca.SX], faces: Mapping[str, ca.SX], means: Sequence[ca.SX]) -> dict[str, ca.SX]:
-    """Heat into each node with the temperatures of the faces, at which heat in equals heat out, put in.
+def temperatures_of_faces(heat: Mapping[str, ca.SX], faces: Mapping[str, ca.SX], means: Sequence[ca.SX]) -> ca.SX:
+    """Temperatures of the faces, at which heat in equals heat out, as expressions of all else.
 
     Where the heat at the faces is linear in their temperatures this is exact. Where it is not (radiation from a
     face), five Newton steps from the elements' mean temperatures take the place of the loop.
@@ -256,9 +278,7 @@ def without_faces(heat: Mapping[str, ca.SX], faces: Mapping[str, ca.SX], means: 
     for _ in range(1 if linear else _NEWTON_STEPS):
         imbalance, matrix = ca.substitute([residual, slope], [unknown], [temperatures])
         temperatures = temperatures + _solved(-matrix, imbalance)
-    nodes = [name for name in heat if name not in faces]
-    flows = ca.substitute(ca.vertcat(*(heat[name] for name in nodes)), unknown, temperatures)
-    return dict(zip(nodes, ca.vertsplit(flows), strict=True))
+    return temperatures
 
 
 def _solved(matrix: ca.SX, side: ca.SX) -> ca.SX:

@@ -39,7 +39,7 @@ class Model:
     .. math:: C_i \dot T_i = \sum_j (T_j - T_i) / R_{ij} + \sum Q
 
     Temperatures are in degC, all else in SI. The states are the temperatures of the dynamic nodes, then
-    the states of effects that have one.
+    the hottest points of elements that have one as a place, then the states of effects that have one.
 
     Args:
         network: what to make the model of.
@@ -66,9 +66,12 @@ class Model:
         """Log columns that drive the model, in order."""
         self.started: list[str] = self.balance.started
         """Those inputs that are taken from the start of a run instead of a column."""
-        self.states: list[str] = [*self.nodes, *(instance.label for instance in self.balance.hidden)]
+        self.places: list[str] = [*self.nodes, *(point.name for point in network.hottest)]
+        """Places that a limit may be set for, the first of the states: nodes, then hottest points of elements."""
+        self.states: list[str] = [*self.places, *(instance.label for instance in self.balance.hidden)]
+        inside = ((point.element,) for point in network.hottest)
         hidden = (instance.effect.rests_with(instance.ends) for instance in self.balance.hidden)
-        self.rests: list[tuple[str, ...]] = [*((name,) for name in self.nodes), *hidden]
+        self.rests: list[tuple[str, ...]] = [*((name,) for name in self.nodes), *inside, *hidden]
         """For each state the places whose mean temperature it has in equilibrium."""
         self.owners: list[int] = [self._owner(places) for places in self.rests]
         """For each state the index of the node it belongs to."""

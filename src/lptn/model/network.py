@@ -14,7 +14,7 @@ from lptn.basics.parameters import Parameter, ParameterInstance
 from lptn.basics.places import class_of, edge, expand_pair, in_run, is_glob, matching, mirrored, run_label
 from lptn.effects import Effect
 from lptn.effects.base import Place
-from lptn.model.bodies import Bodies, Conductor, Element
+from lptn.model.bodies import Bodies, Conductor, Element, HottestPoint
 
 # --- What a model declares: nodes, links and effects, each perhaps for many places -----------------
 
@@ -170,6 +170,7 @@ class Layout:
         resistors: every link of the network.
         conductors: conduction between the mean temperatures and faces of elements.
         massless: faces of elements that have a temperature of their own but no capacitance: name -> the element.
+        hottest: hottest points of elements that are places of their own.
         effects: everything beyond capacitances and resistances, as declared.
     """
 
@@ -178,6 +179,7 @@ class Layout:
     resistors: list[Link]
     conductors: list[Conductor]
     massless: dict[str, str]
+    hottest: list[HottestPoint]
     effects: tuple[EffectDeclaration, ...]
 
     @property
@@ -315,6 +317,11 @@ class Network:
         return self.layout.massless
 
     @property
+    def hottest(self) -> list[HottestPoint]:
+        """Hottest points of elements that are places of their own."""
+        return self.layout.hottest
+
+    @property
     def surroundings(self) -> dict[str, tuple[str, str]]:
         """Places of exchange with a prescribed node: name -> (node, prescribed node)."""
         return self.layout.surroundings
@@ -405,8 +412,8 @@ def _work_out(
         key = ("nodes", pattern, "element", declared.name)
         return parameters.index(key, declared.name, name, pattern, declared)
 
-    bodies.lay_conductors(conductivity)
-    layout = Layout(capacities, prescribed, resistors, bodies.conductors, bodies.massless, effects)
+    bodies.lay_conductors(conductivity, [name for name, (_, element) in elements.items() if element.hottest])
+    layout = Layout(capacities, prescribed, resistors, bodies.conductors, bodies.massless, bodies.hottest, effects)
     _refuse_isolated(origin, layout, bodies)
     instances, runs = _effects(origin, layout, parameters)
     return _WorkedOut(layout, instances, parameters.instances, parameters.declared_at, runs)

@@ -37,6 +37,7 @@ class Estimate:
         spreads: standard deviations expected of the innovations, rounding included [K].
         parameters: learnt parameters in their units, by name, each with its standard deviation.
         untrusted: sensors whose readings are not taken in at present, by node, each with the reason in words.
+        hottest: temperatures [degC] of the hottest points of elements, by name, each with its standard deviation [K].
     """
 
     nodes: tuple[str, ...]
@@ -46,13 +47,16 @@ class Estimate:
     spreads: FloatArray
     parameters: dict[str, tuple[float, float]]
     untrusted: dict[str, str] = field(default_factory=dict)
+    hottest: dict[str, tuple[float, float]] = field(default_factory=dict)
 
     def temperature(self, node: str) -> tuple[float, float]:
-        """Temperature of a node [degC] and its standard deviation [K].
+        """Temperature of a node, or of a hottest point, [degC] and its standard deviation [K].
 
         Raises:
             ValueError: the model has no such node.
         """
+        if node in self.hottest:
+            return self.hottest[node]
         row = self.nodes.index(node)
         return float(self.temperatures[row]), float(self.deviations[row])
 
@@ -290,7 +294,7 @@ class Estimator:
         return self._z[self.augmented.layout.states].copy()
 
     def deviations_ahead(self, inputs: Mapping[str, float], seconds: float) -> FloatArray:
-        """Standard deviations of the nodes' temperatures after so many seconds without readings [K], shape (nodes,).
+        """Standard deviations of the places' temperatures after so many seconds without readings [K], shape (places,).
 
         Args:
             inputs: held until then, by column.
@@ -303,7 +307,7 @@ class Estimator:
         u = _inputs_of(self.model, inputs)
         step = self.augmented.long_step(self._z, np.where(np.isnan(u), self._resting, u), seconds)
         variances = np.einsum("ij,jk,ik->i", step.transition, self._covariance, step.transition) + np.diag(step.added)
-        return np.asarray(np.sqrt(np.maximum(variances[: len(self.model.nodes)], 0.0)))
+        return np.asarray(np.sqrt(np.maximum(variances[: len(self.model.places)], 0.0)))
 
     def state(self) -> dict[str, FloatArray]:
         """All that the estimator remembers, as plain arrays: `numpy.savez(file, **estimator.state())`."""
@@ -485,9 +489,15 @@ class Estimator:
         watched = self.aliveness
         reasons = {} if watched is None else {node: watched.why_not(k) for k, node in enumerate(self.model.nodes)}
         doubts = {node: reason for node, reason in reasons.items() if reason}
+        hottest = {
+            place: (float(self._z[row]), float(deviations[row]))
+            for row, place in enumerate(self.model.places)
+            if row >= nodes
+        }
         return Estimate(
-            tuple(self.model.nodes), self._z[:nodes].copy(), deviations[:nodes], innovation, spreads, learnt, doubts
-        )
+            tuple(self.model.nodes), self._z[:nodes].copy(), deviations[:nodes], innovation, spreads, learnt, doubts,
+            hottest,
+        )  # fmt: skip
 
     def _refuse_time(self, dt: float) -> None:
         if not 0 <= dt <= _DAY:

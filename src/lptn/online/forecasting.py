@@ -73,8 +73,8 @@ class Forecast:
     """Temperatures to come with the operating point held.
 
     Args:
-        nodes: one for each node with a limit, by name.
-        names: of all nodes of the model.
+        nodes: one for each place with a limit, by name.
+        names: of all places of the model: nodes, then hottest points, which no sensor measures.
         time: s from the end of the log, shape (n,).
         temperature: expected readings [degC], shape (names, n).
         low: lower end of their interval [degC], shape (names, n).
@@ -446,7 +446,7 @@ def forecast(
     low, high = mean - half, mean + half
     nodes = {}
     for node, limit in by_node.items():
-        row = model.nodes.index(node)
+        row = model.places.index(node)
         steady, coldest, hottest = (float(path[row, -1]) if settles else inf for path in (mean, low, high))
         nodes[node] = NodeForecast(
             node=node,
@@ -462,7 +462,7 @@ def forecast(
         )
     return Forecast(
         nodes=nodes,
-        names=tuple(model.nodes),
+        names=tuple(model.places),
         time=time,
         temperature=mean,
         low=low,
@@ -471,7 +471,7 @@ def forecast(
         window=point,
         trust=uncertainty.source,
         log=run.time - run.time[-1] - run.step,
-        measured=bound.measured,
+        measured=np.pad(bound.measured, ((0, len(model.places) - len(model.nodes)), (0, 0)), constant_values=np.nan),
         doubts=tuple(doubts),
         late=max(run.log_end - float(run.time[-1]) - run.step, 0.0) if isfinite(run.log_end) else 0.0,
     )
@@ -485,12 +485,13 @@ def _held(estimator: Estimator, point: OperatingPoint) -> tuple[FloatArray, Floa
 
     Returns:
         s from now, shape (n,), the first 0; expected readings [degC] and their standard deviations [K], shape
-        (nodes, n); whether the temperatures settle, or else run away.
+        (places, n), of a hottest point its temperature; whether the temperatures settle, or else run away.
     """
     model = estimator.model
     error = replace(estimator.error, inputs=dict.fromkeys(model.inputs, 0.0))
     augmented = AugmentedModel(model, error, estimator.doubtful, np.zeros(len(estimator.doubtful)))
     states, inputs = augmented.layout.states, augmented.layout.inputs
+    inside = np.arange(augmented.layout.size)[states][len(model.nodes) : len(model.places)]  # hottest points
     others = np.delete(np.arange(augmented.layout.size), inputs)
     z, covariance = np.zeros(augmented.layout.size), np.zeros((augmented.layout.size,) * 2)
     z[others], covariance[np.ix_(others, others)] = estimator.state()["mean"], estimator.state()["covariance"]
@@ -500,6 +501,7 @@ def _held(estimator: Estimator, point: OperatingPoint) -> tuple[FloatArray, Floa
     step, time, mean, deviation = _FIRST_STEP, [0.0], [], []
     while True:
         readings, by_state = augmented.readings(z)
+        readings, by_state = np.append(readings, z[inside]), np.vstack([by_state, np.eye(z.size)[inside]])
         mean.append(readings)
         deviation.append(np.sqrt(np.maximum(np.sum((by_state @ covariance) * by_state, axis=1), 0.0)))
         if time[-1] >= horizon:
@@ -539,13 +541,14 @@ def _limits_by_node(limits: float | Mapping[str, float], bound: BoundRun, model:
         limits = {"": limits}
     by_node: dict[str, float] = {}
     for pattern, limit in limits.items():
-        nodes = matching(pattern, model.nodes) if pattern else joints
+        nodes = matching(pattern, model.places) if pattern else joints
         if not nodes:
-            raise InputError("limits", "node", f"'{pattern}'", f"one of {', '.join(model.nodes)}, or a pattern of them")
+            expected = f"one of {', '.join(model.places)}, or a pattern of them"
+            raise InputError("limits", "node", f"'{pattern}'", expected)
         if not isfinite(limit):
             raise InputError("limits", pattern or "all joints", f"{limit}", "a temperature in degC")
         by_node |= dict.fromkeys(nodes, float(limit))
-    return {node: by_node[node] for node in model.nodes if node in by_node}
+    return {place: by_node[place] for place in model.places if place in by_node}
 
 
 def _check(cycles: int, coverage: float, window: WindowChoice) -> None:

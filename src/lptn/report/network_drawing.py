@@ -29,8 +29,7 @@ def heat_flows(model: Model, states: FloatArray, inputs: FloatArray) -> dict[str
         inputs: its inputs, shape (inputs, k), in the order of `model.inputs`.
 
     Returns:
-        W by the names of links, `"a~b"`, and of effects, `"copper_loss.FR_calf"`, shape (k,) each. Links to faces
-        without a capacitance are left out: their temperatures are no states.
+        W by the names of links, `"a~b"`, and of effects, `"copper_loss.FR_calf"`, shape (k,) each.
     """
     balance = model.balance
     network = balance.network  # of a model at other values it still has the effects that the balance knows
@@ -43,8 +42,7 @@ def heat_flows(model: Model, states: FloatArray, inputs: FloatArray) -> dict[str
         heats = balance.heat_into_ends(instance)
         if heats:
             parts[instance.label] = heats[0]
-    faces = set(network.massless)
-    parts = {name: flow for name, flow in parts.items() if not faces & set(map(str, ca.symvar(ca.SX(flow))))}
+    parts = {name: balance.with_faces_solved(flow) for name, flow in parts.items()}
     known = [balance.x, balance.u, balance.p]
     make = lambda: ca.Function("flows", known, [ca.vertcat(*parts.values())])  # noqa: E731
     flows = model.made_once("heat flows", make)(states, inputs, model.values)

@@ -67,7 +67,7 @@ def _track(answer: TrackAnswer) -> Charts:
     unit = _time_unit(float(ends[-1]))
     values: dict[str, FloatArray] = {}
     views = []
-    nodes = list(task.model.nodes)
+    nodes = list(task.model.places)
     for name in dict.fromkeys([*answer.joints, *nodes]):
         lines: dict[str, FloatArray] = {}
         if name in answer.joints:
@@ -94,7 +94,7 @@ def _mission(answer: MissionAnswer) -> Charts:
     common = {"speed": plan.speed[piece], "load": plan.load[piece]} if plan.time.size else {}
     values: dict[str, FloatArray] = {}
     views = []
-    for row, node in enumerate(plan.mission.model.nodes):
+    for row, node in enumerate(plan.mission.model.places):
         lines = {"temperature": plan.course.states[row], **_limit_line(plan.mission.limits, node, time), **common}
         at, thin = thinned(time, np.array(list(lines.values())), POINTS)
         values[node] = at / unit
