@@ -15,18 +15,19 @@ from lptn.basics.style import INK, SMALL, TEXT, dress, new_figure, plain
 from .answer import StudyResult
 from .designs import Design
 from .export import strongest
-from .sink import SPECIFIC_HEAT, fin_mass, sink_volume
+from .sink import fin_mass, sink_volume
 from .study import GOALS
 
 LIMIT = "#D55E00"
 _COLOURS = ("#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#8C6D31")
 _DASHES = ("-", (0, (5, 1.5)), (0, (1, 1)), (0, (4, 1, 1, 1)))
 AMOUNTS = {"mass": (1e3, "mass [g]"), "volume": (1e6, "package volume [cm³]"), "torque": (1.0, "torque [N·m]"),
-           "duration": (1.0, "duration [s]")}  # fmt: skip
+           "duration": (1.0, "duration [s]"), "price": (1.0, "price"), "voltage": (1.0, "supply voltage [V]"),
+           "ratio": (1.0, "gear ratio")}  # fmt: skip
 """By what is swept its factor from SI, and its label."""
 VALUES = {"held_torque": (1.0, "held torque [N·m]"), "time_to_limit": (1.0, "time to the limit [s]"),
           "worst_temperature": (1.0, "worst winding temperature [degC]"), "mass": AMOUNTS["mass"],
-          "volume": AMOUNTS["volume"]}  # fmt: skip
+          "volume": AMOUNTS["volume"], "price": AMOUNTS["price"]}  # fmt: skip
 """The same by goal."""
 
 
@@ -111,15 +112,18 @@ def _decimals(values: FloatArray) -> str:
 def _bounds(ax: Axes, design: Design) -> None:
     """Where mass, volume and fins end what can be built."""
     option = design.option
-    sink, spacing = option.study.sink, option.study.air[option.cooling].spacing
+    sink, spacing, metal = option.study.sink, option.study.air[option.cooling].spacing, option.material
     c, r = np.meshgrid(np.geomspace(*sink.capacity, 200), np.geomspace(*sink.resistance, 200))
-    fins = fin_mass(r, option.film, sink.thickness) * SPECIFIC_HEAT / c
+    fins = fin_mass(r, option.film, sink.thickness, metal.density) * metal.specific_heat / c
     named = {"all fins": (fins, 1.0)}
     if "mass" in option.limits:
-        named["mass"] = (option.fixed_mass + c / SPECIFIC_HEAT, option.limits["mass"])
+        named["mass"] = (option.fixed_mass + c / metal.specific_heat, option.limits["mass"])
     if "volume" in option.limits:
-        volume = option.fixed_volume + sink_volume(c, r, option.film, sink.thickness, spacing)
-        named["volume"] = (volume, option.limits["volume"])
+        of_sink = sink_volume(c, r, option.film, sink.thickness, spacing, metal.density, metal.specific_heat)
+        named["volume"] = (option.fixed_volume + of_sink, option.limits["volume"])
+    if "price" in option.limits:
+        spent = option.fixed_price + (metal.price or 0.0) * c / metal.specific_heat
+        named["price"] = (spent, option.limits["price"])
     for name, (values, level) in named.items():
         drawn = ax.contour(c, r, values, levels=[level], colors=LIMIT, linewidths=1.0)
         if any(np.size(path.vertices) for path in drawn.get_paths()):
