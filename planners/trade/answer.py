@@ -13,9 +13,12 @@ from lptn.basics.errors import InputError
 from .designs import BUDGETS, Design, IsoMap, LimitCurve, Refusal, design_of, iso_map, limit_curves, refusal_of
 from .problem import Problem, Solution
 from .study import GOALS, SWEPT, Option, Study, Sweep
+from .torque_speed import TorqueSpeed, torque_speed
+from .uncertainty import Interval, intervals
 
 _CURRENT = 40.0  # A; how far curves go where nothing limits the current
 _POINTS = 45  # of a curve
+_DIAGRAMS = 6  # torque over speed; each takes seconds
 _BETTER = 1e-4  # relative; a point that is better by less adds nothing to a front
 Report = Callable[[str], None]
 
@@ -46,6 +49,7 @@ class StudyResult:
         front: the best value over what was swept; empty without a sweep. Points that are no better than a cheaper
             one are left out.
         by_option: for every option by name its points of the sweep.
+        intervals: of the goal under what is not known, for every feasible option by name; empty where all is known.
     """
 
     study: Study
@@ -53,6 +57,7 @@ class StudyResult:
     refusals: tuple[Refusal, ...]
     front: tuple[FrontPoint, ...] = ()
     by_option: dict[str, tuple[FrontPoint, ...]] = field(default_factory=dict)
+    intervals: dict[str, Interval] = field(default_factory=dict)
 
     @property
     def best(self) -> Design:
@@ -71,6 +76,12 @@ class StudyResult:
         most = max(design.option.limits.get("current", _CURRENT) for design in self.designs)
         currents = np.linspace(most / 12, 1.3 * most, _POINTS)
         return tuple(limit_curves(design, currents) for design in self.designs)
+
+    @cached_property
+    def torque_speed(self) -> tuple[TorqueSpeed, ...]:
+        """How long the best designs hold each torque at each speed; empty without a limit of voltage or speed."""
+        drawn = [design for design in self.designs if {"voltage", "speed"} & {*design.option.limits}]
+        return tuple(torque_speed(design) for design in drawn[:_DIAGRAMS])
 
     @cached_property
     def iso_map(self) -> IsoMap | None:
@@ -115,7 +126,9 @@ def solve_study(study: Study, report: Report = lambda _: None) -> StudyResult:
             problems.append((problem, None))
     better = GOALS[study.goal][2]
     designs.sort(key=lambda design: (-design.value if better else design.value, design.mass))
-    result = StudyResult(study, tuple(designs), tuple(refusals))
+    by_name = {problem.option.name: problem for problem, _ in problems}
+    solved = [(by_name[design.option.name], design) for design in designs]
+    result = StudyResult(study, tuple(designs), tuple(refusals), intervals=intervals(study, solved, report))
     return result if study.sweep is None else _swept(result, problems, report)
 
 
@@ -130,7 +143,7 @@ def _swept(result: StudyResult, problems: list[tuple[Problem, Solution | None]],
 
 
 def _front_of(by_option: dict[str, tuple[FrontPoint, ...]], study: Study, sweep: Sweep) -> tuple[FrontPoint, ...]:
-    """The points that no other beats in both the amount and the goal; of an amount that costs nothing the best at each."""
+    """The points that no other beats in both the amount and the goal; the best of each amount that costs nothing."""
     sign = 1.0 if GOALS[study.goal][2] else -1.0
     cheap_first = SWEPT[sweep.against]
     points = [point for points in by_option.values() for point in points]
@@ -165,7 +178,7 @@ def _sweep_points(problem: Problem, near: Solution | None, sweep: Sweep) -> tupl
 
 
 def _swept_parameter(problem: Problem, against: str) -> str | None:
-    """The parameter that a sweep moves, `None` for a choice without it; a limit that the study left open is a mistake."""
+    """The parameter that a sweep moves, `None` for a choice without it; a limit that was left open is a mistake."""
     name = {"torque": "torque", "duration": "duration", "ratio": "gear.ratio"}.get(against, f"limit.{against}")
     if name in problem.parameters.symbols:
         return name

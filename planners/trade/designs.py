@@ -165,7 +165,12 @@ def _sink_sensitivities(option: Option, sink: tuple[float, float]) -> dict[str, 
     if not solution.success:
         return {}
     gradient, per_capacity = solution.gradient, solution.gradient[CAPACITY]
-    return {"capacity": per_capacity, "mass": per_capacity * option.material.specific_heat, "resistance": gradient[RESISTANCE]}
+    per_mass = per_capacity * option.material.specific_heat
+    return {
+        "capacity": per_capacity,
+        "mass": per_mass,
+        "resistance": gradient[RESISTANCE],
+    }
 
 
 def refusal_of(problem: Problem) -> Refusal:

@@ -30,11 +30,8 @@ _OPTIONS: dict[str, Any] = {
     "ipopt": {"print_level": 0, "sb": "yes", "tol": 1e-10, "max_iter": 200, "bound_relax_factor": 0},
 }
 _INFEASIBLE = "Infeasible_Problem_Detected"
-Relaxed = Literal[
-    "winding", "magnet", "current", "voltage", "speed", "pipe_power", "mass", "volume", "price", "torque"
-]
+Relaxed = Literal["winding", "magnet", "current", "voltage", "speed", "pipe_power", "mass", "volume", "price", "torque"]
 _DEGREE = 3
-_ENDS = ("least", "most")
 _HOLD_ELEMENTS, _GRADING = 16, 1.6  # shorter ones at the beginning, where a hold changes fastest
 _COLD, _HOT = 5.0, 1000.0  # K below and above the air: beyond runaway the steady state's formula turns negative
 _WARM = 20.0  # K above the air, to start from
@@ -227,7 +224,10 @@ class Problem:
 
     def _sought(self, name: str, bounds: tuple[float, float], unit: str) -> Any:
         """A number of the design between two bounds, which are parameters."""
-        low, high = (self.parameters.add(f"{end}.{name}", value, unit) for end, value in zip(_ENDS, bounds, strict=True))
+        low, high = (
+            self.parameters.add(f"{end}.{name}", value, unit)
+            for end, value in zip(("least", "most"), bounds, strict=True)
+        )
         ends = np.log(bounds)
         logarithm = self._program.variable(name, float(ends.mean()), float(ends[0]) - 3, float(ends[1]) + 3)
         self._program.constrain(ca.log(low) - logarithm, f"least.{name}")

@@ -1,8 +1,8 @@
 """Torque of an ankle prosthesis over one cycle: level walking and repeated jumps.
 
 [Chen2017, sec. 2.1.1, 2.1.2] describes both in words and by a peak ratio; its figures are not available. What it does
-not say is assumed here and named: moments and angles of level walking after the textbook's curves [WinterBiomechanics], rounded; the
-shape of a jump as two half sines.
+not say is assumed here and named: moments and angles of level walking after the textbook's curves [WinterBiomechanics],
+rounded; the shape of a jump as two half sines.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def level_walking(samples: int) -> FloatArray:
 
 
 def walking_speed(samples: int, period: float = WALKING_PERIOD) -> FloatArray:
-    """Mean speed of the ankle [rad/s] in each part of the gait cycle, positive into plantar flexion, as the moment is."""
+    """Mean speed of the ankle [rad/s] in each part of the gait cycle, positive into plantar flexion as the moment."""
     share, angle = np.array(_ANKLE).T
     ends = PchipInterpolator(share, np.deg2rad(angle))(np.linspace(0.0, 1.0, samples + 1))
     return np.asarray(-np.diff(ends) * samples / period)

@@ -78,7 +78,8 @@ class Simulator:
     def _drive(self, drive: FloatArray | float) -> FloatArray:
         """Rows of a drive, at standstill where only torques are given."""
         rows = np.atleast_2d(np.asarray(drive, dtype=float))
-        return np.vstack([rows, np.zeros((len(Load._fields) - 1, rows.shape[1]))]) if self._by_torque and len(rows) == 1 else rows
+        still = np.zeros((len(Load._fields) - 1, rows.shape[1]))
+        return np.vstack([rows, still]) if self._by_torque and len(rows) == 1 else rows
 
     def fastest(self, capacity: float, resistance: float, drive: float = 0.0) -> float:
         """The fastest rate [1/s] of a design at the air's temperature."""

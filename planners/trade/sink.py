@@ -45,8 +45,8 @@ MATERIALS = {
         Material("steel", 7850.0, 490.0, 50.0),
     )
 }
-"""Metals by name: density and specific heat after the CRC Handbook of Chemistry and Physics, conductivity that of common
-alloys: extruded aluminium, magnesium AZ91, unalloyed steel."""
+"""Metals by name: density and specific heat after the CRC Handbook of Chemistry and Physics, conductivity that of
+common alloys: extruded aluminium, magnesium AZ91, unalloyed steel."""
 
 
 @dataclass(frozen=True)

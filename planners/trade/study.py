@@ -122,7 +122,7 @@ class Sink:
 
 @dataclass(frozen=True)
 class Pipes:
-    """Heat pipes: how many may be chosen; resistance [K/W], power [W], mass [kg], price of each; their mount's mass [kg]."""
+    """Heat pipes: how many may be chosen; resistance [K/W], power [W], mass [kg], price of each; mount's mass [kg]."""
 
     counts: tuple[int, ...]
     resistance: float

@@ -67,10 +67,15 @@ from .study import (
     pipe_places,
 )
 
-_SWEPT = {"mass": Mass, "volume": Volume, "price": Positive, "voltage": Voltage, "torque": Torque, "duration": Seconds,
-          "ratio": Positive}  # fmt: skip
-_UNITS = {"mass": "kg", "volume": "m^3", "price": "the prices' currency", "voltage": "V", "torque": "N*m", "duration": "s",
-          "ratio": "revolutions of the motor by one of the load"}  # fmt: skip
+_SWEPT: dict[str, tuple[Any, str]] = {
+    "mass": (Mass, "kg"),
+    "volume": (Volume, "m^3"),
+    "price": (Positive, "the prices' currency"),
+    "voltage": (Voltage, "V"),
+    "torque": (Torque, "N*m"),
+    "duration": (Seconds, "s"),
+    "ratio": (Positive, "revolutions of the motor by one of the load"),
+}
 _GEAR = 50.0  # of walking and jumping where no gear is said
 _MOST_FACTOR = 1e6  # kg of body on a motor without gear
 _NEEDED = {"mass": "kg", "volume": "m^3", "torque_constant": "N*m/A at 25 degC"}
@@ -83,7 +88,7 @@ class StudyTable(Strict):
     name: str = "study"
     goal: Goal
     cooling: list[Cooling] = Field(default=["none", "passive", "fan"], min_length=1)
-    catalogue: str | list[str] = []
+    catalogue: str | list[str] = Field(default=[])
 
 
 class TaskTable(Strict):
@@ -174,7 +179,7 @@ class SweepTable(Strict):
 class UncertaintyTable(Strict):
     draws: Annotated[int, Field(ge=8, le=_MOST_DRAWS, strict=True)] = 128
     level: Annotated[Number, Field(ge=0.5, lt=1)] = 0.95
-    errors: dict[str, Any] = {}
+    errors: dict[str, Any] = Field(default={})
 
 
 class File(Strict):
@@ -184,7 +189,7 @@ class File(Strict):
     motors: Annotated[list[MotorTable], Field(min_length=1)]
     sink: SinkTable = SinkTable()
     gears: Annotated[list[GearTable], Field(min_length=1)] | None = None
-    materials: dict[str, MaterialTable] = {}
+    materials: dict[str, MaterialTable] = Field(default={})
     pipes: PipesTable = PipesTable()
     fan: FanTable = FanTable()
     pareto: SweepTable | None = None
@@ -271,8 +276,8 @@ def _chosen_motors(tables: File, path: Path) -> list[tuple[str, MotorTable]]:
         own = motor.model is not None or motor.data_sheet is not None
         if not matches and not own:
             expected = (
-                f"one of {', '.join(known)} or a pattern of them, a motor of study.catalogue, or for a motor of your own any "
-                f'name with model = "its model file" or data_sheet = {{…}}, {_needed(_NEEDED)}'
+                f"one of {', '.join(known)} or a pattern of them, a motor of study.catalogue, or for a motor of your "
+                f'own any name with model = "its model file" or data_sheet = {{…}}, {_needed(_NEEDED)}'
             )
             raise InputError(path, f"{place}.name", f'unknown motor "{motor.name}"', expected)
         for name in matches or [motor.name]:
@@ -290,8 +295,9 @@ def _motor(table: MotorTable, place: str, tables: File, path: Path) -> MotorChoi
     if absent:
         raise InputError(path, place, f'"{table.name}" without {", ".join(absent)}', _needed(absent))
     numbers = {name: value for name, value in given.items() if value is not None}
+    errors: dict[str, float] = {}
     if table.data_sheet is not None:
-        network, errors = data_sheet_network(table.name, table.data_sheet), {}
+        network = data_sheet_network(table.name, table.data_sheet)
     else:
         network, errors = _network(table.model or "", f"{place}.model", path)
     return MotorChoice(
@@ -402,7 +408,9 @@ def _materials(tables: File, path: Path) -> tuple[Material, ...]:
         if name in known:
             known[name] = replace(known[name], **said)
         elif absent:
-            raise InputError(path, f"materials.{name}", f"no {', '.join(absent)}", "density, specific_heat, conductivity")
+            raise InputError(
+                path, f"materials.{name}", f"no {', '.join(absent)}", "density, specific_heat, conductivity"
+            )
         else:
             known[name] = Material(name, **said)
     asked = tables.sink.material
@@ -476,7 +484,9 @@ def _cycle(table: TaskTable, geared: bool, path: Path) -> tuple[FloatArray, Floa
     if table.duration is not None:
         raise InputError(path, "task.duration", f"{table.duration:g} s", "period and cycles for a duty cycle")
     if table.speed is not None:
-        raise InputError(path, "task.speed", f"{table.speed:g} rad/s", "speeds = […] for a duty cycle, one for each part")
+        raise InputError(
+            path, "task.speed", f"{table.speed:g} rad/s", "speeds = […] for a duty cycle, one for each part"
+        )
     if table.kind == "cycle":
         if table.profile is None or table.period is None:
             missing = "profile" if table.profile is None else "period"
@@ -549,10 +559,10 @@ def _check_prices(study: Study, path: Path) -> None:
 
 
 def _sweep(table: SweepTable, study: Study, path: Path) -> Sweep:
-    unit, against, ends = _UNITS[table.against], table.against, []
+    (kind, unit), against, ends = _SWEPT[table.against], table.against, []
     for name, given in (("least", table.least), ("most", table.most)):
         try:
-            ends.append(float(TypeAdapter(_SWEPT[against]).validate_python(given)))
+            ends.append(float(TypeAdapter(kind).validate_python(given)))
         except ValidationError as error:
             raise InputError(path, f"pareto.{name}", shown(given), f"a number above 0 in {unit}") from error
     if not ends[0] < ends[1]:

@@ -44,9 +44,9 @@ def intervals(
 ) -> dict[str, Interval]:
     """Intervals of the goal by the name of the choice.
 
-    A design that is sought at its best (held torque, time to the limit, worst temperature) is kept as it was found, with
-    its fins and its metal, and judged in each draw; where the least mass, volume or price is sought, each draw tells what
-    it would take. All choices see the same draws (Sobol's sequence).
+    A design that is sought at its best (held torque, time to the limit, worst temperature) is kept as it was found,
+    with its fins and its metal, and judged in each draw; where the least mass, volume or price is sought, each draw
+    tells what it would take. All choices see the same draws (Sobol's sequence).
 
     Args:
         study: with its uncertainty.
@@ -72,7 +72,9 @@ def intervals(
         asked = problem if study.goal in BUDGETS else Problem(design.option, design.sink)
         near = asked.solve()
         for number, draw in enumerate(draws):
-            drawn = {key[1]: _drawn(asked, key[1], told_error, draw[keys.index(key)]) for key, told_error in error.items()}
+            drawn = {
+                key[1]: _drawn(asked, key[1], told_error, draw[keys.index(key)]) for key, told_error in error.items()
+            }
             solution = asked.solve(_built(asked, drawn), near=near if near.success else None)
             if solution.success:
                 values[row, number] = solution.objective
@@ -87,7 +89,7 @@ def intervals(
 
 
 def _errors_of(problem: Problem, study: Study) -> dict[Key, tuple[float, bool]]:
-    """Standard errors of a program's parameters, and whether each is relative; those of a fit unless the study says else."""
+    """Standard errors of a program's parameters, and whether each is relative; a fit's unless the study says."""
     assert study.uncertainty is not None
     motor, names = problem.option.motor, list(problem.parameters.symbols)
     errors = {name: (error, False) for name, error in motor.standard_errors.items() if name in names}
@@ -95,7 +97,9 @@ def _errors_of(problem: Problem, study: Study) -> dict[Key, tuple[float, bool]]:
         for name in matching(pattern, names):
             if error[1] and problem.parameters.units[name] == _TEMPERATURE:
                 place = f'uncertainty.errors."{pattern}"'
-                raise InputError(study.origin, place, f"{error[0]:g} of {name}, a temperature", '{ value = …, unit = "K" }')
+                raise InputError(
+                    study.origin, place, f"{error[0]:g} of {name}, a temperature", '{ value = …, unit = "K" }'
+                )
             errors[name] = error
     own = {parameter.name for parameter in problem.plant.model.parameters}
     return {(motor.name if name in own else "", name): error for name, error in errors.items() if error[0] > 0}
@@ -131,4 +135,3 @@ def _built(problem: Problem, drawn: dict[str, float]) -> dict[str, float]:
         RESISTANCE: drawn.get(RESISTANCE, p[RESISTANCE]) / ratio("film"),
         CAPACITY: drawn.get(CAPACITY, p[CAPACITY]) * ratio("specific_heat") * ratio("density"),
     }
-
