@@ -96,13 +96,29 @@ def _interval(interval: Interval) -> dict[str, float | None]:
 
 def lines(result: StudyResult) -> Iterable[str]:
     """What the command prints."""
-    words, unit, more = GOALS[result.study.goal]
-    yield f"{result.study.name}: {'most' if more else 'least'} {words}, best choice first"
-    columns = _columns(result)
-    rows = [tuple(columns), *(tuple(write(design) for write in columns.values()) for design in result.designs)]
-    widths = [max(len(row[column]) for row in rows) for column in range(len(columns))]
+    yield headline(result)
+    rows = table(result)
+    widths = [max(len(cell) for cell in column) for column in zip(*rows, strict=True)]
     for row in rows:
         yield "  ".join(text.ljust(width) for text, width in zip(row, widths, strict=True)).rstrip()
+    yield from remarks(result)
+
+
+def headline(result: StudyResult) -> str:
+    """What was sought."""
+    words, _, more = GOALS[result.study.goal]
+    return f"{result.study.name}: {'most' if more else 'least'} {words}, best choice first"
+
+
+def table(result: StudyResult) -> list[tuple[str, ...]]:
+    """A row of heads, then one for each feasible choice."""
+    columns = _columns(result)
+    return [tuple(columns), *(tuple(write(design) for write in columns.values()) for design in result.designs)]
+
+
+def remarks(result: StudyResult) -> Iterable[str]:
+    """Cautions, what was refused, sensitivities, the ends of the front."""
+    words, unit, _ = GOALS[result.study.goal]
     for design in result.designs:
         if abs(design.checked - design.winding) > _AGREES:
             yield f"{design.option.name}: caution, a simulation in fine steps reaches {design.checked:.1f} degC"

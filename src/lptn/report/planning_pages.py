@@ -15,6 +15,7 @@ from lptn.planners.mission.answer import MissionAnswer
 from lptn.planners.mpc.answer import TrackAnswer
 from lptn.report.charts import POINTS, ChartPanel, Charts, Line, View
 from lptn.report.document import picture, render
+from lptn.report.tables import Table
 from lptn.report.text import for_people, unit_text
 
 if TYPE_CHECKING:
@@ -150,9 +151,10 @@ def trade_html(result: StudyResult) -> str:
     Returns:
         HTML text, with the Pareto front and the times to the limit to hover.
     """
-    from lptn.planners.trade.export import lines
+    from lptn.planners.trade.export import headline, remarks, table
     from lptn.planners.trade.figures import study_figure
 
+    heads, *rows = table(result)
     charts = {"Time to the limit": _curves(result).html("curves")}
     if result.front:
         charts = {"Pareto front: the best choice at each amount": _front(result).html("front")} | charts
@@ -161,7 +163,9 @@ def trade_html(result: StudyResult) -> str:
     return render(
         "planning.html.j2",
         title=result.study.name,
-        said=[for_people(line) for line in lines(result)],
+        said=[for_people(line) for line in remarks(result)],
+        lead=for_people(headline(result)),
+        table=Table(tuple(for_people(head) for head in heads), tuple(rows)),
         charts=list(charts.values()),
         headings=list(charts),
         still=picture("The study in one figure.", inline_svg(study_figure(result), result.study.name)),
@@ -204,8 +208,8 @@ def _front_panels(
         panels.append(("gear ratio", "", 120, lambda point: point.ratio))
     if result.with_sink is not None:
         panels += [
-            ("sink's capacity [J/K]", "J/K", 120, lambda point: _or_nan(point.capacity)),
-            ("its resistance [K/W]", "K/W", 120, lambda point: _or_nan(point.resistance)),
+            ("C [J/K]", "J/K", 120, lambda point: _or_nan(point.capacity)),
+            ("R_h [K/W]", "K/W", 120, lambda point: _or_nan(point.resistance)),
         ]
     return panels
 
@@ -237,8 +241,11 @@ def _curves(result: StudyResult) -> Charts:
 
 
 def _colour(result: StudyResult, name: str) -> int:
-    """The number of a choice, the same in all charts."""
-    return [option.name for option in result.study.options()].index(name)
+    """The number of a choice, the same in all charts; only those that are drawn are counted."""
+    drawn = {design.option.name for design in result.designs} | {
+        one for one, points in result.by_option.items() if points
+    }
+    return [option.name for option in result.study.options() if option.name in drawn].index(name)
 
 
 def _unit_in(label: str) -> str:
