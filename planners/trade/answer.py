@@ -19,6 +19,7 @@ from .uncertainty import Interval, intervals
 _CURRENT = 40.0  # A; how far curves go where nothing limits the current
 _POINTS = 45  # of a curve
 _DIAGRAMS = 6  # torque over speed; each takes seconds
+_DRAWN = 6  # choices that a reader tells apart in one diagram
 _BETTER = 1e-4  # relative; a point that is better by less adds nothing to a front
 Report = Callable[[str], None]
 
@@ -88,6 +89,13 @@ class StudyResult:
         """Temperature over (C, R) for the best design with a sink, `None` where none has one."""
         design = self.with_sink
         return None if design is None else iso_map(design)
+
+    @cached_property
+    def drawn(self) -> tuple[str, ...]:
+        """Names of the choices that figures show: the best one, the best one with a sink, the front's, the next best."""
+        best = [design.option.name for design in self.designs]
+        sunk = [] if self.with_sink is None else [self.with_sink.option.name]
+        return tuple(dict.fromkeys([*best[:1], *sunk, *(point.option for point in self.front), *best]))[:_DRAWN]
 
     @property
     def with_sink(self) -> Design | None:

@@ -156,7 +156,7 @@ def _columns(result: StudyResult) -> dict[str, Callable[[Design], str]]:
         "mass [g]": lambda design: f"{1e3 * design.mass:.0f}",
         "volume [cm3]": lambda design: f"{1e6 * design.volume:.0f}",
     }
-    if result.study.asks_for_prices:
+    if result.study.asks_for_prices and result.study.goal != "price":
         columns["price"] = lambda design: f"{design.price:.4g}"
     columns["winding [degC]"] = lambda design: f"{design.winding:.1f}"
     columns["active constraints"] = lambda design: ", ".join(design.binding) or "nothing"
@@ -199,7 +199,7 @@ def _sensitivity_lines(design: Design, words: str, unit: str) -> Iterable[str]:
 
 def _sink_lines(result: StudyResult, unit: str) -> Iterable[str]:
     for design in result.designs:
-        if design.sink_sensitivities:
+        if design.sink_sensitivities and design.option.name in result.drawn:
             gram, resistance = design.sink_sensitivities["mass"] / 1e3, design.sink_sensitivities["resistance"]
             numbers = f"{gram:+.3g} {unit} per g of slab, {resistance:+.3g} {unit} per K/W"
             yield f"  {design.option.name}, the sink as it is: {numbers}"

@@ -110,8 +110,8 @@ def duration_words(seconds: float) -> str:
 
 def _look(result: StudyResult, name: str) -> dict[str, Any]:
     """Colour by motor, dashes by all else that is chosen."""
-    options = {option.name: option for option in result.study.options()}
-    motors = [motor.name for motor in result.study.motors]
+    options = {option.name: option for option in result.study.options() if option.name in result.drawn}
+    motors = list(dict.fromkeys(option.motor.name for option in options.values()))
     styles = list(dict.fromkeys(_style(option) for option in options.values()))
     option = options[name]
     style = styles.index(_style(option))
@@ -130,7 +130,7 @@ def _front(ax: Axes, result: StudyResult) -> None:
     factor, label = AMOUNTS[result.study.sweep.against]
     scale, goal = VALUES[result.study.goal]
     for name, points in result.by_option.items():
-        if points:
+        if points and name in result.drawn:
             amounts, values = ([getattr(point, key) for point in points] for key in ("amount", "value"))
             ax.plot(
                 factor * np.array(amounts),
@@ -196,9 +196,11 @@ def _bounds(ax: Axes, design: Design) -> None:
 
 def _curves(ax: Axes, result: StudyResult) -> None:
     most = result.curves[0].current[-1] / 1.3
-    for design, curve in zip(result.designs, result.curves, strict=True):
+    for curve in result.curves:
+        if curve.name not in result.drawn:
+            continue
         reached = np.isfinite(curve.time)
-        look = _look(result, design.option.name)
+        look = _look(result, curve.name)
         ax.plot(curve.current[reached], curve.time[reached], lw=1.6, label=plain(curve.name), **look)
     ax.axvline(most, color=LIMIT, lw=1.0)
     ax.annotate("most current", (most, 0.98), (3, 0), xycoords=("data", "axes fraction"), textcoords="offset points",

@@ -44,7 +44,7 @@ def _volts(x: FloatArray, torque: float, speed: float) -> float:
     return float(hot * torque / _constant(x[2]) + _constant(x[2]) * speed)
 
 
-def _held(duration: float, speed: float, voltage: float) -> float:
+def held_at(duration: float, speed: float, voltage: float) -> float:
     """The most torque of the U8 at its shaft [N·m] that keeps 105 degC and the voltage."""
 
     def over(torque: float) -> float:
@@ -82,7 +82,7 @@ def test_voltage_limits_the_torque_at_speed(speed: float) -> None:
     asked = study("held_torque", f"duration = 120\nspeed = {speed}", f"voltage = {VOLTAGE}", cooling='"none"')
     design = _one(asked)
     assert ("voltage" in design.binding) == (speed > 150)
-    assert design.value == pytest.approx(_held(120.0, speed, VOLTAGE), rel=2e-5)
+    assert design.value == pytest.approx(held_at(120.0, speed, VOLTAGE), rel=2e-5)
 
 
 @pytest.mark.long
@@ -91,7 +91,7 @@ def test_the_best_ratio_is_that_of_a_search() -> None:
     task, limits = f"duration = 120\nspeed = {speed}", f"voltage = {VOLTAGE}"
     design = _one(study("held_torque", task, limits, more=GEAR.format(ratio="[10, 200]"), cooling='"none"'))
     ratios = np.linspace(44.0, 51.0, 36)
-    held = np.array([ratio * EFFICIENCY * _held(120.0, ratio * speed, VOLTAGE) for ratio in ratios])
+    held = np.array([ratio * EFFICIENCY * held_at(120.0, ratio * speed, VOLTAGE) for ratio in ratios])
     assert design.value >= held.max() - 1e-4
     assert design.value == pytest.approx(held.max(), rel=2e-3)
     assert design.ratio == pytest.approx(ratios[held.argmax()], abs=0.3)

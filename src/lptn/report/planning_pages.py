@@ -164,7 +164,7 @@ def trade_html(result: StudyResult) -> str:
         "planning.html.j2",
         title=result.study.name,
         said=[for_people(line) for line in remarks(result)],
-        lead=for_people(headline(result)),
+        lead=for_people(headline(result).removeprefix(f"{result.study.name}: ")),
         table=Table(tuple(for_people(head) for head in heads), tuple(rows)),
         charts=list(charts.values()),
         headings=list(charts),
@@ -178,7 +178,7 @@ def _front(result: StudyResult) -> Charts:
     assert result.study.sweep is not None  # a front comes from a sweep
     factor, label = AMOUNTS[result.study.sweep.against]
     scale, goal = VALUES[result.study.goal]
-    every = {name: points for name, points in result.by_option.items() if points}
+    every = {name: points for name, points in result.by_option.items() if points and name in result.drawn}
     amounts = np.unique([point.amount for points in [*every.values(), result.front] for point in points])
     shown: dict[str, FloatArray] = {}
     panels: list[ChartPanel] = []
@@ -234,18 +234,19 @@ def _torque_speed(result: StudyResult) -> Charts:
 
 def _curves(result: StudyResult) -> Charts:
     currents = result.curves[0].current
-    shown = {each.name: np.where(np.isfinite(each.time), each.time, np.nan) for each in result.curves}
+    shown = {
+        each.name: np.where(np.isfinite(each.time), each.time, np.nan)
+        for each in result.curves
+        if each.name in result.drawn
+    }
     drawn = tuple(Line(name, name, colour=_colour(result, name)) for name in shown)
     panel = ChartPanel(f"time to {result.curves[0].limit:.0f} °C [s]", "s", drawn, 320, log=True)
     return Charts("constant current [A]", (panel,), [View(("",), "", "current", shown)], {"current": currents})
 
 
 def _colour(result: StudyResult, name: str) -> int:
-    """The number of a choice, the same in all charts; only those that are drawn are counted."""
-    drawn = {design.option.name for design in result.designs} | {
-        one for one, points in result.by_option.items() if points
-    }
-    return [option.name for option in result.study.options() if option.name in drawn].index(name)
+    """The number of a choice, the same in all charts."""
+    return result.drawn.index(name)
 
 
 def _unit_in(label: str) -> str:
