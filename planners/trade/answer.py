@@ -92,7 +92,7 @@ class StudyResult:
 
     @cached_property
     def drawn(self) -> tuple[str, ...]:
-        """Names of the choices that figures show: the best one, the best one with a sink, the front's, the next best."""
+        """Names of the choices in figures: the best one, the best one with a sink, the front's, the next best."""
         best = [design.option.name for design in self.designs]
         sunk = [] if self.with_sink is None else [self.with_sink.option.name]
         return tuple(dict.fromkeys([*best[:1], *sunk, *(point.option for point in self.front), *best]))[:_DRAWN]
