@@ -9,9 +9,9 @@ Counted are joints and control periods in which the plan holds the joint at its 
 within 0.02 K of it, the margin off, or above that): the share of them that were truly above the limit at the period's
 end, how far at worst, and the share of all joints and periods.
 
-``--smoothing 50`` lets shares rise with that time constant. The last two columns are what it is for, and what it costs: under
-a heavy request that stays the same for half an hour, the standard deviation of a joint's torque about its mean of two minutes;
-and the squares of what was not given over those of what was asked, in the changing tasks.
+``--smoothing 50`` lets shares rise with that time constant. The last two columns are what it is for, and what it costs:
+under a heavy request that stays the same for half an hour, the standard deviation of a joint's torque about its mean of
+two minutes; and the squares of what was not given over those of what was asked, in the changing tasks.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ def loop(
 
 
 def ripple(seed: int, level: float, noise: float, resolution: float, smoothing: float) -> float:
-    """Standard deviation of torque about its mean of two minutes, over it, of the joints that are held at their limit."""
+    """Standard deviation of torque about its mean of two minutes, over it, of joints that are held at their limit."""
     _, held, _, given = loop(seed, level, noise, resolution, smoothing, constant=True)
     given, held = given[_SETTLED:], held[_SETTLED:]
     means = given.reshape(-1, _MEAN, 12).mean(axis=1)
