@@ -126,9 +126,8 @@ class TorqueMPC:
             the same course at every step. By default τ = 10 K / (the node's cooling at its limit, without load,
             in air of 25 degC [K/s]): its heat falls from what holds the limit to none at 10 K above it. 0: as fast as
             can be, and everything that warms it, be it ever so little, is cut to next to nothing meanwhile.
-        smoothing: what a change of a joint's share of its request from one period to the next costs, as so many seconds
-            of the same deviation from the request [s]: less ripple at a limit, for slower answers to what has
-            changed. It counts only while the same is asked.
+        smoothing: time constant [s] with which a joint's share of its request rises while the same is asked; it falls
+            at once. Less ripple at a limit, and no more of what is above it: never is more admitted than without.
         level: probability with which a node that is held at its limit is to be below it. The margin for it follows
             from the covariance of the estimate, one period on; `Plan.margin` tells it.
         margin: K that is kept beside it.

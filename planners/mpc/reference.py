@@ -59,7 +59,6 @@ class Reference:
         request: FloatArray,
         conditions: FloatArray,
         bias: FloatArray | None = None,
-        shares: FloatArray | None = None,
     ) -> Solution:
         """Solve it.
 
@@ -68,7 +67,6 @@ class Reference:
             request: RMS of each stage, shape (stages, joints).
             conditions: means of each stage, shape (stages, conditions).
             bias: heat that the model lacks [K/s], by state.
-            shares: of the same request, that the period before got, by joint; their change costs `settings.smoothing`.
         """
         settings, p = self.settings, self.heating.model.values
         n, joints = len(settings.stages), len(self.heating.joints)
@@ -84,8 +82,6 @@ class Reference:
         parameters = [start, np.ravel(request**2), np.ravel(conditions), np.ravel(weight),
                  np.zeros(len(start)) if bias is None else bias, p]  # fmt: skip
         parameters.append(settings.limits_from(start[nodes]).T.ravel())
-        parameters += [np.zeros(joints), np.zeros(joints)] if shares is None else [
-            weight[0] * settings.smoothing / settings.stages[0], shares]  # fmt: skip
         bounds = np.zeros(n * (len(start) + len(nodes)))
         low = bounds.copy()
         low[n * len(start) :] = -ca.inf
@@ -127,13 +123,11 @@ class Reference:
         limits = ca.MX.sym("limits", len(nodes), n)
         over = x[nodes, :] - limits - e
         linear, quadratic = settings.prices
-        change, shares = ca.MX.sym("change", joints), ca.MX.sym("shares", joints)
         cost = ca.sum1(ca.vec(weight * (1 - ca.sqrt(s)) ** 2))
-        cost += ca.sum1(change * (ca.sqrt(s[:, 0]) - shares) ** 2)
         cost += linear * ca.sum1(ca.vec(e)) + quadratic / 2 * ca.sumsqr(e)
         program = {
             "x": ca.veccat(s, x, e),
-            "p": ca.veccat(start, square, d, weight, bias, p, limits, change, shares),
+            "p": ca.veccat(start, square, d, weight, bias, p, limits),
             "f": cost,
             "g": ca.vertcat(*following, ca.vec(over)),
         }

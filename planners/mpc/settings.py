@@ -38,8 +38,7 @@ class Settings:
         rates: largest change of the request's unit per second, shape (joints,), 0 for none.
         floors: of the request's unit that each joint gets whatever gets hot, shape (joints,).
         recovery: time constant with which a node comes down from above its limit [s], shape (limited nodes,).
-        smoothing: what a change of a joint's share of its request from one period to the next costs, in seconds of the
-            same deviation from the request.
+        smoothing: time constant with which a joint's share of its request rises while the same is asked [s].
         noise: of a reading, standard deviation [K].
         resolution: step of the readings [K].
         level: probability with which a node at its limit is to be below it.

@@ -1,14 +1,18 @@
-"""Cooling trade studies: small optimisation problems on the symbolic model (`lptn trade STUDY.toml`)."""
+"""Trade studies of motor, gear and cooling: small optimisation problems on the model (`lptn trade STUDY.toml`)."""
 
 from .answer import FrontPoint, StudyResult, solve_study
 from .designs import Design, IsoMap, LimitCurve, Obstacle, Refusal, iso_map, limit_curves
 from .problem import Problem
-from .study import Option, Study
+from .study import Gear, Option, Study
 from .study_file import load_study, parse_study
+from .torque_speed import TorqueSpeed, torque_speed
+from .uncertainty import Interval
 
 __all__ = [
     "Design",
     "FrontPoint",
+    "Gear",
+    "Interval",
     "IsoMap",
     "LimitCurve",
     "Obstacle",
@@ -17,9 +21,11 @@ __all__ = [
     "Refusal",
     "Study",
     "StudyResult",
+    "TorqueSpeed",
     "iso_map",
     "limit_curves",
     "load_study",
     "parse_study",
     "solve_study",
+    "torque_speed",
 ]

@@ -10,13 +10,16 @@ import numpy as np
 
 from lptn.basics.errors import InputError
 
-from .designs import Design, IsoMap, LimitCurve, Refusal, design_of, iso_map, limit_curves, refusal_of
+from .designs import BUDGETS, Design, IsoMap, LimitCurve, Refusal, design_of, iso_map, limit_curves, refusal_of
 from .problem import Problem, Solution
-from .study import GOALS, Option, Study, Sweep
+from .study import GOALS, SWEPT, Option, Study, Sweep
+from .torque_speed import TorqueSpeed, torque_speed
+from .uncertainty import Interval, intervals
 
 _CURRENT = 40.0  # A; how far curves go where nothing limits the current
 _POINTS = 45  # of a curve
-_BUDGETS = ("mass", "volume")
+_DIAGRAMS = 6  # torque over speed; each takes seconds
+_DRAWN = 6  # choices that a reader tells apart in one diagram
 _BETTER = 1e-4  # relative; a point that is better by less adds nothing to a front
 Report = Callable[[str], None]
 
@@ -30,8 +33,10 @@ class FrontPoint:
     option: str
     capacity: float | None
     resistance: float | None
+    ratio: float
     mass: float
     volume: float
+    price: float
 
 
 @dataclass(frozen=True)
@@ -45,6 +50,7 @@ class StudyResult:
         front: the best value over what was swept; empty without a sweep. Points that are no better than a cheaper
             one are left out.
         by_option: for every option by name its points of the sweep.
+        intervals: of the goal under what is not known, for every feasible option by name; empty where all is known.
     """
 
     study: Study
@@ -52,6 +58,7 @@ class StudyResult:
     refusals: tuple[Refusal, ...]
     front: tuple[FrontPoint, ...] = ()
     by_option: dict[str, tuple[FrontPoint, ...]] = field(default_factory=dict)
+    intervals: dict[str, Interval] = field(default_factory=dict)
 
     @property
     def best(self) -> Design:
@@ -72,10 +79,23 @@ class StudyResult:
         return tuple(limit_curves(design, currents) for design in self.designs)
 
     @cached_property
+    def torque_speed(self) -> tuple[TorqueSpeed, ...]:
+        """How long the best designs hold each torque at each speed; empty without a limit of voltage or speed."""
+        drawn = [design for design in self.designs if {"voltage", "speed"} & {*design.option.limits}]
+        return tuple(torque_speed(design) for design in drawn[:_DIAGRAMS])
+
+    @cached_property
     def iso_map(self) -> IsoMap | None:
         """Temperature over (C, R) for the best design with a sink, `None` where none has one."""
         design = self.with_sink
         return None if design is None else iso_map(design)
+
+    @cached_property
+    def drawn(self) -> tuple[str, ...]:
+        """Names of the choices in figures: the best one, the best one with a sink, the front's, the next best."""
+        best = [design.option.name for design in self.designs]
+        sunk = [] if self.with_sink is None else [self.with_sink.option.name]
+        return tuple(dict.fromkeys([*best[:1], *sunk, *(point.option for point in self.front), *best]))[:_DRAWN]
 
     @property
     def with_sink(self) -> Design | None:
@@ -114,7 +134,9 @@ def solve_study(study: Study, report: Report = lambda _: None) -> StudyResult:
             problems.append((problem, None))
     better = GOALS[study.goal][2]
     designs.sort(key=lambda design: (-design.value if better else design.value, design.mass))
-    result = StudyResult(study, tuple(designs), tuple(refusals))
+    by_name = {problem.option.name: problem for problem, _ in problems}
+    solved = [(by_name[design.option.name], design) for design in designs]
+    result = StudyResult(study, tuple(designs), tuple(refusals), intervals=intervals(study, solved, report))
     return result if study.sweep is None else _swept(result, problems, report)
 
 
@@ -129,10 +151,13 @@ def _swept(result: StudyResult, problems: list[tuple[Problem, Solution | None]],
 
 
 def _front_of(by_option: dict[str, tuple[FrontPoint, ...]], study: Study, sweep: Sweep) -> tuple[FrontPoint, ...]:
-    """The points that no other beats in both the amount and the goal."""
+    """The points that no other beats in both the amount and the goal; the best of each amount that costs nothing."""
     sign = 1.0 if GOALS[study.goal][2] else -1.0
-    cheap_first = 1.0 if sweep.against in _BUDGETS else -1.0
+    cheap_first = SWEPT[sweep.against]
     points = [point for points in by_option.values() for point in points]
+    if not cheap_first:
+        best = {point.amount: point for point in sorted(points, key=lambda point: sign * point.value)}
+        return tuple(best[amount] for amount in sorted(best))
     front: list[FrontPoint] = []
     for point in sorted(points, key=lambda point: (cheap_first * point.amount, -sign * point.value)):
         if not front or sign * (point.value - front[-1].value) > _BETTER * abs(front[-1].value):
@@ -141,32 +166,40 @@ def _front_of(by_option: dict[str, tuple[FrontPoint, ...]], study: Study, sweep:
 
 
 def _sweep_points(problem: Problem, near: Solution | None, sweep: Sweep) -> tuple[FrontPoint, ...]:
-    """One option's answers, up to the first amount that is too hard: all that follow are harder."""
-    points = []
-    # More mass or volume allows more; more torque or time asks for more.
-    for amount in sweep.values[::-1] if sweep.against in _BUDGETS else sweep.values:
-        if sweep.against in _BUDGETS and amount < problem.option.least(sweep.against):
+    """One option's answers; where more is harder, or less is, up to the first amount that is too hard."""
+    parameter = _swept_parameter(problem, sweep.against)
+    if parameter is None:
+        return ()
+    points, eases = [], SWEPT[sweep.against]
+    for amount in sweep.values[::-1] if eases > 0 else sweep.values:
+        if sweep.against in BUDGETS and amount < problem.option.least(sweep.against):
             break
-        solution = problem.solve({_swept_parameter(problem, sweep.against): amount}, near=near)
+        solution = problem.solve({parameter: amount}, near=near)
         if not solution.success:
-            break
+            if eases:
+                break
+            continue
         near = solution
         points.append(_point(problem.option, sweep.against, amount, solution))
     by_amount = {round(point.amount, 6 if sweep.against == "mass" else 9): point for point in points}
     return tuple(sorted(by_amount.values(), key=lambda point: point.amount))
 
 
-def _swept_parameter(problem: Problem, against: str) -> str:
-    """The parameter that a sweep moves; a limit that the study left open is a mistake of the study."""
-    name = f"limit.{against}" if against in _BUDGETS else against
-    if name not in problem.parameters.symbols:
-        origin = problem.option.study.origin
-        raise InputError(origin, "pareto.against", f'"{against}" without a limit', f"limits.{against} = …, to be swept")
-    return name
+def _swept_parameter(problem: Problem, against: str) -> str | None:
+    """The parameter that a sweep moves, `None` for a choice without it; a limit that was left open is a mistake."""
+    name = {"torque": "torque", "duration": "duration", "ratio": "gear.ratio"}.get(against, f"limit.{against}")
+    if name in problem.parameters.symbols:
+        return name
+    study = problem.option.study
+    if against != "ratio":
+        expected = f"limits.{against} = …, to be swept"
+        raise InputError(study.origin, "pareto.against", f'"{against}" without a limit', expected)
+    return None
 
 
 def _point(option: Option, against: str, amount: float, solution: Solution) -> FrontPoint:
     values = solution.variables
-    amount = values[against] if against in _BUDGETS else amount  # a design need not use up its budget
+    amount = values[against] if against in BUDGETS else amount  # a design need not use up its budget
     capacity, resistance = (values[name] if option.has_sink else None for name in ("capacity", "resistance"))
-    return FrontPoint(amount, solution.objective, option.name, capacity, resistance, values["mass"], values["volume"])
+    others = (values[name] for name in ("ratio", "mass", "volume", "price"))
+    return FrontPoint(amount, solution.objective, option.name, capacity, resistance, *others)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,10 +13,11 @@ from .motors import ENAMEL_LIMIT
 from .plant import CAPACITY, RESISTANCE
 from .problem import Problem, Relaxed, Solution
 from .simulation import Simulator, check_design, peak_temperatures
-from .sink import SPECIFIC_HEAT
 from .study import Option
 
 _FIRST_STEP, _STEP_GROWTH = 0.02, 1.02  # s: short steps where a winding at many times its rating warms within a second
+BUDGETS: tuple[Relaxed, ...] = ("mass", "volume", "price")
+"""What a design spends."""
 _MOVED = 1e-4  # relative; a limit that moved less did not move
 
 
@@ -25,11 +26,12 @@ class Design:
     """A feasible choice at its best.
 
     Args:
-        option: the discrete choice.
+        option: the discrete choice, its gear's ratio as it was found.
         value: of the goal, in its unit.
         capacity, resistance: of the sink [J/K, K/W]; `None` without one.
-        mass, volume: of motor and cooling [kg, m³].
-        torque: peak torque at the motor [N·m].
+        ratio: of the gear.
+        mass, volume, price: of motor, gear and cooling [kg, m³].
+        torque: peak torque behind the gear [N·m].
         duration: of the hold or the cycle [s].
         winding: the highest winding temperature [degC].
         current: the highest current [A].
@@ -37,7 +39,7 @@ class Design:
         parameters: value and unit of every number of the program, by name.
         sensitivities: derivative of the goal to every parameter, by name, in the goal's unit per the parameter's, the
             design re-optimised; Lagrange multipliers of the converged program.
-        sink_sensitivities: derivative of the goal to the sink's capacity [per J/K], mass [per kg of aluminium] and
+        sink_sensitivities: derivative of the goal to the sink's capacity [per J/K], mass [per kg of its metal] and
             resistance [per K/W] with all else of the design held; empty without a sink, or where that program did not
             converge.
         checked: the highest winding temperature in a fine simulation of the same design [degC].
@@ -48,8 +50,10 @@ class Design:
     value: float
     capacity: float | None
     resistance: float | None
+    ratio: float
     mass: float
     volume: float
+    price: float
     torque: float
     duration: float
     winding: float
@@ -68,7 +72,14 @@ class Design:
         study = self.option.study
         sought = study.goal in ("held_torque", "time_to_limit", "worst_temperature")
         active = len(self.binding) + (study.goal == "worst_temperature")
-        return active > 2 * self.option.has_sink + sought
+        return active > 2 * self.option.has_sink + sought + ("most.ratio" in self.parameters)
+
+    @property
+    def sink(self) -> tuple[float, float] | None:
+        """Its capacity [J/K] and resistance [K/W], `None` without one."""
+        if self.capacity is None or self.resistance is None:
+            return None
+        return self.capacity, self.resistance
 
 
 @dataclass(frozen=True)
@@ -117,7 +128,9 @@ class Refusal:
 
 def design_of(problem: Problem, solution: Solution) -> Design:
     """A converged solution as a design, with its sensitivities."""
-    option, values = problem.option, solution.variables
+    values = solution.variables
+    gear = replace(problem.option.gear, ratio=(values["ratio"],) * 2)
+    option = replace(problem.option, gear=gear)
     sink = (values["capacity"], values["resistance"]) if option.has_sink else None
     winding = [problem.plant.states.index(node) for node in option.motor.winding]
     hottest, current = check_design(option, sink, values["torque"], values["duration"], solution.states[:, 0])
@@ -126,8 +139,10 @@ def design_of(problem: Problem, solution: Solution) -> Design:
         solution.objective,
         sink[0] if sink else None,
         sink[1] if sink else None,
+        values["ratio"],
         values["mass"],
         values["volume"],
+        values["price"],
         values["torque"],
         values["duration"],
         float(solution.states[winding].max()),
@@ -144,13 +159,18 @@ def design_of(problem: Problem, solution: Solution) -> Design:
 
 def _sink_sensitivities(option: Option, sink: tuple[float, float]) -> dict[str, float]:
     """Derivatives of the goal to the sink's two numbers, the rest of the design held."""
-    if option.study.goal in ("mass", "volume"):
+    if option.study.goal in BUDGETS:
         return {}  # at a given sink its mass is given
     solution = Problem(option, sink).solve()
     if not solution.success:
         return {}
     gradient, per_capacity = solution.gradient, solution.gradient[CAPACITY]
-    return {"capacity": per_capacity, "mass": per_capacity * SPECIFIC_HEAT, "resistance": gradient[RESISTANCE]}
+    per_mass = per_capacity * option.material.specific_heat
+    return {
+        "capacity": per_capacity,
+        "mass": per_mass,
+        "resistance": gradient[RESISTANCE],
+    }
 
 
 def refusal_of(problem: Problem) -> Refusal:
@@ -173,8 +193,7 @@ def refusal_of(problem: Problem) -> Refusal:
 def _hopeful(problem: Problem) -> list[Relaxed]:
     """Limits that could help alone: where there is not even mass for the parts, no other one does."""
     p, names = problem.parameters.defaults, problem.relaxable()
-    budgets: tuple[Relaxed, ...] = ("mass", "volume")
-    short = [name for name in budgets if p.get(f"limit.{name}", np.inf) < problem.option.least(name)]
+    short = [name for name in BUDGETS if p.get(f"limit.{name}", np.inf) < problem.option.least(name)]
     if not short:
         return names
     return short if len(short) == 1 else []

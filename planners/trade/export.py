@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict
+
+import numpy as np
 
 from .answer import StudyResult
 from .designs import Design, IsoMap, LimitCurve
 from .study import GOALS
+from .torque_speed import TorqueSpeed
+from .uncertainty import Interval
 
 _AGREES = 0.5  # K between the program's few elements and a fine simulation
 _COUNTS = 1e-4  # relative sensitivities below this are solver dust
@@ -22,7 +26,7 @@ def as_json(result: StudyResult) -> dict[str, object]:
         "study": result.study.name,
         "goal": {"name": result.study.goal, "words": words, "unit": unit, "more_is_better": more},
         "best": result.designs[0].option.name if result.designs else None,
-        "designs": [_design(design) for design in result.designs],
+        "designs": [_design(design, result.intervals) for design in result.designs],
         "refused": [
             {
                 "option": refusal.option.name,
@@ -38,6 +42,7 @@ def as_json(result: StudyResult) -> dict[str, object]:
         },
         "time_to_limit": [_curve(curve) for curve in result.curves],
         "map": _map(result.iso_map),
+        "torque_speed": [_torque_speed(each) for each in result.torque_speed],
     }
 
 
@@ -45,6 +50,13 @@ def _curve(curve: LimitCurve) -> dict[str, object]:
     """Time to the limit [s] over constant current [A]; null where it is never reached."""
     current, time = curve.current.tolist(), curve.time.tolist()
     return {"option": curve.name, "limit": curve.limit, "current": current, "time": time}
+
+
+def _torque_speed(each: TorqueSpeed) -> dict[str, object]:
+    """Torque [N·m] that is held for each duration [s] (null: for ever) at each speed [rad/s]; null for none."""
+    durations = [time if np.isfinite(time) else None for time in each.durations.tolist()]
+    torque = [[value if np.isfinite(value) else None for value in row] for row in each.torque.tolist()]
+    return {"option": each.name, "speed": each.speed.tolist(), "durations": durations, "torque": torque}
 
 
 def _map(grid: IsoMap | None) -> dict[str, object] | None:
@@ -55,40 +67,58 @@ def _map(grid: IsoMap | None) -> dict[str, object] | None:
     return {"option": grid.option.name, "torque": grid.torque, **axes, "winding": grid.winding.tolist()}
 
 
-def _design(design: Design) -> dict[str, object]:
-    names = ("value", "capacity", "resistance", "mass", "volume", "torque", "duration", "winding", "current", "checked")
+def _design(design: Design, intervals: Mapping[str, Interval]) -> dict[str, object]:
+    names = ("value", "capacity", "resistance", "ratio", "mass", "volume", "price", "torque", "duration", "winding",
+             "current", "checked")  # fmt: skip
+    interval = intervals.get(design.option.name)
     return {
         "option": design.option.name,
         "motor": design.option.motor.name,
         "cooling": design.option.cooling,
         "pipes": design.option.pipes,
+        "gear": design.option.gear.name,
+        "material": design.option.material.name if design.option.has_sink else None,
         **{name: getattr(design, name) for name in names},
         "fan_power": design.option.study.fan.power if design.option.cooling == "fan" else 0.0,
         "binding": list(design.binding),
         "degenerate": design.degenerate,
         "sensitivities": design.sensitivities,
         "of_sink": design.sink_sensitivities,
+        "interval": None if interval is None else _interval(interval),
     }
+
+
+def _interval(interval: Interval) -> dict[str, float | None]:
+    """Its ends, null where limits can't be kept; shares of the draws that are feasible, and in which it is the best."""
+    low, high = (end if np.isfinite(end) else None for end in (interval.low, interval.high))
+    return {"low": low, "high": high, "feasible": interval.feasible, "best": interval.best}
 
 
 def lines(result: StudyResult) -> Iterable[str]:
     """What the command prints."""
-    words, unit, more = GOALS[result.study.goal]
-    yield f"{result.study.name}: {'most' if more else 'least'} {words}, best choice first"
-    header = (
-        "choice",
-        f"{words} [{unit}]",
-        "C [J/K]",
-        "R [K/W]",
-        "mass [g]",
-        "volume [cm3]",
-        "winding [degC]",
-        "active constraints",
-    )
-    rows = [header, *(_row(design) for design in result.designs)]
-    widths = [max(len(row[column]) for row in rows) for column in range(len(header))]
+    yield headline(result)
+    rows = table(result)
+    widths = [max(len(cell) for cell in column) for column in zip(*rows, strict=True)]
     for row in rows:
         yield "  ".join(text.ljust(width) for text, width in zip(row, widths, strict=True)).rstrip()
+    yield from remarks(result)
+
+
+def headline(result: StudyResult) -> str:
+    """What was sought."""
+    words, _, more = GOALS[result.study.goal]
+    return f"{result.study.name}: {'most' if more else 'least'} {words}, best choice first"
+
+
+def table(result: StudyResult) -> list[tuple[str, ...]]:
+    """A row of heads, then one for each feasible choice."""
+    columns = _columns(result)
+    return [tuple(columns), *(tuple(write(design) for write in columns.values()) for design in result.designs)]
+
+
+def remarks(result: StudyResult) -> Iterable[str]:
+    """Cautions, what was refused, sensitivities, the ends of the front."""
+    words, unit, _ = GOALS[result.study.goal]
     for design in result.designs:
         if abs(design.checked - design.winding) > _AGREES:
             yield f"{design.option.name}: caution, a simulation in fine steps reaches {design.checked:.1f} degC"
@@ -107,17 +137,36 @@ def lines(result: StudyResult) -> Iterable[str]:
         yield f"Pareto front over {against}: {len(result.front)} points, {ends}"
 
 
-def _row(design: Design) -> tuple[str, ...]:
-    return (
-        design.option.name,
-        f"{design.value:.4g}",
-        _text(design.capacity),
-        _text(design.resistance),
-        f"{1e3 * design.mass:.0f}",
-        f"{1e6 * design.volume:.0f}",
-        f"{design.winding:.1f}",
-        ", ".join(design.binding) or "nothing",
-    )
+def _columns(result: StudyResult) -> dict[str, Callable[[Design], str]]:
+    """The table's columns: those that the study asks about."""
+    words, unit, _ = GOALS[result.study.goal]
+    columns: dict[str, Callable[[Design], str]] = {
+        "choice": lambda design: design.option.name,
+        f"{words} [{unit}]": lambda design: f"{design.value:.4g}",
+    }
+    if result.study.uncertainty is not None:
+        level, intervals = result.study.uncertainty.level, result.intervals
+        columns[f"{level:.0%} interval"] = lambda design: _range(intervals[design.option.name])
+        columns["best in"] = lambda design: f"{intervals[design.option.name].best:.0%}"
+    if any(gear.name for gear in result.study.gears):
+        columns["ratio"] = lambda design: f"{design.ratio:.4g}"
+    columns |= {
+        "C [J/K]": lambda design: _text(design.capacity),
+        "R [K/W]": lambda design: _text(design.resistance),
+        "mass [g]": lambda design: f"{1e3 * design.mass:.0f}",
+        "volume [cm3]": lambda design: f"{1e6 * design.volume:.0f}",
+    }
+    if result.study.asks_for_prices and result.study.goal != "price":
+        columns["price"] = lambda design: f"{design.price:.4g}"
+    columns["winding [degC]"] = lambda design: f"{design.winding:.1f}"
+    columns["active constraints"] = lambda design: ", ".join(design.binding) or "nothing"
+    return columns
+
+
+def _range(interval: Interval) -> str:
+    """Such as 1.5 to 1.8; none at an end where limits can't be kept."""
+    low, high = (f"{end:.4g}" if np.isfinite(end) else "none" for end in (interval.low, interval.high))
+    return f"{low} to {high}" + (f" ({interval.feasible:.0%} feasible)" if interval.feasible < 1 else "")
 
 
 def _text(value: float | None) -> str:
@@ -150,7 +199,7 @@ def _sensitivity_lines(design: Design, words: str, unit: str) -> Iterable[str]:
 
 def _sink_lines(result: StudyResult, unit: str) -> Iterable[str]:
     for design in result.designs:
-        if design.sink_sensitivities:
+        if design.sink_sensitivities and design.option.name in result.drawn:
             gram, resistance = design.sink_sensitivities["mass"] / 1e3, design.sink_sensitivities["resistance"]
             numbers = f"{gram:+.3g} {unit} per g of slab, {resistance:+.3g} {unit} per K/W"
             yield f"  {design.option.name}, the sink as it is: {numbers}"

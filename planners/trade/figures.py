@@ -6,27 +6,34 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from lptn.basics.arrays import FloatArray
+from lptn.basics.errors import InputError
 from lptn.basics.style import INK, SMALL, TEXT, dress, new_figure, plain
 
 from .answer import StudyResult
 from .designs import Design
 from .export import strongest
-from .sink import SPECIFIC_HEAT, fin_mass, sink_volume
-from .study import GOALS
+from .sink import fin_mass, sink_volume
+from .study import GOALS, Option
+from .torque_speed import TorqueSpeed
 
 LIMIT = "#D55E00"
+_FEW = 5  # lines that a legend leaves room for
+RPM = 30 / np.pi
+"""Revolutions a minute in a radian a second."""
 _COLOURS = ("#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#8C6D31")
-_DASHES = ("-", (0, (5, 1.5)), (0, (1, 1)), (0, (4, 1, 1, 1)))
+_DASHES = ("-", (0, (5, 1.5)), (0, (1, 1)), (0, (4, 1, 1, 1)), (0, (2, 1)), (0, (8, 1, 1, 1, 1, 1)))
 AMOUNTS = {"mass": (1e3, "mass [g]"), "volume": (1e6, "package volume [cm³]"), "torque": (1.0, "torque [N·m]"),
-           "duration": (1.0, "duration [s]")}  # fmt: skip
+           "duration": (1.0, "duration [s]"), "price": (1.0, "price"), "voltage": (1.0, "supply voltage [V]"),
+           "ratio": (1.0, "gear ratio")}  # fmt: skip
 """By what is swept its factor from SI, and its label."""
 VALUES = {"held_torque": (1.0, "held torque [N·m]"), "time_to_limit": (1.0, "time to the limit [s]"),
           "worst_temperature": (1.0, "worst winding temperature [degC]"), "mass": AMOUNTS["mass"],
-          "volume": AMOUNTS["volume"]}  # fmt: skip
+          "volume": AMOUNTS["volume"], "price": AMOUNTS["price"]}  # fmt: skip
 """The same by goal."""
 
 
@@ -49,17 +56,73 @@ def study_figure(result: StudyResult) -> Figure:
     return figure
 
 
+def torque_speed_figure(result: StudyResult) -> Figure:
+    """How long each torque can be held at each speed, a panel for each of the best designs.
+
+    Raises:
+        InputError: neither the voltage nor the speed is limited.
+    """
+    diagrams = result.torque_speed
+    if not diagrams:
+        expected = "voltage = … or speed = …, where a torque-speed diagram ends"
+        raise InputError(result.study.origin, "limits", "no voltage and no speed", expected)
+    columns = min(2, len(diagrams))
+    rows = -(-len(diagrams) // columns)
+    figure = new_figure(3.2 * rows + 0.9)
+    panels = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True).ravel()
+    for ax, diagram in zip(panels, diagrams, strict=False):
+        _torque_speed(ax, diagram)
+        ax.set_title(plain(diagram.name), fontsize=TEXT)
+        dress(ax)
+    for ax in panels[len(diagrams) :]:
+        ax.remove()
+    for ax in panels[-columns:]:
+        ax.set_xlabel("speed [rpm]")
+    for ax in panels[::columns]:
+        ax.set_ylabel("torque [N·m]")
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(handles, labels, frameon=False, fontsize=SMALL, loc="outside lower center", ncols=5)
+    figure.suptitle(f"{plain(result.study.name)}: how long a torque can be held, behind the gear", fontsize=TEXT + 1)
+    return figure
+
+
+def _torque_speed(ax: Axes, diagram: TorqueSpeed) -> None:
+    """Bands between the torques of two durations, the darker the shorter."""
+    speed = RPM * diagram.speed
+    shades = colormaps["cividis"](np.linspace(0.1, 0.95, len(diagram.durations)))
+    torque = np.nan_to_num(diagram.torque)
+    for row in range(len(diagram.durations)):
+        below = torque[row + 1] if row + 1 < len(torque) else np.zeros(speed.size)
+        label = duration_words(diagram.durations[row])
+        ax.fill_between(speed, below, torque[row], color=shades[row], lw=0, label=label)
+    ax.set(xlim=(0, speed[-1]), ylim=(0, 1.05 * float(torque.max())))
+
+
+def duration_words(seconds: float) -> str:
+    """Such as 30 s, 3 min, 1 h; for a moment, and for ever."""
+    if not seconds or np.isinf(seconds):
+        return "for ever" if seconds else "a moment"
+    for unit, name in ((3600.0, "h"), (60.0, "min")):
+        if seconds >= unit:
+            return f"{seconds / unit:.3g} {name}"
+    return f"{seconds:.3g} s"
+
+
 def _look(result: StudyResult, name: str) -> dict[str, Any]:
-    """Colour by motor, dashes by cooling."""
-    options = {option.name: option for option in result.study.options()}
-    motors = [motor.name for motor in result.study.motors]
-    styles = list(dict.fromkeys((option.cooling, option.pipes) for option in options.values()))
+    """Colour by motor, dashes by all else that is chosen."""
+    options = {option.name: option for option in result.study.options() if option.name in result.drawn}
+    motors = list(dict.fromkeys(option.motor.name for option in options.values()))
+    styles = list(dict.fromkeys(_style(option) for option in options.values()))
     option = options[name]
-    style = styles.index((option.cooling, option.pipes))
+    style = styles.index(_style(option))
     return {
         "color": _COLOURS[motors.index(option.motor.name) % len(_COLOURS)],
         "linestyle": _DASHES[style % len(_DASHES)],
     }
+
+
+def _style(option: Option) -> tuple[str, str, int, str]:
+    return option.gear.name, option.cooling, option.pipes, option.material.name
 
 
 def _front(ax: Axes, result: StudyResult) -> None:
@@ -67,7 +130,7 @@ def _front(ax: Axes, result: StudyResult) -> None:
     factor, label = AMOUNTS[result.study.sweep.against]
     scale, goal = VALUES[result.study.goal]
     for name, points in result.by_option.items():
-        if points:
+        if points and name in result.drawn:
             amounts, values = ([getattr(point, key) for point in points] for key in ("amount", "value"))
             ax.plot(
                 factor * np.array(amounts),
@@ -99,7 +162,7 @@ def _map(ax: Axes, result: StudyResult) -> None:
     ax.plot(*here, "o", ms=7, color=_COLOURS[1], zorder=6, clip_on=False)
     ax.annotate("design", here, (7, 7), textcoords="offset points", fontsize=SMALL)
     peak = "Mean" if option.study.task.cycles is None else "Hottest"
-    ax.set_title(f"{peak} winding [degC], {plain(option.name)}, {design.torque:.3g} N·m")
+    ax.set_title(f"{peak} winding [degC] at {design.torque:.3g} N·m\n{plain(option.name)}")
 
 
 def _decimals(values: FloatArray) -> str:
@@ -111,15 +174,18 @@ def _decimals(values: FloatArray) -> str:
 def _bounds(ax: Axes, design: Design) -> None:
     """Where mass, volume and fins end what can be built."""
     option = design.option
-    sink, spacing = option.study.sink, option.study.air[option.cooling].spacing
+    sink, spacing, metal = option.study.sink, option.study.air[option.cooling].spacing, option.material
     c, r = np.meshgrid(np.geomspace(*sink.capacity, 200), np.geomspace(*sink.resistance, 200))
-    fins = fin_mass(r, option.film, sink.thickness) * SPECIFIC_HEAT / c
+    fins = fin_mass(r, option.film, sink.thickness, metal.density) * metal.specific_heat / c
     named = {"all fins": (fins, 1.0)}
     if "mass" in option.limits:
-        named["mass"] = (option.fixed_mass + c / SPECIFIC_HEAT, option.limits["mass"])
+        named["mass"] = (option.fixed_mass + c / metal.specific_heat, option.limits["mass"])
     if "volume" in option.limits:
-        volume = option.fixed_volume + sink_volume(c, r, option.film, sink.thickness, spacing)
-        named["volume"] = (volume, option.limits["volume"])
+        of_sink = sink_volume(c, r, option.film, sink.thickness, spacing, metal.density, metal.specific_heat)
+        named["volume"] = (option.fixed_volume + of_sink, option.limits["volume"])
+    if "price" in option.limits:
+        spent = option.fixed_price + (metal.price or 0.0) * c / metal.specific_heat
+        named["price"] = (spent, option.limits["price"])
     for name, (values, level) in named.items():
         drawn = ax.contour(c, r, values, levels=[level], colors=LIMIT, linewidths=1.0)
         if any(np.size(path.vertices) for path in drawn.get_paths()):
@@ -130,16 +196,19 @@ def _bounds(ax: Axes, design: Design) -> None:
 
 def _curves(ax: Axes, result: StudyResult) -> None:
     most = result.curves[0].current[-1] / 1.3
-    for design, curve in zip(result.designs, result.curves, strict=True):
+    for curve in result.curves:
+        if curve.name not in result.drawn:
+            continue
         reached = np.isfinite(curve.time)
-        look = _look(result, design.option.name)
+        look = _look(result, curve.name)
         ax.plot(curve.current[reached], curve.time[reached], lw=1.6, label=plain(curve.name), **look)
     ax.axvline(most, color=LIMIT, lw=1.0)
     ax.annotate("most current", (most, 0.98), (3, 0), xycoords=("data", "axes fraction"), textcoords="offset points",
                 fontsize=SMALL, color=LIMIT, rotation=90, va="top")  # fmt: skip
     ax.set(xlabel="constant current [A]", ylabel="time to the limit [s]", yscale="log", xlim=(0, 1.3 * most))
     ax.set_title(f"Time until the winding is at {result.curves[0].limit:.0f} degC")
-    ax.legend(frameon=False, fontsize=SMALL)
+    if not result.front or len(result.curves) <= _FEW:  # else the lines are those of the front, and there is no room
+        ax.legend(frameon=False, fontsize=SMALL)
 
 
 def _sensitivities(ax: Axes, result: StudyResult) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -14,11 +14,22 @@ from lptn.basics.places import edge
 from lptn.model.model import Model
 
 from .motors import REFERENCE
-from .sink import DENSITY, SPECIFIC_HEAT, fin_mass, sink_volume
+from .sink import fin_mass, sink_volume
 from .study import Option, pipe_places
 
 CAPACITY, RESISTANCE = "design.capacity", "design.resistance"
-"""The two design variables [J/K, K/W], as they are called among the parameters of a given design."""
+"""The sink's two design variables [J/K, K/W], as they are called among the parameters of a given design."""
+
+
+class Load(NamedTuple):
+    """What the task asks for behind the gear at one moment: torque [N·m], speed [rad/s], acceleration [rad/s²].
+
+    A negative speed is a load that drives the motor; a torque is never negative.
+    """
+
+    torque: Any
+    speed: Any = 0.0
+    acceleration: Any = 0.0
 
 
 class Parameters:
@@ -53,9 +64,12 @@ class Plant:
         parameters: gains the model's parameters and those of sink and motor.
         capacity: of the sink [J/K]; an expression or a parameter's symbol, unused without a sink.
         resistance: of the sink to the air [K/W].
+        ratio: of the gear, where it is sought; else that of a gear becomes a parameter.
     """
 
-    def __init__(self, option: Option, parameters: Parameters, capacity: Any, resistance: Any) -> None:
+    def __init__(
+        self, option: Option, parameters: Parameters, capacity: Any, resistance: Any, ratio: Any = None
+    ) -> None:
         self.option, self.parameters = option, parameters
         self.capacity, self.resistance = capacity, resistance
         self.model = Model(option.network())
@@ -67,25 +81,33 @@ class Plant:
         self._coefficient = add("magnet_coefficient", option.motor.magnet_coefficient, "1/K")
         self._fixed_mass = add("fixed_mass", option.fixed_mass, "kg")
         self._fixed_volume = add("fixed_volume", option.fixed_volume, "m^3")
+        self._fixed_price = add("fixed_price", option.fixed_price, "EUR")
+        self._inertia = add("rotor_inertia", option.motor.rotor_inertia, "kg*m^2")
+        self.ratio, self._efficiency = (ca.SX(1.0) if ratio is None else ratio), ca.SX(1.0)
+        if option.gear.name:
+            self.ratio = add("gear.ratio", option.gear.ratio[0], "1") if ratio is None else ratio
+            self._efficiency = add("gear.efficiency", option.gear.efficiency, "1")
         if option.has_sink:
             sink = option.study.sink
             self._film = add("film", option.film, "W/(m^2*K)")
             self._thickness = add("fin_thickness", sink.thickness, "m")
             self._spacing = add("fin_spacing", option.study.air[option.cooling].spacing, "m")
-            self._density = add("density", DENSITY, "kg/m^3")
-            self._heat = add("specific_heat", SPECIFIC_HEAT, "J/(kg*K)")
+            self._density = add("density", option.material.density, "kg/m^3")
+            self._heat = add("specific_heat", option.material.specific_heat, "J/(kg*K)")
+            self._per_kilogram = add("price_per_kg", option.material.price or 0.0, "EUR/kg")
         self._refuse_other_inputs()
 
     def _refuse_other_inputs(self) -> None:
-        """A study knows the motor's current and the air, nothing else."""
+        """A study knows the motor's current, its speed and the air, nothing else."""
         origin = self.option.motor.network.origin
         currents = [column for column in self.model.inputs if column.startswith("current.")]
         for column in self.model.inputs:
             if column.startswith("torque."):
                 expected = 'input = "current" in its copper_loss: the study knows the torque constant'
                 raise InputError(origin, f"input {column}", "a model driven by torque", expected)
-            if not column.startswith(("temperature.", "current.")):
-                raise InputError(origin, f"input {column}", "a model that needs it", "current and ambient alone")
+            if not column.startswith(("temperature.", "current.", "velocity")):
+                expected = "current, speed of the motor and ambient alone"
+                raise InputError(origin, f"input {column}", "a model that needs it", expected)
         if len(currents) != 1:
             found = f"{len(currents)} currents that heat it" if currents else "no copper loss from a current"
             raise InputError(origin, "effects", found, 'one current: kind = "copper_loss", input = "current"')
@@ -122,22 +144,60 @@ class Plant:
         """Temperatures of some nodes [degC]."""
         return ca.vertcat(*[x[self.states.index(node)] for node in nodes])
 
-    def current(self, x: Any, torque: Any) -> Any:
-        """Current [A] that gives a torque [N·m] with the magnets as warm as they are; [Chen2017, eq. 2.6]."""
+    def motor_speed(self, load: Load) -> Any:
+        """Of the shaft [rad/s]."""
+        return self.ratio * load.speed
+
+    def motor_torque(self, load: Load) -> Any:
+        """At the rotor's windings [N·m]: through the gear, and to accelerate the rotor."""
+        through = ca.if_else(load.speed < 0, self._efficiency, 1 / self._efficiency)
+        return load.torque / self.ratio * through + self._inertia * self.ratio * load.acceleration
+
+    def current(self, x: Any, load: Load) -> Any:
+        """Current [A] that gives a torque with the magnets as warm as they are; [Chen2017, eq. 2.6]."""
+        return self.motor_torque(load) / self._torque_constant(x)
+
+    def _torque_constant(self, x: Any) -> Any:
         nodes = self.option.motor.magnet
         warm = ca.sum1(self.temperatures(x, nodes)) / len(nodes) - REFERENCE
-        return torque / (self._constant * (1 + self._coefficient * warm))
+        return self._constant * (1 + self._coefficient * warm)
 
-    def rates(self, x: Any, torque: Any) -> Any:
-        """dx/dt [K/s] under a torque [N·m], by the model's own function."""
-        return self.rates_at_current(x, self.current(x, torque))
+    def rates(self, x: Any, load: Load) -> Any:
+        """dx/dt [K/s] under a load, by the model's own function."""
+        return self.rates_at_current(x, self.current(x, load), self.motor_speed(load))
 
-    def rates_at_current(self, x: Any, current: Any) -> Any:
-        """dx/dt [K/s] at a current [A]."""
-        inputs = (self.ambient if name.startswith("temperature.") else current for name in self.model.inputs)
-        return self.model.rhs(x, ca.vertcat(*inputs), self._p)
+    def rates_at_current(self, x: Any, current: Any, speed: Any = 0.0) -> Any:
+        """dx/dt [K/s] at a current [A] and a speed of the motor [rad/s]."""
+        return self.model.rhs(x, self._inputs(current, speed), self._p)
 
-    def pipe_power(self, x: Any, torque: Any) -> Any:
+    def _inputs(self, current: Any, speed: Any) -> Any:
+        def value(column: str) -> Any:
+            if column.startswith("temperature."):
+                return self.ambient
+            return current if column.startswith("current.") else speed
+
+        return ca.vertcat(*(value(column) for column in self.model.inputs))
+
+    def voltage(self, x: Any, load: Load) -> Any:
+        r"""Supply voltage [V] that a load takes, in the equivalent of direct current.
+
+        .. math:: U = R(T) \, I + k_t(T) \, \omega
+
+        with R the heat in the copper by the square of the current, so that U I is the power into the motor. What the
+        inductance takes is left out.
+        """
+        return self._winding_resistance(x) * self.current(x, load) + self._torque_constant(x) * self.motor_speed(load)
+
+    def _winding_resistance(self, x: Any) -> Any:
+        """Heat in the copper at 1 A [W]."""
+        balance = self.model.balance
+        of_copper = (each for each in self.model.network.effect_instances if each.effect.key == "copper_loss")
+        heat = sum((ca.sum1(ca.vertcat(*balance.heat_into_ends(each))) for each in of_copper), start=ca.SX(0))
+        symbols = self.model.symbols
+        function = ca.Function("heat", [symbols.x, symbols.u, symbols.p], [heat])
+        return function(x, self._inputs(1.0, 0.0), self._p)
+
+    def pipe_power(self, x: Any, load: Load) -> Any:
         """Heat through the heat pipes [W]; a body's face has no state, so there it is what the sink takes in."""
         sink = self.states.index(self.option.study.sink.node)
         if all(place in self.states for place in self._pipes):
@@ -145,18 +205,24 @@ class Plant:
                 (x[self.states.index(place)] - x[sink]) / self.parameters.symbols[name]
                 for place, name in self._pipes.items()
             )
-        return self.capacity * self.rates(x, torque)[sink] + (x[sink] - self.ambient) / self.resistance
+        return self.capacity * self.rates(x, load)[sink] + (x[sink] - self.ambient) / self.resistance
 
     # --- of the design ------------------------------------------------------------------------
 
     @property
     def mass(self) -> Any:
-        """Motor, pipes, fan and sink [kg]."""
+        """Motor, gear, pipes, fan and sink [kg]."""
         return self._fixed_mass + (self.capacity / self._heat if self.option.has_sink else 0)
 
     @property
+    def price(self) -> Any:
+        """Of all that has a price."""
+        metal = self._per_kilogram * self.capacity / self._heat if self.option.has_sink else 0
+        return self._fixed_price + metal
+
+    @property
     def volume(self) -> Any:
-        """Motor, fan and sink [m³]."""
+        """Motor, gear, fan and sink [m³]."""
         if not self.option.has_sink:
             return self._fixed_volume
         return self._fixed_volume + sink_volume(

@@ -19,7 +19,7 @@ import numpy as np
 
 from lptn.basics.arrays import BoolArray, FloatArray
 
-from .plant import CAPACITY, RESISTANCE, Parameters, Plant
+from .plant import CAPACITY, RESISTANCE, Load, Parameters, Plant
 from .study import LIMITS, Option
 
 _TIDY = 1e-6  # of two designs equally good the lighter one is meant; small enough not to show in a sensitivity
@@ -30,7 +30,7 @@ _OPTIONS: dict[str, Any] = {
     "ipopt": {"print_level": 0, "sb": "yes", "tol": 1e-10, "max_iter": 200, "bound_relax_factor": 0},
 }
 _INFEASIBLE = "Infeasible_Problem_Detected"
-Relaxed = Literal["winding", "magnet", "current", "pipe_power", "mass", "volume", "torque"]
+Relaxed = Literal["winding", "magnet", "current", "voltage", "speed", "pipe_power", "mass", "volume", "price", "torque"]
 _DEGREE = 3
 _HOLD_ELEMENTS, _GRADING = 16, 1.6  # shorter ones at the beginning, where a hold changes fastest
 _COLD, _HOT = 5.0, 1000.0  # K below and above the air: beyond runaway the steady state's formula turns negative
@@ -106,7 +106,7 @@ class Solution:
         success: whether it converged; if not, nothing else means anything.
         status: IPOPT's return status.
         objective: the goal's value in its unit.
-        variables: mass, volume, torque, duration, capacity, resistance.
+        variables: mass, volume, price, torque, duration, capacity, resistance, ratio.
         slack: by how much each limit was moved, in its unit.
         gradient: derivative of the goal to each parameter by name; empty unless it converged.
         binding: names of the active constraints.
@@ -129,16 +129,21 @@ class Solution:
 
 @dataclass(frozen=True)
 class Course:
-    """States at the ends of the elements, torque in each, and the ends' times as shares of the duration."""
+    """States at the ends of the elements, load in each, and the ends' times as shares of the duration."""
 
     states: list[Any]
-    torques: list[Any]
+    loads: list[Load]
     share: FloatArray
 
     @property
-    def ends(self) -> list[tuple[Any, Any]]:
-        """State and torque at the end of each element."""
-        return list(zip(self.states[1:], self.torques, strict=True))
+    def ends(self) -> list[tuple[Any, Load]]:
+        """State and load at the end of each element."""
+        return list(zip(self.states[1:], self.loads, strict=True))
+
+    @property
+    def both_ends(self) -> list[tuple[Any, Load]]:
+        """State and load at the beginning and at the end of each element."""
+        return [*zip(self.states[:-1], self.loads, strict=True), *self.ends]
 
 
 def transcribe(program: Program, plant: Plant, torque: Any, duration: Any) -> Course:
@@ -147,12 +152,12 @@ def transcribe(program: Program, plant: Plant, torque: Any, duration: Any) -> Co
     Args:
         program: gains variables and equalities.
         plant: rates and states.
-        torque: peak torque [N·m], an expression.
+        torque: peak torque behind the gear [N·m], an expression.
         duration: of the hold or the cycle [s], an expression.
     """
     task = plant.option.study.task
-    shape = np.ones(_HOLD_ELEMENTS) if task.hold else np.tile(task.shape, task.cycles or 1)
-    elements, n = len(shape), len(plant.states)
+    parts = np.tile(task.operation, (_HOLD_ELEMENTS if task.hold else task.cycles or 1, 1))
+    elements, n = len(parts), len(plant.states)
     share = (np.arange(elements + 1) / elements) ** (_GRADING if task.hold else 1.0) * (task.cycles or 1)
     low, high = min(task.ambient, task.start) - _COLD, max(task.ambient, task.start) + _HOT
 
@@ -162,17 +167,17 @@ def transcribe(program: Program, plant: Plant, torque: Any, duration: Any) -> Co
     derivative, _, _ = ca.collocation_coeff(ca.collocation_points(_DEGREE, "radau"))
     start = plant.parameters.add("start", task.start, "degC")
     path = [state("x0") if task.cycles is None else ca.repmat(start, n, 1)]
-    torques = [torque * float(part) for part in shape]
-    for k, drive in enumerate(torques):
+    loads = [Load(torque * share, *motion) for share, *motion in parts.tolist()]
+    for k, load in enumerate(loads):
         stages = [state(f"x{k + 1}s{j}") for j in range(_DEGREE)]
         h = duration * float(share[k + 1] - share[k])
         for j in range(_DEGREE):
             slope = ca.mtimes(ca.horzcat(path[-1], *stages), derivative[:, j])
-            program.constrain(slope - h * plant.rates(stages[j], drive), "heat balance", equal=True)
+            program.constrain(slope - h * plant.rates(stages[j], load), "heat balance", equal=True)
         path.append(stages[-1])
     if task.cycles is None:
         program.constrain(path[-1] - path[0], "heat balance", equal=True)
-    return Course(path, torques, share)
+    return Course(path, loads, share)
 
 
 class Problem:
@@ -192,7 +197,7 @@ class Problem:
         self._slack: dict[str, Any] = {}
         self._given = given_design is not None and option.has_sink
         capacity, resistance = self._design(given_design)
-        self.plant = Plant(option, self.parameters, capacity, resistance)
+        self.plant = Plant(option, self.parameters, capacity, resistance, self._ratio())
         self._limits = {
             name: self.parameters.add(f"limit.{name}", value, LIMITS[name]) for name, value in option.limits.items()
         }
@@ -209,21 +214,31 @@ class Problem:
             return ca.SX(1.0), ca.SX(1.0)
         if given is not None:
             return self.parameters.add(CAPACITY, given[0], "J/K"), self.parameters.add(RESISTANCE, given[1], "K/W")
-        sink, design = self.option.study.sink, []
-        for name, unit, (least, most) in (("capacity", "J/K", sink.capacity), ("resistance", "K/W", sink.resistance)):
-            low = self.parameters.add(f"least.{name}", least, unit)
-            high = self.parameters.add(f"most.{name}", most, unit)
-            ends = np.log([least, most])
-            logarithm = self._program.variable(name, float(ends.mean()), float(ends[0]) - 3, float(ends[1]) + 3)
-            self._program.constrain(ca.log(low) - logarithm, f"least.{name}")
-            self._program.constrain(logarithm - ca.log(high), f"most.{name}")
-            design.append(ca.exp(logarithm))
-        return design[0], design[1]
+        sink = self.option.study.sink
+        return self._sought("capacity", sink.capacity, "J/K"), self._sought("resistance", sink.resistance, "K/W")
+
+    def _ratio(self) -> Any:
+        """Of the gear, where it is sought."""
+        gear = self.option.gear
+        return self._sought("ratio", gear.ratio, "1") if gear.is_sought else None
+
+    def _sought(self, name: str, bounds: tuple[float, float], unit: str) -> Any:
+        """A number of the design between two bounds, which are parameters."""
+        low, high = (
+            self.parameters.add(f"{end}.{name}", value, unit)
+            for end, value in zip(("least", "most"), bounds, strict=True)
+        )
+        ends = np.log(bounds)
+        logarithm = self._program.variable(name, float(ends.mean()), float(ends[0]) - 3, float(ends[1]) + 3)
+        self._program.constrain(ca.log(low) - logarithm, f"least.{name}")
+        self._program.constrain(logarithm - ca.log(high), f"most.{name}")
+        return ca.exp(logarithm)
 
     def _task(self) -> None:
         """Torque and duration, each given or sought."""
         task = self.option.study.task
-        self._torque_scale, self._time_scale = self.option.motor.torque_constant * 10.0, task.longest / 10
+        geared = float(np.sqrt(self.option.gear.ratio[0] * self.option.gear.ratio[1]))
+        self._torque_scale, self._time_scale = self.option.motor.torque_constant * 10.0 * geared, task.longest / 10
         self._slack["torque"] = self._program.variable("slack.torque", 0.0, 0.0, 0.0)
         if task.torque is None:
             self._torque = self._program.variable("torque", 1.0, 0.0, 1e3) * self._torque_scale
@@ -245,6 +260,10 @@ class Problem:
             self._slack[name] = self._program.variable(f"slack.{name}", 0.0, 0.0, 0.0)
             self._program.constrain((values - self._limits[name]) / self._size(name) - self._slack[name], name)
 
+    def _limit_size(self, name: str, values: list[Any], signed: bool) -> None:
+        """The same for the size of values that may have either sign."""
+        self._limit(name, ca.vertcat(*values, *([-value for value in values] if signed else [])))
+
     def _size(self, name: str) -> float:
         if name == "torque":
             return self._torque_scale
@@ -255,9 +274,13 @@ class Problem:
         windings = ca.vertcat(*[plant.temperatures(x, motor.winding) for x, _ in ends])
         self._limit("winding", windings)
         self._limit("magnet", ca.vertcat(*[plant.temperatures(x, motor.magnet) for x, _ in ends]))
-        self._limit("current", ca.vertcat(*[plant.current(x, torque) for x, torque in ends]))
+        task = self.option.study.task
+        self._limit_size("current", [plant.current(x, load) for x, load in ends], bool(task.accelerations.any()))
+        reverses = bool((task.speeds < 0).any())
+        self._limit_size("voltage", [plant.voltage(x, load) for x, load in self._course.both_ends], reverses)
+        self._limit("speed", plant.ratio * float(np.abs(task.speeds).max()))
         if self.option.has_sink:
-            self._limit("pipe_power", ca.vertcat(*[plant.pipe_power(x, torque) for x, torque in ends]))
+            self._limit("pipe_power", ca.vertcat(*[plant.pipe_power(x, load) for x, load in ends]))
         if goal == "worst_temperature":
             self._worst = self._program.variable("worst", 0.6, -1.0, 20.0)
             self._program.constrain(windings / _WORST_SCALE - self._worst, "worst")
@@ -265,6 +288,7 @@ class Problem:
             return  # its mass and volume are what they are
         self._limit("mass", plant.mass)
         self._limit("volume", plant.volume)
+        self._limit("price", plant.price)
         if self.option.has_sink:
             self._program.constrain(plant.fin_share - 1, "fins")
 
@@ -277,7 +301,8 @@ class Problem:
             return -self._duration / self._time_scale, -self._time_scale
         if goal == "worst_temperature":
             return self._worst, _WORST_SCALE
-        return (self.plant.mass, 1.0) if goal == "mass" else (self.plant.volume * 1e3, 1e-3)
+        scale = {"mass": 1.0, "volume": 1e-3, "price": max(self.option.fixed_price, 1.0)}[goal]
+        return {"mass": self.plant.mass, "volume": self.plant.volume, "price": self.plant.price}[goal] / scale, scale
 
     def _build(self) -> None:
         objective, self._unit = self._objective()
@@ -288,8 +313,9 @@ class Problem:
         self._solver = ca.nlpsol("trade", "ipopt", {"x": w, "p": p, "f": cost, "g": g}, _OPTIONS)
         plant = self.plant
         shown = {
-            "objective": objective * self._unit, "mass": plant.mass, "volume": plant.volume, "torque": self._torque,
-            "duration": self._duration, "capacity": plant.capacity, "resistance": plant.resistance,
+            "objective": objective * self._unit, "mass": plant.mass, "volume": plant.volume, "price": plant.price,
+            "torque": self._torque, "duration": self._duration, "capacity": plant.capacity,
+            "resistance": plant.resistance, "ratio": plant.ratio,
         }  # fmt: skip
         self._shown = list(shown)
         self._look = ca.Function("look", [w, p], [ca.vertcat(*shown.values()), ca.horzcat(*self._course.states), g])

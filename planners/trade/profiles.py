@@ -1,8 +1,8 @@
 """Torque of an ankle prosthesis over one cycle: level walking and repeated jumps.
 
 [Chen2017, sec. 2.1.1, 2.1.2] describes both in words and by a peak ratio; its figures are not available. What it does
-not say is assumed here and named: moments of level walking after the textbook curve [WinterBiomechanics], rounded; the
-shape of a jump as two half sines.
+not say is assumed here and named: moments and angles of level walking after the textbook's curves [WinterBiomechanics],
+rounded; the shape of a jump as two half sines.
 """
 
 from __future__ import annotations
@@ -23,6 +23,11 @@ _WALKING = (  # share of the gait cycle, ankle moment [N·m/kg]; plantar flexion
     (0.0, 0.0), (0.04, -0.08), (0.10, 0.10), (0.20, 0.45), (0.30, 0.80), (0.40, 1.25), (0.48, 1.60), (0.55, 1.00),
     (0.60, 0.20), (STANCE, 0.0), (1.0, 0.0),
 )  # fmt: skip
+_ANKLE = (  # share of the gait cycle, ankle angle [deg]; plantar flexion negative; assumed after Winter, rounded
+    (0.0, 0.0), (0.06, -4.6), (0.14, -1.0), (0.20, 3.0), (0.30, 6.5), (0.40, 9.0), (0.44, 9.6), (0.50, 7.0),
+    (0.54, 0.0), (0.58, -10.0), (STANCE, -17.0), (0.66, -19.8), (0.70, -16.0), (0.76, -9.0), (0.84, -2.0),
+    (0.90, 0.0), (1.0, 0.0),
+)  # fmt: skip
 PEAK = max(moment for _, moment in _WALKING)
 """Largest moment of level walking [N·m/kg]."""
 
@@ -31,6 +36,13 @@ def level_walking(samples: int) -> FloatArray:
     """Magnitude of the ankle moment [N·m/kg] in each of `samples` equal parts of the gait cycle, RMS over the part."""
     share, moment = np.array(_WALKING).T
     return _rms(PchipInterpolator(share, moment), samples)
+
+
+def walking_speed(samples: int, period: float = WALKING_PERIOD) -> FloatArray:
+    """Mean speed of the ankle [rad/s] in each part of the gait cycle, positive into plantar flexion as the moment."""
+    share, angle = np.array(_ANKLE).T
+    ends = PchipInterpolator(share, np.deg2rad(angle))(np.linspace(0.0, 1.0, samples + 1))
+    return np.asarray(-np.diff(ends) * samples / period)
 
 
 def jump(samples: int) -> FloatArray:

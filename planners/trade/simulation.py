@@ -13,7 +13,7 @@ import numpy as np
 
 from lptn.basics.arrays import FloatArray
 
-from .plant import Parameters, Plant
+from .plant import Load, Parameters, Plant
 from .study import Option
 
 _RATE = 0.5  # a step times the fastest rate; RK4 is then good to 1e-4
@@ -30,18 +30,22 @@ class Simulator:
     """An option's own rates in fixed steps of RK4, for many designs side by side.
 
     Args:
-        option: the discrete choice.
-        driven_by: `"torque"` or `"current"`.
+        option: the discrete choice, with a given ratio of its gear.
+        driven_by: `"torque"`: a drive is a torque [N·m] behind the gear for each case, shape (cases,), or torque, speed
+            [rad/s] and acceleration [rad/s²], shape (3, cases); or `"current"`: the motor's [A], at standstill.
     """
 
     def __init__(self, option: Option, driven_by: str = "torque") -> None:
         self.option = option
         parameters = Parameters()
-        capacity, resistance, drive, h = (ca.SX.sym(name) for name in ("capacity", "resistance", "drive", "h"))
+        capacity, resistance, h = (ca.SX.sym(name) for name in ("capacity", "resistance", "h"))
         self.plant = plant = Plant(option, parameters, capacity, resistance)
         x = ca.SX.sym("x", len(plant.states))
-        rates = plant.rates if driven_by == "torque" else plant.rates_at_current
-        f = ca.Function("f", [x, drive, capacity, resistance, parameters.stacked], [rates(x, drive)])
+        self._by_torque = driven_by == "torque"
+        drive = ca.SX.sym("drive", len(Load._fields)) if self._by_torque else ca.SX.sym("drive")
+        load = Load(*ca.vertsplit(drive)) if self._by_torque else None
+        rates = plant.rates_at_current(x, drive) if load is None else plant.rates(x, load)
+        f = ca.Function("f", [x, drive, capacity, resistance, parameters.stacked], [rates])
         numbers = parameters.values()
 
         def slope(state: Any) -> Any:
@@ -54,21 +58,33 @@ class Simulator:
         following = ca.fmin(x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4), _HOT)
         names = [x, drive, capacity, resistance, h]
         self.step = ca.Function("step", names, [following])
-        current = plant.current(x, drive) if driven_by == "torque" else drive
-        self._current = ca.Function("current", [x, drive], [ca.substitute(current, parameters.stacked, numbers)])
+        amperes, volts = (drive, 0) if load is None else (plant.current(x, load), plant.voltage(x, load))
+        electric = ca.substitute(ca.vertcat(amperes, volts), parameters.stacked, numbers)
+        self._electric = ca.Function("electric", [x, drive], [electric])
         jacobian = ca.jacobian(slope(x), x)
         self._rates = ca.Function("rates", [x, drive, capacity, resistance], [slope(x)])
         self._jacobian = ca.Function("jacobian", [x, drive, capacity, resistance], [ca.densify(jacobian)])
         self._winding = [plant.states.index(node) for node in option.motor.winding]
+        self._magnet = [plant.states.index(node) for node in option.motor.magnet]
 
     def winding(self, x: FloatArray) -> FloatArray:
         """The winding's highest temperature [degC] for each case, shape (number of cases,)."""
         return np.asarray(x[self._winding].max(axis=0))
 
+    def magnet(self, x: FloatArray) -> FloatArray:
+        """The magnets' highest temperature [degC] for each case, shape (number of cases,)."""
+        return np.asarray(x[self._magnet].max(axis=0))
+
+    def _drive(self, drive: FloatArray | float) -> FloatArray:
+        """Rows of a drive, at standstill where only torques are given."""
+        rows = np.atleast_2d(np.asarray(drive, dtype=float))
+        still = np.zeros((len(Load._fields) - 1, rows.shape[1]))
+        return np.vstack([rows, still]) if self._by_torque and len(rows) == 1 else rows
+
     def fastest(self, capacity: float, resistance: float, drive: float = 0.0) -> float:
         """The fastest rate [1/s] of a design at the air's temperature."""
         cold = np.full(len(self.plant.states), self.option.study.task.ambient)
-        jacobian = self._jacobian(cold, drive, capacity, resistance).full()
+        jacobian = self._jacobian(cold, self._drive(drive), capacity, resistance).full()
         return float(np.abs(np.linalg.eigvals(jacobian)).max())
 
     def substeps(self, duration: float, capacity: float, resistance: float, drive: float = 0.0) -> int:
@@ -83,7 +99,7 @@ class Simulator:
         self, x: FloatArray, drive: FloatArray, capacity: FloatArray, resistance: FloatArray, h: FloatArray
     ) -> FloatArray:
         """States after one step of RK4, shape (number of states, number of cases), all arguments for all cases."""
-        rows = (values[None, :] for values in (drive, capacity, resistance, h))
+        rows = [self._drive(drive), *(values[None, :] for values in (capacity, resistance, h))]
         return np.asarray(self.step(x, *rows).full())
 
     def advance_implicitly(
@@ -93,7 +109,7 @@ class Simulator:
 
         Source: Verwer, Spee, Blom and Hundsdorfer, SIAM J. Sci. Comput. 20 (1999) 1456: ROS2.
         """
-        rows = [values[None, :] for values in (drive, capacity, resistance)]
+        rows = [self._drive(drive), *(values[None, :] for values in (capacity, resistance))]
         system = np.eye(len(x)) - _GAMMA * h[:, None, None] * self._jacobians(x, rows)
         first = np.linalg.solve(system, self._rates(x, *rows).full().T[:, :, None])
         middle = np.minimum(x + h * first[:, :, 0].T, _HOT)
@@ -110,9 +126,9 @@ class Simulator:
 
         By Newton's method; beyond runaway the balance has a root below the air's temperature, which is no state.
         """
-        n, cases = len(self.plant.states), drive.size
+        n, cases = len(self.plant.states), capacity.size
         x = np.full((n, cases), self.option.study.task.ambient + 20.0)
-        rows = [values[None, :] for values in (drive, capacity, resistance)]
+        rows = [self._drive(drive), *(values[None, :] for values in (capacity, resistance))]
         for _ in range(30):
             slope = self._jacobians(x, rows)
             step = np.linalg.solve(slope, self._rates(x, *rows).full().T[:, :, None])[:, :, 0].T
@@ -122,9 +138,10 @@ class Simulator:
         stable = np.linalg.eigvals(slope).real.max(axis=1) < 0
         return np.where(stable & (x.min(axis=0) > self.option.study.task.ambient - 1.0), x, np.inf)
 
-    def current(self, x: FloatArray, drive: float) -> FloatArray:
-        """Current [A] for each case."""
-        return np.asarray(self._current(x, drive).full().ravel())
+    def electric(self, x: FloatArray, drive: FloatArray | float) -> tuple[FloatArray, FloatArray]:
+        """Current [A] and supply voltage [V] for each case, each of shape (number of cases,)."""
+        current, voltage = self._electric(x, self._drive(drive)).full()
+        return current, voltage
 
 
 def check_design(
@@ -137,7 +154,7 @@ def check_design(
     Args:
         option: the discrete choice.
         sink: its capacity [J/K] and resistance [K/W], `None` without one.
-        torque: peak torque [N·m].
+        torque: peak torque behind the gear [N·m].
         duration: of the hold or the cycle [s].
         start: states [degC], shape (number of states,).
     """
@@ -145,18 +162,19 @@ def check_design(
     task = option.study.task
     capacity, resistance = sink or (1.0, 1.0)
     part = duration / len(task.shape)
+    loads = task.operation * (torque, 1.0, 1.0)
     least = _HOLD_STEPS if task.hold else _CYCLE_STEPS
     steps = max(simulator.substeps(part, capacity, resistance, torque), least)
     x = start[:, None]
     hottest, most = float(simulator.winding(x)[0]), 0.0
     run = simulator.step.mapaccum(steps)
     for _ in range(task.cycles or 1):
-        for share in task.shape:
-            ones = np.ones((1, steps))
-            path = run(x, torque * share * ones, capacity * ones, resistance * ones, part / steps * ones).full()
+        for load in loads:
+            drive, ones = load[:, None] * np.ones(steps), np.ones((1, steps))
+            path = run(x, drive, capacity * ones, resistance * ones, part / steps * ones).full()
             x = path[:, -1:]
             hottest = max(hottest, float(simulator.winding(path).max()))
-            most = max(most, float(simulator.current(x, torque * share).max()))
+            most = max(most, float(np.abs(simulator.electric(x, load[:, None])[0]).max()))
     return hottest, most
 
 
@@ -165,12 +183,11 @@ def peak_temperatures(
 ) -> FloatArray:
     """Highest winding temperature [degC] of many designs under a study's task, shape as given.
 
-    Of a cycle that repeats for ever it is the mean over the cycle, from the RMS torque; infinite where it runs away.
+    Of a cycle that repeats for ever it is the mean over the cycle, from the RMS current; infinite where it runs away.
     """
     simulator, task = Simulator(option), option.study.task
     if task.cycles is None:
-        rms = torque * np.sqrt(np.mean(task.shape**2))
-        return simulator.winding(simulator.steady(rms, capacity, resistance))
+        return simulator.winding(simulator.steady(_equivalent(option, torque), capacity, resistance))
     n, part = capacity.size, duration / len(task.shape)
     x = np.full((len(simulator.plant.states), n), task.start)
     hottest = simulator.winding(x)
@@ -181,8 +198,19 @@ def peak_temperatures(
         advance = simulator.advance
         steps = max(simulator.substeps(part, *hardest), _MAP_STEPS if task.hold else _CYCLE_STEPS)
     h = np.full(n, part / steps)
-    for share in np.tile(task.shape, task.cycles):
+    for share, *motion in np.tile(task.operation, (task.cycles, 1)):
+        drive = np.vstack([torque * share, *(np.full(n, each) for each in motion)])
         for _ in range(steps):
-            x = advance(x, torque * share, capacity, resistance, h)
+            x = advance(x, drive, capacity, resistance, h)
             hottest = np.maximum(hottest, simulator.winding(x))
     return np.asarray(hottest)
+
+
+def _equivalent(option: Option, torque: FloatArray) -> FloatArray:
+    """The steady load, shape (3, n), that needs the cycle's RMS current at its RMS speed, for peak torques (n,)."""
+    task, gear = option.study.task, option.gear
+    through = np.where(task.speeds < 0, gear.efficiency, 1 / gear.efficiency)
+    at_rotor = torque[:, None] * task.shape * through / gear.ratio[0]
+    at_rotor = at_rotor + option.motor.rotor_inertia * gear.ratio[0] * task.accelerations
+    rms = np.sqrt(np.mean(at_rotor**2, axis=1)) * gear.ratio[0] * gear.efficiency
+    return np.vstack([rms, np.full(torque.size, np.sqrt(np.mean(task.speeds**2))), np.zeros(torque.size)])

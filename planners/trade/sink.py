@@ -1,4 +1,4 @@
-"""An aluminium heat sink from two numbers, its heat capacity and its resistance to the air: mass, volume, fins.
+"""A heat sink of one metal from two numbers, its heat capacity and its resistance to the air: mass, volume, fins.
 
 The resistance asks for a surface, the surface for fins; what capacity is left is a slab.
 Fins have two sides. Radiation is left out, so passive sinks come out somewhat large.
@@ -11,11 +11,42 @@ from dataclasses import dataclass
 
 from lptn.effects.base import Symbol
 
-DENSITY, SPECIFIC_HEAT, CONDUCTIVITY = 2700.0, 897.0, 200.0
-"""Of aluminium (kg/m³, J/(kg K), W/(m K)): CRC Handbook of Chemistry and Physics; conductivity of common alloys."""
 AIR_CONDUCTIVITY, AIR_VISCOSITY, AIR_DIFFUSIVITY = 0.0267, 1.67e-5, 2.36e-5
 """Of air at 37 degC (W/(m K), m²/s, m²/s): [IncroperaDeWitt, table A.4]."""
 _GRAVITY, _AIR_TEMPERATURE = 9.81, 310.0
+
+
+@dataclass(frozen=True)
+class Material:
+    """What a sink is made of.
+
+    Args:
+        name: what people call it.
+        density: kg/m³.
+        specific_heat: J/(kg K).
+        conductivity: W/(m K).
+        price: per kilogram, `None` where nobody said.
+    """
+
+    name: str
+    density: float
+    specific_heat: float
+    conductivity: float
+    price: float | None = None
+
+
+ALUMINIUM = Material("aluminium", 2700.0, 897.0, 200.0)
+MATERIALS = {
+    material.name: material
+    for material in (
+        ALUMINIUM,
+        Material("copper", 8960.0, 385.0, 390.0),
+        Material("magnesium", 1810.0, 1050.0, 72.0),
+        Material("steel", 7850.0, 490.0, 50.0),
+    )
+}
+"""Metals by name: density and specific heat after the CRC Handbook of Chemistry and Physics, conductivity that of
+common alloys: extruded aluminium, magnesium AZ91, unalloyed steel."""
 
 
 @dataclass(frozen=True)
@@ -59,13 +90,13 @@ def blown_air(speed: float, height: float) -> Air:
     return Air(film, 10 * height / math.sqrt(reynolds))
 
 
-def fin_efficiency(film: float, thickness: float, depth: float) -> float:
+def fin_efficiency(film: float, thickness: float, depth: float, conductivity: float = ALUMINIUM.conductivity) -> float:
     """Share of the film that a straight fin of a thickness and a depth [m] makes use of (tanh m L / m L)."""
-    product = math.sqrt(2 * film / (CONDUCTIVITY * thickness)) * depth
+    product = math.sqrt(2 * film / (conductivity * thickness)) * depth
     return math.tanh(product) / product
 
 
-def fin_mass(resistance: Symbol, film: Symbol, thickness: Symbol, density: Symbol = DENSITY) -> Symbol:
+def fin_mass(resistance: Symbol, film: Symbol, thickness: Symbol, density: Symbol = ALUMINIUM.density) -> Symbol:
     """Mass [kg] of the fins that a resistance to the air [K/W] needs.
 
     Args:
@@ -83,8 +114,8 @@ def sink_volume(
     film: Symbol,
     thickness: Symbol,
     spacing: Symbol,
-    density: Symbol = DENSITY,
-    specific_heat: Symbol = SPECIFIC_HEAT,
+    density: Symbol = ALUMINIUM.density,
+    specific_heat: Symbol = ALUMINIUM.specific_heat,
 ) -> Symbol:
     """Volume [m³] that fins with the air between them, and a slab of the rest of the metal, take up."""
     fins = fin_mass(resistance, film, thickness, density)

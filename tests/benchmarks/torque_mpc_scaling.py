@@ -9,18 +9,26 @@ the same torques. Ours solves each problem to its optimum, without an estimate. 
 iteration on the heat scale (the cost's Hessian, which is convex there), with partially condensing HPIPM and RK4, all
 of it one call into C. do-mpc is as its documentation writes it (collocation, IPOPT, warm start). Times are the
 processor's, the median of some calls.
+
+Each cell has a process of its own, which may use ``--limit`` seconds of processor time, building included. `>` marks a
+cell that came to no call's end within them; `-` one that has no fewer nodes and stages than such a cell.
 """
 
 from __future__ import annotations
 
 import argparse
 import ctypes
+import multiprocessing
 import os
+import resource
+import signal
 import sys
 import tempfile
 import time
 from collections.abc import Callable
+from functools import partial
 from itertools import pairwise
+from math import ceil
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +42,11 @@ from lptn.planners.heating import heating
 from lptn.planners.mpc import TorqueMPC
 
 NODES, STAGES, PERIOD, LIMIT, AMBIENT = (1, 3, 13, 26, 52, 104), (16, 60, 240), 5.0, 60.0, 25.0
-CALLS, PATIENCE = 12, 20.0  # of each; s of one call after which no larger problem is tried
+CALLS, PATIENCE, CELL = (
+    12,
+    20.0,
+    40.0,
+)  # of each; s of a cell's calls, after which it makes no more, and of all that it does
 SLACK = (1e2, 1e3)  # price of a kelvin, linear and quadratic, for the peers
 
 CHAIN = """
@@ -88,9 +100,9 @@ def ours(model: Model, stages: int, asked: FloatArray) -> Solve:
     mpc = TorqueMPC(model, LIMIT, request="torque", period=PERIOD, horizon=horizon, stages=stages, model_error=0.0)
 
     def solve(start: FloatArray) -> float:
-        before = time.process_time()
+        before = time.thread_time()
         mpc.step(start, asked, [AMBIENT])
-        return time.process_time() - before
+        return time.thread_time() - before
 
     return solve
 
@@ -134,9 +146,9 @@ def acados(model: Model, stages: int, asked: FloatArray, folder: Path) -> Solve:
     def solve(start: FloatArray) -> float:
         solver.set(0, "lbx", start)
         solver.set(0, "ubx", start)
-        before = time.process_time()
+        before = time.thread_time()
         solver.solve()
-        return time.process_time() - before
+        return time.thread_time() - before
 
     return solve
 
@@ -163,9 +175,9 @@ def do_mpc_controller(model: Model, stages: int, asked: FloatArray) -> Solve:
     mpc.set_initial_guess()
 
     def solve(start: FloatArray) -> float:
-        before = time.process_time()
+        before = time.thread_time()
         mpc.make_step(start[:, None])
-        return time.process_time() - before
+        return time.thread_time() - before
 
     return solve
 
@@ -181,6 +193,35 @@ def measured(solve: Solve, starts: FloatArray) -> float:
     return 1e3 * float(np.median(kept))
 
 
+def timed(
+    make: Callable[[Model, int, FloatArray], Solve], model: Model, stages: int, asked: FloatArray, starts: FloatArray
+) -> float:
+    """Build a solver and measure it [ms]."""
+    return measured(make(model, stages, asked), starts)
+
+
+def within(limit: float, work: Callable[[], float]) -> float | None:
+    """What `work` returns in a process of its own, `None` where that uses more processor time than the limit [s]."""
+    ours_end, its_end = multiprocessing.Pipe(duplex=False)
+
+    def run() -> None:
+        resource.setrlimit(resource.RLIMIT_CPU, (ceil(limit), ceil(limit)))
+        its_end.send(work())
+
+    process = multiprocessing.get_context("fork").Process(target=run)
+    process.start()
+    its_end.close()
+    try:
+        return float(ours_end.recv())
+    except EOFError:
+        process.join()
+        if process.exitcode not in (-signal.SIGXCPU, -signal.SIGKILL):
+            raise RuntimeError(f"a cell ended with {process.exitcode}") from None
+        return None
+    finally:
+        process.join()
+
+
 def main() -> None:
     """Read the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -188,6 +229,7 @@ def main() -> None:
     parser.add_argument("--nodes", type=int, nargs="*", default=NODES)
     parser.add_argument("--stages", type=int, nargs="*", default=STAGES)
     parser.add_argument("--no-do-mpc", action="store_true")
+    parser.add_argument("--limit", type=float, default=CELL)
     told = parser.parse_args()
     if told.acados:
         install = told.acados.resolve() / "acados" / "install"
@@ -195,20 +237,27 @@ def main() -> None:
         sys.path.append(str(told.acados.resolve()))
         for library in ("blasfeo", "hpipm", "qpOASES_e", "acados"):  # what acados' own code asks for by name
             ctypes.CDLL(str(install / "lib" / f"lib{library}.so"), ctypes.RTLD_GLOBAL)
-    print(f"{'nodes':>5} {'stages':>6} {'ours ms':>10} {'acados ms':>10} {'do-mpc ms':>10}", flush=True)
-    slow: dict[str, bool] = {}
+    solvers: dict[str, Callable[[Model, int, FloatArray], Solve]] = {"ours": ours}
     with tempfile.TemporaryDirectory() as name:
+        if told.acados:
+            solvers["acados"] = lambda model, stages, asked: acados(model, stages, asked, Path(name))
+        if not told.no_do_mpc:
+            solvers["do-mpc"] = do_mpc_controller
+        print(f"{'nodes':>5} {'stages':>6} " + " ".join(f"{solver + ' ms':>10}" for solver in solvers), flush=True)
+        too_long: dict[str, list[tuple[int, int]]] = {solver: [] for solver in solvers}
         for nodes in told.nodes:
             model, (starts, asked) = chain(nodes), sequence(nodes)
             for stages in told.stages:
-                row = [measured(ours(model, stages, asked), starts)]
-                row.append(measured(acados(model, stages, asked, Path(name)), starts) if told.acados else np.nan)
-                if told.no_do_mpc or slow.get(f"{stages}"):
-                    row.append(np.nan)
-                else:
-                    row.append(measured(do_mpc_controller(model, stages, asked), starts))
-                    slow[f"{stages}"] = row[-1] > 1e3 * PATIENCE / 4
-                print(f"{nodes:5d} {stages:6d} " + " ".join(f"{value:10.3f}" for value in row), flush=True)
+                row = []
+                for solver, make in solvers.items():
+                    if any(nodes >= n and stages >= k for n, k in too_long[solver]):
+                        row.append(f"{'-':>10}")
+                        continue
+                    found = within(told.limit, partial(timed, make, model, stages, asked, starts))
+                    if found is None:
+                        too_long[solver].append((nodes, stages))
+                    row.append(f"{'>':>10}" if found is None else f"{found:10.3f}")
+                print(f"{nodes:5d} {stages:6d} " + " ".join(row), flush=True)
 
 
 if __name__ == "__main__":

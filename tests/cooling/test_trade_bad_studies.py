@@ -115,7 +115,7 @@ def test_a_network_that_a_study_cannot_drive_is_said(tmp_path: Path, capsys: pyt
     text = GOOD.replace('name = "U8"\n\n[sink]', f'{motor}\n\n[sink]\nat = "winding"')
     model = '[model]\nambient = "temperature.ambient"\n[nodes.winding]\ncapacity = 50\n[[links]]\n'
     model += 'between = ["winding", "ambient"]\n[[effects]]\nkind = "copper_loss"\nat = "winding"\n'
-    for extra, said in (("", "torque"), ('input = "current"\n[[effects]]\nkind = "iron_loss"\nat = "*"\n', "velocity")):
+    for extra, said in (("", "torque"), ('input = "current"\n[[effects]]\nkind = "solar"\nat = "*"\n', "irradiance")):
         (tmp_path / "study.toml").write_text(text)
         (tmp_path / "motor.toml").write_text(model + extra)
         with pytest.raises(SystemExit) as stop:

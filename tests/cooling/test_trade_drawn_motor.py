@@ -12,6 +12,7 @@ import pytest
 
 from lptn.cli.main import main
 from lptn.planners.trade import Problem, load_study
+from lptn.planners.trade.plant import Load
 from lptn.planners.trade.simulation import Simulator
 from lptn.planners.trade.study import attachable
 from tests.cooling.studies import HELD, study
@@ -148,8 +149,9 @@ def test_heat_through_the_pipes_is_what_the_sink_takes_in() -> None:
     plant = Problem(option, (100.0, 2.0)).plant
     x, torque = ca.SX.sym("x", len(plant.states)), ca.SX.sym("torque")
     sink = plant.states.index("sink")
-    taken_in = plant.capacity * plant.rates(x, torque)[sink] + (x[sink] - plant.ambient) / plant.resistance
-    both = ca.Function("both", [x, torque, plant.parameters.stacked], [plant.pipe_power(x, torque), taken_in])
+    load = Load(torque)
+    taken_in = plant.capacity * plant.rates(x, load)[sink] + (x[sink] - plant.ambient) / plant.resistance
+    both = ca.Function("both", [x, torque, plant.parameters.stacked], [plant.pipe_power(x, load), taken_in])
     through, stored = both(np.array([90.0, 70.0, 50.0, 40.0]), 1.5, plant.parameters.values())
     assert float(through) == pytest.approx(30.0 / 0.177)
     assert float(stored) == pytest.approx(float(through))

@@ -69,6 +69,23 @@ def test_the_emitted_step_is_pythons(tmp_path: Path, options: tuple[str, ...]) -
 
 @pytest.mark.long
 @needs_a_compiler
+def test_the_emitted_step_takes_a_preview_of_each_stage(tmp_path: Path) -> None:
+    mpc = TorqueMPC(MODEL, 60.0, request="torque", stages=12)
+    random, steps = np.random.default_rng(1), 15
+    measured = random.uniform(45, 62, (steps, 3))
+    request, ambient = random.uniform(5, 20, (steps, 12, 3)), random.uniform(20, 30, (steps, 12, 1))
+    mpc.emit(tmp_path, np.full(3, 50.0), request[:, 0], ambient[:, 0])
+    lines = np.hstack([measured, request.reshape(steps, -1), ambient.reshape(steps, -1)])
+    told = answered(built(tmp_path, "lptn_mpc.c", "-O2", "-ffp-contract=off"), lines, "preview")
+    mpc.reset()
+    for row, *given in zip(told, measured, request, ambient, strict=True):
+        plan = mpc.step(*given)
+        np.testing.assert_allclose(row[:3], plan.admitted, rtol=0, atol=1e-9)
+        assert row[3] == plan.status
+
+
+@pytest.mark.long
+@needs_a_compiler
 def test_the_emitted_example_runs(tmp_path: Path) -> None:
     mpc = TorqueMPC(MODEL, 60.0, request="torque")
     paths = mpc.emit(tmp_path, np.full(3, 50.0), np.full((5, 3), 9.0), np.full((5, 1), 25.0))

@@ -157,7 +157,7 @@ static int is_sound(const lptn_mpc_work *w) {
 static void keep_best(const lptn_mpc_settings *o, lptn_mpc_work *w) {
     double price = 0;
     for (int k = 0; k < LPTN_N; k++) {
-        for (int j = 0; j < LPTN_NU; j++) price += w->line[k][j] * w->s[k][j] - 2 * w->root[k][j] * sqrt(w->s[k][j]);
+        for (int j = 0; j < LPTN_NU; j++) price += w->a[k][j] * (w->s[k][j] - 2 * sqrt(w->s[k][j]));
         for (int l = 0; l < LPTN_NL; l++) {
             const int i = o->node[l];
             const double over = fmax(w->x[k + 1][i] + fabs(w->gap[k][i]) - w->limit[k][l], 0);

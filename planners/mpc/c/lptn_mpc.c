@@ -40,18 +40,22 @@ static void take(const lptn_mpc_settings *o, lptn_mpc_state *m, lptn_mpc_work *w
     for (int k = 0; k < LPTN_N; k++)
         for (int j = 0; j < LPTN_NU; j++)
             w->a[k][j] = all > 0 ? fmax(w->a[k][j] / all, 1e-9) : 1.0 / (LPTN_N * LPTN_NU);
-    /* While the same is asked, a change of share costs too. line s - 2 root sqrt(s) is, but for a constant, a (1 - sqrt s)^2
-     * and the like about the last period's share. */
+}
+
+/* A joint's share of its request falls at once and rises with the time constant `smoothing`, as far as the same is asked as
+ * in the period before. Less than was planned is cooler than was planned: no limit is passed for the sake of quiet. */
+static void rise_slowly(const lptn_mpc_settings *o, const lptn_mpc_state *m, lptn_mpc_work *w) {
+    if (!(o->smoothing > 0)) return;
     double changed = 0, before = 0;
     for (int j = 0; j < LPTN_NU; j++) {
         changed += (w->c[0][j] - m->asked[j]) * (w->c[0][j] - m->asked[j]);
         before += m->asked[j] * m->asked[j];
     }
     const double same = before > 0 ? fmax(1 - changed / before / (ANOTHER * ANOTHER), 0) : 0;
-    memcpy(w->line, w->a, sizeof w->a), memcpy(w->root, w->a, sizeof w->a);
     for (int j = 0; j < LPTN_NU; j++) {
-        const double change = same * w->a[0][j] * o->smoothing / o->stage[0];
-        w->line[0][j] += change, w->root[0][j] += change * m->share[j];
+        const double share = sqrt(w->s[0][j]), rise = share - m->share[j];
+        const double kept = rise > 0 ? share - same * exp(-o->stage[0] / o->smoothing) * rise : share;
+        w->s[0][j] = fmax(kept * kept, w->lo[0][j]);
     }
 }
 
@@ -116,5 +120,6 @@ void lptn_mpc_step(const lptn_mpc_settings *o, lptn_mpc_state *m, lptn_mpc_work 
             roll_out(o, m, w);
         }
     }
+    rise_slowly(o, m, w);
     report(o, m, w, out);
 }

@@ -30,8 +30,7 @@ typedef struct {
     double floor[LPTN_NU];      /* of the request's unit that a joint gets whatever gets hot, if so much is asked */
     double p[LPTN_NP + 1];      /* parameters of the model */
     double recovery[LPTN_NL];   /* time constant with which a node above its limit comes down to it [s]; 0: at once */
-    double smoothing;           /* what a change of a joint's share from one period to the next costs, as so many seconds of
-                                   the same deviation from the request; only while the same is asked [s] */
+    double smoothing;           /* time constant with which a joint's share rises, while the same is asked [s] */
     double linear, quadratic;   /* price of slack, per K and per K^2; the cost of admitting nothing at all is 1 */
     double noise;               /* of a reading, its rounding included, standard deviation [K] */
     double grain;               /* of the rounding alone, which no averaging removes [K] */
@@ -90,7 +89,6 @@ typedef struct {
 typedef struct {
     double M[LPTN_N][LPTN_NX][LPTN_W], offset[LPTN_N][LPTN_NX];       /* x+ = M [s; x] + offset */
     double U[LPTN_N][LPTN_W][LPTN_W], v[LPTN_N][LPTN_W];   /* eliminated controls */
-    double line[LPTN_N][LPTN_NU], root[LPTN_N][LPTN_NU]; /* cost of a scale: line s - 2 root sqrt(s) */
     double a[LPTN_N][LPTN_NU], c[LPTN_N][LPTN_NU], d[LPTN_N][LPTN_ND + 1];
     double s[LPTN_N][LPTN_NU], lo[LPTN_N][LPTN_NU], hi[LPTN_N][LPTN_NU], zl[LPTN_N][LPTN_NU], zu[LPTN_N][LPTN_NU];
     double ds[LPTN_N][LPTN_NU], dl[LPTN_N][LPTN_NU], du[LPTN_N][LPTN_NU], cl[LPTN_N][LPTN_NU], cu[LPTN_N][LPTN_NU];

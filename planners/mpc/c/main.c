@@ -6,11 +6,13 @@
  * -DLPTN_WIDE lets gcc use wide vectors where a PC has them: the same digits, nearly twice as fast.
  *
  * A line holds LPTN_NN temperatures [degC], LPTN_NU requests (RMS over the horizon) and LPTN_ND conditions, in the order
- * that names.txt tells; "nan" where a value is missing. The answer is a line of LPTN_NU admitted values, the status and the
+ * that names.txt tells; "nan" where a value is missing. With the argument "preview" requests and conditions are told for each
+ * of the LPTN_N stages: temperatures, then LPTN_N times the requests, then LPTN_N times the conditions. The answer is a line of LPTN_NU admitted values, the status and the
  * cost. Times on standard error: processor time of each call. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 #include <time.h>
 
 #include "lptn_mpc.h"
@@ -30,15 +32,16 @@ static int read_numbers(double *to, int count) {
     return 1;
 }
 
-int main(void) {
-    static double measured[LPTN_NN], line[LPTN_NU + LPTN_ND + 1], request[LPTN_N * LPTN_NU];
-    static double conditions[LPTN_N * LPTN_ND + 1];
+int main(int count, char **words) {
+    static double measured[LPTN_NN], request[LPTN_N * LPTN_NU], conditions[LPTN_N * LPTN_ND + 1];
+    const int told = count > 1 && !strcmp(words[1], "preview") ? LPTN_N : 1;
     double total = 0, worst = 0;
     long steps = 0;
-    while (read_numbers(measured, LPTN_NN) && read_numbers(line, LPTN_NU + LPTN_ND)) {
-        for (int k = 0; k < LPTN_N; k++) {
-            for (int j = 0; j < LPTN_NU; j++) request[k * LPTN_NU + j] = line[j];
-            for (int i = 0; i < LPTN_ND; i++) conditions[k * LPTN_ND + i] = line[LPTN_NU + i];
+    while (read_numbers(measured, LPTN_NN) && read_numbers(request, told * LPTN_NU) &&
+           read_numbers(conditions, told * LPTN_ND)) {
+        for (int k = told; k < LPTN_N; k++) {
+            memcpy(request + k * LPTN_NU, request, LPTN_NU * sizeof *request);
+            memcpy(conditions + k * LPTN_ND, conditions, LPTN_ND * sizeof *conditions);
         }
         const clock_t before = clock();
         lptn_mpc_step(&lptn_mpc_default, &state, &work, measured, request, conditions, NULL, &result);

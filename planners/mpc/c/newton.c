@@ -5,7 +5,7 @@ static void curvatures(const lptn_mpc_settings *o, lptn_mpc_work *w) {
     for (int k = 0; k < LPTN_N; k++) {
         for (int j = 0; j < LPTN_NU; j++) {
             const double s = w->s[k][j];
-            w->R[k][j] = 0.5 * w->root[k][j] / (s * sqrt(s)) + w->zl[k][j] / (s - w->lo[k][j]) +
+            w->R[k][j] = 0.5 * w->a[k][j] / (s * sqrt(s)) + w->zl[k][j] / (s - w->lo[k][j]) +
                          w->zu[k][j] / (w->hi[k][j] - s);
         }
         for (int l = 0; l < LPTN_NL; l++) {
@@ -21,7 +21,7 @@ static void slopes(const lptn_mpc_settings *o, lptn_mpc_work *w, double mu) {
     for (int k = 0; k < LPTN_N; k++) {
         for (int j = 0; j < LPTN_NU; j++) {
             const double s = w->s[k][j];
-            w->r[k][j] = w->line[k][j] - w->root[k][j] / sqrt(s) - (mu - w->cl[k][j]) / (s - w->lo[k][j]) +
+            w->r[k][j] = w->a[k][j] - w->a[k][j] / sqrt(s) - (mu - w->cl[k][j]) / (s - w->lo[k][j]) +
                          (mu - w->cu[k][j]) / (w->hi[k][j] - s);
         }
         for (int l = 0; l < LPTN_NL; l++) {

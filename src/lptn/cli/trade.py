@@ -1,4 +1,4 @@
-"""The command `lptn trade`: how much heat sink, which motor."""
+"""The command `lptn trade`: which motor, which gear, how much heat sink."""
 
 from __future__ import annotations
 
@@ -13,10 +13,18 @@ from lptn.cli.options import HtmlReport, Picture, check_outputs, check_picture, 
 Result = Annotated[
     Path | None, Option(name=["--json", "--output", "-o"], help="File to write the result to, for programs (JSON).")
 ]
+Diagram = Annotated[
+    Path | None,
+    Option(
+        help="File for the torque-speed-time diagram: how long each torque can be held at each speed (PNG, SVG, PDF)."
+    ),
+]
 
 
-def trade(study: Path, /, *, json: Result = None, plot: Picture = None, report: HtmlReport = None) -> None:
-    """Solve a cooling trade study: best designs, what limits them, Pareto front, sensitivities.
+def trade(
+    study: Path, /, *, json: Result = None, plot: Picture = None, diagram: Diagram = None, report: HtmlReport = None
+) -> None:
+    """Solve a trade study of motor, gear and cooling: best designs, what limits them, Pareto front, sensitivities.
 
     Example: lptn trade u8.toml --json result.json --plot study.png
     """
@@ -24,16 +32,22 @@ def trade(study: Path, /, *, json: Result = None, plot: Picture = None, report: 
     from lptn.planners.trade import load_study, solve_study
     from lptn.planners.trade.export import as_json, lines
 
-    check_outputs(json, plot, report)
-    for output in (json, plot, report):
+    outputs = (json, plot, diagram, report)
+    check_outputs(*outputs)
+    for output in outputs:
         if output is not None and output.resolve() == study.resolve():
             raise InputError(output, "output", "the study itself", "another file, for this one would be lost")
     check_picture(plot)
+    check_picture(diagram)
     asked = load_study(study)
     with progress("reading") as say:
         result = solve_study(asked, say)
     if not result.designs:
         raise result.infeasible()
+    if diagram is not None:
+        from lptn.planners.trade.figures import torque_speed_figure
+
+        write_figure(torque_speed_figure(result), diagram)
     print("\n".join(lines(result)))
     if plot is not None:
         from lptn.planners.trade.figures import study_figure

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,11 +15,12 @@ from lptn.planners.mission.answer import MissionAnswer
 from lptn.planners.mpc.answer import TrackAnswer
 from lptn.report.charts import POINTS, ChartPanel, Charts, Line, View
 from lptn.report.document import picture, render
+from lptn.report.tables import Table
 from lptn.report.text import for_people, unit_text
 
 if TYPE_CHECKING:
     from lptn.planners.tasks import Answer
-    from lptn.planners.trade import StudyResult
+    from lptn.planners.trade import FrontPoint, StudyResult
 
 _CHARTS = "plan"
 _TEMPERATURE = ChartPanel(
@@ -150,16 +151,21 @@ def trade_html(result: StudyResult) -> str:
     Returns:
         HTML text, with the Pareto front and the times to the limit to hover.
     """
-    from lptn.planners.trade.export import lines
+    from lptn.planners.trade.export import headline, remarks, table
     from lptn.planners.trade.figures import study_figure
 
+    heads, *rows = table(result)
     charts = {"Time to the limit": _curves(result).html("curves")}
     if result.front:
         charts = {"Pareto front: the best choice at each amount": _front(result).html("front")} | charts
+    if result.torque_speed:
+        charts["How long each torque can be held at each speed"] = _torque_speed(result).html("torque-speed")
     return render(
         "planning.html.j2",
         title=result.study.name,
-        said=[for_people(line) for line in lines(result)],
+        said=[for_people(line) for line in remarks(result)],
+        lead=for_people(headline(result).removeprefix(f"{result.study.name}: ")),
+        table=Table(tuple(for_people(head) for head in heads), tuple(rows)),
         charts=list(charts.values()),
         headings=list(charts),
         still=picture("The study in one figure.", inline_svg(study_figure(result), result.study.name)),
@@ -172,24 +178,67 @@ def _front(result: StudyResult) -> Charts:
     assert result.study.sweep is not None  # a front comes from a sweep
     factor, label = AMOUNTS[result.study.sweep.against]
     scale, goal = VALUES[result.study.goal]
-    every = {name: points for name, points in result.by_option.items() if points}
+    every = {name: points for name, points in result.by_option.items() if points and name in result.drawn}
     amounts = np.unique([point.amount for points in [*every.values(), result.front] for point in points])
     shown: dict[str, FloatArray] = {}
-    for name, points in [*every.items(), ("", result.front)]:
-        shown[name] = np.full(amounts.size, np.nan)
-        shown[name][np.searchsorted(amounts, [point.amount for point in points])] = [
-            scale * each.value for each in points
-        ]
-    unit = _unit_in(goal)
-    drawn = [Line(name, name, colour=_colour(result, name), dots=True) for name in every]
-    panel = ChartPanel(goal.replace("degC", "°C"), unit, (*drawn, Line("", "Pareto front", "points")), 380)
+    panels: list[ChartPanel] = []
+    for label_up, unit, height, value in _front_panels(result, scale, goal):
+        lines = []
+        for name, points in [*every.items(), ("", result.front)]:
+            key = f"{label_up}, {name}"
+            shown[key] = np.full(amounts.size, np.nan)
+            shown[key][np.searchsorted(amounts, [point.amount for point in points])] = [value(each) for each in points]
+            if name:
+                lines.append(Line(key, name, colour=_colour(result, name), dots=True))
+            elif not panels:  # the design of the front is that of its choice
+                lines.append(Line(key, "Pareto front", "points"))
+        panels.append(ChartPanel(label_up.replace("degC", "°C"), unit, tuple(lines), height))
     view = View(("",), "", "amount", shown)
-    return Charts(label.replace("degC", "°C"), (panel,), [view], {"amount": factor * amounts})
+    return Charts(label.replace("degC", "°C"), tuple(panels), [view], {"amount": factor * amounts})
+
+
+def _front_panels(
+    result: StudyResult, scale: float, goal: str
+) -> list[tuple[str, str, int, Callable[[FrontPoint], float]]]:
+    """The goal, and below it what the designs are: label, unit, height [px], value of a point."""
+    panels: list[tuple[str, str, int, Callable[[FrontPoint], float]]] = [
+        (goal, _unit_in(goal), 380, lambda point: scale * point.value)
+    ]
+    if any(gear.is_sought for gear in result.study.gears):
+        panels.append(("gear ratio", "", 120, lambda point: point.ratio))
+    if result.with_sink is not None:
+        panels += [
+            ("C [J/K]", "J/K", 120, lambda point: _or_nan(point.capacity)),
+            ("R_h [K/W]", "K/W", 120, lambda point: _or_nan(point.resistance)),
+        ]
+    return panels
+
+
+def _or_nan(value: float | None) -> float:
+    return float("nan") if value is None else value
+
+
+def _torque_speed(result: StudyResult) -> Charts:
+    from lptn.planners.trade.figures import RPM, duration_words
+
+    diagrams = result.torque_speed
+    durations = [duration_words(duration) for duration in diagrams[0].durations.tolist()]
+    drawn = tuple(Line(words, words, colour=number) for number, words in enumerate(durations))
+    views = [
+        View((each.name,), each.name, each.name, dict(zip(durations, each.torque, strict=True))) for each in diagrams
+    ]
+    across = {each.name: RPM * each.speed for each in diagrams}
+    panel = ChartPanel("torque held [N·m]", "N·m", drawn, 380, zero=True)
+    return Charts("speed [rpm]", (panel,), views, across, {"choice": list(across)})
 
 
 def _curves(result: StudyResult) -> Charts:
     currents = result.curves[0].current
-    shown = {each.name: np.where(np.isfinite(each.time), each.time, np.nan) for each in result.curves}
+    shown = {
+        each.name: np.where(np.isfinite(each.time), each.time, np.nan)
+        for each in result.curves
+        if each.name in result.drawn
+    }
     drawn = tuple(Line(name, name, colour=_colour(result, name)) for name in shown)
     panel = ChartPanel(f"time to {result.curves[0].limit:.0f} °C [s]", "s", drawn, 320, log=True)
     return Charts("constant current [A]", (panel,), [View(("",), "", "current", shown)], {"current": currents})
@@ -197,7 +246,7 @@ def _curves(result: StudyResult) -> Charts:
 
 def _colour(result: StudyResult, name: str) -> int:
     """The number of a choice, the same in all charts."""
-    return [option.name for option in result.study.options()].index(name)
+    return result.drawn.index(name)
 
 
 def _unit_in(label: str) -> str:

@@ -1,0 +1,236 @@
+"""Motors as a table that people extend: rows of a CSV or TOML file, with the keys of a study's `[[motors]]`."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import Field, ValidationError
+
+from lptn.basics.errors import InputError
+from lptn.basics.files import text_of
+from lptn.basics.toml import expectation, first_mistake, found_in, mistakes_by_line, place_of, toml_of
+from lptn.model.file import Number, Strict, parse_model
+from lptn.model.network import Network
+
+from ..values import (
+    Celsius,
+    Current,
+    Inertia,
+    Length,
+    Mass,
+    NotNegative,
+    Ohms,
+    Resistance,
+    Seconds,
+    ShaftSpeed,
+    SpeedConstant,
+    TorqueConstant,
+    Volume,
+)
+from .motors import MOTORS, REFERENCE
+
+_ALPHA = 0.0039  # 1/K, copper; [Chen2017, eq. 2.5]
+
+
+class MotorLimits(Strict):
+    """What a motor's data sheet limits."""
+
+    winding: Celsius | None = None
+    magnet: Celsius | None = None
+    current: Current | None = None
+    speed: ShaftSpeed | None = None
+
+
+class DataSheet(Strict):
+    """The thermal numbers that makers of motors print: two resistances, two time constants."""
+
+    resistance: Ohms
+    winding_to_housing: Resistance
+    housing_to_ambient: Resistance
+    winding_time: Seconds
+    motor_time: Seconds
+
+
+class MotorTable(Strict):
+    """A motor of a study or of a catalogue."""
+
+    name: str
+    model: str | None = None
+    data_sheet: DataSheet | None = None
+    winding: str | None = None  # node or pattern; the nodes with copper loss
+    magnet: str | None = None  # node or pattern; nodes called magnet…, else the housing
+    sink_at: str | None = None  # node, body's face or pattern; else [sink] at, else the stator or housing's outside
+    mass: Mass | None = None
+    volume: Volume | None = None
+    diameter: Length | None = None
+    length: Length | None = None
+    torque_constant: TorqueConstant | None = None
+    speed_constant: SpeedConstant | None = None
+    magnet_coefficient: Annotated[Number, Field(gt=-0.01, le=0)] | None = None
+    rotor_inertia: Inertia | None = None
+    price: NotNegative | None = None
+    limits: MotorLimits = MotorLimits()
+    source: str | None = None
+
+    def over(self, other: MotorTable) -> MotorTable:
+        """This motor, and where it says nothing, what the other one says."""
+        said = self.model_dump(exclude_none=True)
+        limits = other.limits.model_dump(exclude_none=True) | said.pop("limits", {})
+        kept = other.model_dump(exclude_none=True) | said | {"limits": limits}
+        # Two ways to say the same: the later one counts alone.
+        for one, another in _EITHER:
+            if any(key in said for key in one) and not any(key in said for key in another):
+                kept = {key: value for key, value in kept.items() if key not in another}
+        return MotorTable(**kept)
+
+    @property
+    def package(self) -> float | None:
+        """Its volume [m³], perhaps that of the cylinder which it fills."""
+        if self.volume is not None or self.diameter is None or self.length is None:
+            return self.volume
+        return math.pi * self.diameter**2 / 4 * self.length
+
+    @property
+    def constant(self) -> float | None:
+        """Torque by the ampere [N·m/A], which is voltage by the radian per second."""
+        if self.torque_constant is not None or self.speed_constant is None:
+            return self.torque_constant
+        return 1 / self.speed_constant
+
+
+_EITHER = [(one, other) for pair in ((("volume",), ("diameter", "length")), (("torque_constant",), ("speed_constant",)),
+                                     (("model",), ("data_sheet",))) for one, other in (pair, pair[::-1])]  # fmt: skip
+
+
+class CatalogueFile(Strict):
+    """A catalogue in TOML."""
+
+    motors: list[MotorTable] = Field(min_length=1)
+
+
+def known_motors() -> dict[str, MotorTable]:
+    """The motors whose data are shipped, by name."""
+    return {
+        motor.name: MotorTable(
+            name=motor.name,
+            model=motor.model,
+            mass=motor.mass.value,
+            volume=motor.volume,
+            torque_constant=motor.torque_constant.value,
+            limits=MotorLimits(
+                winding=motor.winding_limit.value, magnet=motor.magnet_limit.value, current=motor.most_current.value
+            ),
+        )
+        for motor in MOTORS.values()
+    }
+
+
+def read_catalogue(path: Path) -> dict[str, MotorTable]:
+    """Motors of a table, by name.
+
+    Args:
+        path: a TOML file with tables `[[motors]]`, or a CSV file whose columns are called as their keys, with units in
+            brackets: `name, mass [g], limits.current [A]`; empty cells say nothing.
+
+    Raises:
+        InputError: it can't be read, or says something that can't be; with its line.
+    """
+    rows = _rows_of_csv(path) if path.suffix.lower() == ".csv" else _rows_of_toml(path)
+    motors: dict[str, MotorTable] = {}
+    for place, motor in rows:
+        if motor.name in motors:
+            raise InputError(path, place, f'"{motor.name}" a second time', "a name of its own for each motor")
+        motors[motor.name] = motor
+    return motors
+
+
+def _rows_of_toml(path: Path) -> list[tuple[str, MotorTable]]:
+    text = text_of(path, "a catalogue of motors")
+    with mistakes_by_line(path, text):
+        tables = CatalogueFile.model_validate(toml_of(path, text))
+    return [(f"motors[{number}].name", motor) for number, motor in enumerate(tables.motors)]
+
+
+def _rows_of_csv(path: Path) -> list[tuple[str, MotorTable]]:
+    lines = csv.reader(text_of(path, "a catalogue of motors").splitlines())
+    said = [(lines.line_num, cells) for cells in lines if any(cell.strip() for cell in cells)]
+    said = [(number, cells) for number, cells in said if not cells[0].lstrip().startswith("#")]
+    if len(said) < 2:
+        raise InputError(path, "motors", "no row of a motor", "a line of column names, then a line for each motor")
+    names = [name.strip() for name in said[0][1]]
+    rows = []
+    for number, cells in said[1:]:
+        if len(cells) > len(names):
+            raise InputError(path, f"line {number}", f"{len(cells)} cells", f"at most {len(names)}, as many as columns")
+        try:
+            rows.append((f"line {number}", MotorTable.model_validate(_nested(names, cells))))
+        except ValidationError as error:
+            first = first_mistake(error)
+            place = f"line {number}, column{place_of(first).replace('.', ' ', 1)}"
+            raise InputError(path, place, found_in(first), expectation(first)) from error
+    return rows
+
+
+def _nested(names: list[str], cells: list[str]) -> dict[str, Any]:
+    """A row as the table that TOML would hold."""
+    table: dict[str, Any] = {}
+    for name, cell in zip(names, cells, strict=False):
+        if not cell.strip():
+            continue
+        key, _, unit = name.partition("[")
+        *path, last = key.strip().split(".")
+        inner = table
+        for part in path:
+            inner = inner.setdefault(part, {})
+        inner[last] = _value(cell.strip(), unit.strip().removesuffix("]").strip())
+    return table
+
+
+def _value(cell: str, unit: str) -> Any:
+    try:
+        number = float(cell)
+    except ValueError:
+        return cell
+    return {"value": number, "unit": unit} if unit else number
+
+
+def data_sheet_network(name: str, sheet: DataSheet) -> Network:
+    """Winding, housing and air, after a data sheet.
+
+    A winding's time constant is taken as its heat capacity times its resistance to the housing, the motor's as the
+    housing's capacity times its resistance to the air.
+    """
+    values: Mapping[str, float] = {
+        "winding": sheet.winding_time / sheet.winding_to_housing,
+        "housing": sheet.motor_time / sheet.housing_to_ambient,
+    }
+    text = f"""
+[model]
+name = "data-sheet"
+ambient = "temperature.ambient"
+[nodes.winding]
+capacity = {values["winding"]!r}
+[nodes.housing]
+capacity = {values["housing"]!r}
+[[links]]
+between = ["winding", "housing"]
+resistance = {sheet.winding_to_housing!r}
+[[links]]
+between = ["housing", "ambient"]
+resistance = {sheet.housing_to_ambient!r}
+[[effects]]
+kind = "copper_loss"
+at = "winding"
+input = "current"
+resistance = {sheet.resistance!r}
+[[effects]]
+kind = "resistance_rise"
+at = "winding"
+alpha = {_ALPHA}
+reference = {REFERENCE}
+"""
+    return parse_model(text, Path(f"data sheet of {name}")).network

@@ -1,0 +1,125 @@
+"""How long a motor holds each torque at each speed, within winding, magnets, current and supply voltage."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lptn.basics.arrays import BoolArray, FloatArray
+from lptn.basics.errors import InputError
+
+from .designs import Design
+from .motors import REFERENCE
+from .simulation import Simulator
+
+_MOST_CURRENT = 40.0  # A; where nothing limits the current
+_SPEEDS = 49
+_HALVINGS = 14  # of the torque, which is then good to 1e-4 of the largest one
+_STEPS, _GRADING = 60, 2.0  # implicit ones, shorter at the beginning, where a hold changes fastest
+_DURATIONS = (10.0, 30.0, 60.0, 180.0, 600.0, 1800.0, 3600.0)  # s
+_REACHED = 1e-9  # relative
+
+
+@dataclass(frozen=True)
+class TorqueSpeed:
+    """What a design can do, behind its gear.
+
+    Args:
+        name: of the choice.
+        speed: rad/s, shape (n,), up to where nothing is left.
+        durations: s, shape (k,), from 0 (a moment, at the start's temperature) to infinity (for ever).
+        torque: that can be held so long, from the start of the study's task [N·m], shape (k, n); NaN where the speed
+            can't be held at all.
+    """
+
+    name: str
+    speed: FloatArray
+    durations: FloatArray
+    torque: FloatArray
+
+
+def torque_speed(design: Design) -> TorqueSpeed:
+    """The torque that can be held for each of some durations at each speed.
+
+    A point can be held as long as winding and magnets stay below their limits and current and voltage suffice, with
+    the magnets and the copper as warm as they are then.
+
+    Args:
+        design: the motor, its gear and its cooling.
+
+    Raises:
+        InputError: neither the voltage nor the speed is limited.
+    """
+    option, study = design.option, design.option.study
+    ratio = option.gear.ratio[0]
+    limits = option.motor.limits | option.limits
+    magnets = option.motor.torque_constant * (1 + option.motor.magnet_coefficient * (study.task.start - REFERENCE))
+    ends = [limits["speed"]] if "speed" in limits else []
+    ends += [limits["voltage"] / magnets] if "voltage" in limits else []
+    if not ends:
+        expected = "voltage = … or speed = …, where the diagram ends"
+        raise InputError(study.origin, "limits", "no voltage and no speed", expected)
+    speed = np.linspace(0.0, min(ends) / ratio, _SPEEDS)
+    durations = np.array([0.0, *(time for time in _DURATIONS if time < study.task.longest), study.task.longest, np.inf])
+    most = limits.get("current", _MOST_CURRENT) * option.motor.torque_constant * ratio
+    shape = durations.size, speed.size
+    held = _held(design, limits, np.tile(speed, durations.size), np.repeat(durations, speed.size), most)
+    return TorqueSpeed(option.name, speed, durations, held.reshape(shape))
+
+
+def _held(
+    design: Design, limits: dict[str, float], speed: FloatArray, durations: FloatArray, most: float
+) -> FloatArray:
+    """The torque [N·m] that each speed bears for its duration [s], by halving; NaN where not even none."""
+    bears = _Bears(design, limits, speed, durations)
+    low, high = np.zeros(speed.size), np.full(speed.size, most)
+    bears_none = bears(low)
+    for _ in range(_HALVINGS):
+        middle = (low + high) / 2
+        good = bears(middle)
+        low, high = np.where(good, middle, low), np.where(good, high, middle)
+    return np.where(bears_none, low, np.nan)
+
+
+class _Bears:
+    """Whether points of torque and speed keep the limits for so long.
+
+    At the start and at the end they are looked at: a hold warms without end, so between the two nothing is worse.
+    """
+
+    def __init__(self, design: Design, limits: dict[str, float], speed: FloatArray, durations: FloatArray) -> None:
+        self.simulator, self.limits = Simulator(design.option), limits
+        self.speed, self.durations = speed, durations
+        self.capacity, self.resistance = (np.full(speed.size, each) for each in design.sink or (1.0, 1.0))
+        task = design.option.study.task
+        self.ambient = task.ambient
+        self.start = np.full((len(self.simulator.plant.states), speed.size), task.start)
+
+    def __call__(self, torque: FloatArray) -> BoolArray:
+        drive = np.vstack([torque, self.speed, np.zeros(torque.size)])
+        return self._within(self.start, drive) & self._within(self._end(drive), drive)
+
+    def _within(self, x: FloatArray, drive: FloatArray) -> BoolArray:
+        simulator = self.simulator
+        current, voltage = simulator.electric(np.where(np.isfinite(x), x, self.ambient), drive)
+        reached = {
+            "winding": simulator.winding(x),
+            "magnet": simulator.magnet(x),
+            "current": current,
+            "voltage": voltage,
+        }
+        within = [value <= self.limits.get(name, np.inf) * (1 + _REACHED) for name, value in reached.items()]
+        return np.asarray(np.all(within, axis=0))
+
+    def _end(self, drive: FloatArray) -> FloatArray:
+        """States at the end of each hold, or where it settles; infinite where it runs away."""
+        ever = np.isinf(self.durations)
+        x = self.start.copy()
+        x[:, ever] = self.simulator.steady(drive[:, ever], self.capacity[ever], self.resistance[ever])
+        some = ~ever
+        shares = np.diff((np.arange(_STEPS + 1) / _STEPS) ** _GRADING)
+        rows = drive[:, some], self.capacity[some], self.resistance[some]
+        for share in shares:
+            x[:, some] = self.simulator.advance_implicitly(x[:, some], *rows, share * self.durations[some])
+        return x

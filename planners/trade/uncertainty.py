@@ -1,0 +1,137 @@
+"""What is not known of a design carried to its answer: parameters drawn at random, the design held or made anew."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import ndtri
+from scipy.stats import qmc
+
+from lptn.basics.errors import InputError
+from lptn.basics.places import matching
+
+from .designs import BUDGETS, Design
+from .plant import CAPACITY, RESISTANCE
+from .problem import Problem
+from .study import GOALS, Study
+
+_SEED = 1  # any; the same draws each time, so that an answer can be had again
+_TEMPERATURE = "degC"
+Key = tuple[str, str]
+"""A parameter that is drawn: of which motor (empty for what all choices share), and its name."""
+
+
+@dataclass(frozen=True)
+class Interval:
+    """The answer of one choice under what is not known.
+
+    Args:
+        low, high: ends of the interval, in the goal's unit; infinite where too many draws can't be met at all.
+        feasible: share of the draws in which all limits can be kept.
+        best: share of the draws in which no other choice is better.
+    """
+
+    low: float
+    high: float
+    feasible: float
+    best: float
+
+
+def intervals(
+    study: Study, solved: Sequence[tuple[Problem, Design]], report: Callable[[str], None] = lambda _: None
+) -> dict[str, Interval]:
+    """Intervals of the goal by the name of the choice.
+
+    A design that is sought at its best (held torque, time to the limit, worst temperature) is kept as it was found,
+    with its fins and its metal, and judged in each draw; where the least mass, volume or price is sought, each draw
+    tells what it would take. All choices see the same draws (Sobol's sequence).
+
+    Args:
+        study: with its uncertainty.
+        solved: programs of the feasible choices, and their designs.
+        report: called with what is being done.
+
+    Raises:
+        InputError: a pattern that fits no parameter, or a share of a temperature.
+    """
+    told = study.uncertainty
+    if told is None or not solved:
+        return {}
+    errors = [_errors_of(problem, study) for problem, _ in solved]
+    _refuse_unused(study, solved)
+    keys = sorted({key for each in errors for key in each})
+    draws = np.zeros((told.draws, 0))
+    if keys:
+        draws = ndtri(qmc.Sobol(len(keys), seed=_SEED).random(told.draws))
+    worst = -np.inf if GOALS[study.goal][2] else np.inf
+    values = np.full((len(solved), told.draws), worst)
+    for row, ((problem, design), error) in enumerate(zip(solved, errors, strict=True)):
+        report(f"drawing what is not known for {design.option.name}")
+        asked = problem if study.goal in BUDGETS else Problem(design.option, design.sink)
+        near = asked.solve()
+        for number, draw in enumerate(draws):
+            drawn = {
+                key[1]: _drawn(asked, key[1], told_error, draw[keys.index(key)]) for key, told_error in error.items()
+            }
+            solution = asked.solve(_built(asked, drawn), near=near if near.success else None)
+            if solution.success:
+                values[row, number] = solution.objective
+    best = values.argmax(axis=0) if worst < 0 else values.argmin(axis=0)
+    ends = (1 - told.level) / 2, (1 + told.level) / 2
+    found = {}
+    for row, (_, design) in enumerate(solved):
+        low, high = np.quantile(values[row], ends, method="nearest").tolist()
+        can = np.isfinite(values[row])
+        found[design.option.name] = Interval(low, high, float(can.mean()), float((can & (best == row)).mean()))
+    return found
+
+
+def _errors_of(problem: Problem, study: Study) -> dict[Key, tuple[float, bool]]:
+    """Standard errors of a program's parameters, and whether each is relative; a fit's unless the study says."""
+    assert study.uncertainty is not None
+    motor, names = problem.option.motor, list(problem.parameters.symbols)
+    errors = {name: (error, False) for name, error in motor.standard_errors.items() if name in names}
+    for pattern, error in study.uncertainty.errors.items():
+        for name in matching(pattern, names):
+            if error[1] and problem.parameters.units[name] == _TEMPERATURE:
+                place = f'uncertainty.errors."{pattern}"'
+                raise InputError(
+                    study.origin, place, f"{error[0]:g} of {name}, a temperature", '{ value = …, unit = "K" }'
+                )
+            errors[name] = error
+    own = {parameter.name for parameter in problem.plant.model.parameters}
+    return {(motor.name if name in own else "", name): error for name, error in errors.items() if error[0] > 0}
+
+
+def _refuse_unused(study: Study, solved: Sequence[tuple[Problem, Design]]) -> None:
+    """A pattern that means nothing would be an uncertainty that is silently left out."""
+    assert study.uncertainty is not None
+    names = list(dict.fromkeys(name for problem, _ in solved for name in problem.parameters.symbols))
+    for pattern in study.uncertainty.errors:
+        if not matching(pattern, names):
+            expected = f"one of {', '.join(names)}, or a pattern of them"
+            raise InputError(study.origin, f'uncertainty.errors."{pattern}"', "no such number", expected)
+
+
+def _drawn(problem: Problem, name: str, error: tuple[float, bool], normal: float) -> float:
+    """A parameter as it is in one draw: what is positive by its nature is lognormal with its value as the median."""
+    value, (size, relative) = problem.parameters.defaults[name], error
+    if problem.parameters.units[name] == _TEMPERATURE or value <= 0:
+        return value + normal * size * (abs(value) if relative else 1.0)
+    share = size if relative else size / value
+    drawn = value * float(np.exp(normal * np.sqrt(np.log1p(share**2))))
+    return min(drawn, 1.0) if name == "gear.efficiency" else drawn
+
+
+def _built(problem: Problem, drawn: dict[str, float]) -> dict[str, float]:
+    """The draw, and what it does to a sink whose fins and metal are given rather than its resistance and capacity."""
+    p = problem.parameters.defaults
+    if RESISTANCE not in p:
+        return drawn
+    ratio: Callable[[str], float] = lambda name: drawn.get(name, p[name]) / p[name]  # noqa: E731
+    return drawn | {
+        RESISTANCE: drawn.get(RESISTANCE, p[RESISTANCE]) / ratio("film"),
+        CAPACITY: drawn.get(CAPACITY, p[CAPACITY]) * ratio("specific_heat") * ratio("density"),
+    }
