@@ -12,7 +12,16 @@ from html.parser import HTMLParser
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
-_FETCHED = {"script": "src", "img": "src", "iframe": "src", "source": "src", "video": "src", "audio": "src", "image": "href", "use": "href"}
+_FETCHED = {
+    "script": "src",
+    "img": "src",
+    "iframe": "src",
+    "source": "src",
+    "video": "src",
+    "audio": "src",
+    "image": "href",
+    "use": "href",
+}
 _LINK_KINDS = {"stylesheet", "preconnect", "preload", "prefetch", "icon", "manifest", "modulepreload", "dns-prefetch"}
 _CSS_ADDRESS = re.compile(r"(?:url\(\s*|@import\s+)[\"']?([^\"')\s;]+)")
 
@@ -56,7 +65,9 @@ def faults(site: Path) -> list[str]:
         here = path.relative_to(site.resolve())
         found += [f"{here}: fetches {address}" for address in page.fetched if _is_elsewhere(address)]
         for address in page.links + page.fetched:
-            at_root = path.name == "404.html" and address.startswith("/")  # shown at any address, so it begins at the top
+            at_root = path.name == "404.html" and address.startswith(
+                "/"
+            )  # shown at any address, so it begins at the top
             inside = address.removeprefix("/") if at_root else address
             if not _is_elsewhere(address) and not _leads_somewhere(inside, path, pages):
                 found.append(f"{here}: {address} leads nowhere")
@@ -84,5 +95,7 @@ def _leads_somewhere(address: str, path: Path, pages: dict[Path, Document]) -> b
 
 if __name__ == "__main__":
     wrong = faults(Path(sys.argv[1]))
-    print("\n".join(wrong), file=sys.stderr) if wrong else print("the site's links lead somewhere, and nothing is fetched from elsewhere")
+    print("\n".join(wrong), file=sys.stderr) if wrong else print(
+        "the site's links lead somewhere, and nothing is fetched from elsewhere"
+    )
     sys.exit(bool(wrong))

@@ -1,10 +1,10 @@
 """Puts the pages of the site together: its own, those of the rooms that they include, and what programs write.
 
-`python compose.py FOLDER` writes the Markdown that the site is built from. A page includes another one of the project, or one
-section of it, by a line of its own: `{{ src/lptn/README.md#how-it-decides }}`. What is included keeps its links: they lead to
-the page of the site that includes their target, and elsewhere to a copy of the file. Pages of the site reach the project's files by
-`repo:`, as in `[a log](repo:examples/tclab/log.csv)`. `{{ commands }}` is written by the command line's own help,
-`{{ bibliography }}` by `lptn.references`.
+`python compose.py FOLDER` writes the Markdown that the site is built from. A page includes another one of the
+project, or one section of it, by a line of its own: `{{ src/lptn/README.md#how-it-decides }}`. What is included keeps
+its links: they lead to the page of the site that includes their target, and elsewhere to a copy of the file. Pages of
+the site reach the project's files by `repo:`, as in `[a log](repo:examples/tclab/log.csv)`. `{{ commands }}` is
+written by the command line's own help, `{{ bibliography }}` by `lptn.references`.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ class _Page:
 
         Args:
             text: Markdown.
-            origin: the project's page that it comes from; without one, links are the site's own, and `repo:` is the project.
+            origin: the project's page that it comes from; without one, links are the site's own, or `repo:`.
         """
         return _CODE_OR_LINK.sub(lambda found: self._code_or_link(found, origin), text)
 

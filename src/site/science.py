@@ -1,4 +1,4 @@
-"""What the site's Markdown knows besides: formulas in LaTeX drawn as MathML, `[Chen2017, eq. 2.4]` as a link, examples in docstrings.
+"""What the site's Markdown knows besides: formulas drawn as MathML, citations that are links, examples in docstrings.
 
 A block of code that is run and fails ends the build.
 """
@@ -42,10 +42,10 @@ class _DisplayedFormula(Preprocessor):
 
 
 class _InlineFormula(InlineProcessor):
-    """:math:`x` of docstrings."""
+    """:math:`x` of docstrings, $`x`$ of pages."""
 
     def handleMatch(self, m: re.Match[str], data: str) -> tuple[str, int, int]:  # type: ignore[override]  # noqa: N802
-        return self.md.htmlStash.store(convert(m[1])), m.start(0), m.end(0)
+        return self.md.htmlStash.store(convert(m[1] or m[2])), m.start(0), m.end(0)
 
 
 class _Cited(InlineProcessor):
@@ -89,8 +89,12 @@ class Science(Extension):
         patch_loggers(_FailedBlock)
         md.preprocessors.register(_Doctest(md), "doctest", 28)  # before code blocks
         md.preprocessors.register(_DisplayedFormula(md), "displayed_formula", 20)  # after code blocks
-        md.inlinePatterns.register(_InlineFormula(r":math:`([^`]+)`", md), "inline_formula", 195)  # before inline code
-        md.inlinePatterns.register(_Cited(r"\[[A-Z][A-Za-z]+\d*[^\[\]]*\](?![\[(:])", md), "citation", 175)  # before links
+        md.inlinePatterns.register(
+            _InlineFormula(r":math:`([^`]+)`|\$`([^`]+)`\$", md), "inline_formula", 195
+        )  # before inline code
+        md.inlinePatterns.register(
+            _Cited(r"\[[A-Z][A-Za-z]+\d*[^\[\]]*\](?![\[(:])", md), "citation", 175
+        )  # before links
 
 
 def makeExtension(**_: object) -> Science:  # noqa: N802
