@@ -145,12 +145,13 @@ def section(text: str, anchor: str) -> str:
 
 def commands() -> str:
     """Every command with its options, by the command line itself."""
+    from cyclopts.docs.markdown import generate_markdown_docs
+
     from lptn.cli.main import app
 
-    shown = [name for name in app if not name.startswith("-")]
-    return "\n\n".join(
-        app[name].generate_docs(output_format="markdown", heading_level=2, include_hidden=False) for name in shown
-    )
+    options = [name for name in app if name.startswith("--")]
+    text = generate_markdown_docs(app, generate_toc=False, exclude_commands=options)
+    return re.sub(r"^Example: (lptn .*)$", r"Example: `\1`", text, flags=re.MULTILINE)
 
 
 def works() -> str:
