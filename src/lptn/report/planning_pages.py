@@ -246,7 +246,7 @@ def _curves(result: StudyResult) -> Charts:
 
 def _colour(result: StudyResult, name: str) -> int:
     """The number of a choice, the same in all charts."""
-    return result.drawn.index(name)
+    return list(result.drawn).index(name)
 
 
 def _unit_in(label: str) -> str:
