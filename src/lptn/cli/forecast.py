@@ -153,7 +153,9 @@ def _show(ahead: Forecast) -> None:
     cycles = f" ({window.cycles} gait cycles of {window.period:.3g} s)" if window.cycles and window.period else ""
     print(f"Taken to go on: {window.why}{cycles}.")
     if ahead.late >= _LATE:
-        print(f"Now is {_duration(ahead.late)} before the end of the log: what drives the robot is not known behind it.")
+        print(
+            f"Now is {_duration(ahead.late)} before the end of the log: what drives the robot is not known behind it."
+        )
     print(f"Uncertainty of the model: {ahead.trust}.")
     for doubt in ahead.doubts:
         print(f"Not believed: {doubt}. Since then the forecast goes on from the model and the other sensors.")
