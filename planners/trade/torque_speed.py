@@ -65,7 +65,8 @@ def torque_speed(design: Design) -> TorqueSpeed:
     most = limits.get("current", _MOST_CURRENT) * option.motor.torque_constant * ratio
     shape = durations.size, speed.size
     held = _held(design, limits, np.tile(speed, durations.size), np.repeat(durations, speed.size), most)
-    return TorqueSpeed(option.name, speed, durations, held.reshape(shape))
+    # Copper warms before the magnets do: the voltage that is needed may be largest on the way.
+    return TorqueSpeed(option.name, speed, durations, np.minimum.accumulate(held.reshape(shape)))
 
 
 def _held(
@@ -83,10 +84,7 @@ def _held(
 
 
 class _Bears:
-    """Whether points of torque and speed keep the limits for so long.
-
-    At the start and at the end they are looked at: a hold warms without end, so between the two nothing is worse.
-    """
+    """Whether points of torque and speed keep the limits for so long, looked at after each step."""
 
     def __init__(self, design: Design, limits: dict[str, float], speed: FloatArray, durations: FloatArray) -> None:
         self.simulator, self.limits = Simulator(design.option), limits
@@ -98,28 +96,21 @@ class _Bears:
 
     def __call__(self, torque: FloatArray) -> BoolArray:
         drive = np.vstack([torque, self.speed, np.zeros(torque.size)])
-        return self._within(self.start, drive) & self._within(self._end(drive), drive)
+        good = self._within(self.start, drive)
+        ever = np.isinf(self.durations)
+        rows = drive[:, ever], self.capacity[ever], self.resistance[ever]
+        good[ever] &= self._within(self.simulator.steady(*rows), drive[:, ever])
+        # Beyond a thermal runaway long steps mean nothing; before, short ones have passed a limit.
+        x, rows = self.start[:, ~ever], (drive[:, ~ever], self.capacity[~ever], self.resistance[~ever])
+        for share in np.diff((np.arange(_STEPS + 1) / _STEPS) ** _GRADING):
+            x = self.simulator.advance_implicitly(x, *rows, share * self.durations[~ever])
+            good[~ever] &= self._within(x, drive[:, ~ever])
+        return good
 
     def _within(self, x: FloatArray, drive: FloatArray) -> BoolArray:
         simulator = self.simulator
         current, voltage = simulator.electric(np.where(np.isfinite(x), x, self.ambient), drive)
-        reached = {
-            "winding": simulator.winding(x),
-            "magnet": simulator.magnet(x),
-            "current": current,
-            "voltage": voltage,
-        }
+        values = simulator.winding(x), simulator.magnet(x), current, voltage
+        reached = dict(zip(("winding", "magnet", "current", "voltage"), values, strict=True))
         within = [value <= self.limits.get(name, np.inf) * (1 + _REACHED) for name, value in reached.items()]
         return np.asarray(np.all(within, axis=0))
-
-    def _end(self, drive: FloatArray) -> FloatArray:
-        """States at the end of each hold, or where it settles; infinite where it runs away."""
-        ever = np.isinf(self.durations)
-        x = self.start.copy()
-        x[:, ever] = self.simulator.steady(drive[:, ever], self.capacity[ever], self.resistance[ever])
-        some = ~ever
-        shares = np.diff((np.arange(_STEPS + 1) / _STEPS) ** _GRADING)
-        rows = drive[:, some], self.capacity[some], self.resistance[some]
-        for share in shares:
-            x[:, some] = self.simulator.advance_implicitly(x[:, some], *rows, share * self.durations[some])
-        return x

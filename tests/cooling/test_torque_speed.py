@@ -35,6 +35,18 @@ def test_points_of_the_diagram_are_those_of_plain_code() -> None:
 
 
 @pytest.mark.long
+def test_the_longer_the_less_beyond_a_runaway_too() -> None:
+    """Currents so large that the copper's rise in resistance runs away within seconds."""
+    limits = f"voltage = {2 * VOLTAGE}\ncurrent = 200"
+    (design,) = solve_study(study("held_torque", "duration = 120", limits, cooling='"none"')).designs
+    diagram = torque_speed(design)
+    fine = 200.0 / 10 / 2**14  # N·m
+    held = diagram.torque[:, ~np.isnan(diagram.torque[0])]
+    assert (np.diff(held, axis=0) <= fine).all()
+    assert held[-1, 0] < 0.6 * held[3, 0]
+
+
+@pytest.mark.long
 def test_for_ever_is_where_heat_in_and_heat_out_meet() -> None:
     (design,) = solve_study(study("held_torque", "duration = 120", "speed = 100", cooling='"none"')).designs
     diagram = torque_speed(design)

@@ -32,11 +32,12 @@ def _constant(housing: float) -> float:
     return plain.K_T * (1 + plain.MAGNET * (housing - 25.0))
 
 
-def _after(torque: float, duration: float) -> FloatArray:
-    """Temperatures of the U8 after a hold of a torque at its shaft [degC]."""
+def _course(torque: float, duration: float) -> FloatArray:
+    """Temperatures of the U8 during a hold of a torque at its shaft [degC], shape (3, n)."""
+    times = np.linspace(0.0, duration, 40)
     course = solve_ivp(lambda _, x: _bare(x, torque / _constant(x[2])), (0.0, duration), [plain.AMBIENT] * 3,
-                       rtol=1e-9, atol=1e-9)  # fmt: skip
-    return np.asarray(course.y[:, -1])
+                       t_eval=times, rtol=1e-9, atol=1e-9)  # fmt: skip
+    return np.asarray(course.y)
 
 
 def _volts(x: FloatArray, torque: float, speed: float) -> float:
@@ -48,10 +49,9 @@ def held_at(duration: float, speed: float, voltage: float) -> float:
     """The most torque of the U8 at its shaft [N·m] that keeps 105 degC and the voltage."""
 
     def over(torque: float) -> float:
-        x = _after(torque, duration)
-        start = np.full(3, plain.AMBIENT)
-        volts = max(_volts(each, torque, speed) for each in (start, x))
-        return float(max(x[0] / 105.0, volts / voltage)) - 1
+        course = _course(torque, duration)
+        volts = max(_volts(x, torque, speed) for x in course.T)
+        return max(float(course[0, -1]) / 105.0, volts / voltage) - 1
 
     return float(brentq(over, 1e-3, 3.3, xtol=1e-9))
 
