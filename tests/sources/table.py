@@ -68,8 +68,8 @@ def page(lines: Sequence[Line], old: str = "") -> str:
         "wrote this page, and exits 1 where a row falls short. An id is source, kind (equation, table, figure, number,",
         "method, application) and number. The last printed digit says how far ours may lie from it; where it",
         "doesn't, a reason stands in parentheses. *cannot be met*: the source contradicts itself or physics, and the",
-        "checks show it; *an input is missing*: what can be said without it is checked. A number that missed is marked",
-        "(!).",
+        "checks show it; *an input is missing*: what can be said without it is checked; *not run*: it takes minutes.",
+        "A number that missed is marked (!).",
         "",
         f"{len(shown)} rows: {said}.",
     ]
