@@ -118,8 +118,11 @@ def test_a_rotor_takes_torque_to_be_turned_about() -> None:
         acceleration = (speeds[(part + 1) % 4] - speeds[part - 1]) / (2 * period / 4)
         through = EFFICIENCY if speeds[part] < 0 else 1 / EFFICIENCY
         torque = profile[part] / ratio * through + inertia * ratio * acceleration
-        course = solve_ivp(lambda _, at, torque=torque: _bare(at, torque / _constant(at[2])), (0.0, period / 4), x,
-                           rtol=1e-9, atol=1e-9)  # fmt: skip
+
+        def rates(_: float, at: FloatArray, torque: float = torque) -> list[float]:
+            return _bare(at, torque / _constant(at[2]))
+
+        course = solve_ivp(rates, (0.0, period / 4), x, rtol=1e-9, atol=1e-9)
         x, hottest = course.y[:, -1], max(hottest, float(course.y[0].max()))
     assert design.value == pytest.approx(hottest, abs=1e-3)
 
