@@ -135,3 +135,10 @@ def test_an_absent_catalogue_and_an_empty_one_are_refused(tmp_path: Path) -> Non
         _study(tmp_path, catalogue="name, mass [g]\n")
     with pytest.raises(InputError, match="long-90"):
         _study(tmp_path, STUDY.replace("flat-*", "long-90"))
+
+
+def test_the_example_of_a_whole_joint_can_be_read() -> None:
+    asked = load_study(Path(__file__).parents[2] / "examples" / "u8_trade" / "joint.toml")
+    assert [motor.name for motor in asked.motors] == ["U8", "U10", "flat-60", "flat-90"]
+    assert len(asked.options()) == 4 * 2 * (1 + 2)
+    assert asked.gears[1].is_sought

@@ -14,6 +14,8 @@ from lptn.planners.trade import solve_study
 from tests.cooling import plain_sink as plain
 from tests.cooling.studies import HELD, study
 
+Z95 = float(norm.ppf(0.95))
+
 
 def _errors(errors: str, draws: int = 64, level: float = 0.9) -> str:
     return f"[uncertainty]\ndraws = {draws}\nlevel = {level}\n[uncertainty.errors]\n{errors}\n"
@@ -27,7 +29,7 @@ def test_an_interval_is_that_of_the_built_design(monkeypatch: pytest.MonkeyPatch
     design, interval = result.best, result.intervals["U8, passive"]
     sigma = np.sqrt(np.log1p(0.2**2))
     ends = []
-    for normal in np.asarray(norm.ppf([0.95, 0.05])):
+    for normal in (Z95, -Z95):
         monkeypatch.setattr(plain, "R_WS", 1.084 * np.exp(normal * sigma))
         c, r = np.array([design.capacity]), np.array([design.resistance])
         ends.append(float(plain.held_torque(c, r, 120.0, 105.0)[0]))
@@ -45,7 +47,7 @@ def test_fins_that_give_less_have_more_resistance() -> None:
     design, interval = result.best, result.intervals["U8, passive"]
     sigma = np.sqrt(np.log1p(0.3**2))
     ends = []
-    for normal in np.asarray(norm.ppf([0.05, 0.95])):
+    for normal in (-Z95, Z95):
         c, r = np.array([design.capacity]), np.array([design.resistance]) / np.exp(normal * sigma)
 
         def over(torque: float, c: np.ndarray = c, r: np.ndarray = r) -> float:
@@ -66,7 +68,7 @@ def test_where_the_least_mass_is_sought_each_draw_tells_what_it_would_take() -> 
         solve_study(
             study("mass", task.replace("1.66", str(1.66 * (1 + 0.01 * normal))), limits, cooling='"passive"')
         ).best.value
-        for normal in np.asarray(norm.ppf([0.05, 0.95]))
+        for normal in (-Z95, Z95)
     )
     assert interval.low == pytest.approx(low, rel=0.02)
     assert interval.high == pytest.approx(high, rel=0.02)

@@ -246,7 +246,8 @@ def _curves(result: StudyResult) -> Charts:
 
 def _colour(result: StudyResult, name: str) -> int:
     """The number of a choice, the same in all charts."""
-    return list(result.drawn).index(name)
+    names: list[str] = list(result.drawn)
+    return names.index(name)
 
 
 def _unit_in(label: str) -> str:
