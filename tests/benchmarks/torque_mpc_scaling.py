@@ -47,6 +47,7 @@ CALLS, PATIENCE, CELL = (
     20.0,
     40.0,
 )  # of each; s of a cell's calls, after which it makes no more, and of all that it does
+_USED_UP = 0.9  # share of the limit; who has used so much was ended by it
 SLACK = (1e2, 1e3)  # price of a kelvin, linear and quadratic, for the peers
 
 CHAIN = """
@@ -206,7 +207,13 @@ def within(limit: float, work: Callable[[], float]) -> float | None:
 
     def run() -> None:
         resource.setrlimit(resource.RLIMIT_CPU, (ceil(limit), ceil(limit)))
-        its_end.send(work())
+        try:
+            its_end.send(work())
+        except OSError:  # of a compiler that was ended by the same limit there is no library
+            used = resource.getrusage(resource.RUSAGE_CHILDREN)
+            if used.ru_utime + used.ru_stime < _USED_UP * limit:
+                raise
+            os.kill(os.getpid(), signal.SIGKILL)
 
     process = multiprocessing.get_context("fork").Process(target=run)
     process.start()
