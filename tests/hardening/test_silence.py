@@ -13,7 +13,7 @@ import pytest
 from lptn.logs.columns import ColumnSource
 from lptn.logs.quality import Issue
 from lptn.logs.reading import read_log
-from lptn.logs.silence import silences
+from lptn.logs.silence import duplicates, silences
 from tests.hardening.corruptions import healthy, issues_in
 
 
@@ -41,6 +41,20 @@ def test_noise_that_a_coarse_sensor_hides_is_not_missed() -> None:
     fine = np.round(true + rng.normal(0.0, 0.15, time.size), 1)
     fine[2000:2800] = fine[2000]
     assert [each.kind for each in silences(time, fine, resolution=0.1)] == ["frozen"]
+
+
+def test_two_joints_at_rest_that_read_alike_are_no_copies() -> None:
+    """Both cool in steps of 1 K, flickering at each edge; of 1800 rows they differ in a few."""
+    rng, one = np.random.default_rng(4), np.full(1800, 31.0)
+    one[900:] = 30.0
+    other = one.copy()
+    for readings in (one, other):
+        readings[rng.choice(np.arange(890, 910), 5, replace=False)] = 30.0
+        readings[rng.choice(np.arange(910, 1700), 12, replace=False)] = 31.0
+    assert np.count_nonzero(np.diff(one)) >= 20
+    assert np.mean(one == other) > 0.98
+    assert not duplicates({"a": one, "b": other})
+    assert duplicates({"a": one, "b": one.copy()}) == {"b": "a"}
 
 
 def test_two_channels_with_the_same_readings() -> None:

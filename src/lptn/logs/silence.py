@@ -369,8 +369,8 @@ def without_silent(values: FloatArray, silent: list[Silence]) -> FloatArray:
 _ALIKE = 0.99  # share of rows in which two channels give the same number
 _MOVED = 0.5  # K; of two that stand still nothing is known
 _TOGETHER = 0.5
-"""Share of its changes that a copy makes in the same row. Two joints at rest, as warm as each other and read in steps of
-1 K, give the same number in 99 of 100 rows, but cross a step at different ones."""
+"""Share of its changes that a copy makes in the same row. Two joints at rest, as warm as each other and read in steps
+of 1 K, give the same number in 99 of 100 rows, but cross a step at different ones."""
 
 
 def duplicates(values: Mapping[str, FloatArray]) -> dict[str, str]:
