@@ -333,6 +333,22 @@ def test_friction_at_a_rotors_speed_is_expected_no_larger_than_the_motor_bears()
         assert 3.0 < heat < 10.0  # W: 30 K at some 0.2 W/K
 
 
+def test_friction_of_a_strong_slow_joint_is_expected_in_proportion_to_the_power_it_passes_on() -> None:
+    network, columns = _legs(), [*COLUMNS, *(f"velocity_rms.{joint}" for joint in JOINTS)]
+
+    def typical(key: str, torque: float, speed: float) -> float:
+        rms = {column: torque if column.startswith("torque") else speed for column in columns}
+        found = candidates(network, columns, rms=rms)
+        return next(each for each in found if each.key == (key, "FR_calf")).typical
+
+    # 0.25 N·m of 6, and as much heat as 0.04 N·m s/rad at 2.5 rad/s of 15 W.
+    assert typical("coulomb_friction", 6.0, 2.5) == pytest.approx(0.25)
+    assert typical("coulomb_friction", 60.0, 0.7) == pytest.approx(2.5)
+    assert typical("viscous_friction", 60.0, 0.7) == pytest.approx(0.04 * 10 * 2.5 / 0.7)
+    # What nobody loads, or what hardly moves, is a leg's.
+    assert typical("viscous_friction", 0.1, 2.5) == pytest.approx(0.04)
+
+
 @pytest.mark.parametrize("step", [300.0, 1800.0])
 def test_candidates_of_a_slow_log_can_all_be_scored(step: float) -> None:
     """A wall with a reading every 5 or 30 min: time constants of seconds would be too stiff for such steps."""
