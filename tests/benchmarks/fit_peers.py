@@ -28,6 +28,7 @@ from dataclasses import dataclass
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -49,8 +50,8 @@ SEED = 11
 STEP = 10  # s
 INTERVAL = 60  # steps of a shooting interval
 START_SPREAD = 10.0  # K, of the runs' initial temperatures; as in `lptn.identify.problem`
-LIMIT = 300.0  # s that IPOPT may take
-IPOPT = {"ipopt.print_level": 0, "print_time": False, "ipopt.sb": "yes", "ipopt.max_cpu_time": LIMIT}
+LIMIT = 300.0  # s that IPOPT may take for each program, unless it is said
+IPOPT = {"ipopt.print_level": 0, "print_time": False, "ipopt.sb": "yes"}
 
 
 class Counting(Problem):
@@ -74,10 +75,12 @@ class Task:
     Args:
         problem: the least squares.
         start: of the search, from the integrated heat balance, shape (size,).
+        limit: s that IPOPT may take for a program.
     """
 
     problem: Counting
     start: FloatArray
+    limit: float
 
     @property
     def model(self) -> Model:
@@ -90,12 +93,12 @@ class Task:
         return self.problem.bound_runs
 
 
-def task() -> Task:
+def task(limit: float = LIMIT) -> Task:
     """The same for each peer."""
     model, runs = load(SEED, TWO_HOURS, step=STEP)
     sigma = balanced_sigma(runs, estimate_noise(runs, model.nodes))
     problem = Counting(model, runs, sigma)
-    return Task(problem, problem.guess(integral_start(model, runs, sigma)))
+    return Task(problem, problem.guess(integral_start(model, runs, sigma)), limit)
 
 
 def spent(run: Callable[[], object]) -> float:
@@ -286,7 +289,8 @@ def ipopt(
 ) -> None:
     """Solve a program and print how long that took."""
     program, guess = made
-    solver = ca.nlpsol("peer", "ipopt", program, {**IPOPT, **options})  # type: ignore[arg-type, dict-item]
+    chosen: dict[str, Any] = {**IPOPT, "ipopt.max_cpu_time": given.limit, **options}
+    solver = ca.nlpsol("peer", "ipopt", program, chosen)
     lower, upper = given.problem.bounds()
     free, size, equalities = len(given.problem.free), len(guess), program["g"].numel()
     bounds = [np.full(size, -np.inf), np.full(size, np.inf)]
@@ -381,8 +385,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--only", nargs="*", choices=list(PEERS), default=list(PEERS))
     parser.add_argument("--old", nargs="*", default=[], help="commands of other releases, beside this one's")
+    parser.add_argument("--limit", type=float, default=LIMIT, help="s that IPOPT may take for a program")
     chosen = parser.parse_args()
-    given = task()
+    given = task(chosen.limit)
     free = len(given.problem.free)
     print(f"{free} parameters, {given.problem.size} unknowns, {given.problem.readings} readings", flush=True)
     mine = ours(given)
