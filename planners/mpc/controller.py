@@ -261,7 +261,7 @@ class TorqueMPC:
         """Relative error found in the controlled heat of each node."""
         return dict(zip(self.model.nodes, self._state.gain, strict=False))
 
-    def emit(self, folder: Path, start: FloatArray, asked: FloatArray, conditions: FloatArray) -> list[Path]:
+    def emit(self, folder: Path | str, start: FloatArray, asked: FloatArray, conditions: FloatArray) -> list[Path]:
         """Write the controller as C files for a robot: solver, model, settings and a small program that runs it.
 
         Args:
@@ -288,7 +288,7 @@ class TorqueMPC:
             "example.txt": "\n".join([*(" ".join(f"{value:.10g}" for value in row) for row in rows), ""]),
             **self.sources,
         }
-        return write_folder(folder, content)
+        return write_folder(Path(folder), content)
 
     def _answer(self) -> Plan:
         result = self._result

@@ -88,7 +88,7 @@ def test_the_emitted_step_takes_a_preview_of_each_stage(tmp_path: Path) -> None:
 @needs_a_compiler
 def test_the_emitted_example_runs(tmp_path: Path) -> None:
     mpc = TorqueMPC(MODEL, 60.0, request="torque")
-    paths = mpc.emit(tmp_path, np.full(3, 50.0), np.full((5, 3), 9.0), np.full((5, 1), 25.0))
+    paths = mpc.emit(str(tmp_path), np.full(3, 50.0), np.full((5, 3), 9.0), np.full((5, 1), 25.0))
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted(path.name for path in paths)
     program = built(tmp_path, "lptn_mpc.c", "-O1", "-fsanitize=undefined", "-fno-sanitize-recover")
     example = np.loadtxt(tmp_path / "example.txt", ndmin=2)

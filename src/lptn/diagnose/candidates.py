@@ -286,7 +286,8 @@ def _with_sizes(candidate: Candidate, network: Network, sizes: Sizes, rms: Mappi
             heat = max(_heat_driven(declared, inputs), _NO_HEAT)
             larger = 1.0
             if inputs and inputs.keys() <= _JOINT_MOVES.keys():  # a large joint that moves slowly has more friction
-                power = math.prod(rms.get(f"{feature}.{place}", 0.0) for feature in ("torque", "velocity_rms"))
+                drive = (input_column(feature, ends[place][0]) for feature in ("torque", "velocity_rms"))
+                power = math.prod(rms.get(column, 0.0) for column in drive)
                 larger = max(1.0, _heat_driven(declared, _JOINT_MOVES) / _JOINT_POWER * power / heat)
             usual[place] = size * min(larger, _MOST_RISE * sizes.conductance(ends[place]) / heat)
     return replace(candidate, sizes=tuple(usual.values()))
