@@ -18,6 +18,7 @@ from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.basics.files import write_whole
 from lptn.basics.places import class_of
+from lptn.basics.processes import one_blas_thread
 from lptn.basics.toml import expectation, found_in, sentence
 from lptn.identify.noise import Noise, estimate_noise
 from lptn.logs.run import Run
@@ -71,6 +72,7 @@ class Calibration:
         }
 
 
+@one_blas_thread
 def calibrate(
     model: Model, runs: Sequence[Run], *, false_alarms: float = FALSE_ALARMS, report: Report = lambda _: None
 ) -> Calibration:

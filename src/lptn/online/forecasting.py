@@ -17,6 +17,7 @@ from lptn.basics.arrays import BoolArray, FloatArray
 from lptn.basics.errors import InputError
 from lptn.basics.parameters import ParameterInstance, Transform
 from lptn.basics.places import matching
+from lptn.basics.processes import one_blas_thread
 from lptn.identify.fitting import Fit
 from lptn.identify.noise import Noise, estimate_noise
 from lptn.logs.run import Run
@@ -377,6 +378,7 @@ _HOTTEST = 500.0  # degC; beyond it nothing more is computed
 _SHORTEST = 60.0  # s of log; from less nothing can be said
 
 
+@one_blas_thread
 def forecast(
     model: Model,
     run: Run,

@@ -9,6 +9,7 @@ from math import inf
 import numpy as np
 
 from lptn.basics.arrays import FloatArray
+from lptn.basics.processes import one_blas_thread
 from lptn.logs.run import Run
 from lptn.model.model import Model
 from lptn.online.calibration import Calibration, uncalibrated
@@ -71,6 +72,7 @@ class Monitoring:
         return {"threshold": self.threshold, "calibration": self.calibration.as_json(nodes), "runs": runs}
 
 
+@one_blas_thread
 def monitor(
     model: Model,
     runs: Sequence[Run],
