@@ -11,7 +11,7 @@ before and after, are *codes* by which a sensor says that it has no reading.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -309,7 +309,8 @@ def silences_of(values: Mapping[str, FloatArray]) -> dict[str, list[Silence]]:
             speed = f"velocity.{place}"
             moving = without_silent(values.get(speed, np.zeros(each.size)), found.get(speed, []))
             stands = silences(values["time"], each, temperature=False) or _zero_throughout(values["time"], each)
-            found[key] = [one for one in stands if one.value != 0 or (key != speed and _moves(moving, one))]
+            odd = not _holds_set_points(stands)
+            found[key] = [one for one in stands if (one.value != 0 and odd) or (key != speed and _moves(moving, one))]
     return {key: each for key, each in found.items() if each}
 
 
@@ -351,6 +352,15 @@ def _zero_throughout(time: FloatArray, values: FloatArray) -> list[Silence]:
         return []
     stamps = time[rows]
     return [Silence("frozen", 0.0, float(stamps[0]), float(stamps[-1]), rows, whole=True)]
+
+
+def _holds_set_points(stands: Sequence[Silence]) -> bool:
+    """Whether a column stands still more than once, each time at another number.
+
+    That is its way, and no fault: it holds what was asked for (a commanded or simulated torque, a test bench's speed)
+    and shows no noise. A fault that comes twice looks the same unless the joint moves meanwhile.
+    """
+    return len({one.value for one in stands} - {0.0}) > 1
 
 
 def _moves(speed: FloatArray, silence: Silence) -> bool:
