@@ -35,6 +35,7 @@ from lptn.identify.data import (
     load_model,
     split_data,
     warn_of_absent_runs,
+    warn_of_columns_not_shared,
     without_stretches,
 )
 from lptn.identify.fitting import Checkpoint, Fit, finished
@@ -582,6 +583,7 @@ class Study:
     def _needs_conclusive_data(self) -> None:
         self._needs_fit_data()
         refuse_doubtful([segment.run for segment in self.data.fit])
+        warn_of_columns_not_shared([segment.run for segment in (*self.data.fit, *self.data.holdout)])
 
     def _leave(self) -> None:
         """Keep what was undone as a branch, where the study goes another way now."""

@@ -13,7 +13,7 @@ import pytest
 from lptn.logs.columns import ColumnSource
 from lptn.logs.quality import Issue
 from lptn.logs.reading import read_log
-from lptn.logs.silence import duplicates, silences
+from lptn.logs.silence import duplicates, silences, silences_of
 from tests.hardening.corruptions import healthy, issues_in
 
 
@@ -75,6 +75,23 @@ def test_a_torque_of_zero_is_odd_only_while_the_joint_moves() -> None:
     log.loc[inside, "velocity.FR_calf"] = np.random.default_rng(0).normal(1.5, 0.1, inside.sum())
     (issue,) = _issues(log)
     assert (issue.key, issue.kind) == ("torque.FR_calf", "frozen")
+
+
+def test_torques_that_are_asked_for_hold_still_and_one_that_froze_is_found() -> None:
+    """A commanded or simulated torque shows no noise where it holds; while the joint moves it would not hold."""
+    rng, time = np.random.default_rng(0), np.arange(3600.0)
+    walking = (time < 600) | ((time > 1200) & (time < 2400))
+    torque = np.where(walking, 9 * np.sin(time), np.where(time <= 1200, 5.2, 6.1))
+    speed = np.where(walking, np.cos(time), 0.0)
+    logged = {"time": time, "torque.knee": torque, "velocity.knee": speed}
+    assert not silences_of(logged)
+    assert not silences_of({key: logged[key] for key in ("time", "torque.knee")})
+    moving = rng.normal(0, 1, time.size)
+    assert len(silences_of(logged | {"velocity.knee": moving})["torque.knee"]) == 2
+    once = logged | {"torque.knee": np.where(time > 2400, 9 * np.sin(time), torque)}
+    assert not silences_of(once)  # from the row in which the knee comes to rest to the row in which it moves again
+    froze = np.where((time > 650) & (time < 1150), 5.2, 9 * np.sin(time))
+    assert len(silences_of(logged | {"torque.knee": froze})["torque.knee"]) == 1
 
 
 def test_a_torque_that_no_joint_bears_is_refused() -> None:

@@ -40,7 +40,7 @@ from lptn.diagnose.refits import continued, refit, unless_interrupted
 from lptn.diagnose.runs_that_differ import RunDifference, granted_differences
 from lptn.diagnose.scores import Score, Scores, score
 from lptn.identify.comparison import Errors, predict
-from lptn.identify.data import DataSplit
+from lptn.identify.data import DataSplit, shared_columns
 from lptn.identify.fitting import Fit, finished
 from lptn.identify.validation import fit_segments, holdout_errors
 from lptn.model.model import Model
@@ -306,8 +306,7 @@ def examine(
     report: Report = lambda _: None,
 ) -> Diagnosis:
     """`diagnose` for a model that is fitted already, on data of the step it was fitted with."""
-    columns = set.intersection(*(set(segment.run.columns) for segment in data.fit))
-    possible = possible_effects(base, columns)
+    possible = possible_effects(base, shared_columns(segment.run for segment in (*data.fit, *data.holdout)))
     report(f"scoring {len(possible)} candidates")
     scores = score(base, possible)
     worthwhile = _shortlist(scores, refits)

@@ -390,6 +390,24 @@ def _pair(text: str) -> tuple[str, str]:
     return key.strip(), column
 
 
+# --- Columns that only some runs have ---------------------------------------------------------------
+
+
+def shared_columns(runs: Iterable[Run]) -> set[str]:
+    """The columns that every run has: an effect that needs another could not be predicted for all of them."""
+    return set.intersection(*(set(run.columns) for run in runs))
+
+
+def warn_of_columns_not_shared(runs: Sequence[Run]) -> None:
+    """Log which columns a run lacks that others have: what acts through them is not looked for."""
+    everywhere = dict.fromkeys(column for run in runs for column in run.columns)
+    for run in runs:
+        if lacking := [column for column in everywhere if column not in run.columns]:
+            logger.warning(
+                f"{run.name} lacks {_listed(lacking)}, which other runs have: no effect that needs it is looked for"
+            )
+
+
 # --- Effects confined to runs that are not there --------------------------------------------------
 
 

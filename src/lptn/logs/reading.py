@@ -426,8 +426,8 @@ def _without_gappy(
     choice: ColumnChoice, samples: Samples, needed: Collection[str], mixed: bool
 ) -> tuple[ColumnChoice, Samples, list[str]]:
     """Leave out inputs that nobody needs and that would cut the log into pieces; with notes."""
-    kept_anyway = {key for column in needed for key in raw_keys(column, samples.raw)}
-    gappy = would_cut(samples.time, samples.period, samples.raw, kept_anyway.difference(choice.outputs), mixed)
+    kept_anyway = {key for column in needed for key in raw_keys(column, samples.raw)}.difference(choice.outputs)
+    gappy = would_cut(samples.time, samples.period, samples.raw, kept_anyway, mixed) - kept_anyway
     left_out = [
         column
         for column in choice.inputs

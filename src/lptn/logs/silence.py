@@ -11,7 +11,7 @@ before and after, are *codes* by which a sensor says that it has no reading.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
@@ -309,8 +309,15 @@ def silences_of(values: Mapping[str, FloatArray]) -> dict[str, list[Silence]]:
             speed = f"velocity.{place}"
             moving = without_silent(values.get(speed, np.zeros(each.size)), found.get(speed, []))
             stands = silences(values["time"], each, temperature=False) or _zero_throughout(values["time"], each)
-            odd = not _holds_set_points(stands)
-            found[key] = [one for one in stands if (one.value != 0 and odd) or (key != speed and _moves(moving, one))]
+            # Once is a fault, again and again at other numbers is a column's way: it gives what was asked for, as
+            # commanded and simulated torques do. A fault that comes twice looks the same, unless the joint moves.
+            several = len({one.value for one in stands} - {0.0}) > 1
+            found[key] = [
+                one
+                for one in stands
+                if (_moves(moving, one) and key != speed)
+                or not (one.value == 0 or several or _only_while_it_rests(moving, one))
+            ]
     return {key: each for key, each in found.items() if each}
 
 
@@ -354,13 +361,14 @@ def _zero_throughout(time: FloatArray, values: FloatArray) -> list[Silence]:
     return [Silence("frozen", 0.0, float(stamps[0]), float(stamps[-1]), rows, whole=True)]
 
 
-def _holds_set_points(stands: Sequence[Silence]) -> bool:
-    """Whether a column stands still more than once, each time at another number.
+def _only_while_it_rests(speed: FloatArray, silence: Silence) -> bool:
+    """Whether a number stands from the row in which its joint comes to rest to the row in which it moves again.
 
-    That is its way, and no fault: it holds what was asked for (a commanded or simulated torque, a test bench's speed)
-    and shows no noise. A fault that comes twice looks the same unless the joint moves meanwhile.
+    A joint that holds a load needs the same torque all the while; a fault keeps no such hours.
     """
-    return len({one.value for one in stands} - {0.0}) > 1
+    first, last = np.flatnonzero(silence.rows)[[0, -1]]
+    beside = [row for row in (first - 1, last + 1) if 0 <= row < speed.size]
+    return bool(beside) and bool((np.abs(speed[beside]) > 0).all()) and not np.abs(speed[silence.rows]).any()
 
 
 def _moves(speed: FloatArray, silence: Silence) -> bool:
