@@ -35,7 +35,6 @@ from lptn.identify.data import (
     load_model,
     split_data,
     warn_of_absent_runs,
-    warn_of_columns_not_shared,
     without_stretches,
 )
 from lptn.identify.fitting import Checkpoint, Fit, finished
@@ -583,7 +582,9 @@ class Study:
     def _needs_conclusive_data(self) -> None:
         self._needs_fit_data()
         refuse_doubtful([segment.run for segment in self.data.fit])
-        warn_of_columns_not_shared([segment.run for segment in (*self.data.fit, *self.data.holdout)])
+        for run, names in self.data.lacking().items():
+            what = f"{names[0]} and {len(names) - 1} others" if len(names) > 2 else " and ".join(names)
+            logger.warning(f"{run} lacks {what}, which other runs have: no effect that needs them is looked for")
 
     def _leave(self) -> None:
         """Keep what was undone as a branch, where the study goes another way now."""

@@ -14,13 +14,15 @@ from lptn.diagnose.diagnosis import diagnose
 from lptn.diagnose.improvement import improve
 from lptn.diagnose.runs_that_differ import RunDifference, runs_that_differ
 from lptn.effects import catalogue
-from lptn.identify.data import split_data
+from lptn.identify.data import DataSplit, holdout_segment, split_data
 from lptn.identify.fitting import Fit
 from lptn.identify.validation import fit_segments
 from lptn.logs.run import Run
 from lptn.model.model import Model
 from lptn.model.network import Network
+from lptn.virtual import Hidden
 from tests.builders import AMBIENT, effect, link, make_run, node
+from tests.diagnose.conftest import Leg, leg  # noqa: F401 - a fixture
 
 NODES = ("winding", "body", "foot")
 STEP, MINUTES = 5.0, 40
@@ -233,3 +235,16 @@ def test_a_held_out_run_that_nothing_explains_is_not_granted() -> None:
     assert history.verdict == "unexplained"
     assert history.first.only_held_out_runs_object
     assert history.differing == ()
+
+
+def test_what_a_held_out_run_does_not_log_is_not_looked_for(leg: Leg) -> None:  # noqa: F811
+    """It could not be predicted there."""
+    model, data = leg(Hidden("forced_convection", "FR_thigh"))
+    (held_out,) = (segment.run for segment in data.holdout)
+    columns = {name: values for name, values in held_out.columns.items() if name != "speed.base"}
+    lacking = replace(held_out, columns=columns)
+    data = DataSplit(data.fit, (holdout_segment(lacking),))
+    assert data.lacking() == {"holdout": ["speed.base"]}
+    found = diagnose(model, data, refits=2)
+    assert found.refits
+    assert not any(step.effect == "forced_convection" for step in found.refits)

@@ -90,6 +90,8 @@ def test_torques_that_are_asked_for_hold_still_and_one_that_froze_is_found() -> 
     assert len(silences_of(logged | {"velocity.knee": moving})["torque.knee"]) == 2
     once = logged | {"torque.knee": np.where(time > 2400, 9 * np.sin(time), torque)}
     assert not silences_of(once)  # from the row in which the knee comes to rest to the row in which it moves again
+    rising = logged | {"torque.knee": np.where(time < 600, 0, np.where(time > 2400, 9 * np.sin(time), torque))}
+    assert not silences_of(rising | {"velocity.knee": np.where(time < 600, 0, speed)})  # it lay before it stood
     froze = np.where((time > 650) & (time < 1150), 5.2, 9 * np.sin(time))
     assert len(silences_of(logged | {"torque.knee": froze})["torque.knee"]) == 1
 

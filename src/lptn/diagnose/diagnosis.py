@@ -40,7 +40,7 @@ from lptn.diagnose.refits import continued, refit, unless_interrupted
 from lptn.diagnose.runs_that_differ import RunDifference, granted_differences
 from lptn.diagnose.scores import Score, Scores, score
 from lptn.identify.comparison import Errors, predict
-from lptn.identify.data import DataSplit, shared_columns
+from lptn.identify.data import DataSplit
 from lptn.identify.fitting import Fit, finished
 from lptn.identify.validation import fit_segments, holdout_errors
 from lptn.model.model import Model
@@ -292,9 +292,9 @@ def diagnose(
 
 
 def for_search(data: DataSplit) -> DataSplit:
-    """The same data in the steps of a search: 5 s, longer for more than five hours to fit."""
+    """The same data in the steps of a search, 5 s, longer for more than five hours to fit, and of common inputs."""
     seconds = sum(len(segment.run) * segment.run.step for segment in data.fit)
-    return data.coarsened(max(_SEARCH_STEP, seconds / _MOST_STEPS))
+    return data.of_common_inputs().coarsened(max(_SEARCH_STEP, seconds / _MOST_STEPS))
 
 
 def examine(
@@ -306,7 +306,8 @@ def examine(
     report: Report = lambda _: None,
 ) -> Diagnosis:
     """`diagnose` for a model that is fitted already, on data of the step it was fitted with."""
-    possible = possible_effects(base, shared_columns(segment.run for segment in (*data.fit, *data.holdout)))
+    columns = set.intersection(*(set(segment.run.columns) for segment in data.fit))
+    possible = possible_effects(base, columns)
     report(f"scoring {len(possible)} candidates")
     scores = score(base, possible)
     worthwhile = _shortlist(scores, refits)

@@ -72,6 +72,24 @@ class DataSplit:
         groups = (self.fit, self.holdout, self.test)
         return DataSplit(*(tuple(segment.coarsened(step) for segment in group) for group in groups))
 
+    def lacking(self) -> dict[str, list[str]]:
+        """The inputs that a run lacks and others have, by the run's name; temperatures are no inputs."""
+        runs = [segment.run for segment in (*self.fit, *self.holdout, *self.test)]
+        inputs = dict.fromkeys(name for run in runs for name in run.columns if not name.startswith("temperature."))
+        by_run = {run.name: [name for name in inputs if name not in run.columns] for run in runs}
+        return {run: names for run, names in by_run.items() if names}
+
+    def of_common_inputs(self) -> DataSplit:
+        """The same without inputs that a run lacks: what acts through them could not be predicted for all runs."""
+        absent = {name for names in self.lacking().values() for name in names}
+
+        def common(segment: Segment) -> Segment:
+            columns = {name: values for name, values in segment.run.columns.items() if name not in absent}
+            return replace(segment, run=replace(segment.run, columns=columns))
+
+        groups = (self.fit, self.holdout, self.test)
+        return DataSplit(*(tuple(map(common, group)) for group in groups)) if absent else self
+
 
 def split_data(
     runs: Sequence[Run],
@@ -388,24 +406,6 @@ def _pair(text: str) -> tuple[str, str]:
     parse_map_option(text)  # refuse a malformed option before any file is read
     key, _, column = text.partition("=")
     return key.strip(), column
-
-
-# --- Columns that only some runs have ---------------------------------------------------------------
-
-
-def shared_columns(runs: Iterable[Run]) -> set[str]:
-    """The columns that every run has: an effect that needs another could not be predicted for all of them."""
-    return set.intersection(*(set(run.columns) for run in runs))
-
-
-def warn_of_columns_not_shared(runs: Sequence[Run]) -> None:
-    """Log which columns a run lacks that others have: what acts through them is not looked for."""
-    everywhere = dict.fromkeys(column for run in runs for column in run.columns)
-    for run in runs:
-        if lacking := [column for column in everywhere if column not in run.columns]:
-            logger.warning(
-                f"{run.name} lacks {_listed(lacking)}, which other runs have: no effect that needs it is looked for"
-            )
 
 
 # --- Effects confined to runs that are not there --------------------------------------------------

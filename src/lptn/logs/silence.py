@@ -316,7 +316,7 @@ def silences_of(values: Mapping[str, FloatArray]) -> dict[str, list[Silence]]:
                 one
                 for one in stands
                 if (_moves(moving, one) and key != speed)
-                or not (one.value == 0 or several or _only_while_it_rests(moving, one))
+                or not (one.value == 0 or several or _only_while_it_rests(values["time"], each, moving, one))
             ]
     return {key: each for key, each in found.items() if each}
 
@@ -361,14 +361,17 @@ def _zero_throughout(time: FloatArray, values: FloatArray) -> list[Silence]:
     return [Silence("frozen", 0.0, float(stamps[0]), float(stamps[-1]), rows, whole=True)]
 
 
-def _only_while_it_rests(speed: FloatArray, silence: Silence) -> bool:
-    """Whether a number stands from the row in which its joint comes to rest to the row in which it moves again.
+def _only_while_it_rests(time: FloatArray, values: FloatArray, speed: FloatArray, silence: Silence) -> bool:
+    """Whether a number stands while its joint rests, and no longer: it moves, or bears another load, before and after.
 
-    A joint that holds a load needs the same torque all the while; a fault keeps no such hours.
+    A joint that holds a load needs the same torque all the while; a fault keeps no such hours, and what a channel says
+    as it fails is what it said before.
     """
-    first, last = np.flatnonzero(silence.rows)[[0, -1]]
-    beside = [row for row in (first - 1, last + 1) if 0 <= row < speed.size]
-    return bool(beside) and bool((np.abs(speed[beside]) > 0).all()) and not np.abs(speed[silence.rows]).any()
+    before = np.flatnonzero((time >= silence.start - _SHORTEST) & (time < silence.start))
+    after = np.flatnonzero((time > silence.stop) & (time <= silence.stop + _SHORTEST))
+    beside = [(rows, rows[nearest]) for rows, nearest in ((before, -1), (after, 0)) if rows.size]
+    changes = [abs(speed[nearest]) > 0 or np.ptp(values[rows]) == 0 for rows, nearest in beside]
+    return bool(beside) and all(changes) and not np.abs(speed[silence.rows]).any()
 
 
 def _moves(speed: FloatArray, silence: Silence) -> bool:
