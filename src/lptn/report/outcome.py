@@ -37,6 +37,10 @@ def outcome_of(history: History) -> Outcome:
     return "unexplained" if history.verdict == history.remaining == "unexplained" else "found"
 
 
+LIKELY = 0.5
+"""The probability from which an answer is likelier than all others together."""
+_UNSURE = "Best explanation, not certain"
+
 Help = Literal["", "fitted", "all"]
 
 
@@ -83,10 +87,13 @@ def tried_in_words(steps: Sequence[Step], searched_from: int | None, found: str 
     Args:
         steps: the model as given first.
         searched_from: as `History` says it.
-        found: what something that helped is said to be; by default found, where a diagnosis proposed it.
+        found: what something that helped is said to be; by default found, where a diagnosis proposed it and the
+            fitted data alone make it more probable than not.
     """
     by_help = sorted_steps(steps, searched_from)
-    found = found or ("Found" if all(step.probability for step in by_help["all"]) else "Added")
+    probabilities = [step.probability for step in by_help["all"]]
+    if not found:
+        found = "Added" if not all(probabilities) else "Found" if min(probabilities, default=1.0) >= LIKELY else _UNSURE
     names = {kind: [short_name(step) for step in of_kind] for kind, of_kind in by_help.items()}
     good, fitted, idle = names["all"], names["fitted"], names[""]
     parts = [f"{found}: {listed(good)}"] if good else []
