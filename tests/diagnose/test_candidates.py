@@ -349,6 +349,23 @@ def test_friction_of_a_strong_slow_joint_is_expected_in_proportion_to_the_power_
     assert typical("viscous_friction", 0.1, 2.5) == pytest.approx(0.04)
 
 
+def test_where_currents_alone_are_logged_friction_goes_with_what_the_winding_loses() -> None:
+    """A leg's 0.04 N·m s/rad at 2.5 rad/s, 0.25 W, beside 7.5 W in its winding."""
+    by_torque = effect("copper_loss", "*_calf", resistance=0.3)
+    network = replace(_legs(), effects=(replace(by_torque, effect=type(by_torque.effect)(input="current")),))
+    columns = [f"{quantity}.{joint}" for joint in JOINTS for quantity in ("current", "velocity_rms")]
+
+    def typical(at: str, current: float, speed: float) -> float:
+        rms = {column: current if column.startswith("current") else speed for column in columns}
+        found = candidates(network, columns, rms=rms)
+        return next(each for each in found if each.key == ("viscous_friction", at)).typical
+
+    assert typical("FR_calf", 5.0, 2.5) == pytest.approx(0.04)
+    assert typical("FR_calf", 20.0, 2.5) == pytest.approx(0.04 * 0.3 * 20**2 / 7.5)
+    assert typical("FR_calf", 20.0, 5.0) == pytest.approx(0.04 * 0.3 * 20**2 / 7.5 / 4)
+    assert typical("FR_thigh", 20.0, 2.5) == pytest.approx(0.04)  # the network knows of no winding there
+
+
 @pytest.mark.parametrize("step", [300.0, 1800.0])
 def test_candidates_of_a_slow_log_can_all_be_scored(step: float) -> None:
     """A wall with a reading every 5 or 30 min: time constants of seconds would be too stiff for such steps."""

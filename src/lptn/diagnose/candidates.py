@@ -30,9 +30,10 @@ _FEWEST = 3  # nodes that share an unseen mass
 _WARM, _NO_HEAT = 25.0, 1e-12  # degC, W
 _ONE_LOGGER = 0.1  # prior odds of clocks apart within one logger's file, relative to two files that were joined
 _MOST_RISE = 30.0  # K; what would warm its place by more in the long run, at its usual size, is expected smaller there
-_JOINT_MOVES, _JOINT_POWER = {"velocity": 2.5, "velocity_rms": 2.5}, 15.0
-"""rad/s and W, torque times speed: of the joint for which effects state their sizes, a leg's that walks. Friction is
-usually the same share of that power at any joint, an arm's with a gear of a hundred for one."""
+_JOINT_MOVES, _JOINT_POWER, _JOINT_LOSS = {"velocity": 2.5, "velocity_rms": 2.5}, 15.0, 7.5
+"""rad/s, W of torque times speed, and W that its winding loses (0.15 ohm, 0.84 N·m/A): of the joint for which effects
+state their sizes, a leg's that walks. Friction is usually the same share of that power at any joint, an arm's with a
+gear of a hundred for one; where no torque is logged, the same share of that loss."""
 _JOINTS = "*_*"  # names such as FR_calf
 _ONE_RUN_ONLY = 0.1  # prior odds of what acts in one run and no other, relative to the same in all runs
 _RATIO = 4.0  # of a time constant to the one before it, for a grid of one
@@ -286,11 +287,22 @@ def _with_sizes(candidate: Candidate, network: Network, sizes: Sizes, rms: Mappi
             heat = max(_heat_driven(declared, inputs), _NO_HEAT)
             larger = 1.0
             if inputs and inputs.keys() <= _JOINT_MOVES.keys():  # a large joint that moves slowly has more friction
-                drive = (input_column(feature, ends[place][0]) for feature in ("torque", "velocity_rms"))
-                power = math.prod(rms.get(column, 0.0) for column in drive)
-                larger = max(1.0, _heat_driven(declared, _JOINT_MOVES) / _JOINT_POWER * power / heat)
+                drive = [input_column(feature, ends[place][0]) for feature in ("torque", "velocity_rms")]
+                if drive[0] in rms:
+                    share = math.prod(rms.get(column, 0.0) for column in drive) / _JOINT_POWER
+                else:
+                    share = _loss_by_current(network, ends[place][0], rms) / _JOINT_LOSS
+                larger = max(1.0, share * _heat_driven(declared, _JOINT_MOVES) / heat)
             usual[place] = size * min(larger, _MOST_RISE * sizes.conductance(ends[place]) / heat)
     return replace(candidate, sizes=tuple(usual.values()))
+
+
+def _loss_by_current(network: Network, node: str, rms: Mapping[str, float]) -> float:
+    """What the currents of these root mean squares lose in a node [W], by the network as it stands."""
+    column = input_column("current", node)
+    declared = [each for each in network.effects if set(each.effect.needed()) == {"current"}]
+    here = [each for each in declared if any(node in ends for _, ends in network.places_for(each))]
+    return sum(_heat_driven(each, {"current": rms.get(column, 0.0)}) for each in here)
 
 
 def _heat_driven(declared: EffectDeclaration, inputs: Mapping[str, float]) -> float:
