@@ -117,3 +117,12 @@ def test_check_draws_the_network(lptn: Lptn, model: Path, tmp_path: Path) -> Non
     status, _, err = lptn("check", model, "--drawing", tmp_path / "network.png")
     assert status == 2
     assert "one ending in .svg" in err
+
+
+def test_a_log_of_currents_says_how_the_model_takes_them(lptn: Lptn, model: Path, tmp_path: Path) -> None:
+    log = tmp_path / "monday.csv"
+    table().rename(columns={"torque.a": "current.a"}).to_csv(log, index=False)
+    status, out, _ = lptn("check", model, log)
+    assert status == 2
+    assert "It seems to hold currents instead of torques (current.a)." in out
+    assert 'input = "current"' in out

@@ -118,7 +118,7 @@ class LogContent:
     runs: tuple[Run, ...]
     refused: InputError | None = None
     missing: tuple[str, ...] = ()
-    currents: tuple[Guess, ...] = ()
+    currents: tuple[str, ...] = ()
 
     @property
     def wrong(self) -> list[str]:
@@ -189,7 +189,10 @@ def _content(loaded: LoadedModel, log: Path) -> LogContent:
         columns |= {each.key: each.source for each in guesses}
     missing = tuple(missing_keys(table, columns, inputs, outputs))
     currents = [key.replace("torque.", "current.") for key in missing if key.startswith("torque.")]
-    logged_currents = tuple(each for each in guess(table, columns, currents, outputs) if each.key in currents)
+    logged_currents = [key for key in currents if key in table.names]
+    logged_currents += [
+        each.source.columns[0] for each in guess(table, columns, currents, outputs) if each.key in currents
+    ]
     used: dict[str, tuple[str, ...]] = {}
     runs: Sequence[Run] = ()
     refused = None
@@ -201,7 +204,7 @@ def _content(loaded: LoadedModel, log: Path) -> LogContent:
         refused = error
     taken = {name for names in used.values() for name in names}
     unused = tuple(name for name in dict.fromkeys(table.names) if name not in taken)
-    return LogContent(log, table.kind, used, unused, guesses, tuple(runs), refused, missing, logged_currents)
+    return LogContent(log, table.kind, used, unused, guesses, tuple(runs), refused, missing, tuple(logged_currents))
 
 
 # --- what is printed: the model, the logs, and what they could reveal ---------------------------------------
@@ -253,8 +256,7 @@ def _missing_lines(content: LogContent, proposed: Sequence[str]) -> Iterator[str
             "ambient = 22 (°C)."
         )
     if content.currents:
-        columns = ", ".join(f"{each.key} = {each.source.columns[0]}" for each in content.currents)
-        yield f"    It seems to hold currents instead of torques ({columns})."
+        yield f"    It seems to hold currents instead of torques ({_some(content.currents)})."
         yield (
             '    Then drive the model by them: input = "current" in place of torque_constant, in each [[effects]] of '
             "kind copper_loss."
