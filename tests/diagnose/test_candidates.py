@@ -363,7 +363,9 @@ def test_where_currents_alone_are_logged_friction_goes_with_what_the_winding_los
     assert typical("FR_calf", 5.0, 2.5) == pytest.approx(0.04)
     assert typical("FR_calf", 20.0, 2.5) == pytest.approx(0.04 * 0.3 * 20**2 / 7.5)
     assert typical("FR_calf", 20.0, 5.0) == pytest.approx(0.04 * 0.3 * 20**2 / 7.5 / 4)
-    assert typical("FR_thigh", 20.0, 2.5) == pytest.approx(0.04)  # the network knows of no winding there
+    assert typical("FR_thigh", 20.0, 2.5) == pytest.approx(0.04 * 0.3 * 20**2 / 7.5)  # of the winding next to it
+    network = replace(network, effects=())
+    assert typical("FR_thigh", 20.0, 2.5) == pytest.approx(0.04)  # the network knows of no winding
 
 
 @pytest.mark.parametrize("step", [300.0, 1800.0])

@@ -287,14 +287,25 @@ def _with_sizes(candidate: Candidate, network: Network, sizes: Sizes, rms: Mappi
             heat = max(_heat_driven(declared, inputs), _NO_HEAT)
             larger = 1.0
             if inputs and inputs.keys() <= _JOINT_MOVES.keys():  # a large joint that moves slowly has more friction
-                drive = [input_column(feature, ends[place][0]) for feature in ("torque", "velocity_rms")]
-                if drive[0] in rms:
-                    share = math.prod(rms.get(column, 0.0) for column in drive) / _JOINT_POWER
-                else:
-                    share = _loss_by_current(network, ends[place][0], rms) / _JOINT_LOSS
+                share = _share_of_a_legs_joint(network, ends[place][0], rms)
                 larger = max(1.0, share * _heat_driven(declared, _JOINT_MOVES) / heat)
             usual[place] = size * min(larger, _MOST_RISE * sizes.conductance(ends[place]) / heat)
     return replace(candidate, sizes=tuple(usual.values()))
+
+
+def _share_of_a_legs_joint(network: Network, node: str, rms: Mapping[str, float]) -> float:
+    """The power that a joint passes on, or where no torque is logged the loss of its winding, beside a leg's.
+
+    A housing passes on the power of the winding that it is linked to.
+    """
+    linked = {name for link in network.resistors if node in link.ends for name in link.ends}
+    speed = rms.get(input_column("velocity_rms", node), 0.0)
+    for nodes in ({node}, linked):
+        torque = max((rms.get(input_column("torque", name), 0.0) for name in nodes), default=0.0)
+        loss = max((_loss_by_current(network, name, rms) for name in nodes), default=0.0)
+        if torque or loss:
+            return torque * speed / _JOINT_POWER if torque else loss / _JOINT_LOSS
+    return 0.0
 
 
 def _loss_by_current(network: Network, node: str, rms: Mapping[str, float]) -> float:
