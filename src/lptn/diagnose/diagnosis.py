@@ -278,10 +278,10 @@ def diagnose(
     diagnosis = examine(base, coarse, refits=refits, executor=executor, report=report)
     if diagnosis.verdict == "unexplained" and coarse.holdout:
         report("looking for what differs in held-out runs")
-        likeliest = diagnosis.best.fit if diagnosis.best else base
+        likeliest = diagnosis.best.fit if diagnosis.best else diagnosis.fit
         granted, differing = granted_differences(model, likeliest, coarse.holdout)
         if differing:
-            base = continued(base, granted.network)
+            base = continued(diagnosis.fit, granted.network)
             diagnosis = examine(base, coarse, refits=refits, executor=executor, report=report)
             diagnosis = replace(diagnosis, differing=differing)
     if diagnosis.verdict == "unexplained" and diagnosis.refits:
@@ -305,13 +305,20 @@ def examine(
     executor: Executor | None = None,
     report: Report = lambda _: None,
 ) -> Diagnosis:
-    """`diagnose` for a model that is fitted already, on data of the step it was fitted with."""
+    """`diagnose` for a model that is fitted already, on data of the step it was fitted with.
+
+    Where that fit had ended in a local minimum, the diagnosis is of a better one.
+    """
     columns = set.intersection(*(set(segment.run.columns) for segment in data.fit))
     possible = possible_effects(base, columns)
     report(f"scoring {len(possible)} candidates")
     scores = score(base, possible)
     worthwhile = _shortlist(scores, refits)
     report(f"refitting {len(worthwhile)} of them")
+    refitted = refit_all(base, worthwhile, executor)
+    if (better := _beside_an_optimum(base, refitted)) is not None:
+        report("a refit found a better fit of the model as it stands: again from there")
+        return examine(better, data, refits=refits, executor=executor, report=report)
     odds = {each.key: float(log_odds) for each, log_odds in zip(possible, log_priors(possible), strict=True)}
     gains = {each.candidate.key: each.gain for each in worthwhile}
     steps = [
@@ -321,7 +328,7 @@ def examine(
             p_value=scores.p_value(gains[step.key]),
             holdout=holdout_errors(step.fit, data.holdout),
         )
-        for step in refit_all(base, worthwhile, executor)
+        for step in refitted
         if not is_implausible(step.fit, step.declarations)
     ]
     ordered = _holdout_decides(_by_probability(base, steps))
@@ -376,6 +383,22 @@ def refit_all(base: Fit, scores: Sequence[Score], executor: Executor | None = No
     for k, longer in zip(cut_off, run(finished, [steps[k].fit for k in cut_off]), strict=True):
         steps[k] = _step(base, steps[k].declaration, unless_interrupted(longer))
     return sorted(steps, key=lambda step: -step.gain)
+
+
+_LOWER = 0.01  # share of the misfit; a fit that only ranks ends within 3e-4 of its minimum
+
+
+def _beside_an_optimum(base: Fit, refitted: Sequence[Step]) -> Fit | None:
+    """A better fit of the baseline, where it had ended in a local minimum; `None` where it had not.
+
+    Any effect is a way out of a local minimum, and would seem to explain what it frees. So the refit with the least
+    misfit is gone on with from where it is, but without its effect.
+    """
+    if not refitted:
+        return None
+    least = min((step.fit for step in refitted), key=lambda fit: fit.cost)
+    without = continued(least, base.model.network, base.cost)
+    return unless_interrupted(finished(without)) if without.cost < (1 - _LOWER) * base.cost else None
 
 
 def _refitted(task: tuple[Fit, Score, float]) -> Step:

@@ -279,6 +279,7 @@ class _Search:
         beam = [given]
         best = _error(given)
         for depth in range(1, most + 1):
+            beam = [self._examined(branch) for branch in beam]
             if any(self.diagnosis(branch).verdict == "adequate" for branch in beam):
                 return  # nothing is left to add; a longer branch could only be longer
             width = _WIDTH if depth == 1 else _WIDTH_LATER
@@ -301,8 +302,18 @@ class _Search:
             self._diagnoses[effects] = examine(branch[-1].fit, self.data, executor=self.executor)
         return self._diagnoses[effects]
 
+    def _examined(self, branch: Branch) -> Branch:
+        """The branch with the fit that its diagnosis is of, which may have found a better one of its last model."""
+        fit = self.diagnosis(branch).fit
+        if fit is branch[-1].fit:
+            return branch
+        better = _ending_in(branch, fit, self.data)
+        self.branches = [better if each is branch else each for each in self.branches]
+        return better
+
     def complete(self, chosen: Branch) -> Branch:
         """The chosen branch, or one that leaves nothing unexplained where held-out data have nothing against it."""
+        chosen = self._examined(chosen)
         if self.diagnosis(chosen).verdict == "adequate":
             return chosen
         diagnosed = [branch for branch in self.branches if _effects(branch) in self._diagnoses]
