@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from lptn.diagnose.candidates import candidates
-from lptn.diagnose.diagnosis import diagnose, for_search, refit_all
+from lptn.diagnose.diagnosis import diagnose, examine, for_search, refit_all
 from lptn.diagnose.fit_statistics import fitted_errors, independent_readings
 from lptn.diagnose.scores import Scores, score
 from lptn.identify.validation import fit_segments
@@ -49,6 +51,22 @@ def test_nothing_hidden_is_adequate(leg: Leg) -> None:
 
 
 @pytest.mark.long
+@pytest.mark.long
+def test_no_effect_gets_the_credit_for_what_frees_a_fit_that_ended_beside_its_optimum(leg: Leg) -> None:
+    """With twice its capacitances a leg to which nothing is missing seems to lack several things."""
+    model, data = leg()
+    coarse = for_search(data)
+    optimum = fit_segments(model, coarse.fit)
+    values = optimum.model.values.copy()
+    values[:3] *= 2.0
+    z = optimum.problem.guess(values, optimum.point.starts)
+    ended = replace(optimum, model=model.with_values(values), z=z, cost=optimum.problem.cost(z))
+    assert ended.cost > 2 * optimum.cost
+    found = examine(ended, coarse)
+    assert found.fit.cost == pytest.approx(optimum.cost, rel=1e-3)
+    assert found.verdict == "adequate"
+
+
 def test_nothing_hidden_is_adequate_on_a_sensor_of_1_k_steps(leg: Leg) -> None:
     assert diagnose(*leg(quantisation=1.0)).verdict == "adequate"
 
