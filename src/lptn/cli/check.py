@@ -184,7 +184,8 @@ def _content(loaded: LoadedModel, log: Path) -> LogContent:
 
     inputs, outputs = needed_columns(loaded.model)
     table, columns = open_log(log, loaded.columns)
-    guesses = tuple(guess(table, columns, inputs, outputs))
+    optional = optional_columns(loaded.model)
+    guesses = tuple(guess(table, columns, inputs, outputs, optional))
     if loaded.guessing:
         columns |= {each.key: each.source for each in guesses}
     missing = tuple(missing_keys(table, columns, inputs, outputs))
@@ -197,7 +198,7 @@ def _content(loaded: LoadedModel, log: Path) -> LogContent:
     runs: Sequence[Run] = ()
     refused = None
     try:
-        chosen = choose_columns(table, columns, inputs, outputs, optional_columns(loaded.model))
+        chosen = choose_columns(table, columns, inputs, outputs, optional)
         used = {key: source.columns for key, source in chosen.sources.items()}
         runs = loaded.runs([log], strict=False)
     except InputError as error:
@@ -231,7 +232,8 @@ def _show_log(content: LogContent, guessing: bool) -> None:
     for sentence in content.wrong:
         print(f"  WRONG? {sentence}")
     if content.guesses and not guessing:
-        print("  Some columns may be what is missing. If so, put into the model file, under [columns]:")
+        use = "what is missing" if content.missing else "speeds, by which `lptn diagnose` can ask for more effects"
+        print(f"  Some columns may be {use}. If so, put into the model file, under [columns]:")
         for each in content.guesses:
             print(f"    {each.line}   # {each.why}")
         print(f"  or write behind the command: {' '.join(each.option for each in content.guesses)}")

@@ -347,15 +347,25 @@ class _Search:
         # A short log may favour an alias; what held-out data prefer by more than any scatter is followed as well.
         least = min(_error(branch) for branch in level)
         preferred = [branch for branch in branches if branch in level or MUCH_WORSE * _error(branch) < least]
-        by_holdout = sorted(preferred, key=_error)[:width]
+        by_holdout = _least_errors(preferred, width, self.data)
         followed = [*hopeful[:width], *(branch for branch in by_holdout if branch not in hopeful[:width])]
         # Fits that only ranked candidates ended early: where a valley is long, their held-out errors are accidents.
         fits = (self.executor.map if self.executor else map)(finished, [branch[-1].fit for branch in followed])
         done = [
             _ending_in(branch, unless_interrupted(fit), self.data) for branch, fit in zip(followed, fits, strict=True)
         ]
-        best = min(done, key=_error)
+        (best,) = _least_errors(done, 1, self.data)
         return done[:width] if best in done[:width] else [*done[:width], best]
+
+
+def _least_errors(branches: Sequence[Branch], width: int, data: DataSplit) -> list[Branch]:
+    """Those with the least errors; of errors that scatter may excuse first what is the most probable by all runs."""
+    left, found = list(branches), []
+    while left and len(found) < width:
+        most = MUCH_WORSE * min(map(_error, left))
+        found.append(_most_probable([branch for branch in left if _error(branch) <= most], data))
+        left.remove(found[-1])
+    return found
 
 
 def _ending_in(branch: Branch, fit: Fit, data: DataSplit) -> Branch:
@@ -389,9 +399,7 @@ def _chosen(branches: Sequence[Branch], data: DataSplit) -> Branch:
     most = MUCH_WORSE * min(map(_error, alike))
     most = min([most, *(_error(branch) for branch in branches if len(branch) < length)])
     level = [branch for branch in alike if _error(branch) <= most]
-    fits = [branch[-1].fit for branch in level]
-    predicted = [[predict(fit.model, run, fit.problem.sigma) for run in data.holdout] for fit in fits]
-    chosen = level[int(np.argmax(_probabilities(level, predicted)))]
+    chosen = _most_probable(level, data)
     further = [branch for branch in branches if _effects(branch) > _effects(chosen)]
     enough = [branch for branch in further if _error(branch) <= _error(chosen) * (1 - WORTH)]
     return min(enough, key=_error, default=chosen)
@@ -401,6 +409,13 @@ def _by_probability(branches: Sequence[Branch]) -> list[Branch]:
     """The most probable on the fitted data first."""
     shares = _probabilities(branches)
     return [branches[k] for k in sorted(range(len(branches)), key=lambda k: (-shares[k], branches[k][-1].fit.cost))]
+
+
+def _most_probable(branches: Sequence[Branch], data: DataSplit) -> Branch:
+    """The most probable by all runs, held-out ones included."""
+    fits = [branch[-1].fit for branch in branches]
+    predicted = [[predict(fit.model, run, fit.problem.sigma) for run in data.holdout] for fit in fits]
+    return branches[int(np.argmax(_probabilities(branches, predicted)))]
 
 
 def _probable(branches: Sequence[Branch]) -> list[Branch]:

@@ -2,8 +2,9 @@
 
 For each quantity that a model needs and a log seems to lack, `guess` looks for a column whose name says the place and
 the quantity. Where names say less it looks, in this order, at their last words (in a model of one leg), at their
-numbers (as many as there are nodes), and for the only column of its kind (in a model of one node). Each column is
-proposed but once.
+numbers (as many as there are nodes, or driven ones), and for the only column of its kind (in a model of one node).
+Each column is proposed but once. Speeds, which a model may do without but not the search for what it lacks, are looked
+for too.
 """
 
 from __future__ import annotations
@@ -61,8 +62,15 @@ def missing_keys(
     return [key for key in dict.fromkeys(wanted) if key not in there and key not in columns]
 
 
+_DRIVES, _MOVES = ("torque", "current"), ("velocity", "speed")
+
+
 def guess(
-    table: Table, columns: Mapping[str, ColumnSource], inputs: Collection[str], outputs: Collection[str]
+    table: Table,
+    columns: Mapping[str, ColumnSource],
+    inputs: Collection[str],
+    outputs: Collection[str],
+    optional: Collection[str] = (),
 ) -> list[Guess]:
     """A column for each quantity that is missing and that a column's name or place in a row of them points to.
 
@@ -71,6 +79,7 @@ def guess(
         columns: the mapping that there is.
         inputs: `<feature>.<place>` columns that the model is driven by.
         outputs: temperature columns that the model predicts.
+        optional: `<feature>.<place>` columns that effects could use; of these the speeds of joints and base count.
     """
     missing = missing_keys(table, columns, inputs, outputs)
     sources = column_sources(table, columns)
@@ -80,16 +89,25 @@ def guess(
     names = {name: ColumnName.of(name) for name in free}
     places = [key.partition(".")[2] for key in (*outputs, *inputs) if key.startswith("temperature.")]
     places = [place for place in dict.fromkeys(places) if place != "ambient"]
+    drives = {key for column in inputs for key in raw_keys(column) if key.partition(".")[0] in _DRIVES}
+    driven = [place for place in places if any(f"{quantity}.{place}" in drives for quantity in _DRIVES)]
+    moves = {f"{quantity}.{place}" for quantity in _MOVES for place in (*driven, "base")}
+    missing += [key for key in missing_keys(table, columns, optional, ()) if key in moves.difference(missing)]
     choice: Choice = {}
     if "time" in missing and (name := _time(names)):
         choice["time"] = name, "its name"
     for key in missing:
         if key != "time" and (name := _by_place(key, names, places)):
             choice[key] = name, "its name"
-    for method in (_by_last_word, _by_number, _by_being_alone):
+    for method, among in (
+        (_by_last_word, places),
+        (_by_number, places),
+        (_by_number, driven),
+        (_by_being_alone, places),
+    ):
         rest = [key for key in missing if key not in choice and key != "time"]
         chosen = {column for column, _ in choice.values()}
-        choice |= method(rest, {name: parts for name, parts in names.items() if name not in chosen}, places)
+        choice |= method(rest, {name: parts for name, parts in names.items() if name not in chosen}, among)
     numbers = _numbers(table, [column for column, _ in choice.values()])
     guesses = (_with_unit(table, key, *choice[key], numbers) for key in missing if key in choice)
     return [guess for guess in guesses if guess is not None]

@@ -333,7 +333,7 @@ def read_log(
         table, columns = _timed(table_of(log, name), columns or {})
     else:
         table, columns = open_log(path, columns or {})
-    guesses = guess(table, columns, inputs, outputs) if guessing else []
+    guesses = guess(table, columns, inputs, outputs, optional) if guessing else []
     columns |= {guessed.key: guessed.source for guessed in guesses}
     choice = choose_columns(table, columns, inputs, outputs, optional)
     samples, of_values, issues = _checked_samples(table, choice, strict)
