@@ -124,6 +124,23 @@ def test_numbered_columns_in_the_order_of_the_nodes(write: Write) -> None:
     assert "in the order of the model's nodes: check that" in one.why
 
 
+def test_motors_are_numbered_and_the_computer_is_not(write: Write) -> None:
+    """As a robot's kit logs its motors; their speeds come along, which a model may do without."""
+    table: dict[str, list[object]] = {"timestamp_ns": [1.7e18 + 1e9 * k for k in range(60)], "vx_body": TIME}
+    for number in range(3):
+        names = (f"motor_{number}_{what}" for what in ("tau_est", "dq", "temperature"))
+        table |= {name: list(WARM) for name in names}
+    speeds = ("speed.base", *(f"velocity_rms.{place}" for place in (*JOINTS, "pc")))
+    outputs = (*OUTPUTS, "temperature.pc")
+    found = guess(open_table(write(table)), {}, INPUTS, outputs, speeds)
+    columns = {each.key: each.source.columns[0] for each in found}
+    assert columns["temperature.FR_calf"] == "motor_2_temperature"
+    assert columns["torque.FR_thigh"] == "motor_1_tau_est"
+    assert columns["velocity.FR_hip"] == "motor_0_dq"
+    assert columns["speed.base"] == "vx_body"
+    assert not [key for key in columns if key.endswith(".pc")]
+
+
 def test_an_opensourceleg_log(write: Write) -> None:
     table: dict[str, list[object]] = {
         "Time": TIME,
