@@ -360,7 +360,7 @@ class _Search:
 
 def _least_errors(branches: Sequence[Branch], width: int, data: DataSplit) -> list[Branch]:
     """Those with the least errors; of errors that scatter may excuse first what is the most probable by all runs."""
-    left, found = list(branches), []
+    left, found = list(branches), list[Branch]()
     while left and len(found) < width:
         most = MUCH_WORSE * min(map(_error, left))
         found.append(_most_probable([branch for branch in left if _error(branch) <= most], data))
