@@ -304,6 +304,9 @@ Log = str | Path | pd.DataFrame
 logger = logging.getLogger(__name__)
 
 
+_MOST_GUESSES = 12  # that are said one by one
+
+
 def _warn(log: Path, note: str) -> None:
     logger.warning("%s: %s", log, note)
 
@@ -364,7 +367,11 @@ class LoadedModel:
                 guessing=self.guessing,
             )
             issues = [issue.sentence for issue in runs[0].issues] if strict else []
-            for note in [*(note for note in runs[0].notes if note.startswith(GUESSED)), *issues]:
+            guessed = [note for note in runs[0].notes if note.startswith(GUESSED)]
+            if len(guessed) > _MOST_GUESSES:
+                first = guessed[0].removeprefix(GUESSED).removesuffix(".")
+                guessed = [f"{GUESSED}{len(guessed)} columns, such as {first}; `lptn check` lists them all."]
+            for note in [*guessed, *issues]:
                 notify(Path(runs[0].source), note)
             all_runs += runs
         return all_runs
