@@ -86,7 +86,7 @@ class Parameter:
 
 
 _NEAR_ZERO = 0.1  # of the typical size: below it what may be 0, or a conductance, is searched in even steps
-_NEARLY_NONE = -1e-300  # coordinate of a resistance without end
+_NEARLY_NONE = -1e-12  # coordinate of a resistance without end, whose square a computer still can hold
 
 
 @dataclass(frozen=True)

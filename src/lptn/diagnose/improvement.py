@@ -383,26 +383,20 @@ def _in_words(beam: Sequence[Branch]) -> str:
 
 
 def _chosen(branches: Sequence[Branch], data: DataSplit) -> Branch:
-    """The shortest branch that reaches the best error; of equally long ones that do well the most probable by all runs.
-
-    Where that is another than the one with the best error, it is gone on with as far as it lowers the error.
-    """
+    """The most probable by all runs of the branches that do well in held-out runs, and better than all shorter ones."""
     if branches[0][-1].holdout is None:
         best = branches[0]
         for branch in branches[1:]:
             if criterion_difference(best[-1].fit, branch[-1].fit) > 0:
                 best = branch
         return best
-    least = min(_error(branch) for branch in branches)
-    length = min(len(branch) for branch in branches if _error(branch) <= least * (1 + WORTH))
-    alike = [branch for branch in branches if len(branch) == length]
-    most = MUCH_WORSE * min(map(_error, alike))
-    most = min([most, *(_error(branch) for branch in branches if len(branch) < length)])
-    level = [branch for branch in alike if _error(branch) <= most]
-    chosen = _most_probable(level, data)
-    further = [branch for branch in branches if _effects(branch) > _effects(chosen)]
-    enough = [branch for branch in further if _error(branch) <= _error(chosen) * (1 - WORTH)]
-    return min(enough, key=_error, default=chosen)
+    most = MUCH_WORSE * min(_error(branch) for branch in branches)
+    level = [
+        branch
+        for branch in branches
+        if _error(branch) <= min([most, *(_error(other) for other in branches if len(other) < len(branch))])
+    ]
+    return _most_probable(level, data)
 
 
 def _by_probability(branches: Sequence[Branch]) -> list[Branch]:
