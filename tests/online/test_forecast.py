@@ -147,7 +147,7 @@ def test_no_parameter_is_bent_beyond_its_standard_error_by_heat_that_the_model_l
     the fit's own errors let expect it."""
     true, logged = (np.repeat([6.0, torque], [1500, 900]) for torque in (11.5, 10.0))
     seen = warming(true, noise=0.15)
-    run = replace(seen, columns=seen.columns | {"torque.m": logged})
+    run = replace(seen, columns={**seen.columns, "torque.m": logged})
     doubt = ModelUncertainty(np.eye(len(motor.free)) * 0.02**2, np.full(1, 0.1), "test")
     filtered = present(motor, run, Noise(np.array([0.15]), np.zeros(1)), doubt)
     moved = np.log(filtered.values / motor.values)[motor.free] / 0.02
