@@ -100,18 +100,19 @@ class Answer:
 def forecasts(seed: int, folder: Path, faults: Sequence[str], minutes: Sequence[int]) -> dict[Path, Asked]:
     """The model file `model.toml`, fitted runs and the logs to forecast from, in a folder."""
     rng = np.random.default_rng([seed, 15])
-    run, truth = _walked(seed, rng)
     (folder / "preset.toml").write_text(presets()["leg"], encoding="utf-8")
     for name, each in leg_logs(seed=seed, quantisation=0.1, rate=1.0).items():
         each.to_parquet(folder / f"{name}.parquet")
     now, names = STAND + TROT, [f"temperature.{joint}" for joint in LEG_JOINTS]
-    # Of joints that still warm by some kelvins any may be struck.
-    warms = [name for name in names if truth[name].iloc[now + 1200] > truth[name].iloc[now] + 3.0]
     made: dict[Path, Asked] = {}
     for step in (0.1, 1.0):
-        log = leg_logs(seed=seed, quantisation=step, rate=1.0, runs=run)["now"]
         for number, fault in enumerate(faults):
             for length in minutes if fault != "healthy" else minutes[:1]:
+                # Each log has a movement of its own: its load wanders, and with it the time to the limit.
+                path = folder / f"{number}_{length}_{step:g}.parquet"
+                log, truth = _walked(seed, path.stem, step, rng)
+                # Of joints that still warm by some kelvins any may be struck.
+                warms = [each for each in names if truth[each].iloc[now + 1200] > truth[each].iloc[now] + 3.0]
                 name = warms[int(rng.integers(len(warms)))]
                 true, ahead = truth[name].to_numpy(), int(rng.uniform(300, 1500))
                 table = log.iloc[:now].copy()
@@ -122,22 +123,24 @@ def forecasts(seed: int, folder: Path, faults: Sequence[str], minutes: Sequence[
                 table[name] = np.round(readings / step) * step
                 limit = float(true[now + ahead])
                 reached = float(np.flatnonzero(true[now:] >= limit)[0])
-                path = folder / f"{number}_{length}_{step:g}.parquet"
                 table.to_parquet(path)
                 made[path] = Asked(fault, length, name.removeprefix("temperature."), limit, reached)
     return made
 
 
-def _walked(seed: int, rng: np.random.Generator) -> tuple[dict[str, Run], pd.DataFrame]:
-    """A run, and its true temperatures; what no leg bears is drawn again."""
+def _walked(seed: int, name: str, step: float, rng: np.random.Generator) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """The log of a run and its true temperatures; what no leg bears or ceases to warm it is drawn again."""
+    now, names = STAND + TROT, [f"temperature.{joint}" for joint in LEG_JOINTS]
     while True:
         stand = Segment("stand", STAND, load=float(rng.uniform(0, 2)))
         trot = Segment("trot", TROT + AHEAD, float(rng.uniform(0.5, 1.2)), float(rng.uniform(1, 4)))
-        run = {"now": Run((stand, trot), float(rng.uniform(12, 26)), cutout=None)}
+        run = {name: Run((stand, trot), float(rng.uniform(12, 26)), cutout=None)}
         try:
-            return run, leg_logs(seed=seed, noise=0.0, rate=1.0, runs=run)["now"]
+            truth = leg_logs(seed=seed, noise=0.0, rate=1.0, runs=run)[name]
         except ValueError:
             continue
+        if (truth[names].iloc[now + 1200] > truth[names].iloc[now] + 3.0).any():
+            return leg_logs(seed=seed, quantisation=step, rate=1.0, runs=run)[name], truth
 
 
 def fit(folder: Path, command: Path) -> None:

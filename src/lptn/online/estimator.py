@@ -83,8 +83,12 @@ class Correction:
     def log_likelihood(self) -> float:
         """Logarithm of the innovations' likelihood, up to a constant for each reading."""
         root = np.linalg.cholesky(self.covariance)
-        white = np.linalg.solve(root, self.innovation)
-        return -0.5 * float(white @ white) - float(np.log(np.diag(root)).sum())
+        return -0.5 * self.normalised_square - float(np.log(np.diag(root)).sum())
+
+    @property
+    def normalised_square(self) -> float:
+        """Innovations in their standard deviations, squared and summed: about one for each reading if all is well."""
+        return float(self.innovation @ np.linalg.solve(self.covariance, self.innovation))
 
 
 Rounding = Literal["cell", "white", "ignored"]

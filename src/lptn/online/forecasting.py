@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from math import inf, isfinite, log
 
 import numpy as np
@@ -230,8 +231,10 @@ _BLOCK = 10.0  # s; readings are averaged over it: short against a winding's min
 _MEMORY = 3600.0  # s of the log that are looked at: some time constants of a joint
 _HEAT_TIME = 1800.0  # s over which the heat that a model lacks stays alike
 _AIR = 0.1  # relative error of all conductances to the air in one run: a draught, a load on the back
-_SCALES = (0.5, 1.0, 2.0, 4.0)  # of missing heat that are tried, times the size that the fit's errors suggest
+_SCALES = 2.0 ** np.arange(-1, 12)  # of missing heat that are tried, times the size that the fit's errors suggest
+_CONSISTENT = 2.0  # mean square of innovations in standard deviations: 1 of a consistent filter, by chance never 2
 _USUAL_SCALE = 1.5  # on a run that it never saw a model is that much worse than where it was fitted
+_WORST_SCALE = 4.0  # up to which missing heat is not told by a log whose sensors may be at fault
 _LEAST_NOISE = 0.05  # K; of a block: a sensor's own errors don't average out
 
 
@@ -241,7 +244,10 @@ def present(model: Model, run: Run, noise: Noise, uncertainty: ModelUncertainty)
     The parameters and the draught are estimated along, from what the fit leaves open: a trot says more of its own
     friction than an identification with few trots. Not so for a model that lacks something, such as a second mass: it
     would bend them to suit the log so far, so their errors only widen the uncertainty. Missing heat is of the size
-    that the fit's errors suggest, times a factor that makes this log likeliest.
+    that the fit's errors suggest, times a factor that makes this log likeliest. What a fit absorbed in its own runs
+    comes back in another one, so that factor may be large; too small a one lets the parameters take the errors up and
+    the filter diverge, whose likelihood then says nothing. So ever larger factors are tried until one is worse though
+    its filter is consistent.
 
     Raises:
         InputError: the log lacks an input, or measures none of the model's nodes.
@@ -249,19 +255,25 @@ def present(model: Model, run: Run, noise: Noise, uncertainty: ModelUncertainty)
     blocks = _blocks(run)
     bound = bind(model, blocks)
     size = _missing_heat(model, bound, uncertainty)
-
-    def filtered(scale: float) -> tuple[float, Estimator]:
-        """Logarithm of the posterior probability of missing heat of that scale, and the estimator with it."""
+    best, highest = None, -inf
+    for scale in _SCALES:
         estimator = _of_blocks(model, blocks.step / run.step, noise, uncertainty, _error(scale * size))
         # A factor of two from the usual scale is one standard deviation.
-        likelihood = -0.5 * (log(scale / _USUAL_SCALE) / log(2.0)) ** 2
+        posterior, square, readings = -0.5 * (log(scale / _USUAL_SCALE) / log(2.0)) ** 2, 0.0, 0
         for _ in run_filter(estimator, bound):
-            likelihood += 0.0 if estimator.last is None else estimator.last.log_likelihood
-        last = dict(zip(model.inputs, bound.inputs[:, -1].tolist(), strict=True))
-        estimator.advance(last, blocks.step / 2 if blocks.averaged else blocks.step)
-        return likelihood, estimator
-
-    return max(map(filtered, _SCALES), key=lambda pair: pair[0])[1]
+            if estimator.last is not None:
+                posterior += estimator.last.log_likelihood
+                square += estimator.last.normalised_square
+                readings += estimator.last.innovation.size
+        if posterior > highest:
+            best, highest = estimator, posterior
+        elif square < _CONSISTENT * readings:
+            break
+    if best is None:
+        raise RuntimeError("no scale of missing heat gave a likelihood")
+    last = dict(zip(model.inputs, bound.inputs[:, -1].tolist(), strict=True))
+    best.advance(last, blocks.step / 2 if blocks.averaged else blocks.step)
+    return best
 
 
 def _missing_heat(model: Model, bound: BoundRun, uncertainty: ModelUncertainty) -> float:
@@ -317,24 +329,43 @@ def present_by_live_sensors(model: Model, run: Run, uncertainty: ModelUncertaint
     coarse = [coarse_noise([bound], row, step) if step > 0 else 0.0 for row, step in enumerate(noise.step)]
     # A sensor that stands for most of the log shows no noise of its own.
     white = np.maximum(np.maximum(noise.white, coarse), max(_LEAST_NOISE, float(np.median(noise.white))))
-    watching = _estimator(model, white, noise.step, uncertainty, _error(_USUAL_SCALE * size), watch=True)
-    left_out, doubts = standing_or_leaping(watching, bound)
-    run = without(run, nodes, left_out)
-    refuse_none(run, nodes, doubts)
-    noise = estimate_noise([bind(model, run)], nodes)
-    blocks, estimator = _blocks(run), present(model, run, noise, uncertainty)
 
-    def fresh() -> Estimator:
-        return _of_blocks(model, blocks.step / run.step, noise, uncertainty, estimator.error)
+    def watched(error: ModelError) -> tuple[Run, list[Doubt], Noise, Estimator]:
+        """The log without readings of sensors that stand or leap to a model of that error."""
+        watching = _estimator(model, white, noise.step, uncertainty, error, watch=True)
+        left_out, doubts = standing_or_leaping(watching, bound)
+        rest = without(run, nodes, left_out)
+        refuse_none(rest, nodes, doubts)
+        left = estimate_noise([bind(model, rest)], nodes)
+        return rest, doubts, left, present(model, rest, left, uncertainty)
 
-    wander = wandering(fresh, bind(model, blocks), np.full((len(KINDS), len(nodes)), _FAULT))
-    if not wander:
-        return estimator, doubts
-    since = {doubt.node: doubt.since for doubt in wander}
-    run = without(run, nodes, np.array([run.time >= since.get(node, inf) for node in nodes]))
-    doubts += [doubt for doubt in wander if doubt.node not in {each.node for each in doubts}]
-    refuse_none(run, nodes, doubts)
-    return present(model, run, estimate_noise([bind(model, run)], nodes), uncertainty), doubts
+    # Sensors are judged by a model as good as usual. Where those that nobody doubts then say that it is worse, the
+    # others are judged again: else the healthy sensor of a joint of which the model knows little would be left out.
+    error = _error(_USUAL_SCALE * size)
+    rest, doubts, noise, estimator = watched(error)
+    if doubts and _heat(estimator.error) > _heat(error):
+        rest, doubts, noise, estimator = watched(estimator.error)
+    blocks, lively = _blocks(rest), estimator
+    error = _error(min(_heat(estimator.error), _WORST_SCALE * size))
+    for _ in range(2):
+        make = partial(_of_blocks, model, blocks.step / run.step, noise, uncertainty, error)
+        wander = wandering(make, bind(model, blocks), np.full((len(KINDS), len(nodes)), _FAULT))
+        if not wander:
+            return lively, doubts
+        since = {doubt.node: doubt.since for doubt in wander}
+        believed = without(rest, nodes, np.array([run.time >= since.get(node, inf) for node in nodes]))
+        both = doubts + [doubt for doubt in wander if doubt.node not in {each.node for each in doubts}]
+        refuse_none(believed, nodes, both)
+        estimator = present(model, believed, estimate_noise([bind(model, believed)], nodes), uncertainty)
+        if _heat(estimator.error) <= _heat(error):
+            break
+        error = estimator.error
+    return estimator, both
+
+
+def _heat(error: ModelError) -> float:
+    """The largest missing heat that is allowed for [W]."""
+    return max(error.heat.values()) if isinstance(error.heat, Mapping) else error.heat
 
 
 def _without_readings(bound: BoundRun, model: Model, doubts: Sequence[Doubt]) -> list[Doubt]:
