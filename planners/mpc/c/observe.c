@@ -81,17 +81,20 @@ static void predict(const lptn_mpc_settings *o, lptn_mpc_state *m, lptn_mpc_work
     for (int j = 0; j < LPTN_NU; j++) ones[j] = 1, heat[j] = m->applied[j] * m->applied[j];
     memcpy(w->bias, m->bias, sizeof w->bias), memcpy(w->gain, m->gain, sizeof w->gain);
     evaluate(o, w, m->x, heat, m->conditions, &rates, &slope, &controlled, &unused);
-    for (int i = 0; i < LPTN_NN; i++) {
-        made[i] = 0;
-        for (int j = 0; j < LPTN_NU; j++) made[i] += controlled[i * LPTN_NU + j] * heat[j];
-    }
+    memset(made, 0, sizeof m->made);
+    for (int n = 0; n < LPTN_NB; n++)
+        if (heated_row[n] < LPTN_NN) made[heated_row[n]] += controlled[n] * heat[heated_column[n]];
     double before[LPTN_NN];
     memcpy(before, m->x, sizeof before);
-    stage_matrices(o, w, h, m->x, ones, m->applied, m->conditions, w->M[0], w->offset[0]);
-    advance(w, 0, m->x, ones, m->x);
+    lptn_mpc_stage *stage = &w->stage[0];
+    make_stage(o, w, h, m->x, ones, m->applied, m->conditions, stage);
+    advance(stage, m->x, ones, m->x);
+    double stays[LPTN_NX]; /* of a node's own temperature, after one period: the diagonal of I + F A */
+    for (int i = 0; i < LPTN_NX; i++) stays[i] = 1;
+    for (int n = 0; n < LPTN_NA; n++) stays[slope_column[n]] += stage->F[slope_column[n]][slope_row[n]] * stage->A[n];
     for (int i = 0; i < LPTN_NN; i++) {
         /* Row of the transition: temperature from temperature, bias and gain; the other two stay. */
-        const double row[3] = {w->M[0][i][LPTN_NU + i], h, h * made[i]};
+        const double row[3] = {stays[i], h, h * made[i]};
         lptn_mpc_fork *fork = &m->fork[i];
         fork->x = m->x[i] + row[0] * (fork->x - before[i]) + row[1] * (fork->bias - m->bias[i]) +
                   row[2] * (fork->gain - m->gain[i]);
