@@ -8,6 +8,8 @@ from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from typing import Any, NamedTuple
 
+import casadi as ca
+
 from lptn.logs import resampling
 from lptn.online import aliveness
 
@@ -61,8 +63,14 @@ def sources(heating: Heating, limits: int, stages: int) -> dict[str, str]:
         "HEAT_W": function.sz_w(),
     }
     solver = {name: files("lptn.planners.mpc").joinpath("c", name).read_text(encoding="utf-8") for name in SOLVER}
-    return {"sizes.h": _header(sizes), "pattern.h": _pattern(slope, heated), "alive.h": _alive(), "conditions.h": _kinds(heating.conditions),
-            "heat.c": _heat(c_code(function, "heat.c")), **solver}  # fmt: skip
+    return {
+        "sizes.h": _header(sizes),
+        "pattern.h": _pattern(slope, heated),
+        "alive.h": _alive(),
+        "conditions.h": _kinds(heating.conditions),
+        "heat.c": _heat(c_code(function, "heat.c")),
+        **solver,
+    }
 
 
 def python_library(made: Mapping[str, str]) -> ctypes.CDLL:
