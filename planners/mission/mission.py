@@ -93,7 +93,7 @@ class Mission:
         origin: the file, for messages.
         utmost: what a node may not pass [degC] where `limits` keep a margin below it; `limits` where nothing is said. A
             node that begins within its margin is out of it when the first piece ends, and gets no hotter until then.
-        transitions: by the names of the gaits before and after it; from one gait to another without one nothing is lost.
+        transitions: by the names of the gaits before and after it; where there is none, to change costs nothing.
         begins: the gait in which the robot is at the start, `""` where the first activity may begin at once.
     """
 
@@ -190,8 +190,8 @@ def segments_of(mission: Mission, rests: Collection[int] | None = None) -> list[
 
     Args:
         mission: what is asked.
-        rests: numbers of the pieces before which a rest may be inserted, with the transitions to it and from it. `None`:
-            before any, and no transition: what a plan could do at best.
+        rests: numbers of the pieces before which a rest may be inserted, with the transitions to it and from it.
+            `None`: before any, and around rests no transition: what a plan could do at best.
     """
     segments: list[Segment] = []
     piece = -1
@@ -232,10 +232,13 @@ def _with_transitions(mission: Mission, pieces: list[Segment], *, free_rests: bo
 
 def first_rest(mission: Mission, segments: list[Segment]) -> int:
     """How many pieces at the beginning are rest, and the way to it."""
-    working = (k for k, segment in enumerate(segments) if segment.gait is not mission.rest and not segment.is_transition)
-    leading = next(working, len(segments))
-    rests = [k for k, segment in enumerate(segments[:leading]) if segment.gait is mission.rest]
-    return rests[-1] + 1 if rests else 0
+    rested = 0
+    for k, segment in enumerate(segments):
+        if segment.gait is mission.rest:
+            rested = k + 1
+        elif not segment.is_transition:
+            break
+    return rested
 
 
 def _rests(rest: Gait, segments: list[Segment], activity: Activity) -> bool:

@@ -84,7 +84,7 @@ class File(Strict):
     limits: Annotated[dict[str, Celsius], Field(min_length=1)]
     activities: Annotated[list[ActivityTable], Field(min_length=1, max_length=24)]
     gaits: dict[str, GaitTable]
-    transitions: Annotated[list[TransitionTable], Field(max_length=24)] = []
+    transitions: Annotated[list[TransitionTable], Field(max_length=24)] = Field(default_factory=list)
     columns: dict[str, Any] = Field(default_factory=dict)
 
 

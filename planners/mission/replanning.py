@@ -180,8 +180,11 @@ class MissionControl:
         if dt > 0 and self._segments:
             self._advance(inputs, dt, moved)
         ended = not self._segments and (not self.replanned or self.plan.verdict != "none")
-        on_the_way = bool(self._segments) and self._segments[0].is_transition  # halfway down is no place to think again
-        due = ended or (self.clock >= self._looked + self._period or self._too_hot(estimate)) and not on_the_way
+        on_the_way = (
+            bool(self._segments) and self._segments[0].is_transition
+        )  # halfway down is no place to change one's mind
+        time_to_look = self.clock >= self._looked + self._period or self._too_hot(estimate)
+        due = ended or (time_to_look and not on_the_way)
         if due and self._first < len(self._left):
             self._look(inputs)
             self._looked = self.clock

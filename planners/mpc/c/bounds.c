@@ -2,7 +2,8 @@
  * temperatures at the ends of the stages. */
 
 #define INSIDE 0.02   /* of the way from one bound to the other, where the solver starts at most */
-#define MARGIN_FREED 60.0 /* s, time constant: short beside a node's minutes, long beside a period of noise */
+#define SETTLING 180.0 /* s, time constant: long beside a reading's weight in the estimate, short beside the horizon */
+#define NOISY 3.0     /* standard deviations of an estimate: farther from a limit it is no noise */
 #define NEARLY 0.9999 /* of the upper bound, where a floor may lie at most: the solver needs an inside */
 
 static void bound(const lptn_mpc_settings *o, const lptn_mpc_state *m, lptn_mpc_work *w, int first,
@@ -34,11 +35,18 @@ static void bound(const lptn_mpc_settings *o, const lptn_mpc_state *m, lptn_mpc_
     }
 }
 
-/* What a node is above its limit falls by dT/dt = -(T - limit)/recovery, at each step the same course; what it is within the
- * margin, in a minute: were that as slow, nodes would drift to the hot end of what the readings' noise leaves open. */
+/* What a node is above its limit falls by dT/dt = -(T - limit)/recovery, at each step the same course.
+ *
+ * Near its limit less the margin, where most of the difference may be the readings' noise, a node comes to it from above or
+ * below in some minutes: brought there within one period, all noise would become torque. From above as far as the limit,
+ * from below as far as noise may reach; from farther below it warms as fast as it likes. Slow from above alone, nodes
+ * would drift to the hot end of what the noise leaves open. */
 static void limit(const lptn_mpc_settings *o, const lptn_mpc_state *m, lptn_mpc_work *w, lptn_mpc_result *out) {
-    double time = 0;
-    for (int l = 0; l < LPTN_NL; l++) out->margin[l] = margin_of(o, m, o->owner[o->node[l]]);
+    double time = 0, deviation[LPTN_NL];
+    for (int l = 0; l < LPTN_NL; l++) {
+        deviation[l] = deviation_of(o, m, o->owner[o->node[l]]);
+        out->margin[l] = o->sigmas * deviation[l];
+    }
     for (int k = 0; k < LPTN_N; k++) {
         time += o->stage[k];
         for (int l = 0; l < LPTN_NL; l++) {
@@ -46,7 +54,7 @@ static void limit(const lptn_mpc_settings *o, const lptn_mpc_state *m, lptn_mpc_
             double left = 0;
             if (slow > 0)
                 left = exp(-time / slow) * fmax(over, 0.0) +
-                       exp(-time / fmin(slow, MARGIN_FREED)) * fmin(fmax(over + margin, 0.0), margin);
+                       exp(-time / fmin(slow, SETTLING)) * fmin(fmax(over + margin, -NOISY * deviation[l]), margin);
             w->limit[k][l] = o->limit[l] - margin + left;
         }
     }

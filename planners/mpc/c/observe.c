@@ -126,9 +126,9 @@ static void correct_node(const lptn_mpc_settings *o, lptn_mpc_state *m, int i, d
         for (int b = 0; b < 3; b++) P[a][b] -= gain[a] * top[b];
 }
 
-/* What is kept below a limit for what is not known: so many standard deviations of the node's temperature one period on, by
- * the filter's covariance. Later stages need no more: by then there will have been a reading. */
-static double margin_of(const lptn_mpc_settings *o, const lptn_mpc_state *m, int i) {
+/* Of a node's temperature one period on, standard deviation by the filter's covariance [K]: of it so many are kept below a
+ * limit. Later stages need no more: by then there will have been a reading. */
+static double deviation_of(const lptn_mpc_settings *o, const lptn_mpc_state *m, int i) {
     const double h = o->stage[0], row[3] = {1, h, h * m->made[i]};
     double variance = o->grain * o->grain + STEADY * STEADY * o->noise * o->noise;
     if (i >= LPTN_NN) return 0;
@@ -139,7 +139,7 @@ static double margin_of(const lptn_mpc_settings *o, const lptn_mpc_state *m, int
         for (int a = 0; a < 3; a++)
             for (int b = 0; b < 3; b++) variance += row[a] * m->spread[i][a][b] * row[b];
     }
-    return o->sigmas * fmin(sqrt(fmax(variance, 0)), GUESSED);
+    return fmin(sqrt(fmax(variance, 0)), GUESSED);
 }
 
 /* Readings into the estimate; what was applied has moved it on by one period. Where nothing is to be learnt the temperatures
