@@ -1,8 +1,8 @@
 """Which rests are worth lying down for.
 
 A transition costs the same however short the rest is that it leads to, so that to rest or not is a question of its
-own, which no program of smooth functions answers. Sought are the rests of a plan for which they cost nothing; then, with
-their transitions, fewer and longer ones as long as that is better.
+own, which no program of smooth functions answers. Sought are the rests of a plan for which they cost nothing; then,
+with their transitions, fewer and longer ones as long as that is better.
 """
 
 from __future__ import annotations
