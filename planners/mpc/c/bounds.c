@@ -3,7 +3,6 @@
 
 #define INSIDE 0.02   /* of the way from one bound to the other, where the solver starts at most */
 #define SETTLING 180.0 /* s, time constant: long beside a reading's weight in the estimate, short beside the horizon */
-#define NOISY 3.0     /* standard deviations of an estimate: farther from a limit it is no noise */
 #define NEARLY 0.9999 /* of the upper bound, where a floor may lie at most: the solver needs an inside */
 
 static void bound(const lptn_mpc_settings *o, const lptn_mpc_state *m, lptn_mpc_work *w, int first,
@@ -37,24 +36,21 @@ static void bound(const lptn_mpc_settings *o, const lptn_mpc_state *m, lptn_mpc_
 
 /* What a node is above its limit falls by dT/dt = -(T - limit)/recovery, at each step the same course.
  *
- * Near its limit less the margin, where most of the difference may be the readings' noise, a node comes to it from above or
- * below in some minutes: brought there within one period, all noise would become torque. From above as far as the limit,
- * from below as far as noise may reach; from farther below it warms as fast as it likes. Slow from above alone, nodes
- * would drift to the hot end of what the noise leaves open. */
+ * Near its limit less the margin, where most of the difference is the readings' noise, a node comes to it from above or
+ * below in some minutes: brought there within one period, all noise would become torque. From above as far as the limit;
+ * from below as far as noise may reach, from twice as far it warms as fast as it likes. Slow from above alone, nodes would
+ * drift to the hot end of what the noise leaves open. */
 static void limit(const lptn_mpc_settings *o, const lptn_mpc_state *m, lptn_mpc_work *w, lptn_mpc_result *out) {
-    double time = 0, deviation[LPTN_NL];
-    for (int l = 0; l < LPTN_NL; l++) {
-        deviation[l] = deviation_of(o, m, o->owner[o->node[l]]);
-        out->margin[l] = o->sigmas * deviation[l];
-    }
+    double time = 0;
+    for (int l = 0; l < LPTN_NL; l++) out->margin[l] = margin_of(o, m, o->owner[o->node[l]]);
     for (int k = 0; k < LPTN_N; k++) {
         time += o->stage[k];
         for (int l = 0; l < LPTN_NL; l++) {
-            const double slow = o->recovery[l], margin = out->margin[l], over = m->x[o->node[l]] - o->limit[l];
+            const double slow = o->recovery[l], margin = out->margin[l], noise = noise_of(m, o->owner[o->node[l]]);
+            const double over = m->x[o->node[l]] - o->limit[l], below = -(over + margin);
+            const double eased = below > 0 ? -fmin(below, fmax(2 * noise - below, 0)) : fmin(-below, margin);
             double left = 0;
-            if (slow > 0)
-                left = exp(-time / slow) * fmax(over, 0.0) +
-                       exp(-time / fmin(slow, SETTLING)) * fmin(fmax(over + margin, -NOISY * deviation[l]), margin);
+            if (slow > 0) left = exp(-time / slow) * fmax(over, 0.0) + exp(-time / fmin(slow, SETTLING)) * eased;
             w->limit[k][l] = o->limit[l] - margin + left;
         }
     }

@@ -9,6 +9,7 @@
 #define BIAS_HOLDS 1800.0 /* s in which the bias may walk as far as it was doubted at first */
 #define GAIN_HOLDS 3600.0
 #define MOST_GAIN 0.8
+#define NOISY 3.0    /* standard deviations of an estimate, beyond which a difference is no noise */
 #define GUESSED 10.0 /* K; error of a temperature that nobody has read */
 
 #define SQRT_12 3.46410161513775458705
@@ -126,9 +127,9 @@ static void correct_node(const lptn_mpc_settings *o, lptn_mpc_state *m, int i, d
         for (int b = 0; b < 3; b++) P[a][b] -= gain[a] * top[b];
 }
 
-/* Of a node's temperature one period on, standard deviation by the filter's covariance [K]: of it so many are kept below a
- * limit. Later stages need no more: by then there will have been a reading. */
-static double deviation_of(const lptn_mpc_settings *o, const lptn_mpc_state *m, int i) {
+/* What is kept below a limit for what is not known: so many standard deviations of the node's temperature one period on, by
+ * the filter's covariance. Later stages need no more: by then there will have been a reading. */
+static double margin_of(const lptn_mpc_settings *o, const lptn_mpc_state *m, int i) {
     const double h = o->stage[0], row[3] = {1, h, h * m->made[i]};
     double variance = o->grain * o->grain + STEADY * STEADY * o->noise * o->noise;
     if (i >= LPTN_NN) return 0;
@@ -139,7 +140,12 @@ static double deviation_of(const lptn_mpc_settings *o, const lptn_mpc_state *m, 
         for (int a = 0; a < 3; a++)
             for (int b = 0; b < 3; b++) variance += row[a] * m->spread[i][a][b] * row[b];
     }
-    return fmin(sqrt(fmax(variance, 0)), GUESSED);
+    return o->sigmas * fmin(sqrt(fmax(variance, 0)), GUESSED);
+}
+
+/* What the estimate of a node may be off now [K], by what it was read with. */
+static double noise_of(const lptn_mpc_state *m, int i) {
+    return i < LPTN_NN && !m->guessed[i] ? NOISY * sqrt(fmax(m->spread[i][0][0], 0)) : 0;
 }
 
 /* Readings into the estimate; what was applied has moved it on by one period. Where nothing is to be learnt the temperatures
