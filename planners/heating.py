@@ -50,14 +50,13 @@ class Heating:
         return "A" if self.request == "current" else "N*m"
 
     def function(self) -> ca.Function:
-        """(x, heat, d, p) -> rates at no heat [K/s]; their slope in x at the heat, by rows; what a unit of heat adds
-        to the rates, by rows; and the gain."""
+        """(x, heat, d, p) -> rates at no heat [K/s]; their slope in x at the heat, transposed; what a unit of heat adds
+        to the rates, transposed; and the gain. The two in between are sparse."""
         none = ca.substitute(self.rates, self.heat, ca.SX.zeros(self.heat.shape))
         slope = ca.jacobian(self.rates, self.x).T
         controlled = ca.jacobian(self.rates, self.heat).T
-        results = [none, slope, controlled, self.gain]
-        dense = ca.cse([ca.densify(result) for result in results])
-        return ca.Function("lptn_heat", [self.x, self.heat, self.d, self.p], dense)
+        results = ca.cse([ca.densify(none), slope, controlled, ca.densify(self.gain)])
+        return ca.Function("lptn_heat", [self.x, self.heat, self.d, self.p], results)
 
     def rate_function(self) -> ca.Function:
         """(x, heat, d, p) -> rates [K/s]."""

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import subprocess
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Protocol
@@ -20,12 +20,11 @@ from a1_task import JOINTS, TORQUE_LIMIT, Command, FloatArray
 from a1_thermal import CasadiThermal
 from lptn.model.model import Model
 from lptn.planners import MissionControl, TorqueMPC
-from lptn.planners.mission import Activity, Gait, Mission, gait_from_tables
+from lptn.planners.mission import Activity, Gait, Mission, Transition, gait_from_tables
 
 LIMIT, BEGINS, RESUMES, NOISE = 60.0, 50.0, 55.0, 0.1  # degC; degC; degC; K
 PERIOD = 5.0  # s, of the predictive controllers
 REPLAN = 30.0  # s
-BRIEF = 4.0  # s; lying down for less is not worth the way
 SUPPORT = (1.5, 2.0)  # floors: so many times what the gait asks of a joint, and N·m more; below that the trunk sinks
 AMBIENT, COMPUTER = 25.0, 20.0  # degC, W
 
@@ -169,7 +168,7 @@ class Replanned:
         if order.do != "rest":
             height = order.posture.get("height", self._command.height)
             self._command = Command("trot" if order.do == "trot" else "stand", order.speed, height)
-        elif order.seconds > BRIEF:
+        else:
             self._command = replace(self._command, activity="rest")
 
     def limited(self, torque: FloatArray) -> FloatArray:
@@ -196,20 +195,76 @@ def gait_in(simulator: Setting, do: str, speeds: list[float], heights: list[floa
             setting = replace(simulator, duration=_SETTLE + _MEASURE, task=command, start=AMBIENT)
             thermal = _Noted(CasadiThermal(model, AMBIENT, LIMIT, BEGINS))
             CoSimulation("gait", setting, thermal, Unmoved(command), leave).run()
-            rows = np.array(thermal.inputs)[-round(_MEASURE / 0.5) :]
-            for column, values in zip(thermal.columns, rows.T, strict=True):
-                quantity = column.partition(".")[0]
-                value = np.sqrt(np.mean(values**2)) if quantity in ("torque", "velocity_rms") else values.mean()
+            rows = np.array(thermal.inputs)[-round(_MEASURE / _WINDOW) :]
+            for column, value in _means(thermal.columns, rows).items():
                 cells.setdefault(column, np.zeros((len(heights), 1, len(speeds))))[i, 0, j] = value
+    tables = {column: table.tolist() for column, table in cells.items()}
+    return gait_from_tables(do, speeds, [0.0], _given(tables), model, "a1", {"height": heights})
+
+
+_WINDOW, _SETTLE, _MEASURE = 0.5, 4.0, 4.0  # s
+_QUANTITIES = ("torque", "velocity", "velocity_rms")  # that a gait has to tell
+
+
+def _means(columns: Sequence[str], rows: FloatArray) -> dict[str, float]:
+    """RMS of torques and of speeds' RMS, means of all else, of those inputs that a gait has to tell."""
+    means = {}
+    for column, values in zip(columns, rows.T, strict=True):
+        quantity = column.partition(".")[0]
+        if quantity in _QUANTITIES:
+            squares = quantity in ("torque", "velocity_rms")
+            means[column] = float(np.sqrt(np.mean(values**2)) if squares else values.mean())
+    return means
+
+
+def _given(values: Mapping[str, object]) -> dict[str, dict[str, object]]:
+    """By quantity and place, as `gait_from_tables` takes it."""
     given: dict[str, dict[str, object]] = {"power": {"pc": COMPUTER}}
-    for column, table in cells.items():
+    for column, value in values.items():
         quantity, _, place = column.partition(".")
-        if quantity in ("torque", "velocity", "velocity_rms"):
-            given.setdefault(quantity, {})[place] = table.tolist()
-    return gait_from_tables(do, speeds, [0.0], given, model, "a1", {"height": heights})
+        given.setdefault(quantity, {})[place] = value
+    return given
 
 
-_SETTLE, _MEASURE = 4.0, 4.0  # s
+def transitions_in(simulator: Setting, do: str, height: float, model: Model) -> dict[tuple[str, str], Transition]:
+    """What lying down and getting up take, from one run of the simulator.
+
+    Args:
+        simulator: robot, payload, ground.
+        do: trot or stand.
+        height: from which it lies down, and to which it gets up [m].
+        model: whose inputs are needed.
+    """
+    up = Command("trot" if do == "trot" else "stand", simulator.task.speed, height)
+    script = [up] * round(_SETTLE / _WINDOW) + [replace(up, activity="rest")] * round(_LONG / _WINDOW)
+    setting = replace(simulator, duration=_SETTLE + 2 * _LONG, task=up, start=AMBIENT)
+    thermal = _Noted(CasadiThermal(model, AMBIENT, LIMIT, BEGINS))
+    record = CoSimulation("transitions", setting, thermal, _Scripted(script, up), leave).run()
+    inputs, above = np.array(thermal.inputs), np.array(record.position)[:, 2]
+    lying = np.flatnonzero(inputs[:, thermal.columns.index(f"powered.{JOINTS[0]}")] == 0)
+    stands = np.flatnonzero(above[lying[-1] :] > height - _NEARLY)[0] + lying[-1]
+    found = {}
+    for before, after, rows in (
+        (do, "rest", slice(len(script) - round(_LONG / _WINDOW), lying[0])),
+        ("rest", do, slice(lying[-1] + 1, stands + 1)),
+    ):
+        given = _given(_means(thermal.columns, inputs[rows]))
+        gait = gait_from_tables(f"{before} to {after}", [0.0], [0.0], given, model, "a1")
+        found[before, after] = Transition(gait, _WINDOW * len(inputs[rows]))
+    return found
+
+
+_LONG, _NEARLY = 10.0, 0.02  # s, longer than either takes; m below its height, where it stands
+
+
+class _Scripted:
+    """Commands one by one, a thermal step each, then the last one for ever."""
+
+    def __init__(self, commands: Sequence[Command], last: Command) -> None:
+        self._commands, self._last = iter(commands), last
+
+    def command(self, scale: FloatArray) -> Command:
+        return next(self._commands, self._last)
 
 
 class _Noted(CasadiThermal):
@@ -224,8 +279,15 @@ class _Noted(CasadiThermal):
         super().advance(inputs, dt)
 
 
-def mission_of(model: Model, do: str, gait: Gait, amount: float, start: float) -> Mission:
-    """Trot so many metres, or stand so many seconds, in six parts.
+def mission_of(
+    model: Model,
+    do: str,
+    gait: Gait,
+    amount: float,
+    start: float,
+    transitions: Mapping[tuple[str, str], Transition] | None = None,
+) -> Mission:
+    """Trot so many metres, or stand so many seconds, in six parts; the robot stands at the start.
 
     Args:
         model: what the planner knows of the robot.
@@ -233,6 +295,7 @@ def mission_of(model: Model, do: str, gait: Gait, amount: float, start: float) -
         gait: its tables.
         amount: [m] or [s].
         start: of all joints [degC].
+        transitions: what lying down and getting up take; nothing where nothing is said.
     """
     rest = gait_from_tables("rest", [0.0], [0.0], {"power": {"pc": COMPUTER}}, model, "a1")
     heights = gait.postures["height"]
@@ -243,7 +306,18 @@ def mission_of(model: Model, do: str, gait: Gait, amount: float, start: float) -
     else:
         activity = Activity(do, gait, None, (amount, amount), (0.0, 0.0), (0.0, 0.0), posture, 6)
     first = np.full(len(model.states), start)
-    return Mission(model, (activity,), rest, 900.0, dict.fromkeys(JOINTS, LIMIT), first, AMBIENT, name=do)
+    return Mission(
+        model,
+        (activity,),
+        rest,
+        900.0,
+        dict.fromkeys(JOINTS, LIMIT),
+        first,
+        AMBIENT,
+        name=do,
+        transitions=transitions or {},
+        begins=do,
+    )
 
 
 # --- one run ----------------------------------------------------------------------------------------

@@ -30,6 +30,7 @@ from a1_controllers import (
     of_another_version,
     run,
     support_first,
+    transitions_in,
 )
 from a1_cosim import Record, Setting
 from a1_task import JOINTS, Command
@@ -93,12 +94,19 @@ for name, setting in scenarios.items():
     middle = gait.at(setting.task.speed, 0.0, [setting.task.height])
     standing = np.array([middle[known.inputs.index(f"torque.{joint}")] for joint in JOINTS])
     amount = setting.task.speed * setting.duration if do == "trot" else setting.duration
-    replanned = Replanned(mission_of(known, do, gait, amount, setting.start), setting.task)
+    ways = transitions_in(setting, do, tall, known)
+    for (before, after), way in ways.items():
+        calf = max(way.gait.at(0.0, 0.0)[known.inputs.index(f"torque.{joint}")] for joint in JOINTS)
+        print(f"{before} to {after}: {way.duration:.1f} s, up to {calf:.0f} N·m (RMS)")
+    replanned = Replanned(mission_of(known, do, gait, amount, setting.start, ways), setting.task)
     controllers: dict[str, Controller] = {
         "derating, 50 to 60 degC": Derating(setting.task),
         "cut-off at 60, on at 55 degC": CutOff(setting.task),
         "TorqueMPC, floors": Predictive(setting.task, support_first(known, standing)),
         "MissionControl": replanned,
+        "MissionControl, rests for nothing": Replanned(
+            mission_of(known, do, gait, amount, setting.start), setting.task
+        ),
     }
     if options.other:
         controllers["TorqueMPC of the other version"] = Predictive(

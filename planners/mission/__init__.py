@@ -2,7 +2,7 @@
 
 from .answer import MissionAnswer, plan_kind
 from .gait import Gait, LogPart, gait_from_logs, gait_from_tables
-from .mission import Activity, Mission, Segment
+from .mission import Activity, Mission, Segment, Transition
 from .mission_file import read_mission
 from .plan import Plan, plan_mission
 from .program import Program, Solution
@@ -21,6 +21,7 @@ __all__ = [
     "Replanned",
     "Segment",
     "Solution",
+    "Transition",
     "gait_from_logs",
     "gait_from_tables",
     "plan_kind",

@@ -120,6 +120,8 @@ def gait_from_tables(
     model: Model,
     origin: str,
     postures: Mapping[str, Sequence[float]] | None = None,
+    *,
+    place: str | None = None,
 ) -> Gait:
     """A gait from its tables.
 
@@ -132,26 +134,28 @@ def gait_from_tables(
         model: whose inputs are needed.
         origin: the task file, for messages.
         postures: by name their values, one for each table.
+        place: of its table in the task file, for messages; `gaits.` and its name where nothing is said.
 
     Raises:
         InputError: a quantity is missing, a table has the wrong shape, a pattern matches no input of the model.
     """
+    place = place or f"gaits.{name}"
     axes = {key: np.array(values, dtype=float) for key, values in (postures or {}).items()}
     shape = (*(knots.size for knots in axes.values()), len(loads), len(speeds))
     tables: dict[str, FloatArray] = {}
     for quantity, by_place in given.items():
-        place = f"gaits.{name}.{quantity}"
         if not isinstance(by_place, Mapping):
-            raise InputError(origin, place, shown(by_place), 'a table of places, such as { "*_calf" = … }')
+            expected = 'a table of places, such as { "*_calf" = … }'
+            raise InputError(origin, f"{place}.{quantity}", shown(by_place), expected)
         for pattern, values in by_place.items():
-            where = f'{place}."{pattern}"'
+            where = f'{place}.{quantity}."{pattern}"'
             columns = [c for c in model.inputs if c.partition(".")[0] == quantity]
             matched = matching(f"{quantity}.{pattern}", columns)
             if not matched:
                 places = ", ".join(c.partition(".")[2] for c in columns) or f"no {quantity} at all: the model has none"
                 raise InputError(origin, where, "a pattern that matches no input of the model", f"some of {places}")
             tables |= dict.fromkeys(matched, _table(values, shape, origin, where))
-    return _gait(name, np.array(speeds, dtype=float), np.array(loads, dtype=float), axes, tables, model, origin)
+    return _gait(name, np.array(speeds, dtype=float), np.array(loads, dtype=float), axes, tables, model, origin, place)
 
 
 def _gait(
@@ -162,26 +166,27 @@ def _gait(
     tables: Mapping[str, FloatArray],
     model: Model,
     origin: str,
+    place: str,
 ) -> Gait:
     """A gait from one table of shape (*postures, loads, speeds) by input column; what follows from others is filled in.
 
     Raises:
         InputError: an input of the model has no table, or a table swings below zero between its cells.
     """
-    columns = {column: _of(column, tables, name, origin) for column in model.inputs}
+    columns = {column: _of(column, tables, name, origin, place) for column in model.inputs}
     shape = (*(knots.size for knots in postures.values()), loads.size, speeds.size)
     cells = np.stack([np.broadcast_to(table, shape) for table in columns.values()], axis=-1)
     gait = Gait(name, speeds, loads, np.ascontiguousarray(cells, dtype=float), dict(postures))
     for column, least in zip(columns, gait.least().tolist(), strict=True):
         if least < _BELOW * max(float(np.abs(columns[column]).max()), 1e-9):
             raise InputError(
-                origin, f"gaits.{name}", f"{column} down to {least:.3g} between the cells",
+                origin, place, f"{column} down to {least:.3g} between the cells",
                 "cells so close that the curve through them stays above zero",
             )  # fmt: skip
     return gait
 
 
-def _of(column: str, tables: Mapping[str, FloatArray], name: str, origin: str) -> FloatArray:
+def _of(column: str, tables: Mapping[str, FloatArray], name: str, origin: str, table: str) -> FloatArray:
     quantity, _, place = column.partition(".")
     if column in tables:
         return tables[column]
@@ -195,7 +200,7 @@ def _of(column: str, tables: Mapping[str, FloatArray], name: str, origin: str) -
         return tables[f"current.{place}"] / _FORM
     if quantity == "powered":
         return np.ones((1, 1))
-    raise InputError(origin, f"gaits.{name}.{quantity}", f"nothing for {place}", f'"{place}" = …, for the model')
+    raise InputError(origin, f"{table}.{quantity}", f"nothing for {place}", f'"{place}" = …, for the model')
 
 
 def _table(values: Any, shape: tuple[int, ...], origin: str, where: str) -> FloatArray:
@@ -301,7 +306,7 @@ def gait_from_logs(
         )
     shape = [knots.size for knots in axes]
     tables = {column: cells[:, k].reshape(shape).clip(min=0.0) for k, column in enumerate(needed)}
-    return _gait(name, axes[-1], axes[-2], named, tables, model, origin)
+    return _gait(name, axes[-1], axes[-2], named, tables, model, origin, f"gaits.{name}")
 
 
 def _windows(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
@@ -62,6 +62,19 @@ class Activity:
 
 
 @dataclass(frozen=True)
+class Transition:
+    """What it takes to go from one gait to another, as in lying down or getting up.
+
+    Args:
+        gait: what the joints do meanwhile, on average over it; at one speed, over the loads.
+        duration: [s].
+    """
+
+    gait: Gait
+    duration: float
+
+
+@dataclass(frozen=True)
 class Mission:
     """A list of activities, a deadline, and bounds of the temperatures.
 
@@ -80,6 +93,8 @@ class Mission:
         origin: the file, for messages.
         utmost: what a node may not pass [degC] where `limits` keep a margin below it; `limits` where nothing is said. A
             node that begins within its margin is out of it when the first piece ends, and gets no hotter until then.
+        transitions: by the names of the gaits before and after it; where there is none, to change costs nothing.
+        begins: the gait in which the robot is at the start, `""` where the first activity may begin at once.
     """
 
     model: Model
@@ -95,11 +110,14 @@ class Mission:
     name: str = "mission"
     origin: str = "mission"
     utmost: Mapping[str, float] = field(default_factory=dict)
+    transitions: Mapping[tuple[str, str], Transition] = field(default_factory=dict)
+    begins: str = ""
 
     @property
     def fastest(self) -> float:
         """Time of the whole if nothing gets hot [s]."""
-        return sum(activity.least_time for activity in self.activities)
+        between = sum(segment.length for segment in segments_of(self, ()) if segment.is_transition)
+        return between + sum(activity.least_time for activity in self.activities)
 
     @property
     def too_hot(self) -> list[str]:
@@ -142,12 +160,14 @@ class Segment:
 
     Args:
         name: for people: `walk 1, part 2 of 3`.
-        activity: index of its activity, -1 for a rest that the planner inserts.
+        activity: index of its activity, -1 for a transition, and for a rest that the planner inserts.
         gait: what the joints do in it.
         length: distance [m], or least time [s] of what stays.
         travels: whether `length` is a distance.
         time: least and most time [s] where it stays; equal for a given time.
         posture: least and most of each posture of the gait, in its order.
+        carries: of a transition, index of the activity whose load it carries.
+        before: of a rest that the planner inserts, number of the piece that it precedes.
     """
 
     name: str
@@ -157,23 +177,68 @@ class Segment:
     travels: bool
     time: Range = field(default=(0.0, 0.0))
     posture: tuple[Range, ...] = ()
+    carries: int = -1
+    before: int = -1
+
+    @property
+    def is_transition(self) -> bool:
+        return self.carries >= 0
 
 
-def segments_of(mission: Mission) -> list[Segment]:
-    """The pieces of a mission in order, with the rests that the planner may insert."""
+def segments_of(mission: Mission, rests: Collection[int] | None = None) -> list[Segment]:
+    """The pieces of a mission in order, with transitions, and the rests that the planner may insert.
+
+    Args:
+        mission: what is asked.
+        rests: numbers of the pieces before which a rest may be inserted, with the transitions to it and from it.
+            `None`: before any, and around rests no transition: what a plan could do at best.
+    """
     segments: list[Segment] = []
+    piece = -1
     for number, activity in enumerate(mission.activities):
         named = f"{activity.do} {1 + sum(earlier.do == activity.do for earlier in mission.activities[:number])}"
         for part in range(activity.pieces):
-            if mission.rest is not None and not _rests(mission.rest, segments, activity):
+            piece += 1
+            allowed = mission.rest is not None and (rests is None or piece in rests)
+            if mission.rest is not None and allowed and not _rests(mission.rest, segments, activity):
                 still = tuple((float(knots[0]), float(knots[-1])) for knots in mission.rest.postures.values())
-                segments.append(Segment("rest", -1, mission.rest, 0.0, False, (0.0, mission.longest_rest), still))
+                time = (0.0, mission.longest_rest)
+                segments.append(Segment("rest", -1, mission.rest, 0.0, False, time, still, before=piece))
             name = named if activity.pieces == 1 else f"{named}, part {part + 1} of {activity.pieces}"
             low, high = (limit / activity.pieces for limit in activity.duration)
             length = low if activity.distance is None else activity.distance / activity.pieces
             posture = tuple(activity.posture[key] for key in activity.gait.postures)
             segments.append(Segment(name, number, activity.gait, length, activity.travels, (low, high), posture))
+    return _with_transitions(mission, segments, free_rests=rests is None)
+
+
+def _with_transitions(mission: Mission, pieces: list[Segment], *, free_rests: bool) -> list[Segment]:
+    """Pieces with what it takes to go from one to the next; around an inserted rest nothing where those are free."""
+    segments: list[Segment] = []
+    before, carries = mission.begins, 0
+    for piece in pieces:
+        if piece.activity >= 0 and piece.gait.name != REST:
+            carries = piece.activity  # down to a rest it is the load of what came before
+        if piece.activity >= 0 or not free_rests:
+            transition = mission.transitions.get((before, piece.gait.name))
+            if transition is not None:
+                time = (transition.duration, transition.duration)
+                name = transition.gait.name
+                segments.append(Segment(name, -1, transition.gait, time[0], False, time, carries=carries))
+            before = piece.gait.name
+        segments.append(piece)
     return segments
+
+
+def first_rest(mission: Mission, segments: list[Segment]) -> int:
+    """How many pieces at the beginning are rest, and the way to it."""
+    rested = 0
+    for k, segment in enumerate(segments):
+        if segment.gait is mission.rest:
+            rested = k + 1
+        elif not segment.is_transition:
+            break
+    return rested
 
 
 def _rests(rest: Gait, segments: list[Segment], activity: Activity) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -20,7 +20,7 @@ from ..reach import refuse_what_no_rest_can_keep
 from ..tasks import mistakes_with_line
 from ..values import Celsius, ExtraMass, Length, NotNegative, Positive, Seconds, Speed, by_place
 from .gait import REST, Gait, LogPart, gait_from_logs, gait_from_tables
-from .mission import Activity, GivesUp, Mission, Range
+from .mission import Activity, GivesUp, Mission, Range, Transition
 
 _WALK_PIECES = 3
 _NO_END = 3600.0  # s, the longest rest of a mission without rests and deadline that begins too hot
@@ -37,6 +37,7 @@ class TaskTable(Strict):
     longest_rest: Annotated[Number, Field(ge=0, le=86400)] = 900.0
     carry: ExtraMass = 0.0
     gives_up: GivesUp = "deadline"
+    begins: str = ""  # the gait in which the robot is; none: the first activity may begin at once
 
 
 class ActivityTable(Strict):
@@ -68,11 +69,22 @@ class GaitTable(BaseModel):
     window: Annotated[Number, Field(ge=2, le=600)] = 10.0
 
 
+class TransitionTable(BaseModel):
+    """Further keys are quantities, as in a gait; tables have a row for each load."""
+
+    model_config = ConfigDict(extra="allow")
+    before: str = Field(alias="from")
+    to: str
+    duration: Annotated[Number, Field(gt=0, le=600)]
+    loads: Annotated[list[ExtraMass], Field(min_length=1, max_length=12)] = [0.0]
+
+
 class File(Strict):
     task: TaskTable
     limits: Annotated[dict[str, Celsius], Field(min_length=1)]
     activities: Annotated[list[ActivityTable], Field(min_length=1, max_length=24)]
     gaits: dict[str, GaitTable]
+    transitions: Annotated[list[TransitionTable], Field(max_length=24)] = Field(default_factory=list)
     columns: dict[str, Any] = Field(default_factory=dict)
 
 
@@ -122,9 +134,12 @@ def _mission(tables: File, origin: str, model: Model) -> Mission:
     if task.carry > sum(activity.load[1] for activity in activities if activity.chooses_load):
         expected = "as much as the activities with load = [least, most] can take together"
         raise InputError(origin, "task.carry", f"{task.carry:g} kg", expected)
+    if task.begins and task.begins not in gaits:
+        raise InputError(origin, "task.begins", f'"{task.begins}"', f"one of {', '.join(gaits)}")
     mission = Mission(
         model, activities, rest, task.longest_rest or task.deadline or _NO_END, limits, start, task.ambient,
         task.deadline, task.carry, task.gives_up, task.name, origin,
+        transitions=_transitions(tables.transitions, gaits, activities, model, origin), begins=task.begins,
     )  # fmt: skip
     _refuse_what_can_not_be(mission)
     return mission
@@ -190,6 +205,39 @@ def _gait(name: str, table: GaitTable, tables: File, model: Model, origin: str) 
     return gait_from_logs(
         name, speeds, table.loads, parts, model, origin, window=table.window, columns=columns, postures=table.postures
     )  # fmt: skip
+
+
+def _transitions(
+    tables: Sequence[TransitionTable],
+    gaits: Mapping[str, Gait],
+    activities: Sequence[Activity],
+    model: Model,
+    origin: str,
+) -> dict[tuple[str, str], Transition]:
+    """By the names of two gaits; a later table overrides an earlier one."""
+    transitions = {}
+    for number, table in enumerate(tables):
+        place = f"transitions[{number}]"
+        ends = []
+        for key, pattern in (("from", table.before), ("to", table.to)):
+            ends.append(matching(pattern, list(gaits)))
+            if not ends[-1]:
+                raise InputError(origin, f"{place}.{key}", f'"{pattern}"', f"some of {', '.join(gaits)}")
+        if np.any(np.diff(table.loads) <= 0):
+            raise InputError(origin, f"{place}.loads", str(table.loads), "rising numbers")
+        heaviest = max(activity.load[1] for activity in activities)
+        if len(table.loads) > 1 and not table.loads[0] <= heaviest <= table.loads[-1]:
+            expected = f"cells from the least load to the greatest of the activities, {heaviest:g} kg"
+            raise InputError(origin, f"{place}.loads", str(table.loads), expected)
+        for before in ends[0]:
+            for after in ends[1]:
+                if before != after:
+                    gait = gait_from_tables(
+                        f"{before} to {after}", [0.0], table.loads, dict(table.model_extra or {}), model, origin,
+                        place=place,
+                    )  # fmt: skip
+                    transitions[before, after] = Transition(gait, table.duration)
+    return transitions
 
 
 def _activity(table: ActivityTable, place: str, gaits: Mapping[str, Gait], origin: str) -> Activity:

@@ -12,6 +12,7 @@ from lptn.basics.places import class_of
 
 from .mission import Mission, Segment, segments_of, with_complete_start
 from .program import Goal, Program, Solution
+from .rests import solved
 from .simulation import Course, simulate_plan
 
 Verdict = Literal["met", "late", "cut", "none"]
@@ -169,15 +170,14 @@ def plan_mission(mission: Mission, *, explain: bool = True) -> Plan:
 
 
 def _planned(mission: Mission, explain: bool) -> Plan:
-    program = Program(mission)
-    fastest = program.solve("time")
+    program, fastest = solved(mission, "time")
     if fastest.success:
         if not _misses(mission, fastest):
             return _finished(program, "met", fastest, 0.0)
         raised = _rise(program, fastest, "time") if explain else None
         if mission.gives_up == "deadline":
             return _finished(program, "late", fastest, raised)
-    part = program.solve("work", deadline=mission.deadline)
+    program, part = solved(mission, "work", mission.deadline)
     if part.success:
         raised = _rise(program, part, "work") if explain else None
         return _finished(program, "cut", part, raised)

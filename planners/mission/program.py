@@ -7,7 +7,7 @@ and the better answer is kept. Its multipliers say what each limit is worth.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, Literal
@@ -17,7 +17,7 @@ import numpy as np
 
 from lptn.basics.arrays import FloatArray
 
-from .mission import Mission, segments_of
+from .mission import Mission, first_rest, segments_of
 from .simulation import simulate_plan
 
 Goal = Literal["time", "work"]
@@ -48,10 +48,11 @@ class Transcription:
 
     Args:
         mission: what is asked.
+        rests: as of `segments_of`.
     """
 
-    def __init__(self, mission: Mission) -> None:
-        self.mission, self.segments = mission, segments_of(mission)
+    def __init__(self, mission: Mission, rests: Collection[int] | None = None) -> None:
+        self.mission, self.segments = mission, segments_of(mission, rests)
         self.states = len(mission.model.states)
         self.stages = ELEMENTS * DEGREE * len(self.segments)
         """Points in time at which the temperatures are sought."""
@@ -92,9 +93,7 @@ class Transcription:
         """
         mission = self.mission
         ceilings = np.full((self.states, self.stages), self.range[1])
-        leading = next(
-            (k for k, segment in enumerate(self.segments) if segment.gait is not mission.rest), len(self.segments)
-        )
+        leading = first_rest(mission, self.segments)
         settled = min(leading + 1, len(self.segments)) * ELEMENTS * DEGREE - 1
         for node, limit in limits.items():
             first = max(leading * ELEMENTS * DEGREE - 1, 0) if node in mission.too_hot else 0
@@ -122,7 +121,8 @@ class Transcription:
             share = ca.MX(1) if inserted else self._shares[segment.activity]
             times.append(share * (segment.length / pace if segment.travels else pace * TIME))
             speeds.append(pace if segment.travels else ca.MX(0))
-            loads.append(ca.MX(0) if inserted else self._loads[segment.activity] * LOAD)
+            of = segment.carries if inserted else segment.activity
+            loads.append(ca.MX(0) if of < 0 else self._loads[of] * LOAD)
             low, high = np.array(segment.posture).reshape(-1, 2).T
             chosen = self._posture[self._of_segment[k]]
             self._postures.append(ca.DM(low) + ca.DM(high - low) * chosen if segment.posture else ca.MX(0, 1))
@@ -230,11 +230,12 @@ class Program:
 
     Args:
         mission: what is asked.
+        rests: as of `segments_of`.
     """
 
-    def __init__(self, mission: Mission) -> None:
+    def __init__(self, mission: Mission, rests: Collection[int] | None = None) -> None:
         self.mission = mission
-        self._written = written = Transcription(mission)
+        self._written = written = Transcription(mission, rests)
         self.segments = written.segments
         problem = {"x": written.w, "p": written.p, "f": written.f, "g": written.g}
         self._solver = ca.nlpsol("mission", "ipopt", problem, _OPTIONS)

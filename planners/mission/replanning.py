@@ -29,8 +29,8 @@ class Order:
     """What the robot shall do now.
 
     Args:
-        name: of the piece, for people: `walk 1, part 2 of 3`.
-        do: its gait.
+        name: of the piece, for people: `walk 1, part 2 of 3`, or `walk to rest` on the way to the next.
+        do: its gait; on the way to the next piece that one's, with its load and posture.
         speed: [m/s].
         load: [kg].
         posture: by name.
@@ -131,6 +131,7 @@ class MissionControl:
         self._segments: list[Segment] = []
         self._pieces: list[tuple[float, float, float, tuple[float, ...]]] = []  # time, speed, load, posture of each
         self._gone = 0.0  # s of the present piece, at its planned speed
+        self._doing = mission.begins  # the gait that the robot is in
         self._looked = -np.inf
         self._margins = dict.fromkeys(mission.limits, 0.0)
 
@@ -179,7 +180,11 @@ class MissionControl:
         if dt > 0 and self._segments:
             self._advance(inputs, dt, moved)
         ended = not self._segments and (not self.replanned or self.plan.verdict != "none")
-        due = ended or self.clock >= self._looked + self._period or self._too_hot(estimate)
+        on_the_way = (
+            bool(self._segments) and self._segments[0].is_transition
+        )  # halfway down is no place to change one's mind
+        time_to_look = self.clock >= self._looked + self._period or self._too_hot(estimate)
+        due = ended or (time_to_look and not on_the_way)
         if due and self._first < len(self._left):
             self._look(inputs)
             self._looked = self.clock
@@ -194,6 +199,8 @@ class MissionControl:
         segment, (time, speed, load, posture) = self._segments[0], self._pieces[0]
         done = dt if not segment.travels or moved is None else moved / speed
         self._gone += done
+        if not segment.is_transition:
+            self._doing = segment.gait.name
         if segment.activity >= 0:
             self._left[segment.activity] -= done * speed if segment.travels else dt
             self._spent[segment.activity] += dt
@@ -260,6 +267,7 @@ class MissionControl:
             carry=min(max(0.0, mission.carry - carried), room),
             limits={node: limit - self._margins[node] for node, limit in mission.limits.items()},
             utmost=dict(mission.limits),
+            begins=self._doing,
         )
 
     def _is_over(self, number: int) -> bool:
@@ -351,9 +359,11 @@ class MissionControl:
     def _order(self) -> Order:
         if not self._segments:
             return Order("rest", "rest", seconds=self._period)
-        segment, (time, speed, load, posture) = self._segments[0], self._pieces[0]
+        name, left = self._segments[0].name, max(self._pieces[0][0] - self._gone, 0.0)
+        onto = int(self._segments[0].is_transition and len(self._segments) > 1)
+        segment, (_, speed, load, posture) = self._segments[onto], self._pieces[onto]
         named = dict(zip(segment.gait.postures, posture, strict=True))
-        return Order(segment.name, segment.gait.name, speed, load, named, max(time - self._gone, 0.0))
+        return Order(name, segment.gait.name, 0.0 if onto else speed, load, named, left)
 
     def text(self) -> str:
         """How it went so far, a line for each plan."""

@@ -12,7 +12,7 @@ from lptn.basics.arrays import FloatArray
 from lptn.model.model import Model
 from lptn.simulate.dynamics import fastest_rate
 
-from .mission import Mission, Segment
+from .mission import Mission, Segment, first_rest
 
 _STEP = 1.0  # s
 _BLOCK = 32  # steps that one call takes
@@ -87,7 +87,7 @@ def simulate_plan(
             clock += (begin + h * (block * _BLOCK + np.arange(1, _BLOCK + 1))).tolist()
         count += blocks * _BLOCK
         ends.append(count)
-    leading = next((k for k, segment in enumerate(segments) if segment.gait is not mission.rest), len(segments))
+    leading = first_rest(mission, list(segments))
     settled = ends[min(leading, len(ends) - 1)] if ends else 0
     return Course(np.array(clock), np.hstack(states), ends, ends[leading - 1] if leading else 0, settled)
 

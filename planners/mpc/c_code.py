@@ -8,6 +8,8 @@ from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from typing import Any, NamedTuple
 
+import casadi as ca
+
 from lptn.logs import resampling
 from lptn.online import aliveness
 
@@ -40,6 +42,7 @@ def sources(heating: Heating, limits: int, stages: int) -> dict[str, str]:
         stages: of the horizon.
     """
     function = heating.function()
+    slope, heated = function.sparsity_out(1), function.sparsity_out(2)  # transposed: CasADi lists them row by row
     states, joints = heating.x.numel(), len(heating.joints)
     sizes = {
         "NX": states,
@@ -51,15 +54,23 @@ def sources(heating: Heating, limits: int, stages: int) -> dict[str, str]:
         "N": stages,
         "W": _padded(states + joints),
         "NXP": _padded(states),
-        "HEAT_OUT": states + states * states + states * joints + joints,
+        "NA": slope.nnz(),
+        "NB": heated.nnz(),
+        "HEAT_OUT": states + slope.nnz() + heated.nnz() + joints,
         "HEAT_ARG": function.sz_arg(),
         "HEAT_RES": function.sz_res(),
         "HEAT_IW": function.sz_iw(),
         "HEAT_W": function.sz_w(),
     }
     solver = {name: files("lptn.planners.mpc").joinpath("c", name).read_text(encoding="utf-8") for name in SOLVER}
-    return {"sizes.h": _header(sizes), "alive.h": _alive(), "conditions.h": _kinds(heating.conditions),
-            "heat.c": _heat(c_code(function, "heat.c")), **solver}  # fmt: skip
+    return {
+        "sizes.h": _header(sizes),
+        "pattern.h": _pattern(slope, heated),
+        "alive.h": _alive(),
+        "conditions.h": _kinds(heating.conditions),
+        "heat.c": _heat(c_code(function, "heat.c")),
+        **solver,
+    }
 
 
 def python_library(made: Mapping[str, str]) -> ctypes.CDLL:
@@ -80,6 +91,15 @@ def _padded(width: int) -> int:
 def _header(sizes: Mapping[str, int]) -> str:
     lines = [f"#define LPTN_{name} {value}" for name, value in sizes.items()]
     return "\n".join(["/* Sizes of one model's controller. */", *lines, ""])
+
+
+def _pattern(slope: ca.Sparsity, heated: ca.Sparsity) -> str:
+    lines = ["/* Where a state's rate depends on another state, and which joint heats which state. */"]
+    for name, transposed in (("slope", slope), ("heated", heated)):
+        columns, rows = transposed.get_triplet()
+        lines += [f"static const int {name}_row[] = {_list([*rows, 0])};",
+                  f"static const int {name}_column[] = {_list([*columns, 0])};"]  # fmt: skip
+    return "\n".join([*lines, ""])
 
 
 def _alive() -> str:

@@ -7,7 +7,8 @@ controller is told which.
 
 Counted are joints and control periods in which the plan holds the joint at its limit (its planned temperature is
 within 0.02 K of it, the margin off, or above that): the share of them that were truly above the limit at the period's
-end, how far at worst, and the share of all joints and periods.
+end, how far at worst, and the share of all joints and periods. Since noise below a limit is followed in minutes, those
+at the limit are the hot end of what it leaves open: the level is to hold there all the same.
 
 ``--smoothing 50`` lets shares rise with that time constant. The last two columns are what it is for, and what it costs:
 under a heavy request that stays the same for half an hour, the standard deviation of a joint's torque about its mean of

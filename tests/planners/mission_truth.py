@@ -17,6 +17,7 @@ TORQUE = {"FR_hip": [[2.0, 2.4], [2.6, 3.0]], "FR_thigh": [[3.0, 3.4], [4.0, 4.4
           "FR_calf": [[6.0, 7.5], [8.0, 10.0]]}  # fmt: skip
 VELOCITY = {"FR_hip": 1.0, "FR_thigh": 3.0, "FR_calf": 5.0}
 AMBIENT, LIMIT = 25.0, 60.0
+FOLDING = {"FR_hip": 3.0, "FR_thigh": 6.0, "FR_calf": 15.0}  # N*m, RMS while it lies down or gets up
 
 GAITS: dict[str, dict[str, Any]] = {
     "walk": {
@@ -59,6 +60,8 @@ def rates(T: FloatArray, do: str, speed: float, load: float, ambient: float = AM
 def _torque(do: str, joint: str, speed: float, load: float) -> float:
     if do == "rest":
         return 0.0
+    if " to " in do:
+        return FOLDING[joint]
     if do == "run":
         return 2.0 + 16.0 * (speed - 0.2) / 0.8 if joint == "FR_calf" else 2.0
     if do == "stand":

@@ -16,7 +16,7 @@ from lptn.basics.errors import InputError
 from lptn.model.model import Model
 from lptn.planners import TorqueMPC
 from lptn.planners.mpc.reference import Reference
-from tests.benchmarks.torque_mpc_levels import loop
+from tests.benchmarks.torque_mpc_levels import loop, ripple
 from tests.builders import LEG, effect, leg
 from tests.planners.truth import World, conditions, model_of, true_robot
 
@@ -70,8 +70,15 @@ def test_with_smoothing_a_share_rises_slowly_and_falls_at_once() -> None:
 
 
 @pytest.mark.long
+@pytest.mark.parametrize("resolution", [0.0, 1.0])
+def test_noise_is_followed_slowly_at_a_limit(resolution: float) -> None:
+    """Ripple under a constant request; it was twice as large when a node was brought to its limit in one period."""
+    assert ripple(100, 0.95, 0.1, resolution, 0.0) < (0.027 if resolution else 0.014)
+
+
+@pytest.mark.long
 def test_smoothing_halves_the_ripple_at_a_limit() -> None:
-    ripple = []
+    ripples = []
     for smoothing in (0.0, 100.0):
         mpc = TorqueMPC(leg_model(), LIMIT, noise=0.3, smoothing=smoothing)
         random, T, admitted = np.random.default_rng(0), np.full(3, 59.0), []
@@ -80,8 +87,8 @@ def test_smoothing_halves_the_ripple_at_a_limit() -> None:
             plan = mpc.step(T + 0.3 * random.standard_normal(3), REQUEST, AROUND)
             T = T + 5 * np.asarray(rate(T, plan.admitted**2, [25.0], mpc.model.values)).ravel()
             admitted.append(plan.admitted)
-        ripple.append(np.std(np.diff(admitted[50:], axis=0) / np.mean(admitted[50:], axis=0), axis=0).max())
-    assert ripple[1] < 0.6 * ripple[0]
+        ripples.append(np.std(np.diff(admitted[50:], axis=0) / np.mean(admitted[50:], axis=0), axis=0).max())
+    assert ripples[1] < 0.6 * ripples[0]
 
 
 def test_growing_stages_cost_little() -> None:
@@ -206,7 +213,7 @@ def test_limits_are_passed_no_oftener_than_the_level_says(resolution: float) -> 
     for level in (0.8, 0.95):
         runs = [loop(seed, level, 0.5 if not resolution else 0.1, resolution) for seed in (300,)]
         over, held, *_ = (np.concatenate(parts) for parts in zip(*runs, strict=True))
-        assert held.sum() > 300
+        assert held.sum() > 50
         assert (over[held] > 0).mean() < 1 - level
 
 

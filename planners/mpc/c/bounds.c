@@ -2,7 +2,8 @@
  * temperatures at the ends of the stages. */
 
 #define INSIDE 0.02   /* of the way from one bound to the other, where the solver starts at most */
-#define MARGIN_FREED 60.0 /* s, time constant: short beside a node's minutes, long beside a period of noise */
+#define FALLS 120.0   /* s, time constants with which noise near a limit is followed: long beside a reading's weight in the */
+#define RISES 240.0   /* estimate, below the horizon; longer from below, else nodes would dwell at the noise's hot end */
 #define NEARLY 0.9999 /* of the upper bound, where a floor may lie at most: the solver needs an inside */
 
 static void bound(const lptn_mpc_settings *o, const lptn_mpc_state *m, lptn_mpc_work *w, int first,
@@ -34,19 +35,23 @@ static void bound(const lptn_mpc_settings *o, const lptn_mpc_state *m, lptn_mpc_
     }
 }
 
-/* What a node is above its limit falls by dT/dt = -(T - limit)/recovery, at each step the same course; what it is within the
- * margin, in a minute: were that as slow, nodes would drift to the hot end of what the readings' noise leaves open. */
+/* What a node is above its limit falls by dT/dt = -(T - limit)/recovery, at each step the same course.
+ *
+ * Near its limit less the margin, where most of the difference is the readings' noise, a node comes to it from above or
+ * below in some minutes: brought there within one period, all noise would become torque. From above as far as the limit;
+ * from below as far as noise may reach, from twice as far it warms as fast as it likes. */
 static void limit(const lptn_mpc_settings *o, const lptn_mpc_state *m, lptn_mpc_work *w, lptn_mpc_result *out) {
     double time = 0;
     for (int l = 0; l < LPTN_NL; l++) out->margin[l] = margin_of(o, m, o->owner[o->node[l]]);
     for (int k = 0; k < LPTN_N; k++) {
         time += o->stage[k];
         for (int l = 0; l < LPTN_NL; l++) {
-            const double slow = o->recovery[l], margin = out->margin[l], over = m->x[o->node[l]] - o->limit[l];
+            const double slow = o->recovery[l], margin = out->margin[l], noise = noise_of(m, o->owner[o->node[l]]);
+            const double over = m->x[o->node[l]] - o->limit[l], below = -(over + margin);
+            const double eased = below > 0 ? -fmin(below, fmax(2 * noise - below, 0)) : fmin(-below, margin);
+            const double eases = below > 0 ? RISES : FALLS;
             double left = 0;
-            if (slow > 0)
-                left = exp(-time / slow) * fmax(over, 0.0) +
-                       exp(-time / fmin(slow, MARGIN_FREED)) * fmin(fmax(over + margin, 0.0), margin);
+            if (slow > 0) left = exp(-time / slow) * fmax(over, 0.0) + exp(-time / fmin(slow, eases)) * eased;
             w->limit[k][l] = o->limit[l] - margin + left;
         }
     }

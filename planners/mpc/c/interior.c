@@ -45,7 +45,7 @@ static void guess(const lptn_mpc_settings *o, lptn_mpc_state *m, lptn_mpc_work *
                 for (int j = 0; j < LPTN_NU; j++)
                     w->s[k][j] = fmax(0.5 * w->s[k][j], w->lo[k][j] + INSIDE * (w->hi[k][j] - w->lo[k][j]));
             linearise(o, w, k, w->x[k]);
-            advance(w, k, w->x[k], w->s[k], w->x[k + 1]);
+            advance(&w->stage[k], w->x[k], w->s[k], w->x[k + 1]);
             for (int l = 0; l < LPTN_NL; l++)
                 hot |= w->x[k + 1][o->node[l]] > fmax(w->limit[k][l], w->x[k][o->node[l]]);
             if (!hot) break;
@@ -61,7 +61,7 @@ static double renew(const lptn_mpc_settings *o, lptn_mpc_work *w) {
     for (int k = 0; k < LPTN_N; k++) {
         for (int i = 0; i < LPTN_NX; i++) at[i] = 0.5 * (w->x[k][i] + w->x[k + 1][i]);
         linearise(o, w, k, at);
-        advance(w, k, w->x[k], w->s[k], end);
+        advance(&w->stage[k], w->x[k], w->s[k], end);
         for (int i = 0; i < LPTN_NX; i++) {
             w->gap[k][i] = end[i] - w->x[k + 1][i];
             missed = fmax(missed, fabs(w->gap[k][i]));

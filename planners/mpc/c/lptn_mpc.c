@@ -4,6 +4,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "pattern.h"
 #include "heat.c"
 #include "linear.c"
 #include "aliveness.c"
@@ -64,7 +65,7 @@ static int all_stays_cool(const lptn_mpc_settings *o, lptn_mpc_work *w) {
     memcpy(w->s, w->hi, sizeof w->s);
     for (int k = 0; k < LPTN_N; k++) {
         linearise(o, w, k, w->x[k]);
-        advance(w, k, w->x[k], w->s[k], w->x[k + 1]);
+        advance(&w->stage[k], w->x[k], w->s[k], w->x[k + 1]);
         for (int l = 0; l < LPTN_NL; l++)
             if (!(w->x[k + 1][o->node[l]] <= w->limit[k][l])) return 0;
     }
@@ -76,7 +77,7 @@ static void roll_out(const lptn_mpc_settings *o, const lptn_mpc_state *m, lptn_m
     memcpy(w->x[0], m->x, sizeof m->x);
     for (int k = 0; k < LPTN_N; k++) {
         linearise(o, w, k, w->x[k]);
-        advance(w, k, w->x[k], w->s[k], w->x[k + 1]);
+        advance(&w->stage[k], w->x[k], w->s[k], w->x[k + 1]);
     }
 }
 

@@ -86,9 +86,15 @@ typedef struct {
     int sensor[LPTN_NN]; /* LPTN_ALIVE, or why the prediction stood in for the reading */
 } lptn_mpc_result;
 
+/* A stage, x+ = x + F (k + A x + B s); of A and B what may not be zero, at the places that pattern.h tells. */
 typedef struct {
-    double M[LPTN_N][LPTN_NX][LPTN_W], offset[LPTN_N][LPTN_NX];       /* x+ = M [s; x] + offset */
-    double U[LPTN_N][LPTN_W][LPTN_W], v[LPTN_N][LPTN_W];   /* eliminated controls */
+    double F[LPTN_NXP][LPTN_NXP], k[LPTN_NX], A[LPTN_NA + 1], B[LPTN_NB + 1];
+} lptn_mpc_stage;
+
+typedef struct {
+    lptn_mpc_stage stage[LPTN_N];
+    double U[LPTN_N][LPTN_NU][LPTN_W], v[LPTN_N][LPTN_W];            /* eliminated controls */
+    double square[4][LPTN_NXP][LPTN_NXP], form[LPTN_NU + LPTN_NX][LPTN_W], right[LPTN_NX][LPTN_W]; /* of one stage */
     double a[LPTN_N][LPTN_NU], c[LPTN_N][LPTN_NU], d[LPTN_N][LPTN_ND + 1];
     double s[LPTN_N][LPTN_NU], lo[LPTN_N][LPTN_NU], hi[LPTN_N][LPTN_NU], zl[LPTN_N][LPTN_NU], zu[LPTN_N][LPTN_NU];
     double ds[LPTN_N][LPTN_NU], dl[LPTN_N][LPTN_NU], du[LPTN_N][LPTN_NU], cl[LPTN_N][LPTN_NU], cu[LPTN_N][LPTN_NU];

@@ -9,6 +9,7 @@
 #define BIAS_HOLDS 1800.0 /* s in which the bias may walk as far as it was doubted at first */
 #define GAIN_HOLDS 3600.0
 #define MOST_GAIN 0.8
+#define NOISY 3.0    /* standard deviations of an estimate, beyond which a difference is no noise */
 #define GUESSED 10.0 /* K; error of a temperature that nobody has read */
 
 #define SQRT_12 3.46410161513775458705
@@ -81,17 +82,20 @@ static void predict(const lptn_mpc_settings *o, lptn_mpc_state *m, lptn_mpc_work
     for (int j = 0; j < LPTN_NU; j++) ones[j] = 1, heat[j] = m->applied[j] * m->applied[j];
     memcpy(w->bias, m->bias, sizeof w->bias), memcpy(w->gain, m->gain, sizeof w->gain);
     evaluate(o, w, m->x, heat, m->conditions, &rates, &slope, &controlled, &unused);
-    for (int i = 0; i < LPTN_NN; i++) {
-        made[i] = 0;
-        for (int j = 0; j < LPTN_NU; j++) made[i] += controlled[i * LPTN_NU + j] * heat[j];
-    }
+    memset(made, 0, sizeof m->made);
+    for (int n = 0; n < LPTN_NB; n++)
+        if (heated_row[n] < LPTN_NN) made[heated_row[n]] += controlled[n] * heat[heated_column[n]];
     double before[LPTN_NN];
     memcpy(before, m->x, sizeof before);
-    stage_matrices(o, w, h, m->x, ones, m->applied, m->conditions, w->M[0], w->offset[0]);
-    advance(w, 0, m->x, ones, m->x);
+    lptn_mpc_stage *stage = &w->stage[0];
+    make_stage(o, w, h, m->x, ones, m->applied, m->conditions, stage);
+    advance(stage, m->x, ones, m->x);
+    double stays[LPTN_NX]; /* of a node's own temperature, after one period: the diagonal of I + F A */
+    for (int i = 0; i < LPTN_NX; i++) stays[i] = 1;
+    for (int n = 0; n < LPTN_NA; n++) stays[slope_column[n]] += stage->F[slope_column[n]][slope_row[n]] * stage->A[n];
     for (int i = 0; i < LPTN_NN; i++) {
         /* Row of the transition: temperature from temperature, bias and gain; the other two stay. */
-        const double row[3] = {w->M[0][i][LPTN_NU + i], h, h * made[i]};
+        const double row[3] = {stays[i], h, h * made[i]};
         lptn_mpc_fork *fork = &m->fork[i];
         fork->x = m->x[i] + row[0] * (fork->x - before[i]) + row[1] * (fork->bias - m->bias[i]) +
                   row[2] * (fork->gain - m->gain[i]);
@@ -137,6 +141,11 @@ static double margin_of(const lptn_mpc_settings *o, const lptn_mpc_state *m, int
             for (int b = 0; b < 3; b++) variance += row[a] * m->spread[i][a][b] * row[b];
     }
     return o->sigmas * fmin(sqrt(fmax(variance, 0)), GUESSED);
+}
+
+/* What the estimate of a node may be off now [K], by what it was read with. */
+static double noise_of(const lptn_mpc_state *m, int i) {
+    return i < LPTN_NN && !m->guessed[i] ? NOISY * sqrt(fmax(m->spread[i][0][0], 0)) : 0;
 }
 
 /* Readings into the estimate; what was applied has moved it on by one period. Where nothing is to be learnt the temperatures

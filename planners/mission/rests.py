@@ -1,0 +1,62 @@
+"""Which rests are worth lying down for.
+
+A transition costs the same however short the rest is that it leads to, so that to rest or not is a question of its
+own, which no program of smooth functions answers. Sought are the rests of a plan for which they cost nothing; then,
+with their transitions, fewer and longer ones as long as that is better.
+"""
+
+from __future__ import annotations
+
+from .mission import Mission
+from .program import Goal, Program, Solution
+
+_SHORTEST = 0.05  # s; shorter rests are solver dust
+_HASTE = 1e-4  # of plans that do equally much the faster is meant
+
+
+def solved(mission: Mission, goal: Goal, deadline: float | None = None) -> tuple[Program, Solution]:
+    """The program of a mission with the rests that are worth their transitions, and its solution.
+
+    Without transitions all rests are in it, and it is solved once; with them some four times more.
+
+    Args:
+        mission: what is asked.
+        goal: what is made best.
+        deadline: greatest total time [s], `None` for none.
+    """
+    program = Program(mission)
+    solution = program.solve(goal, deadline=deadline)
+    if not mission.transitions or not solution.success:  # what can't be done without transitions can't with them
+        return program, solution
+    every = [segment.before for segment in program.segments if segment.before >= 0]
+    for rests in (_longest_first(program, solution, _SHORTEST), every, []):
+        program = Program(mission, rests)
+        solution = program.solve(goal, deadline=deadline)
+        if solution.success:
+            break
+    rests = _longest_first(program, solution) if solution.success else []
+    dropped = (len(rests) + 1) // 2
+    while dropped:
+        fewer = Program(mission, rests[: len(rests) - dropped])
+        found = fewer.solve(goal, deadline=deadline)
+        if found.success and _worth(mission, found, goal) > _worth(mission, solution, goal):
+            program, solution, rests = fewer, found, _longest_first(fewer, found)
+            dropped = min(dropped, len(rests))
+        else:
+            dropped //= 2
+    return program, solution
+
+
+def _longest_first(program: Program, solution: Solution, above: float = -1.0) -> list[int]:
+    """Numbers of the pieces that a rest precedes, of rests that last longer than so many seconds."""
+    rests = [
+        (time, segment.before)
+        for segment, time in zip(program.segments, solution.time.tolist(), strict=True)
+        if segment.before >= 0 and time > above
+    ]
+    return [before for _, before in sorted(rests, reverse=True)]
+
+
+def _worth(mission: Mission, solution: Solution, goal: Goal) -> float:
+    """Seconds of work done, or of time not needed."""
+    return solution.work(mission) - _HASTE * solution.total if goal == "work" else -solution.total
