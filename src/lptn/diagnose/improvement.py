@@ -407,7 +407,7 @@ def _by_probability(branches: Sequence[Branch]) -> list[Branch]:
 
 def _most_probable(branches: Sequence[Branch], data: DataSplit) -> Branch:
     """The most probable by all runs, held-out ones included."""
-    fits = [branch[-1].fit for branch in branches]
+    fits = [branch[-1].fit for branch in branches] if data.holdout else []
     predicted = [[predict(fit.model, run, fit.problem.sigma) for run in data.holdout] for fit in fits]
     return branches[int(np.argmax(_probabilities(branches, predicted)))]
 
