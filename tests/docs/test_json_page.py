@@ -121,7 +121,9 @@ def test_the_page_lists_what_is_written(section: str, folder: Path, monkeypatch:
         _typed(" ".join((words, *OUT)))
         found |= set(written(json.loads(Path("out.json").read_text())))
         Path("out.json").unlink()
-    unlisted = [keys for keys in found if not any(is_one(keys, each) or is_above(keys, each) for each in listed | common)]
+    unlisted = [
+        keys for keys in found if not any(is_one(keys, each) or is_above(keys, each) for each in listed | common)
+    ]
     assert not unlisted, "written, and not on the page"
     unwritten = [each for each in listed if not any(is_one(keys, each) or is_above(keys, each) for keys in found)]
     assert not unwritten, "on the page, and not written"
