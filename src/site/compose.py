@@ -21,7 +21,7 @@ from lptn.references import bibliography
 ROOT = Path(__file__).parents[2]
 PAGES = Path(__file__).with_name("pages")
 COPIED = "files"  # folder of the site that holds copies of the project's files
-PLAYGROUND = "first_hour"  # folder of the checkout in which readers make one for each page that they type along
+PLAYGROUND = "first_hour"  # where in the checkout readers make a folder for each page
 
 _INCLUDED = re.compile(r"^\{\{ (\S+?)(?:#(\S+))? \}\}$", re.MULTILINE)
 _CODE = r"^```.*?^```|`[^`\n]+`"
@@ -146,13 +146,14 @@ def section(text: str, anchor: str) -> str:
 
 
 def run_in_its_folder(text: str, uri: str) -> str:
-    """A page whose code is run in the folder that it tells readers to work in, so that no page leans on another's files.
+    """A page whose code is run in the folder that it tells readers to make: none leans on the files of another.
 
     Args:
         text: the page.
         uri: its path on the site.
     """
-    return _RUN.sub(rf'\g<0> workdir="{PLAYGROUND}/{PurePosixPath(uri).stem}"', text)
+    folder = f"{PLAYGROUND}/{PurePosixPath(uri).stem}"
+    return _RUN.sub(rf'\g<0> workdir="{folder}"', text)
 
 
 def commands() -> str:

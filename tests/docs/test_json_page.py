@@ -20,7 +20,7 @@ OUT = "--json", "out.json"
 
 Keys: TypeAlias = tuple[str, ...]
 
-# Commands that write all that a section has; together, where it takes several. They run in the order in which they stand here.
+# Commands that together write all that a section lists, typed in this order.
 TYPED = {
     "check": ["check two_heaters.toml log.csv"],
     "fit": [

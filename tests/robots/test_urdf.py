@@ -125,7 +125,7 @@ def test_a_real_robot_is_checked_drawn_and_fitted(file: str, nodes: int, chains:
     loaded = lptn.load_model(model)
     fitted, held_out = loaded.runs(files)
     as_written = lptn.compare(loaded.model, [held_out]).all.rmse
-    # Motors of another kind have losses of their own: with one kind's held alone the fit meets a run that it has not seen.
+    # Only one kind of motor is held, so that the others find losses of their own.
     assert lptn.compare(lptn.fit(loaded.model, [fitted]).model, [held_out]).all.rmse < 0.1 * as_written
 
 
