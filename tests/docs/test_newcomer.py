@@ -1,4 +1,4 @@
-"""A newcomer's first minutes (slow): what the front page tells to type. The tutorials' commands are run by `.ci/docs`."""
+"""A newcomer's first minutes (slow): what the front page tells to type. The tutorials are run by `.ci/docs`."""
 
 from __future__ import annotations
 
