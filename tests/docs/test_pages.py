@@ -71,7 +71,7 @@ def test_the_front_page_keeps_what_a_newcomer_needs() -> None:
 def test_a_tutorial_tells_to_make_the_folder_that_its_code_is_run_in(page: Page) -> None:
     folder = f"{PLAYGROUND}/{Path(page.name).stem}"
     runs = 'exec="true"' in page.text
-    assert (f"mkdir -p {folder} && cd {folder}" in "".join(page.blocks(""))) == runs
+    assert (f"mkdir -p {folder} && cd {folder}" in "".join(page.blocks("bash"))) == runs
 
 
 def test_the_catalogue_page_is_the_catalogue() -> None:
