@@ -12,7 +12,7 @@ from __future__ import annotations
 import re
 import shutil
 import sys
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from posixpath import dirname, join, normpath, relpath
 
 from lptn.basics.errors import InputError
@@ -21,6 +21,7 @@ from lptn.references import bibliography
 ROOT = Path(__file__).parents[2]
 PAGES = Path(__file__).with_name("pages")
 COPIED = "files"  # folder of the site that holds copies of the project's files
+PLAYGROUND = "first_hour"  # where in the checkout readers make a folder for each page
 
 _INCLUDED = re.compile(r"^\{\{ (\S+?)(?:#(\S+))? \}\}$", re.MULTILINE)
 _CODE = r"^```.*?^```|`[^`\n]+`"
@@ -28,6 +29,7 @@ _LINK = r"(!?)\[((?:[^\[\]]|\[[^\[\]]*\](?:\([^()]*\))?)*)\]\(([^)\s]+)\)"
 _CODE_OR_LINK = re.compile(f"{_CODE}|{_LINK}", re.MULTILINE | re.DOTALL)
 _HEADING = re.compile(r"^(#+) +(.*)$")
 _ELSEWHERE = ("http:", "https:", "mailto:")
+_RUN = re.compile(r'^```(\w+) exec="true"', re.MULTILINE)
 
 
 def compose(pages: dict[str, str]) -> tuple[dict[str, str], set[str]]:
@@ -48,7 +50,7 @@ def compose(pages: dict[str, str]) -> tuple[dict[str, str], set[str]]:
     while waiting := [uri for uri in pages if uri not in composed]:
         for uri in waiting:
             page = _Page(uri, included)
-            composed[uri] = page.with_links(_INCLUDED.sub(page.text_of, pages[uri]))
+            composed[uri] = run_in_its_folder(page.with_links(_INCLUDED.sub(page.text_of, pages[uri])), uri)
             for name in page.files:
                 if name.endswith(".md"):
                     pages.setdefault(f"{COPIED}/{name}", f"{{{{ {name} }}}}")
@@ -143,6 +145,17 @@ def section(text: str, anchor: str) -> str:
     return "\n".join(inside)
 
 
+def run_in_its_folder(text: str, uri: str) -> str:
+    """A page whose code is run in the folder that it tells readers to make: none leans on the files of another.
+
+    Args:
+        text: the page.
+        uri: its path on the site.
+    """
+    folder = f"{PLAYGROUND}/{PurePosixPath(uri).stem}"
+    return _RUN.sub(rf'\g<0> workdir="{folder}"', text)
+
+
 def commands() -> str:
     """Every command with its options, by the command line itself."""
     from cyclopts.docs.markdown import generate_markdown_docs
@@ -151,7 +164,7 @@ def commands() -> str:
 
     options = [name for name in app if name.startswith("--")]
     text = generate_markdown_docs(app, generate_toc=False, exclude_commands=options)
-    return re.sub(r"^Example: (lptn .*)$", r"Example: `\1`", text, flags=re.MULTILINE)
+    return re.sub(r"^Example: (lptn .*)$", r"Example: `\1`", text.removeprefix("# lptn\n"), flags=re.MULTILINE)
 
 
 def works() -> str:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from compose import PLAYGROUND
 from lptn.cli.catalogue import built_in, catalogue_markdown
 from lptn.cli.main import app
 from tests.docs.pages import ROOT, Page, pages
@@ -63,6 +64,14 @@ def test_the_front_page_keeps_what_a_newcomer_needs() -> None:
     (picture,) = re.findall(r"!\[[^\]]*\]\(([^)]+)\)", front.text)
     assert 0 < (ROOT / picture).stat().st_size < 60_000
     assert len(front.text[: front.text.index("## Install")].splitlines()) < 25
+    assert len(front.text.split()) < 700  # read in three minutes
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if "tutorials/" in page.name], ids=lambda page: page.name)
+def test_a_tutorial_tells_to_make_the_folder_that_its_code_is_run_in(page: Page) -> None:
+    folder = f"{PLAYGROUND}/{Path(page.name).stem}"
+    runs = 'exec="true"' in page.text
+    assert (f"mkdir -p {folder} && cd {folder}" in "".join(page.blocks("bash"))) == runs
 
 
 def test_the_catalogue_page_is_the_catalogue() -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from check import faults
-from compose import compose, section
+from compose import compose, run_in_its_folder, section
 from lptn.basics.errors import InputError
 
 SOUND = {
@@ -65,6 +65,12 @@ def test_what_is_included_leads_where_it_should() -> None:
     assert "[planners](../files/planners/README.md)" in pages["deep/two.md"]  # a page that nobody includes gets one
     assert "files/planners/README.md" in pages
     assert "examples/tclab/log.csv" in files
+
+
+def test_a_page_works_in_a_folder_of_its_own() -> None:
+    page = '```bash exec="true" source="above"\nls\n```\n\n```\nmkdir first_hour/limit\n```\n'
+    made = run_in_its_folder(page, "tutorials/limit.md")
+    assert made == page.replace('exec="true"', 'exec="true" workdir="first_hour/limit"')
 
 
 def test_a_link_to_what_is_not_there_is_an_error() -> None:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from importlib import metadata
 from pathlib import Path
 
+import numpy as np
+import pandas as pd
 import pytest
 
 import lptn
@@ -59,6 +62,81 @@ def test_a_quadruped_is_fitted_from_its_urdf_alone(tmp_path: Path) -> None:
     as_written = lptn.compare(loaded.model, [held_out]).all.rmse
     # Starts are off by factors; what they are a start of predicts a run that it has not seen.
     assert lptn.compare(lptn.fit(loaded.model, walked).model, [held_out]).all.rmse < 0.5 * as_written
+
+
+def chain_logs(names: list[str], before: list[str | None], torque: dict[str, float]) -> dict[str, pd.DataFrame]:
+    """Two runs of a robot whose joints lose heat to the air and along the chains, in steps of 2 s, by forward Euler."""
+    random, count = np.random.default_rng(5), len(names)
+    capacity, to_air = (mean * random.uniform(0.6, 1.6, count) for mean in (500.0, 0.3))
+    kinds = {limit: random.uniform(150.0, 500.0) for limit in sorted(set(torque.values()))}  # W of loss at the limit
+    loss = np.array([kinds[torque[name]] for name in names])
+    flow = np.diag(to_air)
+    for row, carrier in enumerate(before):
+        if carrier is not None:
+            ends = [row, names.index(carrier)]
+            flow[np.ix_(ends, ends)] += 0.4 * np.array([[1.0, -1.0], [-1.0, 1.0]])  # W/K
+    logs = {}
+    for run in ("fit", "holdout"):
+        shares = np.repeat(random.uniform(0.05, 0.3, (8, count)) * (random.random((8, count)) < 0.7), 150, axis=0)
+        rise, rises = np.zeros(count), []
+        for share in shares:
+            rises.append(rise)
+            rise = rise + 2.0 * (loss * share**2 - flow @ rise) / capacity
+        log = {"time": 2.0 * np.arange(len(shares)), "temperature.ambient": np.full(len(shares), 21.0)}
+        log |= {f"torque.{name}": torque[name] * share for name, share in zip(names, shares.T, strict=True)}
+        warm = 21.0 + np.array(rises) + 0.1 * random.standard_normal(shares.shape)
+        logs[run] = pd.DataFrame(log | {f"temperature.{name}": each for name, each in zip(names, warm.T, strict=True)})
+    return logs
+
+
+def shipped(file: str) -> Path:
+    """A URDF of the package example-robot-data, which the extra `robots` installs."""
+    try:
+        found = [each for each in metadata.files("example-robot-data") or [] if each.name == file]
+    except metadata.PackageNotFoundError:
+        found = []
+    if not found:
+        pytest.skip(f"no {file}: pip install 'lptn[robots]'")
+    return Path(str(found[0].locate()))
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("file", "nodes", "chains"),
+    [("a1.urdf", 12, 4), ("go1.urdf", 12, 4), ("ur5_robot.urdf", 6, 1), ("panda.urdf", 8, 1)],
+)
+def test_a_real_robot_is_checked_drawn_and_fitted(file: str, nodes: int, chains: int, tmp_path: Path) -> None:
+    urdf, model = shipped(file), tmp_path / "model.toml"
+    joints = read_joints(urdf)[1]
+    assert len(joints) == nodes
+    assert sum(each.before is None for each in joints) == chains
+    limits = {each.name: each.effort for each in joints}
+    logs = chain_logs([each.name for each in joints], [each.before for each in joints], limits)
+    files = write_logs(tmp_path, logs)
+    for words in (
+        ["new", "--urdf", str(urdf), "-o", str(model)],
+        ["check", str(model), str(files[0]), "--drawing", str(tmp_path / "model.svg")],
+    ):
+        with pytest.raises(SystemExit) as stop:
+            main(words)
+        assert stop.value.code == 0
+    drawing = (tmp_path / "model.svg").read_text()
+    assert all(f'data-node="{name}"' in drawing for name in limits)
+    loaded = lptn.load_model(model)
+    fitted, held_out = loaded.runs(files)
+    as_written = lptn.compare(loaded.model, [held_out]).all.rmse
+    # Only one kind of motor is held, so that the others find losses of their own.
+    assert lptn.compare(lptn.fit(loaded.model, [fitted]).model, [held_out]).all.rmse < 0.1 * as_written
+
+
+def test_a_sliding_joint_has_a_force(tmp_path: Path) -> None:
+    text = robot(joint("elbow", "base", "arm"), joint("finger", "arm", "tip", "prismatic"))
+    turning, sliding = read_joints(written(tmp_path, text))[1]
+    assert (turning.slides, sliding.slides) == (False, True)
+    assert sliding.torque < 0.1 * turning.torque  # 33.5 N of a finger want a smaller motor than 33.5 N·m of an elbow
+    made = urdf_model_text(tmp_path / "robot.urdf")
+    assert "# --- finger: 33.5 N ---" in made
+    assert "# --- elbow: 33.5 N·m ---" in made
 
 
 def test_joints_that_nothing_drives_are_passed_over(tmp_path: Path) -> None:

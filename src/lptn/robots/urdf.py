@@ -31,6 +31,7 @@ _LOSS = 7.0  # W of copper loss for each N·m of the limit, at the limit: A1 237
 _JOINTED, _TUBE = 2.0, 160.0 * 6e-4  # K/W of two flanges; W m/K of an aluminium tube of 6 cm² between two joints
 _RANGE = 20.0  # times: how far the fit may go from such a guess, up and down
 _NO_LIMIT = 20.0  # N·m: where a URDF states no effort
+_PINION = 0.02  # m: radius at which a sliding joint's motor makes its force, a pinion of 4 cm or so
 
 _MOVED = ("revolute", "continuous", "prismatic")
 _SUFFIX = re.compile(r"_(joint|motor|actuator)$")
@@ -44,7 +45,8 @@ class Joint:
 
     Args:
         name: of its node.
-        effort: largest torque [N·m], or force [N].
+        effort: largest torque [N·m]; largest force [N] of a joint that slides.
+        slides: whether it slides.
         before: node of the driven joint that carries it, `None` for one on the base.
         distance: from that joint [m].
         body: what it sits on.
@@ -52,9 +54,15 @@ class Joint:
 
     name: str
     effort: float
+    slides: bool
     before: str | None
     distance: float
     body: str
+
+    @property
+    def torque(self) -> float:
+        """What its motor and gear are sized for [N·m]."""
+        return self.effort * _PINION if self.slides else self.effort
 
 
 def urdf_model_text(path: str | Path) -> str:
@@ -103,7 +111,8 @@ def read_joints(path: str | Path) -> tuple[str, list[Joint]]:
             seen.add(below)
             step = carrying[below]
             before, below = names.get(str(step.get("name"))), _end(path, step, "parent")
-        found.append(Joint(names[str(joint.get("name"))], _effort(path, joint), before, distance, body))
+        slides = joint.get("type") == "prismatic"
+        found.append(Joint(names[str(joint.get("name"))], _effort(path, joint), slides, before, distance, body))
     return one_line(root.get("name", "robot")), found
 
 
@@ -177,16 +186,24 @@ def _lines(file: str, robot: str, joints: list[Joint]) -> Iterator[str]:
     yield from ("", "[model]", f"name = {_quoted(robot)}", "joints = [")
     yield from (f"    {_quoted(name)}," for name in names)
     yield from ("]", 'ambient = "temperature.ambient"')
-    for pattern, effort in _groups(joints):
-        mass = effort / _DENSITY
+    groups = _groups(joints)
+    scale = groups[0][1].torque
+    for pattern, joint in groups:
+        mass = joint.torque / _DENSITY
         surface = 6.0 * (mass / _BULK) ** (2 / 3)
-        yield from ("", f"# --- {'all joints' if pattern == EVERYWHERE else pattern}: {effort:g} N·m ---")
+        yield from (
+            "",
+            f"# --- {'all joints' if pattern == EVERYWHERE else pattern}: {joint.effort:g} {_unit(joint)} ---",
+        )
         yield from ("", f"[nodes.{_quoted(pattern)}]", f"capacity = {_guess(_SPECIFIC_HEAT * mass, 'J/K')}")
         yield from ("", "[[links]]", f'between = [{_quoted(pattern)}, "ambient"]')
         yield f"resistance = {_guess(1.0 / (_TO_AIR * surface), 'K/W')}"
         yield from ("", "[[effects]]", 'kind = "copper_loss"', f"at = {_quoted(pattern)}")
-        yield f"resistance = {_LOSS / effort:.3g}          # ohm: guessed"
-        yield "torque_constant = 1.0       # N·m at the joint per ampere: guessed"
+        loss = _LOSS * joint.torque / joint.effort**2
+        # One kind of motor sets the scale. The guess for another kind is off by a factor of its own, which logs tell.
+        held = f"{loss:.3g}          # ohm: guessed, and held: it sets the scale of all others"
+        yield f"resistance = {held if joint.torque == scale else _guess(loss, 'ohm', 'all', free=True)}"
+        yield f"torque_constant = 1.0       # {_unit(joint)} at the joint per ampere: guessed"
     yield from ("", "# --- what drives and bearings add, whatever is held ---")
     yield from ("", "[[effects]]", 'kind = "constant_heat"', f"at = {_quoted(EVERYWHERE)}", 'share = "each"')
     carried = [joint for joint in joints if joint.before is not None]
@@ -206,23 +223,29 @@ def _lines(file: str, robot: str, joints: list[Joint]) -> Iterator[str]:
     yield ""
 
 
-def _groups(joints: list[Joint]) -> list[tuple[str, float]]:
-    """Patterns of joints that are alike, all or such as `*_calf`, with their torque limit; others by name."""
-    names, groups = [joint.name for joint in joints], dict[str, float]()
-    if len({joint.effort for joint in joints}) == 1:
-        return [(EVERYWHERE, joints[0].effort)]
+def _groups(joints: list[Joint]) -> list[tuple[str, Joint]]:
+    """Patterns of joints that are alike, all or such as `*_calf`, with one of them; others by name."""
+    names, groups = [joint.name for joint in joints], dict[str, Joint]()
+    if len({(joint.effort, joint.slides) for joint in joints}) == 1:
+        return [(EVERYWHERE, joints[0])]
     for joint in joints:
         pattern = class_of(joint.name)
-        alike = {each.effort for each in joints if each.name in matching(pattern, names)}
+        alike = {(each.effort, each.slides) for each in joints if each.name in matching(pattern, names)}
         classes = {class_of(name) for name in matching(pattern, names)}
         several = len(matching(pattern, names)) > 1 and len(alike) == 1 and classes == {pattern}
-        groups[pattern if several else joint.name] = joint.effort
+        groups.setdefault(pattern if several else joint.name, joint)
     return list(groups.items())
 
 
-def _guess(value: float, unit: str) -> str:
-    low, high = value / _RANGE, value * _RANGE
-    return f'{{ value = {value:.3g}, unit = "{unit}", bounds = [{low:.3g}, {high:.3g}], share = "each" }}'
+def _unit(joint: Joint) -> str:
+    return "N" if joint.slides else "N·m"
+
+
+def _guess(value: float, unit: str, share: str = "each", *, free: bool = False) -> str:
+    """A start for the fit; `free` where it would be held otherwise."""
+    least, start, most = (f"{float(f'{each:.3g}'):g}" for each in (value / _RANGE, value, value * _RANGE))
+    said = f'value = {start}, unit = "{unit}", bounds = [{least}, {most}], share = "{share}"'
+    return f"{{ {said}, fixed = false }}" if free else f"{{ {said} }}"
 
 
 def _quoted(text: str) -> str:

@@ -1,0 +1,143 @@
+"""The page on JSON: each key that a command writes stands there, and each key there is written."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TypeAlias
+
+import pytest
+
+from lptn.cli.main import main
+from tests.docs.pages import ROOT
+
+PAGE = ROOT / "src/site/pages/reference/json.md"
+HEATERS = ROOT / "examples/tclab"
+OUT = "--json", "out.json"
+
+Keys: TypeAlias = tuple[str, ...]
+
+# Commands that together write all that a section lists, typed in this order.
+TYPED = {
+    "check": ["check two_heaters.toml log.csv"],
+    "fit": [
+        "fit two_heaters.toml log.csv --holdout-after 300 -o fitted.toml",
+        "fit two_heaters.toml --each log.csv -o fleet",
+    ],
+    "compare": [
+        "compare fitted.toml log.csv --against two_heaters.toml",
+        "simulate fitted.toml log.csv -o simulated.csv",
+    ],
+    "diagnose": ["diagnose two_heaters.toml log.csv --holdout-after 300"],
+    "improve": ["improve two_heaters.toml log.csv --holdout-after 300 -o better.toml"],
+    "forecast": ["forecast fitted.toml log.csv --limit 60"],
+    "monitor": ["monitor fitted.toml log.csv --threshold 3"],
+    "fmu": ["fmu fitted.toml -o heaters.fmu"],
+    "cosim": ["cosim heaters.fmu log.csv"],
+    "plan": [
+        "plan quadruped.toml limit_now.toml",
+        "plan quadruped.toml track_trot.toml",
+        "plan quadruped.toml mission_deliveries.toml",
+    ],
+    "trade": ["trade study.toml"],
+    "motor": ["motor drawing.toml -o motor.toml"],
+    "effects": ["effects"],
+}
+BOTH = "improve", "diagnose"  # the first writes the last table of the second, too
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where the commands are typed, with what they read."""
+    folder = tmp_path_factory.mktemp("typed")
+    sources = [HEATERS / "two_heaters.toml", HEATERS / "log.csv", ROOT / "examples/heat_sink/study.toml"]
+    for source in (*sources, *(ROOT / "examples/plan").glob("*.toml")):
+        shutil.copy(source, folder)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        for words in ("motor -o drawing.toml", "motor drawing.toml -o motor.toml", "new quadruped -o quadruped.toml"):
+            _typed(words)
+        shutil.copy("motor.toml", "longer.toml")
+    return folder
+
+
+def _typed(words: str) -> None:
+    with pytest.raises(SystemExit) as stop:
+        main(words.split())
+    assert stop.value.code == 0, words
+
+
+def documented(section: str) -> set[Keys]:
+    """The keys that a section's tables list."""
+    (text,) = re.findall(rf"^## `lptn {section}`\n(.*?)(?=^## |\Z)", PAGE.read_text(), re.MULTILINE | re.DOTALL)
+    found: set[Keys] = set()
+    for row in re.findall(r"^\| (`.*?) \| ", text, re.MULTILINE):
+        beside: Keys = ()
+        for span in re.findall(r"`([^`]+)`", row):
+            keys = tuple(span.replace("[]", ".[]").removeprefix(".").replace("…", ".…").split("."))
+            if span.startswith("."):
+                keys = (*beside, *keys)
+            else:
+                beside = keys[:-1]
+            found.add(keys)
+    return found
+
+
+def written(value: object, above: Keys = ()) -> Iterator[Keys]:
+    """The keys down to each value that is no object, nor a list of objects."""
+    if isinstance(value, dict) and value:
+        for key, inside in value.items():
+            yield from written(inside, (*above, key))
+    elif isinstance(value, list) and value and isinstance(value[0], dict):
+        for inside in value:
+            yield from written(inside, (*above, "[]"))
+    else:
+        yield above
+
+
+def is_one(keys: Keys, listed: Keys) -> bool:
+    """Whether a value stands where the page has it; `<name>` is any key, `…` all that is below."""
+    if listed[-1] == "…":
+        keys, listed = keys[: len(listed) - 1], listed[:-1]
+    return len(keys) == len(listed) and all(b.startswith("<") or a == b for a, b in zip(keys, listed, strict=True))
+
+
+def is_above(keys: Keys, listed: Keys) -> bool:
+    """Whether an empty list, an empty object or null stands where a listed key would be."""
+    return len(keys) < len(listed) and is_one(keys, listed[: len(keys)])
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("section", TYPED)
+def test_the_page_lists_what_is_written(section: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(folder)
+    listed = documented(section)
+    common = documented(BOTH[1]) if section == BOTH[0] else set()
+    found: set[Keys] = set()
+    for words in TYPED[section]:
+        _typed(" ".join((words, *OUT)))
+        found |= set(written(json.loads(Path("out.json").read_text())))
+        Path("out.json").unlink()
+    unlisted = [
+        keys for keys in found if not any(is_one(keys, each) or is_above(keys, each) for each in listed | common)
+    ]
+    assert not unlisted, "written, and not on the page"
+    unwritten = [each for each in listed if not any(is_one(keys, each) or is_above(keys, each) for keys in found)]
+    assert not unwritten, "on the page, and not written"
+
+
+def test_the_page_has_a_section_for_each_command() -> None:
+    sections = set(re.findall(r"^## `lptn (\w+)`$", PAGE.read_text(), re.MULTILINE))
+    assert sections == set(TYPED)
+
+
+def test_a_key_too_many_or_too_few_is_found() -> None:
+    listed = documented("compare")
+    assert ("all", "max") in listed
+    assert ("runs", "<run>", "nodes", "<node>", "floor") in listed
+    assert not any(is_one(("all", "least"), each) for each in listed)
+    assert is_one(("ladder", "[]", "step"), ("ladder", "…"))
+    assert is_above(("experiment",), ("experiment", "moves", "[]", "at"))
