@@ -300,6 +300,8 @@ def silences_of(values: Mapping[str, FloatArray]) -> dict[str, list[Silence]]:
     """
     found: dict[str, list[Silence]] = {}
     still = _still_throughout(values)
+    speeds = [np.abs(each) for key, each in values.items() if key.startswith("velocity.")]
+    of_all = np.sum(speeds, axis=0) if speeds else np.zeros(values["time"].size)  # a motor's may stand at its housing
     # Speeds first: a joint of which nobody knows whether it moves may have no torque.
     for key in sorted(values, key=lambda key: not key.startswith("velocity.")):
         each, (quantity, _, place) = values[key], key.partition(".")
@@ -316,7 +318,11 @@ def silences_of(values: Mapping[str, FloatArray]) -> dict[str, list[Silence]]:
                 one
                 for one in stands
                 if (_moves(moving, one) and key != speed)
-                or not (one.value == 0 or several or _only_while_it_rests(values["time"], each, moving, one))
+                or not (
+                    one.value == 0
+                    or several
+                    or _only_while_it_rests(values["time"], each, values.get(speed, of_all), one)
+                )
             ]
     return {key: each for key, each in found.items() if each}
 
