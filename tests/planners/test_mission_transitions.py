@@ -138,5 +138,4 @@ def test_a_mistake_is_named(wrong: dict[str, Any], said: str) -> None:
 
 def test_without_transitions_nothing_changes() -> None:
     asked = mission([{"do": "walk", "distance": 100, "load": 4, "pieces": 2}], [])
-    assert replace(asked, begins="rest") is not asked
     assert plan_mission(replace(asked, begins="rest")).total == plan_mission(asked).total

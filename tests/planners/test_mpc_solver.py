@@ -56,7 +56,8 @@ def test_each_of_the_two_attempts_finds_the_optimum_by_itself() -> None:
             mpc._settings.warm = warm
             both.append(mpc.step(np.full(3, start), REQUEST, AROUND))
         assert all(plan.converged for plan in both)
-        np.testing.assert_allclose(both[0].admitted, both[1].admitted, rtol=2e-3)
+        flat = 5e-3 if start > 60.0 else 2e-3  # N·m; back from above the limit the optimum is flatter
+        np.testing.assert_allclose(both[0].admitted, both[1].admitted, rtol=0.0, atol=flat)
 
 
 def test_a_solver_cut_short_answers_with_the_best_it_met() -> None:
