@@ -53,6 +53,10 @@ Report = Callable[[str], None]
 """Called with a sentence on what is being done."""
 
 
+LIKELY = 0.5
+"""The probability from which an answer is likelier than all others together."""
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Step(Tabular):
     """A fitted model, and the effect that it has beyond the model before it.
@@ -101,7 +105,7 @@ class Step(Tabular):
     @property
     def outweighed(self) -> bool:
         """Whether the fitted data alone speak for another answer; several steps together may begin with it even so."""
-        return 0.0 < self.probability < 0.5 and not self.indistinguishable
+        return 0.0 < self.probability < LIKELY and not self.indistinguishable
 
     @property
     def parameters(self) -> int:

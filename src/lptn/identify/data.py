@@ -69,8 +69,7 @@ class DataSplit:
 
     def coarsened(self, step: float) -> DataSplit:
         """All segments in steps of about `step` seconds."""
-        groups = (self.fit, self.holdout, self.test)
-        return DataSplit(*(tuple(segment.coarsened(step) for segment in group) for group in groups))
+        return self._each(lambda segment: segment.coarsened(step))
 
     def lacking(self) -> dict[str, list[str]]:
         """The inputs that a run lacks and others have, by the run's name; temperatures are no inputs."""
@@ -87,8 +86,10 @@ class DataSplit:
             columns = {name: values for name, values in segment.run.columns.items() if name not in absent}
             return replace(segment, run=replace(segment.run, columns=columns))
 
-        groups = (self.fit, self.holdout, self.test)
-        return DataSplit(*(tuple(map(common, group)) for group in groups)) if absent else self
+        return self._each(common) if absent else self
+
+    def _each(self, changed: Callable[[Segment], Segment]) -> DataSplit:
+        return DataSplit(*(tuple(map(changed, group)) for group in (self.fit, self.holdout, self.test)))
 
 
 def split_data(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Literal
 
-from lptn.diagnose.diagnosis import Step
+from lptn.diagnose.diagnosis import LIKELY, Step
 from lptn.diagnose.fit_statistics import criterion_difference
 from lptn.diagnose.improvement import WORTH, History
 from lptn.logs.silence import AMBIENT
@@ -37,8 +37,6 @@ def outcome_of(history: History) -> Outcome:
     return "unexplained" if history.verdict == history.remaining == "unexplained" else "found"
 
 
-LIKELY = 0.5
-"""The probability from which an answer is likelier than all others together."""
 _UNSURE = "Best explanation, not certain"
 
 Help = Literal["", "fitted", "all"]
