@@ -37,8 +37,6 @@ def outcome_of(history: History) -> Outcome:
     return "unexplained" if history.verdict == history.remaining == "unexplained" else "found"
 
 
-_UNSURE = "Best explanation, not certain"
-
 Help = Literal["", "fitted", "all"]
 
 
@@ -90,11 +88,11 @@ def tried_in_words(steps: Sequence[Step], searched_from: int | None, found: str 
     """
     by_help = sorted_steps(steps, searched_from)
     probabilities = [step.probability for step in by_help["all"]]
-    if not found:
-        found = "Added" if not all(probabilities) else "Found" if min(probabilities, default=1.0) >= LIKELY else _UNSURE
+    if not found and all(probabilities):
+        found = "Found" if min(probabilities, default=1.0) >= LIKELY else "Best explanation, not certain"
     names = {kind: [short_name(step) for step in of_kind] for kind, of_kind in by_help.items()}
     good, fitted, idle = names["all"], names["fitted"], names[""]
-    parts = [f"{found}: {listed(good)}"] if good else []
+    parts = [f"{found or 'Added'}: {listed(good)}"] if good else []
     if fitted:
         parts.append(f"{listed(fitted)} {'helps' if len(fitted) == 1 else 'help'} on the fitted runs alone")
     if idle:
