@@ -252,7 +252,7 @@ def _of_effect(network: Network, effect: type[Effect], columns: Collection[str],
             groups = _node_groups(network)
         else:
             groups = [(place, [place]) for place in places] if not effect.whole_robot else []
-            groups += _groups(effect, places, network)
+            groups += _groups(effect, places, network, run)
         if groups:
             return [Candidate(effect, in_run(at, run), tuple(group), run, words) for at, group in groups]
     return []
@@ -401,11 +401,16 @@ def _node_groups(network: Network) -> list[tuple[str, list[str]]]:
     return [(at, [at]) for at in groups if len(covered[at]) >= _FEWEST]
 
 
-def _groups(effect: type[Effect], places: list[str], network: Network) -> list[tuple[str, list[str]]]:
+def _groups(effect: type[Effect], places: list[str], network: Network, run: str) -> list[tuple[str, list[str]]]:
     """Several places at once: classes of like places, and patterns of the model."""
 
+    declared = [each for each in network.effects if each.effect.key == effect.key and not each.granted]
+    narrow = [frozenset(place for place, _ in network.places_for(each)) for each in declared if each.run == run]
+
     def covers(at: str) -> frozenset[str]:
-        return frozenset(place for place, _ in network.places_for(EffectDeclaration(effect(), at)))
+        """The places of a pattern, less those that a declaration of fewer places holds."""
+        covered = frozenset(place for place, _ in network.places_for(EffectDeclaration(effect(), at)))
+        return covered.difference(*(held for held in narrow if held < covered))
 
     if effect.whole_robot:
         return [(EVERYWHERE, places)] if places and covers(EVERYWHERE) == set(places) else []

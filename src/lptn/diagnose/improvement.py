@@ -6,7 +6,7 @@ good. So several models are followed a step further, side by side:
 1. Each model that is followed is diagnosed; each of its refits beyond chance is a longer branch.
 2. Of these the most probable are fitted to the end and followed; so is what held-out data prefer by more than any
    scatter.
-3. The search ends when a model is adequate, nothing helps, or a step has gained nothing.
+3. The search ends when a model is adequate, nothing helps, or a step has made no model more probable by all runs.
 4. The held-out data decide which branch is kept, and how far; without them the information criterion does.
 5. Steps that later ones made superfluous are taken out, and each model left is fitted at full resolution.
 
@@ -277,7 +277,6 @@ class _Search:
         """
         self.branches = [given]
         beam = [given]
-        best = _error(given)
         for depth in range(1, most + 1):
             beam = [self._examined(branch) for branch in beam]
             if any(self.diagnosis(branch).verdict == "adequate" for branch in beam):
@@ -287,13 +286,11 @@ class _Search:
             if not beam:
                 return
             self.branches += beam
-            reached = min(_error(branch) for branch in beam)
             self.report(f"step {depth}: {_in_words(beam)}")
             self.found(min(self.branches, key=_error))
             # The first of a pair may help nobody alone, so one step without a gain is allowed at the start.
-            if reached > (1 - WORTH) * best and depth > 1:
+            if depth > 1 and _most_probable(self.branches, self.data) not in beam:
                 return
-            best = min(best, reached)
 
     def diagnosis(self, branch: Branch) -> Diagnosis:
         """What a branch's last model lacks, asked once."""

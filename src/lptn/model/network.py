@@ -105,6 +105,10 @@ class EffectDeclaration:
         """What its parameters are named after."""
         return self.label or (f"{self.effect.key}_difference" if self.difference else self.effect.key)
 
+    def instance_label(self, place: str) -> str:
+        """What it is called at one of its places, after which its state there is named."""
+        return in_run(f"{self.name}.{place}", self.run)
+
     @property
     def where(self) -> str:
         """Place, and run if there is one: `"*_calf"`, `"*_calf@monday"`."""
@@ -157,7 +161,7 @@ class EffectInstance:
     @property
     def label(self) -> str:
         """What its state is called."""
-        return in_run(f"{self.declaration.name}.{self.place}", self.declaration.run)
+        return self.declaration.instance_label(self.place)
 
 
 @dataclass(frozen=True)
@@ -548,14 +552,29 @@ def _refuse_isolated(origin: str, layout: Layout, bodies: Bodies) -> None:
             raise InputError(origin, f'nodes."{name}"', found, expected)
 
 
+def _fewest_places(effects: Sequence[EffectDeclaration], places: Sequence[Sequence[Place]]) -> dict[str, int]:
+    """For each effect at each place the number of places of the narrowest declaration that claims it."""
+    fewest: dict[str, int] = {}
+    for declared, claimed in zip(effects, places, strict=True):
+        for place, _ in claimed:
+            label = declared.instance_label(place)
+            fewest[label] = min(fewest.get(label, len(claimed)), len(claimed))
+    return fewest
+
+
 def _effects(origin: str, layout: Layout, parameters: _Parameters) -> tuple[list[EffectInstance], dict[str, int]]:
-    """Every effect at every place where it acts, and the indicators of the runs that some are confined to."""
+    """Every effect at every place where it acts, and the indicators of the runs that some are confined to.
+
+    Of two declarations of an effect that cover a place the one of fewer places holds there: `"*"` beside `"FR_calf"` is
+    everywhere else.
+    """
     instances: list[EffectInstance] = []
     labels: set[str] = set()
     runs: dict[str, int] = {}
-    for number, declared in enumerate(layout.effects):
+    all_places = [layout.places_for(declared) for declared in layout.effects]
+    fewest = _fewest_places(layout.effects, all_places)
+    for number, (declared, places) in enumerate(zip(layout.effects, all_places, strict=True)):
         where = f"effects[{number}].at"
-        places = layout.places_for(declared)
         if not places:
             found = f'"{declared.at}", which matches no place for {declared.effect.key}'
             raise InputError(origin, where, found, declared.effect.places_in_words(layout))
@@ -563,7 +582,11 @@ def _effects(origin: str, layout: Layout, parameters: _Parameters) -> tuple[list
             # 1 in the run, and 0 wherever no run is simulated: in an FMU, an estimator, a forecast.
             indicator = Parameter(RUN, 0.0, "1", (0.0, 1.0), title=f"1 in run {run}", fixed=True)
             runs[run] = parameters.index((RUN, run), RUN, run_label(run), run, indicator)
-        for place, ends in places:
+        own = [(place, ends) for place, ends in places if len(places) == fewest[declared.instance_label(place)]]
+        if not own:
+            found = f'"{declared.at}", of whose places each has a declaration of fewer places'
+            raise InputError(origin, where, found, f"a place for {declared.effect.key}")
+        for place, ends in own:
             indices = {
                 name: parameters.index(
                     ("effects", number, name), f"{declared.name}.{name}", place, declared.at, parameter, run
