@@ -40,11 +40,34 @@ def test_an_effect_whose_input_the_log_lacks_is_not_proposed(leg: Leg) -> None:
     assert not [each for each in candidates(model.network, columns) if each.effect.key == "forced_convection"]
 
 
-def test_an_effect_that_stands_somewhere_is_not_proposed_there_nor_everywhere(leg: Leg) -> None:
+def test_an_effect_that_stands_somewhere_is_not_proposed_there_but_at_the_others_and_at_all_of_them(leg: Leg) -> None:
     model, data = leg()
     network = model.network.with_effects([EffectDeclaration(catalogue()["constant_heat"](), "FR_hip")])
-    found = [each.at for each in candidates(network, data.fit[0].run.columns) if each.effect.key == "constant_heat"]
-    assert found == ["FR_thigh", "FR_calf"]
+    found = [each for each in candidates(network, data.fit[0].run.columns) if each.effect.key == "constant_heat"]
+    assert [each.at for each in found] == ["FR_thigh", "FR_calf", "*"]
+    others = found[-1]
+    assert others.places == ("FR_thigh", "FR_calf")
+    larger = network.with_effects([others.declaration(2.0, None)])
+    assert [
+        (each.place, each.declaration.at) for each in larger.effect_instances if each.effect.key == "constant_heat"
+    ] == [
+        ("FR_hip", "FR_hip"),
+        ("FR_thigh", "*"),
+        ("FR_calf", "*"),
+    ]
+
+
+def test_what_class_and_place_hold_is_not_among_the_others() -> None:
+    legs = Network(
+        "two legs",
+        (NodeDeclaration("*_*", capacity()), AMBIENT),
+        (LinkDeclaration(("*_*", "ambient"), resistance()),),
+        effects=(effect("constant_heat", "*_calf"),),
+        joints=JOINTS,
+    )
+    found = {each.at: each.places for each in candidates(legs, []) if each.effect.key == "constant_heat"}
+    assert found["*"] == ("FL_thigh", "FR_thigh")
+    assert "*_thigh" not in found  # the same places
 
 
 def test_effects_with_a_shape_are_scored_on_its_grid(leg: Leg) -> None:

@@ -95,6 +95,16 @@ def test_a_label_names_an_effect_that_stands_twice_at_one_place() -> None:
     assert names[-2:] == ["constant_heat.power.FR_calf", "brake.power.FR_calf"]
 
 
+@pytest.mark.parametrize("order", [slice(None), slice(None, None, -1)])
+def test_of_two_declarations_that_cover_a_place_the_one_of_fewer_places_holds(order: slice) -> None:
+    power = catalogue()["constant_heat"].parameters[0]
+    everywhere = replace(effect("constant_heat"), parameters=(replace(power, share="all"),))
+    network = leg([everywhere, effect("constant_heat", "FR_calf")][order])
+    owners = {each.place: each.declaration.at for each in network.effect_instances}
+    assert owners == {"FR_hip": "*", "FR_thigh": "*", "FR_calf": "FR_calf"}
+    assert {each.place for each in network.in_common("constant_heat")} == {"FR_hip", "FR_thigh"}
+
+
 def test_values_replace_declared_ones_by_name() -> None:
     network = leg().with_values({"capacity.FR_calf": 111.0})
     assert [u.value for u in network.parameters if u.name == "capacity.FR_calf"] == [111.0]
@@ -165,7 +175,13 @@ MISTAKES: dict[str, tuple[Callable[[], Network], str]] = {
         lambda: Network("n", (node("a"), AMBIENT), (link("a", "ambient"), link("ambient", "a"))),
         "second link a~ambient",
     ),
-    "effect twice": (lambda: leg([effect("constant_heat"), effect("constant_heat", "FR_calf")]), "a second"),
+    "effect twice": (lambda: leg([effect("constant_heat", "FR_calf")] * 2), "a second"),
+    "effect with no place left": (
+        lambda: leg(
+            [*(effect("constant_heat", f"FR_{part}") for part in ("hip", "thigh", "calf")), effect("constant_heat")]
+        ),
+        "of fewer places",
+    ),
     "effect nowhere": (lambda: leg([effect("constant_heat", "FL_calf")]), "matches no place"),
     "loss without its source": (lambda: leg([effect("resistance_rise")]), "a node that has copper_loss"),
     "edge to ambient": (lambda: leg([effect("conduction", "FR_calf~ambient")]), "matches no place"),
