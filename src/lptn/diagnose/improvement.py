@@ -8,7 +8,7 @@ good. So several models are followed a step further, side by side:
    scatter.
 3. The search ends when a model is adequate, nothing helps, or a step has made no model more probable by all runs.
 4. The held-out data decide which branch is kept, and how far; without them the information criterion does.
-5. Steps that later ones made superfluous are taken out, and each model left is fitted at full resolution.
+5. Steps that the others make superfluous are taken out, and each model left is fitted at full resolution.
 
 Where nothing explains the data because a held-out run is predicted badly, and one parameter that differs in that run
 would explain it, that difference is granted to the run, and the question is asked once more.
@@ -426,9 +426,9 @@ def _declarations(branch: Branch) -> list[EffectDeclaration]:
 
 
 def _pruned(branch: Branch, data: DataSplit, report: Report) -> Branch:
-    """The branch without the steps that later ones made superfluous."""
+    """The branch without the steps that the others make superfluous; the only one stays."""
     last = branch[-1]
-    for step in branch[1:-1]:
+    for step in branch[1:] if len(branch) > 2 else ():
         try:
             network = last.fit.model.network.without_effect(*step.key)
         except InputError:  # a later effect stands at the edge that this one made
