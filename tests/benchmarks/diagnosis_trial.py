@@ -29,7 +29,6 @@ from tests.benchmarks.verdict_cases import (
     IN_ONE_RUN,
     NOISES,
     QUADRUPED_MODEL,
-    STEPS,
     Key,
     covered,
     drawn_place,
@@ -38,6 +37,8 @@ from tests.benchmarks.verdict_cases import (
     write_quadruped,
 )
 
+STEPS = 3
+"""Within so many a rough robot's hidden effect is wanted."""
 SIZES = {
     "resistance_rise": 0.00393,
     "torque_constant_drop": 0.0012,

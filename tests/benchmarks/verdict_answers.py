@@ -96,9 +96,8 @@ def ask_first(lptn: Path, files: Files, *, limit: float = LIMIT) -> Answer:
     with tempfile.TemporaryDirectory() as name:
         out = Path(name) / "out.json"
         holdout = ["--holdout", *map(str, files.holdout)] if files.holdout else []
-        options = [word for word in files.options if word != "--rungs" and not word.isdigit()]
         text, error, seconds = _run(
-            lptn, ["diagnose", files.model, *files.fit, *holdout, *options, "--json", out], limit
+            lptn, ["diagnose", files.model, *files.fit, *holdout, *files.options, "--json", out], limit
         )
         if error or not out.exists():
             return Answer(text=text, error=error or "no result", seconds=seconds)

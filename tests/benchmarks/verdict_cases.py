@@ -34,8 +34,6 @@ BACKGROUND = (
 """What the rough quadruped has besides what is hidden, at shares of the typical sizes."""
 AMBIENT_ERROR = 0.5
 """K; what the rough tier's user says of the ambient sensor."""
-STEPS = 3
-"""Within so many a rough robot's hidden effect is wanted."""
 IN_ONE_RUN = ("surface_scale", "loss_scale")
 """Effects that a free parameter imitates unless they act in one run only."""
 
@@ -229,8 +227,7 @@ def _sensors(tier: str) -> str:
 
 
 def _options(tier: str) -> tuple[str, ...]:
-    # `--rungs` is the name that the option had before; the present one is an alias of it.
-    return ("--ambient-error", str(AMBIENT_ERROR), "--rungs", str(STEPS)) if tier == "rough" else ()
+    return ("--ambient-error", str(AMBIENT_ERROR)) if tier == "rough" else ()
 
 
 def _quadruped_files(case: Case, folder: Path) -> Files:
@@ -308,7 +305,7 @@ def _finite_volume_files(case: Case, folder: Path) -> Files:
     model = folder / "leg.toml"
     text = presets()["leg"] + COMPUTER * computer
     model.write_text(text + second_masses("each") * ("two masses" in case.truth), encoding="utf-8")
-    return three_runs(folder, model, "--rungs", str(STEPS))
+    return three_runs(folder, model)
 
 
 def _drawn_change(change: str, seed: int, tier: str) -> tuple[str, ...]:

@@ -56,6 +56,7 @@ class Judged:
         in_set: a right answer is in the set that holds 90 % of the probability, or in the group of the first step where
             no probability is stated.
         in_three: a right answer is among the first three steps.
+        named: a right answer is among all steps.
         silly: a step is an error of a sensor, a clock or the ambient that isn't there.
         at_bound: something was added, and a parameter ended at a bound, or a size where no robot has it.
         alarm: nothing is hidden, and something was said to be missing.
@@ -67,6 +68,7 @@ class Judged:
     first: bool
     in_set: bool
     in_three: bool
+    named: bool
     silly: bool
     at_bound: bool
     alarm: bool
@@ -103,6 +105,7 @@ def judged(case: Case, answer: Answer) -> Judged:
         first=first,
         in_set=in_set,
         in_three=first if kind in ("nothing", "outside") else any(map(right, names)),
+        named=first if kind in ("nothing", "outside") else any(map(right, [*names, *answer.steps])),
         silly=any(step[0] in SILLY and not case.right(step) for step in answer.steps),
         at_bound=bool(out_of_bounds(answer)),
         alarm=alarm,
@@ -138,9 +141,9 @@ def table(results: Results, cases: Sequence[Case], versions: Sequence[str]) -> s
     lines = [
         f"Each cell: {names}; {len(common)} cases that all were asked. Errors: medians, held out, before → after.",
         "",
-        "| truth | sensors | hidden | cases | first | in the 90 % set | in three steps | silly | at a bound "
+        "| truth | sensors | hidden | cases | first | in the 90 % set | in three steps | named | silly | at a bound "
         "| false alarm | unexplained | failed | error, K | two masses, K | CPU s |",
-        "| --- " * 15 + "|",
+        "| --- " * 16 + "|",
     ]
     groups: dict[tuple[str, str, str], list[Case]] = {}
     for case in common:
@@ -158,7 +161,7 @@ def _cells(results: Results, cases: Sequence[Case], versions: Sequence[str]) -> 
     """A row's cells, from "first" on."""
     said = [[results[case, version] for case in cases] for version in versions]
     marks = [[judged(case, answer) for case, answer in zip(cases, each, strict=True)] for each in said]
-    names = ("first", "in_set", "in_three", "silly", "at_bound", "alarm", "unexplained")
+    names = ("first", "in_set", "in_three", "named", "silly", "at_bound", "alarm", "unexplained")
     shares = [[statistics.mean(getattr(mark, name) for mark in each) for each in marks] for name in names]
     shares.append([statistics.mean(bool(answer.error) for answer in each) for each in said])
     before, after = ([_median(a.holdout[k] for a in each if a.holdout) for each in said] for k in (0, -1))
@@ -211,7 +214,15 @@ def _wrong(case: Case, answer: Answer) -> list[str]:
     elif case.kind == "outside" and not mark.unexplained:
         words.append("not called unexplained")
     elif not mark.first:
-        words.append("in three" if mark.in_three else "in the set" if mark.in_set else "not named")
+        words.append(
+            "in three"
+            if mark.in_three
+            else "named later"
+            if mark.named
+            else "in the set"
+            if mark.in_set
+            else "not named"
+        )
     words += ["silly"] * mark.silly
     return words + [f"at a bound: {', '.join(out_of_bounds(answer))}"] * mark.at_bound
 

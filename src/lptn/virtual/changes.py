@@ -37,9 +37,10 @@ UNLINKED = (edge("FR_hip", "FR_calf"),)
 
 # True of every leg: coil, rotor and flange are masses apart, the sensor touches the coil and lags, films of air grow
 # with temperature, a housing radiates, copper's resistance rises and is not just the data sheet's, gears and iron rub,
-# boards idle.
+# boards idle, flanges and tubes between joints are masses that these share.
 ALWAYS = (
     "second_mass",
+    "shared_mass",
     "hot_spot",
     "sensor_lag",
     "natural_convection",
