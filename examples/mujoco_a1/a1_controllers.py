@@ -192,7 +192,8 @@ def gait_in(simulator: Setting, do: str, speeds: list[float], heights: list[floa
     for i, height in enumerate(heights):
         for j, speed in enumerate(speeds):
             command = Command("trot" if do == "trot" else "stand", speed, height)
-            setting = replace(simulator, duration=_SETTLE + _MEASURE, task=command, start=AMBIENT)
+            # It begins at the task's height, as the robot will: where its feet stand is where they were set down there.
+            setting = replace(simulator, duration=_SETTLE + _MEASURE, start=AMBIENT)
             thermal = _Noted(CasadiThermal(model, AMBIENT, LIMIT, BEGINS))
             CoSimulation("gait", setting, thermal, Unmoved(command), leave).run()
             rows = np.array(thermal.inputs)[-round(_MEASURE / _WINDOW) :]
@@ -237,7 +238,7 @@ def transitions_in(simulator: Setting, do: str, height: float, model: Model) -> 
     """
     up = Command("trot" if do == "trot" else "stand", simulator.task.speed, height)
     script = [up] * round(_SETTLE / _WINDOW) + [replace(up, activity="rest")] * round(_LONG / _WINDOW)
-    setting = replace(simulator, duration=_SETTLE + 2 * _LONG, task=up, start=AMBIENT)
+    setting = replace(simulator, duration=_SETTLE + 2 * _LONG, start=AMBIENT)
     thermal = _Noted(CasadiThermal(model, AMBIENT, LIMIT, BEGINS))
     record = CoSimulation("transitions", setting, thermal, _Scripted(script, up), leave).run()
     inputs, above = np.array(thermal.inputs), np.array(record.position)[:, 2]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import ceil
 from pathlib import Path
 
 import matplotlib.pyplot as plt
@@ -174,24 +175,26 @@ def compared(records: dict[str, list[Record]], limit: float, path: Path) -> None
         limit: of all joints [degC].
         path: the picture.
     """
-    colours = {record.label: f"C{k}" for k, record in enumerate(next(iter(records.values())))}
+    labels = [record.label for record in next(iter(records.values()))]
+    # Every second line has gaps, so that one beneath it shows.
+    looks = {label: {"color": f"C{k}", "ls": "-" if k % 2 else (0, (4, 3))} for k, label in enumerate(labels)}
     figure, axes = plt.subplots(2, len(records), figsize=(4.2 * len(records), 5.8), sharex="col", squeeze=False)
     for column, (name, runs) in enumerate(records.items()):
         upper, lower = axes[:, column]
         for record in runs:
-            time, colour = np.array(record.time), colours[record.label]
-            upper.plot(time, np.array(record.temperature).max(axis=1), color=colour, label=record.label)
+            time, look = np.array(record.time), looks[record.label]
+            upper.plot(time, np.array(record.temperature).max(axis=1), **look, label=record.label)
             height = np.array(record.position)[:, 2]
-            lower.plot(time, height, color=colour)
+            lower.plot(time, height, **look)
             if record.fell is not None:
-                lower.plot(time[-1], height[-1], "x", color=colour, ms=9, mew=2)
+                lower.plot(time[-1], height[-1], "x", color=look["color"], ms=9, mew=2)
         upper.axhline(limit, color=BLACK, lw=1, ls="--")
         upper.set_title(name)
         lower.set_xlabel("time [s]")
     axes[0, 0].set_ylabel("hottest joint [degC]")
     axes[1, 0].set_ylabel("base's height [m]; × fell")
-    handles, labels = axes[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="lower center", ncols=len(labels), frameon=False)
-    figure.tight_layout(rect=(0, 0.05, 1, 1))
+    handles, _ = axes[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="lower center", ncols=ceil(len(labels) / 2), frameon=False)
+    figure.tight_layout(rect=(0, 0.08, 1, 1))
     figure.savefig(path, dpi=120)
     plt.close(figure)

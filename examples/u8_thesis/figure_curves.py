@@ -9,6 +9,7 @@ import io
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import as_printed as printed
 import numpy as np
@@ -21,7 +22,7 @@ from table import networks
 from lptn.basics.files import write_whole
 from lptn.basics.style import BEST, GIVEN, INK, SMALL, dress, new_figure
 
-STATED = {"color": INK, "marker": "o", "markersize": 4, "linestyle": "none"}
+STATED: dict[str, Any] = {"color": INK, "marker": "o", "markersize": 4, "linestyle": "none"}
 WIDTHS = (2.2, 1.4, 0.8)
 
 

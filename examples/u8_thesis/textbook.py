@@ -23,7 +23,7 @@ def torque_constant(at_reference: float, temperature: float, coefficient: float 
 
     Source: [Chen2017, eq. 2.6].
     """
-    return at_reference * (1 + coefficient * (temperature - REFERENCE))
+    return float(at_reference * (1 + coefficient * (temperature - REFERENCE)))
 
 
 def winding_resistance(at_reference: float, temperature: float, coefficient: float = COPPER_COEFFICIENT) -> float:
@@ -31,7 +31,7 @@ def winding_resistance(at_reference: float, temperature: float, coefficient: flo
 
     Source: [Chen2017, eq. 2.5].
     """
-    return at_reference * (1 + coefficient * (temperature - REFERENCE))
+    return float(at_reference * (1 + coefficient * (temperature - REFERENCE)))
 
 
 def copper_loss(current: float, resistance: float) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from math import ceil, log, log1p
 
 import numpy as np
 
@@ -264,7 +265,8 @@ def limit_curves(design: Design, currents: FloatArray) -> LimitCurve:
     one = np.ones(n)
     capacity, resistance = (design.capacity or 1.0) * one, (design.resistance or 1.0) * one
     hardest = capacity[0], resistance[0], float(currents.max())
-    if simulator.is_stiff(*hardest):
+    growing = ceil(log1p(task.longest / _FIRST_STEP * (_STEP_GROWTH - 1)) / log(_STEP_GROWTH))  # steps, a geometric sum
+    if simulator.is_stiff(task.longest, growing, *hardest):
         advance, step = simulator.advance_implicitly, task.longest
     else:
         advance, step = simulator.advance, task.longest / simulator.substeps(task.longest, *hardest)

@@ -1,6 +1,6 @@
 """Designs simulated in fine steps: a check on the program's few elements, and what maps and curves are made of.
 
-Networks of a few masses take RK4. A motor made from its drawing has time constants of a tenth of a second, which RK4
+Networks of a few masses take RK4. A motor made from its drawing has time constants of a second or less, which RK4
 would have to follow for an hour; maps and curves of it take Rosenbrock steps, which are stable at any length.
 """
 
@@ -17,7 +17,7 @@ from .plant import Load, Parameters, Plant
 from .study import Option
 
 _RATE = 0.5  # a step times the fastest rate; RK4 is then good to 1e-4
-_STIFF = 3.0  # 1/s; networks with a faster rate take implicit steps in maps and curves
+_DEARER = 2.0  # an implicit step takes the time of so many of RK4, with 10 to 14 states
 _GAMMA = 1 - 0.5**0.5  # makes the two-stage Rosenbrock method L-stable
 _HOLD_STEPS = 400  # at least, in the check of a held torque
 _MAP_STEPS = 200  # at least, in a map of many designs
@@ -91,9 +91,11 @@ class Simulator:
         """How many equal steps of RK4 a duration [s] needs for the fastest rate of a design."""
         return max(1, int(np.ceil(duration * self.fastest(capacity, resistance, drive) / _RATE)))
 
-    def is_stiff(self, capacity: float, resistance: float, drive: float = 0.0) -> bool:
-        """Whether steps of a design had better be implicit."""
-        return self.fastest(capacity, resistance, drive) > _STIFF
+    def is_stiff(
+        self, duration: float, implicit_steps: int, capacity: float, resistance: float, drive: float = 0.0
+    ) -> bool:
+        """Whether so many implicit steps take a design through a duration [s] sooner than RK4 would."""
+        return self.substeps(duration, capacity, resistance, drive) > _DEARER * implicit_steps
 
     def advance(
         self, x: FloatArray, drive: FloatArray, capacity: FloatArray, resistance: FloatArray, h: FloatArray
@@ -192,8 +194,9 @@ def peak_temperatures(
     x = np.full((len(simulator.plant.states), n), task.start)
     hottest = simulator.winding(x)
     hardest = float(capacity.min()), float(resistance.min()), float(torque.max())
-    if simulator.is_stiff(*hardest):
-        advance, steps = simulator.advance_implicitly, _MAP_STEPS if task.hold else _IMPLICIT_CYCLE_STEPS
+    implicit_steps = _MAP_STEPS if task.hold else _IMPLICIT_CYCLE_STEPS
+    if simulator.is_stiff(part, implicit_steps, *hardest):
+        advance, steps = simulator.advance_implicitly, implicit_steps
     else:
         advance = simulator.advance
         steps = max(simulator.substeps(part, *hardest), _MAP_STEPS if task.hold else _CYCLE_STEPS)

@@ -2,23 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType
 
+import as_printed
+import circuits
+import facts
+import figure_curves
+import figure_errata
+import missing_mass
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from table import networks
 
 from lptn.model.file import parse_model
 from lptn.model.model import Model
 from lptn.robots.presets import presets
 
-Thesis = Callable[[str], ModuleType]
 
-
-def test_two_nodes_meet_the_four_unaltered_facts(thesis: Thesis) -> None:
-    facts, circuits = thesis("facts"), thesis("circuits")
+def test_two_nodes_meet_the_four_unaltered_facts() -> None:
     values = facts.fit_two_nodes()
     assert values == pytest.approx([56.8, 2.107, 246.0, 0.869], rel=0.005)
     motor = circuits.two_nodes(*values)
@@ -29,8 +31,7 @@ def test_two_nodes_meet_the_four_unaltered_facts(thesis: Thesis) -> None:
     assert motor.runaway_current() == pytest.approx(21.5, abs=0.1)
 
 
-def test_the_ready_models_are_the_refit_and_meet_what_was_measured_on_the_motor(thesis: Thesis) -> None:
-    facts = thesis("facts")
+def test_the_ready_models_are_the_refit_and_meet_what_was_measured_on_the_motor() -> None:
     np.testing.assert_allclose(facts.RECOMMENDED, facts.fit_motor_then_exchanger(), rtol=0.005)
     motor, _, fan = facts.STATOR.build(facts.RECOMMENDED)
     for fact, found, printed in zip(facts.UNALTERED, facts.of_unaltered(motor), (0.5, 0.05, 0.5, 0.5), strict=True):
@@ -50,8 +51,7 @@ def test_the_ready_models_are_the_refit_and_meet_what_was_measured_on_the_motor(
     assert fan.steady(11.0) == pytest.approx(57.4, abs=0.6), "the thesis's own curve, projected"
 
 
-def test_the_matrix_exponential_agrees_with_an_integrator(thesis: Thesis) -> None:
-    facts = thesis("facts")
+def test_the_matrix_exponential_agrees_with_an_integrator() -> None:
     _, passive, _ = facts.STATOR.build(facts.RECOMMENDED)
     a, b = passive.system(15.0)
     path = solve_ivp(lambda _, x: a @ x + b, (0.0, 200.0), np.zeros(4), t_eval=[10.0, 200.0], rtol=1e-10, atol=1e-10).y
@@ -59,8 +59,7 @@ def test_the_matrix_exponential_agrees_with_an_integrator(thesis: Thesis) -> Non
 
 
 @pytest.mark.long
-def test_facts_that_contradict_each_other_show(thesis: Thesis) -> None:
-    facts = thesis("facts")
+def test_facts_that_contradict_each_other_show() -> None:
     same = facts.fit(facts.SAME, facts.LITERAL, starts=2).chi_squared
     three = facts.fit(facts.STATOR, facts.LITERAL, starts=1).chi_squared  # more searches can only lower it
     projected = facts.fit(facts.STATOR, facts.PROJECTED, starts=2).chi_squared
@@ -69,8 +68,8 @@ def test_facts_that_contradict_each_other_show(thesis: Thesis) -> None:
     assert projected > 15.0  # … and rejected with "+20 s", whatever the network
 
 
-def test_35_a_takes_seconds_not_one(thesis: Thesis) -> None:
-    predictions = thesis("figure_errata").predictions()
+def test_35_a_takes_seconds_not_one() -> None:
+    predictions = figure_errata.predictions()
     rise, time = predictions["two nodes"]
     assert rise == pytest.approx(4.0, abs=0.05)
     assert time == pytest.approx(19.4, abs=0.1)
@@ -80,8 +79,7 @@ def test_35_a_takes_seconds_not_one(thesis: Thesis) -> None:
 
 
 @pytest.mark.parametrize("preset", ["u8", "u8-heat-sink"])
-def test_ready_models_hold_the_recommended_network(preset: str, thesis: Thesis) -> None:
-    facts = thesis("facts")
+def test_ready_models_hold_the_recommended_network(preset: str) -> None:
     motor, passive, _ = facts.STATOR.build(facts.RECOMMENDED)
     circuit = motor if preset == "u8" else passive
     model = Model(parse_model(presets()[preset], Path(preset)).network)
@@ -92,32 +90,33 @@ def test_ready_models_hold_the_recommended_network(preset: str, thesis: Thesis) 
 
 
 @pytest.mark.long
-def test_lptn_finds_that_a_thermal_mass_is_missing(thesis: Thesis, tmp_path: Path) -> None:
-    example = thesis("missing_mass")
-    example.write_logs(tmp_path)
-    history = example.ask(tmp_path)
+def test_lptn_finds_that_a_thermal_mass_is_missing(tmp_path: Path) -> None:
+    missing_mass.write_logs(tmp_path)
+    history = missing_mass.ask(tmp_path)
     assert history.verdict == "missing"
     assert history.remaining == "adequate"
     assert [(step.effect, step.at) for step in history.steps[1:]] == [("second_mass", "winding")]
-    assert history.steps[0].holdout.rmse > 4 * history.best.holdout.rmse
+    before, after = history.steps[0].holdout, history.best.holdout
+    assert before is not None
+    assert after is not None
+    assert before.rmse > 4 * after.rmse
     found = {parameter.name: parameter.value for parameter in history.best.fit.model.parameters}
-    assert found["capacity.winding"] == pytest.approx(example.C_W, rel=0.02)
-    assert found["resistance.ambient~winding"] == pytest.approx(example.R_WH + example.R_HA, rel=0.01)
+    assert found["capacity.winding"] == pytest.approx(missing_mass.C_W, rel=0.02)
+    assert found["resistance.ambient~winding"] == pytest.approx(missing_mass.R_WH + missing_mass.R_HA, rel=0.01)
 
 
 @pytest.mark.long
-def test_the_errata_figure_is_drawn(thesis: Thesis, tmp_path: Path) -> None:
-    thesis("figure_errata").main(tmp_path / "errata.png")
+def test_the_errata_figure_is_drawn(tmp_path: Path) -> None:
+    figure_errata.main(tmp_path / "errata.png")
     assert (tmp_path / "errata.png").stat().st_size > 50_000
-    assert thesis("figure_errata").pole_current() == pytest.approx(10.74, abs=0.02)
+    assert figure_errata.pole_current() == pytest.approx(10.74, abs=0.02)
 
 
-def test_the_curves_are_drawn_again(thesis: Thesis, tmp_path: Path) -> None:
-    curves, printed = thesis("figure_curves"), thesis("as_printed")
-    curves.main(tmp_path / "curves.png")
+def test_the_curves_are_drawn_again(tmp_path: Path) -> None:
+    figure_curves.main(tmp_path / "curves.png")
     assert (tmp_path / "curves.png").stat().st_size > 50_000
     times = np.array([0.0, 120.0, 800.0])
-    unaltered = curves.pulse(curves.networks()[0], 11.0, 120.0, times)
+    unaltered = figure_curves.pulse(networks()[0], 11.0, 120.0, times)
     assert unaltered == pytest.approx([21.5, 55.0, 23.2], abs=0.1)
-    by_formula = curves.printed_pulse(printed.UNALTERED, 11.0, 120.0, times)
+    by_formula = figure_curves.printed_pulse(as_printed.UNALTERED, 11.0, 120.0, times)
     assert by_formula[1] == pytest.approx(54.85, abs=0.01)  # 55 degC after 121.7 s

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType
 
 import pytest
+from table import main, table
 
 OK, NO, MISSING, HOLDS = "reproduces", "does not reproduce", "an input is missing", "definition holds"
 
@@ -98,26 +97,24 @@ def _close(found: float | None, expected: float | None) -> bool:
 
 
 @pytest.mark.parametrize("name", EXPECTED)
-def test_row(name: str, thesis: Callable[[str], ModuleType]) -> None:
-    rows = {row.id: row for row in thesis("table").table()}
+def test_row(name: str) -> None:
+    rows = {row.id: row for row in table()}
     formula, network, verdict = EXPECTED[name]
     assert _close(rows[name].formula, formula), rows[name].formula
     assert _close(rows[name].network, network), rows[name].network
     assert rows[name].verdict == verdict
 
 
-def test_every_row_has_its_test(thesis: Callable[[str], ModuleType]) -> None:
-    names = [row.id for row in thesis("table").table()]
+def test_every_row_has_its_test() -> None:
+    names = [row.id for row in table()]
     assert sorted(names) == sorted(EXPECTED)
     assert len(names) == len(set(names))
 
 
-def test_one_command_writes_the_table(
-    thesis: Callable[[str], ModuleType], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    thesis("table").main()
+def test_one_command_writes_the_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    main()
     assert "sec. 4.3 j" in capsys.readouterr().out
-    thesis("table").main(tmp_path / "table.csv")
+    main(tmp_path / "table.csv")
     with (tmp_path / "table.csv").open(encoding="utf-8") as stream:
         lines = list(csv.reader(stream))
     assert lines[0][0] == "row"
