@@ -11,16 +11,19 @@ from pathlib import Path
 from typing import NoReturn
 
 import numpy as np
+import numpy.typing as npt
 import pandas as pd
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.basics.files import fingerprint
 from lptn.logs.columns import ColumnSource, is_key
+from lptn.logs.times import times_of
 
 MOST_NUMBERS = 500_000_000  # 4 GB; a day of twelve joints at 100 Hz has 400 million
 _NUMBERS_AT_ONCE = 10_000_000  # read from a file before they are copied into their columns, so that few stand twice
 _LONGEST_REASON = 200  # characters of another library's error that go into a message
+_MOST_WORDS = 5  # that a note gives as examples
 _LONGEST_CELL = 100  # characters of a cell that go into a message
 
 
@@ -76,10 +79,9 @@ class Table:
         if not (kinds.is_numeric_dtype(series) or _is_time(series)):
             numbers = pd.to_numeric(series, errors="coerce")
             text = (numbers.isna() & series.notna()).to_numpy()
-            times = _times(series) if text.all() else None
-            if text.any() and times is None:
-                row = int(text.argmax())
-                self.refuse(row, name, repr(str(series.iloc[row])[:_LONGEST_CELL]), "a number or an empty cell")
+            times = times_of(series) if text.all() else None
+            if times is None:
+                self._require_numbers(name, series, text)
             series = numbers if times is None else times
         if kinds.is_datetime64_any_dtype(series):
             series = pd.to_datetime(series, utc=True) - pd.Timestamp(0, tz="UTC")
@@ -89,31 +91,34 @@ class Table:
             return series.to_numpy()
         return series.to_numpy(dtype=np.float64, na_value=np.nan)
 
+    def _require_numbers(self, name: str, series: pd.Series, text: npt.NDArray[np.bool_]) -> None:
+        """Refuse text that may be a number in a way that is not known; a word among numbers says that there is none.
+
+        Args:
+            name: of a column.
+            series: its cells, (n,).
+            text: which of them hold text that is no number, (n,).
+        """
+        words = series[text].astype("str")
+        unknown = words.str.contains(r"\d")
+        if text.all() or unknown.any():
+            row = int(np.flatnonzero(text)[0 if text.all() else unknown.to_numpy().argmax()])
+            expected = "a number or an empty cell"
+            if name == "time" or ":" in str(series.iloc[row]):
+                expected = (
+                    "seconds, a date such as 2026-11-23T14:05:03.5 or 23.11.2026 14:05:03, or a time such as 0:12:30"
+                )
+            self.refuse(row, name, repr(str(series.iloc[row])[:_LONGEST_CELL]), expected)
+        if text.any():
+            shown = ", ".join(f"'{word[:_LONGEST_CELL]}'" for word in words.unique()[:_MOST_WORDS])
+            note = f"{name}: {text.sum()} cells hold a word ({shown}), which is no reading."
+            if note not in self.notes:
+                self.notes.append(note)
+
 
 def _is_time(values: pd.Series | pd.Index) -> bool:
     """Whether these are dates or durations."""
     return pd.api.types.is_datetime64_any_dtype(values) or pd.api.types.is_timedelta64_dtype(values)
-
-
-# Hours, minutes and seconds; or minutes and seconds, which only a fraction tells from hours and minutes.
-_CLOCK = r"\s*(?:(?P<hours>\d+):(?P<of_hour>\d\d):(?P<seconds>\d\d(?:\.\d*)?)|(?P<minutes>\d+):(?P<rest>\d\d\.\d+))\s*"
-
-
-def _times(series: pd.Series) -> pd.Series | None:
-    """Text in which every cell is a time; `None` for other text.
-
-    Either a date as ISO 8601 writes it, in UTC if it names no zone, or a time such as 0:12:30 or 12:30.5.
-    """
-    if not len(series):
-        return None
-    clock = series.astype("str").str.extract(f"^{_CLOCK}$").astype("float64")
-    seconds = (3600 * clock["hours"] + 60 * clock["of_hour"] + clock["seconds"]).fillna(
-        60 * clock["minutes"] + clock["rest"]
-    )
-    if not seconds.isna().any():
-        return seconds
-    dates = pd.to_datetime(series, errors="coerce", utc=True, format="ISO8601")
-    return dates if not dates.isna().any() else None
 
 
 def column_sources(table: Table, columns: Mapping[str, ColumnSource]) -> dict[str, ColumnSource]:
