@@ -286,7 +286,7 @@ def _encoding(path: Path) -> str:
     """
     with gzip.open(path) if path.suffix == ".gz" else path.open("rb") as file:
         head = file.read(_HEAD)
-    if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+    if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) and "\n" in head.decode("utf-16", "replace"):
         return "utf-16"
     try:
         # The last character may be cut.

@@ -61,6 +61,8 @@ def find_layout(rows: Sequence[Cells]) -> Layout:
         layout = Layout(header, tuple(_without_bracket(cell) for cell in below) if units else ())
         count = 0
         for k in range(layout.first, len(rows)):
+            if rows[k] == row:  # a logger that was started again wrote its names once more
+                continue
             if not (of_values[k] and widths[k] <= len(row)):
                 break
             count += 1

@@ -116,7 +116,7 @@ def check_time(table: Table, name: str, time: FloatArray) -> tuple[npt.NDArray[n
 
 def _require_rows(table: Table, rows: int, different: int) -> None:
     if different < _FEWEST_ROWS:
-        found = f"{rows} row{'s' * (rows != 1)}" + f", {different} different times" * (different < rows)
+        found = f"{rows} rows" + f" at {different} different times" * (different < rows)
         raise InputError(table.path, "log", found, f"at least {_FEWEST_ROWS} at different times")
 
 

@@ -353,7 +353,10 @@ def read_log(
 
 def _checked_samples(table: Table, choice: ColumnChoice, strict: bool) -> tuple[Samples, list[str], tuple[Issue, ...]]:
     """The log's samples in SI and degC, notes, and what looks wrong."""
-    numbers = table.numbers(name for source in choice.sources.values() for name in source.columns)
+    sensors = {
+        name for key, source in choice.sources.items() if key.startswith("temperature.") for name in source.columns
+    }
+    numbers = table.numbers((name for source in choice.sources.values() for name in source.columns), sensors)
     raw: dict[str, FloatArray] = {}
     notes: list[str] = []
     for key, source in choice.sources.items():

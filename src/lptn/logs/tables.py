@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -55,8 +55,12 @@ class Table:
     digest: Callable[[], str] = str
     units: Mapping[str, str] = field(default_factory=dict)
 
-    def numbers(self, names: Iterable[str]) -> dict[str, FloatArray]:
+    def numbers(self, names: Iterable[str], worded: Collection[str] = ()) -> dict[str, FloatArray]:
         """The columns `names` as floats, (n,) each, NaN where empty; dates in s since 1970, durations in s.
+
+        Args:
+            names: of columns.
+            worded: those in which a word among the numbers says that there is none.
 
         Raises:
             InputError: a name stands twice in the file, the file is broken, or a cell holds text.
@@ -68,20 +72,20 @@ class Table:
         if not wanted:
             return {}
         frame = self.read(wanted)
-        return {name: self._floats(name, frame[name]) for name in wanted}
+        return {name: self._floats(name, frame[name], worded=name in worded) for name in wanted}
 
     def refuse(self, row: int, name: str, found: str, expected: str) -> NoReturn:
         """Raise the InputError for a cell; `row` counts from 0."""
         raise InputError(self.path, f"{self.where(row)}, column '{name}'", found, expected)
 
-    def _floats(self, name: str, series: pd.Series) -> FloatArray:
+    def _floats(self, name: str, series: pd.Series, *, worded: bool) -> FloatArray:
         kinds = pd.api.types
         if not (kinds.is_numeric_dtype(series) or _is_time(series)):
             numbers = pd.to_numeric(series, errors="coerce")
             text = (numbers.isna() & series.notna()).to_numpy()
             times = times_of(series) if text.all() else None
-            if times is None:
-                self._require_numbers(name, series, text)
+            if text.any() and times is None:
+                self._require_words(name, series, text, worded=worded)
             series = numbers if times is None else times
         if kinds.is_datetime64_any_dtype(series):
             series = pd.to_datetime(series, utc=True) - pd.Timestamp(0, tz="UTC")
@@ -91,29 +95,30 @@ class Table:
             return series.to_numpy()
         return series.to_numpy(dtype=np.float64, na_value=np.nan)
 
-    def _require_numbers(self, name: str, series: pd.Series, text: npt.NDArray[np.bool_]) -> None:
-        """Refuse text that may be a number in a way that is not known; a word among numbers says that there is none.
+    def _require_words(self, name: str, series: pd.Series, text: npt.NDArray[np.bool_], *, worded: bool) -> None:
+        """Refuse text that is no number, and note words by which a sensor says that it has no reading.
 
         Args:
             name: of a column.
             series: its cells, (n,).
             text: which of them hold text that is no number, (n,).
+            worded: whether there may be words; what has a digit in it is none, but a number in some other way.
         """
-        words = series[text].astype("str")
-        unknown = words.str.contains(r"\d")
-        if text.all() or unknown.any():
-            row = int(np.flatnonzero(text)[0 if text.all() else unknown.to_numpy().argmax()])
-            expected = "a number or an empty cell"
-            if name == "time" or ":" in str(series.iloc[row]):
+        rows = np.flatnonzero(text)
+        words = series.iloc[rows].astype("str")
+        refused = words.str.contains(r"\d").to_numpy(dtype=bool) | (not worded or text.all())
+        if refused.any():
+            row = int(rows[refused.argmax()])
+            cell, expected = str(series.iloc[row])[:_LONGEST_CELL], "a number or an empty cell"
+            if ":" in cell:
                 expected = (
-                    "seconds, a date such as 2026-11-23T14:05:03.5 or 23.11.2026 14:05:03, or a time such as 0:12:30"
+                    "a number; of times also 2026-11-23T14:05:03.5, 23.11.2026 14:05:03, or 0:12:30 since the start"
                 )
-            self.refuse(row, name, repr(str(series.iloc[row])[:_LONGEST_CELL]), expected)
-        if text.any():
-            shown = ", ".join(f"'{word[:_LONGEST_CELL]}'" for word in words.unique()[:_MOST_WORDS])
-            note = f"{name}: {text.sum()} cells hold a word ({shown}), which is no reading."
-            if note not in self.notes:
-                self.notes.append(note)
+            self.refuse(row, name, repr(cell), expected)
+        shown = ", ".join(f"'{word[:_LONGEST_CELL]}'" for word in words.unique()[:_MOST_WORDS])
+        note = f"{name}: {rows.size} cells hold a word ({shown}), which is no reading."
+        if note not in self.notes:
+            self.notes.append(note)
 
 
 def _is_time(values: pd.Series | pd.Index) -> bool:
