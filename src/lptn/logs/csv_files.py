@@ -231,7 +231,8 @@ class _Text:
         if cut and count - 1 not in of_words:
             frame = frame.iloc[:-1]
         if of_words and self.decimal == ",":  # words made text of the numbers beside them
-            frame = frame.apply(lambda column: column.str.replace(",", ".") if column.dtype == object else column)
+            texts = [name for name in frame if not pd.api.types.is_numeric_dtype(frame[name])]
+            frame = frame.assign(**{name: frame[name].str.replace(",", ".") for name in texts})
         return frame, of_words
 
     @staticmethod

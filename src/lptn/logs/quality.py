@@ -16,7 +16,7 @@ import numpy.typing as npt
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.logs.columns import ColumnName, ColumnSource, as_line_or_option
-from lptn.logs.silence import AMBIENT, INPUTS, Silence, duplicates
+from lptn.logs.silence import AMBIENT, INPUTS, Silence, duplicates, quantisation_step
 from lptn.logs.tables import Table
 
 
@@ -462,24 +462,34 @@ def suspect_fahrenheit(sources: Mapping[str, ColumnSource], values: Mapping[str,
 
 _JUMP = 0.75  # of the range: what counts as a jump from one end to the other
 _SHORT = 0.1  # of the range: the usual step, taken the shorter way round
+_FEWEST_COUNTS = 5  # different numbers in each half of the range, through which a counter passes
 
 
 def suspect_wrap(key: str, source: ColumnSource, raw: FloatArray) -> list[Issue]:
     """A counter that wraps; `raw` is (n,) as in the file."""
-    counts = raw[np.isfinite(raw)]
-    if source.wrap or len(source.columns) > 1 or counts.size < 2 or not (np.round(counts) == counts).all():
+    numbers = raw[np.isfinite(raw)]
+    temperature = key.startswith("temperature.")
+    whole = bool((np.round(numbers) == numbers).all())
+    unit = 1.0 if whole else quantisation_step(numbers) if temperature else 0.0
+    if source.wrap or len(source.columns) > 1 or numbers.size < 2 or unit == 0:
         return []
+    counts = numbers / unit
     steps = np.abs(np.diff(counts))
     jumps = -np.diff(counts) if key == "time" else steps  # time that leaps ahead is a gap
     low, high = counts.min(), counts.max()
-    for bits in (16, 32):
+    for bits in (8, 16, 32) if temperature else (16, 32):  # torques of a byte may change so much
         turn = float(2**bits)
-        in_range = (low >= 0 and high < turn) or (low >= -turn / 2 and high < turn / 2)
+        unsigned = low >= 0 and high < turn
+        in_range = unsigned or (low >= -turn / 2 and high < turn / 2)
         wraps = int((jumps > _JUMP * turn).sum())
         # A signal about 0 jumps at every change of sign: short are its steps the other way round.
-        if in_range and wraps and np.median(np.minimum(steps, turn - steps)) < _SHORT * turn:
-            problem = f"{wraps} jumps of some {turn:.0f}: a counter of {bits} bit that wraps"
-            return [_correctable(key, problem, replace(source, wrap=turn), True, kind="wrap")]
+        if not (in_range and wraps and np.median(np.minimum(steps, turn - steps)) < _SHORT * turn):
+            continue
+        above = counts > (turn / 2 if unsigned else 0)
+        if min(np.unique(counts[above]).size, np.unique(counts[~above]).size) < _FEWEST_COUNTS:
+            continue  # always the same number is a code for no reading
+        problem = f"{wraps} jumps of some {turn * unit:.6g}: a counter of {bits} bit that wraps"
+        return [_correctable(key, problem, replace(source, wrap=turn * unit), True, kind="wrap")]
     return []
 
 
@@ -544,6 +554,11 @@ def suspect_silence(
         elif each.whole and quantity in INPUTS:
             problem = f"reads {number} {unit} throughout, {each.stop - each.start:.4g} s, while the joint moves"
             remedy = f"the heat of {place} is not known; map the column that has it; if it was so, {believed}"
+        elif each.whole and key not in roles.predicted:
+            problem = (
+                f"reads {number} {unit} throughout, {each.stop - each.start:.4g} s, where all others begin elsewhere"
+            )
+            remedy = f"no sensor is there; map another column, or write a number for {place}; if it was so, {believed}"
         elif each.whole:
             problem = f"reads {number} {unit} throughout, {each.stop - each.start:.4g} s, while another one moves"
             remedy = "it is the only sensor, and counts all the same; if it was stuck, nothing can be concluded from it"

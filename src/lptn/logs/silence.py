@@ -11,8 +11,8 @@ before and after, are *codes* by which a sensor says that it has no reading.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -107,9 +107,9 @@ def silences(
 
 
 def _is_alone(readings: FloatArray, first: int, last: int) -> bool:
-    """Whether a number is far from the readings just before and after it, and from all others."""
+    """Whether a number is far from the readings just before and after it, and from all other numbers."""
     beside = readings[[k for k in (first - 1, last + 1) if 0 <= k < readings.size]]
-    others = np.delete(readings, np.s_[first : last + 1])
+    others = readings[readings != readings[first]]  # it may come back
     if not beside.size or others.size < _FEWEST:
         return False
     outside = readings[first] < others.min() - _FAR or readings[first] > others.max() + _FAR
@@ -217,19 +217,21 @@ def spikes(time: FloatArray, values: FloatArray, *, resolution: float = 0.0) -> 
 
 # degC that failing sensors are known to give: DS18B20 at power-up (85) and disconnected (-127), codes of drives and of
 # converters of 8 and 16 bit.
-_FAULT_CODES = (0.0, -127.0, 85.0, -999.0, 999.0, 255.0, 65535.0, 32767.0, -32768.0)
+_FAULT_CODES = (0.0, -127.0, 85.0, -999.0, 999.0, 127.0, 255.0, 65535.0, 32767.0, -32768.0)
 _FAR_OF_UNLISTED = 30.0  # K, from the readings on both sides: no sensor on a motor moves so far from row to row
+_FEWEST_NEAR = 3  # times that an unlisted number comes back, not quite so far off, in readings that follow soon
 _TOO_HOT = 150.0  # degC: a number beyond, or below its negative, may be a code though it occurs but once
 _OF_FAR = 0.2  # of all readings so far off, that one number is: spikes hit the same one now and then by chance
 _MOST_CODES = 4  # of one sensor; with more of them it is noise
 
 
-def codes(time: FloatArray, values: FloatArray) -> list[Silence]:
+def codes(time: FloatArray, values: FloatArray, known: Collection[float] = ()) -> list[Silence]:
     """Values that stand exactly the same, and each time far from the readings on both sides; one for each code.
 
     Args:
         time: (n,) s.
         values: (n,) degC, NaN where missing.
+        known: numbers at which the sensor was dead for long.
     """
     there = np.flatnonzero(np.isfinite(values))
     readings = values[there]
@@ -237,12 +239,14 @@ def codes(time: FloatArray, values: FloatArray) -> list[Silence]:
         return []
     levels = readings[np.concatenate(([True], np.diff(readings) != 0))]
     distance = np.fmin(np.abs(np.diff(levels, prepend=np.nan)), np.abs(np.diff(levels, append=np.nan)))
-    found, lone = [], np.count_nonzero(distance > _FAR_OF_UNLISTED)
+    quick = float(np.median(np.diff(time[there]))) <= _SPIKE_TIME
+    found, lone, far = [], np.count_nonzero(distance > _FAR_OF_UNLISTED), np.count_nonzero(distance > _FAR)
     for level in np.unique(levels[distance > _FAR]):
         distances = distance[levels == level]
-        listed = level in _FAULT_CODES
-        far = (distances > (_FAR if listed else _FAR_OF_UNLISTED)).all()
-        if far and (listed or abs(level) > _TOO_HOT or distances.size > max(1, _OF_FAR * lone)):
+        nearest, count = distances.min(), distances.size
+        listed = (level in _FAULT_CODES or level in known) and nearest > _FAR
+        farther = nearest > _FAR_OF_UNLISTED and (abs(level) > _TOO_HOT or count > max(1, _OF_FAR * lone))
+        if listed or farther or (quick and nearest > _FAR and count >= max(_FEWEST_NEAR, _OF_FAR * far)):
             found.append(float(level))
     # A minority: of a sensor that reads nothing else, nothing tells which is the code.
     if np.isin(readings, found).mean() >= 0.5 or len(found) > _MOST_CODES:
@@ -331,7 +335,8 @@ def of_sensor(time: FloatArray, values: FloatArray) -> list[Silence]:
     """What a temperature sensor says that is no reading: stretches, codes and spikes; (n,) s and degC."""
     resolution = quantisation_step(values)
     found = silences(time, values, resolution=resolution)
-    found += codes(time, without_silent(values, found))
+    dead = {each.value for each in found if each.kind == "dead"}
+    found += codes(time, without_silent(values, found), dead)
     return found + spikes(time, without_silent(values, found), resolution=resolution)
 
 
@@ -342,9 +347,13 @@ motor that idles beside one that works warms by a part of that."""
 
 
 def _still_throughout(values: Mapping[str, FloatArray]) -> dict[str, list[Silence]]:
-    """Temperatures that are one number throughout while another one moves; people write one number for the room."""
+    """Temperatures that are one number throughout while another one moves.
+
+    People write one number for the room: that is dead where it is a fault code, and the robot begins elsewhere.
+    """
     read = {key: each[np.isfinite(each)] for key, each in values.items() if key.startswith("temperature.")}
-    ranges = {key: float(np.ptp(each)) for key, each in read.items() if each.size}
+    read = {key: each for key, each in read.items() if each.size}
+    ranges = {key: float(np.ptp(each)) for key, each in read.items()}
     if all(ranges.values()):
         return {}
     coarsest = max((quantisation_step(each) for key, each in read.items() if ranges.get(key)), default=0.0)
@@ -353,8 +362,15 @@ def _still_throughout(values: Mapping[str, FloatArray]) -> dict[str, list[Silenc
     for key, extent in ranges.items():
         rows = np.isfinite(values[key])
         stamps = values["time"][rows]
-        if moved and not extent and stamps.size >= 3 and key != AMBIENT and stamps[-1] - stamps[0] >= _STUCK:
-            found[key] = [Silence("frozen", float(read[key][0]), float(stamps[0]), float(stamps[-1]), rows, whole=True)]
+        if not moved or extent or stamps.size < 3 or stamps[-1] - stamps[0] < _STUCK:
+            continue
+        one = Silence("frozen", float(read[key][0]), float(stamps[0]), float(stamps[-1]), rows, whole=True)
+        if key != AMBIENT:
+            found[key] = [one]
+        elif one.value in _FAULT_CODES and all(
+            abs(each[0] - one.value) > _FAR for each in read.values() if np.ptp(each)
+        ):
+            found[key] = [replace(one, kind="dead")]
     return found
 
 
