@@ -66,6 +66,7 @@ _JUMPS = 3.0  # steps: a coarse sensor that was alive all the while never moves 
 _LAST_MOVES, _RESTS = 5, 0.125
 """Readings before a stretch, and the share of the usual move below which they are at rest; of white noise 3 in 1000."""
 _TOUCHES = 5  # readings at the end of its range, before and after it stays there
+_CLEAR = 20  # readings without a touch: what is cut off of the noise then shifts the mean by a hundredth of it
 _FAR = 10.0  # K from what was read before and after: a number that is dead, or a code
 _FEWEST = 20  # readings, to know what a sensor is like
 
@@ -97,12 +98,16 @@ def silences(
             continue
         if not lone and not _is_too_long(stamps, readings, first, last, int(k), rests, resolution, temperature):
             continue
-        rows = np.zeros(len(values), dtype=bool)
-        rows[there[first[k]] : there[last[k]] + 1] = True
         kind: Kind = "dead" if lone else "frozen"
-        if kind == "frozen" and temperature and _is_end_of_range(readings, first[k], last[k]):
+        if not lone and temperature and _is_end_of_range(readings, first[k], last[k]):
             kind = "clamped"
-        found.append(Silence(kind, float(readings[first[k]]), float(stamps[first[k]]), float(stamps[last[k]]), rows))
+        pieces = [(first[k], last[k])] if kind != "clamped" else _touched(readings, first[k])
+        for begin, end in pieces:
+            rows = np.zeros(len(values), dtype=bool)
+            rows[there[begin] : there[end] + 1] = True
+            if not any(each.rows[there[begin]] for each in found):
+                found.append(Silence(kind, float(readings[first[k]]), float(stamps[begin]), float(stamps[end]), rows))
+    found.sort(key=lambda each: each.start)
     return found
 
 
@@ -173,10 +178,89 @@ def _is_too_long(
     return bool(resolution > 0 and max(beside) >= _JUMPS * step)
 
 
+def _touched(readings: FloatArray, limit: int) -> list[tuple[int, int]]:
+    """First and last of the readings of which a limit, that of the reading `limit`, cuts the noise off on one side.
+
+    Where noise only touches the limit, what is left of it is too high on average, or too low.
+    """
+    touches = np.flatnonzero(readings == readings[limit])
+    apart = np.flatnonzero(np.diff(touches) > _CLEAR)
+    begins, ends = np.concatenate(([0], apart + 1)), np.concatenate((apart, [touches.size - 1]))
+    return [
+        (max(int(touches[begin]) - _CLEAR, 0), min(int(touches[end]) + _CLEAR, readings.size - 1))
+        for begin, end in zip(begins, ends, strict=True)
+        if end - begin >= _TOUCHES
+    ]
+
+
 def _is_end_of_range(readings: FloatArray, first: int, last: int) -> bool:
     """Whether a number is the highest, or lowest, of all, and one that noise brought the sensor to again and again."""
     others, value = np.delete(readings, np.s_[first : last + 1]), readings[first]
     return bool((value >= others.max() or value <= others.min()) and (others == value).sum() >= _TOUCHES)
+
+
+# --- A limit at which a sensor of coarse steps stands, while the heat goes on ------------------------
+
+
+_RUN_UP = (4, 2)  # steps below the limit, between which, and from which on, the rise is timed
+_SLOWER = 1.6
+"""Times by which the second half of the run-up may take longer. Towards an end in the highest step the rise slows down
+so that it takes ln 3 / ln (5 / 3) = 2.15 times as long; with 1.6 the end is some two steps higher."""
+_GOES_ON = (
+    3.0  # times the second half of the run-up, in which the same load takes a sensor that is alive to the next step
+)
+
+
+def clamped_while_heated(time: FloatArray, values: FloatArray, load: FloatArray, *, resolution: float) -> list[Silence]:
+    """Stretches at the highest reading of a sensor of coarse steps, which it reached without slowing down.
+
+    Its noise doesn't show whether it is alive. But the same load at the same temperature makes it rise as it rose when
+    it came there: all that limits the rise is what leaves, and that would have slowed it down before.
+
+    Args:
+        time: (n,) s.
+        values: (n,) degC, NaN where missing.
+        load: torque or current of the joint, (n,).
+        resolution: the sensor's steps [K].
+    """
+    there = np.flatnonzero(np.isfinite(values))
+    if resolution <= 0 or there.size < _FEWEST:
+        return []
+    readings, stamps = values[there], time[there]
+    steps = np.round((readings.max() - readings) / resolution)
+    edges = np.flatnonzero(np.diff(steps == 0, prepend=False, append=False))
+    tops = [(first, last) for first, last in zip(edges[::2], edges[1::2] - 1, strict=True)]
+    known = np.isfinite(load)
+    clock, total = time[known], np.concatenate(([0.0], np.cumsum(np.square(load[known]))))
+
+    def mean(begins: FloatArray, length: float) -> FloatArray:
+        """Of the squared load in windows of `length` s."""
+        low, high = np.searchsorted(clock, begins), np.searchsorted(clock, begins + length)
+        return (total[high] - total[low]) / np.maximum(high - low, 1)
+
+    def stops(first: int, last: int) -> bool:
+        low = np.flatnonzero(steps[:first] > _RUN_UP[0])
+        if stamps[last] - stamps[first] < STILL or not low.size:
+            return False
+        passed = [low[-1] + 1 + int(np.argmax(steps[low[-1] + 1 :] <= n)) for n in (*_RUN_UP, 0)]
+        early, late = np.diff(stamps[passed])
+        if min(np.diff(passed)) < _LAST_MOVES or late > _SLOWER * early:
+            return False
+        before = mean(np.array([stamps[passed[0]]]), stamps[first] - stamps[passed[0]])
+        begins = stamps[first : last + 1]
+        window = _GOES_ON * late
+        after = mean(begins[begins + window <= stamps[last]], window)
+        return bool((after >= before).any() and before > 0)
+
+    if not any(stops(first, last) for first, last in tops):
+        return []
+    found = []
+    for first, last in tops:
+        if stamps[last] - stamps[first] >= _SHORTEST:
+            rows = np.zeros(len(values), dtype=bool)
+            rows[there[first] : there[last] + 1] = True
+            found.append(Silence("clamped", float(readings[first]), float(stamps[first]), float(stamps[last]), rows))
+    return found
 
 
 # --- Single readings that no thermal mass could have ------------------------------------------------
@@ -311,6 +395,9 @@ def silences_of(values: Mapping[str, FloatArray]) -> dict[str, list[Silence]]:
         each, (quantity, _, place) = values[key], key.partition(".")
         if quantity == "temperature":
             found[key] = still[key] if key in still else of_sensor(values["time"], each)
+            load = values.get(f"torque.{place}", values.get(f"current.{place}"))
+            if load is not None and not found[key]:
+                found[key] = clamped_while_heated(values["time"], each, load, resolution=quantisation_step(each))
         elif quantity in INPUTS:
             speed = f"velocity.{place}"
             moving = without_silent(values.get(speed, np.zeros(each.size)), found.get(speed, []))
