@@ -238,11 +238,14 @@ def clamped_while_heated(time: FloatArray, values: FloatArray, load: FloatArray,
         low, high = np.searchsorted(clock, begins), np.searchsorted(clock, begins + length)
         return (total[high] - total[low]) / np.maximum(high - low, 1)
 
+    lows = np.flatnonzero(steps > _RUN_UP[0])
+
     def stops(first: int, last: int) -> bool:
-        low = np.flatnonzero(steps[:first] > _RUN_UP[0])
-        if stamps[last] - stamps[first] < STILL or not low.size:
+        low = int(np.searchsorted(lows, first)) - 1
+        if stamps[last] - stamps[first] < STILL or low < 0:
             return False
-        passed = [low[-1] + 1 + int(np.argmax(steps[low[-1] + 1 :] <= n)) for n in (*_RUN_UP, 0)]
+        run_up = steps[lows[low] + 1 : first + 1]
+        passed = [int(lows[low]) + 1 + int(np.argmax(run_up <= n)) for n in (*_RUN_UP, 0)]
         early, late = np.diff(stamps[passed])
         if min(np.diff(passed)) < _LAST_MOVES or late > _SLOWER * early:
             return False
