@@ -162,7 +162,9 @@ def test_a_start_that_is_not_at_rest_gives_no_ambient(tmp_path: Path, capsys: py
     )
     GOOD.assign(**{"temperature.gearbox": 60.0}).to_csv(tmp_path / "log.csv", index=False)
     line = _refused(["fit", tmp_path / "model.toml", tmp_path / "log.csv"], capsys)
-    assert "nodes from 25.2 to 60.0 degC" in line
+    assert (
+        "motor at 25.2 degC, and gearbox at 60.0 degC" in line or "gearbox at 60.0 degC, and motor at 25.2 degC" in line
+    )
 
 
 def test_numbers_out_of_range_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

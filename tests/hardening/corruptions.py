@@ -186,6 +186,26 @@ def _wrapping(log: Log, joint: str, _rng: Rng) -> None:
     log[f"temperature.{joint}"] = (np.round(log[f"temperature.{joint}"] * 2000)) % 65536
 
 
+def _signed_byte(log: Log, joint: str, _rng: Rng) -> None:
+    """Quarters of a degree, which a byte holds up to 31.75 degC."""
+    log[f"temperature.{joint}"] = ((np.round(log[f"temperature.{joint}"] * 4) + 128) % 256 - 128) / 4
+
+
+def _throughout(key: str, value: float) -> Callable[[Log, str, Rng], None]:
+    def change(log: Log, joint: str, _rng: Rng) -> None:
+        log[key.format(joint=joint)] = value
+
+    return change
+
+
+def _again_and_again(value: float) -> Callable[[Log, str, Rng], None]:
+    def change(log: Log, joint: str, rng: Rng) -> None:
+        for length in (400, 30, 150, 90, 20):
+            _stands_at(value, length=length)(log, joint, rng)
+
+    return change
+
+
 def _renamed(old: str, new: str, scale: float = 1.0) -> Callable[[Log, str, Rng], None]:
     def change(log: Log, joint: str, _rng: Rng) -> None:
         log[new.format(joint=joint)] = log.pop(old.format(joint=joint)) * scale
@@ -252,8 +272,8 @@ CORRUPTIONS: dict[str, Corruption] = {
     "a code 255 now and then": Corruption(_now_and_then(255.0), _SENSOR, ("code",)),
     "a code 85 at power-up": Corruption(_single(_SENSOR, 85.0), _SENSOR, ("code", "spike")),
     "a single 0": Corruption(_single(_SENSOR, 0.0), _SENSOR, ("code", "spike")),
-    "firmware clamps the upper third": Corruption(_clamped(0.67, above=True), _SENSOR, _STILL, coarse=False),
-    "firmware clamps the upper half": Corruption(_clamped(0.5, above=True), _SENSOR, _STILL, coarse=False),
+    "firmware clamps the upper third": Corruption(_clamped(0.67, above=True), _SENSOR, _STILL),
+    "firmware clamps the upper half": Corruption(_clamped(0.5, above=True), _SENSOR, _STILL),
     "firmware clamps below": Corruption(_clamped(0.5, above=False), _SENSOR, _STILL, coarse=False),
     "two columns of one sensor": Corruption(_duplicate, "*", ("duplicate",)),
     "spikes of 20 K": Corruption(_spiky(20.0), _SENSOR, ("spike", "code")),
@@ -292,6 +312,12 @@ CORRUPTIONS: dict[str, Corruption] = {
     "time in µs": Corruption(_time(1e6), "time", _UNIT),
     "two rows swapped": Corruption(_swapped, "time", ("refused",)),
     "the clock starts again": Corruption(_clock_restarts, "time", ("refused",)),
+    "a code −1 now and then": Corruption(_now_and_then(-1.0, 0.02), _SENSOR, ("code",)),
+    "a code 65535 now and then": Corruption(_now_and_then(65535.0, 0.02), _SENSOR, ("code",)),
+    "a plug that comes loose, again and again": Corruption(_again_and_again(127.0), _SENSOR, ("dead",)),
+    "a signed byte that wraps": Corruption(_signed_byte, _SENSOR, ("wrap",), coarse=False),
+    "the air's sensor gives nothing but 0": Corruption(_throughout(_AIR, 0.0), _AIR, ("dead",)),
+    "the air's sensor gives nothing but −127": Corruption(_throughout(_AIR, -127.0), _AIR, ("dead",)),
     "−300 degC once": Corruption(_single(_SENSOR, -300.0), _SENSOR, ("refused",)),
 }
 

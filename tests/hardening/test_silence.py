@@ -13,7 +13,7 @@ import pytest
 from lptn.logs.columns import ColumnSource
 from lptn.logs.quality import Issue
 from lptn.logs.reading import read_log
-from lptn.logs.silence import duplicates, silences, silences_of
+from lptn.logs.silence import clamped_while_heated, duplicates, silences, silences_of
 from tests.hardening.corruptions import healthy, issues_in
 
 
@@ -192,3 +192,104 @@ def test_a_filtered_reading_that_comes_to_rest_is_not_frozen_after_a_minute() ->
     readings[790:800] = readings[800] + 0.1 * 0.5 ** np.arange(1, 11)
     readings[800:1000] = readings[800]
     assert not silences(time, readings)
+
+
+# --- A limit at which a coarse sensor stands --------------------------------------------------------
+
+
+def _heated(load: npt.NDArray[np.float64], constant: float = 600.0) -> npt.NDArray[np.float64]:
+    """A mass in air of 20 degC whose losses go with the square of the load, read in steps of 1 K; one row a second."""
+    temperature = np.full(load.size, 20.0)
+    for k in range(1, load.size):
+        gain = 60.0 * load[k - 1] ** 2
+        temperature[k] = temperature[k - 1] + (20.0 + gain - temperature[k - 1]) / constant
+    return np.round(temperature)
+
+
+def test_a_coarse_sensor_at_a_limit_is_clamped_while_the_load_goes_on() -> None:
+    time = np.arange(2400.0)
+    load = np.where((time % 800) < 500, 1.0, 0.6)
+    readings = np.minimum(_heated(load), 45.0)
+    (clamped,) = clamped_while_heated(time, readings, load, resolution=1.0)
+    assert (clamped.kind, clamped.value) == ("clamped", 45.0)
+    assert clamped.stop - clamped.start > 1000
+
+
+@pytest.mark.parametrize("level", np.linspace(0.4, 1.0, 13))
+def test_a_coarse_sensor_that_comes_to_its_end_is_not(level: float) -> None:
+    time = np.arange(6000.0)
+    load = np.full(time.size, level)
+    assert not clamped_while_heated(time, _heated(load), load, resolution=1.0)
+
+
+def test_a_coarse_sensor_that_a_derating_drive_holds_at_a_limit_is_not() -> None:
+    time, load, readings = np.arange(2400.0), np.ones(2400), np.full(2400, 20.0)
+    temperature = 20.0
+    for k in range(1, time.size):
+        load[k] = 1.0 if temperature < 45.2 else 0.5
+        temperature += (20.0 + 60.0 * load[k] ** 2 - temperature) / 600.0
+        readings[k] = np.round(temperature)
+    assert (readings[-1200:] == 45).all()
+    assert not clamped_while_heated(time, readings, load, resolution=1.0)
+
+
+def test_readings_of_which_a_limit_cuts_the_noise_off_are_left_out() -> None:
+    rng, time = np.random.default_rng(3), np.arange(1200.0)
+    true = np.interp(time, [0, 300, 600, 1000, 1200], [30, 39.9, 42, 39.9, 36])
+    noise = rng.normal(0, 0.1, time.size)
+    log = pd.DataFrame(
+        {"time": time, "temperature.a": np.minimum(true + noise, 40.0), "temperature.b": true + noise[::-1]}
+    )
+    (run,) = read_log(log)
+    left = run.columns["temperature.a"] - true
+    near = np.abs(true - 40.0) < 0.2
+    assert np.isnan(left[near]).mean() > 0.9
+    assert abs(np.nanmean(left)) < 0.01
+
+
+# --- Codes, and counters that wrap --------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("code", [-1.0, 65535.0, 127.0, 0.0])
+def test_a_number_that_comes_back_far_from_all_around_is_a_code(code: float) -> None:
+    log, rng = _log(), np.random.default_rng(5)
+    log.loc[rng.random(len(log)) < 0.02, "temperature.FR_calf"] = code
+    (issue,) = _issues(log)
+    assert (issue.kind, issue.key) == ("code", "temperature.FR_calf")
+    assert issue.corrected is not None
+    assert issue.corrected.invalid == (code,)
+
+
+def test_what_is_dead_for_long_is_a_code_for_short() -> None:
+    log = _log()
+    time = log["time"] - log["time"].iloc[0]
+    for start, length in ((300, 400), (900, 20), (1200, 100)):
+        log.loc[_between(log, start, start + length), "temperature.FR_calf"] = 126.0
+    issues = _issues(log)
+    assert {issue.kind for issue in issues} == {"dead", "code"}
+    (run,) = read_log(log)
+    assert np.nanmax(run.columns["temperature.FR_calf"]) < 110
+    assert time.iloc[-1] > 1300
+
+
+def test_a_signed_byte_of_half_degrees_that_wraps_is_put_right() -> None:
+    rng, time = np.random.default_rng(6), np.arange(1200.0)
+    true = 40 + 35 * np.sin(time / 400) + rng.normal(0, 0.2, time.size)
+    counts = np.round(2 * true)
+    log = pd.DataFrame(
+        {"time": time, "temperature.a": ((counts + 128) % 256 - 128) / 2, "torque.a": rng.normal(0, 1, 1200)}
+    )
+    (issue,) = _issues(log)
+    assert issue.kind == "wrap"
+    assert issue.certain
+    assert issue.corrected is not None
+    (run,) = read_log(log, {"temperature.a": issue.corrected})
+    assert run.columns["temperature.a"] == pytest.approx(counts / 2)
+
+
+@pytest.mark.parametrize("number", [0.0, -127.0])
+def test_air_that_is_one_code_throughout_is_dead(number: float) -> None:
+    log = _log().assign(**{"temperature.ambient": number})
+    issues = _issues(log)
+    assert [(issue.key, issue.kind) for issue in issues] == [("temperature.ambient", "dead")]
+    assert not _issues(_log().assign(**{"temperature.ambient": 12.0}))  # a number that someone wrote

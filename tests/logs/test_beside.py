@@ -54,13 +54,18 @@ def test_a_frozen_sensor_stands_in_the_way_of_no_conclusion() -> None:
     refuse_doubtful([run])
 
 
-def test_air_near_a_joint_and_a_sign_turned_round_stand_in_the_way_of_none() -> None:
+def test_air_near_a_joint_stands_in_the_way_until_someone_says_that_it_is_the_rooms_but_a_sign_does_not() -> None:
     time = np.arange(900.0)
     warm = 20 * (1 - np.exp(-time / 300))
     log = pd.DataFrame({"time": time, AIR: 20 + 0.3 * warm, "temperature.a": 20 + warm})
     speed = 3 * np.sin(time / 7)
-    (run,) = read_log(log.assign(**{"velocity.a": speed, "torque.a": -4 * np.sign(speed)}), name="beside")
+    log = log.assign(**{"velocity.a": speed, "torque.a": -4 * np.sign(speed)})
+    (run,) = read_log(log, name="beside")
     assert {issue.kind for issue in run.issues} == {"follows", "sign"}
+    with pytest.raises(InputError, match=r"rises with temperature\.a.*conclusions can be drawn from.*valid = \["):
+        refuse_doubtful([run])
+    (run,) = read_log(log, {AIR: ColumnSource((AIR,), valid=(-80.0, 80.0))}, name="beside")
+    assert {issue.kind for issue in run.issues} == {"sign"}
     refuse_doubtful([run])
 
 

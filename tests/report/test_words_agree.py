@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from copy import copy
 from dataclasses import replace
 
 import numpy as np
@@ -18,10 +17,9 @@ from lptn.effects.radiation import Radiation
 from lptn.identify.comparison import Comparison, compare
 from lptn.identify.fitting import finished
 from lptn.identify.validation import holdout_errors
-from lptn.logs.quality import Issue
 from lptn.model.network import EffectDeclaration
 from lptn.report.heat_story import HeatStory
-from lptn.report.outcome import condition_of, headline, left_in_words, outcome_of
+from lptn.report.outcome import headline, left_in_words, outcome_of
 from lptn.report.shown import heat_fields
 from lptn.report.text import significant
 from lptn.report.words import (
@@ -52,21 +50,6 @@ def test_a_solved_story_says_what_was_found_and_not_that_something_is_missing(mi
     told = _everything(history, missing)
     for wrong in ("is missing:", "Something", "still wrong", "does not explain"):
         assert wrong not in told
-
-
-def test_what_is_concluded_where_a_joint_warms_the_ambient_hangs_on_its_sensor(missing: Told) -> None:
-    history = missing[0]
-    assert "This holds if" not in headline(history)
-    issue = Issue("temperature.ambient", "air", "rises with temperature.a", "move it", False, kind="follows")
-    step = history.best
-    problem = copy(step.fit.problem)
-    bound = problem.bound_runs[0]
-    doubted = replace(bound, run=replace(bound.run, issues=(issue,)))
-    problem.bound_runs = [doubted, *problem.bound_runs[1:]]
-    steps = (*history.steps[:-1], replace(step, fit=replace(step.fit, problem=problem)))
-    said = headline(replace(history, steps=steps))
-    assert f"This holds if temperature.ambient is that of the room in {bound.run.name}, where it rises with" in said
-    assert condition_of(replace(history, steps=steps[:1], verdict="adequate")) == ""
 
 
 def test_what_a_first_verdict_could_not_explain_but_two_steps_did_is_found(missing: Told) -> None:

@@ -108,8 +108,8 @@ class ColumnSource:
         how: several columns are one: the root of the sum of their squares, their product (voltage and current), their
             mean (two sensors on one housing), or the first over the second where that is above a tenth of its largest
             (a resistance: voltage over current).
-        wrap: what a counter of few bits jumps by, 65536 for one of 16 bit; 0 for none. Of what is no time, the
-            middle value is taken to lie between -wrap/2 and wrap/2.
+        wrap: what a counter of few bits jumps by, 65536 for one of 16 bit; 0 for none. Times and temperatures begin
+            with what they say; of all else the middle value is taken to lie between -wrap/2 and wrap/2.
         invalid: numbers in the file that stand for no reading, such as 850.
         valid: least and greatest number in the file that is a reading.
         afterwards: in `unit`, what holds behind the last reading: 0 where a log ends because all was switched off.
@@ -162,7 +162,7 @@ class ColumnSource:
             return x
         whole = x.copy()
         whole[finite] = np.unwrap(x[finite], period=self.wrap)
-        turns = 0.0 if quantity == "time" else np.round(np.median(whole[finite]) / self.wrap)
+        turns = 0.0 if quantity in ("time", "temperature") else np.round(np.median(whole[finite]) / self.wrap)
         return np.asarray(whole - turns * self.wrap)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import csv
 import gzip
 import os
@@ -14,6 +15,7 @@ from itertools import islice
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 import pandas as pd
 import pyarrow as pa
 import pyarrow.csv as pa_csv
@@ -21,11 +23,12 @@ import pyarrow.csv as pa_csv
 from lptn.basics.errors import InputError
 from lptn.basics.files import fingerprint
 from lptn.logs import tables
-from lptn.logs.layout import LOOKED_AT, Layout, find_layout
+from lptn.logs.layout import LOOKED_AT, Layout, find_layout, is_value
 from lptn.logs.tables import Table, broken, too_large
 
 ENDINGS = (".csv", ".tsv", ".txt", ".csv.gz", ".tsv.gz", ".txt.gz")
 
+_ENCODING = "utf-8"
 _LONGEST_LINE = 1 << 24  # characters, of 100,000 columns with long names; binary files may have no line end at all
 _HEAD, _FEWEST_LINES = 1 << 19, 4  # characters that are looked at for the layout, and lines that are in any case
 _SEPARATORS = ",;\t"
@@ -40,17 +43,12 @@ def open_csv(path: Path) -> Table:
     Raises:
         InputError: it can't be read, or has no line of names.
     """
-    try:
-        head = _head(path)
-    except (OSError, EOFError, zlib.error, UnicodeDecodeError) as error:
-        raise InputError(path, "log", f"a file that can't be read ({error})", "CSV text in UTF-8") from error
-    if not head:
-        raise InputError(path, "log", "an empty file", "a header line and at least 10 rows")
-    if len(head[0][1]) >= _LONGEST_LINE - 1:
-        raise InputError(path, "header", "a line of 16 million characters", "a line of column names")
-    text = _Text.of(path, head)
+    encoding, head = _begin(path)
+    text = _Text.of(path, encoding, head)
     cut = _ends_within_a_line(path)
     notes = ["the file ends within a line, which is left out: its last number may be cut."] if cut else []
+    if encoding != _ENCODING:
+        notes.append(f"log: its text is read as {encoding}, for it is not in UTF-8.")
     if text.layout.header:
         notes.append(f"log: its table begins on line {text.header_line}; what stands above is left out.")
 
@@ -59,11 +57,21 @@ def open_csv(path: Path) -> Table:
     def read(wanted: Sequence[str]) -> pd.DataFrame:
         positions = [place[name] for name in wanted]
         frame = text.read_regular(positions)
-        frame = text.read_any(positions) if frame is None else frame
-        return frame.iloc[: len(frame) - cut].set_axis(list(wanted), axis="columns")
+        if frame is not None:
+            frame = frame.iloc[: len(frame) - cut]
+        else:
+            frame, left_out[:] = text.read_any(positions, cut)
+            note = f"log: {len(left_out)} lines below its names hold words and no number; left out."
+            if left_out and note not in notes:
+                notes.append(note)
+        return frame.set_axis(list(wanted), axis="columns")
+
+    left_out: list[int] = []
 
     def where(row: int) -> str:
-        line, _ = next(islice(_lines(path), text.layout.first + row, None), (0, ""))
+        for earlier in left_out:
+            row += earlier <= row
+        line, _ = next(islice(_lines(path, encoding), text.layout.first + row, None), (0, ""))
         return f"line {line}" if line else f"row {row + 1}"  # of a file that pandas cuts into lines another way
 
     units = dict(zip(text.names, text.layout.units, strict=False))
@@ -76,6 +84,7 @@ class _Text:
 
     Args:
         path: the file.
+        encoding: of its characters.
         separator: of its cells.
         decimal: the sign in its numbers.
         layout: where the table begins, among lines that are neither blank nor comments.
@@ -85,6 +94,7 @@ class _Text:
     """
 
     path: Path
+    encoding: str
     separator: str
     decimal: str
     layout: Layout
@@ -98,7 +108,7 @@ class _Text:
         return self.lines[self.layout.header]
 
     @classmethod
-    def of(cls, path: Path, head: Sequence[tuple[int, str]]) -> _Text:
+    def of(cls, path: Path, encoding: str, head: Sequence[tuple[int, str]]) -> _Text:
         """What the first lines say.
 
         Raises:
@@ -122,7 +132,8 @@ class _Text:
             raise InputError(path, "header", problem, "a name for each column, and numbers with a decimal point")
         cells = (cell.strip() for row in rows[layout.first :] for cell in row)
         decimal = "," if separator != "," and any(map(_DECIMAL_COMMA.fullmatch, cells)) else "."
-        return cls(path, separator, decimal, layout, tuple(number for number, _ in head), names, tuple(first))
+        lines = tuple(number for number, _ in head)
+        return cls(path, encoding, separator, decimal, layout, lines, names, tuple(first))
 
     def read_regular(self, positions: Sequence[int]) -> pd.DataFrame | None:
         """The columns at `positions` of a file whose rows are all as long as the header, and hold what the first does.
@@ -148,6 +159,7 @@ class _Text:
                     skip_rows=self.lines[self.layout.first] - 1,
                     column_names=keys,
                     block_size=max(_BLOCK, _LINES_IN_A_BLOCK * longest),
+                    encoding=self.encoding,
                 ),
                 pa_csv.ParseOptions(delimiter=self.separator),
                 pa_csv.ConvertOptions(
@@ -173,8 +185,11 @@ class _Text:
         cell = self.first[position].strip()
         return not cell or _is_number(cell.replace(self.decimal, "."))
 
-    def read_any(self, positions: Sequence[int]) -> pd.DataFrame:
-        """The columns at `positions` of any file of rows, comments and blanks among them.
+    def read_any(self, positions: Sequence[int], cut: bool) -> tuple[pd.DataFrame, list[int]]:
+        """The columns at `positions` of any file of rows, comments and blanks among them; and which rows are left out.
+
+        A row of words without a number is no row of the table: its names again, a logger's message, a last line that
+        says how many there were. Nor is the last one where it was `cut`.
 
         Raises:
             InputError: a row is longer than the header, or the file is broken.
@@ -186,7 +201,7 @@ class _Text:
         ]
         rows = max(_CELLS_IN_A_CHUNK // len(self.names), 1)
         most, count = tables.MOST_NUMBERS // max(len(positions), 1), 0
-        chunks = []
+        chunks, of_words = [], list[int]()
         try:
             with pd.read_csv(
                 self.path,
@@ -197,19 +212,40 @@ class _Text:
                 index_col=False,
                 skipinitialspace=True,
                 low_memory=False,
-                encoding="utf-8-sig",
+                encoding=_with_mark(self.encoding),
+                encoding_errors="replace",
                 chunksize=rows,
             ) as reader:
                 for chunk in reader:
+                    words = self._rows_of_words(chunk)
+                    of_words += [count + int(row) for row in np.flatnonzero(words)]
                     count += len(chunk)
                     if count >= most:
                         raise too_large(self.path, f"{most} rows or more")
-                    chunks.append(chunk.iloc[:, list(positions)].copy())
+                    chunks.append(chunk.iloc[~words, list(positions)].copy())
         except InputError:
             raise
         except (OSError, EOFError, zlib.error, ValueError, OverflowError, MemoryError) as error:
             raise broken(self.path, error, "rows as long as the header") from error
-        return pd.concat(chunks, ignore_index=True)
+        frame = pd.concat(chunks, ignore_index=True)
+        if cut and count - 1 not in of_words:
+            frame = frame.iloc[:-1]
+        if of_words and self.decimal == ",":  # words made text of the numbers beside them
+            texts = [name for name in frame if not pd.api.types.is_numeric_dtype(frame[name])]
+            frame = frame.assign(**{name: frame[name].str.replace(",", ".") for name in texts})
+        return frame, of_words
+
+    @staticmethod
+    def _rows_of_words(chunk: pd.DataFrame) -> npt.NDArray[np.bool_]:
+        """Which rows hold text and no value, (n,)."""
+        numbers = chunk.select_dtypes("number")
+        rows = np.flatnonzero(chunk.notna().to_numpy().any(axis=1) & ~numbers.notna().to_numpy().any(axis=1))
+        for name in chunk.columns.difference(numbers.columns, sort=False):  # in most rows the first one has a value
+            cells = chunk[name].iloc[rows].fillna("").astype("str")
+            rows = rows[~cells.map(is_value).to_numpy(dtype=bool)]
+        words = np.zeros(len(chunk), dtype=bool)
+        words[rows] = True
+        return words
 
 
 def _joined(pieces: list[pa.Array]) -> object:
@@ -220,11 +256,54 @@ def _joined(pieces: list[pa.Array]) -> object:
     return np.concatenate([piece.to_numpy(zero_copy_only=False) for piece in pieces])
 
 
-def _head(path: Path) -> list[tuple[int, str]]:
+def _begin(path: Path) -> tuple[str, list[tuple[int, str]]]:
+    """How a file's characters are written, and its first lines that hold something, each with its number.
+
+    Raises:
+        InputError: it can't be read, or is no table of text.
+    """
+    try:
+        encoding = _encoding(path)
+        head = _head(path, encoding)
+    except (OSError, EOFError, zlib.error, UnicodeError) as error:
+        raise InputError(path, "log", f"a file that can't be read ({error})", "CSV text in UTF-8") from error
+    if not head:
+        raise InputError(path, "log", "an empty file", "a header line and at least 10 rows")
+    if len(head[0][1]) >= _LONGEST_LINE - 1:
+        raise InputError(path, "header", "a line of 16 million characters", "a line of column names")
+    return encoding, head
+
+
+def _with_mark(encoding: str) -> str:
+    """The same, if at the beginning there may be a byte order mark, as Excel writes one."""
+    return "utf-8-sig" if encoding == _ENCODING else encoding
+
+
+def _encoding(path: Path) -> str:
+    """How characters are written: UTF-16 says so by its first bytes; what is not UTF-8 is as Windows had it.
+
+    Raises:
+        UnicodeError: it is no text at all.
+    """
+    with gzip.open(path) if path.suffix == ".gz" else path.open("rb") as file:
+        head = file.read(_HEAD)
+    if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) and "\n" in head.decode("utf-16", "replace"):
+        return "utf-16"
+    try:
+        # The last character may be cut.
+        codecs.getincrementaldecoder(_ENCODING)().decode(head)
+    except UnicodeDecodeError:
+        if b"\0" in head:
+            raise
+        return "cp1252"
+    return _ENCODING
+
+
+def _head(path: Path, encoding: str) -> list[tuple[int, str]]:
     """The first lines that hold something, each with its number."""
     head: list[tuple[int, str]] = []
     characters = 0
-    for number, text in islice(_lines(path), LOOKED_AT):
+    for number, text in islice(_lines(path, encoding), LOOKED_AT):
         head.append((number, text))
         characters += len(text)
         if characters > _HEAD and len(head) >= _FEWEST_LINES:
@@ -246,14 +325,14 @@ def _ends_within_a_line(path: Path) -> bool:
     if path.suffix == ".gz":
         return False
     with path.open("rb") as file:
-        file.seek(-1, os.SEEK_END)
-        return file.read(1) not in (b"\n", b"\r")
+        file.seek(-min(2, path.stat().st_size), os.SEEK_END)
+        return not file.read().strip(b"\0").endswith((b"\n", b"\r"))  # the end of a line in UTF-16 has a zero beside it
 
 
-def _lines(path: Path) -> Iterator[tuple[int, str]]:
+def _lines(path: Path, encoding: str) -> Iterator[tuple[int, str]]:
     """The lines that hold data, each with its number from 1: neither blank nor comment."""
     opener = gzip.open if path.suffix == ".gz" else open
-    with opener(path, "rt", encoding="utf-8-sig", newline="") as stream:
+    with opener(path, "rt", encoding=_with_mark(encoding), errors="replace", newline="") as stream:
         for number, line in enumerate(iter(partial(stream.readline, _LONGEST_LINE), ""), start=1):
             text = line.split("#")[0].strip("\r\n ")
             if text.strip():

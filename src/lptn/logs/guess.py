@@ -116,12 +116,12 @@ def guess(
 def _numbers(table: Table, columns: Sequence[str]) -> dict[str, FloatArray]:
     """Those of the columns that hold numbers, (n,) each: read together, or where one of them holds text one by one."""
     try:
-        return table.numbers(columns)
+        return table.numbers(columns, columns)
     except InputError:
         numbers: dict[str, FloatArray] = {}
         for column in columns:
             with suppress(InputError):
-                numbers |= table.numbers([column])
+                numbers |= table.numbers([column], [column])
         return numbers
 
 

@@ -51,7 +51,7 @@ def find_layout(rows: Sequence[Cells]) -> Layout:
         rows: cells as text, neither blank rows nor comments among them.
     """
     widths = [max((k for k, cell in enumerate(row, start=1) if cell.strip()), default=0) for row in rows]
-    of_values = [any(_VALUE.fullmatch(cell.strip()) for cell in row) for row in rows]
+    of_values = [any(map(is_value, row)) for row in rows]
     best = Layout(0)
     for header, row in enumerate(rows[:-1]):
         if of_values[header] or not any(map(str.isalpha, "".join(row))):
@@ -61,12 +61,19 @@ def find_layout(rows: Sequence[Cells]) -> Layout:
         layout = Layout(header, tuple(_without_bracket(cell) for cell in below) if units else ())
         count = 0
         for k in range(layout.first, len(rows)):
+            if rows[k] == row:  # a logger that was started again wrote its names once more
+                continue
             if not (of_values[k] and widths[k] <= len(row)):
                 break
             count += 1
         if count > best.rows:
             best = Layout(layout.header, layout.units, count)
     return best
+
+
+def is_value(cell: str) -> bool:
+    """Whether a cell is one of a table's values: a number, a date or time, or what people write where there is none."""
+    return _VALUE.fullmatch(cell.strip()) is not None
 
 
 def _without_bracket(cell: str) -> str:

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.logs.columns import ColumnName, ColumnSource, as_line_or_option
-from lptn.logs.silence import AMBIENT, INPUTS, Silence, duplicates
+from lptn.logs.silence import AMBIENT, INPUTS, Silence, duplicates, quantisation_step
 from lptn.logs.tables import Table
 
 
@@ -68,7 +68,8 @@ def _correctable(
 
 
 _FEWEST_ROWS = 10
-_LONGEST_PERIOD = 86400.0  # s, a day: nothing thermal is logged once a day
+_DAY = 86400.0  # s
+_LONGEST_PERIOD = _DAY  # nothing thermal is logged once a day
 _LATEST = 1e20  # s, or in whatever unit was meant: times since 1970 in ns are below 2e18
 _LARGEST = 1e12  # of any quantity in SI, so that the sum of its squares is still a number
 _ABSOLUTE_ZERO = -273.15  # degC
@@ -85,7 +86,7 @@ def check_time(table: Table, name: str, time: FloatArray) -> tuple[npt.NDArray[n
     Raises:
         InputError: time is missing somewhere, runs backwards, or is too short or too coarse to be in s.
     """
-    _require_rows(table, time.size)
+    _require_rows(table, time.size, time.size)
     usable = np.abs(time) < _LATEST
     if not usable.all():
         row = int(np.argmin(usable))
@@ -94,12 +95,15 @@ def check_time(table: Table, name: str, time: FloatArray) -> tuple[npt.NDArray[n
     if (steps < 0).any():
         row = int((steps < 0).argmax()) + 1
         expected = "time that runs forwards"
-        if abs(time[row]) <= 0.1 * abs(time[row - 1]):  # the clock starts again from about 0
+        if 0.9 * _DAY < time[row - 1] < _DAY and 0 <= time[row] < 0.1 * _DAY:
+            midnight = as_line_or_option("time", ColumnSource((name,), wrap=_DAY))
+            expected += f"; for a clock of the day that passes midnight write {midnight}"
+        elif abs(time[row]) <= 0.1 * abs(time[row - 1]):  # the clock starts again from about 0
             expected += "; a counter that overflows is written as wrap = 65536, or whatever it counts to, in its entry"
             expected += " of [columns]"
         table.refuse(row, name, f"{time[row]:.12g} s after {time[row - 1]:.12g} s", expected)
     keep = np.flatnonzero(np.concatenate(([True], steps > 0)))
-    _require_rows(table, keep.size)
+    _require_rows(table, time.size, keep.size)
     period = float(np.median(np.diff(time[keep])))
     if period > _LONGEST_PERIOD:
         line = as_line_or_option("time", ColumnSource((name,), _unit_of_rows(period)))
@@ -110,9 +114,70 @@ def check_time(table: Table, name: str, time: FloatArray) -> tuple[npt.NDArray[n
     return keep, (note,) if dropped else ()
 
 
-def _require_rows(table: Table, rows: int) -> None:
-    if rows < _FEWEST_ROWS:
-        raise InputError(table.path, "log", f"{rows} rows", f"at least {_FEWEST_ROWS} at different times")
+def _require_rows(table: Table, rows: int, different: int) -> None:
+    if different < _FEWEST_ROWS:
+        found = f"{rows} rows" + f" at {different} different times" * (different < rows)
+        raise InputError(table.path, "log", found, f"at least {_FEWEST_ROWS} at different times")
+
+
+_MOSTLY_TWICE = 0.5  # share of the rows of one stamp that say something else than the one before; else it is a copy
+_COARSEST_CLOCK = 10.0  # s: rows that are spread may come as late, which moves a temperature little
+_OF_DEVICES = 3.0
+"""Times by which temperatures differ more within a time stamp than from one to the next, where rows of several devices
+follow each other; of one sensor's rows they differ less."""
+
+
+def within_stamps(
+    table: Table, name: str, time: FloatArray, values: Mapping[str, FloatArray]
+) -> tuple[FloatArray, str]:
+    """Times in which rows of one time stamp are evenly apart, where the clock is coarser than the rows; and a note.
+
+    Whole seconds under fifty rows a second would leave one torque of fifty, whose square says little of the heat. Rows
+    that are there twice, number by number, are not spread.
+
+    Args:
+        table: the log.
+        name: the time column's name in the file.
+        time: (n,) s.
+        values: the quantities, (n,) each.
+
+    Raises:
+        InputError: the rows of a stamp seem to be of several devices, or its clock has lost its digits.
+    """
+    first = np.flatnonzero(np.diff(time, prepend=-np.inf))
+    counts = np.diff(first, append=time.size)
+    if first.size < _FEWEST_ROWS or np.median(counts) < 2 or not np.isfinite(time).all():
+        return time, ""
+    inside = np.setdiff1d(np.arange(1, time.size), first)
+    differ = np.zeros(inside.size, dtype=bool)
+    for each in values.values():
+        differ |= (each[inside] != each[inside - 1]) & ~(np.isnan(each[inside]) & np.isnan(each[inside - 1]))
+    if differ.mean() < _MOSTLY_TWICE:
+        return time, ""
+    for key, each in values.items():
+        if key.startswith("temperature.") and np.isfinite(each).any():
+            within, between = (
+                np.nanmedian(np.abs(np.diff(each))[inside - 1]),
+                np.nanmedian(np.abs(np.diff(each[first]))),
+            )
+            if within > _OF_DEVICES * between:
+                problem = f"{np.median(counts):.0f} rows at each time, in which {key} differs by {within:.3g} K"
+                expected = "one row for each time: rows of several devices want a column for each of their quantities"
+                raise InputError(table.path, f"column '{name}'", problem, expected)
+    apart = np.diff(time[first])
+    usual, of_one = float(np.median(apart)), f"{np.median(counts):.0f} rows"
+    if usual > _COARSEST_CLOCK:
+        problem = f"times {usual:.3g} s apart for {of_one} each, of which the digits behind are lost"
+        rated = as_line_or_option("time", ColumnSource((), rate=float(f"{np.median(counts) / usual:.3g}")))
+        raise InputError(
+            table.path, f"column '{name}'", problem, f"a time for each row; if they come at one rate, {rated}"
+        )
+    lasts = np.minimum(np.append(apart, usual), usual)
+    spread = time + (np.arange(time.size) - np.repeat(first, counts)) * np.repeat(lasts / counts, counts)
+    note = (
+        f"time: stamps {usual:.3g} s apart for {np.median(counts):.0f} rows each, which are taken to be evenly apart."
+    )
+    return spread, note
 
 
 def check_values(table: Table, key: str, source: ColumnSource, values: FloatArray) -> None:
@@ -397,24 +462,34 @@ def suspect_fahrenheit(sources: Mapping[str, ColumnSource], values: Mapping[str,
 
 _JUMP = 0.75  # of the range: what counts as a jump from one end to the other
 _SHORT = 0.1  # of the range: the usual step, taken the shorter way round
+_FEWEST_COUNTS = 5  # different numbers in each half of the range, through which a counter passes
 
 
 def suspect_wrap(key: str, source: ColumnSource, raw: FloatArray) -> list[Issue]:
     """A counter that wraps; `raw` is (n,) as in the file."""
-    counts = raw[np.isfinite(raw)]
-    if source.wrap or len(source.columns) > 1 or counts.size < 2 or not (np.round(counts) == counts).all():
+    numbers = raw[np.isfinite(raw)]
+    temperature = key.startswith("temperature.")
+    whole = bool((np.round(numbers) == numbers).all())
+    unit = 1.0 if whole else quantisation_step(numbers) if temperature else 0.0
+    if source.wrap or len(source.columns) > 1 or numbers.size < 2 or unit == 0:
         return []
+    counts = numbers / unit
     steps = np.abs(np.diff(counts))
     jumps = -np.diff(counts) if key == "time" else steps  # time that leaps ahead is a gap
     low, high = counts.min(), counts.max()
-    for bits in (16, 32):
+    for bits in (8, 16, 32) if temperature else (16, 32):  # torques of a byte may change so much
         turn = float(2**bits)
-        in_range = (low >= 0 and high < turn) or (low >= -turn / 2 and high < turn / 2)
+        unsigned = low >= 0 and high < turn
+        in_range = unsigned or (low >= -turn / 2 and high < turn / 2)
         wraps = int((jumps > _JUMP * turn).sum())
         # A signal about 0 jumps at every change of sign: short are its steps the other way round.
-        if in_range and wraps and np.median(np.minimum(steps, turn - steps)) < _SHORT * turn:
-            problem = f"{wraps} jumps of some {turn:.0f}: a counter of {bits} bit that wraps"
-            return [_correctable(key, problem, replace(source, wrap=turn), True, kind="wrap")]
+        if not (in_range and wraps and np.median(np.minimum(steps, turn - steps)) < _SHORT * turn):
+            continue
+        above = counts > (turn / 2 if unsigned else 0)
+        if min(np.unique(counts[above]).size, np.unique(counts[~above]).size) < _FEWEST_COUNTS:
+            continue  # always the same number is a code for no reading
+        problem = f"{wraps} jumps of some {turn * unit:.6g}: a counter of {bits} bit that wraps"
+        return [_correctable(key, problem, replace(source, wrap=turn * unit), True, kind="wrap")]
     return []
 
 
@@ -469,7 +544,7 @@ def suspect_silence(
     quantity, _, place = key.partition(".")
     unit = _SI.get(quantity, "")
     for each in (each for each in silent if each.kind != "code"):
-        number, count = f"{each.value:.6g}", int(each.rows.sum())
+        number, count = f"{each.value + 0.0:.6g}", int(each.rows.sum())  # no zero with a sign
         problem = f"{each.kind} at {number} {unit} from {each.start:.6g} to {each.stop:.6g} s"
         believed = f"write {_believed(key, source, numbers)}"
         if each.kind == "spike":
@@ -479,6 +554,11 @@ def suspect_silence(
         elif each.whole and quantity in INPUTS:
             problem = f"reads {number} {unit} throughout, {each.stop - each.start:.4g} s, while the joint moves"
             remedy = f"the heat of {place} is not known; map the column that has it; if it was so, {believed}"
+        elif each.whole and key not in roles.predicted:
+            problem = (
+                f"reads {number} {unit} throughout, {each.stop - each.start:.4g} s, where all others begin elsewhere"
+            )
+            remedy = f"no sensor is there; map another column, or write a number for {place}; if it was so, {believed}"
         elif each.whole:
             problem = f"reads {number} {unit} throughout, {each.stop - each.start:.4g} s, while another one moves"
             remedy = "it is the only sensor, and counts all the same; if it was stuck, nothing can be concluded from it"

@@ -19,7 +19,7 @@ from lptn.logs.csv_files import ENDINGS as CSV_ENDINGS
 from lptn.logs.csv_files import open_csv
 from lptn.logs.guess import format_note, guess
 from lptn.logs.joining import SECOND_TIME, join
-from lptn.logs.quality import Issue, Roles, check_time, check_values, duplicates_of, issues_of
+from lptn.logs.quality import Issue, Roles, check_time, check_values, duplicates_of, issues_of, within_stamps
 from lptn.logs.resampling import (
     ROUNDING,
     SEVERAL,
@@ -353,7 +353,10 @@ def read_log(
 
 def _checked_samples(table: Table, choice: ColumnChoice, strict: bool) -> tuple[Samples, list[str], tuple[Issue, ...]]:
     """The log's samples in SI and degC, notes, and what looks wrong."""
-    numbers = table.numbers(name for source in choice.sources.values() for name in source.columns)
+    sensors = {
+        name for key, source in choice.sources.items() if key.startswith("temperature.") for name in source.columns
+    }
+    numbers = table.numbers((name for source in choice.sources.values() for name in source.columns), sensors)
     raw: dict[str, FloatArray] = {}
     notes: list[str] = []
     for key, source in choice.sources.items():
@@ -362,6 +365,10 @@ def _checked_samples(table: Table, choice: ColumnChoice, strict: bool) -> tuple[
             check_values(table, key, source, raw[key])
         if marked := source.missing(numbers):
             notes.append(f"{key}: {marked} of {raw[key].size} numbers are no readings, by its entry in [columns].")
+    if not table.mixed:
+        others = {key: values for key, values in raw.items() if key != "time"}
+        raw["time"], spread = within_stamps(table, choice.sources["time"].columns[0], raw["time"], others)
+        notes += [spread] * bool(spread)
     predicted = frozenset(choice.outputs) - frozenset(choice.inputs)
     with np.errstate(over="ignore", invalid="ignore"):  # what overflows here is refused as a time below
         silent = _silences(choice.sources, numbers, raw)

@@ -11,8 +11,8 @@ before and after, are *codes* by which a sensor says that it has no reading.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -66,6 +66,7 @@ _JUMPS = 3.0  # steps: a coarse sensor that was alive all the while never moves 
 _LAST_MOVES, _RESTS = 5, 0.125
 """Readings before a stretch, and the share of the usual move below which they are at rest; of white noise 3 in 1000."""
 _TOUCHES = 5  # readings at the end of its range, before and after it stays there
+_CLEAR = 20  # readings without a touch: what is cut off of the noise then shifts the mean by a hundredth of it
 _FAR = 10.0  # K from what was read before and after: a number that is dead, or a code
 _FEWEST = 20  # readings, to know what a sensor is like
 
@@ -97,19 +98,23 @@ def silences(
             continue
         if not lone and not _is_too_long(stamps, readings, first, last, int(k), rests, resolution, temperature):
             continue
-        rows = np.zeros(len(values), dtype=bool)
-        rows[there[first[k]] : there[last[k]] + 1] = True
         kind: Kind = "dead" if lone else "frozen"
-        if kind == "frozen" and temperature and _is_end_of_range(readings, first[k], last[k]):
+        if not lone and temperature and _is_end_of_range(readings, first[k], last[k]):
             kind = "clamped"
-        found.append(Silence(kind, float(readings[first[k]]), float(stamps[first[k]]), float(stamps[last[k]]), rows))
+        pieces = [(first[k], last[k])] if kind != "clamped" else _touched(readings, first[k])
+        for begin, end in pieces:
+            rows = np.zeros(len(values), dtype=bool)
+            rows[there[begin] : there[end] + 1] = True
+            if not any(each.rows[there[begin]] for each in found):
+                found.append(Silence(kind, float(readings[first[k]]), float(stamps[begin]), float(stamps[end]), rows))
+    found.sort(key=lambda each: each.start)
     return found
 
 
 def _is_alone(readings: FloatArray, first: int, last: int) -> bool:
-    """Whether a number is far from the readings just before and after it, and from all others."""
+    """Whether a number is far from the readings just before and after it, and from all other numbers."""
     beside = readings[[k for k in (first - 1, last + 1) if 0 <= k < readings.size]]
-    others = np.delete(readings, np.s_[first : last + 1])
+    others = readings[readings != readings[first]]  # it may come back
     if not beside.size or others.size < _FEWEST:
         return False
     outside = readings[first] < others.min() - _FAR or readings[first] > others.max() + _FAR
@@ -173,10 +178,92 @@ def _is_too_long(
     return bool(resolution > 0 and max(beside) >= _JUMPS * step)
 
 
+def _touched(readings: FloatArray, limit: int) -> list[tuple[int, int]]:
+    """First and last of the readings of which a limit, that of the reading `limit`, cuts the noise off on one side.
+
+    Where noise only touches the limit, what is left of it is too high on average, or too low.
+    """
+    touches = np.flatnonzero(readings == readings[limit])
+    apart = np.flatnonzero(np.diff(touches) > _CLEAR)
+    begins, ends = np.concatenate(([0], apart + 1)), np.concatenate((apart, [touches.size - 1]))
+    return [
+        (max(int(touches[begin]) - _CLEAR, 0), min(int(touches[end]) + _CLEAR, readings.size - 1))
+        for begin, end in zip(begins, ends, strict=True)
+        if end - begin >= _TOUCHES
+    ]
+
+
 def _is_end_of_range(readings: FloatArray, first: int, last: int) -> bool:
     """Whether a number is the highest, or lowest, of all, and one that noise brought the sensor to again and again."""
     others, value = np.delete(readings, np.s_[first : last + 1]), readings[first]
     return bool((value >= others.max() or value <= others.min()) and (others == value).sum() >= _TOUCHES)
+
+
+# --- A limit at which a sensor of coarse steps stands, while the heat goes on ------------------------
+
+
+_RUN_UP = (4, 2)  # steps below the limit, between which, and from which on, the rise is timed
+_SLOWER = 1.6
+"""Times by which the second half of the run-up may take longer. Towards an end in the highest step the rise slows down
+so that it takes ln 3 / ln (5 / 3) = 2.15 times as long; with 1.6 the end is some two steps higher."""
+_GOES_ON = (
+    3.0  # times the second half of the run-up, in which the same load takes a sensor that is alive to the next step
+)
+
+
+def clamped_while_heated(time: FloatArray, values: FloatArray, load: FloatArray, *, resolution: float) -> list[Silence]:
+    """Stretches at the highest reading of a sensor of coarse steps, which it reached without slowing down.
+
+    Its noise doesn't show whether it is alive. But the same load at the same temperature makes it rise as it rose when
+    it came there: all that limits the rise is what leaves, and that would have slowed it down before.
+
+    Args:
+        time: (n,) s.
+        values: (n,) degC, NaN where missing.
+        load: torque or current of the joint, (n,).
+        resolution: the sensor's steps [K].
+    """
+    there = np.flatnonzero(np.isfinite(values))
+    if resolution <= 0 or there.size < _FEWEST:
+        return []
+    readings, stamps = values[there], time[there]
+    steps = np.round((readings.max() - readings) / resolution)
+    edges = np.flatnonzero(np.diff(steps == 0, prepend=False, append=False))
+    tops = [(first, last) for first, last in zip(edges[::2], edges[1::2] - 1, strict=True)]
+    known = np.isfinite(load)
+    clock, total = time[known], np.concatenate(([0.0], np.cumsum(np.square(load[known]))))
+
+    def mean(begins: FloatArray, length: float) -> FloatArray:
+        """Of the squared load in windows of `length` s."""
+        low, high = np.searchsorted(clock, begins), np.searchsorted(clock, begins + length)
+        return (total[high] - total[low]) / np.maximum(high - low, 1)
+
+    lows = np.flatnonzero(steps > _RUN_UP[0])
+
+    def stops(first: int, last: int) -> bool:
+        low = int(np.searchsorted(lows, first)) - 1
+        if stamps[last] - stamps[first] < STILL or low < 0:
+            return False
+        run_up = steps[lows[low] + 1 : first + 1]
+        passed = [int(lows[low]) + 1 + int(np.argmax(run_up <= n)) for n in (*_RUN_UP, 0)]
+        early, late = np.diff(stamps[passed])
+        if min(np.diff(passed)) < _LAST_MOVES or late > _SLOWER * early:
+            return False
+        before = mean(np.array([stamps[passed[0]]]), stamps[first] - stamps[passed[0]])
+        begins = stamps[first : last + 1]
+        window = _GOES_ON * late
+        after = mean(begins[begins + window <= stamps[last]], window)
+        return bool((after >= before).any() and before > 0)
+
+    if not any(stops(first, last) for first, last in tops):
+        return []
+    found = []
+    for first, last in tops:
+        if stamps[last] - stamps[first] >= _SHORTEST:
+            rows = np.zeros(len(values), dtype=bool)
+            rows[there[first] : there[last] + 1] = True
+            found.append(Silence("clamped", float(readings[first]), float(stamps[first]), float(stamps[last]), rows))
+    return found
 
 
 # --- Single readings that no thermal mass could have ------------------------------------------------
@@ -217,19 +304,21 @@ def spikes(time: FloatArray, values: FloatArray, *, resolution: float = 0.0) -> 
 
 # degC that failing sensors are known to give: DS18B20 at power-up (85) and disconnected (-127), codes of drives and of
 # converters of 8 and 16 bit.
-_FAULT_CODES = (0.0, -127.0, 85.0, -999.0, 999.0, 255.0, 65535.0, 32767.0, -32768.0)
+_FAULT_CODES = (0.0, -127.0, 85.0, -999.0, 999.0, 127.0, 255.0, 65535.0, 32767.0, -32768.0)
 _FAR_OF_UNLISTED = 30.0  # K, from the readings on both sides: no sensor on a motor moves so far from row to row
+_FEWEST_NEAR = 3  # times that an unlisted number comes back, not quite so far off, in readings that follow soon
 _TOO_HOT = 150.0  # degC: a number beyond, or below its negative, may be a code though it occurs but once
 _OF_FAR = 0.2  # of all readings so far off, that one number is: spikes hit the same one now and then by chance
 _MOST_CODES = 4  # of one sensor; with more of them it is noise
 
 
-def codes(time: FloatArray, values: FloatArray) -> list[Silence]:
+def codes(time: FloatArray, values: FloatArray, known: Collection[float] = ()) -> list[Silence]:
     """Values that stand exactly the same, and each time far from the readings on both sides; one for each code.
 
     Args:
         time: (n,) s.
         values: (n,) degC, NaN where missing.
+        known: numbers at which the sensor was dead for long.
     """
     there = np.flatnonzero(np.isfinite(values))
     readings = values[there]
@@ -237,12 +326,14 @@ def codes(time: FloatArray, values: FloatArray) -> list[Silence]:
         return []
     levels = readings[np.concatenate(([True], np.diff(readings) != 0))]
     distance = np.fmin(np.abs(np.diff(levels, prepend=np.nan)), np.abs(np.diff(levels, append=np.nan)))
-    found, lone = [], np.count_nonzero(distance > _FAR_OF_UNLISTED)
+    quick = float(np.median(np.diff(time[there]))) <= _SPIKE_TIME
+    found, lone, far = [], np.count_nonzero(distance > _FAR_OF_UNLISTED), np.count_nonzero(distance > _FAR)
     for level in np.unique(levels[distance > _FAR]):
         distances = distance[levels == level]
-        listed = level in _FAULT_CODES
-        far = (distances > (_FAR if listed else _FAR_OF_UNLISTED)).all()
-        if far and (listed or abs(level) > _TOO_HOT or distances.size > max(1, _OF_FAR * lone)):
+        nearest, count = distances.min(), distances.size
+        listed = (level in _FAULT_CODES or level in known) and nearest > _FAR
+        farther = nearest > _FAR_OF_UNLISTED and (abs(level) > _TOO_HOT or count > max(1, _OF_FAR * lone))
+        if listed or farther or (quick and nearest > _FAR and count >= max(_FEWEST_NEAR, _OF_FAR * far)):
             found.append(float(level))
     # A minority: of a sensor that reads nothing else, nothing tells which is the code.
     if np.isin(readings, found).mean() >= 0.5 or len(found) > _MOST_CODES:
@@ -307,6 +398,9 @@ def silences_of(values: Mapping[str, FloatArray]) -> dict[str, list[Silence]]:
         each, (quantity, _, place) = values[key], key.partition(".")
         if quantity == "temperature":
             found[key] = still[key] if key in still else of_sensor(values["time"], each)
+            load = values.get(f"torque.{place}", values.get(f"current.{place}"))
+            if load is not None and not found[key]:
+                found[key] = clamped_while_heated(values["time"], each, load, resolution=quantisation_step(each))
         elif quantity in INPUTS:
             speed = f"velocity.{place}"
             moving = without_silent(values.get(speed, np.zeros(each.size)), found.get(speed, []))
@@ -331,7 +425,8 @@ def of_sensor(time: FloatArray, values: FloatArray) -> list[Silence]:
     """What a temperature sensor says that is no reading: stretches, codes and spikes; (n,) s and degC."""
     resolution = quantisation_step(values)
     found = silences(time, values, resolution=resolution)
-    found += codes(time, without_silent(values, found))
+    dead = {each.value for each in found if each.kind == "dead"}
+    found += codes(time, without_silent(values, found), dead)
     return found + spikes(time, without_silent(values, found), resolution=resolution)
 
 
@@ -342,9 +437,13 @@ motor that idles beside one that works warms by a part of that."""
 
 
 def _still_throughout(values: Mapping[str, FloatArray]) -> dict[str, list[Silence]]:
-    """Temperatures that are one number throughout while another one moves; people write one number for the room."""
+    """Temperatures that are one number throughout while another one moves.
+
+    People write one number for the room: that is dead where it is a fault code, and the robot begins elsewhere.
+    """
     read = {key: each[np.isfinite(each)] for key, each in values.items() if key.startswith("temperature.")}
-    ranges = {key: float(np.ptp(each)) for key, each in read.items() if each.size}
+    read = {key: each for key, each in read.items() if each.size}
+    ranges = {key: float(np.ptp(each)) for key, each in read.items()}
     if all(ranges.values()):
         return {}
     coarsest = max((quantisation_step(each) for key, each in read.items() if ranges.get(key)), default=0.0)
@@ -353,8 +452,15 @@ def _still_throughout(values: Mapping[str, FloatArray]) -> dict[str, list[Silenc
     for key, extent in ranges.items():
         rows = np.isfinite(values[key])
         stamps = values["time"][rows]
-        if moved and not extent and stamps.size >= 3 and key != AMBIENT and stamps[-1] - stamps[0] >= _STUCK:
-            found[key] = [Silence("frozen", float(read[key][0]), float(stamps[0]), float(stamps[-1]), rows, whole=True)]
+        if not moved or extent or stamps.size < 3 or stamps[-1] - stamps[0] < _STUCK:
+            continue
+        one = Silence("frozen", float(read[key][0]), float(stamps[0]), float(stamps[-1]), rows, whole=True)
+        if key != AMBIENT:
+            found[key] = [one]
+        elif one.value in _FAULT_CODES and all(
+            abs(each[0] - one.value) > _FAR for each in read.values() if np.ptp(each)
+        ):
+            found[key] = [replace(one, kind="dead")]
     return found
 
 

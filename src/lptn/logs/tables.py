@@ -4,23 +4,26 @@ from __future__ import annotations
 
 import hashlib
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import NoReturn
 
 import numpy as np
+import numpy.typing as npt
 import pandas as pd
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.basics.files import fingerprint
 from lptn.logs.columns import ColumnSource, is_key
+from lptn.logs.times import times_of
 
 MOST_NUMBERS = 500_000_000  # 4 GB; a day of twelve joints at 100 Hz has 400 million
 _NUMBERS_AT_ONCE = 10_000_000  # read from a file before they are copied into their columns, so that few stand twice
 _LONGEST_REASON = 200  # characters of another library's error that go into a message
+_MOST_WORDS = 5  # that a note gives as examples
 _LONGEST_CELL = 100  # characters of a cell that go into a message
 
 
@@ -52,8 +55,12 @@ class Table:
     digest: Callable[[], str] = str
     units: Mapping[str, str] = field(default_factory=dict)
 
-    def numbers(self, names: Iterable[str]) -> dict[str, FloatArray]:
+    def numbers(self, names: Iterable[str], worded: Collection[str] = ()) -> dict[str, FloatArray]:
         """The columns `names` as floats, (n,) each, NaN where empty; dates in s since 1970, durations in s.
+
+        Args:
+            names: of columns.
+            worded: those in which a word among the numbers says that there is none.
 
         Raises:
             InputError: a name stands twice in the file, the file is broken, or a cell holds text.
@@ -65,21 +72,20 @@ class Table:
         if not wanted:
             return {}
         frame = self.read(wanted)
-        return {name: self._floats(name, frame[name]) for name in wanted}
+        return {name: self._floats(name, frame[name], worded=name in worded) for name in wanted}
 
     def refuse(self, row: int, name: str, found: str, expected: str) -> NoReturn:
         """Raise the InputError for a cell; `row` counts from 0."""
         raise InputError(self.path, f"{self.where(row)}, column '{name}'", found, expected)
 
-    def _floats(self, name: str, series: pd.Series) -> FloatArray:
+    def _floats(self, name: str, series: pd.Series, *, worded: bool) -> FloatArray:
         kinds = pd.api.types
         if not (kinds.is_numeric_dtype(series) or _is_time(series)):
             numbers = pd.to_numeric(series, errors="coerce")
             text = (numbers.isna() & series.notna()).to_numpy()
-            times = _times(series) if text.all() else None
+            times = times_of(series) if text.all() else None
             if text.any() and times is None:
-                row = int(text.argmax())
-                self.refuse(row, name, repr(str(series.iloc[row])[:_LONGEST_CELL]), "a number or an empty cell")
+                self._require_words(name, series, text, worded=worded)
             series = numbers if times is None else times
         if kinds.is_datetime64_any_dtype(series):
             series = pd.to_datetime(series, utc=True) - pd.Timestamp(0, tz="UTC")
@@ -89,31 +95,35 @@ class Table:
             return series.to_numpy()
         return series.to_numpy(dtype=np.float64, na_value=np.nan)
 
+    def _require_words(self, name: str, series: pd.Series, text: npt.NDArray[np.bool_], *, worded: bool) -> None:
+        """Refuse text that is no number, and note words by which a sensor says that it has no reading.
+
+        Args:
+            name: of a column.
+            series: its cells, (n,).
+            text: which of them hold text that is no number, (n,).
+            worded: whether there may be words; what has a digit in it is none, but a number in some other way.
+        """
+        rows = np.flatnonzero(text)
+        words = series.iloc[rows].astype("str")
+        refused = words.str.contains(r"\d").to_numpy(dtype=bool) | (not worded or text.all())
+        if refused.any():
+            row = int(rows[refused.argmax()])
+            cell, expected = str(series.iloc[row])[:_LONGEST_CELL], "a number or an empty cell"
+            if ":" in cell:
+                expected = (
+                    "a number; of times also 2026-11-23T14:05:03.5, 23.11.2026 14:05:03, or 0:12:30 since the start"
+                )
+            self.refuse(row, name, repr(cell), expected)
+        shown = ", ".join(f"'{word[:_LONGEST_CELL]}'" for word in words.unique()[:_MOST_WORDS])
+        note = f"{name}: {rows.size} cells hold a word ({shown}), which is no reading."
+        if note not in self.notes:
+            self.notes.append(note)
+
 
 def _is_time(values: pd.Series | pd.Index) -> bool:
     """Whether these are dates or durations."""
     return pd.api.types.is_datetime64_any_dtype(values) or pd.api.types.is_timedelta64_dtype(values)
-
-
-# Hours, minutes and seconds; or minutes and seconds, which only a fraction tells from hours and minutes.
-_CLOCK = r"\s*(?:(?P<hours>\d+):(?P<of_hour>\d\d):(?P<seconds>\d\d(?:\.\d*)?)|(?P<minutes>\d+):(?P<rest>\d\d\.\d+))\s*"
-
-
-def _times(series: pd.Series) -> pd.Series | None:
-    """Text in which every cell is a time; `None` for other text.
-
-    Either a date as ISO 8601 writes it, in UTC if it names no zone, or a time such as 0:12:30 or 12:30.5.
-    """
-    if not len(series):
-        return None
-    clock = series.astype("str").str.extract(f"^{_CLOCK}$").astype("float64")
-    seconds = (3600 * clock["hours"] + 60 * clock["of_hour"] + clock["seconds"]).fillna(
-        60 * clock["minutes"] + clock["rest"]
-    )
-    if not seconds.isna().any():
-        return seconds
-    dates = pd.to_datetime(series, errors="coerce", utc=True, format="ISO8601")
-    return dates if not dates.isna().any() else None
 
 
 def column_sources(table: Table, columns: Mapping[str, ColumnSource]) -> dict[str, ColumnSource]:

@@ -8,7 +8,6 @@ from typing import Literal
 from lptn.diagnose.diagnosis import LIKELY, Step
 from lptn.diagnose.fit_statistics import criterion_difference
 from lptn.diagnose.improvement import WORTH, History
-from lptn.logs.silence import AMBIENT
 from lptn.report.shown import noise_alone
 from lptn.report.tables import FAR
 from lptn.report.text import kelvin, listed, named, percent, place_of, significant
@@ -102,31 +101,7 @@ def tried_in_words(steps: Sequence[Step], searched_from: int | None, found: str 
 
 
 def headline(history: History) -> str:
-    """What was found, and by how much the error fell, in one sentence; in another what that hangs on, if anything."""
-    return " ".join(filter(None, (_result(history), condition_of(history))))
-
-
-def condition_of(history: History) -> str:
-    """What a conclusion hangs on that no log can say; empty where nothing is concluded, or nothing is in doubt.
-
-    An ambient that a joint seems to warm may be a room that the robot warms; if it is the sensor that is warmed, what
-    was found of heat and losses is the sensor's doing.
-    """
-    if outcome_of(history) == "adequate":
-        return ""
-    of_air = {
-        f"in {bound.run.name}, where it {issue.problem}"
-        for bound in history.best.fit.problem.bound_runs
-        for issue in bound.run.issues
-        if issue.kind == "follows"
-    }
-    if not of_air:
-        return ""
-    text = f"This holds if {AMBIENT} is that of the room {listed(sorted(of_air))}"
-    return f"{text}: near that joint, its sensor would explain what was found."
-
-
-def _result(history: History) -> str:
+    """What was found, and by how much the error fell, in one sentence."""
     runs, before, after = rmse_by_data(history.steps[0], history.best)[-1]
     runs = {"fitted": "RMSE", "held-out": "held out", "test": "test"}[runs]
     errors = f"{kelvin(after)}" if len(history.steps) == 1 else f"{significant(before, 3)} → {kelvin(after)}"

@@ -84,6 +84,7 @@ def bind(model: Model, run: Run) -> BoundRun:
 
 _FIRST_READINGS = 5.0  # s; averaged into the start: the noise of a single reading would stay for a time constant
 _LATEST_FIRST = 30.0  # s; a first reading that comes later says little about the start, with time constants of minutes
+_FEW = 5  # nodes whose names go into a message
 _AT_REST = 5.0  # K; with sensors of 1 K steps and their offsets, nodes of a robot at rest lie no further apart
 
 
@@ -124,18 +125,37 @@ def _first_reading(readings: FloatArray, step: float) -> float:
 
 
 def _resting_temperature(model: Model, run: Run, start: FloatArray) -> float:
-    """The temperature that all nodes have at the start of a log that begins at rest.
+    """The temperature that all nodes have at the start of a log that begins at rest [degC].
 
     Raises:
-        InputError: the log has no readings at its start, or its nodes differ there.
+        InputError: the log has no readings at its start, its nodes differ there, or fall far below it later, as nothing
+            does in air that is as warm.
     """
-    columns = [f"temperature.{node}" for node in model.nodes]
-    beginning = [run.beginning[column] for column in columns if column in run.beginning]
-    first = np.array(beginning) if beginning else start
-    first = first[np.isfinite(first)]
+    began = {node: run.beginning.get(f"temperature.{node}", np.nan) for node in model.nodes}
+    if not np.isfinite(list(began.values())).any():
+        began = dict(zip(model.nodes, start.tolist(), strict=True))
+    began = {node: value for node, value in began.items() if np.isfinite(value)}
     expected = 'a log that begins at rest, or an ambient column or number in place of ambient = "start"'
-    if first.size == 0:
+    if not began:
         raise InputError(run.source, "start", f"no temperature in the first {_LATEST_FIRST:g} s", expected)
+    first = np.array(list(began.values()))
     if np.ptp(first) > _AT_REST:
-        raise InputError(run.source, "start", f"nodes from {first.min():.1f} to {first.max():.1f} degC", expected)
-    return float(first.mean())
+        raise InputError(run.source, "start", _one_apart(began), expected)
+    rest = float(first.mean())
+    readings = {node: run.temperature(node) for node in began if run.has(f"temperature.{node}")}
+    coldest = {node: float(np.nanmin(each)) for node, each in readings.items() if np.isfinite(each).any()}
+    node = min(coldest, key=lambda node: coldest[node], default="")
+    if node and coldest[node] < rest - _AT_REST:
+        found = f"{rest:.1f} degC, below which {node} falls to {coldest[node]:.1f} degC later: the air was colder"
+        raise InputError(run.source, "start", found, expected)
+    return rest
+
+
+def _one_apart(began: Mapping[str, float]) -> str:
+    """Where nodes begin, in words: the one that is farthest from most, and the others; degC."""
+    usual = float(np.median(list(began.values())))
+    apart = max(began, key=lambda node: abs(began[node] - usual))
+    others = sorted(value for node, value in began.items() if node != apart)
+    beside = " to ".join(dict.fromkeys((f"{others[0]:.1f}", f"{others[-1]:.1f}")))
+    names = ", ".join(node for node in began if node != apart) if len(others) <= _FEW else f"the other {len(others)}"
+    return f"{apart} at {began[apart]:.1f} degC, and {names} at {beside} degC"
