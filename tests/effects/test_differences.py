@@ -128,14 +128,16 @@ def test_the_file_keeps_it(tmp_path: Path) -> None:
 def test_what_is_added_where_a_common_one_stands_is_a_difference(tmp_path: Path) -> None:
     file = added(parse_model(FILE, tmp_path / "a.toml"), "constant_heat", "a")
     assert [each.difference for each in file.network.effects] == [False, True]
-    with pytest.raises(InputError, match="a second constant_heat"):
-        added(added(parse_model(FILE.replace("all", "each"), tmp_path / "a.toml"), "fan", "a"), "constant_heat", "a")
+    alone = added(parse_model(FILE.replace("all", "each"), tmp_path / "a.toml"), "constant_heat", "a")
+    assert [(each.place, each.declaration.at) for each in alone.network.effect_instances] == [("b", "*"), ("a", "a")]
 
 
-def test_without_the_word_a_second_effect_at_a_place_is_refused_with_the_mend(tmp_path: Path) -> None:
+def test_without_the_word_an_effect_of_fewer_places_stands_in_place_of_the_common_one(tmp_path: Path) -> None:
     second = '[[effects]]\nkind = "constant_heat"\nat = "a"\n'
+    instances = parse_model(FILE + second, tmp_path / "a.toml").network.effect_instances
+    assert [(each.place, each.declaration.at) for each in instances] == [("b", "*"), ("a", "a")]
     with pytest.raises(InputError, match="difference = true"):
-        parse_model(FILE + second, tmp_path / "a.toml")
+        parse_model(FILE + second + second, tmp_path / "a.toml")
     parse_model(FILE + second + "difference = true\n", tmp_path / "a.toml")
     with pytest.raises(InputError, match="difference"):
         parse_model(FILE + second + 'difference = "yes"\n', tmp_path / "a.toml")

@@ -231,8 +231,9 @@ class _Text:
         if cut and count - 1 not in of_words:
             frame = frame.iloc[:-1]
         if of_words and self.decimal == ",":  # words made text of the numbers beside them
-            texts = [name for name in frame if not pd.api.types.is_numeric_dtype(frame[name])]
-            frame = frame.assign(**{name: frame[name].str.replace(",", ".") for name in texts})
+            for name in frame:
+                if not pd.api.types.is_numeric_dtype(frame[name]):
+                    frame[name] = frame[name].str.replace(",", ".")
         return frame, of_words
 
     @staticmethod

@@ -89,7 +89,7 @@ def silences(
     changes = np.flatnonzero(np.diff(readings) != 0)
     first, last = np.concatenate(([0], changes + 1)), np.concatenate((changes, [readings.size - 1]))
     spans = stamps[last] - stamps[first]
-    found = []
+    found: list[Silence] = []
     rests = (spans >= _SHORTEST) & (readings[first] == 0) & (not temperature)  # joints that stand say so for long
     shortest = _SHORTEST if temperature and _hardly_repeats(last - first, spans) else STILL
     for k in np.flatnonzero(spans >= _SHORTEST):
@@ -236,7 +236,7 @@ def clamped_while_heated(time: FloatArray, values: FloatArray, load: FloatArray,
     def mean(begins: FloatArray, length: float) -> FloatArray:
         """Of the squared load in windows of `length` s."""
         low, high = np.searchsorted(clock, begins), np.searchsorted(clock, begins + length)
-        return (total[high] - total[low]) / np.maximum(high - low, 1)
+        return np.asarray((total[high] - total[low]) / np.maximum(high - low, 1))
 
     lows = np.flatnonzero(steps > _RUN_UP[0])
 
