@@ -173,7 +173,7 @@ def _decimals(values: FloatArray) -> str:
 
 
 def _bounds(ax: Axes, design: Design, here: tuple[float, float]) -> None:
-    """Where mass, volume and fins end what can be built, their names away from the design, where all of them may meet."""
+    """Where mass, volume and fins end what can be built; names away from the design, where all of them may meet."""
     option = design.option
     sink, spacing, metal = option.study.sink, option.study.air[option.cooling].spacing, option.material
     c, r = np.meshgrid(np.geomspace(*sink.capacity, 200), np.geomspace(*sink.resistance, 200))

@@ -1,4 +1,4 @@
-"""What the site's Markdown knows besides: formulas as MathML, citations that are links, printed text, docstrings' examples.
+"""What the site's Markdown knows besides: formulas as MathML, citations as links, printed text, docstrings' examples.
 
 A block of code that is run and fails ends the build.
 """
@@ -31,7 +31,7 @@ def math_fence(source: str, *_: object, **__: object) -> str:
 
 
 def text_fence(source: str, *_: object, **__: object) -> str:
-    """A code block of the language `text`, or of none: rows of a table stay whole and scroll, sentences wrap."""
+    """A code block of the language `text`, what was printed: rows of a table stay whole and scroll, sentences wrap."""
     spans = (f'<span class="{_kind_of(line)}">{escape(line)}\n</span>' for line in source.rstrip("\n").split("\n"))
     return f'<div class="language-text highlight"><pre><code>{"".join(spans)}</code></pre></div>'
 
