@@ -22,13 +22,13 @@ EXAMPLES = HERE.parent
 
 # What a source shows as a figure, or describes, and the model file that has it.
 OF_SOURCES = {
-    "quadruped": "[QuadrupedLPTN, figure 1], from its text: joints, couplings, the onboard computer",
-    "u8": "[Chen2017, figure 3-1]: winding, stator and housing",
+    "quadruped": "[QuadrupedLPTN], from its text: joints, couplings, the onboard computer",
+    "u8": "[Chen2017, fig. 3-1], winding, stator and housing",
     "u8-heat-sink": "[Chen2017, chapter 4], the exchanger on the stator",
-    "one_node (u8_thesis)": "[Chen2017, figure 3-3], one node",
-    "one_node (heated_block)": "[BlockLPTN, figure 2], all the heat in one point",
+    "one_node (u8_thesis)": "[Chen2017, fig. 3-3], one node",
+    "one_node (heated_block)": "[BlockLPTN, fig. 2], all the heat in one point",
     "half_the_heat": "[BlockLPTN, sec. 2.1], half of it",
-    "heated-block": "[BlockLPTN, figure 6], exact: its resistance -L/(6kA) lies inside the body",
+    "heated-block": "[BlockLPTN, fig. 6], exact: its resistance -L/(6kA) lies inside the body",
     "three_nodes": "[BlockLPTN, sec. 2.3], more nodes",
 }
 
@@ -67,7 +67,7 @@ def page() -> str:
         nodes, links = len(file.network.dynamic), len(file.network.resistors) + len(file.network.conductors)
         counts = f"{nodes} node{'s' * (nodes != 1)}, {links} link{'s' * (links != 1)}."
         lines += ["", f"## {name}", "", f"[{place.rpartition('/')[2]}]({place}): {counts}{source}", ""]
-        lines += [f"![{name}]({picture(name)})"]
+        lines += [f"![Network of {name}: {', '.join(file.network.dynamic)}]({picture(name)})"]
     return "\n".join(lines) + "\n"
 
 

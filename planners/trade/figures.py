@@ -23,6 +23,7 @@ from .torque_speed import TorqueSpeed
 
 LIMIT = "#D55E00"
 _FEW = 5  # lines that a legend leaves room for
+_LABEL_MARGIN = 0.12  # share of the axes, along each side, that is too narrow for a line's name
 RPM = 30 / np.pi
 """Revolutions a minute in a radian a second."""
 _COLOURS = ("#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#8C6D31")
@@ -156,13 +157,13 @@ def _map(ax: Axes, result: StudyResult) -> None:
     # Before the contours: their labels cut gaps that hold on the axes' scale of that moment only.
     ax.set(xscale="log", yscale="log", xlabel="sink capacity C [J/K]", ylabel="sink resistance R_h [K/W]")
     ax.set(xlim=option.study.sink.capacity, ylim=option.study.sink.resistance)
-    lines = ax.contour(grid.capacity, grid.resistance, grid.winding, levels=8, cmap="cividis_r", linewidths=1.2)
+    lines = ax.contour(grid.capacity, grid.resistance, grid.winding, levels=8, colors="0.35", linewidths=1.0)
     ax.clabel(lines, fontsize=SMALL, fmt=_decimals(grid.winding))
-    _bounds(ax, design)
-    ax.plot(*here, "o", ms=7, color=_COLOURS[1], zorder=6, clip_on=False)
+    _bounds(ax, design, here)
+    ax.plot(*here, "o", ms=7, color=_look(result, option.name)["color"], zorder=6, clip_on=False)
     ax.annotate("design", here, (7, 7), textcoords="offset points", fontsize=SMALL)
     peak = "Mean" if option.study.task.cycles is None else "Hottest"
-    ax.set_title(f"{peak} winding [degC] at {design.torque:.3g} N·m\n{plain(option.name)}")
+    ax.set_title(f"{peak} winding [degC] at {design.torque:.3g} N·m\n{plain(option.name)}; shaded: can't be built")
 
 
 def _decimals(values: FloatArray) -> str:
@@ -171,8 +172,8 @@ def _decimals(values: FloatArray) -> str:
     return f"%.{max(0, int(np.ceil(1 - np.log10(max(spread, 1e-6)))))}f"
 
 
-def _bounds(ax: Axes, design: Design) -> None:
-    """Where mass, volume and fins end what can be built."""
+def _bounds(ax: Axes, design: Design, here: tuple[float, float]) -> None:
+    """Where mass, volume and fins end what can be built; names away from the design, where all of them may meet."""
     option = design.option
     sink, spacing, metal = option.study.sink, option.study.air[option.cooling].spacing, option.material
     c, r = np.meshgrid(np.geomspace(*sink.capacity, 200), np.geomspace(*sink.resistance, 200))
@@ -188,8 +189,12 @@ def _bounds(ax: Axes, design: Design) -> None:
         named["price"] = (spent, option.limits["price"])
     for name, (values, level) in named.items():
         drawn = ax.contour(c, r, values, levels=[level], colors=LIMIT, linewidths=1.0)
-        if any(np.size(path.vertices) for path in drawn.get_paths()):
-            ax.clabel(drawn, fmt={level: name}, fontsize=SMALL)
+        points = np.concatenate([np.reshape(path.vertices, (-1, 2)) for path in drawn.get_paths()])
+        shown, at = (ax.transAxes.inverted().transform(ax.transData.transform(each)) for each in (points, [here]))
+        inside = ((shown > _LABEL_MARGIN) & (shown < 1 - _LABEL_MARGIN)).all(axis=1)
+        if inside.any():
+            farthest = points[inside][np.argmax(np.hypot(*(shown[inside] - at).T))]
+            ax.clabel(drawn, fmt={level: name}, fontsize=SMALL, manual=[farthest])
     beyond = np.max([values / level for values, level in named.values()], axis=0)
     ax.contourf(c, r, beyond, levels=[1.0, np.inf], colors=LIMIT, alpha=0.10)
 
@@ -226,8 +231,8 @@ def _sensitivities(ax: Axes, result: StudyResult) -> None:
         ax.barh(place, values, thickness, color=colour, hatch=hatch, ec="white", lw=0, label=plain(design.option.name))
     units = {name: unit for design in shown for name, (_, unit) in design.parameters.items()}
     ax.set_yticks(rows, [plain(name) + (", per K" if units[name] == "degC" else "") for name in names])
-    ax.set_ylim(-0.5, max(len(names), 3) + 0.4)  # room for the legend above the bars
+    ax.set_ylim(-0.5, max(len(names), 3) - 0.5)
     ax.axvline(0.0, color=INK, lw=0.8)
     ax.set_xlabel(f"% of the {GOALS[result.study.goal][0]} per %")
-    ax.set_title("Sensitivities", loc="right", fontsize=TEXT)
-    ax.legend(framealpha=1.0, edgecolor="white", fontsize=SMALL, loc="upper center", ncols=2)
+    ax.set_title("Sensitivities", pad=20)  # pt: the legend stands between it and the bars
+    ax.legend(frameon=False, fontsize=SMALL, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)

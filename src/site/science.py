@@ -1,4 +1,4 @@
-"""What the site's Markdown knows besides: formulas drawn as MathML, citations that are links, examples in docstrings.
+"""What the site's Markdown knows besides: formulas as MathML, citations as links, printed text, docstrings' examples.
 
 A block of code that is run and fails ends the build.
 """
@@ -6,6 +6,7 @@ A block of code that is run and fails ends the build.
 from __future__ import annotations
 
 import re
+from html import escape
 from typing import Any
 from xml.etree.ElementTree import Element
 
@@ -27,6 +28,16 @@ def formula(latex: str) -> str:
 def math_fence(source: str, *_: object, **__: object) -> str:
     """A code block of the language `math`, as the rooms' pages have it."""
     return formula(source)
+
+
+def text_fence(source: str, *_: object, **__: object) -> str:
+    """A code block of the language `text`, what was printed: rows of a table stay whole and scroll, sentences wrap."""
+    spans = (f'<span class="{_kind_of(line)}">{escape(line)}\n</span>' for line in source.rstrip("\n").split("\n"))
+    return f'<div class="language-text highlight"><pre><code>{"".join(spans)}</code></pre></div>'
+
+
+def _kind_of(line: str) -> str:
+    return "row" if re.search(r"\S {2,}\S", line) else "sentence"  # columns stand two spaces apart or more
 
 
 class _DisplayedFormula(Preprocessor):

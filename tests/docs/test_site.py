@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from html import unescape
 from pathlib import Path
 
 import pytest
@@ -9,6 +11,7 @@ import pytest
 from check import faults
 from compose import compose, run_in_its_folder, section
 from lptn.basics.errors import InputError
+from science import text_fence
 
 SOUND = {
     "index.html": '<a href="a/b.html#there">on</a><img src="p.svg">',
@@ -83,3 +86,12 @@ def test_a_section_ends_with_the_next_heading_of_its_level() -> None:
     assert section(text, "b-c").split() == ["body", "```", "##", "no", "heading", "```", "##", "D", "more"]
     with pytest.raises(InputError, match="no heading"):
         section(text, "f")
+
+
+def test_of_what_is_printed_tables_scroll_and_sentences_wrap() -> None:
+    """A copy has every line as it was printed."""
+    printed = "node      RMSE\nheater1  <1 K\n\nIt fails worst where:\n  heater1, 5 s: RMSE 1 K"
+    html = text_fence(printed)
+    kinds = re.findall(r'<span class="(\w+)">', html)
+    assert kinds == ["row", "row", "sentence", "sentence", "sentence"]
+    assert unescape(re.sub(r"<[^>]+>", "", html)) == printed + "\n"

@@ -139,6 +139,15 @@ def test_a_sliding_joint_has_a_force(tmp_path: Path) -> None:
     assert "# --- elbow: 33.5 N·m ---" in made
 
 
+def test_a_limit_that_is_not_stated_is_said_to_be_assumed(tmp_path: Path) -> None:
+    """Many URDFs state 0, which would make a motor of no size."""
+    stated = joint("elbow", "base", "arm")
+    written(tmp_path, robot(stated, joint("wrist", "arm", "hand").replace('effort="33.5"', 'effort="0"')))
+    assert "The URDF states no limit of wrist; taken for it: 20 N·m" in urdf_model_text(tmp_path / "robot.urdf")
+    written(tmp_path, robot(stated))
+    assert "states no limit" not in urdf_model_text(tmp_path / "robot.urdf")
+
+
 def test_joints_that_nothing_drives_are_passed_over(tmp_path: Path) -> None:
     text = robot(
         joint("shoulder_joint", "base", "upper"),

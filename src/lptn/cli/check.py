@@ -339,11 +339,12 @@ def _show_steps(model: Model, bound: BoundRun) -> None:
     from lptn.simulate.state_space import state_space
 
     form = state_space(model, default_start(model, bound), bound.inputs.mean(axis=1))
-    slowest = form.time_constants[np.isfinite(form.time_constants)].max()
-    spread = f"{form.time_constants[0]:.4g} to {slowest:.4g} s"
-    euler = f"stable to {form.euler_stable:.3g} s, within 0.1 K of the exact hold to {form.euler_step(0.1):.2g} s"
+    finite = form.time_constants[np.isfinite(form.time_constants)]
+    fastest, slowest = f"{form.time_constants[0]:.4g}", f"{finite.max():.4g}"
+    spread = f"{fastest} s" if fastest == slowest else f"{fastest} to {slowest} s"
+    euler = f"stable to {form.euler_stable:.3g} s, within 0.1 K of exact ones to {form.euler_step(0.1):.2g} s"
     print(
-        f"\nTime constants {spread} at the declared values. Steps of forward Euler would stay {euler}; "
+        f"\nTime constants at the declared values: {spread}. Steps of forward Euler would stay {euler}; "
         "Runge-Kutta steps, used here, are cut finer where they need to be."
     )
 

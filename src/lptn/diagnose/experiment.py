@@ -113,10 +113,10 @@ class Experiment:
                     f"No run of {reach} tells {one} from {other}: in the best of {self.tried} they stay within one "
                     "standard deviation of each other, whatever the other parameters are."
                 )
-            best = f"it leaves {least.kelvin:.2g} K at {least.node}, {least.deviations:.1f} standard deviations"
             return (
-                f"No run of {reach} is sure to tell {one} from {other}. The best of {self.tried}: {self.words} "
-                f"Whatever the other parameters are, {best}."
+                f"No run of {reach} is sure to tell {one} from {other}. The best of {self.tried} would in fewer "
+                f"than four cases of five: {self.words} At {least.node} the two predictions then differ by "
+                f"{least.kelvin:.2g} K, whatever the other parameters are ({least.deviations:.1f} standard deviations)."
             )
         what = "the two predictions" if len(self.rivals) == 2 else listed([named(key) for key in least.pair])
         shown = f"At {least.minute:.0f} min {what} differ by {least.kelvin:.2g} K at {least.node}"

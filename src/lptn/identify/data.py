@@ -125,7 +125,9 @@ def split_data(
     fitted = [(run, at) for run, at in borders if (run.time < at).sum() >= _LEAST_INITIALISATION_STEPS]
     continued = [(run, at) for run, at in fitted if (run.time >= at).sum() >= _LEAST_INITIALISATION_STEPS]
     if not fitted or not continued:
-        span = f"{min(run.time[0] for run in runs):g} to {max(run.time[-1] for run in runs):g} s"
+        span = (
+            f"{min(run.time[0] for run in runs):.10g} to {max(run.time[-1] for run in runs):.10g} s"  # since 1970, too
+        )
         expected = "a time inside a log"
         if not isinstance(holdout_after, str):
             expected += "; with a plus, such as +300, so many seconds after each log's start"

@@ -196,7 +196,7 @@ def present_operating_point(
     count: int | None = None
     if not isinstance(window, str):
         seconds = min(float(window), length)
-        why = f"the last {seconds:.4g} s, as asked for{no_gait}"
+        why = f"the last {seconds:.4g} s, as asked for"
     elif window == "cycles" and period is not None:
         count = min(cycles, int(length / period))
         seconds, why = count * period, f"the last {count} gait cycles"

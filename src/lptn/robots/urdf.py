@@ -50,6 +50,7 @@ class Joint:
         before: node of the driven joint that carries it, `None` for one on the base.
         distance: from that joint [m].
         body: what it sits on.
+        assumed: whether the URDF states no effort.
     """
 
     name: str
@@ -58,6 +59,7 @@ class Joint:
     before: str | None
     distance: float
     body: str
+    assumed: bool = False
 
     @property
     def torque(self) -> float:
@@ -112,7 +114,9 @@ def read_joints(path: str | Path) -> tuple[str, list[Joint]]:
             step = carrying[below]
             before, below = names.get(str(step.get("name"))), _end(path, step, "parent")
         slides = joint.get("type") == "prismatic"
-        found.append(Joint(names[str(joint.get("name"))], _effort(path, joint), slides, before, distance, body))
+        stated = _effort(path, joint)
+        name, effort = names[str(joint.get("name"))], _NO_LIMIT if stated is None else stated
+        found.append(Joint(name, effort, slides, before, distance, body, assumed=stated is None))
     return one_line(root.get("name", "robot")), found
 
 
@@ -154,10 +158,11 @@ def _node_names(path: str | Path, moved: list[ElementTree.Element]) -> dict[str,
     raise InputError(path, "joint", "names that differ in signs only", "names of letters, digits, - and _")
 
 
-def _effort(path: str | Path, joint: ElementTree.Element) -> float:
+def _effort(path: str | Path, joint: ElementTree.Element) -> float | None:
+    """The limit that is stated; `None` where there is none, or none that limits."""
     limit = joint.find("limit")
     effort = 0.0 if limit is None else _number(path, joint, limit.get("effort", "0"))
-    return effort if 0 < effort < math.inf else _NO_LIMIT
+    return effort if 0 < effort < math.inf else None
 
 
 def _length(path: str | Path, joint: ElementTree.Element) -> float:
@@ -183,6 +188,10 @@ def _lines(file: str, robot: str, joints: list[Joint]) -> Iterator[str]:
     yield "# Log columns: time, temperature.<joint>, torque.<joint> (a sliding joint's force), temperature.ambient."
     yield "# Capacities, resistances and losses are guesses from each joint's torque limit, starts for `lptn fit`. Put"
     yield "# in winding resistance and torque constant at the joint from data sheets: they set the scale of the others."
+    assumed = [joint for joint in joints if joint.assumed]
+    if assumed:
+        named = ", ".join(each.name for each in assumed)
+        yield f"# The URDF states no limit of {named}; taken for it: {_NO_LIMIT:g} N·m (of a sliding joint N)."
     yield from ("", "[model]", f"name = {_quoted(robot)}", "joints = [")
     yield from (f"    {_quoted(name)}," for name in names)
     yield from ("]", 'ambient = "temperature.ambient"')
