@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import importlib
 import json
-from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType
 
+import facts
 import numpy as np
 import pytest
+import textbook
 from scipy.optimize import minimize_scalar
 
 from lptn.cli.main import main
@@ -31,8 +31,7 @@ def test_motor_data_have_units_and_sources() -> None:
             assert "[Chen2017" in datum.source
 
 
-def test_torque_metrics(thesis: Callable[[str], ModuleType]) -> None:
-    textbook = thesis("textbook")
+def test_torque_metrics() -> None:
     k8, k10 = U8.torque_constant.value, U10.torque_constant.value
     assert k8 * 11 == pytest.approx(1.050, abs=5e-4)
     assert textbook.peak_specific_torque(0.1, 35, U8.mass.value) == pytest.approx(14.6, abs=0.05)
@@ -61,13 +60,12 @@ def test_fin_spacing_is_where_a_given_volume_sheds_most_heat() -> None:
     assert 4.0 < air.film < 8.0
 
 
-def test_a_fan_of_the_textbook_cools_less_than_the_thesis_projects(thesis: Callable[[str], ModuleType]) -> None:
+def test_a_fan_of_the_textbook_cools_less_than_the_thesis_projects() -> None:
     still, blown = still_air(30.0, 0.08), blown_air(3.0, 0.08)
     films = [air.film * fin_efficiency(air.film, 1e-3, 0.03) for air in (still, blown)]
     assert blown_air(6.0, 0.08).film == pytest.approx(blown.film * np.sqrt(2))
     # The exchanger of [Chen2017, sec. 4.1] with the same fins, blown on at 3 m/s: 67 degC at 11 A, where the thesis
     # projects "below 60" from its curves; no other fact of it depends on the fan.
-    facts = thesis("facts")
     values = facts.RECOMMENDED.copy()
     values[9] = values[8] * films[0] / films[1]
     _, passive, fan = facts.STATOR.build(values)
