@@ -29,6 +29,7 @@ from lptn.basics.tables import Tabular
 from lptn.diagnose.candidates import AMBIENT_ERROR, TORQUE_ERROR, with_errors_of_runs
 from lptn.diagnose.diagnosis import (
     HOPELESS,
+    LIKELY,
     MUCH_WORSE,
     SIGNIFICANT,
     Diagnosis,
@@ -241,6 +242,10 @@ _WIDTH, _WIDTH_LATER = 4, 2  # branches followed side by side after the first st
 _SAME = 1e-3  # two steps from one model whose misfits differ by less are one step with two names
 
 
+def _errs(step: Step) -> bool:
+    return step.declaration is not None and step.declaration.effect.errs
+
+
 def _effects(branch: Branch) -> frozenset[Key]:
     return frozenset(step.key for step in branch[1:])
 
@@ -319,9 +324,17 @@ class _Search:
         return min(unopposed, key=len, default=chosen)
 
     def _longer(self, branch: Branch) -> list[Branch]:
-        """The branch with each refit of its last model that is beyond chance, each name for one step once."""
+        """The branch with each refit of its last model that is beyond chance, each name for one step once.
+
+        Errors of sensors, clocks and the air are believed where the fitted data make one of them likelier than all
+        that may happen in the robot: they are fitted so easily that a better prediction says nothing for them.
+        """
         longer: list[Branch] = []
-        for step in self.diagnosis(branch).refits:
+        refits = self.diagnosis(branch).refits
+        errors_likely = sum(step.probability for step in refits if _errs(step)) >= LIKELY
+        for step in refits:
+            if _errs(step) and not errors_likely:
+                continue
             same = any(abs(other[-1].fit.cost - step.fit.cost) < _SAME * step.fit.cost for other in longer)
             believed = not is_implausible(step.fit, _declarations((*branch, step)))
             beyond_chance = step.p_value < SIGNIFICANT and step.gain > 0

@@ -143,6 +143,11 @@ class Effect(ABC):
 
     1 is what most effects have. An effect that is rare in practice has less, and says why in a sentence below it.
     """
+    errs: ClassVar[bool] = False
+    """Whether it is an error of what was logged, of a sensor, a clock or the air, and nothing in the robot.
+
+    Such errors are easily fitted and rarely true, so that a search wants more for them than a better prediction.
+    """
     per_run: ClassVar[bool] = False
     whole_robot: ClassVar[bool] = False
     in_one_run: ClassVar[tuple[str, str]] = ("", "")

@@ -24,6 +24,7 @@ class SensorDrift(ExcessEffect):
 
     key = "sensor_drift"
     title = "sensor drift"
+    errs = True
     prior_odds = 0.3
     """Calibrated sensors drift by fractions of a kelvin in a year; a drift within a log is a defect."""
     per_run = True
