@@ -226,7 +226,7 @@ LOGS = [
     _bad("log", FIT, "torque.motor", log_csv=_column("torque.motor", 1e300)),
     _bad("log", FIT, "5 rows", "at least 10", log_csv=lambda good: b"".join(good.splitlines(keepends=True)[:6])),
     _bad("log", FIT, "broken", log_csv=lambda good: good + b"1,2,3,4,5,6,7\n"),
-    _bad("log", FIT, "UTF-8", log_csv=b"time,\xff\n1,2\n"),
+    _bad("log", FIT, "UTF-8", log_csv=b"time,\xff\0\n1,2\n"),
     _bad("log", FIT, "more than once",
          log_csv=lambda good: good.replace(b"\n", b",1\n").replace(b"ambient,1", b"ambient,torque.motor")),
     _bad("log", FIT.replace("{log}", "{log_parquet}"), "Parquet", log_parquet=b"PAR1" + b"x" * 50 + b"PAR1"),
@@ -241,7 +241,7 @@ LOGS = [
     _bad("log", "report {model} {log} -o {out}.html", "torque.motor", log_csv=_column("torque.motor", None)),
     _bad("log", "simulate {model} {log} -o {out}.csv", "no such file", log_csv=None),
     _bad("log", "forecast {model} {log} --limit 60", "line 3", log_csv=_column("time", "x", slice(1, 2))),
-    _bad("log", "monitor {model} {log} --healthy {other} --json {out}.json", "UTF-8", other_csv=b"time,\xff\n"),
+    _bad("log", "monitor {model} {log} --healthy {other} --json {out}.json", "UTF-8", other_csv=b"time,\xff\0\n"),
 ]  # fmt: skip
 
 COMMANDS = [

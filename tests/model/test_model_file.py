@@ -398,7 +398,7 @@ MISTAKES: dict[str, tuple[str, str, str, tuple[str, ...]]] = {
     "glob matching no joint": ("[nodes.a]", '[nodes."*_calf"]', "line 5", ("matches no joint",)),
     "effect twice": (
         "# what",
-        '[[effects]]\nkind = "copper_loss"\nat = "*"\n# what',
+        '[[effects]]\nkind = "copper_loss"\nat = "a"\n# what',
         "line 22, effects[1].at",
         ("a second copper_loss at a",),
     ),
