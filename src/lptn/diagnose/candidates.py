@@ -406,13 +406,8 @@ def _node_groups(network: Network) -> list[tuple[str, list[str]]]:
 def _groups(effect: type[Effect], places: list[str], network: Network, run: str) -> list[tuple[str, list[str]]]:
     """Several places at once: classes of like places, and patterns of the model."""
 
-    declared = [each for each in network.effects if each.effect.key == effect.key and not each.granted]
-    narrow = [frozenset(place for place, _ in network.places_for(each)) for each in declared if each.run == run]
-
     def covers(at: str) -> frozenset[str]:
-        """The places of a pattern, less those that a declaration of fewer places holds."""
-        covered = frozenset(place for place, _ in network.places_for(EffectDeclaration(effect(), at)))
-        return covered.difference(*(held for held in narrow if held < covered))
+        return frozenset(place for place, _ in network.layout.places_held(EffectDeclaration(effect(), at, run=run)))
 
     if effect.whole_robot:
         return [(EVERYWHERE, places)] if places and covers(EVERYWHERE) == set(places) else []

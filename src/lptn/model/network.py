@@ -218,8 +218,29 @@ class Layout:
         return self.linked | {place for declared in between for place, _ in self.places_for(declared)}
 
     def places_for(self, declared: EffectDeclaration) -> list[Place]:
-        """Where a declared effect acts: (place, nodes it touches)."""
+        """Where a declared effect may act: (place, nodes it touches)."""
         return declared.effect.places(declared.at, self)
+
+    def places_held(self, declared: EffectDeclaration) -> list[Place]:
+        """Where it acts beside the declared ones.
+
+        Of two declarations of an effect that cover a place the one of fewer places holds there: `"*"` beside
+        `"FR_calf"` is everywhere else.
+        """
+        places = self.places_for(declared)
+        fewest = self._fewest_places
+        return [each for each in places if len(places) <= fewest.get(declared.instance_label(each[0]), len(places))]
+
+    @cached_property
+    def _fewest_places(self) -> dict[str, int]:
+        """For each effect at each place the number of places of the narrowest declaration that covers it."""
+        fewest: dict[str, int] = {}
+        for declared in self.effects:
+            places = self.places_for(declared)
+            for place, _ in places:
+                label = declared.instance_label(place)
+                fewest[label] = min(fewest.get(label, len(places)), len(places))
+        return fewest
 
     def nodes_with(self, key: str) -> list[str]:
         """Dynamic nodes at which an effect is declared."""
@@ -552,41 +573,24 @@ def _refuse_isolated(origin: str, layout: Layout, bodies: Bodies) -> None:
             raise InputError(origin, f'nodes."{name}"', found, expected)
 
 
-def _fewest_places(effects: Sequence[EffectDeclaration], places: Sequence[Sequence[Place]]) -> dict[str, int]:
-    """For each effect at each place the number of places of the narrowest declaration that claims it."""
-    fewest: dict[str, int] = {}
-    for declared, claimed in zip(effects, places, strict=True):
-        for place, _ in claimed:
-            label = declared.instance_label(place)
-            fewest[label] = min(fewest.get(label, len(claimed)), len(claimed))
-    return fewest
-
-
 def _effects(origin: str, layout: Layout, parameters: _Parameters) -> tuple[list[EffectInstance], dict[str, int]]:
-    """Every effect at every place where it acts, and the indicators of the runs that some are confined to.
-
-    Of two declarations of an effect that cover a place the one of fewer places holds there: `"*"` beside `"FR_calf"` is
-    everywhere else.
-    """
+    """Every effect at every place where it acts, and the indicators of the runs that some are confined to."""
     instances: list[EffectInstance] = []
     labels: set[str] = set()
     runs: dict[str, int] = {}
-    all_places = [layout.places_for(declared) for declared in layout.effects]
-    fewest = _fewest_places(layout.effects, all_places)
-    for number, (declared, places) in enumerate(zip(layout.effects, all_places, strict=True)):
+    for number, declared in enumerate(layout.effects):
         where = f"effects[{number}].at"
-        if not places:
+        if not layout.places_for(declared):
             found = f'"{declared.at}", which matches no place for {declared.effect.key}'
             raise InputError(origin, where, found, declared.effect.places_in_words(layout))
         if run := declared.run:
             # 1 in the run, and 0 wherever no run is simulated: in an FMU, an estimator, a forecast.
             indicator = Parameter(RUN, 0.0, "1", (0.0, 1.0), title=f"1 in run {run}", fixed=True)
             runs[run] = parameters.index((RUN, run), RUN, run_label(run), run, indicator)
-        own = [(place, ends) for place, ends in places if len(places) == fewest[declared.instance_label(place)]]
-        if not own:
+        if not (held := layout.places_held(declared)):
             found = f'"{declared.at}", of whose places each has a declaration of fewer places'
             raise InputError(origin, where, found, f"a place for {declared.effect.key}")
-        for place, ends in own:
+        for place, ends in held:
             indices = {
                 name: parameters.index(
                     ("effects", number, name), f"{declared.name}.{name}", place, declared.at, parameter, run
