@@ -57,7 +57,9 @@ def browser() -> Iterator[Browser]:
 
 def _order(page: Page, button: str) -> None:
     """Press a button, and wait until what it orders is done."""
-    page.locator(f"[id='{button}']").click()
+    with page.expect_response(lambda response: response.request.method == "POST") as answer:
+        page.locator(f"[id='{button}']").click()
+    assert answer.value.ok
     with suppress(AssertionError):  # what is done between two looks of the page is never seen at work
         expect(page.locator("#stop")).to_be_visible(timeout=BEGINS)
     expect(page.locator("#stop")).to_be_hidden()
