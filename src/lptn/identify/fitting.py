@@ -279,10 +279,16 @@ def nuisances(model: Model, run: str) -> list[int]:
 
 
 @one_blas_thread
-def fit_nuisances(model: Model, bound: BoundRun, sigma: FloatArray) -> Model:
+def fit_nuisances(model: Model, bound: BoundRun, sigma: FloatArray, start: FloatArray) -> Model:
     """The model with its nuisance parameters of one run, such as the ambient sensor's bias, fitted to that run.
 
     These are held parameters with a prior that belong to the run alone; most models have none and stay as they are.
+
+    Args:
+        model: at the values that it is to predict with.
+        bound: the run.
+        sigma: standard deviation that weighs each node [K], shape (nodes,).
+        start: the run's initial states [degC], shape (states,).
 
     Raises:
         KeyboardInterrupt: Ctrl-C was pressed.
@@ -290,7 +296,7 @@ def fit_nuisances(model: Model, bound: BoundRun, sigma: FloatArray) -> Model:
     chosen = nuisances(model, bound.run.name)
     if not chosen:
         return model
-    problem = Problem(model, [bound], sigma, free=chosen)
+    problem = Problem(model, [bound], sigma, free=chosen, starts=[start])
     solution = minimise(problem, problem.guess(model.values), near=True)
     if solution.status == "interrupted":
         raise KeyboardInterrupt

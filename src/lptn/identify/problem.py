@@ -10,11 +10,15 @@ import numpy as np
 from lptn.basics.arrays import BoolArray, FloatArray, IntArray
 from lptn.basics.parameters import Transform
 from lptn.model.model import Model
-from lptn.simulate.bound_run import BoundRun, default_start
+from lptn.simulate.bound_run import BoundRun, default_start, excess_at_start
 from lptn.simulate.simulation import SimulationError, sensitivity_windows, simulate
 
 _NODE_SPREAD = 10.0  # K, prior standard deviation of a node's initial temperature: wide, its first readings hold it
-_HIDDEN_SPREAD = 5.0  # K, of a state that no sensor sees: narrower, since nothing else holds it
+_HIDDEN_SPREAD = 5.0  # K, of a state that no sensor sees, where nothing is known of how the run begins
+_AT_REST = (
+    0.5  # K, of one in a robot that begins as warm as its surroundings: sensors of 1 K steps, and the air's 0.3 K
+)
+_KNOWN = 1e-3  # K, of any state where the start is known
 _NEAR = 1.5  # K; a node starts no further from its first readings, unless an effect of its sensor is modelled
 
 
@@ -54,6 +58,7 @@ class Problem:
         symmetry_penalty: λ of the penalty that pulls the logarithms of left and right parameters
             together ([QuadrupedLPTN, eq. 14], on logarithms so that λ has no unit).
         free: indices of the parameters to fit; the model's own free ones by default.
+        starts: initial states of each run [degC] where they are known, shape (states,) each.
     """
 
     def __init__(
@@ -63,13 +68,17 @@ class Problem:
         sigma: FloatArray,
         symmetry_penalty: float = 0.0,
         free: Sequence[int] | None = None,
+        starts: Sequence[FloatArray] | None = None,
     ) -> None:
         self.model, self.bound_runs, self.sigma = model, list(bound_runs), sigma
         self.symmetry_penalty = symmetry_penalty
         self.free = list(model.free if free is None else free)
         self._transform = Transform([model.parameters[index] for index in self.free])
-        self._guesses = [default_start(model, bound) for bound in self.bound_runs]
         self._shares = model.resting_shares
+        self._guesses = [default_start(model, bound) for bound in self.bound_runs]
+        self._spreads = [self._spread(bound) for bound in self.bound_runs]
+        if starts is not None:
+            self._guesses, self._spreads = list(starts), [np.full(len(start), _KNOWN) for start in starts]
         self._penalties = self._penalties_on_parameters(symmetry_penalty)
         self.readings = sum(int(bound.counted.sum()) for bound in self.bound_runs)
         """Number of readings that count."""
@@ -247,20 +256,25 @@ class Problem:
 
     # --- priors -----------------------------------------------------------------------------------
 
-    @property
-    def _spread(self) -> FloatArray:
-        nodes = len(self.model.nodes)
-        return np.where(np.arange(len(self.model.states)) < nodes, _NODE_SPREAD, _HIDDEN_SPREAD)
+    def _spread(self, bound: BoundRun) -> FloatArray:
+        """Standard deviations of a run's initial states [K], shape (states,).
+
+        A hidden mass may be as far from its node as the node is from its surroundings, for heat passes one resistance
+        on its way to each: in a robot that begins cold nothing is warm, whatever its first minutes seem to ask for.
+        """
+        hidden = _AT_REST + excess_at_start(self.model, bound)
+        hidden[np.isnan(hidden)] = _HIDDEN_SPREAD
+        return np.concatenate([np.full(len(self.model.nodes), _NODE_SPREAD), hidden])
 
     def _prior_residuals(self, z: FloatArray, point: Point) -> FloatArray:
         starts = [
-            (self._relative(start) - self._relative(guess)) / self._spread
-            for start, guess in zip(point.starts, self._guesses, strict=True)
+            (self._relative(start) - self._relative(guess)) / spread
+            for start, guess, spread in zip(point.starts, self._guesses, self._spreads, strict=True)
         ]
         return np.concatenate([*starts, self._penalties @ z[: len(self.free)]]) if starts else np.zeros(0)
 
     def _prior_jacobian(self) -> FloatArray:
-        starts = np.diag(np.tile(1.0 / self._spread, len(self.bound_runs)))
+        starts = np.diag(1.0 / np.concatenate(self._spreads)) if self._spreads else np.zeros((0, 0))
         free = len(self.free)
         jacobian = np.zeros((len(starts) + len(self._penalties), self.size))
         jacobian[: len(starts), free:] = starts

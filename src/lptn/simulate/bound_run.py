@@ -107,6 +107,21 @@ def start_from(model: Model, bound: BoundRun, states: Mapping[str, float]) -> Fl
     return np.array([states.get(name, rest) for name, rest in zip(model.states, resting, strict=True)])
 
 
+def excess_at_start(model: Model, bound: BoundRun) -> FloatArray:
+    """How far the nodes of each hidden state start from what surrounds the robot [K], shape (hidden states,).
+
+    The farthest of the prescribed temperatures counts, of several nodes their mean, of a state of a prescribed place
+    that of all nodes. NaN where a node has no reading at the start or nothing is prescribed.
+    """
+    around = np.array([_prescribed_at_start(model, bound, name) for name in model.network.prescribed])
+    if not around.size:
+        return np.full(len(model.states) - len(model.nodes), np.nan)
+    excess = np.abs(bound.start[:, None] - around).max(axis=1)
+    shares = model.resting_shares
+    shares = np.where(shares.any(axis=1, keepdims=True), shares, 1 / len(model.nodes))
+    return np.array([excess[row > 0] @ row[row > 0] for row in shares])
+
+
 def _prescribed_at_start(model: Model, bound: BoundRun, name: str) -> float:
     """The first value of a prescribed temperature [degC]."""
     source = model.network.prescribed[name]
