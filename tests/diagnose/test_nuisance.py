@@ -5,13 +5,21 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from lptn.diagnose.candidates import with_errors_of_runs
 from lptn.diagnose.diagnosis import for_search
 from lptn.diagnose.improvement import improve
+from lptn.effects import catalogue
+from lptn.identify.comparison import with_own_errors
 from lptn.identify.data import Segment
+from lptn.identify.fitting import fit_starts, nuisances
 from lptn.identify.validation import fit_segments, holdout_errors
+from lptn.model.model import Model
+from lptn.model.network import EffectDeclaration
+from lptn.simulate.bound_run import bind
+from lptn.simulate.simulation import simulate
 from lptn.virtual import Hidden
 from tests.diagnose.conftest import Leg
 
@@ -43,6 +51,37 @@ def test_a_grant_does_not_hide_what_the_model_lacks(leg: Leg) -> None:
         assert held is not None
         errors.append(held.rmse)
     assert errors[1] > 0.5 * errors[0]
+
+
+def test_a_held_out_runs_errors_are_those_that_its_prediction_needs_from_the_start_that_it_has(leg: Leg) -> None:
+    """No other ambient or torque predicts it better, by a model that lacks something and has states that nobody sees.
+
+    With a start of their own, fitted to all of the run, these errors went with a warmth inside the joints that the
+    prediction then did not begin with.
+    """
+    model, data = leg(Hidden("natural_convection", "*"), noise=0.02)
+    coarse = for_search(data)
+    declared = EffectDeclaration(catalogue()["second_mass"](), "*")
+    fitted = fit_segments(with_errors_of_runs(Model(model.network.with_effects([declared])), data), coarse.fit)
+    (segment,), sigma = coarse.holdout, fitted.problem.sigma
+    own = with_own_errors(fitted.model, segment, sigma)
+    chosen = nuisances(own, segment.run.name)
+    assert len(chosen) == 4
+    priors = np.array([own.parameters[index].declared.prior or 1.0 for index in chosen])
+
+    def misfit(model: Model) -> float:
+        bound = bind(model, segment.run)
+        (start,) = fit_starts(model, [bound.count(segment.initialisation).until(segment.initialisation[1])], sigma)
+        error = simulate(model, bound, model.values, start).readings - bound.measured
+        return float(np.nansum((error / sigma[:, None]) ** 2) + np.sum((model.values[chosen] / priors) ** 2))
+
+    least = misfit(own)
+    for index, prior in zip(chosen, priors, strict=True):
+        limits = own.parameters[index].declared.bounds
+        for change in (-0.2, 0.2):
+            values = own.values
+            values[index] = np.clip(values[index] + change * prior, *limits)
+            assert misfit(own.with_values(values)) > 0.99 * least, own.parameters[index].name
 
 
 def test_one_log_alone_is_granted_no_errors(leg: Leg) -> None:

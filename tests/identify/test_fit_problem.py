@@ -81,6 +81,22 @@ def test_point_and_guess_are_inverses() -> None:
     np.testing.assert_allclose(point.starts[0], start, rtol=1e-14)
 
 
+@pytest.mark.parametrize(
+    ("reading", "spread"), [(20.0, 0.5), (45.0, 25.5), (np.nan, 5.0)], ids=["cold", "warm", "unread"]
+)
+def test_a_hidden_mass_starts_no_farther_from_its_node_than_that_from_the_air(reading: float, spread: float) -> None:
+    """To one standard deviation, and half a kelvin for what sensors are off."""
+    model = Model(_with([effect("second_mass", "a")]))
+    run = truth_run(100.0)
+    columns = {"temperature.a": np.full(len(run), reading), "temperature.ambient": np.full(len(run), 20.0)}
+    problem = Problem(model, bound_runs(model, [replace(run, columns={**run.columns, **columns})]), np.ones(2))
+    z = problem.guess(model.values)
+    moved = z.copy()
+    moved[-1] += 1.0
+    prior = len(model.states)  # the last residuals: of the starts
+    assert (problem.residuals(moved) - problem.residuals(z))[-prior:][-1] == pytest.approx(1 / spread)
+
+
 def test_a_point_that_cannot_be_simulated_costs_infinitely_much() -> None:
     model = Model(network())
     problem = Problem(model, bound_runs(model, [truth_run(100.0)]), np.ones(2))
