@@ -41,7 +41,7 @@ class Obstacle:
     name: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Plan:
     """The answer to a mission.
 
@@ -81,6 +81,10 @@ class Plan:
     raise_needed: float | None
     status: str
     assumed: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        pieces = f"{len(self.segments)} piece{'s' * (len(self.segments) != 1)}"
+        return f"<Plan of {self.mission.name}: {self.verdict}, {pieces}, {self.total:.0f} s>"
 
     @property
     def total(self) -> float:

@@ -55,6 +55,11 @@ def test_a_plan_does_all_that_was_asked() -> None:
     assert plan.total == pytest.approx(plan.course.time[-1], rel=1e-9)
 
 
+def test_a_plan_prints_in_a_line() -> None:
+    plan = two_walks()
+    assert repr(plan) == f"<Plan of mission: met, {len(plan.segments)} pieces, {plan.total:.0f} s>"
+
+
 def test_the_replay_is_the_independent_simulation() -> None:
     plan = two_walks()
     expected = truth.simulate(pieces(plan), np.full(3, truth.AMBIENT))[:, -1]
