@@ -68,10 +68,11 @@ class MissionControl:
     """Plans a mission, follows the robot while it does it, and plans what is left anew.
 
     An estimator learns from the sensors how hot each node is and how the model's parameters are off, the torques
-    that are measured correct the tables of gaits, rests and transitions, and the air is what its sensor says. Once a period the rest of the plan
-    is simulated from there. Where a limit less its margin would be passed, or a plan that is held up by heat would stay
-    below all of them, what is left is solved again: speeds, rests, postures, and loads of what has not begun. So a plan
-    that was too bold yields before a limit is passed, one that was too careful becomes faster.
+    that are measured correct the tables of gaits, rests and transitions, and the air is what its sensor says. Once a
+    period the rest of the plan is simulated from there. Where a limit less its margin would be passed, or a plan that
+    is held up by heat would stay below all of them, what is left is solved again: speeds, rests, postures, and loads
+    of what has not begun. So a plan that was too bold yields before a limit is passed, one that was too careful
+    becomes faster.
 
     Args:
         mission: what is asked.

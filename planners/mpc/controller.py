@@ -102,7 +102,8 @@ class Plan(Tabular):
     def shares(self) -> FloatArray:
         """What is admitted as a share of what is asked, shape (joints,); NaN where nothing is asked."""
         asked = np.abs(self.asked)
-        return np.divide(np.abs(self.admitted), asked, out=np.full(asked.shape, np.nan), where=asked > 0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.asarray(np.where(asked > 0, np.abs(self.admitted) / asked, np.nan))
 
     @property
     def summary(self) -> str:
