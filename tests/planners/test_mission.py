@@ -207,6 +207,20 @@ def test_what_no_rest_can_help_is_cut_to_the_length_that_bisection_finds() -> No
     assert plan.bottleneck == "FR_calf"
 
 
+@pytest.mark.long
+def test_where_no_plan_does_all_of_it_the_rise_that_would_do_is_given() -> None:
+    """Air above the limit: nothing cools, and the walk is too long; with limits so much higher it can be done in time."""
+    asked = {"ambient": 65.0, "start": 40.0, "deadline": 500.0}
+    plan = plan_mission(mission([WALK], **asked))
+    assert plan.verdict == "cut"
+    assert plan.raise_needed is not None
+    enough, little = (
+        plan_mission(mission([WALK], **asked, limit=truth.LIMIT + share * plan.raise_needed), explain=False)
+        for share in (1.01, 0.85)
+    )
+    assert (enough.verdict, little.verdict != "met") == ("met", True)
+
+
 def test_what_begins_above_its_limit_rests_until_it_is_below() -> None:
     start = {"*": 50.0, "FR_calf": 63.0}
     plan = plan_mission(mission([{"do": "walk", "distance": 60, "load": 0}], start=start))
