@@ -209,7 +209,7 @@ def test_what_no_rest_can_help_is_cut_to_the_length_that_bisection_finds() -> No
 
 @pytest.mark.long
 def test_where_no_plan_does_all_of_it_the_rise_that_would_do_is_given() -> None:
-    """Air above the limit: nothing cools, and the walk is too long; with limits so much higher it can be done in time."""
+    """Air above the limit: nothing cools, and the walk is too long. With limits so much higher it is done in time."""
     asked = {"ambient": 65.0, "start": 40.0, "deadline": 500.0}
     plan = plan_mission(mission([WALK], **asked))
     assert plan.verdict == "cut"
