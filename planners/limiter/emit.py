@@ -17,6 +17,9 @@ _HEADER = """\
  * going on at their load. No heap, no globals, a fixed number of operations. */
 #ifndef ADMISSIBLE_H
 #define ADMISSIBLE_H
+#ifdef __cplusplus
+extern "C" {{
+#endif
 #define LPTN_NX {states}
 #define LPTN_NU {joints}
 #define LPTN_ND {conditions}
@@ -33,12 +36,15 @@ typedef struct {{
  * LPTN_HORIZONS values. A value that is no number makes what depends on it 0. */
 void lptn_admissible(lptn_limiter_memory *memory, const double *x, const double *load, const double *conditions,
                      double *admissible);
+#ifdef __cplusplus
+}}
+#endif
 #endif
 """
 _SOURCE = """\
 /* The limiter of admissible.h: constants, and the function that CasADi made of the model. */
 #define CASADI_SYMBOL_EXPORT static __attribute__((unused))
-#include "limiter.c"
+#include "limiter.inc"
 #include "admissible.h"
 
 static const double parameters[] = {{{parameters}}};
@@ -86,7 +92,7 @@ def emit(limiter: Limiter, folder: Path, x: FloatArray, load: FloatArray, condit
         "main.c": files("lptn.planners.limiter").joinpath("c", "main.c").read_text(encoding="utf-8"),
         "admissible.h": header,
         "admissible.c": source,
-        "limiter.c": limiter.c_code(),
+        "limiter.inc": limiter.c_code(),
         "names.txt": "\n".join([*names, ""]),
         "example.txt": " ".join(f"{value:.17g}" for value in [*x, *load, *conditions]) + "\n",
     }

@@ -40,7 +40,7 @@ class StanceError(ValueError):
     """No forces within friction cones and torque limits hold the robot."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Sharing:
     """Forces at the feet, and what they mean for the joints.
 
@@ -65,6 +65,10 @@ class Sharing:
     grip: float
     effort: float
     rounds: int = 0
+
+    def __repr__(self) -> str:
+        ends = "no limit is reached" if self.first is None else f"{self.first} is at its limit after {self.time:.0f} s"
+        return f"<Sharing {self.how}: {ends}>"
 
 
 class LoadSharing:

@@ -41,7 +41,7 @@ class Obstacle:
     name: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Plan:
     """The answer to a mission.
 
@@ -81,6 +81,10 @@ class Plan:
     raise_needed: float | None
     status: str
     assumed: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        pieces = f"{len(self.segments)} piece{'s' * (len(self.segments) != 1)}"
+        return f"<Plan of {self.mission.name}: {self.verdict}, {pieces}, {self.total:.0f} s>"
 
     @property
     def total(self) -> float:
@@ -170,61 +174,71 @@ def plan_mission(mission: Mission, *, explain: bool = True) -> Plan:
 
 
 def _planned(mission: Mission, explain: bool) -> Plan:
+    raised: float | None = None
     program, fastest = solved(mission, "time")
     if fastest.success:
         if not _misses(mission, fastest):
             return _finished(program, "met", fastest, 0.0)
-        raised = _rise(program, fastest, "time") if explain else None
+        raised = _rise(program, fastest) if explain else None
         if mission.gives_up == "deadline":
             return _finished(program, "late", fastest, raised)
     program, part = solved(mission, "work", mission.deadline)
-    if part.success:
-        raised = _rise(program, part, "work") if explain else None
-        return _finished(program, "cut", part, raised)
-    return _resting(program, part)
+    if not part.success:
+        return _resting(program, part)
+    if explain and not fastest.success:
+        raised = _rise(program, fastest, guess=_lacking(mission, part) / max(_slope(part), _COUNTS))
+    return _finished(program, "cut", part, raised)
 
 
 def _misses(mission: Mission, solution: Solution) -> bool:
     return mission.deadline is not None and solution.total > mission.deadline + 1e-6 * mission.deadline
 
 
-def _rise(program: Program, solution: Solution, goal: Goal) -> float | None:
+def _rise(program: Program, solution: Solution, guess: float = 0.0) -> float | None:
     """By how much all limits would have to rise for all to be done in time [K].
 
-    Newton's method on the prices, kept between what proved too little and what proved enough.
+    Newton's method on the prices of the least time, kept between what proved too little and what proved enough. (The
+    most work within the deadline would not do: where all can be done, any plan in time is as good as another.)
+
+    Args:
+        program: of the mission.
+        solution: of least time; where there is none, it failed.
+        guess: rise to begin with where it failed [K].
     """
     mission, raised, little = program.mission, 0.0, 0.0
     if mission.deadline is not None and mission.fastest > mission.deadline:
         return None
     enough: float | None = None
     for _ in range(_SEARCHES):
-        shortfall = _shortfall(mission, solution, goal)
-        if shortfall <= _CLOSE:
+        late = solution.total - (mission.deadline or np.inf) if solution.success else np.inf
+        if late <= _CLOSE:
             enough = raised
-            if goal == "time":
-                return raised
         else:
             little = raised
-        if enough is not None and enough - little <= max(_FINE, _FINE * enough):
+        if enough is not None and (abs(late) <= _CLOSE or enough - little <= max(_FINE, _FINE * enough)):
             return enough
-        slope = sum(abs(price) for name, price in solution.prices.items() if name.startswith("limit."))
-        raised += shortfall / slope if slope > _COUNTS else _FARTHEST
+        slope = _slope(solution)
+        if np.isfinite(late) and slope > _COUNTS:
+            raised += late / slope
+        elif enough is None:
+            raised = max(guess, 2 * raised, _FINE)
         if enough is not None and not little < raised < enough - _FINE / 2:
             raised = (little + enough) / 2
-        if raised > _FARTHEST:
-            return None
+        raised = min(raised, _FARTHEST)
+        if raised <= little:
+            return enough
         lifted = {node: limit + raised for node, limit in mission.limits.items()}
-        deadline = mission.deadline if goal == "work" else None
-        solution = program.solve(goal, limits=lifted, deadline=deadline, near=solution)
-        if not solution.success:
-            break
+        solution = program.solve("time", limits=lifted, near=solution if solution.success else None)
     return enough
 
 
-def _shortfall(mission: Mission, solution: Solution, goal: Goal) -> float:
-    """What is missing [s]: work, or time until the deadline."""
-    if goal == "time":
-        return solution.total - (mission.deadline or np.inf)
+def _slope(solution: Solution) -> float:
+    """What one kelvin more of all limits gains, in the unit of the goal; nothing where the solve failed."""
+    return sum(abs(price) for name, price in solution.prices.items() if name.startswith("limit."))
+
+
+def _lacking(mission: Mission, solution: Solution) -> float:
+    """Work that is not done [s]."""
     return sum(activity.work for activity in mission.activities) - solution.work(mission)
 
 

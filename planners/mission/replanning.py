@@ -13,7 +13,7 @@ from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.online import Estimate, Estimator, ModelError
 
-from .gait import Gait
+from .gait import REST, Gait
 from .mission import Activity, Mission, Segment
 from .plan import Plan, peaks_of, plan_mission
 from .simulation import simulate_plan
@@ -68,10 +68,11 @@ class MissionControl:
     """Plans a mission, follows the robot while it does it, and plans what is left anew.
 
     An estimator learns from the sensors how hot each node is and how the model's parameters are off, the torques
-    that are measured correct the gaits' tables, and the air is what its sensor says. Once a period the rest of the plan
-    is simulated from there. Where a limit less its margin would be passed, or a plan that is held up by heat would stay
-    below all of them, what is left is solved again: speeds, rests, postures, and loads of what has not begun. So a plan
-    that was too bold yields before a limit is passed, one that was too careful becomes faster.
+    that are measured correct the tables of gaits, rests and transitions, and the air is what its sensor says. Once a
+    period the rest of the plan is simulated from there. Where a limit less its margin would be passed, or a plan that
+    is held up by heat would stay below all of them, what is left is solved again: speeds, rests, postures, and loads
+    of what has not begun. So a plan that was too bold yields before a limit is passed, one that was too careful
+    becomes faster.
 
     Args:
         mission: what is asked.
@@ -201,11 +202,11 @@ class MissionControl:
         self._gone += done
         if not segment.is_transition:
             self._doing = segment.gait.name
+        self._learn(segment.gait.name, speed, load, posture, inputs, dt)
         if segment.activity >= 0:
             self._left[segment.activity] -= done * speed if segment.travels else dt
             self._spent[segment.activity] += dt
             self._loads[segment.activity] = load
-            self._learn(segment.gait, speed, load, posture, inputs, dt)
         if self._gone >= time - _FEWEST / 2:
             self._gone = max(self._gone - time, 0.0)
             del self._segments[0], self._pieces[0]
@@ -219,23 +220,21 @@ class MissionControl:
             del self._segments[0], self._pieces[0]
 
     def _learn(
-        self, gait: Gait, speed: float, load: float, posture: Sequence[float], inputs: Mapping[str, float], dt: float
+        self, name: str, speed: float, load: float, posture: Sequence[float], inputs: Mapping[str, float], dt: float
     ) -> None:
-        table = self._own(gait).at(speed, load, posture)
-        sums = self._measured.setdefault(gait.name, np.zeros((2, table.size)))
+        table = _gaits_of(self.mission)[name].at(speed, load, posture)
+        sums = self._measured.setdefault(name, np.zeros((2, table.size)))
         measured = np.array([inputs.get(column, np.nan) for column in self.mission.model.inputs])
         known = np.isfinite(measured)
         sums[0, known] += dt * measured[known] ** 2
         sums[1, known] += dt * table[known] ** 2
 
-    def _own(self, gait: Gait) -> Gait:
-        """The gait as the mission has it, before any correction."""
-        return next((a.gait for a in self.mission.activities if a.gait.name == gait.name), gait)
+    def _corrected(self) -> dict[str, Gait]:
+        """By name what the mission's tables prescribe, with inputs as large as they were measured to be."""
+        gaits = _gaits_of(self.mission)
+        return {name: self._correct(gait) if name in self._measured else gait for name, gait in gaits.items()}
 
-    def _corrected(self, gait: Gait) -> Gait:
-        """A gait whose inputs are as large as they were measured to be."""
-        if gait.name not in self._measured:
-            return gait
+    def _correct(self, gait: Gait) -> Gait:
         measured, table = self._measured[gait.name]
         typical = _TRUSTED * (gait.cells**2).reshape(-1, gait.cells.shape[-1]).mean(axis=0)
         known = typical > 0
@@ -250,9 +249,9 @@ class MissionControl:
 
     def remaining(self) -> Mission:
         """What is left as a mission of its own, from the estimate, with what was learnt."""
-        mission, estimator = self.mission, self.estimator
+        mission, estimator, gaits = self.mission, self.estimator, self._corrected()
         activities = tuple(
-            self._rest_of(number) for number in range(self._first, len(self._left)) if not self._is_over(number)
+            self._rest_of(number, gaits) for number in range(self._first, len(self._left)) if not self._is_over(number)
         )
         # Of what has begun the load stands; the rest may round to a hair more than what is left can take.
         carried = sum(load for number, load in self._loads.items() if mission.activities[number].chooses_load)
@@ -261,6 +260,11 @@ class MissionControl:
             mission,
             model=mission.model.with_values(estimator.values),
             activities=activities,
+            rest=None if mission.rest is None else gaits[mission.rest.name],
+            transitions={
+                pair: replace(transition, gait=gaits[transition.gait.name])
+                for pair, transition in mission.transitions.items()
+            },
             start=estimator.states,
             ambient=self._air,
             deadline=None if mission.deadline is None else max(mission.deadline - self.clock, _FEWEST),
@@ -276,11 +280,11 @@ class MissionControl:
             return left <= _FEWEST * activity.speed[0]
         return left <= _FEWEST and activity.duration[1] - self._spent[number] <= _FEWEST
 
-    def _rest_of(self, number: int) -> Activity:
+    def _rest_of(self, number: int, gaits: Mapping[str, Gait]) -> Activity:
         activity, left = self.mission.activities[number], self._left[number]
         begun = number in self._loads
         load = (self._loads[number],) * 2 if begun else activity.load
-        now = replace(activity, gait=self._corrected(activity.gait), load=load)
+        now = replace(activity, gait=gaits[activity.gait.name], load=load)
         if activity.distance is not None:
             pieces = max(1, ceil(activity.pieces * left / activity.distance))
             return replace(now, distance=left, pieces=pieces)
@@ -291,7 +295,7 @@ class MissionControl:
 
     def _too_hot(self, estimate: Estimate) -> bool:
         """Whether a node is above its limit while the plan has it work."""
-        working = bool(self._segments) and self._segments[0].gait is not self.mission.rest
+        working = bool(self._segments) and self._segments[0].gait.name != REST
         limits = self.mission.limits
         return working and any(estimate.temperature(node)[0] > limit for node, limit in limits.items())
 
@@ -330,7 +334,7 @@ class MissionControl:
 
     def _peaks_ahead(self, left: Mission) -> dict[str, float]:
         """Peaks of the limited nodes if the plan in force goes on [degC]."""
-        gaits = {activity.do: activity.gait for activity in left.activities}
+        gaits = _gaits_of(left)
         segments = [replace(segment, gait=gaits.get(segment.gait.name, segment.gait)) for segment in self._segments]
         time, speed, load, posture = zip(*self._pieces, strict=True)
         times = np.array(time)
@@ -370,3 +374,10 @@ class MissionControl:
         lines = [f"{event.time:6.0f} s  {event.total / 60:5.1f} min in all, {event.plan.verdict}: {event.why}"
                  for event in self.replanned]  # fmt: skip
         return "\n".join(lines)
+
+
+def _gaits_of(mission: Mission) -> dict[str, Gait]:
+    """By name what the joints do in each activity, in a rest and between them."""
+    between = [transition.gait for transition in mission.transitions.values()]
+    rest = [] if mission.rest is None else [mission.rest]
+    return {gait.name: gait for gait in [*between, *rest, *(activity.gait for activity in mission.activities)]}

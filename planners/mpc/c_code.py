@@ -16,8 +16,8 @@ from lptn.online import aliveness
 from ..compiled import c_code, compiled
 from ..heating import Heating
 
-SOLVER = ("lptn_mpc.h", "lptn_mpc.c", "linear.c", "aliveness.c", "observe.c", "bounds.c", "newton.c", "interior.c",
-          "lptn_loop.h", "lptn_loop.c")  # fmt: skip
+SOLVER = ("lptn_mpc.h", "lptn_mpc.c", "linear.inc", "aliveness.inc", "observe.inc", "bounds.inc", "newton.inc",
+          "interior.inc", "lptn_loop.h", "lptn_loop.c")  # fmt: skip
 _NUMBERS_IN_A_LINE = 8
 _D, _I = ctypes.c_double, ctypes.c_int
 _ALIVE = ("STANDS", "SHORTEST", "LEAST_CHANCE", "COARSEST", "LEAP", "LEAST_LEAP", "FEWEST")
@@ -68,7 +68,7 @@ def sources(heating: Heating, limits: int, stages: int) -> dict[str, str]:
         "pattern.h": _pattern(slope, heated),
         "alive.h": _alive(),
         "conditions.h": _kinds(heating.conditions),
-        "heat.c": _heat(c_code(function, "heat.c")),
+        "heat.inc": _heat(c_code(function, "heat.inc")),
         **solver,
     }
 
@@ -196,15 +196,15 @@ def _struct(name: str, fields: list[Any]) -> type[ctypes.Structure]:
 
 
 def settings_header(settings: ctypes.Structure) -> str:
-    """The controller's settings as a C constant."""
+    """The controller's settings as a constant, in words that C and C++ have in common."""
     lines = []
     for name, *_ in settings._fields_:
         value = getattr(settings, name)
-        lines.append(f"    .{name} = {_list(list(value)) if hasattr(value, '__len__') else _number(value)},")
+        lines.append(f"    /* {name} */ {_list(list(value)) if hasattr(value, '__len__') else _number(value)},")
     return "\n".join(
         ["/* Limits, weights, stages and the model's parameters: lptn_mpc.h says what each is. */",
-         "#include <math.h>",
-         "static const lptn_mpc_settings lptn_mpc_default = {", *lines, "};", ""]
+         "#ifndef LPTN_SETTINGS_H", "#define LPTN_SETTINGS_H", "#include <math.h>", '#include "lptn_mpc.h"',
+         "static const lptn_mpc_settings lptn_mpc_default = {", *lines, "};", "#endif", ""]
     )  # fmt: skip
 
 

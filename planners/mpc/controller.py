@@ -11,10 +11,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.basics.files import write_folder
+from lptn.basics.tables import Tabular
 from lptn.model.model import Model
 
 from ..heating import Request, heating, requested_by
@@ -32,15 +34,18 @@ _MEANING = {
 _PROGRAMS = ("main.c", "loop.c")  # that run the emitted step, and the loop of short ticks about it
 _STANDS = 2  # of a sensor, as in `c/lptn_mpc.h`
 _NO_SLACK = 1e-3  # K; less is the solver's own
+_NO_CUT = 5e-4  # of a request; a smaller cut is none to a person
 _SHORTCUT, _TOO_HOT, _NOT_BEST, _NOT_ALIVE = 1, 16, 32, 128
 
 
-@dataclass(frozen=True)
-class Plan:
+@dataclass(frozen=True, repr=False)
+class Plan(Tabular):
     """One step's answer.
 
     Args:
         joints: names, in order.
+        unit: of the requests, N*m or A.
+        asked: of the coming period, in that unit, shape (joints,).
         admitted: for the coming period, in the request's unit, shape (joints,).
         currents: planned for each stage, in the request's unit, shape (stages, joints).
         temperatures: expected at the n + 1 ends of the stages [degC], shape (states, stages + 1).
@@ -56,6 +61,8 @@ class Plan:
     """
 
     joints: tuple[str, ...]
+    unit: str
+    asked: FloatArray
     admitted: FloatArray
     currents: FloatArray
     temperatures: FloatArray
@@ -90,6 +97,31 @@ class Plan:
             )
             sentences.insert(0, f"a limit less its margin can't be met: {where}")
         return tuple(sentences)
+
+    @property
+    def shares(self) -> FloatArray:
+        """What is admitted as a share of what is asked, shape (joints,); NaN where nothing is asked."""
+        asked = np.abs(self.asked)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.asarray(np.where(asked > 0, np.abs(self.admitted) / asked, np.nan))
+
+    @property
+    def summary(self) -> str:
+        """How much is admitted, and what could not be had, in one line."""
+        shares = pd.Series(self.shares, index=self.joints).dropna()
+        if shares.empty:
+            admitted = "no joint is asked for anything"
+        elif shares.min() >= 1 - _NO_CUT:
+            admitted = "all that is asked is admitted"
+        else:
+            cut = int((shares < 1 - _NO_CUT).sum())
+            admitted = f"{cut} of {len(self.joints)} joints cut, {shares.idxmin()} most, to {shares.min():.0%}"
+        return "; ".join([admitted, *self.given_up])
+
+    def to_pandas(self) -> pd.DataFrame:
+        """A row for each joint: what is asked and what is admitted for the coming period, and its share."""
+        columns = {"joint": self.joints, f"asked [{self.unit}]": self.asked, f"admitted [{self.unit}]": self.admitted}
+        return pd.DataFrame(columns | {"share": self.shares})
 
 
 class TorqueMPC:
@@ -294,6 +326,8 @@ class TorqueMPC:
         result = self._result
         return Plan(
             self.joints,
+            self.heating.unit,
+            self._request[0].copy(),
             np.array(result.admitted),
             np.array(result.plan),
             np.array(result.x).T,

@@ -13,7 +13,7 @@ from lptn.basics.arrays import FloatArray
 from ..heating import Heating
 from .settings import Settings
 
-_FLOOR = 1e-3  # of the heat scale, as in `c/linear.c`
+_FLOOR = 1e-3  # of the heat scale, as in `c/linear.inc`
 _SUBSTEP = 5.0  # s; RK4 is exact to 1e-4 K at that length on joints of a minute's time constant
 _OPTIONS: dict[str, Any] = {
     "print_time": False,

@@ -39,7 +39,7 @@ class FrontPoint:
     price: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class StudyResult:
     """Answers for every discrete choice.
 
@@ -59,6 +59,13 @@ class StudyResult:
     front: tuple[FrontPoint, ...] = ()
     by_option: dict[str, tuple[FrontPoint, ...]] = field(default_factory=dict)
     intervals: dict[str, Interval] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        counts = f"{len(self.designs)} of {len(self.designs) + len(self.refusals)} choices feasible"
+        if not self.designs:
+            return f"<StudyResult: {counts}>"
+        words, unit, _ = GOALS[self.study.goal]
+        return f"<StudyResult: {counts}, best {self.best.option.name}, {words} {self.best.value:.4g} {unit}>"
 
     @property
     def best(self) -> Design:

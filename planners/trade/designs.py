@@ -22,7 +22,7 @@ BUDGETS: tuple[Relaxed, ...] = ("mass", "volume", "price")
 _MOVED = 1e-4  # relative; a limit that moved less did not move
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Design:
     """A feasible choice at its best.
 
@@ -66,6 +66,10 @@ class Design:
     checked: float
     times: FloatArray
     states: FloatArray
+
+    def __repr__(self) -> str:
+        held = f"{self.torque:.4g} N*m for {self.duration:g} s"
+        return f"<Design {self.option.name}: {held}, {1e3 * self.mass:.0f} g, winding {self.winding:.1f} degC>"
 
     @property
     def degenerate(self) -> bool:

@@ -125,6 +125,23 @@ def test_an_output_folder_that_does_not_exist_is_said(tmp_path: Path, capsys: py
     assert "nowhere" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("words", [["new", "leg"], ["motor"]], ids=" ".join)
+def test_a_file_to_begin_with_does_not_take_the_place_of_an_edited_one(
+    words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "mine.toml"
+    for _ in range(2):  # once more changes nothing
+        with pytest.raises(SystemExit) as stop:
+            main([*words, "-o", str(path)])
+        assert stop.value.code == 0
+    edited = "# edited\n" + path.read_text()
+    path.write_text(edited)
+    said = _refused([*words, "-o", path], capsys)
+    assert "mine.toml" in said
+    assert "there already" in said
+    assert path.read_text() == edited
+
+
 def _refused(words: list[object], capsys: pytest.CaptureFixture[str]) -> str:
     with pytest.raises(SystemExit) as stop:
         main([str(word) for word in words])

@@ -205,6 +205,9 @@ def test_discrete_choices_are_each_solved_and_the_best_comes_first() -> None:
     assert values == sorted(values, reverse=True)
     assert result.best.option.motor.name == "U10"
     assert "4 pipes" in result.best.option.name
+    assert repr(result).startswith("<StudyResult: ")
+    assert f" best {result.best.option.name}, " in repr(result)
+    assert repr(result.best).startswith(f"<Design {result.best.option.name}: ")
     assert [point.value for point in result.front] == sorted(point.value for point in result.front)
     assert [point.amount for point in result.front] == sorted(point.amount for point in result.front)
     for points in result.by_option.values():

@@ -55,6 +55,11 @@ def test_a_plan_does_all_that_was_asked() -> None:
     assert plan.total == pytest.approx(plan.course.time[-1], rel=1e-9)
 
 
+def test_a_plan_prints_in_a_line() -> None:
+    plan = two_walks()
+    assert repr(plan) == f"<Plan of mission: met, {len(plan.segments)} pieces, {plan.total:.0f} s>"
+
+
 def test_the_replay_is_the_independent_simulation() -> None:
     plan = two_walks()
     expected = truth.simulate(pieces(plan), np.full(3, truth.AMBIENT))[:, -1]
@@ -200,6 +205,20 @@ def test_what_no_rest_can_help_is_cut_to_the_length_that_bisection_finds() -> No
     assert plan.obstacle.time == pytest.approx(when, abs=1.5)
     assert "FR_calf passes its 60 degC after" in plan_kind.run(plan.mission).text()
     assert plan.bottleneck == "FR_calf"
+
+
+@pytest.mark.long
+def test_where_no_plan_does_all_of_it_the_rise_that_would_do_is_given() -> None:
+    """Air above the limit: nothing cools, and the walk is too long. With limits so much higher it is done in time."""
+    asked = {"ambient": 65.0, "start": 40.0, "deadline": 500.0}
+    plan = plan_mission(mission([WALK], **asked))
+    assert plan.verdict == "cut"
+    assert plan.raise_needed is not None
+    enough, little = (
+        plan_mission(mission([WALK], **asked, limit=truth.LIMIT + share * plan.raise_needed), explain=False)
+        for share in (1.01, 0.85)
+    )
+    assert (enough.verdict, little.verdict != "met") == ("met", True)
 
 
 def test_what_begins_above_its_limit_rests_until_it_is_below() -> None:

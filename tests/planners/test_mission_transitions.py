@@ -117,6 +117,37 @@ def test_an_order_on_the_way_is_for_what_it_leads_to() -> None:
     assert control.remaining().begins == "walk"
 
 
+def test_what_is_measured_on_the_way_corrects_its_table() -> None:
+    asked = mission([{"do": "walk", "distance": 50, "load": 4, "pieces": 1}], [DOWN, UP], begins="rest")
+    control = MissionControl(asked)
+    still = dict.fromkeys(truth.VELOCITY, truth.AMBIENT)
+    inputs = dict.fromkeys(asked.model.inputs, 0.0) | {"temperature.ambient": truth.AMBIENT}
+    control.update(still, inputs, 0.0)
+    heavier = {f"torque.{joint}": 1.3 * torque for joint, torque in truth.FOLDING.items()}
+    control.update(still, inputs | heavier, 12.0)
+    row = asked.model.inputs.index("torque.FR_calf")
+    after = {between: way.gait.at(0.0, 4.0)[row] for between, way in control.remaining().transitions.items()}
+    factor = np.sqrt((60.0 + 12.0 * 1.3**2) / (60.0 + 12.0))  # the table counts as if measured for a minute
+    assert after["rest", "walk"] == pytest.approx(factor * truth.FOLDING["FR_calf"])
+    assert after["walk", "rest"] == truth.FOLDING["FR_calf"], "nothing was measured of it yet"
+
+
+def test_a_rest_of_the_plan_is_corrected_too() -> None:
+    standing = {"loads": truth.LOADS, "torque": {"*": 1.0}, "velocity": {"*": 0.0}}  # rests on its feet
+    asked = truth.task([{"do": "walk", "distance": 50, "load": 4, "pieces": 1}], longest_rest=3000, start=65.0)
+    gaits = truth.GAITS | {"rest": standing}
+    read = plan_kind.read(asked | {"gaits": gaits}, "task.toml", truth.model())
+    control = MissionControl(read)
+    hot = dict.fromkeys(truth.VELOCITY, 65.0)
+    inputs = dict.fromkeys(read.model.inputs, 0.0) | {"temperature.ambient": truth.AMBIENT}
+    order = control.update(hot, inputs, 0.0)
+    assert order.do == "rest"
+    control.update(hot, inputs | {"torque.FR_calf": 2.0}, 30.0)
+    rest = control.remaining().rest
+    assert rest is not None
+    assert rest.cells[0, 0, read.model.inputs.index("torque.FR_calf")] == pytest.approx(np.sqrt((60 + 30 * 4) / 90))
+
+
 @pytest.mark.parametrize(
     ("wrong", "said"),
     [

@@ -279,6 +279,23 @@ def test_a_start_above_the_limit_admits_next_to_nothing(start: float) -> None:
     assert plan.given_up[0].startswith("a limit less its margin can't be met: FR_hip by ")
 
 
+def test_a_plan_prints_what_is_admitted_and_what_was_given_up() -> None:
+    mpc = TorqueMPC(leg_model(), LIMIT)
+    idle = mpc.step(np.full(3, 30.0), np.zeros(3), AROUND)
+    assert repr(idle) == "<Plan: no joint is asked for anything>"
+    light = mpc.step(np.full(3, 30.0), np.array([0.0, 1.0, 1.0]), AROUND)
+    assert repr(light) == "<Plan: all that is asked is admitted>"
+    np.testing.assert_array_equal(light.shares, [np.nan, 1.0, 1.0])
+    mpc.reset()
+    hot = mpc.step([40.0, 40.0, 66.0], REQUEST, AROUND)
+    least = f"{hot.admitted[2] / REQUEST[2]:.0%}"
+    assert f"joints cut, FR_calf most, to {least}; a limit less its margin can't be met: FR_calf by" in repr(hot)
+    table = hot.to_pandas()
+    assert list(table.columns) == ["joint", "asked [N*m]", "admitted [N*m]", "share"]
+    np.testing.assert_array_equal(table["admitted [N*m]"], hot.admitted)
+    assert len(str(hot).splitlines()) == 6
+
+
 def test_a_recovery_spares_the_neighbours() -> None:
     """A hot calf: at once, all that warms it is cut; with a time constant of half a minute the hip goes on."""
     start, grid = np.array([40.0, 40.0, 63.0]), {"period": 5.0, "horizon": 150.0, "stages": 30, **KNOWN}

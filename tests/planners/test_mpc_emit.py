@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import subprocess
 from pathlib import Path
 
@@ -94,6 +95,48 @@ def test_the_emitted_example_runs(tmp_path: Path) -> None:
     example = np.loadtxt(tmp_path / "example.txt", ndmin=2)
     assert answered(program, example).shape == (5, 5)
     assert (tmp_path / "names.txt").read_text().split("\n")[0] == "temperature.FR_hip [degC]"
+
+
+WARN = ("-Wall", "-Wextra", "-Wpedantic", "-Werror")
+CALLER = """
+#include "lptn_loop.h"
+#include "settings.h"
+#include "admissible.h"
+static lptn_loop loop;
+static lptn_mpc_state state;
+static lptn_mpc_work work;
+static lptn_mpc_result result;
+static lptn_limiter_memory memory;
+int main() {
+    const double asked[3] = {9, 9, 9}, hot[3] = {59, 59, 59}, air[1] = {25};
+    double scale[3], admissible[3 * LPTN_HORIZONS];
+    lptn_loop_begin(&lptn_mpc_default, &loop, 5.0);
+    for (int tick = 0; tick < 3; tick++) {
+        lptn_loop_update(&loop, asked, asked, hot, air, scale);
+        lptn_loop_think(&lptn_mpc_default, &loop, &state, &work, 0, &result);
+    }
+    lptn_admissible(&memory, hot, asked, air, admissible);
+    return scale[0] > 0 && scale[0] < 1 && admissible[0] > 0 ? 0 : 1;
+}
+"""
+
+
+@pytest.mark.long
+@needs_a_compiler
+@pytest.mark.skipif(shutil.which("c++") is None, reason="no C++ compiler")
+def test_every_emitted_source_compiles_on_its_own_and_a_program_in_cpp_calls_them(tmp_path: Path) -> None:
+    """As a build that takes all `*.c` of a folder does, and the C++ node of a robot."""
+    start, around = np.full(3, 50.0), np.full((1, 1), 25.0)
+    TorqueMPC(MODEL, 60.0, request="torque").emit(tmp_path / "mpc", start, np.full((1, 3), 9.0), around)
+    emit_limiter(Limiter(MODEL, 60.0, request="torque"), tmp_path / "limiter", start, np.full(3, 9.0), around[0])
+    for source in tmp_path.glob("*/*.c"):
+        words = [*(compiler() or ()), "-std=c99", *WARN, "-O1", "-c", source.name]
+        subprocess.run(words, cwd=source.parent, check=True)
+    (tmp_path / "node.cpp").write_text(CALLER)
+    objects = ["mpc/lptn_mpc.o", "mpc/lptn_loop.o", "limiter/admissible.o"]
+    words = ["c++", "-std=c++11", *WARN, "-Impc", "-Ilimiter", "node.cpp", *objects, "-lm", "-o", "node"]
+    subprocess.run(words, cwd=tmp_path, check=True)
+    subprocess.run([tmp_path / "node"], check=True)
 
 
 @pytest.mark.long

@@ -11,10 +11,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from lptn.basics.files import write_whole
-from tests.sources.row import EXAMPLES
-
-sys.path.insert(0, str(EXAMPLES / "heated_block"))  # pytest has it from pyproject.toml
-
 from tests.sources.table import NOT_RUN, Line, evaluate, page, rows, text
 
 

@@ -7,6 +7,7 @@ import time
 import warnings
 from collections.abc import Iterable
 from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -37,7 +38,7 @@ from tests.identify import test_fit_problem
 from tests.identify.truth import TRUTH, truth_run
 from tests.identify.truth import network as two_node_network
 from tests.online import test_monitor
-from tests.sources.row import Check, Verdict, above, below, differs, equal, example, printed, row
+from tests.sources.row import Check, Verdict, above, below, differs, equal, printed, row
 from tests.sources.trials import LEVELS, SEEDS, SOURCE_RUNS, forecasts, largest, neighbours, whole_body, windings
 
 REFERENCE = Path(__file__).parents[2] / "fmu" / "reference"
@@ -521,7 +522,7 @@ def environment() -> Iterable[Check]:
         model = Model(parse_model(presets()["quadruped"], Path("quadruped.toml")).network)
         check_env(gymnasium.make(ID, model=model, limits={"*_*": 60.0}).unwrapped)
     yield equal("complaints of gymnasium's checker", len(said), 0)
-    train = example("reinforcement", "train")
+    train = import_module("train")
     weights, steps = train.learn(rounds=3, drawn=24, episodes=8, chosen=16)
     derating, learnt = list(train.compare(weights, 64).values())[2:]
     before = f"over 64 fresh episodes, after {steps[-1].episodes} to learn on"

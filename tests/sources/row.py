@@ -6,16 +6,11 @@ that one function. A printed number is written as it is printed: its last digit 
 
 from __future__ import annotations
 
-import importlib
 import math
-import sys
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from enum import Enum
-from pathlib import Path
-from types import ModuleType
 
-EXAMPLES = Path(__file__).parents[2] / "examples"
 EXACT = 1e-9  # relative: what an equation may differ from the same equation worked apart
 
 
@@ -145,14 +140,6 @@ def differs(what: str, found: float, text: str, unit: str = "", why: str = "") -
     """Ours, which is right, and a printed number that it does not give."""
     apart = abs(found - float(text)) > half_a_digit(text)
     return Check(what, found, f"not the printed {text}", apart, unit, why)
-
-
-def example(folder: str, module: str) -> ModuleType:
-    """A module of an example, imported as its scripts import it."""
-    place = str(EXAMPLES / folder)
-    if place not in sys.path:
-        sys.path.insert(0, place)
-    return importlib.import_module(module)
 
 
 def _number(value: float) -> str:

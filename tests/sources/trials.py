@@ -6,6 +6,7 @@ import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -17,11 +18,10 @@ from lptn.online.forecasting import NodeForecast
 from lptn.robots.presets import preset_text
 from lptn.virtual import quadruped_logs, write_logs
 from tests.benchmarks import forecast as forecast_trial
-from tests.sources.row import example
 
 SEEDS = (3, 11)  # robots that nothing was tuned on; at 3 the models are at their worst
 LEVELS = ("none", "default")  # of errors that differ from run to run and stand in no log
-SOURCE_RUNS: Mapping[str, tuple[float, float, float]] = example("quadruped", "whole_body").SOURCE_RUNS
+SOURCE_RUNS: Mapping[str, tuple[float, float, float]] = import_module("whole_body").SOURCE_RUNS
 """[QuadrupedLPTN, table 3]: largest error [°C], mean square error [°C²], reduction [%]."""
 ROBOT, TROTS = 401, 5  # of the forecast trial: its first robot
 
@@ -33,7 +33,7 @@ def whole_body(seed: int, level: str = "none") -> Any:
 
 @cache
 def _trial(seed: int, level: str) -> Any:
-    study = example("quadruped", "whole_body")
+    study = import_module("whole_body")
     with tempfile.TemporaryDirectory() as folder:
         return study.trial(seed, level, Path(folder), study.FEW)
 
@@ -41,14 +41,14 @@ def _trial(seed: int, level: str) -> Any:
 @cache
 def windings(seed: int, level: str) -> Any:
     """The same with winding and housing apart, and a trunk; fitted to eleven of the protocol's runs."""
-    study = example("quadruped", "whole_body")
+    study = import_module("whole_body")
     with tempfile.TemporaryDirectory() as folder:
         return study.trial(seed, level, Path(folder), study.FEW, "windings")
 
 
 def largest(seed: int, level: str) -> Mapping[str, tuple[Any, tuple[float, float]]]:
     """Of each held-out run the errors of both models, and the oracle's largest and mean square error."""
-    floor = example("quadruped", "oracle").floor(seed, level)
+    floor = import_module("oracle").floor(seed, level)
     return {pair.what: (pair, floor[pair.what]) for pair in windings(seed, level).tests.runs}
 
 
@@ -57,7 +57,7 @@ def neighbours(seed: int) -> dict[str, tuple[float, float, float]]:
     name, beside = "knee_RF_LR_10Nm", ("FR_hip", "FR_thigh", "RL_hip", "RL_thigh")
     logs = quadruped_logs(seed=seed, level="none", quantisation=1.0)
     found: dict[str, list[float]] = {joint: [] for joint in beside}
-    truth, study = logs.truth[name], example("quadruped", "whole_body")
+    truth, study = logs.truth[name], import_module("whole_body")
     with tempfile.TemporaryDirectory() as folder:  # fitted to all runs of the protocol, this one too, as the source's
         fitted = study.trial(seed, "none", Path(folder), tuple(logs))
     for joint in beside:

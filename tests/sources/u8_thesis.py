@@ -6,6 +6,7 @@ import io
 import math
 from collections.abc import Iterable
 from functools import cache
+from importlib import import_module
 from types import ModuleType, SimpleNamespace
 from typing import Any
 
@@ -21,7 +22,8 @@ from lptn.planners.trade import load_study, solve_study
 from lptn.planners.trade.motors import U8, U10
 from lptn.planners.trade.profiles import JUMP_RATIO, PEAK, jump, level_walking
 from tests.builders import AMBIENT, link, node
-from tests.sources.row import EXAMPLES, Check, Verdict, above, below, differs, equal, example, printed, row
+from tests.sources import EXAMPLES
+from tests.sources.row import Check, Verdict, above, below, differs, equal, printed, row
 
 COUNTED = "tests/cooling/test_thesis_table.py"
 NETWORKS = "tests/cooling/test_thesis_networks.py"
@@ -32,7 +34,7 @@ _CLOSE = 5e-4  # relative: ours against a number worked out apart to four digits
 
 
 def _of(module: str) -> ModuleType:
-    return example("u8_thesis", module)
+    return import_module(module)
 
 
 @cache
@@ -515,7 +517,7 @@ def exchanger_or_bigger_motor() -> Iterable[Check]:
 @cache
 def _held() -> dict[str, float]:
     """Torque [N·m] that each candidate of the example holds for an hour."""
-    designs = example("u8_trade", "compare_designs")
+    designs = import_module("compare_designs")
     return {each.name: designs.held(each, (3600.0,))[0] for each in designs.CANDIDATES}
 
 
@@ -551,7 +553,7 @@ def _prosthesis() -> Any:
 
 def _held_for_minutes() -> float:
     """Torque [N·m] held for ten minutes with a structure like the thesis's exchanger."""
-    designs = example("u8_trade", "compare_designs")
+    designs = import_module("compare_designs")
     (candidate,) = (each for each in designs.CANDIDATES if each.name == "U8, prosthesis's structure as the sink")
     return float(designs.held(candidate, (600.0,))[0])
 

@@ -9,6 +9,9 @@
 #ifndef LPTN_LOOP_H
 #define LPTN_LOOP_H
 #include "lptn_mpc.h"
+#ifdef __cplusplus
+extern "C" {
+#endif
 
 #define LPTN_LOOP_WAITING 1 /* lptn_loop_think has something to do */
 #define LPTN_LOOP_LATE 2    /* it has not answered for two control periods */
@@ -46,4 +49,7 @@ int lptn_loop_update(lptn_loop *loop, const double *asked, const double *applied
  * LPTN_N x LPTN_NU, where they are known; NULL: as over the last period. */
 int lptn_loop_think(const lptn_mpc_settings *settings, lptn_loop *loop, lptn_mpc_state *state, lptn_mpc_work *work,
                     const double *preview, lptn_mpc_result *result);
+#ifdef __cplusplus
+}
+#endif
 #endif

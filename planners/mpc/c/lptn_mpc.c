@@ -5,13 +5,13 @@
 #include <string.h>
 
 #include "pattern.h"
-#include "heat.c"
-#include "linear.c"
-#include "aliveness.c"
-#include "observe.c"
-#include "bounds.c"
-#include "newton.c"
-#include "interior.c"
+#include "heat.inc"
+#include "linear.inc"
+#include "aliveness.inc"
+#include "observe.inc"
+#include "bounds.inc"
+#include "newton.inc"
+#include "interior.inc"
 
 #define ANOTHER 0.2 /* of all requests: where they change by so much, another thing is asked, and shares may jump */
 #define KEPT 1e-3 /* K; slack below it is the solver's own */

@@ -6,6 +6,9 @@
 #ifndef LPTN_MPC_H
 #define LPTN_MPC_H
 #include "sizes.h"
+#ifdef __cplusplus
+extern "C" {
+#endif
 
 #define LPTN_SHORTCUT 1    /* the full request stays cool; nothing was solved */
 #define LPTN_UNMEASURED 2  /* a reading was missing or absurd: the prediction stood in for it */
@@ -116,4 +119,7 @@ typedef struct {
  * period; NULL where it was what had been admitted. Never fails: `result->status` says what was given up. */
 void lptn_mpc_step(const lptn_mpc_settings *settings, lptn_mpc_state *state, lptn_mpc_work *work, const double *measured,
                    const double *request, const double *conditions, const double *applied, lptn_mpc_result *result);
+#ifdef __cplusplus
+}
+#endif
 #endif

@@ -6,9 +6,10 @@
  * -DLPTN_WIDE lets gcc use wide vectors where a PC has them: the same digits, nearly twice as fast.
  *
  * A line holds LPTN_NN temperatures [degC], LPTN_NU requests (RMS over the horizon) and LPTN_ND conditions, in the order
- * that names.txt tells; "nan" where a value is missing. With the argument "preview" requests and conditions are told for each
- * of the LPTN_N stages: temperatures, then LPTN_N times the requests, then LPTN_N times the conditions. The answer is a line of LPTN_NU admitted values, the status and the
- * cost. Times on standard error: processor time of each call. */
+ * that names.txt tells; "nan" where a value is missing. With the argument "preview" requests and conditions are told
+ * for each of the LPTN_N stages: temperatures, then LPTN_N times the requests, then LPTN_N times the conditions. The
+ * answer is a line of LPTN_NU admitted values, the status and the cost. Times on standard error: processor time of each
+ * call. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter as Option
 
-from lptn.cli.options import Json, OptionalOutput, check_outputs
+from lptn.cli.options import Json, OptionalOutput, check_outputs, write_beginning
 
 
 def motor(
@@ -36,6 +36,8 @@ def motor(
     text = drawings.sample(sample or "inrunner") if geometry is None else model_text(drawings.load_geometry(geometry))
     if output is None:
         print(text, end="")
+    elif geometry is None:
+        write_beginning(output, text)
     else:
         write_whole(output, text)
     if json is not None and geometry is not None:

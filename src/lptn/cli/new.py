@@ -9,7 +9,7 @@ from typing import Annotated
 
 from cyclopts import Parameter as Option
 
-from lptn.cli.options import OptionalOutput
+from lptn.cli.options import OptionalOutput, check_outputs, write_beginning
 
 
 def new(
@@ -22,14 +22,16 @@ def new(
 ) -> None:
     """Write a model file to begin with: a ready one, or one made of a URDF; without either, list the ready ones.
 
+    A file that is there already is kept, for it may have been edited.
+
     Example: lptn new quadruped --model single-node -o baseline.toml
 
     Example: lptn new --urdf my_robot.urdf -o my_robot.toml
     """
     from lptn.basics.errors import InputError
-    from lptn.basics.files import write_whole
     from lptn.cli.terminal import show_table
 
+    check_outputs(output)
     if urdf is not None:
         from lptn.robots.urdf import urdf_model_text
 
@@ -49,7 +51,7 @@ def new(
     if output is None:
         print(text, end="")
     else:
-        write_whole(output, text)
+        write_beginning(output, text)
 
 
 def _presets() -> Iterator[tuple[str, str, str, str]]:

@@ -165,6 +165,21 @@ def check_outputs(*paths: Path | None, inputs: Iterable[Path] = ()) -> None:
             raise InputError(path, "output", "one file for two results", "a file of its own for each")
 
 
+def write_beginning(path: Path, text: str) -> None:
+    """Write a file that a person goes on with. Results can be made again and are replaced; what was edited can't.
+
+    Raises:
+        InputError: the file is there and says something else, or can't be written.
+    """
+    from lptn.basics.files import write_whole
+
+    nothing_lost = (b"", text.encode("utf-8", "backslashreplace"))
+    if path.is_file() and path.read_bytes() not in nothing_lost:
+        expected = "a new name, for what was changed in this one would be lost; or delete it first"
+        raise InputError(path, "output", "a file that is there already", expected)
+    write_whole(path, text)
+
+
 def _files_of(path: Path) -> tuple[Path, ...]:
     """The files behind a path: of `a.csv+b.csv` both."""
     if "+" not in str(path):
