@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+import runpy
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
-from tests.sources.row import example
-
 HERE = Path(__file__).parents[2] / "examples"
-draw = example("networks", "draw")
+draw = SimpleNamespace(**runpy.run_path(str(HERE / "networks" / "draw.py")))
 MODELS = {name: file for name, _, file in draw.models()}
 
 
