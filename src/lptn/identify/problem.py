@@ -15,6 +15,10 @@ from lptn.simulate.simulation import SimulationError, sensitivity_windows, simul
 
 _NODE_SPREAD = 10.0  # K, prior standard deviation of a node's initial temperature: wide, its first readings hold it
 _HIDDEN_SPREAD = 5.0  # K, of a state that no sensor sees: narrower, since nothing else holds it
+_REPEATED = 5.0
+"""s; so long at least what a model gets wrong stays the same, while a sensor's noise differs with each reading. Of
+readings closer than that several say once what the log was wrong by, and its priors count as often: a log of 1 Hz and
+its means over 5 s, which effects are sought on, find the same errors of the log."""
 _NEAR = 1.5  # K; a node starts no further from its first readings, unless an effect of its sensor is modelled
 
 
@@ -270,6 +274,8 @@ class Problem:
     def _penalties_on_parameters(self, weight: float) -> FloatArray:
         """A row for each left-right pair of free parameters, sqrt(λ) times their difference; and for each prior."""
         where = {self.model.parameters[index].name: row for row, index in enumerate(self.free)}
+        step = max((bound.run.step for bound in self.bound_runs), default=_REPEATED)
+        weight_of_priors = np.sqrt(max(1.0, _REPEATED / step))
         rows = []
         for index in self.free:
             parameter = self.model.parameters[index]
@@ -279,7 +285,7 @@ class Problem:
                 rows.append(row)
             if parameter.declared.prior is not None:
                 row = np.zeros(len(self.free))
-                row[where[parameter.name]] = parameter.declared.typical / parameter.declared.prior
+                row[where[parameter.name]] = weight_of_priors * parameter.declared.typical / parameter.declared.prior
                 rows.append(row)
         return np.array(rows, dtype=float).reshape(len(rows), len(self.free))
 
