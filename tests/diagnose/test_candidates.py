@@ -14,7 +14,8 @@ from lptn.model.model import Model
 from lptn.model.network import START, EffectDeclaration, LinkDeclaration, Network, NodeDeclaration
 from lptn.simulate.bound_run import bind
 from lptn.simulate.simulation import sensitivities
-from tests.builders import AMBIENT, capacity, effect, random_run, resistance
+from tests.builders import AMBIENT, capacity, effect, link, node, random_run, resistance
+from tests.builders import leg as leg_network
 from tests.diagnose.conftest import Leg
 
 JOINTS = ("FL_thigh", "FL_calf", "FR_thigh", "FR_calf")
@@ -406,3 +407,39 @@ def test_candidates_of_a_slow_log_can_all_be_scored(step: float) -> None:
     moved = sensitivities(full, bind(full, run), full.values, chosen, core=1)
     assert np.isfinite(moved.derivatives).all()
     assert (np.abs(moved.by_parameter).max(axis=(0, 1)) > 0).all()
+
+
+def _knee() -> Network:
+    """Winding, housing and foot of a knee, in a row, each with a sensor; the winding's current is logged."""
+    return Network(
+        "knee",
+        (node("knee"), node("knee_case"), node("foot"), AMBIENT),
+        (link("knee", "knee_case"), link("knee_case", "foot"), link("foot", "ambient")),
+        effects=(replace(effect("copper_loss", "knee"), effect=catalogue()["copper_loss"](input="current")),),
+    )
+
+
+def test_a_joints_heat_is_proposed_in_its_housing_too_by_the_columns_of_its_winding() -> None:
+    columns = ("current.knee", "velocity.knee", "velocity_rms.knee")
+    found = [each for each in candidates(_knee(), columns) if each.effect.key == "viscous_friction"]
+    assert [(each.at, each.driven_by) for each in found] == [("knee", ""), ("knee_case", "knee")]
+    case = found[1]
+    declared = case.declaration(0.1, None)
+    assert (declared.at, declared.driven_by) == ("knee_case", "knee")
+    assert case.sites(None)[0].declaration().driven_by == "knee"
+    assert "velocity_rms.knee" in Model(_knee().with_effects([declared])).inputs
+
+
+def test_a_housing_with_columns_of_its_own_is_driven_by_them() -> None:
+    columns = ("velocity.knee", "velocity.knee_case")
+    found = [each for each in candidates(_knee(), columns) if each.effect.key == "coulomb_friction"]
+    assert [(each.at, each.driven_by) for each in found] == [("knee", ""), ("knee_case", "")]
+
+
+def test_a_part_between_two_windings_is_driven_by_neither() -> None:
+    both = ("FR_hip", "FR_calf")
+    current = catalogue()["copper_loss"](input="current")
+    network = leg_network([replace(effect("copper_loss", at), effect=current) for at in both])
+    columns = [f"velocity.{at}" for at in both]
+    places = [each.at for each in candidates(network, columns) if each.effect.key == "coulomb_friction"]
+    assert "FR_thigh" not in places

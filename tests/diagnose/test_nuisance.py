@@ -105,3 +105,17 @@ def test_a_torque_that_is_far_off_in_one_run_is_named_at_its_full_size(leg: Leg)
     values = {parameter.name: parameter.value for parameter in history.best.fit.model.parameters}
     assert values["loss_scale.change.FR_thigh@fit1"] == pytest.approx(0.2, rel=0.1)
     assert "loss_scale_granted.change.FR_thigh@fit1" not in values
+
+
+@pytest.mark.long
+def test_what_a_log_had_wrong_does_not_depend_on_how_often_it_reads(leg: Leg) -> None:
+    model, data = leg(Hidden("forced_convection", "FR_thigh", size=0.1))
+    coarse, offsets = for_search(data), []
+    granted = with_errors_of_runs(model, data, ambient=0.05, torque=0.0)
+    fit = fit_segments(granted, coarse.fit)
+    for segment in (data.holdout[0], coarse.holdout[0]):
+        own = with_own_errors(fit.model, segment, fit.problem.sigma)
+        offsets.append(next(each.value for each in own.parameters if each.name.endswith("ambient@holdout")))
+    assert (data.holdout[0].run.step, coarse.holdout[0].run.step) == (1.0, 5.0)
+    assert 0.01 < abs(offsets[1]) < 0.09  # K; between nothing and all that is granted
+    assert offsets[0] == pytest.approx(offsets[1], rel=0.02)

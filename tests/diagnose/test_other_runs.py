@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -178,6 +179,7 @@ def test_what_no_one_parameter_explains_is_said_plainly(fitted: Fit) -> None:
     (found,) = said_of(fitted, bursts=20.0, reads_high=-3.0, fan=2.0)
     assert (found.effect, found.amplitude, found.indistinguishable) == (None, None, ())
     assert "no one parameter that may differ from run to run explains half of it" in found.text()
+    assert re.search(r"on the fitted runs, most clearly at winding \(\S+ for \S+ K\)", found.text())
     assert found.as_json()["rmse_before"] == found.rmse_before > 1.0
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -14,6 +15,7 @@ from lptn.diagnose.refits import continued
 from lptn.diagnose.unexplained_heat import UnexplainedHeat, largest, stretches
 from lptn.effects import Effect
 from lptn.effects.radiation import Radiation
+from lptn.effects.sensor_lag import SensorLag
 from lptn.identify.comparison import Comparison, compare
 from lptn.identify.fitting import finished
 from lptn.identify.validation import holdout_errors
@@ -26,6 +28,7 @@ from lptn.report.words import (
     caption_of_conditions,
     in_short,
     next_step,
+    size_in_words,
     story_in_words,
 )
 from tests.report.two_joints import NODES, NOISE, Told
@@ -193,3 +196,32 @@ def test_a_step_that_the_fitted_data_alone_speak_against_is_not_called_the_best(
     assert "othing else in the catalogue explains" not in text
     assert text.count("another answer") >= 3
     assert "held-out runs included, decided" in text
+
+
+def test_what_was_added_as_well_is_no_other_name_for_a_step(missing: Told, capsys: pytest.CaptureFixture[str]) -> None:
+    history = missing[0]
+    given, step = history.steps
+    other = replace(step, indistinguishable=(step.key, ("solar", NODES[0])))
+    second = replace(step, declaration=EffectDeclaration(Radiation(), NODES[1]), indistinguishable=(step.key,))
+    show_history(replace(history, steps=(given, other, second)))
+    said = " ".join(capsys.readouterr().out.split())
+    assert f"the fitted data alone can't tell it from heat of the sun at {NODES[0]}" in said
+    assert "what explains the fitted data as well was added, too" in said
+
+
+def test_the_size_of_a_lag_is_its_time_constant(missing: Told) -> None:
+    fit = missing[0].best.fit
+    slow = tuple(each.switched_on for each in SensorLag.parameters)
+    network = fit.model.network.with_effects([EffectDeclaration(SensorLag(), NODES[0], slow)])
+    lagging = replace(missing[0].best, declaration=network.effects[-1])
+    assert re.fullmatch(r"time constant \S+( ± \S+)? s", size_in_words(lagging, continued(fit, network)))
+
+
+@pytest.mark.parametrize(("usual", "said"), [(0.1, " times what is usual"), (10.0, " of what is usual")])
+def test_a_size_is_so_many_times_or_a_share_of_what_is_usual(missing: Told, usual: float, said: str) -> None:
+    step = missing[0].best
+    (declared,) = step.declarations
+    (power,) = declared.parameters
+    resized = replace(declared, parameters=(replace(power, typical=usual * step.size * power.typical),))
+    network = step.fit.model.network.without_effect(*step.key).with_effects([resized])
+    assert said in size_in_words(step, continued(step.fit, network))

@@ -111,20 +111,24 @@ def show_history(history: History) -> None:
         print(left_in_words(history))
     print(_who_chose(history))
     show_what_runs_have_of_their_own(history.best.fit, history.differing)
+    added = {step.key for step in history.steps}
     for number, step in enumerate(history.steps):
         if step.effect and step.at:
             sentence = "nothing else in the catalogue explains the fitted data as well"
             sentence = sentence if step.probability else "chosen by hand, and not compared with others"
             sentence = outweighed_in_words(step) if step.outweighed else sentence
-            if step.indistinguishable:
-                sentence = f"the fitted data alone can't tell it from {in_words(step.indistinguishable)}"
+            # What was added as well, later or before, is no other name for it any more.
+            others = [key for key in step.indistinguishable if key not in added]
+            if others:
+                sentence = f"the fitted data alone can't tell it from {in_words(others)}"
                 sentence += "; the held-out data chose" if step.holdout else ""
+            elif step.indistinguishable:
+                sentence = "what explains the fitted data as well was added, too"
             size = size_in_words(step, history.best.fit)
             sure = f"by the fitted data {percent(step.probability)} probable; " if step.probability else ""
-            likeliest = history.first.probabilities[:1] if number == 1 else []
-            if sure and likeliest and likeliest[0][0] not in (step.key, ("", "")):
-                key, probability = likeliest[0]
-                sure = f"{sure.removesuffix('; ')} ({in_words([key])}: {percent(probability)}); "
+            likeliest = max(history.first.refits, key=lambda each: each.probability, default=step)
+            if sure and number == 1 and likeliest.probability > step.probability:
+                sure = f"{sure.removesuffix('; ')} ({in_words([likeliest.key])}: {percent(likeliest.probability)}); "
             text = f"Step {number}, {in_words([(step.effect, step.at)])}: {sure}{sentence}."
             own = [text, f"Its {size}." if size else "", removed_in_words(history, number)]
             print(for_people(" ".join(filter(None, own))))

@@ -17,9 +17,11 @@ from lptn.basics.parameters import Parameter
 from lptn.basics.places import EVERYWHERE, class_of, in_run, is_glob, is_of_run, matching, run_label
 from lptn.effects import Effect, catalogue
 from lptn.effects.ambient_offset import AmbientOffset
+from lptn.effects.base import Place
 from lptn.effects.loss_scale import LossScale
 from lptn.identify.data import DataSplit
 from lptn.identify.fitting import Fit
+from lptn.logs.resampling import raw_keys
 from lptn.model.heat_balance import input_column
 from lptn.model.model import Model
 from lptn.model.network import EffectDeclaration, Network
@@ -36,6 +38,8 @@ _JOINT_MOVES, _JOINT_POWER, _JOINT_LOSS = {"velocity": 2.5, "velocity_rms": 2.5}
 """rad/s, W of torque times speed, and W that its winding loses (0.15 ohm, 0.84 N·m/A): of the joint for which effects
 state their sizes, a leg's that walks. Friction is usually the same share of that power at any joint, an arm's with a
 gear of a hundred for one; where no torque is logged, the same share of that loss."""
+_OF_A_JOINT = {"torque", "current", "velocity", "powered"}
+"""What a log says of a joint as a whole; sun or air that is logged at a place are not its neighbour's."""
 _JOINTS = "*_*"  # names such as FR_calf
 _ONE_RUN_ONLY = 0.1  # prior odds of what acts in one run and no other, relative to the same in all runs
 _RATIO = 4.0  # of a time constant to the one before it, for a grid of one
@@ -56,6 +60,7 @@ class Site:
         words: the effect's options.
         typical: usual size of its amplitude at this place, in the amplitude's unit; the effect's own by default.
         difference: whether it is what the place has beside an effect that it has in common with others.
+        driven_by: the winding whose log columns drive it, where that is not its own place.
     """
 
     effect: type[Effect]
@@ -65,6 +70,7 @@ class Site:
     words: Words = field(default=(), compare=False)  # the same for all sites of an effect
     typical: float | None = field(default=None, compare=False)  # the same for all sites at a place
     difference: bool = False
+    driven_by: str = field(default="", compare=False)  # the same for all sites of an effect at a place
 
     @property
     def label(self) -> str:
@@ -83,7 +89,9 @@ class Site:
         stated = (_sized(_shaped(each, self.shape), self.typical) for each in self.effect.stated(self.difference))
         parameters = tuple(replace(parameter.switched_off, share="each") for parameter in stated)
         effect = self.effect(**dict(self.words))
-        return EffectDeclaration(effect, self.place, parameters, self.label, run=self.run, difference=self.difference)
+        return EffectDeclaration(
+            effect, self.place, parameters, self.label, self.driven_by, run=self.run, difference=self.difference
+        )
 
 
 @dataclass(frozen=True)
@@ -101,6 +109,7 @@ class Candidate:
         grid: values of the effect's shape at which it is scored; the effect's own by default.
         difference: whether it is what a place has beside the same effect that it has in common with others.
         one_logger: whether its runs are known to come each from one logger, whose clock is one.
+        driven_by: the winding whose log columns drive it, where that is not its own place.
     """
 
     effect: type[Effect]
@@ -112,6 +121,7 @@ class Candidate:
     grid: tuple[float, ...] = field(default=(), compare=False)  # of the log
     difference: bool = False
     one_logger: bool = field(default=False, compare=False)  # of the log
+    driven_by: str = field(default="", compare=False)  # of the network and the log
 
     @property
     def key(self) -> tuple[str, str]:
@@ -155,7 +165,7 @@ class Candidate:
         """Its single places at one shape."""
         typical = self.sizes or (None,) * len(self.places)
         return [
-            Site(self.effect, place, shape, self.run, self.words, size, self.difference)
+            Site(self.effect, place, shape, self.run, self.words, size, self.difference, self.driven_by)
             for place, size in zip(self.places, typical, strict=True)
         ]
 
@@ -170,7 +180,14 @@ class Candidate:
                 on = replace(on, value=min(max(amplitude, lower), upper))
             parameters.append(on)
         effect = self.effect(**dict(self.words))
-        return EffectDeclaration(effect, self.pattern, tuple(parameters), run=self.run, difference=self.difference)
+        return EffectDeclaration(
+            effect,
+            self.pattern,
+            tuple(parameters),
+            driven_by=self.driven_by,
+            run=self.run,
+            difference=self.difference,
+        )
 
 
 def candidates(
@@ -255,8 +272,10 @@ def _of_effect(network: Network, effect: type[Effect], columns: Collection[str],
         else:
             groups = [(place, [place]) for place in places] if not effect.whole_robot else []
             groups += _groups(effect, places, network, run)
-        if groups:
-            return [Candidate(effect, in_run(at, run), tuple(group), run, words) for at, group in groups]
+        found = [Candidate(effect, in_run(at, run), tuple(group), run, words) for at, group in groups]
+        found += _driven_by_windings(network, effect, words, columns, run)
+        if found:
+            return found
     return []
 
 
@@ -285,11 +304,12 @@ def _with_sizes(candidate: Candidate, network: Network, sizes: Sizes, rms: Mappi
     if rms is not None and candidate.effect.site == "node" and not candidate.effect.has_state:
         for place, size in usual.items():
             declared = candidate.declaration(size, None)
-            inputs = {feature: rms[input_column(feature, ends[place][0])] for feature in declared.effect.needed()}
+            driving = candidate.driven_by or ends[place][0]
+            inputs = {feature: rms[input_column(feature, driving)] for feature in declared.effect.needed()}
             heat = max(_heat_driven(declared, inputs), _NO_HEAT)
             larger = 1.0
             if inputs and inputs.keys() <= _JOINT_MOVES.keys():  # a large joint that moves slowly has more friction
-                share = _share_of_a_legs_joint(network, ends[place][0], rms)
+                share = _share_of_a_legs_joint(network, driving, rms)
                 larger = max(1.0, share * _heat_driven(declared, _JOINT_MOVES) / heat)
             usual[place] = size * min(larger, _MOST_RISE * sizes.conductance(ends[place]) / heat)
     return replace(candidate, sizes=tuple(usual.values()))
@@ -333,20 +353,52 @@ def _wordings(effect: type[Effect]) -> list[Words]:
 
 
 def _free_places(network: Network, effect: type[Effect], words: Words, columns: Collection[str], run: str) -> list[str]:
-    declaration = EffectDeclaration(effect(**dict(words)), EVERYWHERE)
+    return [
+        place
+        for place, ends in _places_without(network, effect, words, run)
+        if _logs(columns, effect(**dict(words)), ends[0])
+    ]
+
+
+def _driven_by_windings(
+    network: Network, effect: type[Effect], words: Words, columns: Collection[str], run: str
+) -> list[Candidate]:
+    """Heat in parts that no column names, driven by the columns of the one winding that each is linked to.
+
+    A joint's friction, iron loss and stray losses warm its housing or gearbox as well, and a log names them after the
+    joint, which is the winding where winding and housing are apart.
+    """
+    own = effect(**dict(words))
+    logged = {key.partition(".")[0] for feature in own.needed() for key in raw_keys(input_column(feature, "joint"))}
+    if own.site != "node" or not logged or not logged <= _OF_A_JOINT:
+        return []
+    windings = {node for node in network.dynamic if _features_of(network, LossScale.heat_of, node)}
+    found = []
+    for place, (node, *_) in _places_without(network, effect, words, run):
+        linked = {name for link in network.resistors if node in link.ends for name in link.ends} & windings - {node}
+        if not _logs(columns, own, node) and len(linked) == 1 and _logs(columns, own, *linked):
+            found.append(Candidate(effect, in_run(place, run), (place,), run, words, driven_by=linked.pop()))
+    return found
+
+
+def _places_without(network: Network, effect: type[Effect], words: Words, run: str) -> list[Place]:
+    """Places where an effect may act and does not, yet."""
     taken = {
         instance.place
         for instance in network.effect_instances
         if instance.effect.key == effect.key and instance.declaration.run == run and not instance.declaration.granted
     }
-    needed = declaration.effect.needed()
     return [
-        place
-        for place, ends in network.places_for(declaration)
+        (place, ends)
+        for place, ends in network.places_for(EffectDeclaration(effect(**dict(words)), EVERYWHERE))
         if place not in taken
-        and all(input_column(feature, ends[0]) in columns for feature in needed)
         and effect.makes_a_difference(place, network.layout, _features_of(network, effect.heat_of, ends[0]))
     ]
+
+
+def _logs(columns: Collection[str], effect: Effect, node: str) -> bool:
+    """Whether a log has what an effect needs of a node."""
+    return all(input_column(feature, node) in columns for feature in effect.needed())
 
 
 def _differences(network: Network, effect: type[Effect], columns: Collection[str], run: str) -> list[Candidate]:
@@ -363,7 +415,7 @@ def _differences(network: Network, effect: type[Effect], columns: Collection[str
         for instance in network.in_common(effect.key)
         if instance.place not in differing
         and not instance.declaration.driven_by
-        and all(input_column(feature, instance.ends[0]) in columns for feature in instance.effect.needed())
+        and _logs(columns, instance.effect, instance.ends[0])
     ]
     return [
         Candidate(effect, each.place, (each.place,), words=tuple(each.effect.chosen.items()), difference=True)

@@ -33,7 +33,7 @@ from lptn.diagnose.fit_statistics import (
     criterion_difference,
     explained_share,
     lack_of_fit,
-    stands_out,
+    standing_out,
 )
 from lptn.diagnose.probability import are_rivals, is_implausible, log_prior_of_sizes, log_priors, probabilities
 from lptn.diagnose.refits import continued, refit, unless_interrupted
@@ -487,7 +487,7 @@ _RUNS_DIFFER = 0.3  # K; two runs differ by so much in their air and sensors alo
 def _verdict(base: Fit, data: DataSplit, holdout: Errors | None, scores: Scores, steps: Sequence[Step]) -> Verdict:
     if not _more_is_wanted(scores, steps):
         agree = not any(
-            stands_out(base, predict(base.model, each, base.problem.sigma), _RUNS_DIFFER) for each in data.holdout
+            standing_out(base, predict(base.model, each, base.problem.sigma), _RUNS_DIFFER) for each in data.holdout
         )
         return "adequate" if agree else "unexplained"
     if not steps or not explained_elsewhere(base, holdout, steps[0].holdout):

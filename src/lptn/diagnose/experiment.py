@@ -121,9 +121,8 @@ class Experiment:
         what = "the two predictions" if len(self.rivals) == 2 else listed([named(key) for key in least.pair])
         shown = f"At {least.minute:.0f} min {what} differ by {least.kelvin:.2g} K at {least.node}"
         sure = f"whatever the other parameters are ({least.deviations:.0f} standard deviations)"
-        rest = "".join(
-            f" It does not tell apart {listed([named(key) for key in pair])}." for pair in self.indistinguishable
-        )
+        pairs = "; ".join(listed([named(key) for key in pair]) for pair in self.indistinguishable)
+        rest = f" It does not tell apart {pairs}." if pairs else ""
         return f"{self.words} {shown}, {sure}.{rest}"
 
     def as_json(self) -> dict[str, object]:

@@ -242,20 +242,24 @@ CLEARLY = 2.0
 """Times the error on the fitted runs: no model predicts quite as well as it fits."""
 
 
-def stands_out(fit: Fit, before: Prediction, least: float = NEGLIGIBLE) -> bool:
-    """Whether a run is predicted clearly worse than the fitted runs are met.
+def standing_out(fit: Fit, before: Prediction, least: float = NEGLIGIBLE) -> dict[str, tuple[float, float]]:
+    """Nodes where a run is predicted clearly worse than the fitted runs are met, with both errors [K].
 
-    At some node one-minute means of the error are beyond noise, and clearly beyond those of the fitted runs.
+    There one-minute means of the error are beyond noise, and clearly beyond those of the fitted runs.
 
     Args:
         fit: the fitted model.
         before: its prediction of the run.
         least: K; means that are off by less stand out nowhere.
+
+    Returns:
+        For each such node the root mean square of one-minute means in this run and in the fitted ones, the worst first.
     """
     from scipy.special import chdtri  # heavy, and few commands need it
 
     size = max(1, round(BLOCK / before.bound.run.step))
-    for row in range(len(fit.model.nodes)):
+    found = {}
+    for row, node in enumerate(fit.model.nodes):
         squares = _block_squares(before.error[row], size)
         if not squares.size:
             continue
@@ -268,8 +272,8 @@ def stands_out(fit: Fit, before: Prediction, least: float = NEGLIGIBLE) -> bool:
         noise = fit.noise.white[row] ** 2 / size + fit.noise.step[row] ** 2 / 12
         chance = noise * float(chdtri(squares.size, 0.05)) / squares.size
         if squares.mean() > max(CLEARLY**2 * usual, LACKING * chance, least**2):
-            return True
-    return False
+            found[node] = (float(np.sqrt(squares.mean())), float(np.sqrt(usual)))
+    return dict(sorted(found.items(), key=lambda item: -item[1][0]))
 
 
 def _block_squares(error: FloatArray, size: int) -> FloatArray:

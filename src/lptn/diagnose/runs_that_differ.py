@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -13,7 +13,7 @@ from lptn.basics.parameters import Parameter
 from lptn.basics.places import EVERYWHERE, in_run
 from lptn.basics.processes import one_blas_thread
 from lptn.diagnose.candidates import Candidate, candidates
-from lptn.diagnose.fit_statistics import CLEARLY, cost_of_noise, criterion_difference, stands_out
+from lptn.diagnose.fit_statistics import CLEARLY, cost_of_noise, criterion_difference, standing_out
 from lptn.diagnose.probability import (
     are_rivals,
     implausible_amplitude,
@@ -65,12 +65,15 @@ class RunDifference:
         rmse_fit: error of the model on the fitted runs [K].
         causes: what explains the run, the best first, then what these data can't tell from it; empty where no one
             parameter removes most of the error.
+        where: the nodes where it stands out, the worst first, with the root mean square of one-minute means of the
+            error there [K], in this run and in the fitted ones.
     """
 
     run: str
     rmse_before: float
     rmse_fit: float
     causes: tuple[Cause, ...]
+    where: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     @property
     def effect(self) -> str | None:
@@ -110,10 +113,14 @@ class RunDifference:
     def text(self) -> str:
         """The difference in a few sentences."""
         if not self.causes:
+            worst = [
+                f", most clearly at {node} ({short(here)} for {short(there)} K)"
+                for node, (here, there) in self.where.items()
+            ]
             return (
                 f"{self.run} is predicted with an error of {short(self.rmse_before)} K, against "
-                f"{short(self.rmse_fit)} K on the fitted runs, and no one parameter that may differ from run to run "
-                "explains half of it."
+                f"{short(self.rmse_fit)} K on the fitted runs{''.join(worst[:1])}, and no one parameter that may "
+                "differ from run to run explains half of it."
             )
         best = self.causes[0]
         text = (
@@ -200,7 +207,8 @@ def runs_that_differ(fit: Fit, segments: Sequence[Segment]) -> list[RunDifferenc
 def _difference(fit: Fit, segment: Segment) -> RunDifference | None:
     model = with_own_errors(fit.model, segment, fit.problem.sigma)
     before = predict(model, segment, fit.problem.sigma)
-    if not stands_out(fit, before):
+    where = standing_out(fit, before)
+    if not where:
         return None
     base = _as_fit(fit, model, before, ())
     possible = possible_causes(model.network, segment)
@@ -212,7 +220,7 @@ def _difference(fit: Fit, segment: Segment) -> RunDifference | None:
         if each.promise >= least
     ]
     causes = (_cause(each) for each in _best_and_indistinguishable(fit, before, base, trials))
-    return RunDifference(segment.run.name, Errors.of(before.error).rmse, fit.rmse, tuple(causes))
+    return RunDifference(segment.run.name, Errors.of(before.error).rmse, fit.rmse, tuple(causes), where)
 
 
 def _tried(fit: Fit, search: CauseSearch, log_odds: float) -> _Trial:

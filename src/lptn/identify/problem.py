@@ -15,10 +15,13 @@ from lptn.simulate.simulation import SimulationError, sensitivity_windows, simul
 
 _NODE_SPREAD = 10.0  # K, prior standard deviation of a node's initial temperature: wide, its first readings hold it
 _HIDDEN_SPREAD = 5.0  # K, of a state that no sensor sees, where nothing is known of how the run begins
-_AT_REST = (
-    0.5  # K, of one in a robot that begins as warm as its surroundings: sensors of 1 K steps, and the air's 0.3 K
-)
+_AT_REST = 0.5
+"""K, of one in a robot that begins as warm as its surroundings: sensors of 1 K steps, and the air's 0.3 K."""
 _KNOWN = 1e-3  # K, of any state where the start is known
+_REPEATED = 5.0
+"""s; so long at least what a model gets wrong stays the same, while a sensor's noise differs with each reading. Of
+readings closer than that several say once what the log was wrong by, and priors count as often: a log of 1 Hz and
+its means over 5 s, which effects are sought on, find the same errors of the log."""
 _NEAR = 1.5  # K; a node starts no further from its first readings, unless an effect of its sensor is modelled
 
 
@@ -76,7 +79,9 @@ class Problem:
         self._transform = Transform([model.parameters[index] for index in self.free])
         self._shares = model.resting_shares
         self._guesses = [default_start(model, bound) for bound in self.bound_runs]
-        self._spreads = [self._spread(bound) for bound in self.bound_runs]
+        step = max((bound.run.step for bound in self.bound_runs), default=_REPEATED)
+        self._repeats = float(np.sqrt(max(1.0, _REPEATED / step)))
+        self._spreads = [self._spread(bound) / self._repeats for bound in self.bound_runs]
         if starts is not None:
             self._guesses, self._spreads = list(starts), [np.full(len(start), _KNOWN) for start in starts]
         self._penalties = self._penalties_on_parameters(symmetry_penalty)
@@ -293,7 +298,7 @@ class Problem:
                 rows.append(row)
             if parameter.declared.prior is not None:
                 row = np.zeros(len(self.free))
-                row[where[parameter.name]] = parameter.declared.typical / parameter.declared.prior
+                row[where[parameter.name]] = self._repeats * parameter.declared.typical / parameter.declared.prior
                 rows.append(row)
         return np.array(rows, dtype=float).reshape(len(rows), len(self.free))
 

@@ -147,7 +147,8 @@ def _single_parameters(
             warnings.append(f"{name}: these data don't tell whether heat passes there; {least:.2g} K/W at least")
         elif at_bound and not _is_off(parameter, values[problem.free[row]]):
             bounds = " to ".join(f"{bound:g}" for bound in parameter.declared.bounds)
-            warnings.append(f"{name}: ends at its bound ({bounds} {parameter.declared.unit})")
+            end = parameter.declared.bounds[int(upper[row] - z[row] < _AT_BOUND)]
+            warnings.append(f"{name}: ends at its bound, {end:g} ({bounds} {parameter.declared.unit})")
         elif spread[row] > _UNDETERMINED and not in_combination[row] and parameter.logarithmic:
             warnings.append(
                 f"{name}: not determined by these data (a factor of {np.exp(min(spread[row], 20)):.2g} either way)"

@@ -67,25 +67,31 @@ _TOLD = 2.0  # standard errors from which on a size is told from zero
 
 def size_in_words(step: Step, last: Fit) -> str:
     """The size of an added effect against what is usual there, such as `conductance 0.02 ± 0.001 W/K, 0.2 of what is
-    usual there`; empty for an effect that is there or not.
+    usual there`, and its time constant where it has one; empty for an effect that is there or not.
 
     Args:
         step: the effect.
         last: a fit of a model that has it.
     """
+    values = {each.name: each for each in last.model.parameters}
+    sizes, times, doubt = "", "", ""
     for declaration in step.declarations:
         for parameter in declaration.parameters:
             name = f"{declaration.name}.{parameter.name}.{declaration.where}"
-            if parameter.off is None or name not in last.standard_errors:
+            if name not in last.standard_errors:
                 continue
-            fitted = next(each for each in last.model.parameters if each.name == name)
-            error, value = last.standard_errors[name], fitted.value
+            error, value = last.standard_errors[name], values[name].value
             spread = f" ± {short_size(error)}" if np.isfinite(error) else ""
             unit = "" if parameter.unit == "1" else f" {unit_text(parameter.unit)}"
-            text = f"{parameter.name} {short_size(value)}{spread}{unit}"
-            text += f", {short_size(abs(value / fitted.declared.typical))} of what is usual there"
-            return text + ("" if abs(value - parameter.off) >= _TOLD * error else "; not told from zero")
-    return ""
+            text = f"{parameter.name.replace('_', ' ')} {short_size(value)}{spread}{unit}"
+            if parameter.off is None and parameter.unit == "s":
+                times = text
+            elif parameter.off is not None:
+                share = abs(value / values[name].declared.typical)
+                times_as_large = f"{short_size(share)} times" if share > 1 else f"{short_size(share)} of"
+                sizes = f"{text}, {times_as_large} what is usual there"
+                doubt = "" if abs(value - parameter.off) >= _TOLD * error else "; not told from zero"
+    return "; ".join(filter(None, (sizes + doubt, times)))
 
 
 _MOST = 0.5  # share from which on a node or a run is said to be the one
