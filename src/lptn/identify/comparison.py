@@ -194,6 +194,10 @@ def predict(model: Model, segment: Segment, sigma: FloatArray) -> Prediction:
     return Prediction(segment, bound.count(segment.evaluation), path.readings, path.states)
 
 
+_ROUNDS = 2
+"""Of start and nuisance parameters, each given the other: a third changes no held-out error by more than 3 %."""
+
+
 def with_own_errors(model: Model, segment: Segment, sigma: FloatArray) -> Model:
     """The model with the nuisance parameters of a run fitted to it, from the start that its window gives with them.
 
@@ -207,10 +211,6 @@ def with_own_errors(model: Model, segment: Segment, sigma: FloatArray) -> Model:
     for _ in range(_ROUNDS):
         model = fit_nuisances(model, whole, sigma, _start(model, bound, segment, sigma))
     return model
-
-
-_ROUNDS = 2
-"""Of start and nuisance parameters, each given the other: a third changes no held-out error by more than 3 %."""
 
 
 def _start(model: Model, bound: BoundRun, segment: Segment, sigma: FloatArray) -> FloatArray:
