@@ -90,9 +90,9 @@ class Study:
         >>> study.diagnose()
         <Diagnosis: unexplained: RMSE 0.655 K fitted, 4.73 K held out; first answer sensor_lag at heater1>
         >>> study.add("sensor_lag", at="*")
-        <Step: sensor_lag at *, 4 parameters, RMSE 0.505 K fitted, 3.88 K held out>
+        <Step: sensor_lag at *, 4 parameters, RMSE 0.505 K fitted, 3.89 K held out>
         >>> study.add("conduction", at="heater1~heater2")
-        <Step: conduction at heater1~heater2, 5 parameters, RMSE 0.405 K fitted, 1 K held out>
+        <Step: conduction at heater1~heater2, 5 parameters, RMSE 0.405 K fitted, 1.02 K held out>
         >>> study.history[["effect", "place", "parameters"]]
                effect            place  parameters
         0                                        3

@@ -82,10 +82,12 @@ def test_point_and_guess_are_inverses() -> None:
 
 
 @pytest.mark.parametrize(
-    ("reading", "spread"), [(20.0, 0.5), (45.0, 25.5), (np.nan, 5.0)], ids=["cold", "warm", "unread"]
+    ("reading", "spread"),
+    [(20.0, 0.5), (23.0, 3.5), (45.0, 5.0), (np.nan, 5.0)],
+    ids=["cold", "warmer", "hot", "unread"],
 )
 def test_a_hidden_mass_starts_no_farther_from_its_node_than_that_from_the_air(reading: float, spread: float) -> None:
-    """To one standard deviation, and half a kelvin for what sensors are off."""
+    """To one standard deviation, and half a kelvin for what sensors are off; nor than 5 K."""
     model = Model(_with([effect("second_mass", "a")]))
     run = truth_run(200.0, step=5.0)
     columns = {"temperature.a": np.full(len(run), reading), "temperature.ambient": np.full(len(run), 20.0)}

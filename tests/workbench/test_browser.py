@@ -127,7 +127,7 @@ def test_from_opening_to_a_fallen_error(browser: Browser, tmp_path: Path) -> Non
         page.locator("[id='other effect']").select_option("conduction")
         page.locator("[id='other place']").fill("heater1~heater2")
         page.locator("#other button").click()
-        expect(other.locator(".figures .now b")).to_have_text("1.00 K")
+        expect(other.locator(".figures .now b")).to_have_text("1.02 K")
         expect(page.locator("#steps tbody tr")).to_have_count(3)
 
         page.locator("#diagnose").click()  # and stopped
@@ -135,9 +135,9 @@ def test_from_opening_to_a_fallen_error(browser: Browser, tmp_path: Path) -> Non
         expect(page.locator("#stop")).to_be_hidden()
         assert _now(page) == pytest.approx(1.0, abs=0.01)
         page.locator("#undo").click()
-        expect(page.locator(".figures .now b")).to_have_text("3.88 K")
+        expect(page.locator(".figures .now b")).to_have_text("3.89 K")
         page.locator("#redo").click()
-        expect(page.locator(".figures .now b")).to_have_text("1.00 K")
+        expect(page.locator(".figures .now b")).to_have_text("1.02 K")
 
         with page.expect_download() as download:
             page.locator("[id='get model']").click()
@@ -149,7 +149,7 @@ def test_from_opening_to_a_fallen_error(browser: Browser, tmp_path: Path) -> Non
         server = Server(tmp_path, server.port)
         expect(page.locator("#work .failed")).to_be_visible()  # its token is of the old server
         page.goto(server.address)
-        expect(page.locator(".figures .now b")).to_have_text("1.00 K")
+        expect(page.locator(".figures .now b")).to_have_text("1.02 K")
         assert {url[: len(server.home)] for url in asked} == {server.home}
         assert not [each for each in complaints if "401" not in each and "ERR_CONNECTION_REFUSED" not in each]
     finally:

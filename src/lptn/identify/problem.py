@@ -14,7 +14,7 @@ from lptn.simulate.bound_run import BoundRun, default_start, excess_at_start
 from lptn.simulate.simulation import SimulationError, sensitivity_windows, simulate
 
 _NODE_SPREAD = 10.0  # K, prior standard deviation of a node's initial temperature: wide, its first readings hold it
-_HIDDEN_SPREAD = 5.0  # K, of a state that no sensor sees, where nothing is known of how the run begins
+_HIDDEN_SPREAD = 5.0  # K, of a state that no sensor sees: narrower, since nothing else holds it
 _AT_REST = 0.5
 """K, of one in a robot that begins as warm as its surroundings: sensors of 1 K steps, and the air's 0.3 K."""
 _KNOWN = 1e-3  # K, of any state where the start is known
@@ -267,8 +267,7 @@ class Problem:
         A hidden mass may be as far from its node as the node is from its surroundings, for heat passes one resistance
         on its way to each: in a robot that begins cold nothing is warm, whatever its first minutes seem to ask for.
         """
-        hidden = _AT_REST + excess_at_start(self.model, bound)
-        hidden[np.isnan(hidden)] = _HIDDEN_SPREAD
+        hidden = np.fmin(_AT_REST + excess_at_start(self.model, bound), _HIDDEN_SPREAD)
         return np.concatenate([np.full(len(self.model.nodes), _NODE_SPREAD), hidden])
 
     def _prior_residuals(self, z: FloatArray, point: Point) -> FloatArray:
