@@ -37,7 +37,7 @@ def test_effects_are_added_and_taken_back(study: lptn.Study) -> None:
     study.add("sensor_lag", at="*")
     step = study.add("conduction", at="heater1~heater2")
     assert step.holdout is not None
-    assert step.holdout.rmse == pytest.approx(1.0, abs=0.01)
+    assert step.holdout.rmse == pytest.approx(1.02, abs=0.01)
     assert study.history["effect"].tolist() == ["", "sensor_lag", "conduction"]
     assert {"conduction.conductance.heater1~heater2", "sensor_lag.time_constant.*"} <= {
         parameter.name for parameter in study.model.parameters
@@ -113,7 +113,7 @@ def test_improve_goes_the_whole_way(tmp_path: Path) -> None:
     study.improve(most=2, found=lambda steps: best_so_far.append(tuple(step.effect or "" for step in steps)))
     assert [len(steps) for steps in best_so_far] == [2, 3]
     assert best_so_far[-1] == ("", *study.history["effect"][1:])
-    assert study.history["RMSE held out [K]"].iloc[-1] == pytest.approx(1.0, abs=0.01)
+    assert study.history["RMSE held out [K]"].iloc[-1] == pytest.approx(1.02, abs=0.01)
     study.report(tmp_path / "story.html")
     assert "</html>" in (tmp_path / "story.html").read_text(encoding="utf-8")
     study.export_fmu(tmp_path / "heaters.fmu", platforms=[])
