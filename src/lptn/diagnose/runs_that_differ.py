@@ -113,13 +113,13 @@ class RunDifference:
     def text(self) -> str:
         """The difference in a few sentences."""
         if not self.causes:
-            worst = [
-                f", most clearly at {node} ({short(here)} for {short(there)} K)"
-                for node, (here, there) in self.where.items()
-            ]
+            worst = ""
+            if self.where:
+                node, (here, there) = next(iter(self.where.items()))
+                worst = f", most clearly at {node} ({short(here)} for {short(there)} K)"
             return (
                 f"{self.run} is predicted with an error of {short(self.rmse_before)} K, against "
-                f"{short(self.rmse_fit)} K on the fitted runs{''.join(worst[:1])}, and no one parameter that may "
+                f"{short(self.rmse_fit)} K on the fitted runs{worst}, and no one parameter that may "
                 "differ from run to run explains half of it."
             )
         best = self.causes[0]
