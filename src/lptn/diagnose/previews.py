@@ -13,7 +13,7 @@ from lptn.diagnose.scores import Score, derivatives, granted_no_more
 from lptn.identify.comparison import Prediction, predict, with_own_errors
 from lptn.identify.data import Segment
 from lptn.identify.fitting import Fit, nuisances
-from lptn.identify.problem import rows_of_readings
+from lptn.identify.problem import rows_of_readings, weight_of_priors
 from lptn.model.model import Model
 from lptn.simulate.bound_run import bind, start_from
 from lptn.simulate.simulation import sensitivity_windows
@@ -100,7 +100,7 @@ def _moved(fit: Fit, places: Sequence[Site], steps: FloatArray, segment: Segment
     if granted:  # the run's own errors were fitted to all of it, and make room for what a candidate explains
         every = bound.count((segment.initialisation[0], segment.evaluation[1])).counted
         declared = [full.parameters[number].declared for number in granted]
-        spread = np.array([each.prior or 1.0 for each in declared])
+        spread = np.array([each.prior or 1.0 for each in declared]) / weight_of_priors(bound.run.step)
         by_own = from_its_window(by_own)
         rows = np.vstack([by_own[every] * _weight(every, sigma), np.diag(1.0 / spread)])
         left = (as_it_is.readings - bound.measured)[every][:, None] + change[every]

@@ -40,6 +40,11 @@ class Point:
     averaged: bool = False
 
 
+def weight_of_priors(step: float) -> float:
+    """What the residual of a prior is multiplied by beside readings every `step` seconds."""
+    return float(np.sqrt(max(1.0, _REPEATED / step)))
+
+
 def rows_of_readings(bound: BoundRun) -> IntArray:
     """Where each reading that counts stands among the residuals of its run, node after node, shape (nodes, n)."""
     return np.cumsum(bound.counted).reshape(bound.counted.shape) - 1
@@ -78,11 +83,12 @@ class Problem:
         self.free = list(model.free if free is None else free)
         self._transform = Transform([model.parameters[index] for index in self.free])
         self._shares = model.resting_shares
-        self._guesses = [default_start(model, bound) for bound in self.bound_runs]
         step = max((bound.run.step for bound in self.bound_runs), default=_REPEATED)
-        self._repeats = float(np.sqrt(max(1.0, _REPEATED / step)))
-        self._spreads = [self._spread(bound) / self._repeats for bound in self.bound_runs]
-        if starts is not None:
+        self._weight_of_priors = weight_of_priors(step)
+        if starts is None:
+            self._guesses = [default_start(model, bound) for bound in self.bound_runs]
+            self._spreads = [self._spread(bound) / self._weight_of_priors for bound in self.bound_runs]
+        else:
             self._guesses, self._spreads = list(starts), [np.full(len(start), _KNOWN) for start in starts]
         self._penalties = self._penalties_on_parameters(symmetry_penalty)
         self.readings = sum(int(bound.counted.sum()) for bound in self.bound_runs)
@@ -297,7 +303,9 @@ class Problem:
                 rows.append(row)
             if parameter.declared.prior is not None:
                 row = np.zeros(len(self.free))
-                row[where[parameter.name]] = self._repeats * parameter.declared.typical / parameter.declared.prior
+                row[where[parameter.name]] = (
+                    self._weight_of_priors * parameter.declared.typical / parameter.declared.prior
+                )
                 rows.append(row)
         return np.array(rows, dtype=float).reshape(len(rows), len(self.free))
 
