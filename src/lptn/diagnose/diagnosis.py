@@ -461,6 +461,14 @@ def _by_probability(base: Fit, steps: Sequence[Step]) -> list[Step]:
     return [judged[k] for k in sorted(range(len(judged)), key=lambda k: (-judged[k].probability, -judged[k].gain))]
 
 
+def compared(diagnosis: Diagnosis, step: Step) -> Step:
+    """A step that could be taken from a diagnosed model, fitted elsewhere, among the answers of that diagnosis."""
+    base = diagnosis.fit
+    others = [other for other in diagnosis.refits if other.key != step.key]
+    judged = _by_probability(base, [replace(step, gain=criterion_difference(base, step.fit)), *others])
+    return next(each for each in judged if each.key == step.key)
+
+
 def _holdout_decides(steps: list[Step]) -> list[Step]:
     """Of names for the first answer those come last that held-out runs speak against."""
     if not steps or steps[0].holdout is None:

@@ -8,7 +8,9 @@ good. So several models are followed a step further, side by side:
    scatter.
 3. The search ends when a model is adequate, nothing helps, or a step has made no model more probable by all runs.
 4. The held-out data decide which branch is kept, and how far; without them the information criterion does.
-5. Steps that the others make superfluous are taken out, and each model left is fitted at full resolution.
+5. Steps that the others make superfluous are taken out. Each that is left is asked anew beside all others: what a
+   step is taken for while much else is missing says little of it. What would be missed most is told first.
+6. Each model left is fitted at full resolution.
 
 Where nothing explains the data because a held-out run is predicted badly, and one parameter that differs in that run
 would explain it, that difference is granted to the run, and the question is asked once more.
@@ -37,6 +39,7 @@ from lptn.diagnose.diagnosis import (
     Report,
     Step,
     Verdict,
+    compared,
     examine,
     explained_elsewhere,
     for_search,
@@ -228,7 +231,7 @@ def _searched(
     given: Branch = (Step(base, holdout=holdout_errors(base, data.holdout)),)
     search = _Search(data, executor, report, found)
     search.follow(given, most)
-    kept = _pruned(search.complete(_chosen(search.branches, data)), data, report)
+    kept = search.reconsidered(_pruned(search.complete(_chosen(search.branches, data)), data, report))
     return search, kept, _verdict(search.diagnosis(given), search.diagnosis(kept), given, kept)
 
 
@@ -240,6 +243,14 @@ WORTH = 0.05
 or two of a few nodes, is itself known to 1/√400."""
 _WIDTH, _WIDTH_LATER = 4, 2  # branches followed side by side after the first step, and after later ones
 _SAME = 1e-3  # two steps from one model whose misfits differ by less are one step with two names
+
+
+def _stands_on(step: Step, other: Step) -> bool:
+    """Whether a step is a difference from what another gave to all, or stands at an edge that it may have made."""
+    one, base = step.declaration, other.declaration
+    if one is None or base is None or step is other:
+        return False
+    return (one.difference and one.effect.key == base.effect.key) or ("~" in one.at and one.at == base.at)
 
 
 def _errs(step: Step) -> bool:
@@ -322,6 +333,32 @@ class _Search:
         adequate = [branch for branch in diagnosed if self.diagnosis(branch).verdict == "adequate"]
         unopposed = [branch for branch in adequate if _error(branch) <= _error(chosen) * (1 + WORTH)]
         return min(unopposed, key=len, default=chosen)
+
+    def reconsidered(self, branch: Branch) -> Branch:
+        """The branch with each step asked anew beside all others, what would be missed most first."""
+        given, *added = branch
+        if not added:
+            return branch
+        self.report("asking each step anew, beside all others")
+        last, asked = branch[-1], [self._beside_the_others(branch, step) for step in added]
+        # Who misses a step misses what stands on it.
+        missed = {
+            step.key: max(other.gain for other in asked if other is step or _stands_on(other, step)) for step in asked
+        }
+        ordered = sorted(asked, key=lambda step: -missed[step.key])
+        return (given, *ordered[:-1], replace(ordered[-1], fit=last.fit, holdout=last.holdout))
+
+    def _beside_the_others(self, branch: Branch, step: Step) -> Step:
+        """A step of the branch as it is judged where all the other steps are there already."""
+        last = branch[-1]
+        try:
+            network = last.fit.model.network.without_effect(*step.key)
+        except InputError:  # a later effect stands at the edge that this one made
+            return step
+        others = tuple(other for other in branch if other is not step)
+        if _effects(others) not in self._diagnoses:
+            others = _ending_in(others, unless_interrupted(finished(continued(last.fit, network))), self.data)
+        return compared(self.diagnosis(others), replace(step, fit=last.fit, holdout=last.holdout))
 
     def _longer(self, branch: Branch) -> list[Branch]:
         """The branch with each refit of its last model that is beyond chance, each name for one step once.
@@ -480,9 +517,9 @@ def _at_full_resolution(branch: Branch, data: DataSplit) -> Branch:
     """
     steps: list[Step] = []
     network = branch[0].fit.model.network
-    for step in branch:
+    for number, step in enumerate(branch):
         network = network.with_effects([step.declaration] if step.declaration else [])
-        if step in (branch[0], branch[-1]):
+        if number in (0, len(branch) - 1):
             fit = unless_interrupted(fit_segments(step.fit.model, data.fit, step.fit.point))
         else:
             fit = unless_interrupted(finished(continued(steps[-1].fit, network)))
