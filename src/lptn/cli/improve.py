@@ -127,13 +127,16 @@ def show_history(history: History) -> None:
             size = size_in_words(step, history.best.fit)
             sure = f"by the fitted data {percent(step.probability)} probable; " if step.probability else ""
             likeliest = max(history.first.refits, key=lambda each: each.probability, default=step)
-            if sure and number == 1 and likeliest.probability > step.probability:
+            if sure and len(history.steps) == 2 and likeliest.probability > step.probability:
                 sure = f"{sure.removesuffix('; ')} ({in_words([likeliest.key])}: {percent(likeliest.probability)}); "
             text = f"Step {number}, {in_words([(step.effect, step.at)])}: {sure}{sentence}."
             own = [text, f"Its {size}." if size else "", removed_in_words(history, number)]
             print(for_people(" ".join(filter(None, own))))
     if any(step.probability for step in history.steps):
-        print("Probable: given that one of the answers that were refitted at that step is right.")
+        beside = " beside the other steps" if len(history.steps) > 2 else ""
+        print(f"Probable: given that one of the answers that were refitted{beside} is right.")
+        if beside:
+            print("The steps are in the order of what would be missed most.")
     for warning in history.best.fit.uncertainty.warnings:
         print(f"Warning: {warning}.")
 

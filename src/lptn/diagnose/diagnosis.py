@@ -66,7 +66,7 @@ class Step(Tabular):
     Args:
         fit: of the model with the effect.
         declaration: the effect as added; `None` for the model as given.
-        gain: by how much the information criterion prefers it to the model before it.
+        gain: by how much the information criterion prefers it to the model without it.
         size: the effect's amplitude in units of its typical size, when it was compared with other candidates.
         log_odds: logarithm of the odds beforehand that it is this effect at this place that is missing.
         probability: of this answer, given that one of those that were refitted is right.

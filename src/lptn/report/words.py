@@ -404,7 +404,8 @@ def _sure(history: History, number: int, step: Step) -> str:
         lowered = "the error of the fitted runs alone" if help_of(history.steps, number) else "no error beyond chance"
         return f"{text}It lowers {lowered}."
     if step.probability:
-        text += f"Of the answers that were fitted it is the right one with {percent(step.probability)}, by the fitted "
+        beside = " beside the other steps" if len(history.steps) > 2 else ""
+        text += f"Of the answers that were fitted{beside} it is the right one with {percent(step.probability)}, by the fitted "
         text += "runs and by what is usual. "
     if size := size_in_words(step, history.best.fit):
         text += f"Its size: {size}. "
