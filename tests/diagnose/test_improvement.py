@@ -34,6 +34,22 @@ def test_two_hidden_effects_are_both_found_and_nothing_else(improved: tuple[Mode
     assert history.remaining == "adequate"
 
 
+def test_what_would_be_missed_most_is_told_first(improved: tuple[Model, DataSplit, History]) -> None:
+    history = improved[2]
+    best = history.best.fit
+    others = [best.model.network.without_effect(*step.key) for step in history.steps[1:]]
+    missed = [fit_segments(Model(network), improved[1].fit).cost - best.cost for network in others]
+    assert missed == sorted(missed, reverse=True)
+    assert min(missed) > 0
+
+
+def test_a_step_is_as_probable_as_it_is_beside_the_others(improved: tuple[Model, DataSplit, History]) -> None:
+    history = improved[2]
+    # While the larger effect is missing the smaller one has rivals that disappear with it.
+    assert all(step.probability > 0.9 for step in history.steps[1:])
+    assert all(not step.indistinguishable for step in history.steps[1:])
+
+
 def test_the_held_out_error_falls_to_the_noise(improved: tuple[Model, DataSplit, History]) -> None:
     model, data, history = improved
     given = holdout_errors(fit_segments(model, data.fit), data.holdout)  # no errors granted to the runs
