@@ -15,8 +15,8 @@ from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError, shown
 from lptn.basics.files import text_of
 from lptn.basics.places import matching
-from lptn.basics.toml import mistakes_by_line, toml_of
-from lptn.model.file import Number, Strict, parse_model, read_model_file
+from lptn.basics.toml import Number, Strict, mistakes_by_line, toml_of
+from lptn.model.file import parse_model, read_model_file
 from lptn.model.network import Network
 from lptn.robots.presets import presets
 

@@ -22,8 +22,8 @@ from lptn.basics.processes import one_blas_thread
 from lptn.identify.fitting import Fit
 from lptn.identify.noise import Noise, estimate_noise
 from lptn.logs.run import Run
-from lptn.model.file import FitTable
 from lptn.model.model import Model
+from lptn.model.tables import FitTable
 from lptn.online.augmented_model import AugmentedModel, ModelError
 from lptn.online.believed import Doubt, refuse_none, standing_or_leaping, wandering, without
 from lptn.online.estimator import Estimator, run_filter
