@@ -23,7 +23,7 @@ from lptn.model.tables import AMBIENT, File, FitTable, FittedTable, Reader, flat
 _SIGNIFICANT = 6  # digits of a fitted value: more would claim what no fit knows
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class ModelFile:
     """A model file as text, and what it says.
 
@@ -42,6 +42,9 @@ class ModelFile:
     columns: dict[str, ColumnSource]
     step: float | None
     fit: FitTable
+
+    def __repr__(self) -> str:
+        return f"<ModelFile {self.path}: {self.network.name}>"
 
     def with_effects(self, effects: Iterable[EffectDeclaration]) -> ModelFile:
         """The file with more `[[effects]]` at its end, everything else as it stands."""
