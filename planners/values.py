@@ -12,8 +12,8 @@ from pydantic import BeforeValidator, Field
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.basics.places import matching
+from lptn.basics.toml import Number
 from lptn.basics.units import convert
-from lptn.model.file import Number
 
 _LEAST = 1e-12  # SI; the inverse of a smaller quantity would overflow the squares that solvers form
 _LONGEST = 86400.0  # s, a day: fine simulations take steps of a second

@@ -13,7 +13,7 @@ import pandas as pd
 from pydantic import Field
 
 from lptn.basics.arrays import FloatArray
-from lptn.model.file import Strict
+from lptn.basics.toml import Strict
 from lptn.model.model import Model
 
 from ..heating import Request, requested_by

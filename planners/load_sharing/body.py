@@ -18,8 +18,7 @@ from pydantic import Field, ValidationError
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.basics.files import text_of
-from lptn.basics.toml import from_validation
-from lptn.model.file import Number, Strict
+from lptn.basics.toml import Number, Strict, from_validation
 
 PARTS = ("hip", "thigh", "calf")
 Vector = Annotated[list[Number], Field(min_length=3, max_length=3)]

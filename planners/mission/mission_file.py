@@ -12,8 +12,8 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError, shown
 from lptn.basics.places import matching
+from lptn.basics.toml import Number, Strict
 from lptn.logs.columns import parse_columns
-from lptn.model.file import Number, Strict
 from lptn.model.model import Model
 
 from ..reach import refuse_what_no_rest_can_keep

@@ -7,7 +7,7 @@ and the better answer is kept. Its multipliers say what each limit is worth.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, Literal
@@ -31,6 +31,10 @@ _IPOPT = {
     "mumps_permuting_scaling": 0, "mumps_scaling": 0,
 }  # fmt: skip
 _OPTIONS: dict[str, Any] = {"print_time": False, "ipopt": _IPOPT}
+_NO_PRICE = 1e8
+"""Multiplier of a bound, in `TIME` per unit, that none has: 3000 years for a kelvin. On the way to an optimum they
+stayed below 1e5; where no plan keeps the limits they grow without end, and a step of IPOPT then takes a minute."""
+_HOPELESS = "Multipliers_Without_Bound"
 ELEMENTS, DEGREE, _GRADING = 4, 3, 1.5  # the temperatures change fastest when a piece begins
 TIME, LOAD = 1000.0, 10.0  # s, kg: sizes that make the program's numbers about one
 _TIDY = 1e-7  # of plans equally fast the one with the smaller loads' squares and middling postures is meant
@@ -192,7 +196,7 @@ class Solution:
 
     Args:
         success: whether it converged; if not, nothing else means anything.
-        status: IPOPT's return status.
+        status: IPOPT's return status, or that its multipliers grew without bound.
         time: of each segment [s].
         speed: in each segment [m/s].
         load: in each segment [kg].
@@ -225,6 +229,30 @@ class Solution:
         return float(self.share @ [activity.work for activity in mission.activities])
 
 
+class _Watch(ca.Callback):
+    """Ends a solve whose multipliers grow without bound: no plan keeps the limits."""
+
+    def __init__(self, problem: Mapping[str, Any]) -> None:
+        super().__init__()
+        rows, columns, given = (problem[key].numel() for key in ("g", "x", "p"))
+        self._sizes = {"x": columns, "f": 1, "g": rows, "lam_x": columns, "lam_g": rows, "lam_p": given}
+        self.construct("watch", {})
+
+    def get_n_in(self) -> int:
+        return int(ca.nlpsol_n_out())
+
+    def get_n_out(self) -> int:
+        return 1
+
+    def get_sparsity_in(self, number: int) -> ca.Sparsity:
+        return ca.Sparsity.dense(self._sizes[ca.nlpsol_out(number)])
+
+    def eval(self, arguments: Sequence[Any]) -> list[int]:
+        """1 to stop."""
+        prices = arguments[list(self._sizes).index("lam_x")]
+        return [int(float(ca.norm_inf(prices)) > _NO_PRICE)]
+
+
 class Program:
     """The program of one mission.
 
@@ -238,7 +266,8 @@ class Program:
         self._written = written = Transcription(mission, rests)
         self.segments = written.segments
         problem = {"x": written.w, "p": written.p, "f": written.f, "g": written.g}
-        self._solver = ca.nlpsol("mission", "ipopt", problem, _OPTIONS)
+        self._watch = _Watch(problem)
+        self._solver = ca.nlpsol("mission", "ipopt", problem, _OPTIONS | {"iteration_callback": self._watch})
 
     def solve(
         self,
@@ -310,7 +339,7 @@ class Program:
         time, speed, load, share, posture = self._choices(done["x"])
         return Solution(
             bool(stats["success"]),
-            str(stats["return_status"]),
+            _HOPELESS if stats["return_status"] == "User_Requested_Stop" else str(stats["return_status"]),
             time,
             speed,
             load,

@@ -11,7 +11,7 @@ from pydantic import Field
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
-from lptn.model.file import Strict
+from lptn.basics.toml import Strict
 from lptn.model.model import Model
 
 from ..heating import Request, heating, requested_by

@@ -64,7 +64,7 @@ class StudyResult:
         counts = f"{len(self.designs)} of {len(self.designs) + len(self.refusals)} choices feasible"
         if not self.designs:
             return f"<StudyResult: {counts}>"
-        words, unit, _ = GOALS[self.study.goal]
+        words, unit = GOALS[self.study.goal][0], self.study.unit
         return f"<StudyResult: {counts}, best {self.best.option.name}, {words} {self.best.value:.4g} {unit}>"
 
     @property

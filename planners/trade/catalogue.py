@@ -12,8 +12,8 @@ from pydantic import Field, ValidationError
 
 from lptn.basics.errors import InputError
 from lptn.basics.files import text_of
-from lptn.basics.toml import expectation, first_mistake, found_in, mistakes_by_line, place_of, toml_of
-from lptn.model.file import Number, Strict, parse_model
+from lptn.basics.toml import Number, Strict, expectation, first_mistake, found_in, mistakes_by_line, place_of, toml_of
+from lptn.model.file import parse_model
 from lptn.model.network import Network
 
 from ..values import (

@@ -21,10 +21,11 @@ _NOT_OF_THE_DESIGN = ("least.", "most.", "weight", "longest", "copper_loss.torqu
 
 def as_json(result: StudyResult) -> dict[str, object]:
     """The whole answer; units are in the names' documentation, all SI and degC."""
-    words, unit, more = GOALS[result.study.goal]
+    words, _, more = GOALS[result.study.goal]
     return {
         "study": result.study.name,
-        "goal": {"name": result.study.goal, "words": words, "unit": unit, "more_is_better": more},
+        "currency": result.study.currency,
+        "goal": {"name": result.study.goal, "words": words, "unit": result.study.unit, "more_is_better": more},
         "best": result.designs[0].option.name if result.designs else None,
         "designs": [_design(design, result.intervals) for design in result.designs],
         "refused": [
@@ -118,7 +119,7 @@ def table(result: StudyResult) -> list[tuple[str, ...]]:
 
 def remarks(result: StudyResult) -> Iterable[str]:
     """Cautions, what was refused, sensitivities, the ends of the front."""
-    words, unit, _ = GOALS[result.study.goal]
+    words, unit = GOALS[result.study.goal][0], result.study.unit
     for design in result.designs:
         if abs(design.checked - design.winding) > _AGREES:
             yield f"{design.option.name}: caution, a simulation in fine steps reaches {design.checked:.1f} degC"
@@ -139,7 +140,7 @@ def remarks(result: StudyResult) -> Iterable[str]:
 
 def _columns(result: StudyResult) -> dict[str, Callable[[Design], str]]:
     """The table's columns: those that the study asks about."""
-    words, unit, _ = GOALS[result.study.goal]
+    words, unit = GOALS[result.study.goal][0], result.study.unit
     columns: dict[str, Callable[[Design], str]] = {
         "choice": lambda design: design.option.name,
         f"{words} [{unit}]": lambda design: f"{design.value:.4g}",
@@ -157,7 +158,7 @@ def _columns(result: StudyResult) -> dict[str, Callable[[Design], str]]:
         "volume [cm3]": lambda design: f"{1e6 * design.volume:.0f}",
     }
     if result.study.asks_for_prices and result.study.goal != "price":
-        columns["price"] = lambda design: f"{design.price:.4g}"
+        columns[f"price [{result.study.currency}]"] = lambda design: f"{design.price:.4g}"
     columns["winding [degC]"] = lambda design: f"{design.winding:.1f}"
     columns["active constraints"] = lambda design: ", ".join(design.binding) or "nothing"
     return columns

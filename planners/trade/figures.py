@@ -18,7 +18,7 @@ from .answer import StudyResult
 from .designs import Design
 from .export import strongest
 from .sink import fin_mass, sink_volume
-from .study import GOALS, Option
+from .study import GOALS, Option, Study
 from .torque_speed import TorqueSpeed
 
 LIMIT = "#D55E00"
@@ -28,14 +28,19 @@ RPM = 30 / np.pi
 """Revolutions a minute in a radian a second."""
 _COLOURS = ("#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#8C6D31")
 _DASHES = ("-", (0, (5, 1.5)), (0, (1, 1)), (0, (4, 1, 1, 1)), (0, (2, 1)), (0, (8, 1, 1, 1, 1, 1)))
-AMOUNTS = {"mass": (1e3, "mass [g]"), "volume": (1e6, "package volume [cm³]"), "torque": (1.0, "torque [N·m]"),
-           "duration": (1.0, "duration [s]"), "price": (1.0, "price"), "voltage": (1.0, "supply voltage [V]"),
-           "ratio": (1.0, "gear ratio")}  # fmt: skip
-"""By what is swept its factor from SI, and its label."""
-VALUES = {"held_torque": (1.0, "held torque [N·m]"), "time_to_limit": (1.0, "time to the limit [s]"),
-          "worst_temperature": (1.0, "worst winding temperature [degC]"), "mass": AMOUNTS["mass"],
-          "volume": AMOUNTS["volume"], "price": AMOUNTS["price"]}  # fmt: skip
-"""The same by goal."""
+_AXES = {
+    "mass": (1e3, "mass [g]"), "volume": (1e6, "package volume [cm³]"), "price": (1.0, "price [{currency}]"),
+    "torque": (1.0, "torque [N·m]"), "duration": (1.0, "duration [s]"), "voltage": (1.0, "supply voltage [V]"),
+    "ratio": (1.0, "gear ratio"), "held_torque": (1.0, "held torque [N·m]"),
+    "time_to_limit": (1.0, "time to the limit [s]"),
+    "worst_temperature": (1.0, "worst winding temperature [degC]"),
+}  # fmt: skip
+
+
+def axis_of(quantity: str, study: Study) -> tuple[float, str]:
+    """Of a goal, or of what a front is swept over: its factor from SI, and its label."""
+    factor, label = _AXES[quantity]
+    return factor, label.format(currency=plain(study.currency))
 
 
 def study_figure(result: StudyResult) -> Figure:
@@ -128,8 +133,8 @@ def _style(option: Option) -> tuple[str, str, int, str]:
 
 def _front(ax: Axes, result: StudyResult) -> None:
     assert result.study.sweep is not None
-    factor, label = AMOUNTS[result.study.sweep.against]
-    scale, goal = VALUES[result.study.goal]
+    factor, label = axis_of(result.study.sweep.against, result.study)
+    scale, goal = axis_of(result.study.goal, result.study)
     for name, points in result.by_option.items():
         if points and name in result.drawn:
             amounts, values = ([getattr(point, key) for point in points] for key in ("amount", "value"))

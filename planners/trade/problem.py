@@ -199,7 +199,8 @@ class Problem:
         capacity, resistance = self._design(given_design)
         self.plant = Plant(option, self.parameters, capacity, resistance, self._ratio())
         self._limits = {
-            name: self.parameters.add(f"limit.{name}", value, LIMITS[name]) for name, value in option.limits.items()
+            name: self.parameters.add(f"limit.{name}", value, LIMITS[name] or option.study.currency)
+            for name, value in option.limits.items()
         }
         self._task()
         self._course = transcribe(self._program, self.plant, self._torque, self._duration)

@@ -26,14 +26,16 @@ GOALS: dict[Goal, tuple[str, str, bool]] = {
     "worst_temperature": ("worst winding temperature", "degC", False),
     "mass": ("mass", "kg", False),
     "volume": ("volume", "m^3", False),
-    "price": ("price", "EUR", False),
+    "price": ("price", "", False),
 }
-"""For each goal its words, its unit, and whether more is better; prices are in one currency, whichever it is."""
+"""For each goal its words, its unit, and whether more is better; the unit of prices is the study's currency."""
+CURRENCY = "EUR"
+"""Of prices, where a study names no other."""
 LIMITS = {
     "winding": "degC", "magnet": "degC", "current": "A", "voltage": "V", "speed": "rad/s", "pipe_power": "W",
-    "mass": "kg", "volume": "m^3", "price": "EUR",
+    "mass": "kg", "volume": "m^3", "price": "",
 }  # fmt: skip
-"""What may be limited, and its unit."""
+"""What may be limited, and its unit; that of prices is the study's currency."""
 
 
 @dataclass(frozen=True)
@@ -235,6 +237,7 @@ class Study:
         gears: to choose from.
         uncertainty: `None` where everything is taken as known.
         origin: the file, for messages.
+        currency: of all prices.
     """
 
     name: str
@@ -251,6 +254,12 @@ class Study:
     gears: tuple[Gear, ...] = (Gear(),)
     uncertainty: Uncertainty | None = None
     origin: str = "study"
+    currency: str = CURRENCY
+
+    @property
+    def unit(self) -> str:
+        """Of the goal."""
+        return GOALS[self.goal][1] or self.currency
 
     def options(self) -> list[Option]:
         """Every discrete choice: motor, gear, cooling, number of heat pipes, material of the sink."""

@@ -15,8 +15,8 @@ from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError, shown
 from lptn.basics.files import text_of
 from lptn.basics.places import matching
-from lptn.basics.toml import mistakes_by_line, toml_of
-from lptn.model.file import Number, Strict, parse_model, read_model_file
+from lptn.basics.toml import Number, Strict, mistakes_by_line, toml_of
+from lptn.model.file import parse_model, read_model_file
 from lptn.model.network import Network
 from lptn.robots.presets import presets
 
@@ -52,6 +52,7 @@ from .catalogue import MotorTable, data_sheet_network, known_motors, read_catalo
 from .motors import MAGNET_COEFFICIENT
 from .sink import MATERIALS, Air, Material, blown_air, still_air
 from .study import (
+    CURRENCY,
     Cooling,
     Fan,
     Gear,
@@ -70,7 +71,7 @@ from .study import (
 _SWEPT: dict[str, tuple[Any, str]] = {
     "mass": (Mass, "kg"),
     "volume": (Volume, "m^3"),
-    "price": (Positive, "the prices' currency"),
+    "price": (Positive, ""),
     "voltage": (Voltage, "V"),
     "torque": (Torque, "N*m"),
     "duration": (Seconds, "s"),
@@ -89,6 +90,7 @@ class StudyTable(Strict):
     goal: Goal
     cooling: list[Cooling] = Field(default=["none", "passive", "fan"], min_length=1)
     catalogue: str | list[str] = Field(default=[])
+    currency: Annotated[str, Field(pattern=r"^\S{1,8}$")] = CURRENCY
 
 
 class TaskTable(Strict):
@@ -251,6 +253,7 @@ def _study(tables: File, path: Path) -> Study:
         gears=gears or (Gear(),),
         uncertainty=_uncertainty(tables.uncertainty, path),
         origin=str(path),
+        currency=tables.study.currency,
     )  # fmt: skip
     if tables.pareto is not None:
         study = replace(study, sweep=_sweep(tables.pareto, study, path))
@@ -560,6 +563,7 @@ def _check_prices(study: Study, path: Path) -> None:
 
 def _sweep(table: SweepTable, study: Study, path: Path) -> Sweep:
     (kind, unit), against, ends = _SWEPT[table.against], table.against, []
+    unit = unit or study.currency
     for name, given in (("least", table.least), ("most", table.most)):
         try:
             ends.append(float(TypeAdapter(kind).validate_python(given)))

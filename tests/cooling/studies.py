@@ -8,10 +8,16 @@ from lptn.planners.trade import Study, parse_study
 
 
 def study(
-    goal: str, task: str, limits: str = "", motors: str = '[[motors]]\nname = "U8"', more: str = "", cooling: str = ""
+    goal: str,
+    task: str,
+    limits: str = "",
+    motors: str = '[[motors]]\nname = "U8"',
+    more: str = "",
+    cooling: str = "",
+    currency: str = "",
 ) -> Study:
     """A study at 21.5 degC."""
-    chosen = f"cooling = [{cooling}]" if cooling else ""
+    chosen = f"cooling = [{cooling}]\n" * bool(cooling) + f'currency = "{currency}"\n' * bool(currency)
     head = f'[study]\nname = "test"\ngoal = "{goal}"\n{chosen}\n'
     return parse_study(
         f"{head}[task]\nambient = 21.5\n{task}\n[limits]\n{limits}\n{motors}\n{more}\n", Path("study.toml")

@@ -10,7 +10,10 @@ from scipy.optimize import brentq
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.planners.trade import Design, Study, solve_study
+from lptn.planners.trade.export import as_json, headline, remarks, table
+from lptn.planners.trade.figures import study_figure
 from lptn.planners.trade.profiles import WALKING_PERIOD, level_walking, walking_speed
+from lptn.report.planning_pages import trade_html
 from tests.cooling import plain_sink as plain
 from tests.cooling.studies import HELD, study
 
@@ -174,6 +177,25 @@ def test_a_metal_is_as_dense_and_conducts_as_it_is_said() -> None:
 
 
 @pytest.mark.long
+def test_prices_are_in_the_currency_that_the_study_names() -> None:
+    prices = "[pipes]\nprice = 4\n[sink]\nprice = 10\n[materials.aluminium]\nprice = 6\n"
+    prices += '[pareto]\nagainst = "price"\nleast = 206.2\nmost = 206.6\npoints = 2'
+    motor = '[[motors]]\nname = "U8"\nprice = 180'
+
+    def told(currency: str) -> str:
+        asked = study("held_torque", "duration = 120", "price = 206.3", motor, prices, '"passive"', currency)
+        result = solve_study(asked)
+        drawn = [ax.get_xlabel() for ax in study_figure(result).axes]
+        return "\n".join([headline(result), *map(" ".join, table(result)), *remarks(result), *drawn,
+                          str(as_json(result)), trade_html(result)])  # fmt: skip
+
+    named, usual = told("CHF"), told("")
+    for words in ("price [CHF]", "'currency': 'CHF'", "limit.price 206.3 CHF", "fixed_price 206 CHF", "N*m per CHF"):
+        assert words in named
+    assert "EUR" not in named
+    assert "price [EUR]" in usual
+
+
 def test_fronts_over_price_ratio_and_voltage() -> None:
     gears = '[[gears]]\nname = "small"\nratio = 9\nprice = 20\n[[gears]]\nname = "large"\nratio = 30\nprice = 60\n'
     motor = '[[motors]]\nname = "U8"\nprice = 100'

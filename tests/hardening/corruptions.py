@@ -1,7 +1,7 @@
 """Ways in which a healthy log goes wrong, each with the channel and the kind that a reader has to say.
 
 A corruption changes a table as a logger, a sensor or a person does, after it was made. `expected` is the kind of
-`lptn.logs.quality.Issue`, or `"refused"` where nothing can be read. What stands at `"*"` is said of the whole log.
+`lptn.logs.issue.Issue`, or `"refused"` where nothing can be read. What stands at `"*"` is said of the whole log.
 
     python -m tests.hardening.corruptions --seeds 4 5 6
 
@@ -24,7 +24,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from lptn.basics.errors import InputError
-from lptn.logs.quality import Issue
+from lptn.logs.issue import Issue
 from lptn.logs.reading import read_log
 from lptn.robots.presets import presets
 from lptn.study import Study

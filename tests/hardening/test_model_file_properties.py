@@ -10,7 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lptn.basics.errors import InputError
-from lptn.model.file import FitTable, FittedTable, ModelFile, added, parse_model
+from lptn.model.file import ModelFile, added, parse_model
+from lptn.model.tables import FitTable, FittedTable
 from tests.hardening.fuzz import run
 from tests.hardening.model_target import ALL, models
 from tests.hardening.targets import TARGETS

@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 
 from lptn.logs.columns import ColumnSource
-from lptn.logs.quality import Issue
+from lptn.logs.issue import Issue
 from lptn.logs.reading import read_log
 from lptn.logs.silence import clamped_while_heated, duplicates, silences, silences_of
 from tests.hardening.corruptions import healthy, issues_in

@@ -15,8 +15,9 @@ from hypothesis import strategies as st
 from lptn.basics.errors import InputError
 from lptn.effects import catalogue
 from lptn.identify.fitting import Fit, fit
-from lptn.model.file import FitTable, FittedTable, ModelFile, added, parse_model, read_model_file
+from lptn.model.file import ModelFile, added, parse_model, read_model_file
 from lptn.model.model import Model
+from lptn.model.tables import FitTable, FittedTable
 from lptn.robots.presets import preset_text, presets, variants
 from tests.builders import bound_runs, effect
 from tests.identify.truth import TRUTH, truth_run

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lptn.logs.quality import Issue
+from lptn.logs.issue import Issue
 from lptn.model.model import Model
 from lptn.online.known_faults import known_faults, noisy, silent_rows
 from lptn.online.monitoring import monitor

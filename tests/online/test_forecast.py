@@ -16,9 +16,9 @@ from lptn.basics.errors import InputError
 from lptn.cli.main import main
 from lptn.identify.noise import Noise
 from lptn.logs.run import Run
-from lptn.model.file import FitTable, FittedTable
 from lptn.model.model import Model
 from lptn.model.network import Network, NodeDeclaration
+from lptn.model.tables import FitTable, FittedTable
 from lptn.online.augmented_model import ModelError
 from lptn.online.estimator import Estimator, run_filter
 from lptn.online.forecasting import ModelUncertainty, forecast, present

@@ -208,17 +208,23 @@ def test_what_no_rest_can_help_is_cut_to_the_length_that_bisection_finds() -> No
 
 
 @pytest.mark.long
-def test_where_no_plan_does_all_of_it_the_rise_that_would_do_is_given() -> None:
-    """Air above the limit: nothing cools, and the walk is too long. With limits so much higher it is done in time."""
-    asked = {"ambient": 65.0, "start": 40.0, "deadline": 500.0}
-    plan = plan_mission(mission([WALK], **asked))
+def test_where_no_plan_does_all_of_it_the_rise_that_would_do_is_the_one_of_the_coolest_plan() -> None:
+    """By what a kelvin gains in work at the given limits 110 K are missing, more than is tried; it is less by far."""
+    held = {"do": "stand", "duration": 900, "load": 4}
+    plan = plan_mission(mission([held, held], ambient=58.0, start=40.0))
+    stand, rest = ("stand", 900.0, 0.0, 4.0), ("rest", 3000.0, 0.0, 0.0)
+    rise = truth.simulate([stand, rest, stand], np.full(3, 40.0), ambient=58.0).max() - truth.LIMIT
+    shorter = truth.simulate([stand, ("rest", 2000.0, 0.0, 0.0), stand], np.full(3, 40.0), ambient=58.0).max()
+    assert shorter - truth.LIMIT > 1.02 * rise, "the longest rest must be the coolest"
     assert plan.verdict == "cut"
     assert plan.raise_needed is not None
-    enough, little = (
-        plan_mission(mission([WALK], **asked, limit=truth.LIMIT + share * plan.raise_needed), explain=False)
-        for share in (1.01, 0.85)
-    )
-    assert (enough.verdict, little.verdict != "met") == ("met", True)
+    assert 0.999 * rise < plan.raise_needed < 1.1 * rise + 0.1
+
+
+def test_a_solve_that_no_plan_can_satisfy_ends_when_its_multipliers_grow_without_bound() -> None:
+    """With 13 nodes such a solve took a minute, nearly all of it in the last two steps of IPOPT."""
+    found = Program(mission([WALK], ambient=65.0, start=40.0)).solve()
+    assert (found.success, found.status) == (False, "Multipliers_Without_Bound")
 
 
 def test_what_begins_above_its_limit_rests_until_it_is_below() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -220,3 +221,20 @@ def test_a_parameter_that_can_not_be_so_is_refused(name: str, value: float, boun
     with pytest.raises(InputError, match="parameter"):
         study.set_parameter(name, value, bounds=bounds)
     assert not study.settings
+
+
+@pytest.mark.parametrize(
+    ("make", "line"),
+    [
+        (lambda study: study.compare().predictions[0], "<Prediction of log: RMSE 4.73 K, largest error 9.94 K>"),
+        (lambda study: study.file, f"<ModelFile {MODEL}: two heaters>"),
+        (
+            lambda study: lptn.forecast(study.model, study.runs[0], 70.0),
+            "<Forecast: heater1 at 53.4 degC, never to 70 degC; heater2 at 38.3 degC, never to 70 degC>",
+        ),
+    ],
+)
+def test_results_with_arrays_print_in_a_line(
+    study: lptn.Study, make: Callable[[lptn.Study], object], line: str
+) -> None:
+    assert repr(make(study)) == line

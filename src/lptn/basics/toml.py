@@ -1,4 +1,4 @@
-"""TOML files of the user: where a key stands, and each mistake with its line, what was found and what was expected."""
+"""TOML files of the user: what any may hold, and each mistake with its line, what was found and what was expected."""
 
 from __future__ import annotations
 
@@ -6,14 +6,27 @@ import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import tomlkit
-from pydantic import ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from tomlkit.exceptions import ParseError, TOMLKitError
 
 from lptn.basics.errors import InputError, shown
 from lptn.basics.places import is_glob
+
+# --- What any file of the user may hold -------------------------------------------------------------
+
+_LARGEST = 1e15  # in any unit: no quantity of a robot is larger, and its square can still be computed with
+Number = Annotated[float, Field(allow_inf_nan=False, strict=True, ge=-_LARGEST, le=_LARGEST)]
+"""A finite number, and no text that looks like one."""
+
+
+class Strict(BaseModel):
+    """A table that has no other keys than these."""
+
+    model_config = ConfigDict(extra="forbid")
+
 
 # --- The line of a TOML text at which a key stands ------------------------------------------------
 

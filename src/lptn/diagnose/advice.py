@@ -17,7 +17,7 @@ _MOST_RIVALS = 4  # names for one answer among which an experiment has to decide
 _MOST_DETECTABLE = 40  # smallest sizes in the JSON; the page shows fewer
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Advice:
     """What a diagnosis leaves to be done.
 
@@ -33,6 +33,9 @@ class Advice:
     heat: list[HeatPeak]
     detectable: list[Detectable]
     differing: list[RunDifference]
+
+    def __repr__(self) -> str:
+        return f"<Advice: {' '.join(self.sentences) or 'nothing to do'}>"
 
     @property
     def sentences(self) -> list[str]:

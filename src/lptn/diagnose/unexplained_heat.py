@@ -23,7 +23,7 @@ from lptn.simulate.dynamics import stepper, zero_order_hold
 from lptn.simulate.simulation import simulate
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class UnexplainedHeat:
     """Heat that one run of a fit asks for beyond its model.
 
@@ -44,6 +44,11 @@ class UnexplainedHeat:
     heat: FloatArray
     band: FloatArray
     seconds: float
+
+    def __repr__(self) -> str:
+        most = float(np.abs(self.heat).max(initial=0.0))
+        blocks = f"{self.time.size} blocks of {self.seconds:g} s"
+        return f"<UnexplainedHeat of {self.run}: {blocks}, up to {most:.3g} W at {', '.join(self.nodes)}>"
 
     @property
     def sure_band(self) -> FloatArray:

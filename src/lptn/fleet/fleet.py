@@ -173,7 +173,7 @@ _A_WORKER = 2  # robots handed out for each process of our own
 Report = Callable[[str], None]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Fleet:
     """What became of every robot.
 
@@ -186,6 +186,9 @@ class Fleet:
     outcomes: tuple[Outcome, ...]
     spread: tuple[Spread, ...]
     outliers: tuple[Outlier, ...]
+
+    def __repr__(self) -> str:
+        return f"<Fleet: {len(self.fitted)} fitted, {len(self.failed)} failed, {len(self.outliers)} stand apart>"
 
     @property
     def fitted(self) -> tuple[Outcome, ...]:

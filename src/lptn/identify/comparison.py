@@ -29,7 +29,7 @@ from lptn.simulate.simulation import simulate
 _BINS = 5  # of an operating condition, with equally many readings each
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Prediction:
     """One run, predicted freely from its initialisation window.
 
@@ -44,6 +44,10 @@ class Prediction:
     bound: BoundRun
     readings: FloatArray
     states: FloatArray
+
+    def __repr__(self) -> str:
+        errors = Errors.of(self.error)
+        return f"<Prediction of {self.segment.run.name}: RMSE {errors.rmse:.3g} K, largest error {errors.max:.3g} K>"
 
     @property
     def error(self) -> FloatArray:

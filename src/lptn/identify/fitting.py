@@ -28,8 +28,8 @@ from lptn.identify.problem import Point, Problem
 from lptn.identify.solvers import PRECISION, Progress, Solution, minimise
 from lptn.identify.uncertainty import Uncertainty, uncertainty
 from lptn.logs.run import Run
-from lptn.model.file import DataTable, FitTable, FittedTable
 from lptn.model.model import Model
+from lptn.model.tables import DataTable, FitTable, FittedTable
 from lptn.simulate.bound_run import BoundRun, bind
 
 Keep = Callable[[Point], None]

@@ -15,8 +15,9 @@ import pandas as pd
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
+from lptn.logs.clock import check_time
 from lptn.logs.columns import ColumnSource
-from lptn.logs.quality import check_time, suspect_unit
+from lptn.logs.quality import suspect_unit
 from lptn.logs.resampling import on_one_time
 from lptn.logs.silence import AMBIENT
 from lptn.logs.tables import Table, check_size, column_sources

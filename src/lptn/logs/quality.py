@@ -1,8 +1,8 @@
-"""What is wrong with a log's time and values: refused where it can't be used, else an issue with what would correct it.
+"""What is wrong with a log's values: refused where they can't be used, else issues with what would correct them.
 
-`check_time` and `check_values` refuse, with the line of the file, what no run can be made of. `issues_of` looks for
-what is suspicious and can be read all the same: another unit, a counter that wraps, a frozen sensor. Each of its checks
-gives a list of `Issue`; a new check is one more function and its call in `issues_of`.
+`check_values` refuses, with the line of the file, what no run can be made of. `issues_of` looks for what is suspicious
+and can be read all the same: another unit, a counter that wraps, a frozen sensor. Each of its checks gives a list of
+`Issue`; a new check is one more function and its call in `issues_of`.
 """
 
 from __future__ import annotations
@@ -11,173 +11,19 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from lptn.basics.arrays import FloatArray
-from lptn.basics.errors import InputError
-from lptn.logs.columns import ColumnName, ColumnSource, as_line_or_option
+from lptn.logs.clock import FEWEST_ROWS, suspect_unit_of_time
+from lptn.logs.columns import ColumnName, ColumnSource, as_line_or_option, column_unit
+from lptn.logs.issue import Issue, correctable, in_unit
 from lptn.logs.silence import AMBIENT, INPUTS, Silence, duplicates, quantisation_step
 from lptn.logs.tables import Table
-
-
-@dataclass(frozen=True)
-class Issue:
-    """Something about a column that can't be right, or hardly.
-
-    Attributes:
-        key: the quantity, `temperature.FR_calf`.
-        column: its name in the file.
-        problem: what is odd.
-        remedy: what to write, or to do.
-        certain: it can't be right as it is read.
-        corrected: the entry of [columns] that the remedy proposes, if it proposes one.
-        kind: of what is odd: "unit", "counts", "wrap", "code", "spike", "frozen", "clamped", "dead", "duplicate",
-            "follows", "size", "sign".
-        stretch: s, the first and last time of what is odd; all of the log by default.
-    """
-
-    key: str
-    column: str
-    problem: str
-    remedy: str
-    certain: bool
-    corrected: ColumnSource | None = None
-    kind: str = "unit"
-    stretch: tuple[float, float] | None = None
-
-    @property
-    def sentence(self) -> str:
-        """As a note of a run."""
-        return f"{self.key}: {self.problem}; {self.remedy}."
-
-    @property
-    def error(self) -> tuple[str, str, str]:
-        """Place, found and expected of the InputError that refuses the column."""
-        return f"column '{self.column}'", self.problem, self.remedy
-
-
-def _correctable(
-    key: str, problem: str, corrected: ColumnSource, certain: bool, remedy: str = "write {}", kind: str = "unit"
-) -> Issue:
-    """An issue whose remedy is an entry of [columns], put into the text `remedy`."""
-    remedy = remedy.replace("{}", as_line_or_option(key, corrected))
-    return Issue(key, corrected.columns[0], problem, remedy, certain, corrected, kind)
-
 
 # --- What can't be used at all, refused with the line that it stands on ---------------------------
 
 
-_FEWEST_ROWS = 10
-_DAY = 86400.0  # s
-_LONGEST_PERIOD = _DAY  # nothing thermal is logged once a day
-_LATEST = 1e20  # s, or in whatever unit was meant: times since 1970 in ns are below 2e18
 _LARGEST = 1e12  # of any quantity in SI, so that the sum of its squares is still a number
 _ABSOLUTE_ZERO = -273.15  # degC
-
-
-def check_time(table: Table, name: str, time: FloatArray) -> tuple[npt.NDArray[np.intp], tuple[str, ...]]:
-    """The rows to keep, (m,), and notes: of rows with the same time stamp the first is kept.
-
-    Args:
-        table: the log, for the line numbers.
-        name: the time column's name in the file.
-        time: (n,) s.
-
-    Raises:
-        InputError: time is missing somewhere, runs backwards, or is too short or too coarse to be in s.
-    """
-    _require_rows(table, time.size, time.size)
-    usable = np.abs(time) < _LATEST
-    if not usable.all():
-        row = int(np.argmin(usable))
-        table.refuse(row, name, f"{'no time' if np.isnan(time[row]) else time[row]}", "a time in every row")
-    steps = np.diff(time)
-    if (steps < 0).any():
-        row = int((steps < 0).argmax()) + 1
-        expected = "time that runs forwards"
-        if 0.9 * _DAY < time[row - 1] < _DAY and 0 <= time[row] < 0.1 * _DAY:
-            midnight = as_line_or_option("time", ColumnSource((name,), wrap=_DAY))
-            expected += f"; for a clock of the day that passes midnight write {midnight}"
-        elif abs(time[row]) <= 0.1 * abs(time[row - 1]):  # the clock starts again from about 0
-            expected += "; a counter that overflows is written as wrap = 65536, or whatever it counts to, in its entry"
-            expected += " of [columns]"
-        table.refuse(row, name, f"{time[row]:.12g} s after {time[row - 1]:.12g} s", expected)
-    keep = np.flatnonzero(np.concatenate(([True], steps > 0)))
-    _require_rows(table, time.size, keep.size)
-    period = float(np.median(np.diff(time[keep])))
-    if period > _LONGEST_PERIOD:
-        line = as_line_or_option("time", ColumnSource((name,), _unit_of_rows(period)))
-        problem = f"{period:.3g} s from row to row, which looks like {_unit_of_rows(period)}"
-        raise InputError(table.path, f"column '{name}'", problem, f"seconds; for another unit write, say, {line}")
-    dropped = time.size - keep.size
-    note = f"time: {dropped} of {time.size} rows repeat a time stamp; the first of each is kept."
-    return keep, (note,) if dropped else ()
-
-
-def _require_rows(table: Table, rows: int, different: int) -> None:
-    if different < _FEWEST_ROWS:
-        found = f"{rows} rows" + f" at {different} different times" * (different < rows)
-        raise InputError(table.path, "log", found, f"at least {_FEWEST_ROWS} at different times")
-
-
-_MOSTLY_TWICE = 0.5  # share of the rows of one stamp that say something else than the one before; else it is a copy
-_COARSEST_CLOCK = 10.0  # s: rows that are spread may come as late, which moves a temperature little
-_OF_DEVICES = 3.0
-"""Times by which temperatures differ more within a time stamp than from one to the next, where rows of several devices
-follow each other; of one sensor's rows they differ less."""
-
-
-def within_stamps(
-    table: Table, name: str, time: FloatArray, values: Mapping[str, FloatArray]
-) -> tuple[FloatArray, str]:
-    """Times in which rows of one time stamp are evenly apart, where the clock is coarser than the rows; and a note.
-
-    Whole seconds under fifty rows a second would leave one torque of fifty, whose square says little of the heat. Rows
-    that are there twice, number by number, are not spread.
-
-    Args:
-        table: the log.
-        name: the time column's name in the file.
-        time: (n,) s.
-        values: the quantities, (n,) each.
-
-    Raises:
-        InputError: the rows of a stamp seem to be of several devices, or its clock has lost its digits.
-    """
-    first = np.flatnonzero(np.diff(time, prepend=-np.inf))
-    counts = np.diff(first, append=time.size)
-    if first.size < _FEWEST_ROWS or np.median(counts) < 2 or not np.isfinite(time).all():
-        return time, ""
-    inside = np.setdiff1d(np.arange(1, time.size), first)
-    differ = np.zeros(inside.size, dtype=bool)
-    for each in values.values():
-        differ |= (each[inside] != each[inside - 1]) & ~(np.isnan(each[inside]) & np.isnan(each[inside - 1]))
-    if differ.mean() < _MOSTLY_TWICE:
-        return time, ""
-    for key, each in values.items():
-        if key.startswith("temperature.") and np.isfinite(each).any():
-            within, between = (
-                np.nanmedian(np.abs(np.diff(each))[inside - 1]),
-                np.nanmedian(np.abs(np.diff(each[first]))),
-            )
-            if within > _OF_DEVICES * between:
-                problem = f"{np.median(counts):.0f} rows at each time, in which {key} differs by {within:.3g} K"
-                expected = "one row for each time: rows of several devices want a column for each of their quantities"
-                raise InputError(table.path, f"column '{name}'", problem, expected)
-    apart = np.diff(time[first])
-    usual, of_one = float(np.median(apart)), f"{np.median(counts):.0f} rows"
-    if usual > _COARSEST_CLOCK:
-        problem = f"times {usual:.3g} s apart for {of_one} each, of which the digits behind are lost"
-        rated = as_line_or_option("time", ColumnSource((), rate=float(f"{np.median(counts) / usual:.3g}")))
-        raise InputError(
-            table.path, f"column '{name}'", problem, f"a time for each row; if they come at one rate, {rated}"
-        )
-    lasts = np.minimum(np.append(apart, usual), usual)
-    spread = time + (np.arange(time.size) - np.repeat(first, counts)) * np.repeat(lasts / counts, counts)
-    note = (
-        f"time: stamps {usual:.3g} s apart for {np.median(counts):.0f} rows each, which are taken to be evenly apart."
-    )
-    return spread, note
 
 
 def check_values(table: Table, key: str, source: ColumnSource, values: FloatArray) -> None:
@@ -212,21 +58,11 @@ def check_values(table: Table, key: str, source: ColumnSource, values: FloatArra
 
 
 _UNAMBIGUOUS = {  # units that nothing else at a name's end means; "c" or "s" may
-    "time": {"ms", "us", "ns", "min"},
     "temperature": {"degF", "K"},
     "torque": {"mN*m"},
     "current": {"mA"},
     "velocity": {"rpm", "deg/s", "turn/s"},
     "power": {"mW", "kW"},
-}
-_SI = {
-    "time": "s",
-    "temperature": "degC",
-    "torque": "N*m",
-    "current": "A",
-    "velocity": "rad/s",
-    "speed": "m/s",
-    "power": "W",
 }
 _COLDEST_KELVIN = 150.0  # a column T_K whose middle value is below was converted to degC, and kept its name
 
@@ -246,15 +82,15 @@ def suspect_unit(key: str, source: ColumnSource, values: FloatArray, stated: str
         return []
     quantity = key.partition(".")[0]
     unit = ColumnName.of(source.columns[0], stated).unit(quantity) if stated else ""
-    if unit and unit != _SI[quantity] and source.scale == 1:
-        return [_in_unit(key, source, unit, f"the row of units below the names says {unit}")]
+    if unit and unit != column_unit(key) and source.scale == 1:
+        return [in_unit(key, source, unit, f"the row of units below the names says {unit}")]
     if key == "time":
-        return _suspect_time_unit(source, values)
+        return suspect_unit_of_time(source, values)
     name = ColumnName.of(source.columns[0])
     named = name.unit(quantity)
     converted = named == "K" and np.median(readings) < _COLDEST_KELVIN
     if named in _UNAMBIGUOUS.get(quantity, ()) and source.scale == 1 and not converted:
-        return [_in_unit(key, source, named, f"no unit is given for '{source.columns[0]}', whose name says {named}")]
+        return [in_unit(key, source, named, f"no unit is given for '{source.columns[0]}', whose name says {named}")]
     match quantity:
         case "temperature":
             return _suspect_temperature_unit(key, source, readings)
@@ -270,44 +106,6 @@ def suspect_unit(key: str, source: ColumnSource, values: FloatArray, stated: str
         case "velocity":
             return _suspect_size(key, source, readings, "rpm", _LARGEST_VELOCITY, _LARGEST_WHOLE_VELOCITY)
     return []
-
-
-def _in_unit(key: str, source: ColumnSource, unit: str, problem: str, certain: bool = True) -> Issue:
-    """The issue that a column seems to be in `unit`."""
-    remedy = f"write {{}}; if it is {_SI.get(key.partition('.')[0], '')} all the same, say so as its unit"
-    return _correctable(key, problem, replace(source, unit=unit), certain, remedy)
-
-
-_SINCE_1970 = (("ms", 3e11, 1e13), ("us", 3e14, 1e16), ("ns", 3e17, 1e19))  # first times from 1979 to 2286
-_LONG_PERIOD = 20.0  # s: a log of whole numbers this far apart …
-_HALF_A_DAY = 43200.0  # s: … that lasts longer than this is rather one in a smaller unit
-_LONG_PERIOD_AS_MEANT = 10.0  # s, the most that the rows are then taken to be apart
-
-
-def _suspect_time_unit(source: ColumnSource, time: FloatArray) -> list[Issue]:
-    if source.scale != 1.0 or time.size < 2 or not np.isfinite(time).all():
-        return []
-    first, period = float(abs(time[0])), float(np.median(np.abs(np.diff(time))))
-    for unit, low, high in _SINCE_1970:
-        if low < first < high:
-            return [_in_unit("time", source, unit, f"times around {first:.4g}, which look like {unit} since 1970")]
-    named = ColumnName.of(source.columns[0]).unit("time")
-    if named in _UNAMBIGUOUS["time"]:
-        problem = f"no unit is given for '{source.columns[0]}', whose name says {named}"
-        return [_in_unit("time", source, named, problem)]
-    span = float(abs(time[-1] - time[0]))
-    of_minutes = period % 60 == 0  # buildings are logged so; nobody logs every 60 ms
-    if period >= _LONG_PERIOD and not of_minutes and span > _HALF_A_DAY and bool((np.round(time) == time).all()):
-        unit = _unit_of_rows(period)
-        problem = f"{period:.4g} s from row to row over {span / 3600:.3g} h, which looks like {unit}"
-        return [_in_unit("time", source, unit, problem, certain=False)]
-    return []
-
-
-def _unit_of_rows(period: float) -> str:
-    """The longest unit of time in which rows that are so many units apart are as close as those of a log."""
-    per_second = {"ms": 1e3, "us": 1e6}
-    return next((name for name, n in per_second.items() if period / n <= _LONG_PERIOD_AS_MEANT), "ns")
 
 
 # Middle values of a temperature column, degC, beyond which nobody logs a robot in degC.
@@ -329,9 +127,9 @@ def _suspect_temperature_unit(key: str, source: ColumnSource, readings: FloatArr
     if middle > _HOTTEST:
         in_parts = (0.001, "thousandths", True) if middle > _THOUSANDTHS else (0.01, "hundredths", True)
     elif middle > _TENTHS and _KELVIN[0] <= low and high <= _KELVIN[1]:
-        return [_in_unit(key, source, "K", f"values {low:.4g} … {high:.4g}, which look like kelvin")]
+        return [in_unit(key, source, "K", f"values {low:.4g} … {high:.4g}, which look like kelvin")]
     elif _MOSTLY_KELVIN[0] < middle < _MOSTLY_KELVIN[1] and float((readings > _MOSTLY_KELVIN[0]).mean()) > _MOSTLY:
-        return [_in_unit(key, source, "K", f"most values around {middle:.4g}, which look like kelvin", certain=False)]
+        return [in_unit(key, source, "K", f"most values around {middle:.4g}, which look like kelvin", certain=False)]
     elif middle > _TENTHS:
         in_parts = (0.1, "tenths", middle > _NO_WINDING)
     if in_parts:
@@ -343,10 +141,10 @@ def _suspect_temperature_unit(key: str, source: ColumnSource, readings: FloatArr
             as_counts = replace(source, scale=float(f"{scale:.6g}"))
             remedy += f"; for counts of a converter, with {_EXAMPLE_HOTTEST:g} degC at full scale, say, "
             remedy += as_line_or_option(key, as_counts)
-        return [_correctable(key, f"values around {middle:.4g}", corrected, certain, remedy)]
+        return [correctable(key, f"values around {middle:.4g}", corrected, certain, remedy)]
     if key == AMBIENT and _ROOM_FAHRENHEIT[0] < middle < _ROOM_FAHRENHEIT[1]:
         problem = f"surroundings at {middle:.4g} degC, which look like degF"
-        return [_in_unit(key, source, "degF", problem, certain=middle > _NO_ROOM)]
+        return [in_unit(key, source, "degF", problem, certain=middle > _NO_ROOM)]
     return []
 
 
@@ -364,7 +162,7 @@ def _suspect_size(
     high = float(np.percentile(np.abs(readings), 99))
     certain = high > largest
     if certain or (high > largest_whole and (np.round(readings) == readings).all()):
-        return [_in_unit(key, source, unit, f"values up to {high:.4g}, which look like {unit}", certain)]
+        return [in_unit(key, source, unit, f"values up to {high:.4g}, which look like {unit}", certain)]
     return []
 
 
@@ -386,7 +184,7 @@ def _bits_of(readings: FloatArray) -> int:
 def _suspect_counts(key: str, source: ColumnSource, readings: FloatArray) -> list[Issue]:
     """Whole numbers about the middle of a converter's range, which stand for none, or large ones about zero."""
     quantity = key.partition(".")[0]
-    full, unit = _EXAMPLE_FULL_SCALE[quantity], _SI[quantity]
+    full, unit = _EXAMPLE_FULL_SCALE[quantity], column_unit(key)
     bits = _bits_of(readings)
     zero = 2 ** (bits - 1)
     away = np.abs(readings - zero) / (2 * zero)
@@ -434,7 +232,7 @@ def suspect_fahrenheit(sources: Mapping[str, ColumnSource], values: Mapping[str,
         certain = several and coldest > max(_NO_ROOM, min(starts) - _COOLED)
         if certain:
             problem = "begins at {:.4g} degC, as all sensors do, and none of them ever cools: which looks like degF"
-        return [_in_unit(key, sources[key], "degF", problem.format(first[key]), certain=certain) for key in keys]
+        return [in_unit(key, sources[key], "degF", problem.format(first[key]), certain=certain) for key in keys]
     room = first.pop(AMBIENT, np.nan)
     usual = float(np.median(list(first.values()))) if first else np.nan
     in_range = _COLDEST_FAHRENHEIT[0] < room < _COLDEST_FAHRENHEIT[1]
@@ -442,7 +240,7 @@ def suspect_fahrenheit(sources: Mapping[str, ColumnSource], values: Mapping[str,
         problem = (
             f"surroundings of {room:.4g} degC around a robot that begins at {usual:.4g} degC, which look like degF"
         )
-        return [_in_unit(AMBIENT, sources[AMBIENT], "degF", problem)]
+        return [in_unit(AMBIENT, sources[AMBIENT], "degF", problem)]
     like_room = {
         key: start
         for key, start in first.items()
@@ -452,7 +250,7 @@ def suspect_fahrenheit(sources: Mapping[str, ColumnSource], values: Mapping[str,
         return []
     problem = "begins at {:.4g} degC where the surroundings have {:.4g} degC, which looks like degF"
     return [
-        _in_unit(key, sources[key], "degF", problem.format(start, room), certain=False)
+        in_unit(key, sources[key], "degF", problem.format(start, room), certain=False)
         for key, start in like_room.items()
     ]
 
@@ -489,7 +287,7 @@ def suspect_wrap(key: str, source: ColumnSource, raw: FloatArray) -> list[Issue]
         if min(np.unique(counts[above]).size, np.unique(counts[~above]).size) < _FEWEST_COUNTS:
             continue  # always the same number is a code for no reading
         problem = f"{wraps} jumps of some {turn * unit:.6g}: a counter of {bits} bit that wraps"
-        return [_correctable(key, problem, replace(source, wrap=turn * unit), True, kind="wrap")]
+        return [correctable(key, problem, replace(source, wrap=turn * unit), True, kind="wrap")]
     return []
 
 
@@ -542,7 +340,7 @@ def suspect_silence(
     """
     issues = [_of_codes(key, source, [each for each in silent if each.kind == "code"], numbers)]
     quantity, _, place = key.partition(".")
-    unit = _SI.get(quantity, "")
+    unit = column_unit(key)
     for each in (each for each in silent if each.kind != "code"):
         number, count = f"{each.value + 0.0:.6g}", int(each.rows.sum())  # no zero with a sign
         problem = f"{each.kind} at {number} {unit} from {each.start:.6g} to {each.stop:.6g} s"
@@ -602,7 +400,7 @@ def _of_codes(key: str, source: ColumnSource, codes: list[Silence], numbers: Map
     problem = f"{count} reading{'s' * (count > 1)} of exactly {listed} degC, far from those around: a fault code"
     corrected = replace(source, invalid=tuple(dict.fromkeys((*source.invalid, *in_file))))
     remedy = "these readings are left out; to have it in the model file, write {}"
-    return [_correctable(key, problem, corrected, False, remedy, kind="code")]
+    return [correctable(key, problem, corrected, False, remedy, kind="code")]
 
 
 def _suspect_torque(key: str, source: ColumnSource, values: FloatArray) -> list[Issue]:
@@ -618,7 +416,7 @@ def _suspect_torque(key: str, source: ColumnSource, values: FloatArray) -> list[
         remedy = (
             "to leave them out, write {}" if outliers else "if it is in mN*m, write {}, and any other unit likewise"
         )
-        return [_correctable(key, problem, meant, True, remedy, kind="size")]
+        return [correctable(key, problem, meant, True, remedy, kind="size")]
     remedy = f"write another unit, or valid = [{-_MOST_TORQUE:g}, {_MOST_TORQUE:g}], in its entry of [columns]"
     return [Issue(key, source.columns[0], problem, remedy, True, kind="size")]
 
@@ -653,7 +451,7 @@ def _suspect_power(key: str, source: ColumnSource, values: Mapping[str, FloatArr
     problem = (
         f"with the joint's torque a power of {high / 1000:.3g} kW, which looks like rpm, or the speed of the rotor"
     )
-    return [_in_unit(key, source, "rpm", problem, certain=False)]
+    return [in_unit(key, source, "rpm", problem, certain=False)]
 
 
 _BRAKES = 0.98  # of the work of a joint, that is taken up: legs and wheels that are driven brake in a part of it
@@ -673,7 +471,7 @@ def _suspect_sign(key: str, source: ColumnSource, values: Mapping[str, FloatArra
         f"{braking / work:.0%} of its work with the joint's speed is braking, which looks like a sign turned round"
     )
     remedy = "write {}; if the joint is driven from outside, say the unit: what heats with the square heeds no sign"
-    return [_correctable(key, problem, replace(source, scale=-1.0), False, remedy, kind="sign")]
+    return [correctable(key, problem, replace(source, scale=-1.0), False, remedy, kind="sign")]
 
 
 _FOLLOWS = 0.9  # share of the variance of an ambient that a joint's own warmth explains
@@ -691,7 +489,7 @@ def _suspect_ambient(
     for key in (key for key in sources if _is_read_temperature(key, values[key]) and key != AMBIENT):
         both = np.isfinite(air) & np.isfinite(values[key])
         warmth, ambient = (values[key] - air)[both], air[both]
-        if both.sum() < _FEWEST_ROWS or min(np.ptp(ambient), np.ptp(warmth)) < _LEAST_FOLLOWED:
+        if both.sum() < FEWEST_ROWS or min(np.ptp(ambient), np.ptp(warmth)) < _LEAST_FOLLOWED:
             continue
         correlation = float(np.corrcoef(ambient, warmth)[0, 1])
         slope = correlation * float(ambient.std() / warmth.std())

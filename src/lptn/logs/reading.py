@@ -14,12 +14,14 @@ import pandas as pd
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import LOG_FILE, InputError
 from lptn.logs.bags import open_bag
+from lptn.logs.clock import check_time, within_stamps
 from lptn.logs.columns import ColumnSource
 from lptn.logs.csv_files import ENDINGS as CSV_ENDINGS
 from lptn.logs.csv_files import open_csv
 from lptn.logs.guess import format_note, guess
+from lptn.logs.issue import Issue
 from lptn.logs.joining import SECOND_TIME, join
-from lptn.logs.quality import Issue, Roles, check_time, check_values, duplicates_of, issues_of, within_stamps
+from lptn.logs.quality import Roles, check_values, duplicates_of, issues_of
 from lptn.logs.resampling import (
     ROUNDING,
     SEVERAL,

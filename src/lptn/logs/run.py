@@ -10,7 +10,7 @@ import numpy as np
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
-from lptn.logs.quality import Issue
+from lptn.logs.issue import Issue
 from lptn.logs.resampling import reduce_blocks
 
 

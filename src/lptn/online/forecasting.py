@@ -22,8 +22,8 @@ from lptn.basics.processes import one_blas_thread
 from lptn.identify.fitting import Fit
 from lptn.identify.noise import Noise, estimate_noise
 from lptn.logs.run import Run
-from lptn.model.file import FitTable
 from lptn.model.model import Model
+from lptn.model.tables import FitTable
 from lptn.online.augmented_model import AugmentedModel, ModelError
 from lptn.online.believed import Doubt, refuse_none, standing_or_leaping, wandering, without
 from lptn.online.estimator import Estimator, run_filter
@@ -70,7 +70,7 @@ class NodeForecast:
         return isfinite(self.time_to_limit)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Forecast:
     """Temperatures to come with the operating point held.
 
@@ -103,6 +103,15 @@ class Forecast:
     measured: FloatArray
     doubts: tuple[Doubt, ...] = ()
     late: float = 0.0
+
+    def __repr__(self) -> str:
+        nodes = "; ".join(
+            f"{node.node} at {node.now:.1f} degC, "
+            + (f"{node.time_to_limit:.0f} s" if node.reaches else "never")
+            + f" to {node.limit:g} degC"
+            for node in self.nodes.values()
+        )
+        return f"<Forecast: {nodes}>"
 
     def as_json(self) -> dict[str, object]:
         """The forecast as other tools read it: s and degC; what is never reached is null."""

@@ -37,7 +37,7 @@ THRESHOLD = 10.0
 """K; the threshold of [QuadrupedLPTN, application 2]."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Monitoring:
     """What both detectors say of several runs.
 
@@ -50,6 +50,9 @@ class Monitoring:
     threshold: float
     calibration: Calibration
     runs: tuple[MonitoredRun, ...]
+
+    def __repr__(self) -> str:
+        return f"<Monitoring: {'; '.join(map(repr, self.runs))}>"
 
     def as_json(self) -> dict[str, object]:
         """The alarms as other tools read them; times in s of each log's clock, errors without sign in K."""

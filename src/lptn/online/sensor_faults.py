@@ -88,7 +88,7 @@ _COLDEST, _HOTTEST = -60.0, 250.0  # degC; what lies beyond is an error code, no
 _SAME = 1e-6  # K
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class MonitoredRun:
     """Readings and predictions of a run, and the alarms of both detectors, each in order of time.
 
@@ -107,6 +107,10 @@ class MonitoredRun:
     predicted: FloatArray
     threshold_alarms: tuple[Alarm, ...] = ()
     statistical_alarms: tuple[Alarm, ...] = ()
+
+    def __repr__(self) -> str:
+        found = f"{len(self.statistical_alarms)} statistical, {len(self.threshold_alarms)} by the plain threshold"
+        return f"<MonitoredRun {self.run.name}: alarms: {found}>"
 
     @classmethod
     def of(cls, model: Model, run: Run) -> MonitoredRun:

@@ -173,11 +173,11 @@ def trade_html(result: StudyResult) -> str:
 
 
 def _front(result: StudyResult) -> Charts:
-    from lptn.planners.trade.figures import AMOUNTS, VALUES
+    from lptn.planners.trade.figures import axis_of
 
     assert result.study.sweep is not None  # a front comes from a sweep
-    factor, label = AMOUNTS[result.study.sweep.against]
-    scale, goal = VALUES[result.study.goal]
+    factor, label = axis_of(result.study.sweep.against, result.study)
+    scale, goal = axis_of(result.study.goal, result.study)
     every = {name: points for name, points in result.by_option.items() if points and name in result.drawn}
     amounts = np.unique([point.amount for points in [*every.values(), result.front] for point in points])
     shown: dict[str, FloatArray] = {}

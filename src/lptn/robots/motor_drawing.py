@@ -14,9 +14,8 @@ from pydantic import BeforeValidator, Field
 
 from lptn.basics.errors import InputError
 from lptn.basics.files import text_of
-from lptn.basics.toml import mistakes_by_line, toml_of
+from lptn.basics.toml import Strict, mistakes_by_line, toml_of
 from lptn.basics.units import convert
-from lptn.model.file import Strict
 
 # --- What motors are made of: handbook values at room temperature, and the mixture that a winding is ---
 

@@ -1,0 +1,168 @@
+"""What is wrong with a log's time: refused where no run can be made of it, else spread over its rows, or an issue.
+
+`check_time` refuses time that is missing or runs backwards. `within_stamps` tells rows apart that share a stamp.
+`suspect_unit_of_time` looks for times that are in another unit than seconds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import numpy.typing as npt
+
+from lptn.basics.arrays import FloatArray
+from lptn.basics.errors import InputError
+from lptn.logs.columns import ColumnName, ColumnSource, as_line_or_option
+from lptn.logs.issue import Issue, in_unit
+from lptn.logs.tables import Table
+
+FEWEST_ROWS = 10
+"""Rows at different times, of which something can be said."""
+_DAY = 86400.0  # s
+_LONGEST_PERIOD = _DAY  # nothing thermal is logged once a day
+_LATEST = 1e20  # s, or in whatever unit was meant: times since 1970 in ns are below 2e18
+
+
+def check_time(table: Table, name: str, time: FloatArray) -> tuple[npt.NDArray[np.intp], tuple[str, ...]]:
+    """The rows to keep, (m,), and notes: of rows with the same time stamp the first is kept.
+
+    Args:
+        table: the log, for the line numbers.
+        name: the time column's name in the file.
+        time: (n,) s.
+
+    Raises:
+        InputError: time is missing somewhere, runs backwards, or is too short or too coarse to be in s.
+    """
+    _require_rows(table, time.size, time.size)
+    usable = np.abs(time) < _LATEST
+    if not usable.all():
+        row = int(np.argmin(usable))
+        table.refuse(row, name, f"{'no time' if np.isnan(time[row]) else time[row]}", "a time in every row")
+    steps = np.diff(time)
+    if (steps < 0).any():
+        row = int((steps < 0).argmax()) + 1
+        expected = "time that runs forwards"
+        if 0.9 * _DAY < time[row - 1] < _DAY and 0 <= time[row] < 0.1 * _DAY:
+            midnight = as_line_or_option("time", ColumnSource((name,), wrap=_DAY))
+            expected += f"; for a clock of the day that passes midnight write {midnight}"
+        elif abs(time[row]) <= 0.1 * abs(time[row - 1]):  # the clock starts again from about 0
+            expected += "; a counter that overflows is written as wrap = 65536, or whatever it counts to, in its entry"
+            expected += " of [columns]"
+        table.refuse(row, name, f"{time[row]:.12g} s after {time[row - 1]:.12g} s", expected)
+    keep = np.flatnonzero(np.concatenate(([True], steps > 0)))
+    _require_rows(table, time.size, keep.size)
+    period = float(np.median(np.diff(time[keep])))
+    if period > _LONGEST_PERIOD:
+        line = as_line_or_option("time", ColumnSource((name,), _unit_of_rows(period)))
+        problem = f"{period:.3g} s from row to row, which looks like {_unit_of_rows(period)}"
+        raise InputError(table.path, f"column '{name}'", problem, f"seconds; for another unit write, say, {line}")
+    dropped = time.size - keep.size
+    note = f"time: {dropped} of {time.size} rows repeat a time stamp; the first of each is kept."
+    return keep, (note,) if dropped else ()
+
+
+def _require_rows(table: Table, rows: int, different: int) -> None:
+    if different < FEWEST_ROWS:
+        found = f"{rows} rows" + f" at {different} different times" * (different < rows)
+        raise InputError(table.path, "log", found, f"at least {FEWEST_ROWS} at different times")
+
+
+_MOSTLY_TWICE = 0.5  # share of the rows of one stamp that say something else than the one before; else it is a copy
+_COARSEST_CLOCK = 10.0  # s: rows that are spread may come as late, which moves a temperature little
+_OF_DEVICES = 3.0
+"""Times by which temperatures differ more within a time stamp than from one to the next, where rows of several devices
+follow each other; of one sensor's rows they differ less."""
+
+
+def within_stamps(
+    table: Table, name: str, time: FloatArray, values: Mapping[str, FloatArray]
+) -> tuple[FloatArray, str]:
+    """Times in which rows of one time stamp are evenly apart, where the clock is coarser than the rows; and a note.
+
+    Whole seconds under fifty rows a second would leave one torque of fifty, whose square says little of the heat. Rows
+    that are there twice, number by number, are not spread.
+
+    Args:
+        table: the log.
+        name: the time column's name in the file.
+        time: (n,) s.
+        values: the quantities, (n,) each.
+
+    Raises:
+        InputError: the rows of a stamp seem to be of several devices, or its clock has lost its digits.
+    """
+    first = np.flatnonzero(np.diff(time, prepend=-np.inf))
+    counts = np.diff(first, append=time.size)
+    if first.size < FEWEST_ROWS or np.median(counts) < 2 or not np.isfinite(time).all():
+        return time, ""
+    inside = np.setdiff1d(np.arange(1, time.size), first)
+    differ = np.zeros(inside.size, dtype=bool)
+    for each in values.values():
+        differ |= (each[inside] != each[inside - 1]) & ~(np.isnan(each[inside]) & np.isnan(each[inside - 1]))
+    if differ.mean() < _MOSTLY_TWICE:
+        return time, ""
+    for key, each in values.items():
+        if key.startswith("temperature.") and np.isfinite(each).any():
+            within, between = (
+                np.nanmedian(np.abs(np.diff(each))[inside - 1]),
+                np.nanmedian(np.abs(np.diff(each[first]))),
+            )
+            if within > _OF_DEVICES * between:
+                problem = f"{np.median(counts):.0f} rows at each time, in which {key} differs by {within:.3g} K"
+                expected = "one row for each time: rows of several devices want a column for each of their quantities"
+                raise InputError(table.path, f"column '{name}'", problem, expected)
+    apart = np.diff(time[first])
+    usual, of_one = float(np.median(apart)), f"{np.median(counts):.0f} rows"
+    if usual > _COARSEST_CLOCK:
+        problem = f"times {usual:.3g} s apart for {of_one} each, of which the digits behind are lost"
+        rated = as_line_or_option("time", ColumnSource((), rate=float(f"{np.median(counts) / usual:.3g}")))
+        raise InputError(
+            table.path, f"column '{name}'", problem, f"a time for each row; if they come at one rate, {rated}"
+        )
+    lasts = np.minimum(np.append(apart, usual), usual)
+    spread = time + (np.arange(time.size) - np.repeat(first, counts)) * np.repeat(lasts / counts, counts)
+    note = (
+        f"time: stamps {usual:.3g} s apart for {np.median(counts):.0f} rows each, which are taken to be evenly apart."
+    )
+    return spread, note
+
+
+_IN_NAMES = ("ms", "us", "ns", "min")  # units that nothing else at a name's end means; "s" may
+_SINCE_1970 = (("ms", 3e11, 1e13), ("us", 3e14, 1e16), ("ns", 3e17, 1e19))  # first times from 1979 to 2286
+_LONG_PERIOD = 20.0  # s: a log of whole numbers this far apart …
+_HALF_A_DAY = 43200.0  # s: … that lasts longer than this is rather one in a smaller unit
+_LONG_PERIOD_AS_MEANT = 10.0  # s, the most that the rows are then taken to be apart
+
+
+def suspect_unit_of_time(source: ColumnSource, time: FloatArray) -> list[Issue]:
+    """Milliseconds and less, or minutes: by the column's name, a time since 1970, or rows that are far apart.
+
+    Args:
+        source: where the time stands.
+        time: (n,) in s, if `source` says nothing else.
+    """
+    if source.scale != 1.0 or time.size < 2 or not np.isfinite(time).all():
+        return []
+    first, period = float(abs(time[0])), float(np.median(np.abs(np.diff(time))))
+    for unit, low, high in _SINCE_1970:
+        if low < first < high:
+            return [in_unit("time", source, unit, f"times around {first:.4g}, which look like {unit} since 1970")]
+    named = ColumnName.of(source.columns[0]).unit("time")
+    if named in _IN_NAMES:
+        problem = f"no unit is given for '{source.columns[0]}', whose name says {named}"
+        return [in_unit("time", source, named, problem)]
+    span = float(abs(time[-1] - time[0]))
+    of_minutes = period % 60 == 0  # buildings are logged so; nobody logs every 60 ms
+    if period >= _LONG_PERIOD and not of_minutes and span > _HALF_A_DAY and bool((np.round(time) == time).all()):
+        unit = _unit_of_rows(period)
+        problem = f"{period:.4g} s from row to row over {span / 3600:.3g} h, which looks like {unit}"
+        return [in_unit("time", source, unit, problem, certain=False)]
+    return []
+
+
+def _unit_of_rows(period: float) -> str:
+    """The longest unit of time in which rows that are so many units apart are as close as those of a log."""
+    per_second = {"ms": 1e3, "us": 1e6}
+    return next((name for name, n in per_second.items() if period / n <= _LONG_PERIOD_AS_MEANT), "ns")
