@@ -132,11 +132,11 @@ def show_history(history: History) -> None:
             text = f"Step {number}, {in_words([(step.effect, step.at)])}: {sure}{sentence}."
             own = [text, f"Its {size}." if size else "", removed_in_words(history, number)]
             print(for_people(" ".join(filter(None, own))))
-    if any(step.probability for step in history.steps):
-        beside = " beside the other steps" if len(history.steps) > 2 else ""
-        print(f"Probable: given that one of the answers that were refitted{beside} is right.")
-        if beside:
-            print("The steps are in the order of what would be missed most.")
+    if len(history.steps) == 2:
+        print("Probable: given that one of the answers that were refitted is right.")
+    if len(history.steps) > 2:
+        print("Probable: beside the other steps, and given that one of the answers that were refitted is right.")
+        print("The first step is the one that would be missed most, and so on.")
     for warning in history.best.fit.uncertainty.warnings:
         print(f"Warning: {warning}.")
 

@@ -405,8 +405,8 @@ def _sure(history: History, number: int, step: Step) -> str:
         return f"{text}It lowers {lowered}."
     if step.probability:
         beside = " beside the other steps" if len(history.steps) > 2 else ""
-        text += f"Of the answers that were fitted{beside} it is the right one with {percent(step.probability)}, by the fitted "
-        text += "runs and by what is usual. "
+        text += f"Of the answers that were fitted{beside} it is the right one with {percent(step.probability)}, by the "
+        text += "fitted runs and by what is usual. "
     if size := size_in_words(step, history.best.fit):
         text += f"Its size: {size}. "
     if removed := removed_in_words(history, number):
