@@ -91,6 +91,7 @@ def improve(
 def show_history(history: History) -> None:
     """The steps, from the model as given to the best."""
     from lptn.cli.terminal import show_table
+    from lptn.diagnose.diagnosis import LIKELY
     from lptn.report.outcome import headline, left_in_words
     from lptn.report.text import for_people, kelvin, percent
     from lptn.report.words import outweighed_in_words, removed_in_words, size_in_words
@@ -114,22 +115,29 @@ def show_history(history: History) -> None:
     added = {step.key for step in history.steps}
     for number, step in enumerate(history.steps):
         if step.effect and step.at:
-            sentence = "nothing else in the catalogue explains the fitted data as well"
-            sentence = sentence if step.probability else "chosen by hand, and not compared with others"
-            sentence = outweighed_in_words(step) if step.outweighed else sentence
             # What was added as well, later or before, is no other name for it any more.
             others = [key for key in step.indistinguishable if key not in added]
-            if others:
-                sentence = f"the fitted data alone can't tell it from {in_words(others)}"
-                sentence += "; the held-out data chose" if step.holdout else ""
-            elif step.indistinguishable:
-                sentence = "what explains the fitted data as well was added, too"
-            size = size_in_words(step, history.best.fit)
-            sure = f"by the fitted data {percent(step.probability)} probable; " if step.probability else ""
             likeliest = max(history.first.refits, key=lambda each: each.probability, default=step)
-            if sure and number == 1 and likeliest.probability > step.probability:
-                sure = f"{sure.removesuffix('; ')} ({in_words([likeliest.key])}: {percent(likeliest.probability)}); "
-            text = f"Step {number}, {in_words([(step.effect, step.at)])}: {sure}{sentence}."
+            share = percent(step.probability)
+            if number == 1 and likeliest.probability > step.probability:
+                share += f", {in_words([likeliest.key])} {percent(likeliest.probability)}"
+            if not step.probability:
+                sentence = "chosen by hand, and not compared with others"
+            elif others and step.probability < LIKELY:
+                sentence = f"the fitted data alone leave several answers open (this one {share}), among them "
+                sentence += in_words(others) + ("; the held-out data chose it" if step.holdout else "")
+            else:
+                sentence = f"by the fitted data {share} probable; "
+                if others:
+                    sentence += f"they don't rule out {in_words(others)}"
+                elif step.indistinguishable:
+                    sentence += "what explains the fitted data as well was added, too"
+                elif step.outweighed:
+                    sentence += outweighed_in_words(step)
+                else:
+                    sentence += "nothing else in the catalogue explains the fitted data as well"
+            size = size_in_words(step, history.best.fit)
+            text = f"Step {number}, {in_words([(step.effect, step.at)])}: {sentence}."
             own = [text, f"Its {size}." if size else "", removed_in_words(history, number)]
             print(for_people(" ".join(filter(None, own))))
     if any(step.probability for step in history.steps):
