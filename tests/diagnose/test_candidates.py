@@ -434,7 +434,7 @@ def test_heat_of_all_housings_is_proposed_with_one_coefficient_each_by_its_own_w
     windings, current = ("FL", "FR"), catalogue()["copper_loss"](input="current")
     network = Network(
         "wheels",
-        tuple(node(f"{wheel}{part}") for wheel in windings for part in ("", "_hub")) + (AMBIENT,),
+        (*(node(f"{wheel}{part}") for wheel in windings for part in ("", "_hub")), AMBIENT),
         tuple(link(*pair) for wheel in windings for pair in ((wheel, f"{wheel}_hub"), (f"{wheel}_hub", "ambient"))),
         effects=tuple(replace(effect("copper_loss", wheel), effect=current) for wheel in windings),
     )

@@ -91,10 +91,9 @@ def improve(
 def show_history(history: History) -> None:
     """The steps, from the model as given to the best."""
     from lptn.cli.terminal import show_table
-    from lptn.diagnose.diagnosis import LIKELY
     from lptn.report.outcome import headline, left_in_words
-    from lptn.report.text import for_people, kelvin, percent
-    from lptn.report.words import outweighed_in_words, removed_in_words, size_in_words
+    from lptn.report.text import for_people, kelvin
+    from lptn.report.words import removed_in_words, size_in_words
 
     tested = any(step.test for step in history.steps)
     rows = []
@@ -112,38 +111,47 @@ def show_history(history: History) -> None:
         print(left_in_words(history))
     print(_who_chose(history))
     show_what_runs_have_of_their_own(history.best.fit, history.differing)
-    added = {step.key for step in history.steps}
     for number, step in enumerate(history.steps):
         if step.effect and step.at:
-            # What was added as well, later or before, is no other name for it any more.
-            others = [key for key in step.indistinguishable if key not in added]
-            likeliest = max(history.first.refits, key=lambda each: each.probability, default=step)
-            share = percent(step.probability)
-            if number == 1 and likeliest.probability > step.probability:
-                share += f", {in_words([likeliest.key])} {percent(likeliest.probability)}"
-            if not step.probability:
-                sentence = "chosen by hand, and not compared with others"
-            elif others and step.probability < LIKELY:
-                sentence = f"the fitted data alone leave several answers open (this one {share}), among them "
-                sentence += in_words(others) + ("; the held-out data chose it" if step.holdout else "")
-            else:
-                sentence = f"by the fitted data {share} probable; "
-                if others:
-                    sentence += f"they don't rule out {in_words(others)}"
-                elif step.indistinguishable:
-                    sentence += "what explains the fitted data as well was added, too"
-                elif step.outweighed:
-                    sentence += outweighed_in_words(step)
-                else:
-                    sentence += "nothing else in the catalogue explains the fitted data as well"
             size = size_in_words(step, history.best.fit)
-            text = f"Step {number}, {in_words([(step.effect, step.at)])}: {sentence}."
+            text = f"Step {number}, {in_words([(step.effect, step.at)])}: {_sure(history, number)}."
             own = [text, f"Its {size}." if size else "", removed_in_words(history, number)]
             print(for_people(" ".join(filter(None, own))))
     if any(step.probability for step in history.steps):
         print("Probable: given that one of the answers that were refitted at that step is right.")
     for warning in history.best.fit.uncertainty.warnings:
         print(f"Warning: {warning}.")
+
+
+def _sure(history: History, number: int) -> str:
+    """How sure a step is, and what else it might be; without a full stop."""
+    from lptn.diagnose.diagnosis import LIKELY
+    from lptn.report.text import percent
+    from lptn.report.words import outweighed_in_words
+
+    step = history.steps[number]
+    if not step.probability:
+        return "chosen by hand, and not compared with others"
+    # What was added as well, later or before, is no other name for it any more.
+    added = {each.key for each in history.steps}
+    others = [key for key in step.indistinguishable if key not in added]
+    share = percent(step.probability)
+    likeliest = max(history.first.refits, key=lambda each: each.probability, default=step)
+    if number == 1 and likeliest.probability > step.probability:
+        share += f", {in_words([likeliest.key])} {percent(likeliest.probability)}"
+    if others and step.probability < LIKELY:
+        text = f"the fitted data alone leave several answers open (this one {share}), among them {in_words(others)}"
+        return text + ("; the held-out data chose it" if step.holdout else "")
+    text = f"by the fitted data {share} probable; "
+    if others:
+        return f"{text}they don't rule out {in_words(others)}"
+    if step.indistinguishable:
+        return f"{text}what explains the fitted data as well was added, too"
+    return text + (
+        outweighed_in_words(step)
+        if step.outweighed
+        else "nothing else in the catalogue explains the fitted data as well"
+    )
 
 
 def _who_chose(history: History) -> str:

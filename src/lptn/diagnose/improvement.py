@@ -228,7 +228,7 @@ def _searched(
     given: Branch = (Step(base, holdout=holdout_errors(base, data.holdout)),)
     search = _Search(data, executor, report, found)
     search.follow(given, most)
-    kept = search.exchanged(_pruned(search.complete(_chosen(search.branches, data)), data, report))
+    kept = _pruned(search.complete(_chosen(search.branches, data)), data, report)
     return search, kept, _verdict(search.diagnosis(given), search.diagnosis(kept), given, kept)
 
 
@@ -323,38 +323,6 @@ class _Search:
         unopposed = [branch for branch in adequate if _error(branch) <= _error(chosen) * (1 + WORTH)]
         return min(unopposed, key=len, default=chosen)
 
-    def exchanged(self, kept: Branch) -> Branch:
-        """The branch whose every step is the most probable one by all runs beside its others.
-
-        A step was chosen when those after it were not there yet: constant heat may have stood for a sensor's offset as
-        long as a second mass was missing.
-        """
-        asked = [_effects(kept)]
-        while (better := self._better_by_one(kept)) is not None and _effects(better) not in asked:
-            removed, added = _effects(kept) - _effects(better), _effects(better) - _effects(kept)
-            self.report(f"{_listed(added)} in place of {_listed(removed)}")
-            asked.append(_effects(better))
-            kept = better
-        return kept
-
-    def _better_by_one(self, kept: Branch) -> Branch | None:
-        """A more probable branch with another effect in place of one step; `None` where there is none."""
-        for step in kept[1:] if len(kept) > 2 else ():
-            try:
-                network = kept[-1].fit.model.network.without_effect(*step.key)
-            except InputError:  # a later effect stands at the edge that this one made
-                continue
-            fit = unless_interrupted(finished(continued(kept[-1].fit, network)))
-            others = self._examined(_ending_in(tuple(each for each in kept if each is not step), fit, self.data))
-            rivals = [branch for branch in self._longer(others) if _effects(branch) != _effects(kept)]
-            near = [branch for branch in _probable([kept, *rivals]) if branch is not kept][:_WIDTH]
-            done = [
-                _ending_in(branch, unless_interrupted(finished(branch[-1].fit)), self.data) for branch in near
-            ]
-            if (best := _most_probable([kept, *done], self.data)) is not kept:
-                return best
-        return None
-
     def _longer(self, branch: Branch) -> list[Branch]:
         """The branch with each refit of its last model that is beyond chance, each name for one step once.
 
@@ -413,10 +381,6 @@ def _least_errors(branches: Sequence[Branch], width: int, data: DataSplit) -> li
 def _ending_in(branch: Branch, fit: Fit, data: DataSplit) -> Branch:
     """The branch with another fit of its last model."""
     return (*branch[:-1], replace(branch[-1], fit=fit, holdout=holdout_errors(fit, data.holdout)))
-
-
-def _listed(keys: frozenset[Key]) -> str:
-    return ", ".join(f"{effect} at {at}" for effect, at in sorted(keys))
 
 
 def _in_words(beam: Sequence[Branch]) -> str:

@@ -108,8 +108,8 @@ _NOTHING = 1e-12  # share of the usual size; what a search leaves of a zero has 
 
 
 _ERRORS_ALIKE = 0.1
-"""Share of one and the same error of several sensors beside that of an error of one. A defect befalls single sensors; to
-drift alike, or to be off alike, they need a cause in common, such as the supply of all their bridges."""
+"""How usual the same error of several sensors is beside an error of one. A defect befalls single sensors; to drift
+alike, or to be off alike, they need a cause in common, such as the supply of all their bridges."""
 
 
 def log_priors(candidates: Sequence[Candidate]) -> FloatArray:
@@ -156,10 +156,10 @@ def log_evidence_of_starts(fit: Fit) -> float:
     """What it costs a model, as a logarithm, that its hidden states start each run where the data like; 0 without any.
 
     A second mass that starts a short run some kelvins off its node may explain all that is left of that run. Each such
-    start is an unknown, and is paid for: by how far it is from where it was expected, and by how much narrower the data
-    make it than it was (Laplace's method [MacKay1992]; readings count as often as they are independent). A start that no
-    reading holds, of what decays in seconds, costs nothing. Nobody knows what went on before a log began, so that what
-    is expected has long tails (Cauchy's).
+    start is an unknown, and is paid for: by how far it is from where it was expected, and by how much narrower the
+    data make it than it was (Laplace's method [MacKay1992]; readings count as often as they are independent). A start
+    that no reading holds, of what decays in seconds, costs nothing. Nobody knows what went on before a log began, so
+    that what is expected has long tails (Cauchy's).
     """
     problem, nodes, states = fit.problem, len(fit.model.nodes), len(fit.model.states)
     if states == nodes:
