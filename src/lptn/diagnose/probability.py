@@ -155,11 +155,11 @@ def log_prior_of_sizes(fit: Fit, declarations: Iterable[EffectDeclaration]) -> f
 def log_evidence_of_starts(fit: Fit) -> float:
     """What it costs a model, as a logarithm, that its hidden states start each run where the data like; 0 without any.
 
-    A second mass that starts a short run some kelvins off its node may explain all that is left of that run. Each such
-    start is an unknown, and is paid for: by how far it is from where it was expected, and by how much narrower the
-    data make it than it was (Laplace's method [MacKay1992]; readings count as often as they are independent). A start
-    that no reading holds, of what decays in seconds, costs nothing. Nobody knows what went on before a log began, so
-    that what is expected has long tails (Cauchy's).
+    A second mass that starts a short run some kelvins off its node may explain all that is left of that run. A run may
+    have begun in equilibrium, or anywhere, either as probable. In the first case the model loses what the fitted starts
+    explain. In the second each start is an unknown, paid for by how far it is from equilibrium and by how much narrower
+    the data make it than it was (Laplace's method [MacKay1992]). Nobody knows what went on before a log began, so that
+    what is expected has long tails (Cauchy's). Readings count as often as they are independent.
     """
     problem, nodes, states = fit.problem, len(fit.model.nodes), len(fit.model.states)
     if states == nodes:
@@ -175,10 +175,13 @@ def log_evidence_of_starts(fit: Fit) -> float:
     total = 0.0
     for first in range(0, count, states):
         seen, hidden = slice(first, first + nodes), slice(first + nodes, first + states)
-        whole = by_data + np.diag(precisions)
-        left = whole[hidden, hidden] - whole[hidden, seen] @ np.linalg.solve(whole[seen, seen], whole[seen, hidden])
-        narrower = np.linalg.slogdet(left / np.sqrt(np.outer(precisions[hidden], precisions[hidden])))[1]
-        total -= 0.5 * float(narrower) + float(np.sum(np.log1p(off[hidden] ** 2)))
+        spread, kelvins = 1.0 / np.sqrt(precisions[hidden]), off[hidden] / np.sqrt(precisions[hidden])
+        of_seen = by_data[seen, seen] + np.diag(precisions[seen])
+        told = by_data[hidden, hidden] - by_data[hidden, seen] @ np.linalg.solve(of_seen, by_data[seen, hidden])
+        narrower = np.linalg.slogdet(np.eye(len(spread)) + told * np.outer(spread, spread))[1]
+        anywhere = -0.5 * float(narrower) - float(np.sum(np.log1p(off[hidden] ** 2)))
+        in_equilibrium = -0.5 * float(kelvins @ told @ kelvins)
+        total += float(np.logaddexp(in_equilibrium, anywhere)) - log(2.0)
     return total
 
 
