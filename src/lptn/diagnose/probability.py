@@ -105,8 +105,7 @@ _BELIEVED = 3.0
 """Standard deviations, and factors, beyond which no size is believed."""
 _AT_BOUND = 1e-3  # of a bound
 _NOTHING = 1e-12  # share of the usual size; what a search leaves of a zero has a logarithm
-
-
+_LITTLE = 1e-3  # K
 _ERRORS_ALIKE = 0.1
 """How usual the same error of several sensors is beside an error of one. A defect befalls single sensors; to drift
 alike, or to be off alike, they need a cause in common, such as the supply of all their bridges."""
@@ -115,8 +114,8 @@ alike, or to be off alike, they need a cause in common, such as the supply of al
 def log_priors(candidates: Sequence[Candidate]) -> FloatArray:
     """Logarithms of the odds, beforehand, that it is this candidate that is missing, shape (candidates,).
 
-    An effect's odds are split evenly over its levels (everywhere, a class of nodes, one node), where it is no error of
-    logs, and over the places of a level; those of single runs likewise.
+    An effect's odds are split evenly over its levels (everywhere, a class of nodes, one node), those of an error of
+    sensors unevenly, and over the places of a level; those of single runs likewise.
     """
     weights = np.zeros(len(candidates))
     for effect in {each.effect: None for each in candidates}:
@@ -166,10 +165,10 @@ def log_evidence_of_starts(fit: Fit) -> float:
         return 0.0
     of_starts = slice(len(problem.free), None)
     residuals = problem.residuals(fit.z)
-    kelvin_more = fit.z + (np.arange(problem.size) >= of_starts.start)  # tells each prior's standard deviation
+    moved = fit.z + _LITTLE * (np.arange(problem.size) >= of_starts.start)
     count = problem.size - of_starts.start
-    (off, farther) = (each[problem.readings :][:count] for each in (residuals, problem.residuals(kelvin_more)))
-    precisions = (farther - off) ** 2
+    off, farther = (each[problem.readings :][:count] for each in (residuals, problem.residuals(moved)))
+    precisions = ((farther - off) / _LITTLE) ** 2  # of the priors, whose residuals are linear
     independent = independent_readings(fitted_errors(fit)) / float(np.sum(residuals[: problem.readings] ** 2))
     by_data = (problem.normal(fit.z)[1][of_starts, of_starts] - np.diag(precisions)) * independent
     total = 0.0

@@ -143,8 +143,11 @@ class Link:
 
 @dataclass(frozen=True)
 class EffectInstance:
-    """One effect at one place: the nodes it touches, the indices of its parameters and of its run's indicator, and the
-    place whose log columns drive it."""
+    """One effect at one place.
+
+    It has the nodes that it touches, the indices of its parameters and of its run's indicator, and the place whose log
+    columns drive it.
+    """
 
     declaration: EffectDeclaration
     place: str
@@ -364,12 +367,6 @@ class Network:
     def places_for(self, declared: EffectDeclaration) -> list[Place]:
         """Where a declared effect acts: (place, nodes it touches)."""
         return self.layout.places_for(declared)
-
-    def windings_at(self, node: str) -> list[str]:
-        """Nodes with copper loss among a node and those that it is linked to; the node alone where it is one."""
-        windings = self.nodes_with(_COPPER_LOSS)
-        near = {name for link in self.resistors if node in link.ends for name in link.ends}
-        return [node] if node in windings else [name for name in windings if name in near]
 
     def nodes_with(self, key: str) -> list[str]:
         """Dynamic nodes at which an effect is declared."""
