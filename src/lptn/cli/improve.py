@@ -139,8 +139,10 @@ def _sure(history: History, number: int) -> str:
     likeliest = max(history.first.refits, key=lambda each: each.probability, default=step)
     if number == 1 and likeliest.probability > step.probability:
         share += f", {in_words([likeliest.key])} {percent(likeliest.probability)}"
-    if others and step.probability < LIKELY:
-        text = f"the fitted data alone leave several answers open (this one {share}), among them {in_words(others)}"
+        others = [key for key in others if key != likeliest.key]
+    if step.indistinguishable and step.probability < LIKELY:
+        text = f"the fitted data alone leave it open (this one {share})"
+        text += f" and don't rule out {in_words(others)}" if others else ""
         return text + ("; the held-out data chose it" if step.holdout else "")
     text = f"by the fitted data {share} probable; "
     if others:
