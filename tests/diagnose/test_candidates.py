@@ -430,6 +430,27 @@ def test_a_joints_heat_is_proposed_in_its_housing_too_by_the_columns_of_its_wind
     assert "velocity_rms.knee" in Model(_knee().with_effects([declared])).inputs
 
 
+def test_heat_of_all_housings_is_proposed_with_one_coefficient_each_by_its_own_winding() -> None:
+    windings, current = ("FL", "FR"), catalogue()["copper_loss"](input="current")
+    network = Network(
+        "wheels",
+        (*(node(f"{wheel}{part}") for wheel in windings for part in ("", "_hub")), AMBIENT),
+        tuple(link(*pair) for wheel in windings for pair in ((wheel, f"{wheel}_hub"), (f"{wheel}_hub", "ambient"))),
+        effects=tuple(replace(effect("copper_loss", wheel), effect=current) for wheel in windings),
+    )
+    columns = [f"{quantity}.{wheel}" for quantity in ("current", "velocity") for wheel in windings]
+    found = [each for each in candidates(network, columns) if each.effect.key == "coulomb_friction"]
+    (hubs,) = (each for each in found if each.at == "*_hub")
+    declared = hubs.declaration(0.2, None)
+    assert (hubs.places, hubs.windings, declared.driven_by) == (("FL_hub", "FR_hub"), windings, "*")
+    model = Model(network.with_effects([declared]))
+    assert {"velocity.FL", "velocity.FR"} <= set(model.inputs)
+    assert "coulomb_friction.torque.*_hub" in [parameter.name for parameter in model.parameters]
+    assert [site.driven_by for site in hubs.sites(None)] == list(windings)
+    left = [each for each in candidates(model.network, columns) if each.effect.key == "coulomb_friction"]
+    assert [(each.at, each.driven_by) for each in left if each.difference] == [("FL_hub", "FL"), ("FR_hub", "FR")]
+
+
 def test_a_housing_with_columns_of_its_own_is_driven_by_them() -> None:
     columns = ("velocity.knee", "velocity.knee_case")
     found = [each for each in candidates(_knee(), columns) if each.effect.key == "coulomb_friction"]

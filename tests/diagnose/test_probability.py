@@ -12,6 +12,7 @@ from lptn.diagnose.candidates import candidates
 from lptn.diagnose.probability import (
     in_occams_window,
     is_implausible,
+    log_evidence_of_starts,
     log_prior_of_sizes,
     log_priors,
     probabilities,
@@ -80,6 +81,23 @@ def test_what_all_blocks_say_is_sure_and_what_one_says_is_not() -> None:
     assert probabilities(unsure, np.zeros(2))[1] < 0.9
 
 
+def test_a_hidden_mass_that_begins_far_from_its_node_is_paid_for() -> None:
+    """A slow decay from the start of the log is no mass, though one that began 30 K off would leave it."""
+    plain, decay = run_with(np.zeros(STEPS)), run_with(6.0 * np.exp(-np.arange(STEPS) * 5.0 / 400.0))
+    mass = effect("second_mass", "a", capacity=60.0, time_constant=400.0)
+    explained = fit_of(decay, mass)
+    assert explained.rmse < 0.6 * fit_of(decay).rmse
+    assert log_evidence_of_starts(explained) < -np.log(20.0)
+    assert -np.log(20.0) < log_evidence_of_starts(fit_of(plain, mass)) < 0.0
+
+
+def test_a_start_that_no_reading_holds_costs_nothing() -> None:
+    plain = run_with(np.zeros(STEPS))
+    assert log_evidence_of_starts(fit_of(plain)) == 0.0
+    lagging = fit_of(plain, effect("sensor_lag", "a", time_constant=3.0))
+    assert log_evidence_of_starts(lagging) == pytest.approx(0.0, abs=0.1)
+
+
 @pytest.mark.parametrize("runs", [(), ("monday", "tuesday")], ids=["one run", "two runs"])
 def test_an_effects_candidates_share_its_odds(runs: tuple[str, ...]) -> None:
     found = candidates(HEATED, COLUMNS, runs)
@@ -109,11 +127,14 @@ def test_levels_share_evenly_and_one_run_is_rarer() -> None:
     network = Network("legs", (node("*_*"), AMBIENT), links, (effect("copper_loss"),), joints=joints)
     found = candidates(network, ["temperature.ambient", *(f"torque.{joint}" for joint in joints)], ("mon", "tue"))
     odds = dict(zip((each.key for each in found), np.exp(log_priors(found)).tolist(), strict=True))
-    own = {at: value for (key, at), value in odds.items() if key == "sensor_offset"}
+    own = {at: value for (key, at), value in odds.items() if key == "constant_heat"}
     assert sum(own[joint] for joint in joints) == pytest.approx(own["*"])
     assert own["*_hip"] == pytest.approx(own["*_calf"])
     assert own["*_hip"] + own["*_calf"] == pytest.approx(own["*"])
     assert sum(own[f"{joint}@{run}"] for joint in joints for run in ("mon", "tue")) == pytest.approx(0.1 * own["*"])
+    errors = {at: value for (key, at), value in odds.items() if key == "sensor_drift"}
+    assert errors["*"] == pytest.approx(0.1 * sum(errors[joint] for joint in joints))  # a defect befalls one sensor
+    assert errors["*_hip"] + errors["*_calf"] == pytest.approx(errors["*"])
 
 
 def at_size(key: str, name: str, share: float) -> tuple[Fit, EffectDeclaration]:

@@ -199,7 +199,7 @@ MISTAKES: dict[str, tuple[str, str, str, tuple[str, ...]]] = {
         "line 26",
         ("perfect contact of housing and ambient", "a face"),
     ),
-    "driven by a pattern": ('at = "stator"', 'at = "stator"\ndriven_by = "*"', "line 31", ("'*'",)),
+    "driven by a pattern": ('at = "stator"', 'at = "stator"\ndriven_by = "mot*"', "line 31", ("'mot*'",)),
     "a name with a dot": ("[nodes.housing]", '[nodes."housing.x0"]', "line 14", ("without blanks, dots",)),
 }
 

@@ -518,3 +518,54 @@ def test_edits_never_raise_anything_but_an_input_error(edits: list[tuple[str, in
     with suppress(InputError):
         file = _parse(_edited(LEG, edits))
         assert np.isfinite([parameter.value for parameter in file.network.parameters]).all()
+
+
+# --- heat of housings, driven by the columns of the windings beside them ------------------------------------
+
+WHEELS = """\
+[model]
+name = "wheels"
+joints = ["FL", "FL_hub", "FR", "FR_hub"]
+ambient = "temperature.ambient"
+
+[nodes."*"]
+capacity = 200
+
+[[links]]
+between = ["FL", "FL_hub"]
+[[links]]
+between = ["FR", "FR_hub"]
+[[links]]
+between = ["*_hub", "ambient"]
+
+[[effects]]
+kind = "copper_loss"
+at = "F?"
+
+[[effects]]
+kind = "coulomb_friction"
+at = "*_hub"
+driven_by = "*"
+share = "all"
+"""
+
+
+def test_each_housing_is_driven_by_the_winding_that_it_is_linked_to() -> None:
+    file = _parse(WHEELS)
+    driven = [each.driven_by for each in file.network.effect_instances if each.effect.key == "coulomb_friction"]
+    assert driven == ["FL", "FR"]
+    assert {"velocity.FL", "velocity.FR"} <= set(Model(file.network).inputs)
+    without = _parse(WHEELS[: WHEELS.rindex("[[effects]]")])
+    assert without.with_effects([file.network.effects[-1]]).network.effects[-1].driven_by == "*"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "found"),
+    [
+        ('at = "F?"', 'at = "FL"', "FR_hub is linked to no winding"),
+        ('["FR", "FR_hub"]', '["FR", "FL_hub"]', "FL_hub is linked to FL and FR"),
+    ],
+)
+def test_a_housing_beside_no_winding_or_two_is_refused(old: str, new: str, found: str) -> None:
+    with pytest.raises(InputError, match=found):
+        _parse(WHEELS.replace(old, new))

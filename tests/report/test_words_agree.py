@@ -201,12 +201,24 @@ def test_a_step_that_the_fitted_data_alone_speak_against_is_not_called_the_best(
 def test_what_was_added_as_well_is_no_other_name_for_a_step(missing: Told, capsys: pytest.CaptureFixture[str]) -> None:
     history = missing[0]
     given, step = history.steps
-    other = replace(step, indistinguishable=(step.key, ("solar", NODES[0])))
-    second = replace(step, declaration=EffectDeclaration(Radiation(), NODES[1]), indistinguishable=(step.key,))
+    other = replace(step, probability=0.9, indistinguishable=(step.key, ("solar", NODES[0])))
+    second = replace(other, declaration=EffectDeclaration(Radiation(), NODES[1]), indistinguishable=(step.key,))
     show_history(replace(history, steps=(given, other, second)))
     said = " ".join(capsys.readouterr().out.split())
-    assert f"the fitted data alone can't tell it from heat of the sun at {NODES[0]}" in said
+    assert f"they don't rule out heat of the sun at {NODES[0]}" in said
     assert "what explains the fitted data as well was added, too" in said
+
+
+def test_an_answer_of_a_few_per_cent_is_one_of_several_and_not_said_to_be_as_good(
+    missing: Told, capsys: pytest.CaptureFixture[str]
+) -> None:
+    history = missing[0]
+    step = replace(history.steps[1], probability=0.06, indistinguishable=(("solar", NODES[0]),))
+    show_history(replace(history, steps=(history.steps[0], step)))
+    said = " ".join(capsys.readouterr().out.split())
+    assert "the fitted data alone leave it open (this one 6 %" in said
+    assert f" and don't rule out heat of the sun at {NODES[0]}; the held-out data chose it" in said
+    assert "can't tell" not in said
 
 
 def test_the_size_of_a_lag_is_its_time_constant(missing: Told) -> None:

@@ -92,8 +92,8 @@ def show_history(history: History) -> None:
     """The steps, from the model as given to the best."""
     from lptn.cli.terminal import show_table
     from lptn.report.outcome import headline, left_in_words
-    from lptn.report.text import for_people, kelvin, percent
-    from lptn.report.words import outweighed_in_words, removed_in_words, size_in_words
+    from lptn.report.text import for_people, kelvin
+    from lptn.report.words import removed_in_words, size_in_words
 
     tested = any(step.test for step in history.steps)
     rows = []
@@ -111,25 +111,10 @@ def show_history(history: History) -> None:
         print(left_in_words(history))
     print(_who_chose(history))
     show_what_runs_have_of_their_own(history.best.fit, history.differing)
-    added = {step.key for step in history.steps}
     for number, step in enumerate(history.steps):
         if step.effect and step.at:
-            sentence = "nothing else in the catalogue explains the fitted data as well"
-            sentence = sentence if step.probability else "chosen by hand, and not compared with others"
-            sentence = outweighed_in_words(step) if step.outweighed else sentence
-            # What was added as well, later or before, is no other name for it any more.
-            others = [key for key in step.indistinguishable if key not in added]
-            if others:
-                sentence = f"the fitted data alone can't tell it from {in_words(others)}"
-                sentence += "; the held-out data chose" if step.holdout else ""
-            elif step.indistinguishable:
-                sentence = "what explains the fitted data as well was added, too"
             size = size_in_words(step, history.best.fit)
-            sure = f"by the fitted data {percent(step.probability)} probable; " if step.probability else ""
-            likeliest = max(history.first.refits, key=lambda each: each.probability, default=step)
-            if sure and len(history.steps) == 2 and likeliest.probability > step.probability:
-                sure = f"{sure.removesuffix('; ')} ({in_words([likeliest.key])}: {percent(likeliest.probability)}); "
-            text = f"Step {number}, {in_words([(step.effect, step.at)])}: {sure}{sentence}."
+            text = f"Step {number}, {in_words([(step.effect, step.at)])}: {_sure(history, number)}."
             own = [text, f"Its {size}." if size else "", removed_in_words(history, number)]
             print(for_people(" ".join(filter(None, own))))
     if len(history.steps) == 2:
@@ -139,6 +124,39 @@ def show_history(history: History) -> None:
         print("The first step is the one that would be missed most, and so on.")
     for warning in history.best.fit.uncertainty.warnings:
         print(f"Warning: {warning}.")
+
+
+def _sure(history: History, number: int) -> str:
+    """How sure a step is, and what else it might be; without a full stop."""
+    from lptn.diagnose.diagnosis import LIKELY
+    from lptn.report.text import percent
+    from lptn.report.words import outweighed_in_words
+
+    step = history.steps[number]
+    if not step.probability:
+        return "chosen by hand, and not compared with others"
+    # What was added as well, later or before, is no other name for it any more.
+    added = {each.key for each in history.steps}
+    others = [key for key in step.indistinguishable if key not in added]
+    share = percent(step.probability)
+    likeliest = max(history.first.refits, key=lambda each: each.probability, default=step)
+    if len(history.steps) == 2 and likeliest.probability > step.probability:
+        share += f", {in_words([likeliest.key])} {percent(likeliest.probability)}"
+        others = [key for key in others if key != likeliest.key]
+    if step.indistinguishable and step.probability < LIKELY:
+        text = f"the fitted data alone leave it open (this one {share})"
+        text += f" and don't rule out {in_words(others)}" if others else ""
+        return text + ("; the held-out data chose it" if step.holdout else "")
+    text = f"by the fitted data {share} probable; "
+    if others:
+        return f"{text}they don't rule out {in_words(others)}"
+    if step.indistinguishable:
+        return f"{text}what explains the fitted data as well was added, too"
+    return text + (
+        outweighed_in_words(step)
+        if step.outweighed
+        else "nothing else in the catalogue explains the fitted data as well"
+    )
 
 
 def _who_chose(history: History) -> str:

@@ -109,7 +109,7 @@ class Candidate:
         grid: values of the effect's shape at which it is scored; the effect's own by default.
         difference: whether it is what a place has beside the same effect that it has in common with others.
         one_logger: whether its runs are known to come each from one logger, whose clock is one.
-        driven_by: the winding whose log columns drive it, where that is not its own place.
+        windings: for each place the winding whose log columns drive it, where that is not the place itself.
     """
 
     effect: type[Effect]
@@ -121,7 +121,12 @@ class Candidate:
     grid: tuple[float, ...] = field(default=(), compare=False)  # of the log
     difference: bool = False
     one_logger: bool = field(default=False, compare=False)  # of the log
-    driven_by: str = field(default="", compare=False)  # of the network and the log
+    windings: tuple[str, ...] = field(default=(), compare=False)  # of the network and the log
+
+    @property
+    def driven_by(self) -> str:
+        """As `EffectDeclaration` says it."""
+        return self.windings[0] if len(self.windings) == 1 else EVERYWHERE if self.windings else ""
 
     @property
     def key(self) -> tuple[str, str]:
@@ -163,10 +168,10 @@ class Candidate:
 
     def sites(self, shape: float | None) -> list[Site]:
         """Its single places at one shape."""
-        typical = self.sizes or (None,) * len(self.places)
+        typical, blank = self.sizes or (None,) * len(self.places), ("",) * len(self.places)
         return [
-            Site(self.effect, place, shape, self.run, self.words, size, self.difference, self.driven_by)
-            for place, size in zip(self.places, typical, strict=True)
+            Site(self.effect, place, shape, self.run, self.words, size, self.difference, winding)
+            for place, size, winding in zip(self.places, typical, self.windings or blank, strict=True)
         ]
 
     def declaration(self, amplitude: float | None, shape: float | None) -> EffectDeclaration:
@@ -302,9 +307,10 @@ def _with_sizes(candidate: Candidate, network: Network, sizes: Sizes, rms: Mappi
     ends = dict(network.places_for(EffectDeclaration(candidate.effect(), candidate.pattern)))
     usual = {place: abs(sizes.typical(amplitude, [ends[place]])) for place in candidate.places}
     if rms is not None and candidate.effect.site == "node" and not candidate.effect.has_state:
+        windings = dict(zip(candidate.places, candidate.windings, strict=bool(candidate.windings)))
         for place, size in usual.items():
             declared = candidate.declaration(size, None)
-            driving = candidate.driven_by or ends[place][0]
+            driving = windings.get(place, ends[place][0])
             inputs = {feature: rms[input_column(feature, driving)] for feature in declared.effect.needed()}
             heat = max(_heat_driven(declared, inputs), _NO_HEAT)
             larger = 1.0
@@ -363,7 +369,8 @@ def _free_places(network: Network, effect: type[Effect], words: Words, columns: 
 def _driven_by_windings(
     network: Network, effect: type[Effect], words: Words, columns: Collection[str], run: str
 ) -> list[Candidate]:
-    """Heat in parts that no column names, driven by the columns of the one winding that each is linked to.
+    """Heat in parts that no column names, driven by the columns of the one winding that each is linked to; in several
+    of them at once, too.
 
     A joint's friction, iron loss and stray losses warm its housing or gearbox as well, and a log names them after the
     joint, which is the winding where winding and housing are apart.
@@ -372,13 +379,17 @@ def _driven_by_windings(
     logged = {key.partition(".")[0] for feature in own.needed() for key in raw_keys(input_column(feature, "joint"))}
     if own.site != "node" or not logged or not logged <= _OF_A_JOINT:
         return []
-    windings = {node for node in network.dynamic if _features_of(network, LossScale.heat_of, node)}
-    found = []
+    found: dict[str, str] = {}
     for place, (node, *_) in _places_without(network, effect, words, run):
-        linked = {name for link in network.resistors if node in link.ends for name in link.ends} & windings - {node}
-        if not _logs(columns, own, node) and len(linked) == 1 and _logs(columns, own, *linked):
-            found.append(Candidate(effect, in_run(place, run), (place,), run, words, driven_by=linked.pop()))
-    return found
+        windings = network.layout.windings_at(node)
+        if not _logs(columns, own, node) and len(windings) == 1 and _logs(columns, own, *windings):
+            found[place] = windings[0]
+    groups = [(place, [place]) for place in found] if not effect.whole_robot else []
+    groups += _groups(effect, list(found), network, run)
+    return [
+        Candidate(effect, in_run(at, run), tuple(group), run, words, windings=tuple(found[place] for place in group))
+        for at, group in groups
+    ]
 
 
 def _places_without(network: Network, effect: type[Effect], words: Words, run: str) -> list[Place]:
@@ -414,11 +425,18 @@ def _differences(network: Network, effect: type[Effect], columns: Collection[str
         instance
         for instance in network.in_common(effect.key)
         if instance.place not in differing
-        and not instance.declaration.driven_by
-        and _logs(columns, instance.effect, instance.ends[0])
+        and instance.declaration.driven_by in ("", EVERYWHERE)
+        and _logs(columns, instance.effect, instance.driven_by)
     ]
     return [
-        Candidate(effect, each.place, (each.place,), words=tuple(each.effect.chosen.items()), difference=True)
+        Candidate(
+            effect,
+            each.place,
+            (each.place,),
+            words=tuple(each.effect.chosen.items()),
+            difference=True,
+            windings=() if each.driven_by == each.ends[0] else (each.driven_by,),
+        )
         for each in {instance.place: instance for instance in common}.values()
     ]
 

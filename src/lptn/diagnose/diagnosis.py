@@ -20,6 +20,7 @@ import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -35,7 +36,14 @@ from lptn.diagnose.fit_statistics import (
     lack_of_fit,
     standing_out,
 )
-from lptn.diagnose.probability import are_rivals, is_implausible, log_prior_of_sizes, log_priors, probabilities
+from lptn.diagnose.probability import (
+    are_rivals,
+    is_implausible,
+    log_evidence_of_starts,
+    log_prior_of_sizes,
+    log_priors,
+    probabilities,
+)
 from lptn.diagnose.refits import continued, refit, unless_interrupted
 from lptn.diagnose.runs_that_differ import RunDifference, granted_differences
 from lptn.diagnose.scores import Score, Scores, score
@@ -125,6 +133,11 @@ class Step(Tabular):
     def to_pandas(self) -> pd.DataFrame:
         """The model's parameters, as `Fit.to_pandas` gives them."""
         return self.fit.to_pandas()
+
+    @cached_property
+    def log_evidence_of_starts(self) -> float:
+        """As `probability` has it; kept, since a search asks for it often."""
+        return log_evidence_of_starts(self.fit)
 
     @property
     def declarations(self) -> list[EffectDeclaration]:
@@ -443,7 +456,9 @@ def _by_probability(base: Fit, steps: Sequence[Step]) -> list[Step]:
 
     Nothing missing is one of the answers that share the probability.
     """
-    priors = np.array([0.0, *(step.log_odds + log_prior_of_sizes(step.fit, step.declarations) for step in steps)])
+    of_sizes = [step.log_odds + log_prior_of_sizes(step.fit, step.declarations) for step in steps]
+    of_starts = [log_evidence_of_starts(base), *(step.log_evidence_of_starts for step in steps)]
+    priors = np.array([0.0, *of_sizes]) + np.array(of_starts)
     fits = [base, *(step.fit for step in steps)]
     of_all = probabilities(fits, priors)[1:]
 

@@ -211,7 +211,7 @@ def _why_not(effect: type[Effect], sites: Sequence[Candidate], measured: Excitat
     columns = set()
     for candidate in sites:
         features = effect(**dict(candidate.words)).needed()
-        ends = {candidate.driven_by or end for place in candidate.places for end in place.split("~")}
+        ends = set(candidate.windings) or {end for place in candidate.places for end in place.split("~")}
         columns |= {input_column(feature, end) for feature in features for end in ends}
     columns &= set(measured.ranges)
     if columns and not any(measured.varies(column) for column in columns):

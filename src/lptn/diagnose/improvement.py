@@ -468,7 +468,9 @@ def _probabilities(branches: Sequence[Branch], predicted: Sequence[Sequence[Pred
     """Of each branch's last model, given that one of them is right, shape (branches,); see `probabilities`."""
     odds = [sum(step.log_odds for step in branch) for branch in branches]
     sizes = [log_prior_of_sizes(branch[-1].fit, _declarations(branch)) for branch in branches]
-    return probabilities([branch[-1].fit for branch in branches], np.array(odds) + np.array(sizes), predicted)
+    starts = [branch[-1].log_evidence_of_starts for branch in branches]
+    priors = np.array([odds, sizes, starts]).sum(axis=0)
+    return probabilities([branch[-1].fit for branch in branches], priors, predicted)
 
 
 def _declarations(branch: Branch) -> list[EffectDeclaration]:

@@ -105,13 +105,17 @@ _BELIEVED = 3.0
 """Standard deviations, and factors, beyond which no size is believed."""
 _AT_BOUND = 1e-3  # of a bound
 _NOTHING = 1e-12  # share of the usual size; what a search leaves of a zero has a logarithm
+_LITTLE = 1e-3  # K
+_ERRORS_ALIKE = 0.1
+"""How usual the same error of several sensors is beside an error of one. A defect befalls single sensors; to drift
+alike, or to be off alike, they need a cause in common, such as the supply of all their bridges."""
 
 
 def log_priors(candidates: Sequence[Candidate]) -> FloatArray:
     """Logarithms of the odds, beforehand, that it is this candidate that is missing, shape (candidates,).
 
-    An effect's odds are split evenly over its levels (everywhere, a class of nodes, one node), and over the places of a
-    level; those of single runs likewise.
+    An effect's odds are split evenly over its levels (everywhere, a class of nodes, one node), those of an error of
+    sensors unevenly, and over the places of a level; those of single runs likewise.
     """
     weights = np.zeros(len(candidates))
     for effect in {each.effect: None for each in candidates}:
@@ -119,8 +123,12 @@ def log_priors(candidates: Sequence[Candidate]) -> FloatArray:
         most = max(len(candidates[k].places) for k in own)
         levels = [(bool(candidates[k].run), _level(candidates[k], most)) for k in own]
         for k, level in zip(own, levels, strict=True):
-            alike = {other for other in levels if other[0] == level[0]}
-            weights[k] = candidates[k].prior_odds / len(alike) / levels.count(level)
+            shares = {
+                other: _ERRORS_ALIKE if effect.errs and other[1] != "one" else 1.0
+                for other in levels
+                if other[0] == level[0]
+            }
+            weights[k] = candidates[k].prior_odds * shares[level] / sum(shares.values()) / levels.count(level)
     return np.asarray(np.log(weights))
 
 
@@ -141,6 +149,39 @@ def log_prior_of_sizes(fit: Fit, declarations: Iterable[EffectDeclaration]) -> f
         -0.5 * factors**2 if _is_error(parameter) else -factors
         for parameter, factors in _factors_off(fit, declarations)
     )
+
+
+def log_evidence_of_starts(fit: Fit) -> float:
+    """What it costs a model, as a logarithm, that its hidden states start each run where the data like; 0 without any.
+
+    A second mass that starts a short run some kelvins off its node may explain all that is left of that run. A run may
+    have begun in equilibrium, or anywhere, either as probable. In the first case the model loses what the fitted starts
+    explain. In the second each start is an unknown, paid for by how far it is from equilibrium and by how much narrower
+    the data make it than it was (Laplace's method [MacKay1992]). Nobody knows what went on before a log began, so that
+    what is expected has long tails (Cauchy's). Readings count as often as they are independent.
+    """
+    problem, nodes, states = fit.problem, len(fit.model.nodes), len(fit.model.states)
+    if states == nodes:
+        return 0.0
+    of_starts = slice(len(problem.free), None)
+    residuals = problem.residuals(fit.z)
+    moved = fit.z + _LITTLE * (np.arange(problem.size) >= of_starts.start)
+    count = problem.size - of_starts.start
+    off, farther = (each[problem.readings :][:count] for each in (residuals, problem.residuals(moved)))
+    precisions = ((farther - off) / _LITTLE) ** 2  # of the priors, whose residuals are linear
+    independent = independent_readings(fitted_errors(fit)) / float(np.sum(residuals[: problem.readings] ** 2))
+    by_data = (problem.normal(fit.z)[1][of_starts, of_starts] - np.diag(precisions)) * independent
+    total = 0.0
+    for first in range(0, count, states):
+        seen, hidden = slice(first, first + nodes), slice(first + nodes, first + states)
+        spread, kelvins = 1.0 / np.sqrt(precisions[hidden]), off[hidden] / np.sqrt(precisions[hidden])
+        of_seen = by_data[seen, seen] + np.diag(precisions[seen])
+        told = by_data[hidden, hidden] - by_data[hidden, seen] @ np.linalg.solve(of_seen, by_data[seen, hidden])
+        narrower = np.linalg.slogdet(np.eye(len(spread)) + told * np.outer(spread, spread))[1]
+        anywhere = -0.5 * float(narrower) - float(np.sum(np.log1p(off[hidden] ** 2)))
+        in_equilibrium = -0.5 * float(kelvins @ told @ kelvins)
+        total += float(np.logaddexp(in_equilibrium, anywhere)) - log(2.0)
+    return total
 
 
 def is_implausible(fit: Fit, declarations: Iterable[EffectDeclaration]) -> bool:

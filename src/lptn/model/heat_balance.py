@@ -242,8 +242,7 @@ class _Conditions:
 
     @property
     def inputs(self) -> SimpleNamespace:
-        place = self._instance.declaration.driven_by or self._instance.ends[0]
-        features = self._instance.effect.needed()
+        place, features = self._instance.driven_by, self._instance.effect.needed()
         return SimpleNamespace(**{name: self._balance.input(input_column(name, place)) for name in features})
 
     @property

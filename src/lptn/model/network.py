@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from lptn.basics.errors import InputError
 from lptn.basics.parameters import Parameter, ParameterInstance
-from lptn.basics.places import class_of, edge, expand_pair, in_run, is_glob, matching, mirrored, run_label
+from lptn.basics.places import EVERYWHERE, class_of, edge, expand_pair, in_run, is_glob, matching, mirrored, run_label
 from lptn.effects import Effect
 from lptn.effects.base import Place
 from lptn.model.bodies import Bodies, Conductor, Element, HottestPoint
@@ -20,6 +20,7 @@ from lptn.model.bodies import Bodies, Conductor, Element, HottestPoint
 
 START = "start"
 """Prescribed temperature taken from the start of each run, for logs without an ambient column."""
+_COPPER_LOSS = "copper_loss"  # what makes a node a winding
 RUN = "run"
 """Indicators of runs are parameters of this name: 1 in the run, else 0."""
 
@@ -78,7 +79,8 @@ class EffectDeclaration:
         parameters: its parameters with this model's values; those left out take the effect's own.
         label: what its parameters are named after, by default the effect's key.
         driven_by: the place whose log columns drive it, where that is not its own: one motor's current heats
-            every piece of the winding.
+            every piece of the winding. With `"*"` each node by the winding that it is linked to: a joint's friction
+            warms its housing.
         run: name of the only run in which the effect acts, or a glob of such names; every run by default. A log
             that was split into pieces `monday#1`, `monday#2` is meant as a whole by `monday`.
         difference: it is what a place has beside the same effect that it has in common with others: heat that adds to
@@ -141,13 +143,18 @@ class Link:
 
 @dataclass(frozen=True)
 class EffectInstance:
-    """One effect at one place: the nodes it touches, the indices of its parameters and of its run's indicator."""
+    """One effect at one place.
+
+    It has the nodes that it touches, the indices of its parameters and of its run's indicator, and the place whose log
+    columns drive it.
+    """
 
     declaration: EffectDeclaration
     place: str
     ends: tuple[str, ...]
     parameters: dict[str, int]
-    indicator: int | None = None
+    indicator: int | None
+    driven_by: str
 
     @property
     def effect(self) -> Effect:
@@ -241,6 +248,12 @@ class Layout:
                 label = declared.instance_label(place)
                 fewest[label] = min(fewest.get(label, len(places)), len(places))
         return fewest
+
+    def windings_at(self, node: str) -> list[str]:
+        """Nodes with copper loss among a node and those that it is linked to; the node alone where it is one."""
+        windings = self.nodes_with(_COPPER_LOSS)
+        near = {name for link in self.resistors if node in link.ends for name in link.ends}
+        return [node] if node in windings else [name for name in windings if name in near]
 
     def nodes_with(self, key: str) -> list[str]:
         """Dynamic nodes at which an effect is declared."""
@@ -597,7 +610,8 @@ def _effects(origin: str, layout: Layout, parameters: _Parameters) -> tuple[list
                 )
                 for name, parameter in declared.resolved.items()
             }
-            instance = EffectInstance(declared, place, ends, indices, runs.get(run))
+            driven_by = _driving(origin, f"effects[{number}].driven_by", layout, declared, ends[0])
+            instance = EffectInstance(declared, place, ends, indices, runs.get(run), driven_by)
             if instance.label in labels:
                 expected = (
                     "each effect once at each place, or difference = true for what one place has beside a common one"
@@ -606,3 +620,14 @@ def _effects(origin: str, layout: Layout, parameters: _Parameters) -> tuple[list
             labels.add(instance.label)
             instances.append(instance)
     return instances, runs
+
+
+def _driving(origin: str, where: str, layout: Layout, declared: EffectDeclaration, node: str) -> str:
+    """The place whose log columns drive an effect at a node."""
+    if declared.driven_by != EVERYWHERE:
+        return declared.driven_by or node
+    windings = layout.windings_at(node)
+    if len(windings) != 1:
+        found = f'"*", but {node} is linked to {" and ".join(windings) or "no winding"}'
+        raise InputError(origin, where, found, "one winding, a node with copper_loss, beside each place")
+    return windings[0]

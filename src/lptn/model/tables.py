@@ -63,7 +63,7 @@ class EffectTable(BaseModel):
     at: str
     share: Share | None = None
     run: Annotated[str, Field(min_length=1)] | None = None
-    driven_by: Annotated[str, Field(pattern=r"^[^\s.~*?\[\]{}]+$")] | None = None
+    driven_by: Annotated[str, Field(pattern=r"^(\*|[^\s.~*?\[\]{}]+)$")] | None = None
     difference: Annotated[bool, Field(strict=True)] = False
 
 
