@@ -154,11 +154,11 @@ def log_prior_of_sizes(fit: Fit, declarations: Iterable[EffectDeclaration]) -> f
 def log_evidence_of_starts(fit: Fit) -> float:
     """What it costs a model, as a logarithm, that its hidden states start each run where the data like; 0 without any.
 
-    A second mass that starts a short run some kelvins off its node may explain all that is left of that run. A run may
-    have begun in equilibrium, or anywhere, either as probable. In the first case the model loses what the fitted starts
-    explain. In the second each start is an unknown, paid for by how far it is from equilibrium and by how much narrower
-    the data make it than it was (Laplace's method [MacKay1992]). Nobody knows what went on before a log began, so that
-    what is expected has long tails (Cauchy's). Readings count as often as they are independent.
+    A second mass that starts a short run some kelvins off its node may explain all that is left of that run. Each
+    state may have begun in equilibrium, or anywhere, either as probable. In the first case the model loses what the
+    fitted start explains. In the second it is an unknown, paid for by how far it is from equilibrium and by how much
+    narrower the data make it than it was (Laplace's method [MacKay1992]). Nobody knows what went on before a log began,
+    so that what is expected has long tails (Cauchy's). Readings count as often as they are independent.
     """
     problem, nodes, states = fit.problem, len(fit.model.nodes), len(fit.model.states)
     if states == nodes:
@@ -174,13 +174,12 @@ def log_evidence_of_starts(fit: Fit) -> float:
     total = 0.0
     for first in range(0, count, states):
         seen, hidden = slice(first, first + nodes), slice(first + nodes, first + states)
-        spread, kelvins = 1.0 / np.sqrt(precisions[hidden]), off[hidden] / np.sqrt(precisions[hidden])
         of_seen = by_data[seen, seen] + np.diag(precisions[seen])
         told = by_data[hidden, hidden] - by_data[hidden, seen] @ np.linalg.solve(of_seen, by_data[seen, hidden])
-        narrower = np.linalg.slogdet(np.eye(len(spread)) + told * np.outer(spread, spread))[1]
-        anywhere = -0.5 * float(narrower) - float(np.sum(np.log1p(off[hidden] ** 2)))
-        in_equilibrium = -0.5 * float(kelvins @ told @ kelvins)
-        total += float(np.logaddexp(in_equilibrium, anywhere)) - log(2.0)
+        told_of_each = np.maximum(np.diag(told), 0.0) / precisions[hidden]  # beside what was known
+        in_equilibrium = -0.5 * off[hidden] ** 2 * told_of_each
+        anywhere = -np.log1p(off[hidden] ** 2) - 0.5 * np.log1p(told_of_each)
+        total += float(np.sum(np.logaddexp(in_equilibrium, anywhere) - log(2.0)))
     return total
 
 
