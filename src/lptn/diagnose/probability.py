@@ -105,7 +105,6 @@ _BELIEVED = 3.0
 """Standard deviations, and factors, beyond which no size is believed."""
 _AT_BOUND = 1e-3  # of a bound
 _NOTHING = 1e-12  # share of the usual size; what a search leaves of a zero has a logarithm
-_LITTLE = 1e-3  # K
 _ERRORS_ALIKE = 0.1
 """How usual the same error of several sensors is beside an error of one. A defect befalls single sensors; to drift
 alike, or to be off alike, they need a cause in common, such as the supply of all their bridges."""
@@ -163,22 +162,20 @@ def log_evidence_of_starts(fit: Fit) -> float:
     problem, nodes, states = fit.problem, len(fit.model.nodes), len(fit.model.states)
     if states == nodes:
         return 0.0
-    of_starts = slice(len(problem.free), None)
-    residuals = problem.residuals(fit.z)
-    moved = fit.z + _LITTLE * (np.arange(problem.size) >= of_starts.start)
-    count = problem.size - of_starts.start
-    off, farther = (each[problem.readings :][:count] for each in (residuals, problem.residuals(moved)))
-    precisions = ((farther - off) / _LITTLE) ** 2  # of the priors, whose residuals are linear
-    independent = independent_readings(fitted_errors(fit)) / float(np.sum(residuals[: problem.readings] ** 2))
-    by_data = (problem.normal(fit.z)[1][of_starts, of_starts] - np.diag(precisions)) * independent
+    errors, start = fitted_errors(fit), len(problem.free)
+    off, spreads = problem.starts_off(fit.point.starts)
+    known = 1.0 / spreads.ravel() ** 2
+    independent = independent_readings(errors) / block_misfits(errors, problem.sigma)[0].sum()
+    by_data = independent * (problem.normal(fit.z)[1][start:, start:] - np.diag(known))
     total = 0.0
-    for first in range(0, count, states):
+    for run, first in enumerate(range(0, len(known), states)):
         seen, hidden = slice(first, first + nodes), slice(first + nodes, first + states)
-        of_seen = by_data[seen, seen] + np.diag(precisions[seen])
+        of_seen = by_data[seen, seen] + np.diag(known[seen])
         told = by_data[hidden, hidden] - by_data[hidden, seen] @ np.linalg.solve(of_seen, by_data[seen, hidden])
-        told_of_each = np.maximum(np.diag(told), 0.0) / precisions[hidden]  # beside what was known
-        in_equilibrium = -0.5 * off[hidden] ** 2 * told_of_each
-        anywhere = -np.log1p(off[hidden] ** 2) - 0.5 * np.log1p(told_of_each)
+        told_of_each = np.maximum(np.diag(told), 0.0) / known[hidden]
+        distance = off[run, nodes:]
+        in_equilibrium = -0.5 * distance**2 * told_of_each
+        anywhere = -np.log1p(distance**2) - 0.5 * np.log1p(told_of_each)
         total += float(np.sum(np.logaddexp(in_equilibrium, anywhere) - log(2.0)))
     return total
 

@@ -267,6 +267,17 @@ class Problem:
 
     # --- priors -----------------------------------------------------------------------------------
 
+    def starts_off(self, starts: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
+        """How far initial states [degC] are from what is expected of them, in standard deviations; and those [K].
+
+        Of hidden states it is their distance from their nodes. Shapes (runs, states).
+        """
+        relative = np.array(
+            [self._relative(start) - self._relative(guess) for start, guess in zip(starts, self._guesses, strict=True)]
+        )
+        spreads = np.array(self._spreads)
+        return relative / spreads, spreads
+
     def _spread(self, bound: BoundRun) -> FloatArray:
         """Standard deviations of a run's initial states [K], shape (states,).
 
@@ -277,11 +288,8 @@ class Problem:
         return np.concatenate([np.full(len(self.model.nodes), _NODE_SPREAD), hidden])
 
     def _prior_residuals(self, z: FloatArray, point: Point) -> FloatArray:
-        starts = [
-            (self._relative(start) - self._relative(guess)) / spread
-            for start, guess, spread in zip(point.starts, self._guesses, self._spreads, strict=True)
-        ]
-        return np.concatenate([*starts, self._penalties @ z[: len(self.free)]]) if starts else np.zeros(0)
+        off = self.starts_off(point.starts)[0]
+        return np.concatenate([off.ravel(), self._penalties @ z[: len(self.free)]])
 
     def _prior_jacobian(self) -> FloatArray:
         starts = np.diag(1.0 / np.concatenate(self._spreads)) if self._spreads else np.zeros((0, 0))
