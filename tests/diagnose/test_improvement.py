@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import pickle
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
 
 import pytest
 
 from lptn.diagnose.improvement import History, improve
+from lptn.effects import catalogue
 from lptn.identify.data import DataSplit, split_data
 from lptn.identify.validation import fit_segments, holdout_errors
 from lptn.model.model import Model
+from lptn.model.network import EffectDeclaration
 from lptn.virtual import Hidden
 from tests.diagnose.conftest import Leg, leg  # noqa: F401 - a fixture
 
@@ -48,6 +51,17 @@ def test_a_step_is_as_probable_as_it_is_beside_the_others(improved: tuple[Model,
     # While the larger effect is missing the smaller one has rivals that disappear with it.
     assert all(step.probability > 0.9 for step in history.steps[1:])
     assert all(not step.indistinguishable for step in history.steps[1:])
+
+
+def test_an_offset_of_all_sensors_fits_as_well_as_air_that_is_so_much_warmer(leg: Leg) -> None:  # noqa: F811
+    model, data = leg(Hidden("sensor_offset", "*"))
+    costs = []
+    for effect, at in (("sensor_offset", "*"), ("ambient_offset", "ambient")):
+        declared = EffectDeclaration(catalogue()[effect](), at)
+        parameters = tuple(replace(each, share="all").switched_on for each in declared.effect.parameters)
+        network = model.network.with_effects([replace(declared, parameters=parameters)])
+        costs.append(fit_segments(Model(network), data.fit).cost)
+    assert costs[0] == pytest.approx(costs[1], rel=1e-4)
 
 
 def test_the_held_out_error_falls_to_the_noise(improved: tuple[Model, DataSplit, History]) -> None:

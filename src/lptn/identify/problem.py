@@ -13,7 +13,10 @@ from lptn.model.model import Model
 from lptn.simulate.bound_run import BoundRun, default_start, excess_at_start
 from lptn.simulate.simulation import SimulationError, sensitivity_windows, simulate
 
-_NODE_SPREAD = 10.0  # K, prior standard deviation of a node's initial temperature: wide, its first readings hold it
+_SEEN_SPREAD = 1000.0
+"""K, prior standard deviation of a measured node's initial temperature, so much as none: its readings hold it, and a
+prior about its first reading would speak against an offset of its sensor."""
+_NODE_SPREAD = 10.0  # K, of a node without a sensor
 _HIDDEN_SPREAD = 5.0  # K, of a state that no sensor sees: narrower, since nothing else holds it
 _AT_REST = 0.5
 """K, of one in a robot that begins as warm as its surroundings: sensors of 1 K steps, and the air's 0.3 K."""
@@ -285,7 +288,8 @@ class Problem:
         on its way to each: in a robot that begins cold nothing is warm, whatever its first minutes seem to ask for.
         """
         hidden = np.fmin(_AT_REST + excess_at_start(self.model, bound), _HIDDEN_SPREAD)
-        return np.concatenate([np.full(len(self.model.nodes), _NODE_SPREAD), hidden])
+        seen = np.where(bound.counted.any(axis=1), _SEEN_SPREAD, _NODE_SPREAD)
+        return np.concatenate([seen, hidden])
 
     def _prior_residuals(self, z: FloatArray, point: Point) -> FloatArray:
         off = self.starts_off(point.starts)[0]
