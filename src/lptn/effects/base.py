@@ -85,6 +85,10 @@ class Conditions(Protocol):
         """Of its ends."""
 
     @property
+    def at_sensor(self) -> Symbol:
+        """The temperature where the sensor of its first end sits: the node's, with what `moves_sensor` says."""
+
+    @property
     def given(self) -> Symbol:
         """The temperature of its first end, a prescribed node, as it is logged."""
 
@@ -235,6 +239,8 @@ class Effect(ABC):
 
     changes_reading: ClassVar[bool] = False
     """Whether it changes what the sensor of its first end reads."""
+    moves_sensor: ClassVar[bool] = False
+    """Whether it is about where the sensor of its first end sits: what its lag, too, has to follow."""
     delays_readings: ClassVar[bool] = False
     """Whether it changes when the sensor of its first end is read."""
     changes_link: ClassVar[bool] = False

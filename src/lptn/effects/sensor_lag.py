@@ -5,16 +5,17 @@ from __future__ import annotations
 from types import SimpleNamespace
 
 from lptn.basics.parameters import LARGEST, Parameter
-from lptn.effects.base import SensorEffect, Signature, Symbol
+from lptn.effects.base import Conditions, SensorEffect, Signature, Symbol
 from lptn.effects.excitation import LOAD_STEPS
 
 
 class SensorLag(SensorEffect):
     r"""First-order lag of the sensor: glue, a bead of epoxy, a filter.
 
-    .. math:: y = T + f (T_s - T), \qquad \dot T_s = (T - T_s) / t_s
+    .. math:: y = T_p + f (T_s - T_p), \qquad \dot T_s = (T_p - T_s) / t_s
 
-    The fraction *f* is 0 when off and 1 for a sensor that is wholly behind the lag.
+    The fraction *f* is 0 when off and 1 for a sensor that is wholly behind the lag. What it follows late is the
+    temperature where it sits, :math:`T_p`: the node's, or where it is at a hot spot or between two parts, theirs.
 
     Source: first-order sensor; [Chen2017, sec. 3.1.1] (thermocouples on the housing).
     """
@@ -44,6 +45,12 @@ class SensorLag(SensorEffect):
 
     def error(self, temperature: Symbol, state: Symbol, p: SimpleNamespace) -> Symbol:
         return p.fraction * (state - temperature)
+
+    def reading_error(self, here: Conditions) -> Symbol:
+        return self.error(here.at_sensor, here.state, here.p)
+
+    def state_rate(self, here: Conditions) -> Symbol:
+        return self.rate(here.at_sensor, here.state, here.p)
 
     def rate(self, temperature: Symbol, state: Symbol, p: SimpleNamespace) -> Symbol:
         return (temperature - state) / p.time_constant

@@ -21,6 +21,7 @@ class SensorPosition(PairSensorEffect):
 
     key = "sensor_position"
     title = "sensor between two parts"
+    moves_sensor = True
     parameters = (
         Parameter("fraction", 0.2, "1", (0.0, 1.0), off=0.0, typical=0.2, title="share of the other temperature"),
     )

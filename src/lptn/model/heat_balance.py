@@ -196,12 +196,22 @@ class HeatBalance:
     # --- sensors ----------------------------------------------------------------------------------
 
     def _reading(self, node: str) -> Any:
-        reading = self.temperature[node]
+        reading = self.at_sensor(node)
         for instance in self._at_first_end.get(node, []):
-            if instance.effect.changes_reading:
-                error = instance.effect.reading_error(self._here(instance))
-                reading = reading + self._in_its_run(instance, error)
+            if instance.effect.changes_reading and not instance.effect.moves_sensor:
+                reading = reading + self._reading_error(instance)
         return reading
+
+    def at_sensor(self, node: str) -> Any:
+        """The temperature where a node's sensor sits [degC]."""
+        temperature = self.temperature[node]
+        for instance in self._at_first_end.get(node, []):
+            if instance.effect.moves_sensor:
+                temperature = temperature + self._reading_error(instance)
+        return temperature
+
+    def _reading_error(self, instance: EffectInstance) -> Any:
+        return self._in_its_run(instance, instance.effect.reading_error(self._here(instance)))
 
     def _delay(self, node: str) -> ca.SX:
         delay = ca.SX(0)
@@ -220,6 +230,10 @@ class _Conditions:
     @property
     def temperatures(self) -> list[Any]:
         return [self._balance.temperature[end] for end in self._instance.ends]
+
+    @property
+    def at_sensor(self) -> Any:
+        return self._balance.at_sensor(self._instance.ends[0])
 
     @property
     def given(self) -> Any:
