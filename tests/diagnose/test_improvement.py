@@ -46,6 +46,15 @@ def test_what_would_be_missed_most_is_told_first(improved: tuple[Model, DataSpli
     assert min(missed) > 0
 
 
+@pytest.mark.long
+def test_what_sets_one_joint_apart_is_told_before_what_all_have(leg: Leg) -> None:  # noqa: F811
+    model, data = leg(Hidden("forced_convection", "*"), Hidden("sensor_offset", "FR_hip"))
+    history = improve(model, data)
+    assert [step.key for step in history.steps[1:]] == [("sensor_offset", "FR_hip"), ("forced_convection", "*")]
+    offset, wind = history.steps[1:]
+    assert wind.gain > offset.gain
+
+
 def test_a_step_is_as_probable_as_it_is_beside_the_others(improved: tuple[Model, DataSplit, History]) -> None:
     history = improved[2]
     # While the larger effect is missing the smaller one has rivals that disappear with it.

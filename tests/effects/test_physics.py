@@ -150,6 +150,21 @@ def test_half_a_lag_reads_half_way_between_node_and_bead() -> None:
     assert float(model.output([50.0, 20.0, 30.0], model.values)[0]) == pytest.approx(40.0)
 
 
+@pytest.mark.parametrize("moved", [[("sensor_position", "a~b", {"fraction": 0.4})], [("hot_spot", "a", {})]])
+def test_a_lag_follows_what_is_where_the_sensor_sits(moved: list[tuple[str, str, dict[str, float]]]) -> None:
+    """Behind a hot spot, or between two parts, the bead reads its own temperature, which follows what is there."""
+    heat = [effect("copper_loss", "a", resistance=1.0, torque_constant=1.0), effect("conduction", "a~b")]
+    there = heat + [effect(kind, at, **values) for kind, at, values in moved]
+    bare, lagged = Model(two_nodes(there)), Model(two_nodes([*there, effect("sensor_lag", "a", time_constant=15.0)]))
+    inputs = np.zeros(len(lagged.inputs))
+    before = [50.0, 20.0, *[57.0] * (len(bare.states) - 2)]
+    here = float(bare.output(before, bare.values)[0])
+    assert abs(here - 50.0) > 0.1
+    assert float(lagged.output([*before, 31.0], lagged.values)[0]) == pytest.approx(31.0)
+    rate = float(lagged.rhs([*before, 31.0], inputs, lagged.values)[-1])
+    assert rate == pytest.approx((here - 31.0) / 15.0)
+
+
 def test_offset_is_added_to_the_reading_only() -> None:
     assert SensorOffset().error(50.0, None, p(offset=-1.5)) == -1.5
     with_offset, without = Model(two_nodes([effect("sensor_offset", "*", offset=5.0)])), Model(two_nodes())
