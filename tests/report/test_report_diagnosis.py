@@ -12,6 +12,7 @@ from lptn.basics.style import new_figure
 from lptn.diagnose.improvement import History
 from lptn.diagnose.scores import Confusability, Detectable, smallest
 from lptn.diagnose.unexplained_heat import InputLink, UnexplainedHeat
+from lptn.effects import catalogue
 from lptn.identify.comparison import compare
 from lptn.report import words
 from lptn.report.diagnosis_figures import plot_collinearity, plot_detectability
@@ -193,6 +194,13 @@ def test_tables_hold_size_and_nodes(missing: Told) -> None:
 def test_a_place_in_one_run_is_said_in_words() -> None:
     assert named("radiation", "*@monday") == "radiation to the surroundings everywhere in run monday"
     assert named("radiation", "calf@monday") == "radiation to the surroundings at calf in run monday"
+
+
+@pytest.mark.parametrize("key", sorted(catalogue()))
+def test_what_is_in_words_already_stays_as_it_is(key: str) -> None:
+    told = f"{named(key, 'FR_hip')} and {named(key, '*')}"
+    assert for_people(told) == told
+    assert for_people(f"{key} at FR_hip") == named(key, "FR_hip")
 
 
 def test_the_terminals_sentence_as_it_is_printed() -> None:

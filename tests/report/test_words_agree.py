@@ -209,6 +209,18 @@ def test_what_was_added_as_well_is_no_other_name_for_a_step(missing: Told, capsy
     assert "what explains the fitted data as well was added, too" in said
 
 
+def test_a_step_is_not_told_beside_itself_where_it_was_more_probable_before(
+    missing: Told, capsys: pytest.CaptureFixture[str]
+) -> None:
+    history = missing[0]
+    first = replace(history.first, refits=(replace(history.first.refits[0], probability=0.9),))
+    step = replace(history.steps[1], probability=0.8, declaration=first.refits[0].declaration)
+    show_history(replace(history, first=first, steps=(history.steps[0], step)))
+    said = " ".join(capsys.readouterr().out.split())
+    assert "by the fitted data 80 % probable;" in said
+    assert "90 %" not in said
+
+
 def test_an_answer_of_a_few_per_cent_is_one_of_several_and_not_said_to_be_as_good(
     missing: Told, capsys: pytest.CaptureFixture[str]
 ) -> None:

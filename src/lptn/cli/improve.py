@@ -140,7 +140,7 @@ def _sure(history: History, number: int) -> str:
     others = [key for key in step.indistinguishable if key not in added]
     share = percent(step.probability)
     likeliest = max(history.first.refits, key=lambda each: each.probability, default=step)
-    if len(history.steps) == 2 and likeliest.probability > step.probability:
+    if len(history.steps) == 2 and likeliest.key != step.key and likeliest.probability > step.probability:
         share += f", {in_words([likeliest.key])} {percent(likeliest.probability)}"
         others = [key for key in others if key != likeliest.key]
     if step.indistinguishable and step.probability < LIKELY:

@@ -137,9 +137,18 @@ def capitalised(text: str) -> str:
 
 
 def for_people(text: str) -> str:
-    """A sentence of the library as it is printed: titles for keys, `°C` for `degC`, a minus that is no hyphen."""
+    """A sentence of the library as it is printed: titles for keys, `°C` for `degC`, a minus that is no hyphen.
+
+    What is printed so already stays as it is.
+    """
     keys = "|".join(sorted(catalogue(), key=len, reverse=True))
-    text = re.sub(rf"\b({keys}) at ([^\s,;]*[^\s,;.])", lambda match: named(match[1], match[2]), text)
+
+    def titled(match: re.Match[str]) -> str:
+        # "air of a logged fan at a_hip" ends in the key "fan".
+        title = match.string[: match.end(1)].endswith(title_of(match[1]))
+        return match[0] if title else named(match[1], match[2])
+
+    text = re.sub(rf"\b({keys}) at ([^\s,;]*[^\s,;.])", titled, text)
     return _MINUS.sub("−", text.replace("degC", "°C").replace("N*m", "N·m"))
 
 
