@@ -41,6 +41,7 @@ CONSTANTS = (
     "lptn.diagnose.probability._OCCAM",
     "lptn.diagnose.probability._FACTOR",
     "lptn.diagnose.probability._BELIEVED",
+    "lptn.diagnose.probability._ERRORS_ALIKE",
     "lptn.diagnose.fit_statistics.TIE",
     "lptn.diagnose.fit_statistics._LONG_BLOCK",
     "lptn.diagnose.fit_statistics.BLOCK",
