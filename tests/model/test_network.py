@@ -314,3 +314,21 @@ def test_a_warmer_neighbour_never_cools(network: Network, seed: int) -> None:
 
 def test_nodes_come_in_the_order_of_their_declaration() -> None:
     assert Model(leg()).nodes == list(LEG)
+
+
+@pytest.mark.parametrize(
+    ("effect", "at", "run", "apart"),
+    [
+        ("sensor_lag", "*", "", False),
+        ("sensor_lag", "*", "fit1", True),
+        ("sensor_lag", "*_*", "", False),  # all joints, of a robot whose computer has a sensor, too
+        ("sensor_lag", "FR_calf", "", True),
+        ("conduction", "FR_calf~FR_hip", "", True),
+        ("shared_mass", "*", "", False),
+        ("ambient_offset", "ambient", "", False),
+    ],
+)
+def test_a_step_of_few_places_or_one_run_sets_them_apart(effect: str, at: str, run: str, apart: bool) -> None:
+    plain = leg()
+    network = replace(plain, nodes=(*plain.nodes, node("pc")), links=(*plain.links, link("pc", "ambient", 3.0)))
+    assert network.sets_apart(EffectDeclaration(catalogue()[effect](), at, run=run)) == apart

@@ -121,7 +121,7 @@ def show_history(history: History) -> None:
         print("Probable: given that one of the answers that were refitted is right.")
     if len(history.steps) > 2:
         print("Probable: beside the other steps, and given that one of the answers that were refitted is right.")
-        print("First what sets a place or a run apart, then what all have; of each what would be missed most.")
+        print("First what sets a place or a run apart, then what most places have; of each what would be missed most.")
     for warning in history.best.fit.uncertainty.warnings:
         print(f"Warning: {warning}.")
 

@@ -9,9 +9,9 @@ good. So several models are followed a step further, side by side:
 3. The search ends when a model is adequate, nothing helps, or a step has made no model more probable by all runs.
 4. The held-out data decide which branch is kept, and how far; without them the information criterion does.
 5. Steps that the others make superfluous are taken out. Each that is left is asked anew beside all others: what a
-   step is taken for while much else is missing says little of it. What sets one place or one run apart is told first,
-   as it may be a fault, then what all have in common, as that is how the model is made; of each what would be missed
-   most.
+   step is taken for while much else is missing says little of it. What sets a few places or one run apart is told
+   first, as it may be a fault, then what most have in common, as that is how the model is made; of each what would be
+   missed most.
 6. Each model left is fitted at full resolution.
 
 Where nothing explains the data because a held-out run is predicted badly, and one parameter that differs in that run
@@ -29,7 +29,6 @@ import pandas as pd
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
-from lptn.basics.places import EVERYWHERE
 from lptn.basics.tables import Tabular
 from lptn.diagnose.candidates import AMBIENT_ERROR, TORQUE_ERROR, with_errors_of_runs
 from lptn.diagnose.diagnosis import (
@@ -256,18 +255,6 @@ def _stands_on(step: Step, other: Step) -> bool:
     return (one.difference and one.effect.key == base.effect.key) or ("~" in one.at and one.at == base.at)
 
 
-def _sets_apart(step: Step) -> bool:
-    """Whether a step is of one run alone, or of some of the nodes where its effect could be."""
-    declared, network = step.declaration, step.fit.model.network
-    if declared is None:
-        return False
-    of_it, of_all = (
-        {node for _, nodes in network.places_for(replace(declared, at=at)) for node in nodes}
-        for at in (declared.at, EVERYWHERE)
-    )
-    return bool(declared.run) or of_it < of_all
-
-
 def _errs(step: Step) -> bool:
     return step.declaration is not None and step.declaration.effect.errs
 
@@ -356,15 +343,15 @@ class _Search:
             return branch
         self.report("asking each step anew, beside all others")
         last, asked = branch[-1], [self._beside_the_others(branch, step) for step in added]
-        # Who misses a step misses what stands on it.
-        with_it = {step.key: [other for other in asked if other is step or _stands_on(other, step)] for step in asked}
-        ordered = sorted(
-            asked,
-            key=lambda step: (
-                not any(map(_sets_apart, with_it[step.key])),
-                -max(other.gain for other in with_it[step.key]),
-            ),
-        )
+        network = last.fit.model.network
+
+        def place(step: Step) -> tuple[bool, float]:
+            # Who misses a step misses what stands on it.
+            with_it = [other for other in asked if other is step or _stands_on(other, step)]
+            apart = any(network.sets_apart(*other.declarations) for other in with_it)
+            return not apart, -max(other.gain for other in with_it)
+
+        ordered = sorted(asked, key=place)
         return (given, *ordered[:-1], replace(ordered[-1], fit=last.fit, holdout=last.holdout))
 
     def _beside_the_others(self, branch: Branch, step: Step) -> Step:

@@ -368,6 +368,11 @@ class Network:
         """Where a declared effect acts: (place, nodes it touches)."""
         return self.layout.places_for(declared)
 
+    def sets_apart(self, declared: EffectDeclaration) -> bool:
+        """Whether an effect acts in one run alone, or at a minority of the places where it could."""
+        everywhere = self.places_for(replace(declared, at=EVERYWHERE))
+        return bool(declared.run) or 2 * len(self.places_for(declared)) < len(everywhere)
+
     def nodes_with(self, key: str) -> list[str]:
         """Dynamic nodes at which an effect is declared."""
         return self.layout.nodes_with(key)
