@@ -121,7 +121,8 @@ def show_history(history: History) -> None:
         print("Probable: given that one of the answers that were refitted is right.")
     if len(history.steps) > 2:
         print("Probable: beside the other steps, and given that one of the answers that were refitted is right.")
-        print("First what sets a place or a run apart, then what most places have; of each what would be missed most.")
+        print("Order of the steps: what sets a few places or one run apart, then what most places have in common;")
+        print("of each first what would be missed most.")
     for warning in history.best.fit.uncertainty.warnings:
         print(f"Warning: {warning}.")
 
