@@ -5,16 +5,18 @@ from __future__ import annotations
 import pickle
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
 from lptn.diagnose.improvement import History, improve
 from lptn.effects import catalogue
-from lptn.identify.data import DataSplit, split_data
+from lptn.identify.data import DataSplit, load_model, split_data
 from lptn.identify.validation import fit_segments, holdout_errors
 from lptn.model.model import Model
 from lptn.model.network import EffectDeclaration
 from lptn.virtual import Hidden
+from tests.benchmarks.verdict_cases import TRUTHS, Case
 from tests.diagnose.conftest import Leg, leg  # noqa: F401 - a fixture
 
 TWO = (Hidden("forced_convection", "FR_thigh"), Hidden("sensor_offset", "FR_hip"))
@@ -44,6 +46,17 @@ def test_what_would_be_missed_most_is_told_first(improved: tuple[Model, DataSpli
     missed = [fit_segments(Model(network), improved[1].fit).cost - best.cost for network in others]
     assert missed == sorted(missed, reverse=True)
     assert min(missed) > 0
+
+
+@pytest.mark.long
+def test_a_step_gives_way_to_what_is_more_probable_beside_the_others(tmp_path: Path) -> None:
+    """In steps of 1 K the drop of a torque constant is chosen first, while the mass that joints share is missing."""
+    hidden = ("shared_mass@*", "resistance_rise@FR_hip")
+    files = TRUTHS["leg"].files(Case("leg", "1K", hidden, 1643), tmp_path)
+    loaded, said = load_model(files.model), list[str]()
+    history = improve(loaded.model, split_data(loaded.runs(files.fit), loaded.runs(files.holdout)), report=said.append)
+    assert "torque_constant_drop at FR_hip gives way to resistance_rise at FR_hip" in said
+    assert {step.key for step in history.steps[1:]} == {("shared_mass", "*"), ("resistance_rise", "FR_hip")}
 
 
 @pytest.mark.long

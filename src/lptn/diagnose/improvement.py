@@ -8,10 +8,10 @@ good. So several models are followed a step further, side by side:
    scatter.
 3. The search ends when a model is adequate, nothing helps, or a step has made no model more probable by all runs.
 4. The held-out data decide which branch is kept, and how far; without them the information criterion does.
-5. Steps that the others make superfluous are taken out. Each that is left is asked anew beside all others: what a
-   step is taken for while much else is missing says little of it. What sets a few places or one run apart is told
-   first, as it may be a fault, then what most have in common, as that is how the model is made; of each what would be
-   missed most.
+5. Steps that the others make superfluous are taken out. Each that is left is asked anew beside all others, and gives
+   way to what is more probable there: what a step is taken for while much else is missing says little of it. What
+   sets a few places or one run apart is told first, as it may be a fault, then what most have in common, as that is
+   how the model is made; of each what would be missed most.
 6. Each model left is fitted at full resolution.
 
 Where nothing explains the data because a held-out run is predicted badly, and one parameter that differs in that run
@@ -233,7 +233,8 @@ def _searched(
     given: Branch = (Step(base, holdout=holdout_errors(base, data.holdout)),)
     search = _Search(data, executor, report, found)
     search.follow(given, most)
-    kept = search.reconsidered(_pruned(search.complete(_chosen(search.branches, data)), data, report))
+    kept = search.settled(_pruned(search.complete(_chosen(search.branches, data)), data, report))
+    kept = search.reconsidered(kept)
     return search, kept, _verdict(search.diagnosis(given), search.diagnosis(kept), given, kept)
 
 
@@ -255,8 +256,21 @@ def _stands_on(step: Step, other: Step) -> bool:
     return (one.difference and one.effect.key == base.effect.key) or ("~" in one.at and one.at == base.at)
 
 
+def _named(step: Step) -> str:
+    return f"{step.effect} at {step.at}"
+
+
 def _errs(step: Step) -> bool:
     return step.declaration is not None and step.declaration.effect.errs
+
+
+def _credible(refits: Sequence[Step]) -> list[Step]:
+    """Without errors of sensors, clocks and the air, unless the fitted data make one of them likelier than all else.
+
+    They are fitted so easily that a better prediction says nothing for them.
+    """
+    errors_likely = sum(step.probability for step in refits if _errs(step)) >= LIKELY
+    return [step for step in refits if errors_likely or not _errs(step)]
 
 
 def _effects(branch: Branch) -> frozenset[Key]:
@@ -336,6 +350,39 @@ class _Search:
         unopposed = [branch for branch in adequate if _error(branch) <= _error(chosen) * (1 + WORTH)]
         return min(unopposed, key=len, default=chosen)
 
+    def settled(self, branch: Branch) -> Branch:
+        """The branch with each step exchanged for what is more probable by all runs, beside all the others.
+
+        A step was chosen while much else was missing, and may only have stood for that.
+        """
+        tried, number = {_effects(branch)}, 1
+        while number < len(branch) > 2:
+            step, number = branch[number], number + 1
+            other = self._exchanged(branch, step)
+            if other is None or _effects(other) in tried:
+                continue
+            tried.add(_effects(other))
+            if _most_probable([branch, other], self.data) is other:
+                self.report(f"{_named(step)} gives way to {_named(other[-1])}")
+                branch, number = other, 1
+        return branch
+
+    def _exchanged(self, branch: Branch, step: Step) -> Branch | None:
+        """The branch with what is most probable beside the others in place of a step; `None` where that is the step."""
+        if any(_stands_on(other, step) for other in branch):
+            return None
+        judged = self._beside_the_others(branch, step)
+        others = tuple(other for other in branch if other is not step)
+        likelier = [
+            other
+            for other in _credible(self.diagnosis(others).refits)
+            if other.key != step.key and other.probability > judged.probability
+        ]
+        if not likelier:
+            return None
+        most = max(likelier, key=lambda other: other.probability)
+        return _ending_in((*others, most), unless_interrupted(finished(most.fit)), self.data)
+
     def reconsidered(self, branch: Branch) -> Branch:
         """The branch with each step asked anew beside all others, what sets places or runs apart first."""
         given, *added = branch
@@ -367,17 +414,9 @@ class _Search:
         return compared(self.diagnosis(others), replace(step, fit=last.fit, holdout=last.holdout))
 
     def _longer(self, branch: Branch) -> list[Branch]:
-        """The branch with each refit of its last model that is beyond chance, each name for one step once.
-
-        Errors of sensors, clocks and the air are believed where the fitted data make one of them likelier than all
-        that may happen in the robot: they are fitted so easily that a better prediction says nothing for them.
-        """
+        """The branch with each refit of its last model that is beyond chance, each name for one step once."""
         longer: list[Branch] = []
-        refits = self.diagnosis(branch).refits
-        errors_likely = sum(step.probability for step in refits if _errs(step)) >= LIKELY
-        for step in refits:
-            if _errs(step) and not errors_likely:
-                continue
+        for step in _credible(self.diagnosis(branch).refits):
             same = any(abs(other[-1].fit.cost - step.fit.cost) < _SAME * step.fit.cost for other in longer)
             believed = not is_implausible(step.fit, _declarations((*branch, step)))
             beyond_chance = step.p_value < SIGNIFICANT and step.gain > 0
@@ -429,7 +468,7 @@ def _ending_in(branch: Branch, fit: Fit, data: DataSplit) -> Branch:
 def _in_words(beam: Sequence[Branch]) -> str:
     """The branches of a step and their errors, for progress."""
     kind, unit = ("held out", " K") if beam[0][-1].holdout else ("misfit", "")
-    return "; ".join(f"{branch[-1].effect} at {branch[-1].at} ({kind} {_error(branch):.3g}{unit})" for branch in beam)
+    return "; ".join(f"{_named(branch[-1])} ({kind} {_error(branch):.3g}{unit})" for branch in beam)
 
 
 # --- Which of the branches is kept, how far, and without which steps ---------------------------------
@@ -495,7 +534,7 @@ def _pruned(branch: Branch, data: DataSplit, report: Report) -> Branch:
         if criterion_difference(fit, last.fit) < TIE:
             shorter = _ending_in(tuple(other for other in branch if other is not step), fit, data)
             if _error(shorter) <= _error(branch) * (1 + WORTH):
-                report(f"{step.effect} at {step.at} is no longer needed")
+                report(f"{_named(step)} is no longer needed")
                 return _pruned(shorter, data, report)
     return branch
 
