@@ -353,16 +353,17 @@ class _Search:
     def settled(self, branch: Branch) -> Branch:
         """The branch with each step exchanged for what is more probable by all runs, beside all the others.
 
-        A step was chosen while much else was missing, and may only have stood for that.
+        A step was chosen while much else was missing, and may only have stood for that. As where a branch is chosen,
+        what predicts held-out runs worse than any scatter excuses is no answer, however well it fits.
         """
-        tried, number = {_effects(branch)}, 1
+        tried, number, most = {_effects(branch)}, 1, MUCH_WORSE * _error(branch)
         while number < len(branch) > 2:
             step, number = branch[number], number + 1
             other = self._exchanged(branch, step)
             if other is None or _effects(other) in tried:
                 continue
             tried.add(_effects(other))
-            if _most_probable([branch, other], self.data) is other:
+            if _error(other) <= most and _most_probable([branch, other], self.data) is other:
                 self.report(f"{_named(step)} gives way to {_named(other[-1])}")
                 branch, number = other, 1
         return branch
