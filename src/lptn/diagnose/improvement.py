@@ -264,15 +264,6 @@ def _errs(step: Step) -> bool:
     return step.declaration is not None and step.declaration.effect.errs
 
 
-def _credible(refits: Sequence[Step]) -> list[Step]:
-    """Without errors of sensors, clocks and the air, unless the fitted data make one of them likelier than all else.
-
-    They are fitted so easily that a better prediction says nothing for them.
-    """
-    errors_likely = sum(step.probability for step in refits if _errs(step)) >= LIKELY
-    return [step for step in refits if errors_likely or not _errs(step)]
-
-
 def _effects(branch: Branch) -> frozenset[Key]:
     return frozenset(step.key for step in branch[1:])
 
@@ -356,8 +347,10 @@ class _Search:
         A step was chosen while much else was missing, and may only have stood for that. As where a branch is chosen,
         what predicts held-out runs worse than any scatter excuses is no answer, however well it fits.
         """
+        if len(branch) <= 2:
+            return branch  # there are no others
         tried, number, most = {_effects(branch)}, 1, MUCH_WORSE * _error(branch)
-        while number < len(branch) > 2:
+        while number < len(branch):
             step, number = branch[number], number + 1
             other = self._exchanged(branch, step)
             if other is None or _effects(other) in tried:
@@ -370,19 +363,19 @@ class _Search:
 
     def _exchanged(self, branch: Branch, step: Step) -> Branch | None:
         """The branch with what is most probable beside the others in place of a step; `None` where that is the step."""
-        if any(_stands_on(other, step) for other in branch):
-            return None
         judged = self._beside_the_others(branch, step)
         others = tuple(other for other in branch if other is not step)
+        if any(_stands_on(other, step) for other in others) or _effects(others) not in self._diagnoses:
+            return None  # without it the others are no model of their own
         likelier = [
             other
-            for other in _credible(self.diagnosis(others).refits)
-            if other.key != step.key and other.probability > judged.probability
+            for other in self._longer(others)
+            if other[-1].key != step.key and other[-1].probability > judged.probability
         ]
         if not likelier:
             return None
-        most = max(likelier, key=lambda other: other.probability)
-        return _ending_in((*others, most), unless_interrupted(finished(most.fit)), self.data)
+        most = max(likelier, key=lambda other: other[-1].probability)
+        return _ending_in(most, unless_interrupted(finished(most[-1].fit)), self.data)
 
     def reconsidered(self, branch: Branch) -> Branch:
         """The branch with each step asked anew beside all others, what sets places or runs apart first."""
@@ -415,9 +408,17 @@ class _Search:
         return compared(self.diagnosis(others), replace(step, fit=last.fit, holdout=last.holdout))
 
     def _longer(self, branch: Branch) -> list[Branch]:
-        """The branch with each refit of its last model that is beyond chance, each name for one step once."""
+        """The branch with each refit of its last model that is beyond chance, each name for one step once.
+
+        Errors of sensors, clocks and the air are believed where the fitted data make one of them likelier than all
+        that may happen in the robot: they are fitted so easily that a better prediction says nothing for them.
+        """
         longer: list[Branch] = []
-        for step in _credible(self.diagnosis(branch).refits):
+        refits = self.diagnosis(branch).refits
+        errors_likely = sum(step.probability for step in refits if _errs(step)) >= LIKELY
+        for step in refits:
+            if _errs(step) and not errors_likely:
+                continue
             same = any(abs(other[-1].fit.cost - step.fit.cost) < _SAME * step.fit.cost for other in longer)
             believed = not is_implausible(step.fit, _declarations((*branch, step)))
             beyond_chance = step.p_value < SIGNIFICANT and step.gain > 0
