@@ -67,7 +67,9 @@ def test_a_held_out_runs_errors_are_those_that_its_prediction_needs_from_the_sta
     own = with_own_errors(fitted.model, segment, sigma)
     chosen = nuisances(own, segment.run.name)
     assert len(chosen) == 4
-    priors = np.array([own.parameters[index].declared.prior or 1.0 for index in chosen])
+    priors = np.array(
+        [spread for index in chosen for _, spread in [own.parameters[index].declared.prior or (0.0, 1.0)]]
+    )
 
     def misfit(model: Model) -> float:
         bound = bind(model, segment.run)

@@ -72,6 +72,18 @@ def test_jacobian_with_priors_and_mirrors_equals_finite_differences() -> None:
         np.testing.assert_allclose(jacobian[:, column], slope, rtol=1e-5, atol=1e-6 * size + 1e-9)
 
 
+def test_a_parameters_prior_pulls_by_standard_deviations() -> None:
+    declared = [capacity(300.0), replace(capacity(300.0), prior=(200.0, 20.0))]
+    model = Model(replace(network(), nodes=(*map(NodeDeclaration, "ab", declared), AMBIENT)))
+    problem = Problem(model, bound_runs(model, [truth_run(200.0, step=5.0)]), np.ones(2))
+    z = problem.guess(model.values)
+    residuals, jacobian = problem.jacobian(z)
+    assert residuals[-1] == pytest.approx((300 - 200) / 20)
+    where = [model.parameters[index].name for index in problem.free].index("capacity.b")
+    assert jacobian[-1, where] == pytest.approx(300 / 20)  # a capacity is searched by its logarithm
+    assert np.count_nonzero(jacobian[-1]) == 1
+
+
 def test_point_and_guess_are_inverses() -> None:
     model = Model(with_every_effect())
     problem = Problem(model, bound_runs(model, [random_run(model, 30)]), np.ones(2))

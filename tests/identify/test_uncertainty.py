@@ -11,8 +11,9 @@ from lptn.identify.fitting import fit
 from lptn.identify.problem import Problem
 from lptn.logs.run import Run
 from lptn.model.model import Model
+from lptn.model.network import NodeDeclaration
 from lptn.simulate.bound_run import bind
-from tests.builders import bound_runs
+from tests.builders import bound_runs, capacity
 from tests.identify.truth import TRUTH, network, truth_run
 
 
@@ -44,6 +45,37 @@ def test_a_coarse_sensor_widens_the_intervals() -> None:
     wider = [errors[1][name] / errors[0][name] for name in TRUTH]
     assert min(wider) > 1
     assert np.mean(wider) > 1.3
+
+
+def _with_prior_of_winding(mean: float, deviation: float) -> Model:
+    given = network()
+    winding = replace(given.effects[0].resolved["resistance"], value=mean, fixed=False, prior=(mean, deviation))
+    others = tuple(each for each in given.effects[0].parameters if each.name != "resistance")
+    return Model(replace(given, effects=(replace(given.effects[0], parameters=(winding, *others)),)))
+
+
+@pytest.mark.parametrize("step", [1.0, 10.0])
+def test_what_the_data_leave_open_is_as_uncertain_as_its_prior(step: float) -> None:
+    """All heat, capacities and conductances may be multiplied by one factor: only the winding's prior holds them."""
+    model = _with_prior_of_winding(0.22, 0.02)
+    found = fit(model, bound_runs(model, [truth_run(1800.0, step=step, noise=0.05)]))
+    values = {parameter.name: parameter.value for parameter in found.model.parameters}
+    assert values["copper_loss.resistance.a"] == pytest.approx(0.22, rel=0.01)
+    assert found.standard_errors["copper_loss.resistance.a"] == pytest.approx(0.02, rel=0.05)
+    assert values["capacity.b"] == pytest.approx(1.1 * TRUTH["capacity.b"], rel=0.03)
+    assert found.standard_errors["capacity.b"] == pytest.approx(0.02 / 0.22 * values["capacity.b"], rel=0.1)
+    assert not found.uncertainty.warnings
+
+
+def test_data_that_contradict_a_prior_are_told() -> None:
+    given = network()
+    model = Model(
+        replace(given, nodes=(NodeDeclaration("a", replace(capacity(200.0), prior=(200.0, 5.0))), *given.nodes[1:]))
+    )
+    found = fit(model, bound_runs(model, [truth_run(1800.0, noise=0.05)]))
+    (warning,) = found.uncertainty.warnings
+    assert warning.startswith("capacity.a: 12")
+    assert "standard deviations from what was known of it, 200 ± 5 J/K" in warning
 
 
 def test_gradients_of_all_blocks_add_up_to_the_gradient() -> None:

@@ -134,6 +134,27 @@ def test_bounds_alone_bring_the_start_inside() -> None:
     assert 10 <= found["capacity.a"] <= 20
 
 
+def test_a_prior_frees_a_parameter_and_starts_it_at_its_mean() -> None:
+    given = '{ prior = [200, 10], unit = "mohm" }'
+    text = SMALL.replace("resistance = 0.2", f"resistance = {given}")
+    text = text.replace('"temperature.ambient"', '{ prior = [68, 1.8], unit = "degF" }')
+    parameters = {parameter.name: parameter for parameter in _parse(text).network.parameters}
+    winding, air = parameters["copper_loss.resistance.a"], parameters["temperature.ambient"]
+    assert winding.free
+    assert winding.value == pytest.approx(0.2)
+    assert winding.declared.prior == pytest.approx((0.2, 0.01))
+    assert air.declared.prior == pytest.approx((20.0, 1.0))  # a deviation has no zero
+    held = _parse(text.replace(given, given.replace(" }", ", fixed = true }"))).network.parameters
+    assert not next(each for each in held if each.name == "copper_loss.resistance.a").free
+
+
+def test_an_added_effect_keeps_its_prior() -> None:
+    declared = effect("constant_heat", "a")
+    declared = replace(declared, parameters=tuple(replace(p, prior=(4.0, 1.0)) for p in declared.parameters))
+    again = _parse(_parse(SMALL).with_effects([declared]).text).network.effects[-1]
+    assert [parameter.prior for parameter in again.parameters] == [(4.0, 1.0)]
+
+
 def test_a_parameter_can_be_fixed_and_freed() -> None:
     text = SMALL.replace("capacity = 300\n", "capacity = { value = 300, fixed = true }\n")
     text = text.replace("resistance = 0.2", "resistance = { value = 0.2, fixed = false }")
@@ -372,6 +393,13 @@ MISTAKES: dict[str, tuple[str, str, str, tuple[str, ...]]] = {
     "unknown key of a node": ("capacity = 300\n", "capacity = 300\nmass = 2\n", "line 7, nodes.a.mass", ("found 2",)),
     "unknown table": ("# what", "[extra]\n# what", "line 4, extra", ('no key "extra"',)),
     "bounds upside down": ("= 300\n", "= { bounds = [9, 2] }\n", "line 6", ("lower bound 9 above the upper 2",)),
+    "prior outside its bounds": (
+        "= 300\n",
+        "= { prior = [300, 30], bounds = [2, 9] }\n",
+        "line 6",
+        ("a mean of 300 J/K", "[mean, standard deviation]", "from 2 to 9 J/K"),
+    ),
+    "prior without spread": ("= 300\n", "= { prior = [300, 0] }\n", "line 6", ("standard deviation of 0 J/K",)),
     "value outside its bounds": (
         "= 300\n",
         "= { value = 300, bounds = [2, 9] }\n",

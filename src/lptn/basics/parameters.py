@@ -37,13 +37,15 @@ class Parameter:
         share: who has it in common.
         on: the value it is held at once the effect is added, for an amplitude that is all or nothing.
         grid: shapes at which the effect is scored before one is fitted (time constants, exponents).
-        prior: standard deviation about 0 that a fit grants it, for what is a nuisance of the logs and no part of the
-            model; `None` where only the data speak.
+        prior: mean and standard deviation, in `unit`, of what is known of it beforehand, as a data sheet and its
+            tolerance are; a fit weighs it with the data. `None` where only they speak.
+        nuisance: `True` for an error of the logs that is granted to a run, and no part of the model.
         relative_to: what that size goes with at other places (`lptn.model.sizes`): a place's heat `"capacity"`, its
             `"conductance"` or its `"resistance"` to all around it, or the conductance of the `"link"` that is changed.
 
     Raises:
-        ValueError: bounds in the wrong order, or a value outside them.
+        ValueError: bounds in the wrong order, a value or the prior's mean outside them, or a standard deviation that is
+            not above 0.
 
     Example:
         >>> import lptn
@@ -62,7 +64,8 @@ class Parameter:
     share: Share = "each"
     on: float | None = None
     grid: tuple[float, ...] = ()
-    prior: float | None = None
+    prior: tuple[float, float] | None = None
+    nuisance: bool = False
     relative_to: Scale = ""
 
     def __post_init__(self) -> None:
@@ -71,6 +74,16 @@ class Parameter:
             raise ValueError(f"{self.name}: bounds {lower:g} to {upper:g} are in the wrong order")
         if not lower <= self.value <= upper:
             raise ValueError(f"{self.name}: value {self.value:g} lies outside its bounds {lower:g} to {upper:g}")
+        if self.prior is not None:
+            mean, deviation = self.prior
+            if not lower <= mean <= upper:
+                raise ValueError(
+                    f"{self.name}: mean {mean:g} of its prior lies outside its bounds {lower:g} to {upper:g}"
+                )
+            if not deviation > 0:
+                raise ValueError(
+                    f"{self.name}: standard deviation {deviation:g} of its prior, where more than 0 is asked"
+                )
 
     @property
     def switched_off(self) -> Parameter:

@@ -564,5 +564,5 @@ def with_errors_of_runs(
 def _granted(effect: Effect, place: str, spread: float, run: str, *, fitted: bool) -> EffectDeclaration:
     (size,) = effect.parameters
     bounds = (-_FARTHEST * spread, _FARTHEST * spread)
-    size = replace(size, value=0.0, prior=spread, bounds=bounds, share="each", fixed=not fitted)
+    size = replace(size, value=0.0, prior=(0.0, spread), nuisance=True, bounds=bounds, share="each", fixed=not fitted)
     return EffectDeclaration(effect, place, (size,), f"{effect.key}_granted", run=run)

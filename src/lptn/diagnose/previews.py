@@ -100,7 +100,7 @@ def _moved(fit: Fit, places: Sequence[Site], steps: FloatArray, segment: Segment
     if granted:  # the run's own errors were fitted to all of it, and make room for what a candidate explains
         every = bound.count((segment.initialisation[0], segment.evaluation[1])).counted
         declared = [full.parameters[number].declared for number in granted]
-        spread = np.array([each.prior or 1.0 for each in declared]) / weight_of_priors(bound.run.step)
+        spread = np.array([each.prior[1] for each in declared if each.prior]) / weight_of_priors(bound.run.step)
         by_own = from_its_window(by_own)
         rows = np.vstack([by_own[every] * _weight(every, sigma), np.diag(1.0 / spread)])
         left = (as_it_is.readings - bound.measured)[every][:, None] + change[every]

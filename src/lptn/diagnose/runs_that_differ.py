@@ -425,7 +425,10 @@ def with_differences(model: Model, differing: Sequence[RunDifference], segments:
         declared = cause.declaration(0.0, cause.shapes[0])
         spread = max(abs(each.amplitude or 0.0), cause.typical)
         parameters = tuple(
-            replace(one, fixed=True, prior=None if one.off is None else spread) for one in declared.parameters
+            replace(one, fixed=True)
+            if one.off is None
+            else replace(one, fixed=True, prior=(one.off, spread), nuisance=True)
+            for one in declared.parameters
         )
         model = Model(model.network.with_effects([replace(declared, parameters=parameters)]))
     return model

@@ -164,7 +164,7 @@ def granted_no_more(fit: Fit, gradient: FloatArray) -> BoolArray:
     lower, upper = fit.problem.bounds()
     granted = np.zeros(len(fit.z), dtype=bool)
     parameters = fit.model.parameters
-    granted[: len(fit.problem.free)] = [parameters[k].declared.prior is not None for k in fit.problem.free]
+    granted[: len(fit.problem.free)] = [parameters[k].declared.nuisance for k in fit.problem.free]
     below, above = fit.z - lower < _AT_BOUND, upper - fit.z < _AT_BOUND
     return np.asarray(granted & ((below & (gradient > 0)) | (above & (gradient < 0))))
 

@@ -70,7 +70,7 @@ class Fit(Tabular):
     def free(self) -> list[int]:
         """Numbers of the model's parameters that were fitted, without errors that are granted to single runs."""
         parameters = self.model.parameters
-        return [index for index in self.problem.free if parameters[index].declared.prior is None]
+        return [index for index in self.problem.free if not parameters[index].declared.nuisance]
 
     @cached_property
     def uncertainty(self) -> Uncertainty:
@@ -269,12 +269,12 @@ def fit_starts(model: Model, bound_runs: Sequence[BoundRun], sigma: FloatArray) 
 
 
 def nuisances(model: Model, run: str) -> list[int]:
-    """Indices of the nuisance parameters of a run: held parameters with a prior that belong to it alone."""
+    """Indices of the nuisance parameters of a run that are held: those that belong to it alone."""
     own = tuple(in_run("", name) for name in (run, run.partition("#")[0]))  # a piece of a split log, or all of it
     return [
         index
         for index, parameter in enumerate(model.parameters)
-        if parameter.declared.prior is not None and not parameter.free and parameter.name.endswith(own)
+        if parameter.declared.nuisance and not parameter.free and parameter.name.endswith(own)
     ]
 
 
@@ -282,7 +282,7 @@ def nuisances(model: Model, run: str) -> list[int]:
 def fit_nuisances(model: Model, bound: BoundRun, sigma: FloatArray, start: FloatArray) -> Model:
     """The model with its nuisance parameters of one run, such as the ambient sensor's bias, fitted to that run.
 
-    These are held parameters with a prior that belong to the run alone; most models have none and stay as they are.
+    These are held, have a prior and belong to the run alone; most models have none and stay as they are.
 
     Args:
         model: at the values that it is to predict with.

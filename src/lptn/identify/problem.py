@@ -54,7 +54,8 @@ def rows_of_readings(bound: BoundRun) -> IntArray:
 
 
 class Problem:
-    """Residuals of free-running simulations, with priors on initial states and a left-right symmetry penalty.
+    """Residuals of free-running simulations, with priors on initial states and parameters, and a left-right symmetry
+    penalty.
 
     A residual is predicted − measured, over σ: positive where the model is too hot.
 
@@ -94,13 +95,17 @@ class Problem:
         else:
             self._guesses, self._spreads = list(starts), [np.full(len(start), _KNOWN) for start in starts]
         self._penalties = self._penalties_on_parameters(symmetry_penalty)
+        declared = [model.parameters[index].declared for index in self.free]
+        self._with_prior = [row for row, each in enumerate(declared) if each.prior is not None]
+        known = np.array([each.prior for each in declared if each.prior is not None], dtype=float).reshape(-1, 2)
+        self._means, self._deviations = known[:, 0], known[:, 1] / self._weight_of_priors
         self.readings = sum(int(bound.counted.sum()) for bound in self.bound_runs)
         """Number of readings that count."""
 
     @property
     def rows(self) -> int:
         """Number of residuals: of readings, priors and penalties."""
-        return self.readings + len(self._prior_jacobian())
+        return self.readings + len(self._prior_jacobian(self.model.values))
 
     @property
     def size(self) -> int:
@@ -166,7 +171,7 @@ class Problem:
         Raises:
             SimulationError: the point makes the model too stiff, or it runs away.
         """
-        point, prior = self.point(z), self._prior_jacobian()
+        point = self.point(z)
         weighted, slopes = np.zeros(self.rows), np.zeros((self.rows, self.size))
         first = 0
         for number, bound in enumerate(self.bound_runs):
@@ -175,7 +180,7 @@ class Problem:
                 rows = row_of.ravel()[places]
                 weighted[rows], slopes[rows[:, None], columns] = residuals, derivatives
             first += int(bound.counted.sum())
-        weighted[first:], slopes[first:] = self._prior_residuals(z, point), prior
+        weighted[first:], slopes[first:] = self._prior_residuals(z, point), self._prior_jacobian(point.values)
         return weighted, slopes
 
     def normal(self, z: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -184,7 +189,8 @@ class Problem:
         Raises:
             SimulationError: the point makes the model too stiff, or it runs away.
         """
-        point, prior = self.point(z), self._prior_jacobian()
+        point = self.point(z)
+        prior = self._prior_jacobian(point.values)
         gradient, hessian = prior.T @ self._prior_residuals(z, point), prior.T @ prior
         for number in range(len(self.bound_runs)):
             columns = self._columns(number)
@@ -192,6 +198,12 @@ class Problem:
                 gradient[columns] += derivatives.T @ residuals
                 hessian[np.ix_(columns, columns)] += derivatives.T @ derivatives
         return gradient, hessian
+
+    def information_of_priors(self, z: FloatArray) -> tuple[FloatArray, float]:
+        """What priors add to the Hessian of the free parameters, shape (free, free), and how often they are counted."""
+        slopes = np.zeros(len(self.free))
+        slopes[self._with_prior] = self.slope(self.point(z).values)[self._with_prior] / self._deviations
+        return np.diag(slopes**2), self._weight_of_priors**2
 
     def block_gradients(self, z: FloatArray, seconds: float) -> FloatArray:
         """The cost's gradient from each node's readings in each block of `seconds` of a run, shape (blocks, size).
@@ -293,18 +305,22 @@ class Problem:
 
     def _prior_residuals(self, z: FloatArray, point: Point) -> FloatArray:
         off = self.starts_off(point.starts)[0]
-        return np.concatenate([off.ravel(), self._penalties @ z[: len(self.free)]])
+        values = point.values[self.free][self._with_prior]
+        known = (values - self._means) / self._deviations
+        return np.concatenate([off.ravel(), self._penalties @ z[: len(self.free)], known])
 
-    def _prior_jacobian(self) -> FloatArray:
+    def _prior_jacobian(self, values: FloatArray) -> FloatArray:
         starts = np.diag(1.0 / np.concatenate(self._spreads)) if self._spreads else np.zeros((0, 0))
-        free = len(self.free)
-        jacobian = np.zeros((len(starts) + len(self._penalties), self.size))
+        free, mirrors = len(self.free), len(starts) + len(self._penalties)
+        jacobian = np.zeros((mirrors + len(self._with_prior), self.size))
         jacobian[: len(starts), free:] = starts
-        jacobian[len(starts) :, :free] = self._penalties
+        jacobian[len(starts) : mirrors, :free] = self._penalties
+        own = np.arange(len(self._with_prior))
+        jacobian[mirrors + own, self._with_prior] = self.slope(values)[self._with_prior] / self._deviations
         return jacobian
 
     def _penalties_on_parameters(self, weight: float) -> FloatArray:
-        """A row for each left-right pair of free parameters, sqrt(λ) times their difference; and for each prior."""
+        """A row for each left-right pair of free parameters, sqrt(λ) times their difference."""
         where = {self.model.parameters[index].name: row for row, index in enumerate(self.free)}
         rows = []
         for index in self.free:
@@ -312,12 +328,6 @@ class Problem:
             if weight > 0 and parameter.mirror in where and parameter.name < parameter.mirror:
                 row = np.zeros(len(self.free))
                 row[where[parameter.name]], row[where[parameter.mirror]] = np.sqrt(weight), -np.sqrt(weight)
-                rows.append(row)
-            if parameter.declared.prior is not None:
-                row = np.zeros(len(self.free))
-                row[where[parameter.name]] = (
-                    self._weight_of_priors * parameter.declared.typical / parameter.declared.prior
-                )
                 rows.append(row)
         return np.array(rows, dtype=float).reshape(len(rows), len(self.free))
 

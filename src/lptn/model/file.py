@@ -178,6 +178,8 @@ def _effect_table(effect: EffectDeclaration) -> tomlkit.items.Table:
         stated = effect.effect.stated(effect.difference)
         if parameter.bounds not in [own.bounds for own in stated if own.name == name]:
             entry["bounds"] = [lower, upper]
+        if parameter.prior is not None:
+            entry["prior"] = list(parameter.prior)
         if parameter.fixed:
             entry["fixed"] = True
         table.add(name, _inline(entry))

@@ -118,8 +118,8 @@ class EffectDeclaration:
 
     @property
     def granted(self) -> bool:
-        """Whether it is a nuisance of the logs, held by a prior, and no part of the model."""
-        return any(parameter.prior is not None for parameter in self.parameters)
+        """Whether it is an error of the logs that is granted to a run, and no part of the model."""
+        return any(parameter.nuisance for parameter in self.parameters)
 
     @property
     def resolved(self) -> dict[str, Parameter]:

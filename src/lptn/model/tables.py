@@ -26,6 +26,7 @@ class ParameterTable(Strict):
     value: Number | dict[str, Number] | None = None  # a table gives each place, or group of places, its own
     unit: str | None = None
     bounds: Annotated[list[Number], Field(min_length=2, max_length=2)] | None = None
+    prior: Annotated[list[Number], Field(min_length=2, max_length=2)] | None = None  # mean, standard deviation
     share: Share | None = None
     fixed: bool | None = None
 
@@ -382,12 +383,15 @@ class Reader:
         table = given if isinstance(given, ParameterTable) else self._table(given, place)
         unit = table.unit or declared.unit
         numbers = table.value if isinstance(table.value, dict) else {} if table.value is None else {"": table.value}
-        bounds = declared.bounds
+        bounds, prior = declared.bounds, declared.prior
         try:
             values = {owner: convert(number, unit, declared.unit) for owner, number in numbers.items()}
             if table.bounds is not None:
                 least, greatest = table.bounds
                 bounds = convert(least, unit, declared.unit), convert(greatest, unit, declared.unit)
+            if table.prior is not None:
+                mean, above = (convert(number, unit, declared.unit) for number in (table.prior[0], sum(table.prior)))
+                prior = mean, above - mean  # a deviation of 1 degF is 0.56 K
         except ValueError as error:
             raise InputError(self.path, f"{place}.unit", f'"{unit}"', f"a unit like {declared.unit}") from error
         if declared.bounds[0] >= 0:  # what can't be negative by nature is not made so by a file
@@ -396,6 +400,8 @@ class Reader:
         if lower > upper:
             found = f"a lower bound {lower:g} above the upper {upper:g}"
             raise InputError(self.path, f"{place}.bounds", found, "[least, greatest]")
+        if prior is not None:
+            self._check_prior(prior, bounds, declared.unit, f"{place}.prior")
         for owner, value in values.items():
             slack = 0.0 if unit == declared.unit else ROUNDING * abs(value)
             if not lower - slack <= value <= upper + slack:
@@ -406,13 +412,23 @@ class Reader:
         if isinstance(table.value, dict):
             self._own_values[place] = values
         start = declared.value if lower <= declared.value <= upper else (lower + upper) / 2  # if only bounds are given
+        fixed = declared.fixed and table.prior is None  # what has a prior is fitted
         return replace(
             declared,
-            value=next(iter(values.values()), start),
+            value=next(iter(values.values()), start if prior is None else prior[0]),
             bounds=bounds,
+            prior=prior,
             share=table.share or declared.share,
-            fixed=lower == upper or (declared.fixed if table.fixed is None else table.fixed),
+            fixed=lower == upper or (fixed if table.fixed is None else table.fixed),
         )
+
+    def _check_prior(self, prior: tuple[float, float], bounds: tuple[float, float], unit: str, place: str) -> None:
+        (mean, deviation), (lower, upper) = prior, bounds
+        expected = f"[mean, standard deviation], the mean from {lower:g} to {upper:g} {unit}, the deviation above 0"
+        if not lower <= mean <= upper:
+            raise InputError(self.path, place, f"a mean of {mean:g} {unit}", expected)
+        if not deviation > 0:
+            raise InputError(self.path, place, f"a standard deviation of {deviation:g} {unit}", expected)
 
     def _table(self, given: object, place: str) -> ParameterTable:
         """A bare number, or an effect's table that pydantic has not looked at yet."""

@@ -156,8 +156,8 @@ def granted_in_words(model: Model) -> str:
     """Which errors of its inputs each run is granted, and by how much; empty for none."""
 
     def spread(effect: type[Effect]) -> float:
-        declared = [each for each in model.network.effects if isinstance(each.effect, effect)]
-        return min((one.prior for each in declared for one in each.parameters if one.prior is not None), default=0.0)
+        declared = [each for each in model.network.effects if each.granted and isinstance(each.effect, effect)]
+        return min((one.prior[1] for each in declared for one in each.parameters if one.prior), default=0.0)
 
     air, losses = spread(AmbientOffset), spread(LossScale)
     words = [f"its ambient sensor off by {air:g} K"] if air else []

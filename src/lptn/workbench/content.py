@@ -213,7 +213,7 @@ def _parameters(step: Step) -> list[dict[str, Any]]:
             "together": [name for name in together.get(parameter.name, []) if name != parameter.name],
         }
         for parameter in fit.model.parameters
-        if parameter.declared.prior is None
+        if not parameter.declared.nuisance
     ]
 
 
