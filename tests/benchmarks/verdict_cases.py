@@ -8,6 +8,7 @@ file can hold it; its logs are made anew from them.
 from __future__ import annotations
 
 import random
+import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
@@ -295,6 +296,18 @@ share = "{share}"
 capacity = {{ value = 100, unit = "J/K", bounds = [1, 2000] }}
 time_constant = {{ value = 120, unit = "s", bounds = [5, 3600] }}
 """
+
+
+def with_bounds(files: Files) -> Files:
+    """The same with bounds of three standard deviations in place of priors, as versions before 2026-11 read them."""
+
+    def bounded(prior: re.Match[str]) -> str:
+        mean, deviation = map(float, prior.groups())
+        return f"value = {mean:g}, bounds = [{mean - 3 * deviation:g}, {mean + 3 * deviation:g}], fixed = false"
+
+    text = files.model.read_text(encoding="utf-8")
+    files.model.write_text(re.sub(r"prior = \[([\d.]+), ([\d.]+)\]", bounded, text), encoding="utf-8")
+    return files
 
 
 def _finite_volume_files(case: Case, folder: Path) -> Files:

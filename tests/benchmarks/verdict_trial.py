@@ -35,7 +35,7 @@ from tests.benchmarks.verdict_answers import (
     read_results,
     run_missing,
 )
-from tests.benchmarks.verdict_cases import TRUTHS, Case, Key, draw_cases
+from tests.benchmarks.verdict_cases import TRUTHS, Case, Files, Key, draw_cases, with_bounds
 
 CREDIBLE = 0.9
 """Probability that the set of answers, the most probable first, has to reach."""
@@ -310,6 +310,11 @@ def calibration(results: Results, cases: Sequence[Case], version: str) -> dict[s
     return {name: reliability(each) for name, each in pairs.items()}
 
 
+def _files(case: Case, folder: Path, *, bounds: bool) -> Files:
+    files = TRUTHS[case.truth].files(case, folder)
+    return with_bounds(files) if bounds else files
+
+
 def main() -> None:
     """Run what is missing, then print table, misses and calibration."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -333,13 +338,14 @@ def main() -> None:
     parser.add_argument("--outside", type=int, default=2, help="cases with what no catalogue has")
     parser.add_argument("--jobs", type=int, default=1, help="cases at a time")
     parser.add_argument("--limit", type=float, default=LIMIT, help="s of processor time for an answer")
+    parser.add_argument("--bounds", action="store_true", help="models without priors, which older versions don't read")
     parser.add_argument("--first", action="store_true", help="ask `lptn diagnose`: the first answer alone")
     parser.add_argument("--figure", type=Path, help="reliability diagram to write, .svg or .png")
     chosen = parser.parse_args()
     numbers = {name: getattr(chosen, name) for name in ("most", "pairs", "nothing", "outside")}
     cases = [case for truth in chosen.truths for case in draw_cases(truth, chosen.tiers, chosen.seeds, **numbers)]
     if chosen.versions or chosen.two_masses:
-        files = {case: partial(TRUTHS[case.truth].files, case) for case in cases}
+        files = {case: partial(_files, case, bounds=chosen.bounds) for case in cases}
         question = ask_first if chosen.first else ask
         limits = {"jobs": chosen.jobs, "limit": chosen.limit}
         run_missing(files, dict(chosen.versions), chosen.two_masses, chosen.out, **limits, question=question)

@@ -16,7 +16,7 @@ from lptn.identify.validation import fit_segments, holdout_errors
 from lptn.model.model import Model
 from lptn.model.network import EffectDeclaration
 from lptn.virtual import Hidden
-from tests.benchmarks.verdict_cases import TRUTHS, Case
+from tests.benchmarks.verdict_cases import TRUTHS, Case, with_bounds
 from tests.diagnose.conftest import Leg, leg  # noqa: F401 - a fixture
 
 TWO = (Hidden("forced_convection", "FR_thigh"), Hidden("sensor_offset", "FR_hip"))
@@ -52,7 +52,7 @@ def test_what_would_be_missed_most_is_told_first(improved: tuple[Model, DataSpli
 def test_a_step_gives_way_to_what_is_more_probable_beside_the_others(tmp_path: Path) -> None:
     """In steps of 1 K the drop of a torque constant is chosen first, while the mass that joints share is missing."""
     hidden = ("shared_mass@*", "resistance_rise@FR_hip")
-    files = TRUTHS["leg"].files(Case("leg", "1K", hidden, 1643), tmp_path)
+    files = with_bounds(TRUTHS["leg"].files(Case("leg", "1K", hidden, 1643), tmp_path))
     loaded, said = load_model(files.model), list[str]()
     history = improve(loaded.model, split_data(loaded.runs(files.fit), loaded.runs(files.holdout)), report=said.append)
     assert "torque_constant_drop at FR_hip gives way to resistance_rise at FR_hip" in said

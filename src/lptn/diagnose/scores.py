@@ -293,7 +293,10 @@ def _better(before: Score, trace: _Trace, statistic: float) -> Score:
 
 
 def _simulated_noise(fit: Fit, rng: np.random.Generator) -> FloatArray:
-    """Weighted residuals of a perfect model: white noise and rounding about the predicted readings, (rows, logs)."""
+    """Weighted residuals of a perfect model, (rows, logs).
+
+    White noise and rounding about the predicted readings; of what has a prior a true value that is drawn from it.
+    """
     problem, columns = fit.problem, []
     for bound, error in zip(problem.bound_runs, fit.residuals, strict=True):
         predicted = bound.measured + error
@@ -307,8 +310,11 @@ def _simulated_noise(fit: Fit, rng: np.random.Generator) -> FloatArray:
                 measured = np.round((measured + phase) / step) * step - phase
             columns.append((clean - measured) / sigma)
     noise = np.vstack(columns)
-    penalties = np.zeros((len(problem.residuals(fit.z)) - len(noise), _LOGS))  # without noise
-    return np.vstack([noise, penalties])
+    others = np.zeros((problem.rows - len(noise), _LOGS))  # penalties on starts and mirrors are without noise
+    drawn = np.vstack([noise, others])
+    of_priors = drawn[problem.rows_of_priors]
+    of_priors += problem.weight_of_priors * rng.standard_normal(of_priors.shape)
+    return drawn
 
 
 class _WildBootstrap:

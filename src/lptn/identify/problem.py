@@ -88,17 +88,18 @@ class Problem:
         self._transform = Transform([model.parameters[index] for index in self.free])
         self._shares = model.resting_shares
         step = max((bound.run.step for bound in self.bound_runs), default=_REPEATED)
-        self._weight_of_priors = weight_of_priors(step)
+        self.weight_of_priors = weight_of_priors(step)
+        """What residuals of priors are multiplied by."""
         if starts is None:
             self._guesses = [default_start(model, bound) for bound in self.bound_runs]
-            self._spreads = [self._spread(bound) / self._weight_of_priors for bound in self.bound_runs]
+            self._spreads = [self._spread(bound) / self.weight_of_priors for bound in self.bound_runs]
         else:
             self._guesses, self._spreads = list(starts), [np.full(len(start), _KNOWN) for start in starts]
         self._penalties = self._penalties_on_parameters(symmetry_penalty)
         declared = [model.parameters[index].declared for index in self.free]
         self._with_prior = [row for row, each in enumerate(declared) if each.prior is not None]
         known = np.array([each.prior for each in declared if each.prior is not None], dtype=float).reshape(-1, 2)
-        self._means, self._deviations = known[:, 0], known[:, 1] / self._weight_of_priors
+        self._means, self._deviations = known[:, 0], known[:, 1] / self.weight_of_priors
         self.readings = sum(int(bound.counted.sum()) for bound in self.bound_runs)
         """Number of readings that count."""
 
@@ -199,11 +200,16 @@ class Problem:
                 hessian[np.ix_(columns, columns)] += derivatives.T @ derivatives
         return gradient, hessian
 
-    def information_of_priors(self, z: FloatArray) -> tuple[FloatArray, float]:
-        """What priors add to the Hessian of the free parameters, shape (free, free), and how often they are counted."""
+    @property
+    def rows_of_priors(self) -> slice:
+        """Where the residuals of the parameters' priors stand."""
+        return slice(self.rows - len(self._with_prior), self.rows)
+
+    def information_of_priors(self, z: FloatArray) -> FloatArray:
+        """What the priors add to the Hessian of the free parameters, shape (free, free)."""
         slopes = np.zeros(len(self.free))
         slopes[self._with_prior] = self.slope(self.point(z).values)[self._with_prior] / self._deviations
-        return np.diag(slopes**2), self._weight_of_priors**2
+        return np.diag(slopes**2)
 
     def block_gradients(self, z: FloatArray, seconds: float) -> FloatArray:
         """The cost's gradient from each node's readings in each block of `seconds` of a run, shape (blocks, size).

@@ -55,9 +55,9 @@ def uncertainty(problem: Problem, z: FloatArray) -> Uncertainty:
     singular = eigenvalues < _SINGULAR * largest
     inverse = np.where(singular, 0.0, 1.0 / np.where(singular, 1.0, eigenvalues))
     inverse_of_all = (vectors * inverse) @ vectors.T
-    by_priors, weight = problem.information_of_priors(z)
+    by_priors = problem.information_of_priors(z)
     by_data = (information - by_priors) * _widening(residuals[: problem.readings])
-    covariance = inverse_of_all @ (by_data + by_priors * weight) @ inverse_of_all
+    covariance = inverse_of_all @ (by_data + by_priors * problem.weight_of_priors**2) @ inverse_of_all
     covariance = _widened_by_blocks(covariance, problem, z, whole)
     spread = np.sqrt(np.diag(covariance))
     undetermined = (np.abs(vectors[:, singular]) > _INVOLVED).any(axis=1)
