@@ -45,10 +45,10 @@ def probabilities(
         log_priors: logarithm of what is thought of each beforehand, up to a common constant, shape (fits,).
         predicted: held-out runs as each fit predicts them; with them it is the probability by all runs.
     """
-    costs = np.array([2 * fit.cost for fit in fits])
     free = np.array([len(fit.free) for fit in fits])
     sigma = fits[0].problem.sigma
-    logarithms = _log_likelihoods([fitted_errors(fit) for fit in fits], sigma, costs, free) + log_priors
+    logarithms = _log_likelihoods([fitted_errors(fit) for fit in fits], sigma, free) + log_priors
+    logarithms += [_log_prior_of_parameters(fit) for fit in fits]
     if predicted:
         logarithms += _log_likelihoods([predicted_errors(each) for each in predicted], sigma)
     each_draw = np.exp(logarithms - logarithms.max(axis=1, keepdims=True))
@@ -56,32 +56,34 @@ def probabilities(
 
 
 def _log_likelihoods(
-    models: Sequence[Sequence[RunErrors]],
-    sigma: FloatArray,
-    costs: FloatArray | None = None,
-    free: FloatArray | float = 0.0,
+    models: Sequence[Sequence[RunErrors]], sigma: FloatArray, free: FloatArray | float = 0.0
 ) -> FloatArray:
     """Schwarz's criterion of each model in each draw of weights, as a logarithm, shape (draws, models).
 
     Args:
         models: for each the runs with its errors.
         sigma: standard deviation that weighs each node's errors [K], shape (nodes,).
-        costs: of each model, twice: the squares of its errors, and what priors and penalties add; the squares alone by
-            default.
         free: the number of parameters that each was fitted with.
     """
     by_block = [block_misfits(runs, sigma) for runs in models]
     misfits, runs = np.array([misfit for misfit, _ in by_block]), by_block[0][1]
     squares = misfits.sum(axis=(1, 2))
-    costs = squares if costs is None else costs
-    independent = independent_readings(models[int(np.argmin(costs))])
+    independent = independent_readings(models[int(np.argmin(squares))])
     rng = np.random.default_rng(0)
     of_blocks, of_nodes, of_runs = (
         rng.dirichlet(np.ones(count), _DRAWS) * count for count in (*misfits.shape[1:], len(models[0]))
     )
     weighted = np.einsum("db,dn,fbn->df", of_blocks * of_runs[:, runs], of_nodes, misfits)
-    of_draws = np.maximum(weighted + costs - squares, 1e-300)
-    return np.asarray(-0.5 * independent * np.log(of_draws) - 0.5 * free * np.log(independent))
+    return np.asarray(-0.5 * independent * np.log(np.maximum(weighted, 1e-300)) - 0.5 * free * np.log(independent))
+
+
+def _log_prior_of_parameters(fit: Fit) -> float:
+    """How far the fitted parameters are off their priors, and mirrored pairs off each other, as a logarithm.
+
+    These are standard deviations of their own, and not shares of an error that the readings set the scale of.
+    """
+    off = fit.problem.off_priors(fit.z) / fit.problem.weight_of_priors
+    return -0.5 * float(off @ off)
 
 
 def in_occams_window(probabilities: FloatArray) -> list[int]:

@@ -309,11 +309,13 @@ class Problem:
         seen = np.where(bound.counted.any(axis=1), _SEEN_SPREAD, _NODE_SPREAD)
         return np.concatenate([seen, hidden])
 
+    def off_priors(self, z: FloatArray) -> FloatArray:
+        """The residuals of what is known of parameters: of left-right pairs, then of priors."""
+        values = self.point(z).values[self.free][self._with_prior]
+        return np.concatenate([self._penalties @ z[: len(self.free)], (values - self._means) / self._deviations])
+
     def _prior_residuals(self, z: FloatArray, point: Point) -> FloatArray:
-        off = self.starts_off(point.starts)[0]
-        values = point.values[self.free][self._with_prior]
-        known = (values - self._means) / self._deviations
-        return np.concatenate([off.ravel(), self._penalties @ z[: len(self.free)], known])
+        return np.concatenate([self.starts_off(point.starts)[0].ravel(), self.off_priors(z)])
 
     def _prior_jacobian(self, values: FloatArray) -> FloatArray:
         starts = np.diag(1.0 / np.concatenate(self._spreads)) if self._spreads else np.zeros((0, 0))
