@@ -97,6 +97,8 @@ def test_a_failed_command_is_wrong_but_neither_silly_nor_an_alarm() -> None:
 
 def test_what_every_leg_of_finite_volumes_has_is_neither_right_nor_an_alarm() -> None:
     assert not judged(AS_BUILT, said(("second_mass", "*"), ("natural_convection", "*"))).alarm
+    assert not judged(AS_BUILT, said(("sensor_position", "FR_thigh~FR_calf"))).alarm
+    assert judged(AS_BUILT, said(("sensor_position", "FR_hip~FR_thigh"))).alarm
     assert judged(AS_BUILT, said(("second_mass", "*"), ("sensor_offset", "FR_calf"))).alarm
     assert judged(AS_BUILT, said(("loss_scale", "*@fit1"))).alarm  # what is built in is so in every run
     mass = judged(PASTE, said(("second_mass", "FR_hip"), probabilities=[("second_mass", "FR_hip", 0.9)]))

@@ -86,7 +86,8 @@ def judged(case: Case, answer: Answer) -> Judged:
         return named == NOTHING if kind == "nothing" else named != NOTHING and case.right(named)
 
     def natural(named: Key) -> bool:
-        return named[0] in always and "@" not in named[1]  # nothing that is built in acts in one run alone
+        effect, at = named  # nothing that is built in acts in one run alone
+        return f"{effect}@{at}" in always or (effect in always and "@" not in at)
 
     beside = [step for step in answer.steps if not natural(step)]
     alarm = kind == "nothing" and not failed and bool(beside or (answer.verdict != "adequate" and not answer.steps))

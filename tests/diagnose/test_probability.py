@@ -16,7 +16,9 @@ from lptn.diagnose.probability import (
     log_prior_of_sizes,
     log_priors,
     probabilities,
+    probabilities_by_score,
 )
+from lptn.diagnose.scores import Scores, score
 from lptn.identify.data import split_data
 from lptn.identify.fitting import Fit
 from lptn.identify.validation import fit_segments
@@ -79,6 +81,33 @@ def test_what_all_blocks_say_is_sure_and_what_one_says_is_not() -> None:
     )
     assert probabilities(sure, np.zeros(2))[1] > 0.99
     assert probabilities(unsure, np.zeros(2))[1] < 0.9
+
+
+def _scored(run: Run) -> tuple[Scores, Fit]:
+    done = fit_of(run)
+    return score(done, candidates(HEATED, run.columns, ["run"])), done
+
+
+@pytest.mark.parametrize(
+    ("kelvin", "least", "most"),
+    [(0.0, 0.97, 0.9999), (0.08, 0.4, 0.9), (0.3, 0.0, 0.01)],
+    ids=["no", "faint", "plain"],
+)
+def test_nothing_is_the_less_probable_the_more_a_candidate_scores(kelvin: float, least: float, most: float) -> None:
+    scores, done = _scored(run_with(np.linspace(0.0, kelvin, STEPS)))
+    shares = probabilities_by_score(done, scores.ranked, 3.0)
+    assert least < 1 - shares.sum() < most
+    assert (shares >= 0).all()
+    # However often the candidates are counted, nothing is as probable beforehand as all of them.
+    twice = probabilities_by_score(done, [*scores.ranked, *scores.ranked], 3.0)
+    assert twice.sum() == pytest.approx(shares.sum(), abs=1e-6)
+
+
+def test_what_would_not_show_and_what_does_not_matter_are_nothing() -> None:
+    scores, done = _scored(run_with(np.zeros(STEPS)))
+    unseen = [replace(each, per_unit=1e-9 * each.per_unit) for each in scores.ranked]
+    assert probabilities_by_score(done, unseen, 3.0).sum() < 1e-6
+    assert probabilities_by_score(done, scores.ranked, 1e4).sum() < 1e-6
 
 
 def test_a_hidden_mass_that_begins_far_from_its_node_is_paid_for() -> None:

@@ -145,6 +145,25 @@ def test_copper_and_grease_follow_their_temperature() -> None:
     assert (assembly.thins > 0).tolist() == [k % kinds == 3 for k in range(3 * kinds)]
 
 
+def test_a_sensor_lies_between_its_motor_and_the_one_that_is_bolted_to_its_back() -> None:
+    """Heated from one joint alone, another's sensor is so much of the way from its own mean to the heated one's sensor."""
+
+    def share(leg: Leg, sensor: int, heated: int) -> float:
+        assembly, heat = assemble(leg), np.zeros((1800, 3 * len(KINDS)))
+        heat[:, heated * len(KINDS)] = 20.0
+        still = np.zeros(1800)
+        last = solve(assembly, heat, np.full((1800, 3), 20.0), still, still, 20.0).temperature[-1]
+        own = np.array(assembly.body.zone) == sensor
+        capacity, reads = np.array(assembly.body.capacity), assembly.reads @ last
+        mean = capacity[own] @ last[own] / capacity[own].sum()
+        return float((reads[sensor] - mean) / (reads[heated] - mean))
+
+    legs, (hip, thigh, calf) = [draw_finite_volumes(seed) for seed in range(5)], range(3)
+    assert all(0.05 < share(leg, thigh, calf) < 0.2 for leg in legs)
+    assert all(0.05 < share(leg, calf, thigh) < 0.3 for leg in legs)
+    assert all(share(leg, hip, thigh) < 0 for leg in legs)  # heat comes through the hip's gear, far from its sensor
+
+
 def test_dimensions_scatter_and_the_seed_fixes_them() -> None:
     assert draw_finite_volumes(4).joints == draw_finite_volumes(4).joints
     paste = [draw_finite_volumes(seed).joints["FR_hip"].paste for seed in range(20)]

@@ -97,6 +97,7 @@ def show_diagnosis(diagnosis: Diagnosis) -> None:
     print(f"Misfit over one-minute means, 1 being the most that noise would leave: {lack}.")
     show_what_runs_have_of_their_own(diagnosis.fit, diagnosis.differing)
     if not diagnosis.helpful:
+        _show_that_nothing_helps(diagnosis)
         return
     if diagnosis.verdict == "missing":
         _show_first(diagnosis)
@@ -114,6 +115,19 @@ def show_diagnosis(diagnosis: Diagnosis) -> None:
     print(f"at: * is everywhere.{' NODE@RUN is in that run alone.' if one_run else ''} The last column names ranks.")
     if diagnosis.verdict == "missing":
         print("To add it, fit again, and look for more: `lptn improve` with the same model and logs.")
+
+
+def _show_that_nothing_helps(diagnosis: Diagnosis) -> None:
+    """How probable it is by the fitted data that nothing is missing, and what else may be."""
+    from lptn.diagnose.diagnosis import NOTHING
+    from lptn.report.text import percent
+
+    shares = dict(diagnosis.probabilities)
+    if diagnosis.refits or not shares:
+        return
+    others = [f"{in_words([key])} {percent(share)}" for key, share in shares.items() if key != NOTHING][:_FEW]
+    text = f"By the fitted data nothing that matters is missing with a probability of {percent(shares[NOTHING])}"
+    print(f"{text}; next: {', '.join(others)}." if others else f"{text}.")
 
 
 def _show_first(diagnosis: Diagnosis) -> None:

@@ -43,6 +43,7 @@ from lptn.diagnose.probability import (
     log_prior_of_sizes,
     log_priors,
     probabilities,
+    probabilities_by_score,
 )
 from lptn.diagnose.refits import continued, refit, unless_interrupted
 from lptn.diagnose.runs_that_differ import RunDifference, granted_differences
@@ -180,13 +181,21 @@ class Diagnosis(Tabular):
     def probabilities(self) -> list[tuple[Key, float]]:
         """What the model lacks and how probable that is by the fitted runs, the most probable first.
 
-        Nothing has an empty key. Given that one of the answers is right: empty where the verdict is that none is.
+        Nothing has an empty key. Given that one of the answers is right: empty where the verdict is that none is. Where
+        no candidate was worth a refit, those that may be missing all the same, to first order.
         """
         if self.verdict == "unexplained":
             return []
-        of_nothing = 1.0 - sum(step.probability for step in self.refits)
-        answers = [(("", ""), of_nothing), *((step.key, step.probability) for step in self.refits)]
-        return sorted(answers, key=lambda answer: -answer[1])
+        answers = [(step.key, step.probability) for step in self.refits] or self._by_score
+        of_nothing = 1.0 - sum(probability for _, probability in answers)
+        listed = [answer for answer in answers if self.refits or answer[1] >= _WORTH_A_LINE]
+        return sorted([(NOTHING, of_nothing), *listed], key=lambda answer: -answer[1])
+
+    @cached_property
+    def _by_score(self) -> list[tuple[Key, float]]:
+        ranked = self.scores.ranked
+        shares = probabilities_by_score(self.fit, ranked, self.scores.negligible)
+        return [(each.candidate.key, float(share)) for each, share in zip(ranked, shares, strict=True)]
 
     def probabilities_as_json(self) -> list[dict[str, object]]:
         """The same as other tools read it, `null` for nothing."""
@@ -257,6 +266,9 @@ class Diagnosis(Tabular):
 # --- The procedure --------------------------------------------------------------------------------
 
 
+NOTHING: Key = ("", "")
+"""The answer that nothing is missing."""
+_WORTH_A_LINE = 0.01  # probability; of some hundred candidates most are improbable
 SIGNIFICANT = 0.05
 """A score that chance alone reaches less often than this is beyond chance."""
 _SEARCH_STEP = 5.0  # s; effects are sought on means over so long, which loses little and saves most of the time

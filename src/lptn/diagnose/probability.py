@@ -15,6 +15,7 @@ from dataclasses import replace
 from math import log
 
 import numpy as np
+from scipy.special import logsumexp, ndtr
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.parameters import Parameter
@@ -27,6 +28,7 @@ from lptn.diagnose.fit_statistics import (
     independent_readings,
     predicted_errors,
 )
+from lptn.diagnose.scores import Score
 from lptn.identify.comparison import Prediction
 from lptn.identify.fitting import Fit
 from lptn.model.network import EffectDeclaration
@@ -84,6 +86,37 @@ def _log_prior_of_parameters(fit: Fit) -> float:
     """
     off = fit.problem.off_priors(fit.z) / fit.problem.weight_of_priors
     return -0.5 * float(off @ off)
+
+
+def probabilities_by_score(fit: Fit, scores: Sequence[Score], matters: float) -> FloatArray:
+    """Probability of each candidate to be missing where none was worth a refit, shape (scores,); the rest is nothing's.
+
+    A candidate counts by its evidence to first order: its size is normal about none, with the usual size as standard
+    deviation, and what the residuals say of it is normal, too. What is too small to matter is as good as nothing, and
+    that nothing is missing is as probable beforehand as that something is, however many candidates there are
+    [ScottBerger2010].
+
+    Args:
+        fit: the model as it stands.
+        scores: of all candidates.
+        matters: the gain from which on an effect matters.
+    """
+    errors = fitted_errors(fit)
+    squares = float(block_misfits(errors, fit.problem.sigma)[0].sum())
+    independent = min(
+        1.0, independent_readings(errors) / max(squares, 1e-300)
+    )  # of a gain; no more than its weight says
+    found = np.sqrt([independent * each.gain for each in scores])
+    usual = np.array([independent * (each.candidate.typical * each.per_unit) ** 2 for each in scores])
+    least = np.sqrt(independent * matters)
+    told = usual / (1.0 + usual)
+    size, deviation = found * told, np.sqrt(np.maximum(told, _NOTHING))
+    above = ndtr((size - least) / deviation)
+    below = np.where([each.candidate.one_sided for each in scores], above, ndtr((-size - least) / deviation))
+    beforehand = log_priors([each.candidate for each in scores])
+    evidence = beforehand - logsumexp(beforehand) - 0.5 * np.log1p(usual) + 0.5 * found**2 * told
+    odds = np.exp(evidence) * (above + below)
+    return np.asarray(odds / (1.0 + odds.sum()))
 
 
 def in_occams_window(probabilities: FloatArray) -> list[int]:

@@ -9,8 +9,8 @@ for. A stator without paste is a coil that runs ahead of its housing, hence a se
 a tight gearbox friction of either law sends her to the same gear. Where the robot has a mass of its own for the inside
 of a joint, a sensor between the two says the same.
 
-``ALWAYS`` is true of every leg, at its natural size, wherever it is named: no lumped model has all of it. Such a step
-is neither the answer nor silly.
+``ALWAYS`` is true of every leg, at its natural size, wherever it is named, or at the place that stands with it: no
+lumped model has all of it. Such a step is neither the answer nor silly.
 """
 
 from __future__ import annotations
@@ -37,7 +37,8 @@ UNLINKED = (edge("FR_hip", "FR_calf"),)
 
 # True of every leg: coil, rotor and flange are masses apart, the sensor touches the coil and lags, films of air grow
 # with temperature, a housing radiates, copper's resistance rises and is not just the data sheet's, gears and iron rub,
-# boards idle, flanges and tubes between joints are masses that these share.
+# boards idle, flanges and tubes between joints are masses that these share. The motors of thigh and calf are bolted back
+# to back, so that either's sensor, on the housing, feels some of the other's heat before its own motor's mean does.
 ALWAYS = (
     "second_mass",
     "shared_mass",
@@ -52,6 +53,8 @@ ALWAYS = (
     "gear_loss",
     "iron_loss",
     "constant_heat",
+    "sensor_position@FR_thigh~FR_calf",
+    "sensor_position@FR_calf~FR_thigh",
 )
 
 
