@@ -146,7 +146,7 @@ def test_copper_and_grease_follow_their_temperature() -> None:
 
 
 def test_a_sensor_lies_between_its_motor_and_the_one_that_is_bolted_to_its_back() -> None:
-    """Heated from one joint alone, another's sensor is so much of the way from its own mean to the heated one's sensor."""
+    """One joint alone is heated: how far another's sensor is from its own mean, on the way to the heated one's."""
 
     def share(leg: Leg, sensor: int, heated: int) -> float:
         assembly, heat = assemble(leg), np.zeros((1800, 3 * len(KINDS)))

@@ -363,10 +363,10 @@ class _Search:
 
     def _exchanged(self, branch: Branch, step: Step) -> Branch | None:
         """The branch with what is most probable beside the others in place of a step; `None` where that is the step."""
-        judged = self._beside_the_others(branch, step)
-        others = tuple(other for other in branch if other is not step)
-        if any(_stands_on(other, step) for other in others) or _effects(others) not in self._diagnoses:
+        others = _without(branch, step)
+        if self._diagnosis_without(branch, step) is None or any(_stands_on(other, step) for other in others):
             return None  # without it the others are no model of their own
+        judged = self._beside_the_others(branch, step)
         likelier = [
             other
             for other in self._longer(others)
@@ -397,15 +397,19 @@ class _Search:
 
     def _beside_the_others(self, branch: Branch, step: Step) -> Step:
         """A step of the branch as it is judged where all the other steps are there already."""
-        last = branch[-1]
+        last, diagnosis = branch[-1], self._diagnosis_without(branch, step)
+        return step if diagnosis is None else compared(diagnosis, replace(step, fit=last.fit, holdout=last.holdout))
+
+    def _diagnosis_without(self, branch: Branch, step: Step) -> Diagnosis | None:
+        """What the branch lacks without one of its steps; `None` where a later one stands at an edge that this made."""
+        last, others = branch[-1], _without(branch, step)
         try:
             network = last.fit.model.network.without_effect(*step.key)
-        except InputError:  # a later effect stands at the edge that this one made
-            return step
-        others = tuple(other for other in branch if other is not step)
+        except InputError:
+            return None
         if _effects(others) not in self._diagnoses:
             others = _ending_in(others, unless_interrupted(finished(continued(last.fit, network))), self.data)
-        return compared(self.diagnosis(others), replace(step, fit=last.fit, holdout=last.holdout))
+        return self.diagnosis(others)
 
     def _longer(self, branch: Branch) -> list[Branch]:
         """The branch with each refit of its last model that is beyond chance, each name for one step once.
@@ -460,6 +464,10 @@ def _least_errors(branches: Sequence[Branch], width: int, data: DataSplit) -> li
         found.append(_most_probable([branch for branch in left if _error(branch) <= most], data))
         left.remove(found[-1])
     return found
+
+
+def _without(branch: Branch, step: Step) -> Branch:
+    return tuple(other for other in branch if other is not step)
 
 
 def _ending_in(branch: Branch, fit: Fit, data: DataSplit) -> Branch:

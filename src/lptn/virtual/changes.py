@@ -37,8 +37,8 @@ UNLINKED = (edge("FR_hip", "FR_calf"),)
 
 # True of every leg: coil, rotor and flange are masses apart, the sensor touches the coil and lags, films of air grow
 # with temperature, a housing radiates, copper's resistance rises and is not just the data sheet's, gears and iron rub,
-# boards idle, flanges and tubes between joints are masses that these share. The motors of thigh and calf are bolted back
-# to back, so that either's sensor, on the housing, feels some of the other's heat before its own motor's mean does.
+# boards idle, flanges and tubes between joints are masses that these share. Motors of thigh and calf are bolted back to
+# back, so that either's sensor, on the housing, feels some of the other's heat before its own motor's mean does.
 ALWAYS = (
     "second_mass",
     "shared_mass",
