@@ -148,6 +148,13 @@ def test_a_prior_frees_a_parameter_and_starts_it_at_its_mean() -> None:
     assert not next(each for each in held if each.name == "copper_loss.resistance.a").free
 
 
+def test_a_fitted_value_stands_before_the_prior_that_it_began_at() -> None:
+    text = SMALL.replace("resistance = 0.2", "resistance = { prior = [0.2, 0.01] }  # from the data sheet")
+    fitted = FitTable(parameters={"copper_loss.resistance.a": FittedTable(value=0.21, error=0.005)})
+    written = _parse(text).with_fit(fitted).text
+    assert "resistance = {value = 0.21, prior = [0.2, 0.01]}  # from the data sheet\n" in written
+
+
 def test_an_added_effect_keeps_its_prior() -> None:
     declared = effect("constant_heat", "a")
     declared = replace(declared, parameters=tuple(replace(p, prior=(4.0, 1.0)) for p in declared.parameters))

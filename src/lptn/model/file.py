@@ -214,6 +214,10 @@ def _set_values(document: Any, key: Key, values: Mapping[str, float], declared: 
     new = tomlkit.item(next(iter(written.values()))) if same else _inline(written)
     if isinstance(old, tomlkit.items.InlineTable) and not same:  # the long one last
         table[name] = _inline({other: entry[other] for other in entry if other != "value"} | {"value": new})
+    elif isinstance(old, tomlkit.items.InlineTable) and "value" not in old:  # it began at its prior, or in its bounds
+        new_entry = _inline({"value": new} | {other: entry[other] for other in entry})
+        new_entry.trivia.comment_ws, new_entry.trivia.comment = old.trivia.comment_ws, old.trivia.comment
+        table[name] = new_entry
     elif entry:
         entry["value"] = new  # type: ignore[index]  # tomlkit's tables can be written to
     elif old is not None:
