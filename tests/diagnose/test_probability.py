@@ -19,6 +19,7 @@ from lptn.diagnose.probability import (
     probabilities_by_score,
 )
 from lptn.diagnose.scores import Scores, score
+from lptn.effects import catalogue
 from lptn.identify.data import split_data
 from lptn.identify.fitting import Fit
 from lptn.identify.validation import fit_segments
@@ -166,12 +167,12 @@ def test_levels_share_evenly_and_one_run_is_rarer() -> None:
     assert errors["*_hip"] + errors["*_calf"] == pytest.approx(errors["*"])
 
 
-def at_size(key: str, name: str, share: float) -> tuple[Fit, EffectDeclaration]:
+def at_size(key: str, name: str, share: float, at: str = "a") -> tuple[Fit, EffectDeclaration]:
     """A fit with an effect at so many times its usual size, and the effect."""
-    declared = effect(key, "a")
+    declared = effect(key, at)
     fitted = fit_of(run_with(np.zeros(STEPS)), declared)
     values = fitted.model.values
-    values[[each.name for each in fitted.model.parameters].index(f"{key}.{name}.a")] = share * next(
+    values[[each.name for each in fitted.model.parameters].index(f"{key}.{name}.{at}")] = share * next(
         each.typical for each in declared.parameters if each.name == name
     )
     return replace(fitted, model=fitted.model.with_values(values)), declared
@@ -201,6 +202,24 @@ def test_factors_vary_by_decades(change: float, believed: bool) -> None:
     fitted, declared = at_size("surface_scale", "change", change / 0.3)
     assert is_implausible(fitted, [declared]) != believed
     assert log_prior_of_sizes(fitted, [declared]) == pytest.approx(-abs(np.log(1 + change)) / np.log(3))
+
+
+@pytest.mark.parametrize(
+    ("kind", "at", "parameter", "size", "believed"),
+    [
+        ("natural_convection", "a", "beta", 0.04, True),
+        ("natural_convection", "a", "beta", 0.05, False),
+        ("natural_convection", "a", "beta", 0.0, True),
+        ("ambient_lag", "ambient", "fraction", 1.0, True),
+    ],
+)
+def test_what_went_as_far_as_nature_lets_it_is_not_believed(
+    kind: str, at: str, parameter: str, size: float, believed: bool
+) -> None:
+    """But for where an effect vanishes, and for all of a share."""
+    typical = next(each.typical for each in catalogue()[kind].parameters if each.name == parameter)
+    fitted, declared = at_size(kind, parameter, size / typical, at)
+    assert is_implausible(fitted, [declared]) != believed
 
 
 def test_any_time_constant_of_the_grid_is_usual() -> None:

@@ -216,9 +216,9 @@ def log_evidence_of_starts(fit: Fit) -> float:
 
 
 def is_implausible(fit: Fit, declarations: Iterable[EffectDeclaration]) -> bool:
-    """Whether an added effect's size is more than anyone would believe, or a factor went as far as it may."""
+    """Whether an added effect's size is more than anyone would believe, or went as far as nature lets it."""
     return any(
-        _is_beyond_belief(parameter, parameter.value) or _is_last_factor(parameter)
+        _is_beyond_belief(parameter, parameter.value) or _is_at_its_end(parameter)
         for parameter, _ in _factors_off(fit, declarations)
     )
 
@@ -270,6 +270,11 @@ def _either_sign(parameter: Parameter) -> bool:
     return parameter.off is not None and parameter.off > parameter.bounds[0]
 
 
-def _is_last_factor(parameter: Parameter) -> bool:
-    """Whether the change of a factor stands at one of its bounds."""
-    return _is_change(parameter) and any(abs(parameter.value - end) < _AT_BOUND * abs(end) for end in parameter.bounds)
+def _is_at_its_end(parameter: Parameter) -> bool:
+    """Whether an amplitude stands at a bound and would go on: it explains what it is not.
+
+    All of a share is no such end, nor is where an effect vanishes.
+    """
+    ends = [end for end in parameter.bounds if end not in (parameter.off, 1.0 if parameter.unit == "1" else None)]
+    at_end = any(abs(parameter.value - end) <= _AT_BOUND * abs(end) for end in ends)
+    return parameter.off is not None and at_end
