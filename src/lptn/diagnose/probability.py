@@ -48,9 +48,9 @@ def probabilities(
         predicted: held-out runs as each fit predicts them; with them it is the probability by all runs.
     """
     free = np.array([len(fit.free) for fit in fits])
-    sigma = fits[0].problem.sigma
-    logarithms = _log_likelihoods([fitted_errors(fit) for fit in fits], sigma, free) + log_priors
-    logarithms += [_log_prior_of_parameters(fit) for fit in fits]
+    sigma, errors = fits[0].problem.sigma, [fitted_errors(fit) for fit in fits]
+    logarithms = _log_likelihoods(errors, sigma, free) + log_priors
+    logarithms += max(_independent_share(each, sigma) for each in errors) * np.array(list(map(_log_prior_of, fits)))
     if predicted:
         logarithms += _log_likelihoods([predicted_errors(each) for each in predicted], sigma)
     each_draw = np.exp(logarithms - logarithms.max(axis=1, keepdims=True))
@@ -79,11 +79,18 @@ def _log_likelihoods(
     return np.asarray(-0.5 * independent * np.log(np.maximum(weighted, 1e-300)) - 0.5 * free * np.log(independent))
 
 
-def _log_prior_of_parameters(fit: Fit) -> float:
-    """How far the fitted parameters are off their priors, and mirrored pairs off each other, as a logarithm.
+def _independent_share(errors: Sequence[RunErrors], sigma: FloatArray) -> float:
+    """How much a squared weighted error counts, 1 at most: less where errors repeat, or are larger than their weights.
 
-    These are standard deviations of their own, and not shares of an error that the readings set the scale of.
+    Fits follow what a model lacks with all that may move, so that this holds for what parameters are off their priors
+    as well. Errors that are smaller than their weights make nothing surer than it was beforehand.
     """
+    squares = float(block_misfits(errors, sigma)[0].sum())
+    return min(1.0, independent_readings(errors) / max(squares, 1e-300))
+
+
+def _log_prior_of(fit: Fit) -> float:
+    """How far the fitted parameters are off their priors, and mirrored pairs off each other, as a logarithm."""
     off = fit.problem.off_priors(fit.z) / fit.problem.weight_of_priors
     return -0.5 * float(off @ off)
 
@@ -101,11 +108,7 @@ def probabilities_by_score(fit: Fit, scores: Sequence[Score], matters: float) ->
         scores: of all candidates.
         matters: the gain from which on an effect matters.
     """
-    errors = fitted_errors(fit)
-    squares = float(block_misfits(errors, fit.problem.sigma)[0].sum())
-    independent = min(
-        1.0, independent_readings(errors) / max(squares, 1e-300)
-    )  # of a gain; no more than its weight says
+    independent = _independent_share(fitted_errors(fit), fit.problem.sigma)
     found = np.sqrt([independent * each.gain for each in scores])
     usual = np.array([independent * (each.candidate.typical * each.per_unit) ** 2 for each in scores])
     least = np.sqrt(independent * matters)
