@@ -37,13 +37,13 @@ COLUMNS = ["temperature.ambient", "power.a", "power.b", "torque.a", "torque.b", 
 HEATED = two_nodes([effect("heat_input")])
 
 
-def run_with(extra: FloatArray, seed: int = 0) -> Run:
+def run_with(extra: FloatArray, seed: int = 0, noise: float = NOISE) -> Run:
     """An hour of two heated nodes with something added to what node a reads [K], shape (n,)."""
     model = Model(HEATED)
     run = random_run(model, len(extra), seed=seed, step=5.0)
     readings = simulate(model, bind(model, run), model.values).readings
-    noise = np.random.default_rng(seed).normal(0.0, NOISE, readings.shape)
-    columns = {f"temperature.{name}": row for name, row in zip(model.nodes, readings + noise, strict=True)}
+    readings = readings + np.random.default_rng(seed).normal(0.0, noise, readings.shape)
+    columns = {f"temperature.{name}": row for name, row in zip(model.nodes, readings, strict=True)}
     columns["temperature.a"] = columns["temperature.a"] + extra
     return replace(run, columns={**run.columns, **columns})
 
@@ -62,6 +62,22 @@ def test_equal_fits_share_the_probability_as_thought_beforehand() -> None:
     assert shares == pytest.approx([1 / 8, 2 / 8, 5 / 8])
     assert in_occams_window(probabilities([one, one], np.log([1.0, 21.0]))) == [1]
     assert in_occams_window(probabilities([one, one], np.log([1.0, 19.0]))) == [1, 0]
+
+
+def test_a_parameter_off_its_prior_counts_in_standard_deviations_however_quiet_the_sensors_are() -> None:
+    def fit_with_prior(mean: float) -> Fit:
+        (heat,) = HEATED.effects
+        gain = replace(heat.resolved["gain"], fixed=False, prior=(mean, 0.1))
+        first, *others = HEATED.nodes
+        assert first.capacity is not None
+        known = replace(first, capacity=replace(first.capacity, fixed=True))  # so that the data tell the gain
+        given = Model(replace(HEATED, nodes=(known, *others), effects=(replace(heat, parameters=(gain,)),)))
+        return fit_segments(given, split_data([run_with(np.zeros(STEPS), noise=0.002)]).fit)
+
+    at_mean, off = fit_with_prior(1.0), fit_with_prior(1.2)
+    assert at_mean.rmse == pytest.approx(off.rmse, rel=0.01)
+    odds = probabilities([at_mean, off], np.zeros(2))
+    assert odds[0] / odds[1] == pytest.approx(np.exp(0.5 * 2.0**2), rel=0.5)
 
 
 def test_a_parameter_that_explains_nothing_is_paid_for() -> None:
