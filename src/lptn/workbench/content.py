@@ -209,6 +209,7 @@ def _parameters(step: Step) -> list[dict[str, Any]]:
             "error": errors.get(parameter.name),
             "unit": "" if parameter.declared.unit == "1" else parameter.declared.unit,
             "bounds": parameter.declared.bounds,
+            "prior": parameter.declared.prior,
             "free": parameter.free,
             "together": [name for name in together.get(parameter.name, []) if name != parameter.name],
         }

@@ -238,14 +238,15 @@ export function data(page) {
     parameters && parameterTable(page)];
 }
 
-// Parameters of a part of the model, each with its interval and bounds; one at a time can be set.
+// Parameters of a part of the model, each with its interval and its bounds, or what is known of it; one at a time can be set.
 function parameterTable(page) {
   const { parameters, busy } = page.state, parts = [...new Set(parameters.map(each => each.part))];
   const fitted = parameters.filter(each => each.free).length, shown = parameters.filter(each => !page.part || each.part === page.part);
   const short = value => value == null || Math.abs(value) >= LARGEST ? value < 0 ? "−∞" : "∞" : Math.abs(value) >= 1e5 || value && Math.abs(value) < 1e-3 ? value.toExponential(1) : Number(value.toPrecision(4)).toString().replace("-", "−");
   const said = each => each.free ? each.error == null ? "not determined" : `± ${short(Number((1.96 * each.error).toPrecision(2)))}` : "fixed";
+  const beforehand = each => each.prior ? `known: ${each.prior.map(short).join(" ± ")}` : `${short(each.bounds[0])} … ${short(each.bounds[1])}`;
   const row = each => h("tr", null, h("td", null, each.name), h("td", { className: "n" }, digits(each.value, 4)), h("td", { className: "n soft" }, said(each)), h("td", { className: "soft" }, unit(each)),
-    h("td", { className: "n soft" }, each.free ? `${short(each.bounds[0])} … ${short(each.bounds[1])}` : ""),
+    h("td", { className: "n soft" }, each.free ? beforehand(each) : ""),
     h("td", null, h("button", { id: `edit ${each.name}`, ariaExpanded: page.edited === each.name, onclick: () => page.edit(each.name) }, "Change")));
   const form = each => {
     const field = (id, label, value) => h("label", null, `${label} `, h("input", { id, type: "number", step: "any", required: id === "set value", value: value ?? "", size: 9 }));
