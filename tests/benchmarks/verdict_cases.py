@@ -299,7 +299,7 @@ time_constant = {{ value = 120, unit = "s", bounds = [5, 3600] }}
 
 
 def with_bounds(files: Files) -> Files:
-    """The same with bounds of three standard deviations in place of priors, as versions before 2026-11 read them."""
+    """The same with bounds of three standard deviations in place of priors, which older versions don't read."""
 
     def bounded(prior: re.Match[str]) -> str:
         mean, deviation = map(float, prior.groups())

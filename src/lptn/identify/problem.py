@@ -207,9 +207,8 @@ class Problem:
 
     def information_of_priors(self, z: FloatArray) -> FloatArray:
         """What the priors add to the Hessian of the free parameters, shape (free, free)."""
-        slopes = np.zeros(len(self.free))
-        slopes[self._with_prior] = self.slope(self.point(z).values)[self._with_prior] / self._deviations
-        return np.diag(slopes**2)
+        slopes = self._slopes_of_priors(self.point(z).values)
+        return slopes.T @ slopes
 
     def block_gradients(self, z: FloatArray, seconds: float) -> FloatArray:
         """The cost's gradient from each node's readings in each block of `seconds` of a run, shape (blocks, size).
@@ -319,13 +318,18 @@ class Problem:
 
     def _prior_jacobian(self, values: FloatArray) -> FloatArray:
         starts = np.diag(1.0 / np.concatenate(self._spreads)) if self._spreads else np.zeros((0, 0))
-        free, mirrors = len(self.free), len(starts) + len(self._penalties)
-        jacobian = np.zeros((mirrors + len(self._with_prior), self.size))
-        jacobian[: len(starts), free:] = starts
-        jacobian[len(starts) : mirrors, :free] = self._penalties
-        own = np.arange(len(self._with_prior))
-        jacobian[mirrors + own, self._with_prior] = self.slope(values)[self._with_prior] / self._deviations
+        of_parameters = np.vstack([self._penalties, self._slopes_of_priors(values)])
+        jacobian = np.zeros((len(starts) + len(of_parameters), self.size))
+        jacobian[: len(starts), len(self.free) :] = starts
+        jacobian[len(starts) :, : len(self.free)] = of_parameters
         return jacobian
+
+    def _slopes_of_priors(self, values: FloatArray) -> FloatArray:
+        """Derivatives of the priors' residuals by the free parameters' coordinates, shape (priors, free)."""
+        slopes = np.zeros((len(self._with_prior), len(self.free)))
+        own = self.slope(values)[self._with_prior] / self._deviations
+        slopes[np.arange(len(own)), self._with_prior] = own
+        return slopes
 
     def _penalties_on_parameters(self, weight: float) -> FloatArray:
         """A row for each left-right pair of free parameters, sqrt(λ) times their difference."""
