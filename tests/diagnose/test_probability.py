@@ -14,6 +14,7 @@ from lptn.diagnose.probability import (
     is_implausible,
     log_evidence_of_starts,
     log_prior_of_sizes,
+    log_prior_of_starts,
     log_priors,
     probabilities,
     probabilities_by_score,
@@ -113,7 +114,7 @@ def _scored(run: Run) -> tuple[Scores, Fit]:
 def test_nothing_is_the_less_probable_the_more_a_candidate_scores(kelvin: float, least: float, most: float) -> None:
     scores, done = _scored(run_with(np.linspace(0.0, kelvin, STEPS)))
     shares = probabilities_by_score(done, scores.ranked, 3.0)
-    assert least < 1 - shares.sum() < most
+    assert least <= 1 - shares.sum() < most
     assert (shares >= 0).all()
     # However often the candidates are counted, nothing is as probable beforehand as all of them.
     twice = probabilities_by_score(done, [*scores.ranked, *scores.ranked], 3.0)
@@ -142,6 +143,38 @@ def test_a_start_that_no_reading_holds_costs_nothing() -> None:
     assert log_evidence_of_starts(fit_of(plain)) == 0.0
     lagging = fit_of(plain, effect("sensor_lag", "a", time_constant=3.0))
     assert log_evidence_of_starts(lagging) == pytest.approx(0.0, abs=0.1)
+
+
+def run_begun_at(*above: float, extra: float = 0.0) -> Run:
+    """An hour of two heated nodes that begin so much above the air [K]; what node a reads is off by `extra` [K]."""
+    model = Model(HEATED)
+    run = random_run(model, STEPS, step=5.0)
+    air = run.columns["temperature.ambient"]
+    begun = {f"temperature.{name}": air[:1] + kelvin for name, kelvin in zip(model.nodes, above, strict=True)}
+    begun = {name: np.repeat(value, STEPS) for name, value in begun.items()}
+    readings = simulate(model, bind(model, replace(run, columns=run.columns | begun)), model.values).readings
+    readings = readings + np.array([[extra], [0.0]]) + np.random.default_rng(1).normal(0.0, NOISE, readings.shape)
+    read = {f"temperature.{name}": row for name, row in zip(model.nodes, readings, strict=True)}
+    return replace(run, columns=run.columns | read)
+
+
+def test_a_robot_begins_at_rest_or_warm_and_none_of_its_nodes_cold() -> None:
+    at_rest, one_warm, one_cold, carried_in, warm, as_warm = (
+        log_prior_of_starts(fit_of(run_begun_at(*above)))
+        for above in [(0.0, 0.0), (0.0, 4.0), (0.0, -4.0), (-4.0, -4.0), (20.0, 24.0), (21.0, 24.0)]
+    )
+    assert at_rest - np.log(50.0) < one_warm < at_rest - np.log(5.0)  # it worked before, or reads off
+    assert one_cold < one_warm - np.log(10.0)
+    assert carried_in > one_cold
+    assert warm == pytest.approx(as_warm, abs=0.3)  # how warm a robot was is nothing that anyone knows
+
+
+def test_what_a_sensor_reads_before_anything_runs_tells_its_error() -> None:
+    """Four kelvins from the start are the sensor's; one that reads as the air does has no such error."""
+    offset = effect("sensor_offset", "a", offset=4.0)
+    reads_off, reads_well = run_begun_at(0.0, 0.0, extra=4.0), run_begun_at(-4.0, 0.0, extra=4.0)
+    assert log_prior_of_starts(fit_of(reads_off, offset)) > log_prior_of_starts(fit_of(reads_off)) + np.log(5.0)
+    assert log_prior_of_starts(fit_of(reads_well, offset)) < log_prior_of_starts(fit_of(reads_well)) - np.log(20.0)
 
 
 @pytest.mark.parametrize("runs", [(), ("monday", "tuesday")], ids=["one run", "two runs"])

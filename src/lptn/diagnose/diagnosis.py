@@ -41,6 +41,7 @@ from lptn.diagnose.probability import (
     is_implausible,
     log_evidence_of_starts,
     log_prior_of_sizes,
+    log_prior_of_starts,
     log_priors,
     probabilities,
     probabilities_by_score,
@@ -137,8 +138,8 @@ class Step(Tabular):
 
     @cached_property
     def log_evidence_of_starts(self) -> float:
-        """As `probability` has it; kept, since a search asks for it often."""
-        return log_evidence_of_starts(self.fit)
+        """Of measured and of hidden states, as `probability` has it; kept, since a search asks for it often."""
+        return log_prior_of_starts(self.fit) + log_evidence_of_starts(self.fit)
 
     @property
     def declarations(self) -> list[EffectDeclaration]:
@@ -469,7 +470,7 @@ def _by_probability(base: Fit, steps: Sequence[Step]) -> list[Step]:
     Nothing missing is one of the answers that share the probability.
     """
     of_sizes = [step.log_odds + log_prior_of_sizes(step.fit, step.declarations) for step in steps]
-    of_starts = [log_evidence_of_starts(base), *(step.log_evidence_of_starts for step in steps)]
+    of_starts = [step.log_evidence_of_starts for step in (Step(base), *steps)]
     priors = np.array([0.0, *of_sizes]) + np.array(of_starts)
     fits = [base, *(step.fit for step in steps)]
     of_all = probabilities(fits, priors)[1:]

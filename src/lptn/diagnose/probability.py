@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from math import log
+from math import log, pi, sqrt
 
 import numpy as np
 from scipy.special import logsumexp, ndtr
@@ -143,6 +143,11 @@ _BELIEVED = 3.0
 """Standard deviations, and factors, beyond which no size is believed."""
 _AT_BOUND = 1e-3  # of a bound
 _NOTHING = 1e-12  # share of the usual size; what a search leaves of a zero has a logarithm
+_AT_REST = 0.5
+"""K, standard deviation of a node that rests about its surroundings: sensors of 1 K steps, and the air's 0.3 K."""
+_WARMER = 10.0
+"""K, by which a robot's node is usually warmer than its surroundings while it works, or another room than this one."""
+_FAR, _ROOMS = 10.0, 400  # K beyond the nodes; temperatures of the other room over which is summed
 _ERRORS_ALIKE = 0.1
 """How usual the same error of several sensors is beside an error of one. A defect befalls single sensors; to drift
 alike, or to be off alike, they need a cause in common, such as the supply of all their bridges."""
@@ -186,6 +191,40 @@ def log_prior_of_sizes(fit: Fit, declarations: Iterable[EffectDeclaration]) -> f
         -0.5 * factors**2 if _is_error(parameter) else -factors
         for parameter, factors in _factors_off(fit, declarations)
     )
+
+
+def log_prior_of_starts(fit: Fit) -> float:
+    """How usual it is that the measured nodes start each run where the fit has them, as a logarithm.
+
+    A robot that rested is as warm as what surrounds it, or as another room that it was carried from. Of its nodes each
+    may be warmer than that, from what it did before or from its electronics, but none is colder. So the error of a
+    sensor that reads off the air before anything runs is likely, and one that reads as it should, because its node was
+    colder by as much, is not. Either is as probable beforehand; how much warmer has long tails (Cauchy's).
+    """
+    model, total = fit.model, 0.0
+    if not model.network.prescribed:
+        return total
+    for bound, start in zip(fit.problem.bound_runs, fit.point.starts, strict=True):
+        values = model.in_run(bound.run.name, fit.point.values)
+        felt = model.surroundings(start, bound.inputs[:, 0], values).full().ravel()
+        nodes = start[: len(model.nodes)][np.isfinite(bound.start)]
+        off = nodes - np.clip(nodes, felt.min(), felt.max())
+        rooms = np.linspace(off.min(initial=0.0) - _FAR, off.max(initial=0.0) + _FAR, _ROOMS)
+        of_each = np.append(_log_cauchy(rooms) + log(rooms[1] - rooms[0]), 0.0)
+        total += float(logsumexp(of_each + _log_density_of_starts(off, np.append(rooms, 0.0)))) - log(2.0)
+    return total
+
+
+def _log_density_of_starts(off: FloatArray, rooms: FloatArray) -> FloatArray:
+    """Of nodes that start so much off their surroundings [K], in a robot that rested in each of some rooms."""
+    above = off - rooms[:, None]
+    at_rest = -0.5 * (above / _AT_REST) ** 2 - log(_AT_REST * sqrt(2 * pi))
+    warmer = np.where(above > 0, log(2.0) + _log_cauchy(above), -np.inf)
+    return np.asarray(np.sum(np.logaddexp(at_rest, warmer) - log(2.0), axis=1))
+
+
+def _log_cauchy(kelvin: FloatArray) -> FloatArray:
+    return np.asarray(-np.log1p((kelvin / _WARMER) ** 2) - log(pi * _WARMER))
 
 
 def log_evidence_of_starts(fit: Fit) -> float:

@@ -157,6 +157,12 @@ class Model:
         return self.made_once("output", make)
 
     @property
+    def surroundings(self) -> ca.Function:
+        """(x, u, p) -> the prescribed temperatures as the nodes feel them [degC]: given ones, less their errors."""
+        felt = [self.balance.temperature[name] for name in self.network.prescribed]
+        return self._function("surroundings", lambda: ca.densify(ca.vertcat(*felt)), "felt")
+
+    @property
     def reads_directly(self) -> bool:
         """Whether every sensor reads its node's temperature as it is."""
         return not any(instance.effect.changes_reading for instance in self.network.effect_instances)
