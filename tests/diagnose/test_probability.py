@@ -152,10 +152,10 @@ def run_begun_at(*above: float, extra: float = 0.0) -> Run:
     air = run.columns["temperature.ambient"]
     begun = {f"temperature.{name}": air[:1] + kelvin for name, kelvin in zip(model.nodes, above, strict=True)}
     begun = {name: np.repeat(value, STEPS) for name, value in begun.items()}
-    readings = simulate(model, bind(model, replace(run, columns=run.columns | begun)), model.values).readings
+    readings = simulate(model, bind(model, replace(run, columns={**run.columns, **begun})), model.values).readings
     readings = readings + np.array([[extra], [0.0]]) + np.random.default_rng(1).normal(0.0, NOISE, readings.shape)
     read = {f"temperature.{name}": row for name, row in zip(model.nodes, readings, strict=True)}
-    return replace(run, columns=run.columns | read)
+    return replace(run, columns={**run.columns, **read})
 
 
 def test_a_robot_begins_at_rest_or_warm_and_none_of_its_nodes_cold() -> None:

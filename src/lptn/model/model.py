@@ -158,7 +158,7 @@ class Model:
 
     @property
     def surroundings(self) -> ca.Function:
-        """(x, u, p) -> the prescribed temperatures as the nodes feel them [degC]: given ones, less their errors."""
+        """(x, u, p) -> the prescribed temperatures as the nodes feel them [degC], errors put right."""
         felt = [self.balance.temperature[name] for name in self.network.prescribed]
         return self._function("surroundings", lambda: ca.densify(ca.vertcat(*felt)), "felt")
 
