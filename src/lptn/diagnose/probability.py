@@ -258,9 +258,14 @@ def log_evidence_of_starts(fit: Fit) -> float:
 
 
 def is_implausible(fit: Fit, declarations: Iterable[EffectDeclaration]) -> bool:
-    """Whether an added effect's size is more than anyone would believe, or went as far as nature lets it."""
+    """Whether an added effect's size is more than anyone would believe, went as far as nature lets it, or is finer than
+    the log: a row may be stamped where its interval begins or where it ends, so that a clock is known to half a step.
+    """
+    step = max(bound.run.step for bound in fit.problem.bound_runs)
     return any(
-        _is_beyond_belief(parameter, parameter.value) or _is_at_its_end(parameter)
+        _is_beyond_belief(parameter, parameter.value)
+        or _is_at_its_end(parameter)
+        or (_is_error(parameter) and parameter.unit == "s" and abs(parameter.value) < 0.5 * step)
         for parameter, _ in _factors_off(fit, declarations)
     )
 
