@@ -306,6 +306,16 @@ def test_a_robot_that_was_warm_is_not_called_fahrenheit(write: Write) -> None:
     assert not only(write({"time": TIME, **rising})).issues  # in degF both would be near the room's 22 degC
 
 
+def test_one_hot_motor_of_a_warm_robot_is_not_called_fahrenheit(write: Write) -> None:
+    """At 66 degC it reads what 19 degC is in degF, in a room of 17; but the others aren't at rest."""
+    hot = {"temperature.a": np.linspace(66.0, 60.0, 100), "temperature.ambient": [17.4] * 100}
+    others = {"temperature.b": np.linspace(45.0, 41.0, 100), "temperature.c": np.linspace(56.0, 50.0, 100)}
+    assert not only(write({"time": TIME, **hot, **others})).issues
+    rested = {name: np.linspace(18.0, 18.0 + 0.01 * len(name) * row, 100) for row, name in enumerate(others, start=3)}
+    (issue,) = only(write({"time": TIME, **hot, **rested})).issues
+    assert issue.key == "temperature.a"
+
+
 def test_a_whole_log_in_fahrenheit_waits_until_its_unit_is_named(write: Write, refuse: Refuse) -> None:
     """Nothing in degC begins at rest at 68 degC, and a robot that is so warm cools when it does less."""
     path = write({"time": TIME, "temperature.a": 1.8 * np.array(WARMING) + 32, "temperature.b": [68.0] * 99 + [70.0]})

@@ -246,7 +246,10 @@ def suspect_fahrenheit(sources: Mapping[str, ColumnSource], values: Mapping[str,
         for key, start in first.items()
         if start > room + _OVER_ROOM and abs(start - (1.8 * room + 32)) < _SAME_START
     }
-    if like_room and max(like_room.values()) - min(like_room.values()) >= _SAME_START:
+    # Where the others begin warm as well, or these apart, it is the robot that was warm.
+    others = [start for key, start in first.items() if key not in like_room]
+    others_warm = bool(others) and float(np.median(others)) > room + _SAME_START
+    if others_warm or (like_room and max(like_room.values()) - min(like_room.values()) >= _SAME_START):
         return []
     problem = "begins at {:.4g} degC where the surroundings have {:.4g} degC, which looks like degF"
     return [
