@@ -278,6 +278,15 @@ def test_no_clock_is_known_to_less_than_half_a_step(delay: float, believed: bool
     assert is_implausible(fitted, [declared]) != believed
 
 
+@pytest.mark.parametrize(("share", "believed"), [(0.5, True), (-0.5, True), (-1.5, False)])
+def test_no_place_takes_back_more_than_it_has_in_common_with_others(share: float, believed: bool) -> None:
+    common, own = effect("constant_heat", "*", power=2.0), effect("constant_heat", "a")
+    declared = replace(own, parameters=(replace(own.effect.stated(True)[0], value=2.0 * share),), difference=True)
+    fitted = fit_of(run_with(np.zeros(STEPS)), common, declared)
+    given = Model(HEATED.with_effects([common, declared]))
+    assert is_implausible(replace(fitted, model=given), [common, declared]) != believed
+
+
 def test_any_time_constant_of_the_grid_is_usual() -> None:
     declared = effect("second_mass", "a")
     fitted = fit_of(run_with(np.zeros(STEPS)), declared)

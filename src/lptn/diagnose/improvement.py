@@ -10,8 +10,8 @@ good. So several models are followed a step further, side by side:
 4. The held-out data decide which branch is kept, and how far; without them the information criterion does.
 5. Steps that the others make superfluous are taken out. Each that is left is asked anew beside all others, and gives
    way to what is more probable there: what a step is taken for while much else is missing says little of it. What
-   sets a few places or one run apart is told first, as it may be a fault, then what most have in common, as that is
-   how the model is made; of each what would be missed most.
+   sets a few places or one run apart, and is more probable than not, is told first, as it may be a fault, then what
+   most have in common, as that is how the model is made; of each what would be missed most.
 6. Each model left is fitted at full resolution.
 
 Where nothing explains the data because a held-out run is predicted badly, and one parameter that differs in that run
@@ -375,7 +375,8 @@ class _Search:
         if not likelier:
             return None
         most = max(likelier, key=lambda other: other[-1].probability)
-        return _ending_in(most, unless_interrupted(finished(most[-1].fit)), self.data)
+        exchanged = _ending_in(most, unless_interrupted(finished(most[-1].fit)), self.data)
+        return None if is_implausible(exchanged[-1].fit, _declarations(exchanged)) else exchanged
 
     def reconsidered(self, branch: Branch) -> Branch:
         """The branch with each step asked anew beside all others, what sets places or runs apart first."""
@@ -389,7 +390,8 @@ class _Search:
         def place(step: Step) -> tuple[bool, float]:
             # Who misses a step misses what stands on it.
             with_it = [other for other in asked if other is step or _stands_on(other, step)]
-            apart = any(network.sets_apart(*other.declarations) for other in with_it)
+            likely = [other for other in with_it if other.probability >= LIKELY]
+            apart = any(network.sets_apart(*other.declarations) for other in likely)
             return not apart, -max(other.gain for other in with_it)
 
         ordered = sorted(asked, key=place)
@@ -449,9 +451,14 @@ class _Search:
         followed = [*hopeful[:width], *(branch for branch in by_holdout if branch not in hopeful[:width])]
         # Fits that only ranked candidates ended early: where a valley is long, their held-out errors are accidents.
         fits = (self.executor.map if self.executor else map)(finished, [branch[-1].fit for branch in followed])
+        # To the end, a size may go where nobody believes it.
         done = [
-            _ending_in(branch, unless_interrupted(fit), self.data) for branch, fit in zip(followed, fits, strict=True)
+            _ending_in(branch, unless_interrupted(fit), self.data)
+            for branch, fit in zip(followed, fits, strict=True)
+            if not is_implausible(fit, _declarations(branch))
         ]
+        if not done:
+            return []
         (best,) = _least_errors(done, 1, self.data)
         return done[:width] if best in done[:width] else [*done[:width], best]
 

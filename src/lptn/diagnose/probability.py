@@ -258,16 +258,39 @@ def log_evidence_of_starts(fit: Fit) -> float:
 
 
 def is_implausible(fit: Fit, declarations: Iterable[EffectDeclaration]) -> bool:
-    """Whether an added effect's size is more than anyone would believe, went as far as nature lets it, or is finer than
-    the log: a row may be stamped where its interval begins or where it ends, so that a clock is known to half a step.
+    """Whether an added effect's size is none that anyone would believe.
+
+    It is much larger than usual, or went as far as nature lets it, or takes more off a place than that has in common
+    with others; or it is finer than the log: a row may be stamped where its interval begins or where it ends, so that
+    a clock is known to half a step.
     """
-    step = max(bound.run.step for bound in fit.problem.bound_runs)
-    return any(
+    step, declared = max(bound.run.step for bound in fit.problem.bound_runs), list(declarations)
+    return _takes_more_than_there_is(fit, declared) or any(
         _is_beyond_belief(parameter, parameter.value)
         or _is_at_its_end(parameter)
         or (_is_error(parameter) and parameter.unit == "s" and abs(parameter.value) < 0.5 * step)
-        for parameter, _ in _factors_off(fit, declarations)
+        for parameter, _ in _factors_off(fit, declared)
     )
+
+
+def _takes_more_than_there_is(fit: Fit, declarations: Sequence[EffectDeclaration]) -> bool:
+    """Whether a difference is more negative than what it adds to: conduction would carry heat from cold to warm.
+
+    What multiplies has bounds of its own for that.
+    """
+    network, values = fit.model.network, fit.model.values
+    for difference in (each for each in declarations if each.difference):
+        effect, amplitude = difference.effect, difference.effect.amplitude()
+        one_sided = amplitude is not None and amplitude.off == amplitude.bounds[0]
+        if amplitude is None or not one_sided or effect.changes_link or effect.scales_heat:
+            continue
+        total: dict[str, float] = {}
+        for each in network.effect_instances:
+            if each.effect.key == effect.key and not each.declaration.run:
+                total[each.place] = total.get(each.place, 0.0) + values[each.parameters[amplitude.name]]
+        if any(total[place] < 0.0 for place, _ in network.places_for(difference)):
+            return True
+    return False
 
 
 def implausible_amplitude(candidate: Candidate, amplitude: float) -> bool:
