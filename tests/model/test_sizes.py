@@ -68,6 +68,21 @@ def test_conduction_that_was_added_counts_as_a_way_out() -> None:
     assert _sized(joined, "constant_heat", "a") > 5 * _sized(apart, "constant_heat", "a")
 
 
+def test_what_radiates_in_the_place_of_a_link_is_a_way_out() -> None:
+    """A fit may leave all that a link carried to radiation, and the link at its bound."""
+    surface = 0.017  # m², which at 25 degC gives 0.1 W/K
+    shining = _one(300.0, 1e4).with_effects([effect("radiation", "a", area=surface)])
+    model = Model(shining)
+    rates = model.state_jacobian([25.0], [25.0], model.values).full()
+    heat = catalogue()["constant_heat"].amplitude()
+    assert heat is not None
+    by_link, by_all, linked = (
+        sizes.typical(heat, [("a",)]) for sizes in (Sizes(shining), Sizes(shining, rates), Sizes(_one(300.0, 10.0)))
+    )
+    assert by_link < 0.1 * linked
+    assert by_all == pytest.approx(linked, rel=0.1)
+
+
 def test_a_network_without_any_way_out_has_sizes() -> None:
     network = Network("two", (node("a"), node("b")), (LinkDeclaration(("a", "b"), resistance(2.0)),))
     assert 0 < _sized(network, "constant_heat", "a") < 10

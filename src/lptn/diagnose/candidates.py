@@ -13,6 +13,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
+from lptn.basics.arrays import FloatArray
 from lptn.basics.parameters import Parameter
 from lptn.basics.places import EVERYWHERE, class_of, in_run, is_glob, is_of_run, matching, run_label
 from lptn.effects import Effect, catalogue
@@ -26,6 +27,7 @@ from lptn.model.heat_balance import input_column
 from lptn.model.model import Model
 from lptn.model.network import EffectDeclaration, Network
 from lptn.model.sizes import Sizes
+from lptn.simulate.bound_run import default_start, start_from
 
 _FARTHEST = 2.0  # standard deviations granted to a sensor's error: readings by the thousand outvote any prior
 _FEWEST = 3  # nodes that share an unseen mass
@@ -204,6 +206,7 @@ def candidates(
     duration: float | None = None,
     rms: Mapping[str, float] | None = None,
     joined: Collection[str] | None = None,
+    rates: FloatArray | None = None,
 ) -> list[Candidate]:
     """Every effect of the catalogue at every place where the network lacks it and the log has its inputs.
 
@@ -221,10 +224,11 @@ def candidates(
             bear: at a rotor's speed the friction of a robot's joint would melt it.
         joined: names of those runs whose logs were put together from several loggers' files (`a.csv+b.csv`), `None`
             where that is not known.
+        rates: as for `lptn.model.sizes.Sizes`.
     """
     proposed = []
     limits = ("", *separate_runs(runs))
-    sizes = Sizes(network)
+    sizes = Sizes(network, rates)
     for effect, run in product(catalogue().values(), limits):
         if effect.amplitude() is not None and (effect.per_run or not run):
             grid = _grid(effect.shape(), step, duration)
@@ -248,7 +252,25 @@ def possible_effects(fit: Fit, columns: Collection[str]) -> list[Candidate]:
         duration=max(len(run) * run.step for run in runs),
         rms={column: float(np.sqrt(np.mean(of_runs))) for column, of_runs in squares.items()},
         joined=[run.name for run in runs if "+" in run.source],
+        rates=_mean_rates(fit),
     )
+
+
+def _mean_rates(fit: Fit) -> FloatArray:
+    """Derivative of the fitted model's rates by its states [1/s], shape (states, states), mean over the runs.
+
+    At the mean readings and inputs of each.
+    """
+    model = fit.model
+    of_runs = []
+    for bound in fit.problem.bound_runs:
+        start = default_start(model, bound)
+        readings = [row[np.isfinite(row)] for row in bound.measured]
+        means = [row.mean() if row.size else first for row, first in zip(readings, start, strict=False)]
+        states = start_from(model, bound, dict(zip(model.nodes, map(float, means), strict=True)))
+        values = model.in_run(bound.run.name, fit.point.values)
+        of_runs.append(model.state_jacobian(states, bound.inputs.mean(axis=1), values).full())
+    return np.asarray(np.mean(of_runs, axis=0))
 
 
 def sites(candidates: Iterable[Candidate]) -> list[Site]:

@@ -31,13 +31,16 @@ class Sizes:
     """Capacitances and conductances of a network's places, at its own values.
 
     A node's conductance is the heat that warms it by 1 K in the long run, everything else left to itself: neighbours
-    that it warms along with it count by what they pass on. Effects between nodes count, other effects don't.
+    that it warms along with it count by what they pass on. Of effects those between nodes count; with `rates` all that
+    carry heat, as radiation and convection do, which a fit may have put in the place of a link.
 
     Args:
         network: the network, with fitted values.
+        rates: derivative of the states' rates by the states [1/s], shape (states, states), in the order of its model,
+            about the temperatures that are usual.
     """
 
-    def __init__(self, network: Network) -> None:
+    def __init__(self, network: Network, rates: FloatArray | None = None) -> None:
         values = np.array([parameter.value for parameter in network.parameters])
         self._capacities = {name: float(values[index]) for name, index in network.capacities.items()}
         flows: list[tuple[tuple[str, ...], float]] = [
@@ -51,6 +54,8 @@ class Sizes:
                 inward = instance.effect.heat_into_ends(SimpleNamespace(temperatures=(0.0, 1.0), p=p))
                 flows.append((instance.ends, float(inward[0])))
         self._conductances = self._by_place([*network.dynamic, *network.massless], flows)
+        if rates is not None:
+            self._conductances |= self._by_node(network.dynamic, rates)
 
     def _by_place(self, places: Sequence[str], flows: Iterable[tuple[tuple[str, ...], float]]) -> dict[str, float]:
         """1 / R_ii [W/K], R the inverse of the matrix of conductances between places whose temperature isn't given."""
@@ -65,6 +70,13 @@ class Sizes:
         # Only a difference in conduction that a fit made too negative has less than its own memory leaves.
         conductances = np.maximum(1 / np.diag(np.linalg.inv(matrix)), np.maximum(least, _LEAST))
         return dict(zip(places, conductances.tolist(), strict=True))
+
+    def _by_node(self, nodes: Sequence[str], rates: FloatArray) -> dict[str, float]:
+        """What holds a node against a heat that stays [W/K]: its capacitance over the time that all states need."""
+        times = np.diag(np.linalg.inv(np.eye(len(rates)) / _LONGEST_MEMORY - rates)).tolist()
+        capacities = [self._capacities[name] for name in nodes]
+        held = {name: c / time for name, c, time in zip(nodes, capacities, times, strict=False) if time > 0}
+        return {name: max(each, self._capacities[name] / _LONGEST_MEMORY, _LEAST) for name, each in held.items()}
 
     def typical(self, parameter: Parameter, places: Iterable[Sequence[str]]) -> float:
         """The usual size of an effect's parameter, in the parameter's unit: the geometric mean over places.
