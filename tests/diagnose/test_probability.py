@@ -13,6 +13,7 @@ from lptn.diagnose.probability import (
     in_occams_window,
     is_implausible,
     log_evidence_of_starts,
+    log_odds_by_score,
     log_prior_of_sizes,
     log_prior_of_starts,
     log_priors,
@@ -119,6 +120,29 @@ def test_nothing_is_the_less_probable_the_more_a_candidate_scores(kelvin: float,
     # However often the candidates are counted, nothing is as probable beforehand as all of them.
     twice = probabilities_by_score(done, [*scores.ranked, *scores.ranked], 3.0)
     assert twice.sum() == pytest.approx(shares.sum(), abs=1e-6)
+
+
+def test_no_score_asks_for_more_than_an_amplitude_may_be() -> None:
+    """A surface can't lose less than nothing, however far the readings rise."""
+    scores, done = _scored(run_with(np.linspace(0.0, 400.0, STEPS)))
+    squares = float(np.sum(done.problem.residuals(done.z) ** 2))
+    at_an_end = 0
+    for each in scores.ranked:
+        lower, upper = each.candidate.room
+        assert lower <= each.amplitude <= upper
+        assert 0.0 <= each.gain <= squares
+        at_an_end += each.gain > 0 and each.amplitude in (lower, upper)
+    assert at_an_end
+
+
+def test_what_is_refitted_is_the_more_probable_of_what_scores_alike() -> None:
+    scores, done = _scored(run_with(np.linspace(0.0, 0.5, STEPS)))
+    drift = next(each for each in scores.ranked if each.candidate.key == ("sensor_drift", "a"))
+    usual = float(log_odds_by_score(done, [drift], np.zeros(1))[0])
+    large = replace(drift, candidate=replace(drift.candidate, sizes=(0.01 * drift.candidate.typical,)))
+    assert log_odds_by_score(done, [large], np.zeros(1))[0] == pytest.approx(usual - 3.0, abs=0.3)  # hardly believed
+    assert log_odds_by_score(done, [drift], np.full(1, -2.0))[0] == pytest.approx(usual - 2.0)
+    assert log_odds_by_score(done, [replace(drift, gain=0.5 * drift.gain)], np.zeros(1))[0] < usual
 
 
 def test_what_would_not_show_and_what_does_not_matter_are_nothing() -> None:

@@ -145,9 +145,17 @@ class Candidate:
         return self.effect.prior_odds * of_clock * (_ONE_RUN_ONLY if self.run else 1.0)
 
     @property
+    def room(self) -> tuple[float, float]:
+        """How far its amplitude may go from where the effect is off, down and up, in the amplitude's unit."""
+        for stated in self.effect.stated(self.difference):
+            if stated.off is not None:
+                return stated.bounds[0] - stated.off, stated.bounds[1] - stated.off
+        return -math.inf, math.inf
+
+    @property
     def one_sided(self) -> bool:
         """Whether its amplitude can't be negative."""
-        return any(parameter.off == parameter.bounds[0] for parameter in self.effect.stated(self.difference))
+        return self.room[0] == 0.0
 
     @property
     def typical(self) -> float:

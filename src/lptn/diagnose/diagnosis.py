@@ -17,7 +17,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -40,6 +40,7 @@ from lptn.diagnose.probability import (
     are_rivals,
     is_implausible,
     log_evidence_of_starts,
+    log_odds_by_score,
     log_prior_of_sizes,
     log_prior_of_starts,
     log_priors,
@@ -343,13 +344,13 @@ def examine(
     possible = possible_effects(base, columns)
     report(f"scoring {len(possible)} candidates")
     scores = score(base, possible)
-    worthwhile = _shortlist(scores, refits)
+    odds = {each.key: float(log_odds) for each, log_odds in zip(possible, log_priors(possible), strict=True)}
+    worthwhile = _shortlist(base, scores, odds, refits)
     report(f"refitting {len(worthwhile)} of them")
     refitted = refit_all(base, worthwhile, executor)
     if (better := _beside_an_optimum(base, refitted)) is not None:
         report("a refit found a better fit of the model as it stands: again from there")
         return examine(better, data, refits=refits, executor=executor, report=report)
-    odds = {each.key: float(log_odds) for each, log_odds in zip(possible, log_priors(possible), strict=True)}
     gains = {each.candidate.key: each.gain for each in worthwhile}
     steps = [
         replace(
@@ -375,20 +376,24 @@ _SAME_EFFECT_SHARE = 0.2  # the best place of an effect is refitted if it scores
 _TYPICAL_RANGE = (0.02, 20.0)  # first-order amplitudes outside this share of the typical size are not trusted
 
 
-def _shortlist(scores: Scores, most: int) -> list[Score]:
-    """The candidates worth an exact refit: the best few, and the best place of every effect that scores well.
+def _shortlist(base: Fit, scores: Scores, log_priors: Mapping[Key, float], most: int) -> list[Score]:
+    """The candidates worth an exact refit: the most probable to first order, and of every effect that scores well the
+    most probable place, in all runs and in one.
 
     None that chance alone would score. Effects with an inner state look the same to first order, so each effect
     gets its chance.
     """
     significant = [each for each in scores.ranked if scores.p_value(each.gain) < SIGNIFICANT]
-    chosen = significant[:most]
-    effects = {each.candidate.effect for each in chosen}
-    for each in significant[most:]:
-        if chosen and each.gain < _SAME_EFFECT_SHARE * chosen[0].gain:
-            break
-        if each.candidate.effect not in effects:
-            effects.add(each.candidate.effect)
+    if not significant:
+        return []
+    odds = log_odds_by_score(base, significant, np.array([log_priors[each.candidate.key] for each in significant]))
+    ordered = [significant[k] for k in np.argsort(-odds, kind="stable")]
+    chosen, least = ordered[:most], _SAME_EFFECT_SHARE * significant[0].gain
+    kinds = {(each.candidate.effect, bool(each.candidate.run)) for each in chosen}
+    for each in ordered[most:]:
+        kind = (each.candidate.effect, bool(each.candidate.run))
+        if each.gain >= least and kind not in kinds:
+            kinds.add(kind)
             chosen.append(each)
     return chosen
 

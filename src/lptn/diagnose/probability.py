@@ -122,6 +122,24 @@ def probabilities_by_score(fit: Fit, scores: Sequence[Score], matters: float) ->
     return np.asarray(odds / (1.0 + odds.sum()))
 
 
+def log_odds_by_score(fit: Fit, scores: Sequence[Score], log_priors: FloatArray) -> FloatArray:
+    """How probable first order makes each candidate beside the others, as a logarithm, shape (scores,): what to refit.
+
+    By Schwarz's criterion and by what is thought beforehand of it and of its size. First order says little of how large
+    a large effect is, so that a size counts against it no more than one that is barely believed.
+
+    Args:
+        fit: the model as it stands.
+        scores: of candidates.
+        log_priors: logarithm of the odds of each beforehand, shape (scores,).
+    """
+    errors = fitted_errors(fit)
+    squares = float(block_misfits(errors, fit.problem.sigma)[0].sum())
+    left = np.array([max(1.0 - each.gain / squares, _NOTHING) for each in scores])
+    sizes = [_log_prior_of_size(_amplitude_of(each.candidate), each.amplitude) for each in scores]
+    return np.asarray(-0.5 * independent_readings(errors) * np.log(left) + log_priors + np.maximum(sizes, -_BELIEVED))
+
+
 def in_occams_window(probabilities: FloatArray) -> list[int]:
     """Numbers of the models that the most probable one does not rule out, the most probable first."""
     order = np.argsort(-probabilities, kind="stable")
@@ -187,10 +205,7 @@ def log_prior_of_sizes(fit: Fit, declarations: Iterable[EffectDeclaration]) -> f
     multiplies what a surface loses by ten): theirs is a double exponential of the logarithm. Time constants are usual
     anywhere between those that an effect is scored at.
     """
-    return sum(
-        -0.5 * factors**2 if _is_error(parameter) else -factors
-        for parameter, factors in _factors_off(fit, declarations)
-    )
+    return sum(_log_prior_of_size(parameter, parameter.value) for parameter in _free_parameters(fit, declarations))
 
 
 def log_prior_of_starts(fit: Fit) -> float:
@@ -269,7 +284,7 @@ def is_implausible(fit: Fit, declarations: Iterable[EffectDeclaration]) -> bool:
         _is_beyond_belief(parameter, parameter.value)
         or _is_at_its_end(parameter)
         or (_is_error(parameter) and parameter.unit == "s" and abs(parameter.value) < 0.5 * step)
-        for parameter, _ in _factors_off(fit, declared)
+        for parameter in _free_parameters(fit, declared)
     )
 
 
@@ -295,19 +310,29 @@ def _takes_more_than_there_is(fit: Fit, declarations: Sequence[EffectDeclaration
 
 def implausible_amplitude(candidate: Candidate, amplitude: float) -> bool:
     """Whether one effect's amplitude, in its own unit, is more than anyone would believe."""
-    own = candidate.effect.amplitude()
-    return own is not None and _is_beyond_belief(replace(own, typical=candidate.typical), amplitude)
+    return _is_beyond_belief(_amplitude_of(candidate), amplitude)
 
 
-def _factors_off(fit: Fit, declarations: Iterable[EffectDeclaration]) -> list[tuple[Parameter, float]]:
-    """Each free parameter of added effects, at its fitted value, and by how many factors it is off what is usual."""
+def _amplitude_of(candidate: Candidate) -> Parameter:
+    """A candidate's amplitude with the size that is usual at its places."""
+    stated = next(each for each in candidate.effect.stated(candidate.difference) if each.off is not None)
+    return replace(stated, typical=candidate.typical)
+
+
+def _free_parameters(fit: Fit, declarations: Iterable[EffectDeclaration]) -> list[Parameter]:
+    """Each free parameter of added effects, at its fitted value."""
     free = {fit.model.parameters[index].name: fit.model.parameters[index].declared for index in fit.problem.free}
     names = (
         f"{declaration.name}.{parameter.name}.{declaration.where}"
         for declaration in declarations
         for parameter in declaration.parameters
     )
-    return [(free[name], _factors(free[name], free[name].value)) for name in names if name in free]
+    return [free[name] for name in names if name in free]
+
+
+def _log_prior_of_size(parameter: Parameter, value: float) -> float:
+    factors = _factors(parameter, value)
+    return -0.5 * factors**2 if _is_error(parameter) else -factors
 
 
 def _factors(parameter: Parameter, value: float) -> float:

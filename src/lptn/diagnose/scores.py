@@ -282,11 +282,17 @@ def _groups(count: int) -> list[slice]:
 
 
 def _better(before: Score, trace: _Trace, statistic: float) -> Score:
-    """A candidate's score with one more shape: the better one; the longest trace of all shapes."""
+    """A candidate's score with one more shape: the better one; the longest trace of all shapes.
+
+    An amplitude that would go beyond its bounds gains what it does there.
+    """
     per_unit = max(before.per_unit, trace.length)
-    if (trace.candidate.one_sided and statistic < 0) or statistic**2 <= before.gain:
+    amplitude = float(np.clip(statistic / trace.length, *trace.candidate.room))
+    removed = trace.length * amplitude
+    gain = removed * (2.0 * statistic - removed)
+    if gain <= before.gain:
         return replace(before, per_unit=per_unit) if before.gain == 0 else before
-    return Score(trace.candidate, statistic**2, statistic / trace.length, trace.shape, trace.length)
+    return Score(trace.candidate, gain, amplitude, trace.shape, trace.length)
 
 
 # --- What chance alone would score --------------------------------------------------------------------------
