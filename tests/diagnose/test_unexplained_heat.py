@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.linalg import block_diag
 
 from lptn.basics.arrays import BoolArray
 from lptn.diagnose.unexplained_heat import (
@@ -103,7 +104,9 @@ def test_smoothing_is_the_least_squares_answer(burst_fit: Fit) -> None:
     """Against one large linear solve for all states, heats and parameters at once."""
     run = _first(blocks(burst_fit, 0), 25)
     size, states, nodes = run.top.shape[2], 3, 3
-    prior = Prior(np.r_[np.full(states, 1.5), np.full(nodes, 4.0), np.full(size - states - nodes, 0.5)], 0.4)
+    start = np.diag(np.r_[np.full(states, 1.5), np.full(nodes, 4.0), np.full(size - states - nodes, 0.5)] ** 2)
+    start[-1, -2] = start[-2, -1] = 0.2  # parameters that are off together
+    prior = Prior(start, 0.4)
     heat, spread = smoothed(run, prior)
     # Unknowns: the start, then each block's walk of heat; everything else follows.
     moved, at, rows = np.eye(size), [], []
@@ -120,7 +123,8 @@ def test_smoothing_is_the_least_squares_answer(burst_fit: Fit) -> None:
     weighted = np.vstack(rows) / np.sqrt(run.variance.ravel())[:, None]
     known = np.isfinite(run.error.ravel())
     walk = np.full(nodes * 24, prior.walk * np.sqrt(run.seconds))
-    information = weighted[known].T @ weighted[known] + np.diag(1.0 / np.r_[prior.deviations, walk] ** 2)
+    unknown = block_diag(start, np.diag(walk**2))
+    information = weighted[known].T @ weighted[known] + np.linalg.inv(unknown)
     target = (-run.error.ravel() / np.sqrt(run.variance.ravel()))[known]
     covariance = np.linalg.inv(information)
     solution = covariance @ (weighted[known].T @ target)
@@ -129,7 +133,7 @@ def test_smoothing_is_the_least_squares_answer(burst_fit: Fit) -> None:
     np.testing.assert_allclose(heat, expected, atol=1e-6)
     np.testing.assert_allclose(spread, deviations, rtol=1e-5)
     loads = weighted[known] * np.sqrt(run.variance.ravel()[known])[:, None]
-    spreads = (loads * np.r_[prior.deviations, walk] ** 2) @ loads.T + np.diag(run.variance.ravel()[known])
+    spreads = loads @ unknown @ loads.T + np.diag(run.variance.ravel()[known])
     error = run.error.ravel()[known]
     density = -0.5 * (error @ np.linalg.solve(spreads, error) + np.linalg.slogdet(spreads)[1])  # but for 2π
     assert likelihood(run, prior) == pytest.approx(density, rel=1e-6)
@@ -137,7 +141,7 @@ def test_smoothing_is_the_least_squares_answer(burst_fit: Fit) -> None:
 
 def test_a_gap_widens_the_band_where_it_is(burst_fit: Fit) -> None:
     run = blocks(burst_fit, 0)
-    prior = Prior(np.r_[np.full(3, 1.5), np.full(3, 4.0), np.zeros(run.top.shape[2] - 6)], 0.4)
+    prior = Prior(np.diag(np.r_[np.full(3, 1.5), np.full(3, 4.0), np.zeros(run.top.shape[2] - 6)] ** 2), 0.4)
     gap = run.error.copy()
     gap[100:130, 1] = np.nan
     without, within = smoothed(run, prior)[1], smoothed(replace(run, error=gap), prior)[1]
