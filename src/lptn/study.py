@@ -324,7 +324,9 @@ class Study:
             history = self._searched[1] if self._searched else None
             first = history.first if history else last  # what the search chose among
             differing = history.differing if history else last.differing
-            self._advice = last, advise(first, last.fit, for_search(self.data), logger.info, differing)
+            # Where a search added steps, what they leave open is to be decided; before that, what was missing.
+            rivals = history.rivals if history and len(history.steps) > 1 else None
+            self._advice = last, advise(first, last.fit, for_search(self.data), logger.info, differing, rivals)
         return self._advice[1]
 
     def add(self, effect: str | Step, at: str = "", *, run: str = "") -> Step:

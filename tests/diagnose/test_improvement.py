@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import pytest
 
+from lptn.diagnose.advice import advise
 from lptn.diagnose.candidates import with_errors_of_runs
 from lptn.diagnose.diagnosis import Step, for_search
 from lptn.diagnose.improvement import Branch, History, _Search, improve
@@ -83,6 +84,19 @@ def test_a_step_is_as_probable_as_it_is_beside_the_others(improved: tuple[Model,
     # While the larger effect is missing the smaller one has rivals that disappear with it.
     assert all(step.probability > 0.9 for step in history.steps[1:])
     assert all(not step.indistinguishable for step in history.steps[1:])
+    assert history.rivals == ()  # nothing is left for an experiment to decide
+
+
+def test_what_is_to_be_decided_is_what_the_steps_leave_open(leg: Leg) -> None:  # noqa: F811
+    """Grease and eddy currents go with the same square of speed, whatever was thought before the wind was found."""
+    model, data = leg(Hidden("viscous_friction", "FR_thigh"), Hidden("forced_convection", "*"))
+    history = improve(model, data)
+    first_open = next(step for step in history.steps[1:] if step.indistinguishable)
+    assert {step.key for step in history.rivals} == {first_open.key, *first_open.indistinguishable}
+    assert ("viscous_friction", "FR_thigh") in {step.key for step in history.rivals}
+    experiment = advise(history.first, history.best.fit, for_search(data), rivals=history.rivals).experiment
+    assert experiment is not None
+    assert set(experiment.rivals) <= {step.key for step in history.rivals}
 
 
 def test_an_offset_of_all_sensors_fits_as_well_as_air_that_is_so_much_warmer(leg: Leg) -> None:  # noqa: F811

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from lptn.diagnose.diagnosis import Diagnosis, Report
+from lptn.diagnose.diagnosis import Diagnosis, Report, Step
 from lptn.diagnose.experiment import Experiment, propose
 from lptn.diagnose.runs_that_differ import RunDifference, runs_that_differ
 from lptn.diagnose.scores import Detectable, smallest
@@ -22,8 +22,8 @@ class Advice:
     """What a diagnosis leaves to be done.
 
     Args:
-        experiment: the run that best tells the names of the first answer apart; `None` for one name, or where no
-            run is possible.
+        experiment: the run that best tells the names of one answer apart; `None` for one name, or where no run is
+            possible.
         heat: each stretch of time in which the last model surely lacks heat, or has too much, the surest first.
         detectable: the smallest size of each effect that the data would show, the easiest to see first.
         differing: held-out runs in which one parameter seems to differ.
@@ -64,6 +64,7 @@ def advise(
     data: DataSplit,
     report: Report = lambda _: None,
     differing: Sequence[RunDifference] = (),
+    rivals: Sequence[Step] | None = None,
 ) -> Advice:
     """Work out what to do next.
 
@@ -73,10 +74,13 @@ def advise(
         data: the runs, in the steps of the search.
         report: called with a sentence on what is being done.
         differing: held-out runs that are known to differ.
+        rivals: answers that the data don't tell apart, which an experiment has to; the names of the diagnosis' first
+            answer by default.
     """
     report("looking for what is left, and for the next experiment")
-    names = {name for step in diagnosis.refits[:1] for name in (step.key, *step.indistinguishable)}
-    rivals = [step for step in diagnosis.refits if step.key in names]
+    if rivals is None:
+        names = {name for step in diagnosis.refits[:1] for name in (step.key, *step.indistinguishable)}
+        rivals = [step for step in diagnosis.refits if step.key in names]
     # What is missing shows in held-out runs as well: as long as it is not added, nothing is said of the runs.
     added = last is not diagnosis.fit or diagnosis.verdict != "missing"
     return Advice(

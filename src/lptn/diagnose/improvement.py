@@ -75,6 +75,8 @@ class History(Tabular):
         differing: held-out runs that are predicted with one parameter of their own, fitted on the run itself.
         searched_from: the step from which the search went on until nothing helped; `None` where somebody chose all
             steps, and nobody asked whether others would help.
+        rivals: the first step that the fitted data leave open beside all others, and what they can't tell from it
+            there; empty where they leave none open.
     """
 
     verdict: Verdict
@@ -85,6 +87,7 @@ class History(Tabular):
     considered: int
     differing: tuple[RunDifference, ...] = ()
     searched_from: int | None = 0
+    rivals: tuple[Step, ...] = ()
 
     @property
     def best(self) -> Step:
@@ -216,7 +219,8 @@ def improve(
     first, last = search.diagnosis(search.branches[0]), search.diagnosis(kept)
     report("fitting the steps at full resolution")
     steps = _at_full_resolution(kept, data)
-    return History(verdict, last.verdict, steps, first, last, len(search.branches), differing)
+    rivals = search.left_open(kept)
+    return History(verdict, last.verdict, steps, first, last, len(search.branches), differing, rivals=rivals)
 
 
 def _searched(
@@ -396,6 +400,15 @@ class _Search:
 
         ordered = sorted(asked, key=place)
         return (given, *ordered[:-1], replace(ordered[-1], fit=last.fit, holdout=last.holdout))
+
+    def left_open(self, branch: Branch) -> tuple[Step, ...]:
+        """As `History.rivals` has it, of a branch whose steps were reconsidered."""
+        for step in branch[1:]:
+            diagnosis = self._diagnosis_without(branch, step) if step.indistinguishable else None
+            if diagnosis is not None:
+                others = [other for other in diagnosis.refits if other.key in step.indistinguishable]
+                return (replace(step, fit=branch[-1].fit), *others)
+        return ()
 
     def _beside_the_others(self, branch: Branch, step: Step) -> Step:
         """A step of the branch as it is judged where all the other steps are there already."""

@@ -107,7 +107,7 @@ _FIRST_TRIED = 2  # of the grid
 _START, _HIDDEN_START = 1.5, 5.0  # K; how far a measured node, or any other state, may start from the fit
 _BIASED = 3.0
 """Standard errors by which missing heat may have biased the fitted parameters. Of the hidden bursts of
-`tests/diagnose/hidden_heat.py` the bands hold zero in 80 to 86 % of the quiet time with 1, in over 93 % with 3 and 5."""
+`tests/diagnose/hidden_heat.py` the bands hold zero in 80 to 86 % of the quiet time with 1, above 93 % with 3, 5."""
 _FARTHEST = 1.5
 """Of a logarithm, a factor of five: how far off parameters may be of which together the readings tell nothing."""
 _WIDE = 1.96  # standard deviations on either side of a 95 % band
