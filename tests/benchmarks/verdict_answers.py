@@ -225,7 +225,7 @@ def _end(group: int) -> None:
 # --- sizes at a bound, or that no robot has ---------------------------------------------------------------------------
 
 
-SILLY = ("sensor_drift", "clock_offset", "ambient_offset", "ambient_lag")
+SILLY = ("sensor_drift", "clock_offset", "ambient_offset", "ambient_lag", "ambient_drift")
 """Effects that are rarely true and easily fitted: errors of a sensor, a clock, the ambient."""
 FARTHEST = {
     "sensor_drift.rate": 30.0,  # K/h

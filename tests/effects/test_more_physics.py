@@ -148,6 +148,26 @@ def test_ambient_lag_starts_at_the_ambient_and_follows_it() -> None:
     np.testing.assert_allclose(found, _solved(rates, [30.0, 24.0, 20.0])[:2], atol=2e-4)
 
 
+def test_air_that_drifts_rises_evenly_from_where_it_started() -> None:
+    hours: FloatArray = (np.arange(N) + 0.5) * STEP / 3600.0
+    still, rises = (
+        make_run({**RUN.columns, "temperature.ambient": 20.0 + rate * hours}, step=STEP) for rate in (0.0, 6.0)
+    )
+    drifting = _readings([effect("ambient_drift", "ambient", rate=6.0)], still)
+    np.testing.assert_allclose(drifting, _readings([], rises), atol=1e-3)
+    assert np.abs(drifting - _readings([], still)).max() > 0.3
+
+
+def test_only_air_that_nobody_logs_may_drift() -> None:
+    drift = catalogue()["ambient_drift"]
+    logged, guessed = (
+        Network("one", (node("a"), NodeDeclaration("ambient", temperature=source)), (link("a", "ambient"),))
+        for source in ("temperature.ambient", "start")
+    )
+    assert not drift.makes_a_difference("ambient", logged.layout, ())
+    assert drift.makes_a_difference("ambient", guessed.layout, ())
+
+
 def test_shared_mass_starts_at_the_mean_of_its_nodes() -> None:
     g, t, leak = 0.7, 300.0, 0.4
 

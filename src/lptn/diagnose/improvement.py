@@ -505,7 +505,7 @@ def _in_words(beam: Sequence[Branch]) -> str:
 
 
 def _chosen(branches: Sequence[Branch], data: DataSplit) -> Branch:
-    """The most probable by all runs; what predicts held-out runs worse than any scatter excuses is no answer."""
+    """The most probable by all runs of the branches that do well in held-out runs, and better than all shorter ones."""
     if branches[0][-1].holdout is None:
         best = branches[0]
         for branch in branches[1:]:
@@ -513,7 +513,12 @@ def _chosen(branches: Sequence[Branch], data: DataSplit) -> Branch:
                 best = branch
         return best
     most = MUCH_WORSE * min(_error(branch) for branch in branches)
-    return _most_probable([branch for branch in branches if _error(branch) <= most], data)
+    level = [
+        branch
+        for branch in branches
+        if _error(branch) <= min([most, *(_error(other) for other in branches if len(other) < len(branch))])
+    ]
+    return _most_probable(level, data)
 
 
 def _by_probability(branches: Sequence[Branch]) -> list[Branch]:
