@@ -149,7 +149,7 @@ def test_ambient_lag_starts_at_the_ambient_and_follows_it() -> None:
 
 
 def test_air_that_drifts_rises_evenly_from_where_it_started() -> None:
-    hours: FloatArray = (np.arange(N) + 0.5) * STEP / 3600.0
+    hours: FloatArray = np.asarray((np.arange(N) + 0.5) * STEP / 3600.0, dtype=float)
     still, rises = (
         make_run({**RUN.columns, "temperature.ambient": 20.0 + rate * hours}, step=STEP) for rate in (0.0, 6.0)
     )

@@ -16,6 +16,7 @@ import numpy as np
 from lptn.basics.arrays import FloatArray
 from lptn.basics.parameters import Parameter
 from lptn.basics.places import EVERYWHERE, class_of, in_run, is_glob, is_of_run, matching, run_label
+from lptn.diagnose.plausibility import believed
 from lptn.effects import Effect, catalogue
 from lptn.effects.ambient_offset import AmbientOffset
 from lptn.effects.base import Place
@@ -146,16 +147,20 @@ class Candidate:
 
     @property
     def room(self) -> tuple[float, float]:
-        """How far its amplitude may go from where the effect is off, down and up, in the amplitude's unit."""
+        """How far its amplitude may go from where the effect is off, down and up, in the amplitude's unit.
+
+        As far as its bounds, and as somebody would believe.
+        """
         for stated in self.effect.stated(self.difference):
             if stated.off is not None:
-                return stated.bounds[0] - stated.off, stated.bounds[1] - stated.off
+                lower, upper = believed(replace(stated, typical=self.typical))
+                return max(stated.bounds[0], lower) - stated.off, min(stated.bounds[1], upper) - stated.off
         return -math.inf, math.inf
 
     @property
     def one_sided(self) -> bool:
         """Whether its amplitude can't be negative."""
-        return self.room[0] == 0.0
+        return any(stated.off == stated.bounds[0] for stated in self.effect.stated(self.difference))
 
     @property
     def typical(self) -> float:

@@ -28,6 +28,7 @@ from lptn.diagnose.fit_statistics import (
     independent_readings,
     predicted_errors,
 )
+from lptn.diagnose.plausibility import BELIEVED, is_beyond_belief, is_error, log_prior_of_size
 from lptn.diagnose.scores import Score
 from lptn.identify.comparison import Prediction
 from lptn.identify.fitting import Fit
@@ -136,8 +137,8 @@ def log_odds_by_score(fit: Fit, scores: Sequence[Score], log_priors: FloatArray)
     errors = fitted_errors(fit)
     squares = float(block_misfits(errors, fit.problem.sigma)[0].sum())
     left = np.array([max(1.0 - each.gain / squares, _NOTHING) for each in scores])
-    sizes = [_log_prior_of_size(_amplitude_of(each.candidate), each.amplitude) for each in scores]
-    return np.asarray(-0.5 * independent_readings(errors) * np.log(left) + log_priors + np.maximum(sizes, -_BELIEVED))
+    sizes = [log_prior_of_size(_amplitude_of(each.candidate), each.amplitude) for each in scores]
+    return np.asarray(-0.5 * independent_readings(errors) * np.log(left) + log_priors + np.maximum(sizes, -BELIEVED))
 
 
 def in_occams_window(probabilities: FloatArray) -> list[int]:
@@ -154,13 +155,8 @@ def are_rivals(one: Fit, other: Fit, log_priors: Sequence[float] = (0.0, 0.0)) -
 # --- What is thought beforehand of an effect at a place, and of its size ------------------------------------
 
 
-_FACTOR = 3.0
-"""Usual sizes are meant to a factor of three: of an error so much more is one standard deviation; a thing so much
-larger, or smaller, is e times less probable."""
-_BELIEVED = 3.0
-"""Standard deviations, and factors, beyond which no size is believed."""
 _AT_BOUND = 1e-3  # of a bound
-_NOTHING = 1e-12  # share of the usual size; what a search leaves of a zero has a logarithm
+_NOTHING = 1e-12  # of the misfit; its logarithm is finite
 _AT_REST = 0.5
 """K, standard deviation of a node that rests about its surroundings: sensors of 1 K steps, and the air's 0.3 K."""
 _WARMER = 10.0
@@ -205,7 +201,7 @@ def log_prior_of_sizes(fit: Fit, declarations: Iterable[EffectDeclaration]) -> f
     multiplies what a surface loses by ten): theirs is a double exponential of the logarithm. Time constants are usual
     anywhere between those that an effect is scored at.
     """
-    return sum(_log_prior_of_size(parameter, parameter.value) for parameter in _free_parameters(fit, declarations))
+    return sum(log_prior_of_size(parameter, parameter.value) for parameter in _free_parameters(fit, declarations))
 
 
 def log_prior_of_starts(fit: Fit) -> float:
@@ -281,9 +277,9 @@ def is_implausible(fit: Fit, declarations: Iterable[EffectDeclaration]) -> bool:
     """
     step, declared = max(bound.run.step for bound in fit.problem.bound_runs), list(declarations)
     return _takes_more_than_there_is(fit, declared) or any(
-        _is_beyond_belief(parameter, parameter.value)
+        is_beyond_belief(parameter, parameter.value)
         or _is_at_its_end(parameter)
-        or (_is_error(parameter) and parameter.unit == "s" and abs(parameter.value) < 0.5 * step)
+        or (is_error(parameter) and parameter.unit == "s" and abs(parameter.value) < 0.5 * step)
         for parameter in _free_parameters(fit, declared)
     )
 
@@ -310,7 +306,7 @@ def _takes_more_than_there_is(fit: Fit, declarations: Sequence[EffectDeclaration
 
 def implausible_amplitude(candidate: Candidate, amplitude: float) -> bool:
     """Whether one effect's amplitude, in its own unit, is more than anyone would believe."""
-    return _is_beyond_belief(_amplitude_of(candidate), amplitude)
+    return is_beyond_belief(_amplitude_of(candidate), amplitude)
 
 
 def _amplitude_of(candidate: Candidate) -> Parameter:
@@ -328,41 +324,6 @@ def _free_parameters(fit: Fit, declarations: Iterable[EffectDeclaration]) -> lis
         for parameter in declaration.parameters
     )
     return [free[name] for name in names if name in free]
-
-
-def _log_prior_of_size(parameter: Parameter, value: float) -> float:
-    factors = _factors(parameter, value)
-    return -0.5 * factors**2 if _is_error(parameter) else -factors
-
-
-def _factors(parameter: Parameter, value: float) -> float:
-    """By how many standard deviations of an error, or factors of three, a value is off what is usual."""
-    usual = abs(parameter.typical)
-    if _is_error(parameter):
-        return abs(value - (parameter.off or 0.0)) / (_FACTOR * usual)
-    if _is_change(parameter):
-        return abs(log(max(1.0 + value, _NOTHING))) / log(_FACTOR)
-    usually = parameter.grid if parameter.off is None and parameter.grid else (usual,)
-    size = max(abs(value), _NOTHING * usual)
-    return abs(log(size / min(max(size, min(usually)), max(usually)))) / log(_FACTOR)
-
-
-def _is_beyond_belief(parameter: Parameter, value: float) -> bool:
-    return abs(value) > abs(parameter.typical) and _factors(parameter, value) > _BELIEVED
-
-
-def _is_change(parameter: Parameter) -> bool:
-    """Whether it is the change of a factor, which may be of either sign."""
-    return _either_sign(parameter) and parameter.unit == "1"
-
-
-def _is_error(parameter: Parameter) -> bool:
-    """Whether it is an error of a sensor or a clock, or a difference, which may be of either sign."""
-    return _either_sign(parameter) and parameter.unit != "1"
-
-
-def _either_sign(parameter: Parameter) -> bool:
-    return parameter.off is not None and parameter.off > parameter.bounds[0]
 
 
 def _is_at_its_end(parameter: Parameter) -> bool:

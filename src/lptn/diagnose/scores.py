@@ -212,9 +212,18 @@ class _Group:
 
     def largest_gains(self, statistics: FloatArray) -> FloatArray:
         """The largest gain of any of them in each simulated log, shape (logs,), from statistics (traces, logs)."""
-        one_sided = np.array([trace.candidate.one_sided for trace in self.traces], dtype=bool)[:, None]
-        allowed = np.where(one_sided & (statistics < 0), 0.0, statistics)
-        return np.asarray(np.max(allowed**2, axis=0, initial=0.0))
+        lengths = np.array([trace.length for trace in self.traces])[:, None]
+        lower, upper = np.array([trace.candidate.room for trace in self.traces]).reshape(-1, 2).T[:, :, None]
+        return np.asarray(np.max(_gains(statistics, lengths, lower, upper)[0], axis=0, initial=0.0))
+
+
+def _gains(
+    statistics: FloatArray, lengths: FloatArray, lower: FloatArray, upper: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """What traces of these lengths gain, and the amplitudes, which go no farther than they may."""
+    amplitudes = np.clip(statistics / lengths, lower, upper)
+    removed = lengths * amplitudes
+    return removed * (2.0 * statistics - removed), amplitudes
 
 
 class _Traces:
@@ -282,14 +291,10 @@ def _groups(count: int) -> list[slice]:
 
 
 def _better(before: Score, trace: _Trace, statistic: float) -> Score:
-    """A candidate's score with one more shape: the better one; the longest trace of all shapes.
-
-    An amplitude that would go beyond its bounds gains what it does there.
-    """
+    """A candidate's score with one more shape: the better one; the longest trace of all shapes."""
     per_unit = max(before.per_unit, trace.length)
-    amplitude = float(np.clip(statistic / trace.length, *trace.candidate.room))
-    removed = trace.length * amplitude
-    gain = removed * (2.0 * statistic - removed)
+    lower, upper = trace.candidate.room
+    gain, amplitude = (float(each) for each in _gains(*map(np.asarray, (statistic, trace.length, lower, upper))))
     if gain <= before.gain:
         return replace(before, per_unit=per_unit) if before.gain == 0 else before
     return Score(trace.candidate, gain, amplitude, trace.shape, trace.length)

@@ -148,7 +148,8 @@ def _single_parameters(
         at_bound = z[row] - lower[row] < _AT_BOUND or upper[row] - z[row] < _AT_BOUND
         if perhaps_none[row]:
             least = problem.point(z - 2 * spread[row] * (np.arange(len(z)) == row)).values[problem.free[row]]
-            warnings.append(f"{name}: these data don't tell whether heat passes there; {least:.2g} K/W at least")
+            told = f"; {least:.2g} K/W at least" if least > parameter.declared.bounds[0] else ", nor how much"
+            warnings.append(f"{name}: these data don't tell whether heat passes there{told}")
         elif at_bound and not _is_off(parameter, values[problem.free[row]]):
             bounds = " to ".join(f"{bound:g}" for bound in parameter.declared.bounds)
             end = parameter.declared.bounds[int(upper[row] - z[row] < _AT_BOUND)]

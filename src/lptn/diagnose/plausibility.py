@@ -1,0 +1,72 @@
+"""Which sizes of an effect's parameter are usual, and which nobody believes."""
+
+from __future__ import annotations
+
+import math
+
+from lptn.basics.parameters import Parameter
+
+FACTOR = 3.0
+"""Usual sizes are meant to a factor of three: of an error so much more is one standard deviation; a thing so much
+larger, or smaller, is e times less probable."""
+BELIEVED = 3.0
+"""Standard deviations, and factors, beyond which no size is believed."""
+_NOTHING = 1e-12  # share of the usual size; what a search leaves of a zero has a logarithm
+
+
+def log_prior_of_size(parameter: Parameter, value: float) -> float:
+    """How usual a value is, as a logarithm: 0 for what is usual, less for what is not.
+
+    Errors, which may be of either sign, are normal about none. Sizes of things, and factors, vary by decades (a fan
+    multiplies what a surface loses by ten): theirs is a double exponential of the logarithm. Time constants are usual
+    anywhere between those that an effect is scored at.
+    """
+    off = _factors_off(parameter, value)
+    return -0.5 * off**2 if is_error(parameter) else -off
+
+
+def is_beyond_belief(parameter: Parameter, value: float) -> bool:
+    """Whether a value is larger than anyone would believe."""
+    lower, upper = believed(parameter)
+    return not lower <= value <= upper
+
+
+def believed(parameter: Parameter) -> tuple[float, float]:
+    """The least and the largest value that somebody would believe, in the parameter's unit."""
+    usual = abs(parameter.typical)
+    if is_error(parameter):
+        off = parameter.off or 0.0
+        return off - BELIEVED * FACTOR * usual, off + BELIEVED * FACTOR * usual
+    if is_change(parameter):
+        return FACTOR**-BELIEVED - 1.0, FACTOR**BELIEVED - 1.0
+    largest = FACTOR**BELIEVED * max(_usual_sizes(parameter))
+    return -largest, largest
+
+
+def is_change(parameter: Parameter) -> bool:
+    """Whether it is the change of a factor, which may be of either sign."""
+    return _either_sign(parameter) and parameter.unit == "1"
+
+
+def is_error(parameter: Parameter) -> bool:
+    """Whether it is an error of a sensor or a clock, or a difference, which may be of either sign."""
+    return _either_sign(parameter) and parameter.unit != "1"
+
+
+def _either_sign(parameter: Parameter) -> bool:
+    return parameter.off is not None and parameter.off > parameter.bounds[0]
+
+
+def _usual_sizes(parameter: Parameter) -> tuple[float, ...]:
+    return parameter.grid if parameter.off is None and parameter.grid else (abs(parameter.typical),)
+
+
+def _factors_off(parameter: Parameter, value: float) -> float:
+    """By how many standard deviations of an error, or factors of three, a value is off what is usual."""
+    usual = abs(parameter.typical)
+    if is_error(parameter):
+        return abs(value - (parameter.off or 0.0)) / (FACTOR * usual)
+    if is_change(parameter):
+        return abs(math.log(max(1.0 + value, _NOTHING))) / math.log(FACTOR)
+    sizes, size = _usual_sizes(parameter), max(abs(value), _NOTHING * usual)
+    return abs(math.log(size / min(max(size, min(sizes)), max(sizes)))) / math.log(FACTOR)
