@@ -5,7 +5,8 @@ minute, from sensor to sensor, from run to run, so that of two models now one an
 bootstrap weighs blocks of time, nodes and runs anew a thousand times [Owen2007], and a model's probability is its mean
 over those draws (pseudo-BMA+, [Yao2018]).
 
-Beforehand an effect is as probable as such things are met where it may stand, and a size as usual there.
+Beforehand an effect is as probable as such things are met where it may stand, a size as usual there
+(`lptn.diagnose.plausibility`), and a start as robots begin: at rest, or warm.
 """
 
 from __future__ import annotations
@@ -195,12 +196,7 @@ def _level(candidate: Candidate, most: int) -> str:
 
 
 def log_prior_of_sizes(fit: Fit, declarations: Iterable[EffectDeclaration]) -> float:
-    """How usual the fitted sizes of added effects are, as a logarithm: 0 for what is usual, less for what is not.
-
-    Errors, which may be of either sign, are normal about none. Sizes of things, and factors, vary by decades (a fan
-    multiplies what a surface loses by ten): theirs is a double exponential of the logarithm. Time constants are usual
-    anywhere between those that an effect is scored at.
-    """
+    """How usual the fitted sizes of added effects are, as a logarithm: 0 for what is usual, less for what is not."""
     return sum(log_prior_of_size(parameter, parameter.value) for parameter in _free_parameters(fit, declarations))
 
 
