@@ -378,10 +378,10 @@ _TYPICAL_RANGE = (0.02, 20.0)  # first-order amplitudes outside this share of th
 
 def _shortlist(base: Fit, scores: Scores, log_priors: Mapping[Key, float], most: int) -> list[Score]:
     """The candidates worth an exact refit: the most probable to first order, and of every effect that scores well the
-    most probable place, in all runs and in one.
+    most probable place, in all runs and in each alone.
 
-    None that chance alone would score. Effects with an inner state look the same to first order, so each effect
-    gets its chance.
+    None that chance alone would score. Effects with an inner state look the same to first order, so each effect gets
+    its chance; and which of two runs is the odd one, the fitted data can't tell.
     """
     significant = [each for each in scores.ranked if scores.p_value(each.gain) < SIGNIFICANT]
     if not significant:
@@ -389,9 +389,9 @@ def _shortlist(base: Fit, scores: Scores, log_priors: Mapping[Key, float], most:
     odds = log_odds_by_score(base, significant, np.array([log_priors[each.candidate.key] for each in significant]))
     ordered = [significant[k] for k in np.argsort(-odds, kind="stable")]
     chosen, least = ordered[:most], _SAME_EFFECT_SHARE * significant[0].gain
-    kinds = {(each.candidate.effect, bool(each.candidate.run)) for each in chosen}
+    kinds = {(each.candidate.effect, each.candidate.run) for each in chosen}
     for each in ordered[most:]:
-        kind = (each.candidate.effect, bool(each.candidate.run))
+        kind = (each.candidate.effect, each.candidate.run)
         if each.gain >= least and kind not in kinds:
             kinds.add(kind)
             chosen.append(each)
