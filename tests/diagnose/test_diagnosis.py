@@ -43,6 +43,14 @@ def test_what_differs_in_one_run_is_one_answer_with_what_differs_in_the_other_as
     assert ("surface_scale", "FR_calf@fit2") in first.indistinguishable
 
 
+@pytest.mark.long
+def test_however_few_are_refitted_either_run_may_be_the_odd_one(leg: Leg) -> None:
+    found = diagnose(*leg(Hidden("surface_scale", "FR_calf", size=3.0, run="fit2")), refits=1)
+    refitted = {step.key for step in found.refits}
+    assert {("surface_scale", "FR_calf@fit1"), ("surface_scale", "FR_calf@fit2")} <= refitted
+    assert found.refits[0].key == ("surface_scale", "FR_calf@fit2")
+
+
 def test_nothing_hidden_is_adequate(leg: Leg) -> None:
     found = diagnose(*leg())
     assert found.verdict == "adequate"
