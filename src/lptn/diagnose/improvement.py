@@ -9,9 +9,9 @@ good. So several models are followed a step further, side by side:
 3. The search ends when a model is adequate, nothing helps, or a step has made no model more probable by all runs.
 4. The held-out data decide which branch is kept, and how far; without them the information criterion does.
 5. Steps that the others make superfluous are taken out. Each that is left is asked anew beside all others, and gives
-   way to what is more probable there: what a step is taken for while much else is missing says little of it. What
-   sets a few places or one run apart, and is more probable than not, is told first, as it may be a fault, then what
-   most have in common, as that is how the model is made; of each what would be missed most.
+   way to what is more probable there: what a step is taken for while much else is missing says little of it. Told
+   first is what is more probable than not; of that, and of the rest, what sets a few places or one run apart, as it may
+   be a fault, then what most have in common, as that is how the model is made; of each what would be missed most.
 6. Each model left is fitted at full resolution.
 
 Where nothing explains the data because a held-out run is predicted badly, and one parameter that differs in that run
@@ -383,7 +383,7 @@ class _Search:
         return None if is_implausible(exchanged[-1].fit, _declarations(exchanged)) else exchanged
 
     def reconsidered(self, branch: Branch) -> Branch:
-        """The branch with each step asked anew beside all others, what sets places or runs apart first."""
+        """The branch with each step asked anew beside all others, in the order in which they are told."""
         given, *added = branch
         if not added:
             return branch
@@ -391,12 +391,12 @@ class _Search:
         last, asked = branch[-1], [self._beside_the_others(branch, step) for step in added]
         network = last.fit.model.network
 
-        def place(step: Step) -> tuple[bool, float]:
+        def place(step: Step) -> tuple[bool, bool, float]:
             # Who misses a step misses what stands on it.
             with_it = [other for other in asked if other is step or _stands_on(other, step)]
-            likely = [other for other in with_it if other.probability >= LIKELY]
-            apart = any(network.sets_apart(*other.declarations) for other in likely)
-            return not apart, -max(other.gain for other in with_it)
+            likely = any(other.probability >= LIKELY for other in with_it)
+            apart = any(network.sets_apart(*other.declarations) for other in with_it)
+            return not likely, not apart, -max(other.gain for other in with_it)
 
         ordered = sorted(asked, key=place)
         return (given, *ordered[:-1], replace(ordered[-1], fit=last.fit, holdout=last.holdout))
