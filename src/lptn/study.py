@@ -512,10 +512,12 @@ class Study:
         last = self.diagnose()
         first = self._diagnoses.get(0) or self._diagnosis_of(self._steps[0].fit.model)
         self._diagnoses[0] = first
-        considered, differing = (history.considered, history.differing) if history else (1, ())
-        return History(
-            first.verdict, last.verdict, tuple(self._steps), first, last, considered, differing, searched_from=before
+        chosen = History(
+            first.verdict, last.verdict, tuple(self._steps), first, last, considered=1, searched_from=before
         )
+        if history is None:
+            return chosen
+        return replace(chosen, considered=history.considered, differing=history.differing, rivals=history.rivals)
 
     def report(self, path: str | Path, commands: Sequence[str] = ()) -> None:
         """Write the whole story as one HTML file: data, fit, where it fails, what is missing, held-out errors.

@@ -42,7 +42,7 @@ CONSTANTS = (
     "lptn.diagnose.plausibility.FACTOR",
     "lptn.diagnose.plausibility.BELIEVED",
     "lptn.diagnose.probability._ERRORS_ALIKE",
-    "lptn.diagnose.probability._AT_REST",
+    "lptn.identify.problem.AT_REST",
     "lptn.diagnose.probability._WARMER",
     "lptn.diagnose.fit_statistics.TIE",
     "lptn.diagnose.fit_statistics._LONG_BLOCK",

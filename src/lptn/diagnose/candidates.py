@@ -146,21 +146,25 @@ class Candidate:
         return self.effect.prior_odds * of_clock * (_ONE_RUN_ONLY if self.run else 1.0)
 
     @property
+    def amplitude(self) -> Parameter:
+        """The parameter that switches the effect off, with the size that is usual at its places."""
+        stated = next(each for each in self.effect.stated(self.difference) if each.off is not None)
+        return replace(stated, typical=self.typical)
+
+    @property
     def room(self) -> tuple[float, float]:
         """How far its amplitude may go from where the effect is off, down and up, in the amplitude's unit.
 
         As far as its bounds, and as somebody would believe.
         """
-        for stated in self.effect.stated(self.difference):
-            if stated.off is not None:
-                lower, upper = believed(replace(stated, typical=self.typical))
-                return max(stated.bounds[0], lower) - stated.off, min(stated.bounds[1], upper) - stated.off
-        return -math.inf, math.inf
+        amplitude = self.amplitude
+        off, (lower, upper) = amplitude.off or 0.0, believed(amplitude)
+        return max(amplitude.bounds[0], lower) - off, min(amplitude.bounds[1], upper) - off
 
     @property
     def one_sided(self) -> bool:
         """Whether its amplitude can't be negative."""
-        return any(stated.off == stated.bounds[0] for stated in self.effect.stated(self.difference))
+        return self.amplitude.off == self.amplitude.bounds[0]
 
     @property
     def typical(self) -> float:

@@ -37,13 +37,13 @@ def believed(parameter: Parameter) -> tuple[float, float]:
     if is_error(parameter):
         off = parameter.off or 0.0
         return off - BELIEVED * FACTOR * usual, off + BELIEVED * FACTOR * usual
-    if is_change(parameter):
+    if _is_change(parameter):
         return FACTOR**-BELIEVED - 1.0, FACTOR**BELIEVED - 1.0
     largest = FACTOR**BELIEVED * max(_usual_sizes(parameter))
     return -largest, largest
 
 
-def is_change(parameter: Parameter) -> bool:
+def _is_change(parameter: Parameter) -> bool:
     """Whether it is the change of a factor, which may be of either sign."""
     return _either_sign(parameter) and parameter.unit == "1"
 
@@ -66,7 +66,7 @@ def _factors_off(parameter: Parameter, value: float) -> float:
     usual = abs(parameter.typical)
     if is_error(parameter):
         return abs(value - (parameter.off or 0.0)) / (FACTOR * usual)
-    if is_change(parameter):
+    if _is_change(parameter):
         return abs(math.log(max(1.0 + value, _NOTHING))) / math.log(FACTOR)
     sizes, size = _usual_sizes(parameter), max(abs(value), _NOTHING * usual)
     return abs(math.log(size / min(max(size, min(sizes)), max(sizes)))) / math.log(FACTOR)

@@ -12,7 +12,6 @@ Beforehand an effect is as probable as such things are met where it may stand, a
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
 from math import log, pi, sqrt
 
 import numpy as np
@@ -33,6 +32,7 @@ from lptn.diagnose.plausibility import BELIEVED, is_beyond_belief, is_error, log
 from lptn.diagnose.scores import Score
 from lptn.identify.comparison import Prediction
 from lptn.identify.fitting import Fit
+from lptn.identify.problem import AT_REST
 from lptn.model.network import EffectDeclaration
 
 _DRAWS = 1000  # of the weights: a probability of a half is met within 0.016
@@ -138,7 +138,7 @@ def log_odds_by_score(fit: Fit, scores: Sequence[Score], log_priors: FloatArray)
     errors = fitted_errors(fit)
     squares = float(block_misfits(errors, fit.problem.sigma)[0].sum())
     left = np.array([max(1.0 - each.gain / squares, _NOTHING) for each in scores])
-    sizes = [log_prior_of_size(_amplitude_of(each.candidate), each.amplitude) for each in scores]
+    sizes = [log_prior_of_size(each.candidate.amplitude, each.amplitude) for each in scores]
     return np.asarray(-0.5 * independent_readings(errors) * np.log(left) + log_priors + np.maximum(sizes, -BELIEVED))
 
 
@@ -158,8 +158,6 @@ def are_rivals(one: Fit, other: Fit, log_priors: Sequence[float] = (0.0, 0.0)) -
 
 _AT_BOUND = 1e-3  # of a bound
 _NOTHING = 1e-12  # of the misfit; its logarithm is finite
-_AT_REST = 0.5
-"""K, standard deviation of a node that rests about its surroundings: sensors of 1 K steps, and the air's 0.3 K."""
 _WARMER = 10.0
 """K, by which a robot's node is usually warmer than its surroundings while it works, or another room than this one."""
 _FAR, _ROOMS = 10.0, 400  # K beyond the nodes; temperatures of the other room over which is summed
@@ -225,7 +223,7 @@ def log_prior_of_starts(fit: Fit) -> float:
 def _log_density_of_starts(off: FloatArray, rooms: FloatArray) -> FloatArray:
     """Of nodes that start so much off their surroundings [K], in a robot that rested in each of some rooms."""
     above = off - rooms[:, None]
-    at_rest = -0.5 * (above / _AT_REST) ** 2 - log(_AT_REST * sqrt(2 * pi))
+    at_rest = -0.5 * (above / AT_REST) ** 2 - log(AT_REST * sqrt(2 * pi))
     warmer = np.where(above > 0, log(2.0) + _log_cauchy(above), -np.inf)
     return np.asarray(np.sum(np.logaddexp(at_rest, warmer) - log(2.0), axis=1))
 
@@ -302,13 +300,7 @@ def _takes_more_than_there_is(fit: Fit, declarations: Sequence[EffectDeclaration
 
 def implausible_amplitude(candidate: Candidate, amplitude: float) -> bool:
     """Whether one effect's amplitude, in its own unit, is more than anyone would believe."""
-    return is_beyond_belief(_amplitude_of(candidate), amplitude)
-
-
-def _amplitude_of(candidate: Candidate) -> Parameter:
-    """A candidate's amplitude with the size that is usual at its places."""
-    stated = next(each for each in candidate.effect.stated(candidate.difference) if each.off is not None)
-    return replace(stated, typical=candidate.typical)
+    return is_beyond_belief(candidate.amplitude, amplitude)
 
 
 def _free_parameters(fit: Fit, declarations: Iterable[EffectDeclaration]) -> list[Parameter]:

@@ -214,16 +214,18 @@ class _Group:
         """The largest gain of any of them in each simulated log, shape (logs,), from statistics (traces, logs)."""
         lengths = np.array([trace.length for trace in self.traces])[:, None]
         lower, upper = np.array([trace.candidate.room for trace in self.traces]).reshape(-1, 2).T[:, :, None]
-        return np.asarray(np.max(_gains(statistics, lengths, lower, upper)[0], axis=0, initial=0.0))
+        gains, _ = _gains(statistics, lengths, lower, upper)
+        return np.asarray(np.max(gains, axis=0, initial=0.0))
 
 
-def _gains(
-    statistics: FloatArray, lengths: FloatArray, lower: FloatArray, upper: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+_Numbers = FloatArray | float
+
+
+def _gains(statistics: _Numbers, lengths: _Numbers, lower: _Numbers, upper: _Numbers) -> tuple[FloatArray, FloatArray]:
     """What traces of these lengths gain, and the amplitudes, which go no farther than they may."""
-    amplitudes = np.clip(statistics / lengths, lower, upper)
+    amplitudes = np.clip(np.asarray(statistics) / lengths, lower, upper)
     removed = lengths * amplitudes
-    return removed * (2.0 * statistics - removed), amplitudes
+    return np.asarray(removed * (2.0 * statistics - removed)), amplitudes
 
 
 class _Traces:
@@ -293,8 +295,7 @@ def _groups(count: int) -> list[slice]:
 def _better(before: Score, trace: _Trace, statistic: float) -> Score:
     """A candidate's score with one more shape: the better one; the longest trace of all shapes."""
     per_unit = max(before.per_unit, trace.length)
-    lower, upper = trace.candidate.room
-    gain, amplitude = (float(each) for each in _gains(*map(np.asarray, (statistic, trace.length, lower, upper))))
+    gain, amplitude = map(float, _gains(statistic, trace.length, *trace.candidate.room))
     if gain <= before.gain:
         return replace(before, per_unit=per_unit) if before.gain == 0 else before
     return Score(trace.candidate, gain, amplitude, trace.shape, trace.length)

@@ -47,7 +47,7 @@ class AmbientDrift(BoundaryEffect):
     @classmethod
     def makes_a_difference(cls, place: str, layout: Layout, driving: Sequence[Sequence[str]]) -> bool:
         """It matters only where no column says what the temperature does."""
-        return not str(layout.prescribed[place]).startswith("temperature.")
+        return place in layout.unlogged
 
     def error(self, temperature: Symbol, state: Symbol, p: SimpleNamespace) -> Symbol:
         return p.rate * (state - temperature) / _SCALE

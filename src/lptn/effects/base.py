@@ -62,6 +62,10 @@ class Layout(Protocol):
         """Nodes of a given temperature."""
 
     @property
+    def unlogged(self) -> Collection[str]:
+        """Nodes of a given temperature that no log column says, but a number or the start of a run."""
+
+    @property
     def surroundings(self) -> Mapping[str, tuple[str, str]]:
         """Places of exchange with a prescribed node: name -> (node, prescribed node)."""
 

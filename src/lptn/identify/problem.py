@@ -18,8 +18,9 @@ _SEEN_SPREAD = 1000.0
 prior about its first reading would speak against an offset of its sensor."""
 _NODE_SPREAD = 10.0  # K, of a node without a sensor
 _HIDDEN_SPREAD = 5.0  # K, of a state that no sensor sees: narrower, since nothing else holds it
-_AT_REST = 0.5
-"""K, of one in a robot that begins as warm as its surroundings: sensors of 1 K steps, and the air's 0.3 K."""
+AT_REST = 0.5
+"""K, standard deviation of a start, of a node's or of a hidden state's, in a robot that begins as warm as its
+surroundings: sensors of 1 K steps, and the air's 0.3 K."""
 _KNOWN = 1e-3  # K, of any state where the start is known
 _REPEATED = 5.0
 """s; so long at least what a model gets wrong stays the same, while a sensor's noise differs with each reading. Of
@@ -304,7 +305,7 @@ class Problem:
         A hidden mass may be as far from its node as the node is from its surroundings, for heat passes one resistance
         on its way to each: in a robot that begins cold nothing is warm, whatever its first minutes seem to ask for.
         """
-        hidden = np.fmin(_AT_REST + excess_at_start(self.model, bound), _HIDDEN_SPREAD)
+        hidden = np.fmin(AT_REST + excess_at_start(self.model, bound), _HIDDEN_SPREAD)
         seen = np.where(bound.counted.any(axis=1), _SEEN_SPREAD, _NODE_SPREAD)
         return np.concatenate([seen, hidden])
 

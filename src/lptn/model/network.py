@@ -198,6 +198,11 @@ class Layout:
         """Names of the nodes with a heat capacity, in order."""
         return list(self.capacities)
 
+    @property
+    def unlogged(self) -> list[str]:
+        """Prescribed nodes whose temperature no log column says, but a number or the start of a run."""
+        return [name for name, source in self.prescribed.items() if isinstance(source, int) or source == START]
+
     @cached_property
     def surroundings(self) -> dict[str, tuple[str, str]]:
         """Places of exchange with a prescribed node: name -> (node, prescribed node).
