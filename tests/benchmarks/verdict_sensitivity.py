@@ -44,7 +44,6 @@ CONSTANTS = (
     "lptn.diagnose.probability._ERRORS_ALIKE",
     "lptn.identify.problem.AT_REST",
     "lptn.diagnose.probability._WARMER",
-    "lptn.diagnose.fit_statistics.TIE",
     "lptn.diagnose.fit_statistics._LONG_BLOCK",
     "lptn.diagnose.fit_statistics.BLOCK",
     "lptn.diagnose.fit_statistics.NEGLIGIBLE",
@@ -59,7 +58,6 @@ CONSTANTS = (
     "lptn.diagnose.diagnosis._MOST_BY_ONE",
     "lptn.diagnose.diagnosis._ELSEWHERE",
     "lptn.diagnose.diagnosis._RUNS_DIFFER",
-    "lptn.diagnose.improvement.WORTH",
     "lptn.diagnose.improvement._MOST",
 )
 """What decides; constants of the search for a number, such as precisions, are left out."""

@@ -30,7 +30,6 @@ from lptn.basics.tables import Tabular
 from lptn.diagnose.candidates import AMBIENT_ERROR, TORQUE_ERROR, possible_effects, with_errors_of_runs
 from lptn.diagnose.fit_statistics import (
     LACKING,
-    TIE,
     criterion_difference,
     explained_share,
     lack_of_fit,
@@ -541,7 +540,7 @@ def _verdict(base: Fit, data: DataSplit, holdout: Errors | None, scores: Scores,
 def _more_is_wanted(scores: Scores, steps: Sequence[Step]) -> bool:
     """Whether the fitted runs have something against the model; only candidates beyond chance were refitted."""
     lacking = any(value > LACKING for value in scores.lack_of_fit.values())
-    return lacking or (bool(steps) and steps[0].gain > TIE)
+    return lacking or sum(step.probability for step in steps) >= LIKELY
 
 
 def explained_elsewhere(base: Fit, before: Errors | None, after: Errors | None) -> bool:

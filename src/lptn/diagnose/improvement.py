@@ -4,14 +4,14 @@ Missing effects come in pairs whose first alone explains little, and short logs 
 good. So several models are followed a step further, side by side:
 
 1. Each model that is followed is diagnosed; each of its refits beyond chance is a longer branch.
-2. Of these the most probable are fitted to the end and followed; so is what held-out data prefer by more than any
-   scatter.
+2. Of these the most probable are fitted to the end and followed, by the fitted runs, and by all runs: what predicts
+   held-out runs much worse than another comes last there, however well it fits.
 3. The search ends when a model is adequate, nothing helps, or a step has made no model more probable by all runs.
-4. The held-out data decide which branch is kept, and how far; without them the information criterion does.
-5. Steps that the others make superfluous are taken out. Each that is left is asked anew beside all others, and gives
-   way to what is more probable there: what a step is taken for while much else is missing says little of it. Told
-   first is what is more probable than not; of that, and of the rest, what sets a few places or one run apart, as it may
-   be a fault, then what most have in common, as that is how the model is made; of each what would be missed most.
+4. Kept is the most probable by all runs; a longer branch must predict held-out runs better than all shorter ones.
+5. Each step is left out, or gives way to another, where that is more probable by all runs, beside the other steps: what
+   a step is taken for while much else is missing says little of it. Told first is what is more probable than not; of
+   that, and of the rest, what sets a few places or one run apart, as it may be a fault, then what most have in common,
+   as that is how the model is made; of each what would be missed most.
 6. Each model left is fitted at full resolution.
 
 Where nothing explains the data because a held-out run is predicted badly, and one parameter that differs in that run
@@ -20,7 +20,7 @@ would explain it, that difference is granted to the run, and the question is ask
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import asdict, dataclass, replace
 
@@ -46,8 +46,8 @@ from lptn.diagnose.diagnosis import (
     explained_elsewhere,
     for_search,
 )
-from lptn.diagnose.fit_statistics import TIE, Removed, criterion_difference, explained_share
-from lptn.diagnose.probability import in_occams_window, is_implausible, log_prior_of_sizes, probabilities
+from lptn.diagnose.fit_statistics import Removed, explained_share
+from lptn.diagnose.probability import is_implausible, log_prior_of_sizes, probabilities
 from lptn.diagnose.refits import continued, unless_interrupted
 from lptn.diagnose.runs_that_differ import RunDifference, granted_differences
 from lptn.identify.comparison import Prediction, predict
@@ -212,7 +212,7 @@ def improve(
     differing: tuple[RunDifference, ...] = ()
     if verdict == "unexplained" and coarse.holdout:
         report("looking for what differs in held-out runs")
-        likeliest = _by_probability(search.branches)[0][-1].fit
+        likeliest = _ranked(search.branches)[0][-1].fit
         granted, differing = granted_differences(model, likeliest, coarse.holdout)
         if differing:
             search, kept, verdict = _searched(granted, coarse, most, executor, report, found)
@@ -237,17 +237,13 @@ def _searched(
     given: Branch = (Step(base, holdout=holdout_errors(base, data.holdout)),)
     search = _Search(data, executor, report, found)
     search.follow(given, most)
-    kept = search.settled(_pruned(search.complete(_chosen(search.branches, data)), data, report))
-    kept = search.reconsidered(kept)
+    kept = search.reconsidered(search.settled(_chosen(search.branches, data)))
     return search, kept, _verdict(search.diagnosis(given), search.diagnosis(kept), given, kept)
 
 
 # --- Branches of models, followed side by side as long as the fit data can't tell them apart ---------
 
 
-WORTH = 0.05
-"""Share by which held-out errors must differ to speak for a step: the RMSE of some 200 independent residuals, an hour
-or two of a few nodes, is itself known to 1/√400."""
 _WIDTH, _WIDTH_LATER = 4, 2  # branches followed side by side after the first step, and after later ones
 _SAME = 1e-3  # two steps from one model whose misfits differ by less are one step with two names
 
@@ -316,7 +312,7 @@ class _Search:
             self.report(f"step {depth}: {_in_words(beam)}")
             self.found(min(self.branches, key=_error))
             # The first of a pair may help nobody alone, so one step without a gain is allowed at the start.
-            if depth > 1 and _most_probable(self.branches, self.data) not in beam:
+            if depth > 1 and _ranked(self.branches, self.data)[0] not in beam:
                 return
 
     def diagnosis(self, branch: Branch) -> Diagnosis:
@@ -335,52 +331,44 @@ class _Search:
         self.branches = [better if each is branch else each for each in self.branches]
         return better
 
-    def complete(self, chosen: Branch) -> Branch:
-        """The chosen branch, or one that leaves nothing unexplained where held-out data have nothing against it."""
-        chosen = self._examined(chosen)
-        if self.diagnosis(chosen).verdict == "adequate":
-            return chosen
-        diagnosed = [branch for branch in self.branches if _effects(branch) in self._diagnoses]
-        adequate = [branch for branch in diagnosed if self.diagnosis(branch).verdict == "adequate"]
-        unopposed = [branch for branch in adequate if _error(branch) <= _error(chosen) * (1 + WORTH)]
-        return min(unopposed, key=len, default=chosen)
-
     def settled(self, branch: Branch) -> Branch:
-        """The branch with each step exchanged for what is more probable by all runs, beside all the others.
+        """The branch with each step left out, or exchanged, where that is more probable by all runs.
 
-        A step was chosen while much else was missing, and may only have stood for that. As where a branch is chosen,
-        what predicts held-out runs worse than any scatter excuses is no answer, however well it fits.
+        A step was chosen while much else was missing, and may only have stood for that.
         """
-        if len(branch) <= 2:
-            return branch  # there are no others
-        tried, number, most = {_effects(branch)}, 1, MUCH_WORSE * _error(branch)
-        while number < len(branch):
+        tried, number = {_effects(branch)}, 1
+        while number < len(branch) > 2:  # the only step was compared with all others, and with none, when it was chosen
             step, number = branch[number], number + 1
-            other = self._exchanged(branch, step)
-            if other is None or _effects(other) in tried:
-                continue
-            tried.add(_effects(other))
-            if _error(other) <= most and _most_probable([branch, other], self.data) is other:
-                self.report(f"{_named(step)} gives way to {_named(other[-1])}")
-                branch, number = other, 1
+            for other in self._instead_of(branch, step):
+                if _effects(other) in tried:
+                    continue
+                tried.add(_effects(other))
+                if _chosen([branch, other], self.data) is other:
+                    successor = f"gives way to {_named(other[-1])}" if len(other) == len(branch) else "is not needed"
+                    self.report(f"{_named(step)} {successor}")
+                    branch, number = other, 1
+                    break
         return branch
 
-    def _exchanged(self, branch: Branch, step: Step) -> Branch | None:
-        """The branch with what is most probable beside the others in place of a step; `None` where that is the step."""
-        others = _without(branch, step)
-        if self._diagnosis_without(branch, step) is None or any(_stands_on(other, step) for other in others):
-            return None  # without it the others are no model of their own
+    def _instead_of(self, branch: Branch, step: Step) -> Iterator[Branch]:
+        """The branch without a step, then with what is more probable beside the others in its place."""
+        without = self._without(branch, step)
+        if without is None:
+            return
+        yield without
+        if any(_stands_on(other, step) for other in branch):
+            return  # without it the others are no model of their own
         judged = self._beside_the_others(branch, step)
         likelier = [
             other
-            for other in self._longer(others)
+            for other in self._longer(without)
             if other[-1].key != step.key and other[-1].probability > judged.probability
         ]
-        if not likelier:
-            return None
-        most = max(likelier, key=lambda other: other[-1].probability)
-        exchanged = _ending_in(most, unless_interrupted(finished(most[-1].fit)), self.data)
-        return None if is_implausible(exchanged[-1].fit, _declarations(exchanged)) else exchanged
+        if likelier:
+            most = max(likelier, key=lambda other: other[-1].probability)
+            fit = unless_interrupted(finished(most[-1].fit))
+            if not is_implausible(fit, _declarations(most)):
+                yield _ending_in(most, fit, self.data)
 
     def reconsidered(self, branch: Branch) -> Branch:
         """The branch with each step asked anew beside all others, in the order in which they are told."""
@@ -415,16 +403,25 @@ class _Search:
         last, diagnosis = branch[-1], self._diagnosis_without(branch, step)
         return step if diagnosis is None else compared(diagnosis, replace(step, fit=last.fit, holdout=last.holdout))
 
-    def _diagnosis_without(self, branch: Branch, step: Step) -> Diagnosis | None:
-        """What the branch lacks without one of its steps; `None` where a later one stands at an edge that this made."""
-        last, others = branch[-1], _without(branch, step)
+    def _without(self, branch: Branch, step: Step) -> Branch | None:
+        """The branch without one of its steps; `None` where a later one stands at an edge that this made."""
+        others = tuple(other for other in branch if other is not step)
+        known = next((each for each in self.branches if _effects(each) == _effects(others)), None)
+        if known is not None:
+            return known
+        last = branch[-1].fit
         try:
-            network = last.fit.model.network.without_effect(*step.key)
+            network = last.model.network.without_effect(*step.key)
         except InputError:
             return None
-        if _effects(others) not in self._diagnoses:
-            others = _ending_in(others, unless_interrupted(finished(continued(last.fit, network))), self.data)
-        return self.diagnosis(others)
+        shorter = _ending_in(others, unless_interrupted(finished(continued(last, network))), self.data)
+        self.branches.append(shorter)
+        return shorter
+
+    def _diagnosis_without(self, branch: Branch, step: Step) -> Diagnosis | None:
+        """What the branch lacks without one of its steps."""
+        shorter = self._without(branch, step)
+        return None if shorter is None else self.diagnosis(shorter)
 
     def _longer(self, branch: Branch) -> list[Branch]:
         """The branch with each refit of its last model that is beyond chance, each name for one step once.
@@ -453,15 +450,9 @@ class _Search:
         branches = list(unique.values())
         if not branches:
             return []
-        level = _probable(branches)
-        hopeful = [
-            branch for branch in _by_probability(branches) if branch[-1].fit.cost <= HOPELESS * branches[0][-1].fit.cost
-        ]
-        # A short log may favour an alias; what held-out data prefer by more than any scatter is followed as well.
-        least = min(_error(branch) for branch in level)
-        preferred = [branch for branch in branches if branch in level or MUCH_WORSE * _error(branch) < least]
-        by_holdout = _least_errors(preferred, width, self.data)
-        followed = [*hopeful[:width], *(branch for branch in by_holdout if branch not in hopeful[:width])]
+        hopeful = [branch for branch in branches if branch[-1].fit.cost <= HOPELESS * branches[0][-1].fit.cost]
+        # A short log may favour an alias; what is probable by all runs is followed as well.
+        followed = list(dict.fromkeys([*_ranked(hopeful)[:width], *_ranked(branches, self.data)[:width]]))
         # Fits that only ranked candidates ended early: where a valley is long, their held-out errors are accidents.
         fits = (self.executor.map if self.executor else map)(finished, [branch[-1].fit for branch in followed])
         # To the end, a size may go where nobody believes it.
@@ -472,22 +463,7 @@ class _Search:
         ]
         if not done:
             return []
-        (best,) = _least_errors(done, 1, self.data)
-        return done[:width] if best in done[:width] else [*done[:width], best]
-
-
-def _least_errors(branches: Sequence[Branch], width: int, data: DataSplit) -> list[Branch]:
-    """Those with the least errors; of errors that scatter may excuse first what is the most probable by all runs."""
-    left, found = list(branches), list[Branch]()
-    while left and len(found) < width:
-        most = MUCH_WORSE * min(map(_error, left))
-        found.append(_most_probable([branch for branch in left if _error(branch) <= most], data))
-        left.remove(found[-1])
-    return found
-
-
-def _without(branch: Branch, step: Step) -> Branch:
-    return tuple(other for other in branch if other is not step)
+        return list(dict.fromkeys([*done[:width], _ranked(done, self.data)[0]]))
 
 
 def _ending_in(branch: Branch, fit: Fit, data: DataSplit) -> Branch:
@@ -505,38 +481,28 @@ def _in_words(beam: Sequence[Branch]) -> str:
 
 
 def _chosen(branches: Sequence[Branch], data: DataSplit) -> Branch:
-    """The most probable by all runs of the branches that do well in held-out runs, and better than all shorter ones."""
+    """The most probable by all runs of the branches that predict held-out runs better than all shorter ones."""
     if branches[0][-1].holdout is None:
-        best = branches[0]
-        for branch in branches[1:]:
-            if criterion_difference(best[-1].fit, branch[-1].fit) > 0:
-                best = branch
-        return best
-    most = MUCH_WORSE * min(_error(branch) for branch in branches)
-    level = [
-        branch
-        for branch in branches
-        if _error(branch) <= min([most, *(_error(other) for other in branches if len(other) < len(branch))])
-    ]
-    return _most_probable(level, data)
+        return _ranked(branches)[0]
+
+    def pays(branch: Branch) -> bool:
+        return all(_error(branch) < _error(other) for other in branches if len(other) < len(branch))
+
+    return _ranked([branch for branch in branches if pays(branch)], data)[0]
 
 
-def _by_probability(branches: Sequence[Branch]) -> list[Branch]:
-    """The most probable on the fitted data first."""
-    shares = _probabilities(branches)
-    return [branches[k] for k in sorted(range(len(branches)), key=lambda k: (-shares[k], branches[k][-1].fit.cost))]
+def _ranked(branches: Sequence[Branch], data: DataSplit | None = None) -> list[Branch]:
+    """The most probable first: by the fitted runs, or, with `data`, by all runs.
 
-
-def _most_probable(branches: Sequence[Branch], data: DataSplit) -> Branch:
-    """The most probable by all runs, held-out ones included."""
-    fits = [branch[-1].fit for branch in branches] if data.holdout else []
-    predicted = [[predict(fit.model, run, fit.problem.sigma) for run in data.holdout] for fit in fits]
-    return branches[int(np.argmax(_probabilities(branches, predicted)))]
-
-
-def _probable(branches: Sequence[Branch]) -> list[Branch]:
-    """Those that the most probable does not rule out on the fitted data, the most probable first."""
-    return [branches[number] for number in in_occams_window(_probabilities(branches))]
+    Then what predicts held-out runs much worse than another comes last, however well it fits.
+    """
+    fits = [branch[-1].fit for branch in branches] if data is not None and data.holdout else []
+    predicted = [[predict(fit.model, run, fit.problem.sigma) for run in data.holdout] for fit in fits] if data else []
+    shares = _probabilities(branches, predicted)
+    errors = [_error(branch) for branch in branches] if predicted else [0.0] * len(branches)
+    most = MUCH_WORSE * min(errors)
+    order = sorted(range(len(branches)), key=lambda k: (errors[k] > most, -shares[k], branches[k][-1].fit.cost))
+    return [branches[k] for k in order]
 
 
 def _probabilities(branches: Sequence[Branch], predicted: Sequence[Sequence[Prediction]] = ()) -> FloatArray:
@@ -550,23 +516,6 @@ def _probabilities(branches: Sequence[Branch], predicted: Sequence[Sequence[Pred
 
 def _declarations(branch: Branch) -> list[EffectDeclaration]:
     return [declaration for step in branch for declaration in step.declarations]
-
-
-def _pruned(branch: Branch, data: DataSplit, report: Report) -> Branch:
-    """The branch without the steps that the others make superfluous; the only one stays."""
-    last = branch[-1]
-    for step in branch[1:] if len(branch) > 2 else ():
-        try:
-            network = last.fit.model.network.without_effect(*step.key)
-        except InputError:  # a later effect stands at the edge that this one made
-            continue
-        fit = continued(last.fit, network)
-        if criterion_difference(fit, last.fit) < TIE:
-            shorter = _ending_in(tuple(other for other in branch if other is not step), fit, data)
-            if _error(shorter) <= _error(branch) * (1 + WORTH):
-                report(f"{_named(step)} is no longer needed")
-                return _pruned(shorter, data, report)
-    return branch
 
 
 # --- The verdict, and the branch that is kept at full resolution ------------------------------------

@@ -7,13 +7,16 @@ from typing import Literal
 
 from lptn.diagnose.diagnosis import LIKELY, Step
 from lptn.diagnose.fit_statistics import criterion_difference
-from lptn.diagnose.improvement import WORTH, History
+from lptn.diagnose.improvement import History
 from lptn.report.shown import noise_alone
 from lptn.report.tables import FAR
 from lptn.report.text import kelvin, listed, named, percent, place_of, significant
 
 Outcome = Literal["adequate", "found", "tried", "asked", "unhelped", "unexplained"]
 
+WORTH = 0.05
+"""Share by which held-out errors must differ to speak for a step: the RMSE of some 200 independent residuals, an hour
+or two of a few nodes, is itself known to 1/√400."""
 HELPED = 0.99
 """The share of the error below which an error is called smaller."""
 
