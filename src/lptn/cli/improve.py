@@ -133,7 +133,7 @@ def _sure(history: History, number: int) -> str:
     """How sure a step is, and what else it might be; without a full stop."""
     from lptn.diagnose.diagnosis import LIKELY
     from lptn.report.text import percent
-    from lptn.report.words import outweighed_in_words
+    from lptn.report.words import chosen_in_words, outweighed_in_words
 
     step = history.steps[number]
     if not step.probability:
@@ -149,7 +149,7 @@ def _sure(history: History, number: int) -> str:
     if step.indistinguishable and step.probability < LIKELY:
         text = f"the fitted data alone leave it open (this one {share})"
         text += f" and don't rule out {in_words(others)}" if others else ""
-        return text + ("; the held-out data chose it" if step.holdout else "")
+        return text + chosen_in_words(step)
     text = f"by the fitted data {share} probable; "
     if others:
         return f"{text}they don't rule out {in_words(others)}"

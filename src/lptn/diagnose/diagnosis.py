@@ -26,6 +26,7 @@ from typing import Literal
 import numpy as np
 import pandas as pd
 
+from lptn.basics.arrays import FloatArray
 from lptn.basics.tables import Tabular
 from lptn.diagnose.candidates import AMBIENT_ERROR, TORQUE_ERROR, possible_effects, with_errors_of_runs
 from lptn.diagnose.fit_statistics import (
@@ -49,7 +50,7 @@ from lptn.diagnose.probability import (
 from lptn.diagnose.refits import continued, refit, unless_interrupted
 from lptn.diagnose.runs_that_differ import RunDifference, granted_differences
 from lptn.diagnose.scores import Score, Scores, score
-from lptn.identify.comparison import Errors, predict
+from lptn.identify.comparison import Errors, Prediction, predict
 from lptn.identify.data import DataSplit
 from lptn.identify.fitting import Fit, finished
 from lptn.identify.validation import fit_segments, holdout_errors
@@ -79,7 +80,9 @@ class Step(Tabular):
         gain: by how much the information criterion prefers it to the model without it.
         size: the effect's amplitude in units of its typical size, when it was compared with other candidates.
         log_odds: logarithm of the odds beforehand that it is this effect at this place that is missing.
-        probability: of this answer, given that one of those that were refitted is right.
+        probability: of this answer by the fitted runs, given that one of those that were refitted is right.
+        by_all_runs: the same by the held-out runs as well, which may have chosen it; `None` without any, or where no
+            search asked.
         p_value: how often chance alone would score as much, over all candidates.
         indistinguishable: candidates that the fitted data can't tell from it.
         holdout: errors on held-out runs, `None` without any.
@@ -92,6 +95,7 @@ class Step(Tabular):
     size: float = 1.0
     log_odds: float = 0.0
     probability: float = 0.0
+    by_all_runs: float | None = None
     p_value: float = 1.0
     indistinguishable: tuple[Key, ...] = ()
     holdout: Errors | None = None
@@ -473,9 +477,7 @@ def _by_probability(base: Fit, steps: Sequence[Step]) -> list[Step]:
 
     Nothing missing is one of the answers that share the probability.
     """
-    of_sizes = [step.log_odds + log_prior_of_sizes(step.fit, step.declarations) for step in steps]
-    of_starts = [step.log_evidence_of_starts for step in (Step(base), *steps)]
-    priors = np.array([0.0, *of_sizes]) + np.array(of_starts)
+    priors = _log_priors(base, steps)
     fits = [base, *(step.fit for step in steps)]
     of_all = probabilities(fits, priors)[1:]
 
@@ -493,12 +495,29 @@ def _by_probability(base: Fit, steps: Sequence[Step]) -> list[Step]:
     return [judged[k] for k in sorted(range(len(judged)), key=lambda k: (-judged[k].probability, -judged[k].gain))]
 
 
-def compared(diagnosis: Diagnosis, step: Step) -> Step:
+def compared(diagnosis: Diagnosis, step: Step, data: DataSplit) -> Step:
     """A step that could be taken from a diagnosed model, fitted elsewhere, among the answers of that diagnosis."""
     base = diagnosis.fit
     others = [other for other in diagnosis.refits if other.key != step.key]
-    judged = _by_probability(base, [replace(step, gain=criterion_difference(base, step.fit)), *others])
-    return next(each for each in judged if each.key == step.key)
+    steps = [replace(step, gain=criterion_difference(base, step.fit)), *others]
+    judged = next(each for each in _by_probability(base, steps) if each.key == step.key)
+    if not data.holdout:
+        return judged
+    fits = [base, *(each.fit for each in steps)]
+    by_all_runs = probabilities(fits, _log_priors(base, steps), held_out(fits, data))
+    return replace(judged, by_all_runs=float(by_all_runs[1]))
+
+
+def held_out(fits: Sequence[Fit], data: DataSplit) -> list[list[Prediction]]:
+    """The held-out runs as each of several fits predicts them."""
+    return [[predict(fit.model, run, fit.problem.sigma) for run in data.holdout] for fit in fits]
+
+
+def _log_priors(base: Fit, steps: Sequence[Step]) -> FloatArray:
+    """Of nothing missing, then of each step: logarithms of what is thought of them beforehand, shape (1 + steps,)."""
+    of_sizes = [step.log_odds + log_prior_of_sizes(step.fit, step.declarations) for step in steps]
+    of_starts = [step.log_evidence_of_starts for step in (Step(base), *steps)]
+    return np.asarray(np.array([0.0, *of_sizes]) + np.array(of_starts))
 
 
 def _holdout_decides(steps: list[Step]) -> list[Step]:

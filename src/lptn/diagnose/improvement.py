@@ -45,12 +45,13 @@ from lptn.diagnose.diagnosis import (
     examine,
     explained_elsewhere,
     for_search,
+    held_out,
 )
 from lptn.diagnose.fit_statistics import Removed, explained_share
 from lptn.diagnose.probability import is_implausible, log_prior_of_sizes, probabilities
 from lptn.diagnose.refits import continued, unless_interrupted
 from lptn.diagnose.runs_that_differ import RunDifference, granted_differences
-from lptn.identify.comparison import Prediction, predict
+from lptn.identify.comparison import Prediction
 from lptn.identify.data import DataSplit
 from lptn.identify.fitting import Fit, finished
 from lptn.identify.validation import fit_segments, holdout_errors
@@ -122,6 +123,7 @@ class History(Tabular):
                 "rmse_test": step.test.rmse if step.test else None,
                 "rmse_proof": step.test.rmse if step.test else None,
                 "probability": step.probability if step.effect else None,
+                "probability_by_all_runs": step.by_all_runs,
                 "removed": asdict(Removed.between(self.steps[number - 1].fit, step.fit)) if number else None,
                 "indistinguishable_from": [list(key) for key in step.indistinguishable],
             }
@@ -401,7 +403,11 @@ class _Search:
     def _beside_the_others(self, branch: Branch, step: Step) -> Step:
         """A step of the branch as it is judged where all the other steps are there already."""
         last, diagnosis = branch[-1], self._diagnosis_without(branch, step)
-        return step if diagnosis is None else compared(diagnosis, replace(step, fit=last.fit, holdout=last.holdout))
+        return (
+            step
+            if diagnosis is None
+            else compared(diagnosis, replace(step, fit=last.fit, holdout=last.holdout), self.data)
+        )
 
     def _without(self, branch: Branch, step: Step) -> Branch | None:
         """The branch without one of its steps; `None` where a later one stands at an edge that this made."""
@@ -496,8 +502,7 @@ def _ranked(branches: Sequence[Branch], data: DataSplit | None = None) -> list[B
 
     Then what predicts held-out runs much worse than another comes last, however well it fits.
     """
-    fits = [branch[-1].fit for branch in branches] if data is not None and data.holdout else []
-    predicted = [[predict(fit.model, run, fit.problem.sigma) for run in data.holdout] for fit in fits] if data else []
+    predicted = held_out([branch[-1].fit for branch in branches], data) if data is not None and data.holdout else []
     shares = _probabilities(branches, predicted)
     errors = [_error(branch) for branch in branches] if predicted else [0.0] * len(branches)
     most = MUCH_WORSE * min(errors)

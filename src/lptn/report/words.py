@@ -424,8 +424,14 @@ def _sure(history: History, number: int, step: Step) -> str:
     others = f"{few([named(*key) for key in step.indistinguishable], _FEW)} {verb}"
     if all(effect == step.effect for effect, _ in step.indistinguishable):
         return text + f"The effect is clear, its place is not: {others} the fitted runs about as well."
-    chose = "; the held-out runs chose" if step.holdout else ""
-    return text + f"The fitted runs alone cannot tell: {others} them about as well{chose}."
+    return text + f"The fitted runs alone cannot tell: {others} them about as well{chosen_in_words(step)}."
+
+
+def chosen_in_words(step: Step) -> str:
+    """How probable held-out data make what the fitted data leave open; empty where none were held out."""
+    if step.by_all_runs is None:
+        return ""
+    return f"; with the held-out data it is {percent(step.by_all_runs)} probable"
 
 
 def outweighed_in_words(step: Step) -> str:
