@@ -19,8 +19,9 @@ from lptn.basics.errors import InputError
 from lptn.basics.files import write_whole
 from lptn.basics.parameters import Setting
 from lptn.diagnose.advice import Advice, advise
+from lptn.diagnose.answers import Step
 from lptn.diagnose.candidates import AMBIENT_ERROR, TORQUE_ERROR
-from lptn.diagnose.diagnosis import Diagnosis, Step, diagnose, for_search
+from lptn.diagnose.diagnosis import Diagnosis, diagnose, for_search
 from lptn.diagnose.improvement import History, effects_added, improve, table_of_steps
 from lptn.diagnose.refits import continued
 from lptn.diagnose.unexplained_heat import UnexplainedHeat, unexplained_heat

@@ -24,8 +24,9 @@ import numpy as np
 
 from lptn import virtual
 from lptn.basics.places import EVERYWHERE, matching
+from lptn.diagnose.answers import Step, refit_all
 from lptn.diagnose.candidates import candidates
-from lptn.diagnose.diagnosis import Step, for_search, refit_all
+from lptn.diagnose.diagnosis import for_search
 from lptn.diagnose.experiment import Experiment, possible_moves, propose
 from lptn.diagnose.experiment_runs import Move
 from lptn.diagnose.fit_statistics import TIE, criterion_difference

@@ -23,7 +23,7 @@ from typing import Any
 
 import lptn
 from lptn.basics.processes import one_blas_thread
-from lptn.diagnose import diagnosis
+from lptn.diagnose import answers, diagnosis
 from lptn.diagnose.diagnosis import diagnose
 from lptn.identify.data import DataSplit
 from lptn.identify.fitting import Fit
@@ -50,13 +50,12 @@ CONSTANTS = (
     "lptn.diagnose.fit_statistics.LACKING",
     "lptn.diagnose.fit_statistics.CLEARLY",
     "lptn.diagnose.fit_statistics._SHOWS_PLAINLY",
-    "lptn.diagnose.diagnosis.SIGNIFICANT",
-    "lptn.diagnose.diagnosis._MOST_REFITS",
-    "lptn.diagnose.diagnosis.HOPELESS",
-    "lptn.diagnose.diagnosis._SAME_EFFECT_SHARE",
+    "lptn.diagnose.answers.SIGNIFICANT",
+    "lptn.diagnose.answers.HOPELESS",
+    "lptn.diagnose.answers._SAME_EFFECT_SHARE",
     "lptn.diagnose.diagnosis.MUCH_WORSE",
     "lptn.diagnose.diagnosis._MOST_BY_ONE",
-    "lptn.diagnose.diagnosis._ELSEWHERE",
+    "lptn.diagnose.fit_statistics._ELSEWHERE",
     "lptn.diagnose.diagnosis._RUNS_DIFFER",
     "lptn.diagnose.improvement._MOST",
 )
@@ -69,7 +68,7 @@ STEPS = 3
 # --- The same fit is made once for a case: most constants judge fits, and change none ---------------------------------
 
 FITTERS = ("fit_segments", "refit", "continued", "finished", "holdout_errors")
-"""Functions of `lptn.diagnose.diagnosis` whose result depends on their arguments alone."""
+"""Functions that `lptn.diagnose.diagnosis` and `lptn.diagnose.answers` use, whose result depends on their arguments."""
 
 
 def fingerprint(thing: object) -> object:
@@ -100,14 +99,15 @@ def remembered() -> Iterator[None]:
 
         return asked
 
-    before = {name: getattr(diagnosis, name) for name in FITTERS}
-    for name, fitter in before.items():
-        setattr(diagnosis, name, once(fitter))
+    users = [(module, name) for module in (answers, diagnosis) for name in FITTERS if name in vars(module)]
+    before = [getattr(module, name) for module, name in users]
+    for (module, name), fitter in zip(users, before, strict=True):
+        setattr(module, name, once(fitter))
     try:
         yield
     finally:
-        for name, fitter in before.items():
-            setattr(diagnosis, name, fitter)
+        for (module, name), fitter in zip(users, before, strict=True):
+            setattr(module, name, fitter)
 
 
 Said = tuple[str, tuple[str, str] | None]

@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from lptn.diagnose.answers import refit_all
 from lptn.diagnose.candidates import candidates
-from lptn.diagnose.diagnosis import diagnose, examine, for_search, refit_all
+from lptn.diagnose.diagnosis import diagnose, examine, for_search
 from lptn.diagnose.fit_statistics import fitted_errors, independent_readings
 from lptn.diagnose.scores import Scores, score
 from lptn.identify.validation import fit_segments

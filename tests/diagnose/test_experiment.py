@@ -16,8 +16,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from lptn.basics.arrays import FloatArray
+from lptn.diagnose.answers import Step, refit_all
 from lptn.diagnose.candidates import candidates
-from lptn.diagnose.diagnosis import Step, refit_all
 from lptn.diagnose.experiment import CLEAR, Experiment, noise_density, possible_moves, propose
 from lptn.diagnose.probability import are_rivals
 from lptn.diagnose.scores import score

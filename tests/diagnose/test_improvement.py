@@ -9,8 +9,9 @@ from dataclasses import replace
 import pytest
 
 from lptn.diagnose.advice import advise
+from lptn.diagnose.answers import Step
 from lptn.diagnose.candidates import with_errors_of_runs
-from lptn.diagnose.diagnosis import Step, for_search
+from lptn.diagnose.diagnosis import for_search
 from lptn.diagnose.improvement import Branch, History, _Search, improve
 from lptn.diagnose.refits import refit
 from lptn.effects import catalogue

@@ -10,8 +10,10 @@ import pytest
 
 from lptn.diagnose.improvement import History
 from lptn.diagnose.runs_that_differ import Cause, RunDifference
+from lptn.effects.surface_scale import SurfaceScale
 from lptn.identify.comparison import compare
 from lptn.identify.data import DataSplit, holdout_segment
+from lptn.model.network import EffectDeclaration
 from lptn.report.pages import comparison_html, story_html
 from lptn.report.words import next_step, story_in_words
 from tests.report.two_joints import NODES, Told, make_run, robot
@@ -153,7 +155,8 @@ def test_words_adequate(adequate: Told) -> None:
 
 def test_a_held_out_run_that_differs_is_named(adequate: Told) -> None:
     history, data = adequate
-    cause = Cause("surface_scale", "*", 1.2, 0.02, "friday loses heat 2.2 times as fast: was a fan on?")
+    blown = EffectDeclaration(SurfaceScale(), "*", run="friday")
+    cause = Cause(blown, 1.2, 0.02, "friday loses heat 2.2 times as fast: was a fan on?")
     told_apart = replace(history, last=replace(history.last, differing=(RunDifference("friday", 3.4, 0.02, (cause,)),)))
     told = " ".join(story_in_words(told_apart, data))
     assert "friday loses heat 2.2 times as fast: was a fan on? With that its error goes from 3.4 to 0.02 K" in told

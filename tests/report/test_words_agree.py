@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from lptn.cli.improve import show_history
-from lptn.diagnose.diagnosis import Step
+from lptn.diagnose.answers import Step
 from lptn.diagnose.improvement import History
 from lptn.diagnose.refits import continued
 from lptn.diagnose.unexplained_heat import UnexplainedHeat, largest, stretches

@@ -24,7 +24,8 @@ from lptn.cli.options import (
 
 if TYPE_CHECKING:
     from lptn.diagnose.advice import Advice
-    from lptn.diagnose.diagnosis import Diagnosis, Step, Verdict
+    from lptn.diagnose.answers import Step
+    from lptn.diagnose.diagnosis import Diagnosis, Verdict
     from lptn.diagnose.runs_that_differ import RunDifference
     from lptn.identify.fitting import Fit
 
@@ -119,7 +120,7 @@ def show_diagnosis(diagnosis: Diagnosis) -> None:
 
 def _show_that_nothing_helps(diagnosis: Diagnosis) -> None:
     """How probable it is by the fitted data that nothing is missing, and what else may be."""
-    from lptn.diagnose.diagnosis import NOTHING
+    from lptn.diagnose.answers import NOTHING
     from lptn.report.text import percent
 
     shares = dict(diagnosis.probabilities)

@@ -131,7 +131,7 @@ def show_history(history: History) -> None:
 
 def _sure(history: History, number: int) -> str:
     """How sure a step is, and what else it might be; without a full stop."""
-    from lptn.diagnose.diagnosis import LIKELY
+    from lptn.diagnose.answers import LIKELY
     from lptn.report.text import percent
     from lptn.report.words import chosen_in_words, outweighed_in_words
 

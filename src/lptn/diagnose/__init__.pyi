@@ -1,7 +1,7 @@
+from .answers import Step as Step
 from .candidates import Candidate as Candidate
 from .candidates import candidates as candidates
 from .diagnosis import Diagnosis as Diagnosis
-from .diagnosis import Step as Step
 from .diagnosis import Verdict as Verdict
 from .diagnosis import diagnose as diagnose
 from .improvement import History as History

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from lptn.diagnose.diagnosis import Diagnosis, Report, Step
+from lptn.diagnose.answers import Report, Step
+from lptn.diagnose.diagnosis import Diagnosis
 from lptn.diagnose.experiment import Experiment, propose
 from lptn.diagnose.runs_that_differ import RunDifference, runs_that_differ
 from lptn.diagnose.scores import Detectable, smallest

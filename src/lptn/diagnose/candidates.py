@@ -257,14 +257,20 @@ def candidates(
     return sorted(proposed, key=lambda candidate: limits.index(candidate.run))
 
 
-def possible_effects(fit: Fit, columns: Collection[str]) -> list[Candidate]:
-    """Every effect that a fitted model may lack, with time constants that its runs can show."""
+def possible_effects(fit: Fit, columns: Collection[str], names: Sequence[str] = ()) -> list[Candidate]:
+    """Every effect that a fitted model may lack, with time constants that its runs can show.
+
+    Args:
+        fit: the fitted model.
+        columns: log columns at hand.
+        names: of runs, in each of which alone an effect may act; the fitted ones by default.
+    """
     runs = [bound.run for bound in fit.problem.bound_runs]
     squares = {column: [np.nanmean(run.columns[column] ** 2) for run in runs] for column in columns}
     return candidates(
         fit.model.network,
         columns,
-        [run.name for run in runs],
+        names or [run.name for run in runs],
         step=max(run.step for run in runs),
         duration=max(len(run) * run.step for run in runs),
         rms={column: float(np.sqrt(np.mean(of_runs))) for column, of_runs in squares.items()},

@@ -22,7 +22,7 @@ import numpy as np
 from lptn.basics.arrays import FloatArray
 from lptn.basics.places import EVERYWHERE
 from lptn.basics.processes import one_blas_thread
-from lptn.diagnose.diagnosis import Key, Step
+from lptn.diagnose.answers import Key, Step
 from lptn.diagnose.experiment_runs import (
     STEP,
     Move,

@@ -14,7 +14,7 @@ from math import log
 import numpy as np
 
 from lptn.basics.arrays import FloatArray, IntArray
-from lptn.identify.comparison import Prediction
+from lptn.identify.comparison import Errors, Prediction
 from lptn.identify.fitting import Fit
 from lptn.simulate.bound_run import BoundRun
 
@@ -147,6 +147,7 @@ NEGLIGIBLE = 0.04
 """K; nobody looks for an effect that leaves less on one node's one-minute means."""
 LACKING = 1.5
 """Times what chance leaves at most, beyond which a lack of fit is no noise."""
+_ELSEWHERE = 0.5  # share of a held-out error, squared and beyond noise, that is most of it
 _SHOWS_PLAINLY = 2.0  # times the cost of noise: a misfit that single readings show
 
 
@@ -212,6 +213,20 @@ def explained_share(base: Fit, larger: Fit, noise: NoiseLevel) -> float:
 def _beyond_noise(fit: Fit, noise: NoiseLevel) -> float:
     squares = _mean_squares(fit, fit.problem.residuals(fit.z)[:, None])
     return sum(float(squares[node][0]) - mean for node, mean in noise.mean.items() if node in squares)
+
+
+def explained_elsewhere(base: Fit, before: Errors | None, after: Errors | None) -> bool:
+    """Whether enough of the held-out error beyond noise goes, too; true where nothing is held out, or shows it.
+
+    Args:
+        base: the smaller model's fit, with the sensors' noise.
+        before: its errors on held-out runs.
+        after: those of the larger model.
+    """
+    if before is None or after is None:
+        return True
+    floor = float(np.mean(base.noise.floor**2))
+    return before.rmse**2 - after.rmse**2 >= _ELSEWHERE * max(before.rmse**2 - floor, 0.0)
 
 
 def cost_of_noise(fit: Fit) -> float:

@@ -30,24 +30,10 @@ import pandas as pd
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.basics.tables import Tabular
+from lptn.diagnose.answers import HOPELESS, LIKELY, SIGNIFICANT, Key, Report, Step, compared, held_out
 from lptn.diagnose.candidates import AMBIENT_ERROR, TORQUE_ERROR, with_errors_of_runs
-from lptn.diagnose.diagnosis import (
-    HOPELESS,
-    LIKELY,
-    MUCH_WORSE,
-    SIGNIFICANT,
-    Diagnosis,
-    Key,
-    Report,
-    Step,
-    Verdict,
-    compared,
-    examine,
-    explained_elsewhere,
-    for_search,
-    held_out,
-)
-from lptn.diagnose.fit_statistics import Removed, explained_share
+from lptn.diagnose.diagnosis import MUCH_WORSE, Diagnosis, Verdict, examine, for_search
+from lptn.diagnose.fit_statistics import Removed, explained_elsewhere, explained_share
 from lptn.diagnose.probability import is_implausible, log_prior_of_sizes, probabilities
 from lptn.diagnose.refits import continued, unless_interrupted
 from lptn.diagnose.runs_that_differ import RunDifference, granted_differences
@@ -406,7 +392,7 @@ class _Search:
         return (
             step
             if diagnosis is None
-            else compared(diagnosis, replace(step, fit=last.fit, holdout=last.holdout), self.data)
+            else compared(diagnosis.fit, diagnosis.refits, replace(step, fit=last.fit, holdout=last.holdout), self.data)
         )
 
     def _without(self, branch: Branch, step: Step) -> Branch | None:

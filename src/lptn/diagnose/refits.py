@@ -24,6 +24,8 @@ def refit(base: Fit, declaration: EffectDeclaration, rival: float = np.inf) -> F
 def continued(base: Fit, network: Network, rival: float = np.inf) -> Fit:
     """Fit a network that differs from a fitted one by some effects, started from its solution; as far as ranking needs.
 
+    What that fit held stays held.
+
     Args:
         base: the fit to start from.
         network: the network to fit, to the same readings.
@@ -36,6 +38,7 @@ def continued(base: Fit, network: Network, rival: float = np.inf) -> Fit:
     bound_runs = [replace(bind(model, bound.run), counted=bound.counted) for bound in problem.bound_runs]
     old_values = {parameter.name: parameter.value for parameter in base.model.parameters}
     values = np.array([old_values.get(parameter.name, parameter.value) for parameter in model.parameters])
+    held = {base.model.parameters[index].name for index in set(base.model.free) - set(problem.free)}
     starts = [
         _carried_over(base.model, model, start, bound)
         for start, bound in zip(base.point.starts, bound_runs, strict=True)
@@ -50,6 +53,7 @@ def continued(base: Fit, network: Network, rival: float = np.inf) -> Fit:
             iterations=_ITERATIONS,
             rival=rival,
             precision=_PRECISION,
+            free=[index for index in model.free if model.parameters[index].name not in held],
         )
     )
 

@@ -168,6 +168,7 @@ def fit(
     keep: Keep | None = None,
     rival: float = np.inf,
     precision: float = PRECISION,
+    free: Sequence[int] | None = None,
 ) -> Fit:
     """Fit the free parameters, and the initial states of each run, to free-running simulations.
 
@@ -187,6 +188,7 @@ def fit(
         keep: called after each iteration with the best point so far.
         rival: a cost to beat; a fit from a `guess` that has no hope of it ends, with status `"given up"`.
         precision: share of the cost that is not worth another step of the last search.
+        free: indices of the parameters to fit; the model's own free ones by default.
 
     Raises:
         InputError: a run lacks an input, or measures none of the model's nodes.
@@ -203,11 +205,11 @@ def fit(
     bound_runs = [run if isinstance(run, BoundRun) else bind(model, run) for run in runs]
     noise = estimate_noise(bound_runs, model.nodes)
     sigma = balanced_sigma(bound_runs, noise) if sigma is None else sigma
-    problem = Problem(model, bound_runs, sigma, symmetry_penalty)
+    problem = Problem(model, bound_runs, sigma, symmetry_penalty, free)
     values, starts = (guess.values, guess.starts) if isinstance(guess, Point) else (guess, None)
     before = 0
     if values is None or (isinstance(guess, Point) and guess.averaged):
-        coarse = Problem(model, [_coarse(model, bound) for bound in bound_runs], sigma, symmetry_penalty)
+        coarse = Problem(model, [_coarse(model, bound) for bound in bound_runs], sigma, symmetry_penalty, free)
         z = _first_guess(coarse) if values is None else coarse.guess(values, starts)
         keep_coarse = None if keep is None else lambda z: keep(replace(coarse.point(z), averaged=True))
         rough = minimise(coarse, z, progress, keep=keep_coarse, near=True)

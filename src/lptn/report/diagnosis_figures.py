@@ -15,7 +15,8 @@ from matplotlib.colors import Normalize
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from lptn.basics.style import BEST, FAINT, GIVEN, INK, SMALL, TEXT, dress, new_axes, plain
-from lptn.diagnose.diagnosis import Diagnosis, Key, Step
+from lptn.diagnose.answers import Key, Step
+from lptn.diagnose.diagnosis import Diagnosis
 from lptn.diagnose.improvement import History
 from lptn.diagnose.scores import Confusability, Detectable
 from lptn.report.shown import candidates_shown, reaches

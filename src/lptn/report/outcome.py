@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Literal
 
-from lptn.diagnose.diagnosis import LIKELY, Step
+from lptn.diagnose.answers import LIKELY, Step
 from lptn.diagnose.fit_statistics import criterion_difference
 from lptn.diagnose.improvement import History
 from lptn.report.shown import noise_alone

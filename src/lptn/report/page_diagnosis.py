@@ -8,7 +8,8 @@ from math import sqrt
 import numpy as np
 from markupsafe import Markup
 
-from lptn.diagnose.diagnosis import Diagnosis, Key
+from lptn.diagnose.answers import Key
+from lptn.diagnose.diagnosis import Diagnosis
 from lptn.diagnose.improvement import History
 from lptn.diagnose.scores import Confusability, Detectable
 from lptn.report.shown import candidates_shown, noise_alone, reaches

@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from lptn.basics.parameters import ParameterInstance
-from lptn.diagnose.diagnosis import Diagnosis, Step
+from lptn.diagnose.answers import Step
+from lptn.diagnose.diagnosis import Diagnosis
 from lptn.diagnose.improvement import History
 from lptn.diagnose.unexplained_heat import HeatPeak
 from lptn.effects import Effect, catalogue

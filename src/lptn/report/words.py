@@ -8,7 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
-from lptn.diagnose.diagnosis import Step
+from lptn.diagnose.answers import Step
 from lptn.diagnose.fit_statistics import Removed
 from lptn.diagnose.improvement import History
 from lptn.diagnose.scores import INDISTINGUISHABLE, Confusability, Detectable

@@ -11,7 +11,8 @@ import numpy as np
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
-from lptn.diagnose.diagnosis import Diagnosis, Key, Step, for_search
+from lptn.diagnose.answers import Key, Step
+from lptn.diagnose.diagnosis import Diagnosis, for_search
 from lptn.diagnose.previews import Previews
 from lptn.diagnose.scores import Score
 from lptn.diagnose.unexplained_heat import UnexplainedHeat

@@ -22,7 +22,7 @@ from lptn.basics.files import write_whole
 from lptn.basics.own_folder import is_own_file, own_folder
 from lptn.basics.parameters import Setting
 from lptn.basics.processes import begin_as_worker
-from lptn.diagnose.diagnosis import Step
+from lptn.diagnose.answers import Step
 from lptn.identify.data import Stretch
 from lptn.study import Study
 from lptn.workbench.bench import Bench

@@ -9,7 +9,8 @@ from itertools import combinations
 from typing import Any
 
 from lptn.basics.equations import equations_of
-from lptn.diagnose.diagnosis import Diagnosis, Step
+from lptn.diagnose.answers import Step
+from lptn.diagnose.diagnosis import Diagnosis
 from lptn.diagnose.scores import Score
 from lptn.effects import catalogue
 from lptn.identify.comparison import Errors

@@ -1,0 +1,339 @@
+"""Answers to what a fitted model lacks: candidates scored, the best few refitted, and how probable each of them is.
+
+Of every candidate the score is a guess to first order; what counts is the fit with it, everything else free. Nothing
+missing is one of the answers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import pandas as pd
+
+from lptn.basics.arrays import FloatArray
+from lptn.basics.parameters import ParameterInstance
+from lptn.basics.tables import Tabular
+from lptn.diagnose.candidates import Candidate
+from lptn.diagnose.fit_statistics import criterion_difference
+from lptn.diagnose.probability import (
+    are_rivals,
+    is_implausible,
+    log_evidence_of_starts,
+    log_odds_by_score,
+    log_prior_of_sizes,
+    log_prior_of_starts,
+    log_priors,
+    probabilities,
+)
+from lptn.diagnose.refits import continued, refit, unless_interrupted
+from lptn.diagnose.scores import Score, Scores, score
+from lptn.identify.comparison import Errors, Prediction, predict
+from lptn.identify.data import DataSplit
+from lptn.identify.fitting import Fit, finished
+from lptn.model.network import EffectDeclaration
+
+Key = tuple[str, str]
+"""Effect and place, such as `("sensor_offset", "FR_calf")`; `"FR_calf@monday"` for an effect in one run only."""
+NOTHING: Key = ("", "")
+"""The answer that nothing is missing."""
+Report = Callable[[str], None]
+"""Called with a sentence on what is being done."""
+
+
+LIKELY = 0.5
+"""The probability from which an answer is likelier than all others together."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Step(Tabular):
+    """A fitted model, and the effect that it has beyond the model before it.
+
+    A candidate that was refitted is a step that could be taken; a history is made of the steps that were.
+
+    Args:
+        fit: of the model with the effect.
+        declaration: the effect as added; `None` for the model as given.
+        gain: by how much the information criterion prefers it to the model without it.
+        log_odds: logarithm of the odds beforehand that it is this effect at this place that is missing.
+        probability: of this answer by the fitted runs, given that one of those that were refitted is right.
+        by_all_runs: the same by the held-out runs as well, which may have chosen it; `None` without any, or where no
+            search asked.
+        p_value: how often chance alone would score as much, over all candidates.
+        indistinguishable: candidates that the fitted data can't tell from it.
+        holdout: errors on held-out runs, `None` without any.
+        test: errors on runs that chose nothing, `None` without any.
+    """
+
+    fit: Fit
+    declaration: EffectDeclaration | None = None
+    gain: float = 0.0
+    log_odds: float = 0.0
+    probability: float = 0.0
+    by_all_runs: float | None = None
+    p_value: float = 1.0
+    indistinguishable: tuple[Key, ...] = ()
+    holdout: Errors | None = None
+    test: Errors | None = None
+
+    @property
+    def effect(self) -> str | None:
+        """Key of the effect, `None` for the model as given."""
+        return self.declaration.effect.key if self.declaration else None
+
+    @property
+    def at(self) -> str | None:
+        """Its place, with the run if it acts in one only."""
+        return self.declaration.where if self.declaration else None
+
+    @property
+    def key(self) -> Key:
+        """Effect and place, empty for the model as given."""
+        return self.effect or "", self.at or ""
+
+    @property
+    def amplitude(self) -> ParameterInstance | None:
+        """The effect's fitted amplitude; `None` for the model as given, and for an effect without one."""
+        declared = self.declaration
+        amplitude = declared.effect.amplitude() if declared else None
+        if declared is None or amplitude is None:
+            return None
+        name = f"{declared.name}.{amplitude.name}.{declared.where}"
+        return next((each for each in self.fit.model.parameters if each.name == name), None)
+
+    @property
+    def size(self) -> float:
+        """The amplitude in units of its usual size, 1 for an effect without one."""
+        amplitude = self.amplitude
+        return 1.0 if amplitude is None else amplitude.value / amplitude.declared.typical
+
+    @property
+    def outweighed(self) -> bool:
+        """Whether the fitted data alone speak for another answer; several steps together may begin with it even so."""
+        return 0.0 < self.probability < LIKELY and not self.indistinguishable
+
+    @property
+    def parameters(self) -> int:
+        """Number of free parameters of the model."""
+        return len(self.fit.free)
+
+    @property
+    def summary(self) -> str:
+        """Effect, place and errors in one line."""
+        what = f"{self.effect} at {self.at}" if self.declaration else "as given"
+        rmse = {"fitted": self.fit.rmse}
+        rmse |= {"held out": self.holdout.rmse} if self.holdout else {}
+        rmse |= {"test": self.test.rmse} if self.test else {}
+        errors = ", ".join(f"{value:.3g} K {data}" for data, value in rmse.items())
+        return f"{what}, {self.parameters} parameters, RMSE {errors}"
+
+    def to_pandas(self) -> pd.DataFrame:
+        """The model's parameters, as `Fit.to_pandas` gives them."""
+        return self.fit.to_pandas()
+
+    @cached_property
+    def log_evidence_of_starts(self) -> float:
+        """Of measured and of hidden states, as `probability` has it; kept, since a search asks for it often."""
+        return log_prior_of_starts(self.fit) + log_evidence_of_starts(self.fit)
+
+    @property
+    def declarations(self) -> list[EffectDeclaration]:
+        """The effect as a list, empty for the model as given."""
+        return [self.declaration] if self.declaration else []
+
+
+# --- The procedure --------------------------------------------------------------------------------
+
+
+SIGNIFICANT = 0.05
+"""A score that chance alone reaches less often than this is beyond chance."""
+MOST_REFITS = 6
+"""The most probable by score; the best places of further effects come on top."""
+
+
+@dataclass(frozen=True)
+class Answers:
+    """What a fitted model may lack.
+
+    Args:
+        fit: the model as it stands; a better fit than the one asked about, where that had ended in a local minimum.
+        scores: all candidates, scored.
+        steps: those that were refitted and have a size that somebody would believe, the most probable first.
+    """
+
+    fit: Fit
+    scores: Scores
+    steps: tuple[Step, ...]
+
+
+def answers(
+    base: Fit,
+    possible: Sequence[Candidate],
+    *,
+    refits: int = MOST_REFITS,
+    executor: Executor | None = None,
+    report: Report = lambda _: None,
+) -> Answers:
+    """Score candidates, refit the best of those beyond chance, and say how probable each of them is.
+
+    Args:
+        base: the fitted model.
+        possible: what it may lack.
+        refits: how many to refit at least.
+        executor: where refits run; here, one after the other, by default.
+        report: called with a sentence on what is being done.
+    """
+    report(f"scoring {len(possible)} candidates")
+    scores = score(base, possible)
+    odds = {each.key: float(log_odds) for each, log_odds in zip(possible, log_priors(possible), strict=True)}
+    worthwhile = _shortlist(base, scores, odds, refits)
+    report(f"refitting {len(worthwhile)} of them")
+    refitted = refit_all(base, worthwhile, executor)
+    if (better := _beside_an_optimum(base, refitted)) is not None:
+        report("a refit found a better fit of the model as it stands: again from there")
+        return answers(better, possible, refits=refits, executor=executor, report=report)
+    gains = {each.candidate.key: each.gain for each in worthwhile}
+    steps = [
+        replace(step, log_odds=odds[step.key], p_value=scores.p_value(gains[step.key]))
+        for step in refitted
+        if not is_implausible(step.fit, step.declarations)
+    ]
+    return Answers(base, scores, tuple(_by_probability(base, steps)))
+
+
+# --- Refits: the score is a first-order guess, the refit is what counts ---------------------------
+
+
+HOPELESS = 1.5
+"""Times the misfit of the most promising candidate from which on none is fitted to the end, or followed."""
+_SAME_EFFECT_SHARE = 0.2  # the best place of an effect is refitted if it scores so much of the best gain
+_TYPICAL_RANGE = (0.02, 20.0)  # first-order amplitudes outside this share of the typical size are not trusted
+
+
+def _shortlist(base: Fit, scores: Scores, log_priors: Mapping[Key, float], most: int) -> list[Score]:
+    """The candidates worth an exact refit: the most probable to first order, and of every effect that scores well the
+    most probable place, in all runs and in each alone.
+
+    None that chance alone would score. Effects with an inner state look the same to first order, so each effect gets
+    its chance; and which of two runs is the odd one, the fitted data can't tell.
+    """
+    significant = [each for each in scores.ranked if scores.p_value(each.gain) < SIGNIFICANT]
+    if not significant:
+        return []
+    odds = log_odds_by_score(base, significant, np.array([log_priors[each.candidate.key] for each in significant]))
+    ordered = [significant[k] for k in np.argsort(-odds, kind="stable")]
+    chosen, least = ordered[:most], _SAME_EFFECT_SHARE * significant[0].gain
+    kinds = {(each.candidate.effect, each.candidate.run) for each in chosen}
+    for each in ordered[most:]:
+        kind = (each.candidate.effect, each.candidate.run)
+        if each.gain >= least and kind not in kinds:
+            kinds.add(kind)
+            chosen.append(each)
+    return chosen
+
+
+def refit_all(base: Fit, scores: Sequence[Score], executor: Executor | None = None) -> list[Step]:
+    """Refit each candidate; the one that explains most comes first.
+
+    Args:
+        base: the fitted baseline.
+        scores: candidates with their first-order sizes, the most promising first.
+        executor: where to run them; here, one after the other, by default.
+    """
+    if not scores:
+        return []
+    run = executor.map if executor else map
+    # What has no hope to come near the most promising one is not fitted to the end.
+    steps = [_refitted((base, scores[0], np.inf))]
+    steps += run(_refitted, [(base, each, HOPELESS * steps[0].fit.cost) for each in scores[1:]])
+    # A large effect is a long way from the baseline; cut off, it would seem worse than another name for the same.
+    near = HOPELESS * min(step.fit.cost for step in steps)
+    cut_off = [k for k, step in enumerate(steps) if step.fit.status == "not converged" and step.fit.cost <= near]
+    for k, longer in zip(cut_off, run(finished, [steps[k].fit for k in cut_off]), strict=True):
+        steps[k] = _step(base, steps[k].declaration, unless_interrupted(longer))
+    return sorted(steps, key=lambda step: -step.gain)
+
+
+_LOWER = 0.01  # share of the misfit; a fit that only ranks ends within 3e-4 of its minimum
+
+
+def _beside_an_optimum(base: Fit, refitted: Sequence[Step]) -> Fit | None:
+    """A better fit of the baseline, where it had ended in a local minimum; `None` where it had not.
+
+    Any effect is a way out of a local minimum, and would seem to explain what it frees. So the refit with the least
+    misfit is gone on with from where it is, but without its effect.
+    """
+    if not refitted:
+        return None
+    least = min((step.fit for step in refitted), key=lambda fit: fit.cost)
+    without = continued(least, base.model.network, base.cost)
+    return unless_interrupted(finished(without)) if without.cost < (1 - _LOWER) * base.cost else None
+
+
+def _refitted(task: tuple[Fit, Score, float]) -> Step:
+    """One candidate from its first-order size; one argument, so that any executor's `map` takes it."""
+    base, score, rival = task
+    amplitude = score.candidate.effect.amplitude()
+    size = None
+    if amplitude is not None:
+        least, most = (share * score.candidate.typical for share in _TYPICAL_RANGE)
+        size = float(np.sign(score.amplitude) * np.clip(abs(score.amplitude), least, most))
+    declaration = score.candidate.declaration(size, score.shape)
+    return _step(base, declaration, refit(base, declaration, rival))
+
+
+def _step(base: Fit, declaration: EffectDeclaration | None, done: Fit) -> Step:
+    return Step(done, declaration, criterion_difference(base, done))
+
+
+# --- The order of the answers ---------------------------------------------------------------------
+
+
+def _by_probability(base: Fit, steps: Sequence[Step]) -> list[Step]:
+    """The most probable first, each with its probability and with those that can't be told from it.
+
+    Nothing missing is one of the answers that share the probability.
+    """
+    priors = _log_priors(base, steps)
+    fits = [base, *(step.fit for step in steps)]
+    of_all = probabilities(fits, priors)[1:]
+
+    def rivals(number: int) -> tuple[Key, ...]:
+        return tuple(
+            step.key
+            for other, step in enumerate(steps, start=1)
+            if other != number and are_rivals(fits[number], fits[other], (priors[number], priors[other]))
+        )
+
+    judged = [
+        replace(step, probability=float(probability), indistinguishable=rivals(number))
+        for number, (step, probability) in enumerate(zip(steps, of_all, strict=True), start=1)
+    ]
+    return [judged[k] for k in sorted(range(len(judged)), key=lambda k: (-judged[k].probability, -judged[k].gain))]
+
+
+def compared(base: Fit, known: Sequence[Step], step: Step, data: DataSplit) -> Step:
+    """A step that could be taken from a model, fitted elsewhere, among the answers to what that model lacks."""
+    others = [other for other in known if other.key != step.key]
+    steps = [replace(step, gain=criterion_difference(base, step.fit)), *others]
+    judged = next(each for each in _by_probability(base, steps) if each.key == step.key)
+    if not data.holdout:
+        return judged
+    fits = [base, *(each.fit for each in steps)]
+    by_all_runs = probabilities(fits, _log_priors(base, steps), held_out(fits, data))
+    return replace(judged, by_all_runs=float(by_all_runs[1]))
+
+
+def held_out(fits: Sequence[Fit], data: DataSplit) -> list[list[Prediction]]:
+    """The held-out runs as each of several fits predicts them."""
+    return [[predict(fit.model, run, fit.problem.sigma) for run in data.holdout] for fit in fits]
+
+
+def _log_priors(base: Fit, steps: Sequence[Step]) -> FloatArray:
+    """Of nothing missing, then of each step: logarithms of what is thought of them beforehand, shape (1 + steps,)."""
+    of_sizes = [step.log_odds + log_prior_of_sizes(step.fit, step.declarations) for step in steps]
+    of_starts = [step.log_evidence_of_starts for step in (Step(base), *steps)]
+    return np.asarray(np.array([0.0, *of_sizes]) + np.array(of_starts))
