@@ -54,10 +54,9 @@ CONSTANTS = (
     "lptn.diagnose.answers.HOPELESS",
     "lptn.diagnose.answers._SAME_EFFECT_SHARE",
     "lptn.diagnose.diagnosis.MUCH_WORSE",
-    "lptn.diagnose.diagnosis._MOST_BY_ONE",
+    "lptn.diagnose.fit_statistics._MOST",
     "lptn.diagnose.fit_statistics._ELSEWHERE",
     "lptn.diagnose.diagnosis._RUNS_DIFFER",
-    "lptn.diagnose.improvement._MOST",
 )
 """What decides; constants of the search for a number, such as precisions, are left out."""
 FACTORS = (1 / 1.5, 1.5)

@@ -147,7 +147,8 @@ NEGLIGIBLE = 0.04
 """K; nobody looks for an effect that leaves less on one node's one-minute means."""
 LACKING = 1.5
 """Times what chance leaves at most, beyond which a lack of fit is no noise."""
-_ELSEWHERE = 0.5  # share of a held-out error, squared and beyond noise, that is most of it
+_MOST = 0.75  # share of the misfit beyond noise that is most of it
+_ELSEWHERE = 0.5  # share of a held-out error, squared and beyond noise, that must go with it
 _SHOWS_PLAINLY = 2.0  # times the cost of noise: a misfit that single readings show
 
 
@@ -192,8 +193,8 @@ def lack_of_fit(fit: Fit, noise: NoiseLevel, residuals: FloatArray | None = None
     return {node: float(squares[node][0] / limit) for node, limit in noise.limit.items() if node in squares}
 
 
-def explained_share(base: Fit, larger: Fit, noise: NoiseLevel) -> float:
-    """Share that a larger model removes of the misfit beyond noise.
+def explains_most(base: Fit, larger: Fit, noise: NoiseLevel) -> bool:
+    """Whether a larger model removes most of the misfit beyond noise.
 
     Of single readings where these show it plainly, since a lag or a clock is over within a minute; else of block
     means, since noise and steps of 1 K hide the rest.
@@ -205,9 +206,9 @@ def explained_share(base: Fit, larger: Fit, noise: NoiseLevel) -> float:
     """
     floor = cost_of_noise(base)
     if base.cost > _SHOWS_PLAINLY * floor:
-        return (base.cost - larger.cost) / (base.cost - floor)
+        return base.cost - larger.cost > _MOST * (base.cost - floor)
     before, after = (_beyond_noise(fit, noise) for fit in (base, larger))
-    return (before - after) / max(before, 1e-12)
+    return before - after > _MOST * max(before, 0.0)
 
 
 def _beyond_noise(fit: Fit, noise: NoiseLevel) -> float:

@@ -33,7 +33,7 @@ from lptn.basics.tables import Tabular
 from lptn.diagnose.answers import HOPELESS, LIKELY, SIGNIFICANT, Key, Report, Step, compared, held_out
 from lptn.diagnose.candidates import AMBIENT_ERROR, TORQUE_ERROR, with_errors_of_runs
 from lptn.diagnose.diagnosis import MUCH_WORSE, Diagnosis, Verdict, examine, for_search
-from lptn.diagnose.fit_statistics import Removed, explained_elsewhere, explained_share
+from lptn.diagnose.fit_statistics import Removed, explained_elsewhere, explains_most
 from lptn.diagnose.probability import is_implausible, log_prior_of_sizes, probabilities
 from lptn.diagnose.refits import continued, unless_interrupted
 from lptn.diagnose.runs_that_differ import RunDifference, granted_differences
@@ -512,9 +512,6 @@ def _declarations(branch: Branch) -> list[EffectDeclaration]:
 # --- The verdict, and the branch that is kept at full resolution ------------------------------------
 
 
-_MOST = 0.5  # share of the misfit beyond noise that the steps must remove to be what was missing
-
-
 def _verdict(first: Diagnosis, last: Diagnosis, given: Branch, kept: Branch) -> Verdict:
     """On the model as given; effects that only the fitted runs ask for explain nothing."""
     if first.verdict == "adequate":
@@ -523,7 +520,7 @@ def _verdict(first: Diagnosis, last: Diagnosis, given: Branch, kept: Branch) -> 
         return "missing"
     before, after = given[-1], kept[-1]
     elsewhere = explained_elsewhere(before.fit, before.holdout, after.holdout)
-    enough = explained_share(before.fit, after.fit, first.scores.noise) > _MOST
+    enough = explains_most(before.fit, after.fit, first.scores.noise)
     return "missing" if enough and elsewhere else "unexplained"
 
 
