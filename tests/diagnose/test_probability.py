@@ -169,6 +169,22 @@ def test_a_start_that_no_reading_holds_costs_nothing() -> None:
     assert log_evidence_of_starts(lagging) == pytest.approx(0.0, abs=0.1)
 
 
+def test_a_sensor_that_forgets_within_seconds_begins_in_equilibrium() -> None:
+    """Its start is an unknown that readings hold to a few hundredths of a kelvin, and nobody doubts it."""
+
+    def evidence(seconds: float) -> float:
+        late = effect("sensor_lag", "a", time_constant=seconds)
+        model = Model(HEATED.with_effects([late]))
+        run = random_run(model, STEPS, step=5.0)
+        readings = simulate(model, bind(model, run), model.values).readings
+        readings = readings + np.random.default_rng(0).normal(0.0, NOISE, readings.shape)
+        columns = {f"temperature.{name}": row for name, row in zip(model.nodes, readings, strict=True)}
+        return log_evidence_of_starts(fit_of(replace(run, columns={**run.columns, **columns}), late))
+
+    assert evidence(8.0) > -0.1
+    assert evidence(300.0) < -0.4
+
+
 def run_begun_at(*above: float, extra: float = 0.0) -> Run:
     """An hour of two heated nodes that begin so much above the air [K]; what node a reads is off by `extra` [K]."""
     model = Model(HEATED)

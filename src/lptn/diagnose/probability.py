@@ -160,6 +160,8 @@ _AT_BOUND = 1e-3  # of a bound
 _NOTHING = 1e-12  # of the misfit; its logarithm is finite
 _WARMER = 10.0
 """K, by which a robot's node is usually warmer than its surroundings while it works, or another room than this one."""
+_AS_BEFORE = 60.0
+"""s, for which a robot mostly goes on as before when its log begins: what forgets in less is then in equilibrium."""
 _FAR, _ROOMS = 10.0, 400  # K beyond the nodes; temperatures of the other room over which is summed
 _ERRORS_ALIKE = 0.1
 """How usual the same error of several sensors is beside an error of one. A defect befalls single sensors; to drift
@@ -236,10 +238,11 @@ def log_evidence_of_starts(fit: Fit) -> float:
     """What it costs a model, as a logarithm, that its hidden states start each run where the data like; 0 without any.
 
     A second mass that starts a short run some kelvins off its node may explain all that is left of that run. Each
-    state may have begun in equilibrium, or anywhere, either as probable. In the first case the model loses what the
-    fitted start explains. In the second it is an unknown, paid for by how far it is from equilibrium and by how much
-    narrower the data make it than it was (Laplace's method [MacKay1992]). Nobody knows what went on before a log began,
-    so that what is expected has long tails (Cauchy's). Readings count as often as they are independent.
+    state may have begun in equilibrium, or anywhere: of a slow one either is as probable, of one that forgets within
+    seconds the second hardly is. In the first case the model loses what the fitted start explains. In the second it is
+    an unknown, paid for by how far it is from equilibrium and by how much narrower the data make it than it was
+    (Laplace's method [MacKay1992]). Nobody knows what went on before a log began, so that what is expected has long
+    tails (Cauchy's). Readings count as often as they are independent.
     """
     problem, nodes, states = fit.problem, len(fit.model.nodes), len(fit.model.states)
     if states == nodes:
@@ -250,7 +253,7 @@ def log_evidence_of_starts(fit: Fit) -> float:
     independent = independent_readings(errors) / block_misfits(errors, problem.sigma)[0].sum()
     by_data = independent * (problem.normal(fit.z)[1][start:, start:] - np.diag(known))
     total = 0.0
-    for run, first in enumerate(range(0, len(known), states)):
+    for run, (bound, first) in enumerate(zip(problem.bound_runs, range(0, len(known), states), strict=True)):
         seen, hidden = slice(first, first + nodes), slice(first + nodes, first + states)
         of_seen = by_data[seen, seen] + np.diag(known[seen])
         told = by_data[hidden, hidden] - by_data[hidden, seen] @ np.linalg.solve(of_seen, by_data[seen, hidden])
@@ -258,7 +261,10 @@ def log_evidence_of_starts(fit: Fit) -> float:
         distance = off[run, nodes:]
         in_equilibrium = -0.5 * distance**2 * told_of_each
         anywhere = -np.log1p(distance**2) - 0.5 * np.log1p(told_of_each)
-        total += float(np.sum(np.logaddexp(in_equilibrium, anywhere) - log(2.0)))
+        values = fit.model.in_run(bound.run.name, fit.point.values)
+        rates = np.diag(fit.model.state_jacobian(fit.point.starts[run], bound.inputs[:, 0], values).full())[nodes:]
+        moved = 0.5 / (1.0 + _AS_BEFORE * np.maximum(-rates, 0.0))
+        total += float(np.sum(np.logaddexp(np.log(1.0 - moved) + in_equilibrium, np.log(moved) + anywhere)))
     return total
 
 
