@@ -285,12 +285,24 @@ def test_errors_of_either_sign_are_normal_about_none(share: float, logarithm: fl
 
 
 @pytest.mark.parametrize(
-    ("change", "believed"), [(2.0, True), (12.0, True), (-0.8, True), (-0.9, False), (20.0, False)]
+    ("kind", "usual", "change", "believed"),
+    [
+        ("surface_scale", 0.3, 2.0, True),
+        ("surface_scale", 0.3, 9.0, True),
+        ("surface_scale", 0.3, -0.8, True),
+        ("surface_scale", 0.3, -0.9, False),
+        ("surface_scale", 0.3, 12.0, False),
+        ("heat_scale", 0.2, 3.0, True),
+        ("heat_scale", 0.2, 4.5, False),
+    ],
 )
-def test_factors_vary_by_decades(change: float, believed: bool) -> None:
-    fitted, declared = at_size("surface_scale", "change", change / 0.3)
+def test_factors_vary_by_so_many_times_their_usual_change(
+    kind: str, usual: float, change: float, believed: bool
+) -> None:
+    fitted, declared = at_size(kind, "change", change / usual)
     assert is_implausible(fitted, [declared]) != believed
-    assert log_prior_of_sizes(fitted, [declared]) == pytest.approx(-abs(np.log(1 + change)) / np.log(3))
+    expected = -abs(np.log(1 + change)) / (3 * np.log(1 + usual))
+    assert log_prior_of_sizes(fitted, [declared]) == pytest.approx(expected)
 
 
 @pytest.mark.parametrize(

@@ -28,6 +28,7 @@ from lptn.report.words import (
     caption_of_conditions,
     in_short,
     next_step,
+    removed_in_words,
     size_in_words,
     story_in_words,
 )
@@ -231,6 +232,18 @@ def test_an_answer_of_a_few_per_cent_is_one_of_several_and_not_said_to_be_as_goo
     assert "the fitted data alone leave it open (this one 6 %" in said
     assert f" and don't rule out heat of the sun at {NODES[0]}; with the held-out data it is 93 % probable" in said
     assert "can't tell" not in said
+
+
+def test_where_next_to_nothing_goes_is_not_told(missing: Told) -> None:
+    history = missing[0]
+    assert re.match(rf"It removes \d+ % of .* runs, \d+ % of that at {NODES[0]}", removed_in_words(history, 1))
+    first, second = history.steps
+    hardly = first.fit.z.copy()
+    hardly[0] *= 1 - 1e-7
+    nothing = replace(second, fit=replace(first.fit, z=hardly, cost=first.fit.problem.cost(hardly)))
+    before, after = sorted([first, nothing], key=lambda step: -step.fit.cost)
+    said = removed_in_words(replace(history, steps=(before, after)), 1)
+    assert said == "It removes less than 1 % of the squared error that was left of the fitted runs."
 
 
 def test_the_size_of_a_lag_is_its_time_constant(missing: Told) -> None:

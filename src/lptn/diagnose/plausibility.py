@@ -8,7 +8,7 @@ from lptn.basics.parameters import Parameter
 
 FACTOR = 3.0
 """Usual sizes are meant to a factor of three: of an error so much more is one standard deviation; a thing so much
-larger, or smaller, is e times less probable."""
+larger, or smaller, is e times less probable, and so is a change of a factor by so many times what is usual."""
 BELIEVED = 3.0
 """Standard deviations, and factors, beyond which no size is believed."""
 _NOTHING = 1e-12  # share of the usual size; what a search leaves of a zero has a logarithm
@@ -38,7 +38,8 @@ def believed(parameter: Parameter) -> tuple[float, float]:
         off = parameter.off or 0.0
         return off - BELIEVED * FACTOR * usual, off + BELIEVED * FACTOR * usual
     if _is_change(parameter):
-        return FACTOR**-BELIEVED - 1.0, FACTOR**BELIEVED - 1.0
+        largest = BELIEVED * _usual_change(parameter)
+        return math.expm1(-largest), math.expm1(largest)
     largest = FACTOR**BELIEVED * max(_usual_sizes(parameter))
     return -largest, largest
 
@@ -51,6 +52,11 @@ def _is_change(parameter: Parameter) -> bool:
 def is_error(parameter: Parameter) -> bool:
     """Whether it is an error of a sensor or a clock, or a difference, which may be of either sign."""
     return _either_sign(parameter) and parameter.unit != "1"
+
+
+def _usual_change(parameter: Parameter) -> float:
+    """Logarithm of a factor that is e times less probable than none: a loss changes by a fifth, a fan's air by more."""
+    return FACTOR * math.log1p(abs(parameter.typical))
 
 
 def _either_sign(parameter: Parameter) -> bool:
@@ -67,6 +73,6 @@ def _factors_off(parameter: Parameter, value: float) -> float:
     if is_error(parameter):
         return abs(value - (parameter.off or 0.0)) / (FACTOR * usual)
     if _is_change(parameter):
-        return abs(math.log(max(1.0 + value, _NOTHING))) / math.log(FACTOR)
+        return abs(math.log(max(1.0 + value, _NOTHING))) / _usual_change(parameter)
     sizes, size = _usual_sizes(parameter), max(abs(value), _NOTHING * usual)
     return abs(math.log(size / min(max(size, min(sizes)), max(sizes)))) / math.log(FACTOR)

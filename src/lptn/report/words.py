@@ -104,8 +104,10 @@ def removed_in_words(history: History, number: int) -> str:
     removed = Removed.between(history.steps[number - 1].fit, history.steps[number].fit)
     if removed.share <= 0:
         return ""
-    share = "less than 1" if removed.share < 0.01 else f"{100 * removed.share:.0f}"
-    text = f"It removes {share} % of the squared error that was left of the fitted runs"
+    left = "of the squared error that was left of the fitted runs"
+    if removed.share < 0.01:  # of next to nothing nobody asks where
+        return f"It removes less than 1 % {left}."
+    text = f"It removes {100 * removed.share:.0f} % {left}"
     for word, shares in (("at", removed.by_node), ("in", removed.by_run)):
         name = max(shares, key=shares.__getitem__)
         if len(shares) > 1 and shares[name] > _MOST:
