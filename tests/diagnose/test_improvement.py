@@ -12,7 +12,7 @@ from lptn.diagnose.advice import advise
 from lptn.diagnose.answers import Step
 from lptn.diagnose.candidates import with_errors_of_runs
 from lptn.diagnose.diagnosis import for_search
-from lptn.diagnose.improvement import Branch, History, _Search, improve
+from lptn.diagnose.improvement import Branch, History, _less, _Search, improve
 from lptn.diagnose.refits import refit
 from lptn.effects import catalogue
 from lptn.identify.data import DataSplit, split_data
@@ -56,19 +56,45 @@ def test_a_step_gives_way_to_what_is_more_probable_beside_the_others(leg: Leg) -
     """Where an offset was hidden, one with a heat in its place, chosen while the wind was missing, say."""
     model, data = leg(Hidden("forced_convection", "*"), Hidden("sensor_offset", "FR_hip"))
     coarse, said = for_search(data), list[str]()
-    model = with_errors_of_runs(model, data)
-    branch: Branch = (Step(fit_segments(model, coarse.fit)),)
-    for kind, at in (("constant_heat", "FR_hip"), ("forced_convection", "*")):
-        declared = EffectDeclaration(catalogue()[kind](), at)
-        switched = tuple(replace(each.switched_on, share="all") for each in declared.effect.parameters)
-        declared = replace(declared, parameters=switched)
-        step = Step(refit(branch[-1].fit, declared), declared)
-        branch = (*branch, replace(step, holdout=holdout_errors(step.fit, coarse.holdout)))
+    branch = _branch(model, coarse, ("constant_heat", "FR_hip"), ("forced_convection", "*"))
     search = _Search(coarse, None, said.append, lambda _: None)
     search.branches = [branch[:1]]
     settled = search.settled(branch)
     assert said == ["constant_heat at FR_hip gives way to sensor_offset at FR_hip"]
     assert {step.key for step in settled[1:]} == {("sensor_offset", "FR_hip"), ("forced_convection", "*")}
+
+
+def _branch(model: Model, coarse: DataSplit, *added: tuple[str, str], difference: bool = False) -> Branch:
+    """The model, then with each of some effects; the last one as a difference from one that all have."""
+    branch: Branch = (Step(fit_segments(with_errors_of_runs(model, coarse), coarse.fit)),)
+    for kind, at in added:
+        own = EffectDeclaration(catalogue()[kind](), at, difference=difference and (kind, at) == added[-1])
+        switched = tuple(replace(each.switched_on, share="all") for each in own.effect.stated(own.difference))
+        declared = replace(own, parameters=switched)
+        step = Step(refit(branch[-1].fit, declared), declared)
+        branch = (*branch, replace(step, holdout=holdout_errors(step.fit, coarse.holdout)))
+    return branch
+
+
+def test_what_one_joint_has_beside_all_gives_way_to_its_own_where_the_others_have_none(leg: Leg) -> None:  # noqa: F811
+    """Heat at two of three joints, told as heat of all three and less of it at the third, say, or more at two."""
+    model, data = leg(Hidden("constant_heat", "FR_hip", size=1.0), Hidden("constant_heat", "FR_calf", size=0.4))
+    coarse, said = for_search(data), list[str]()
+    branch = _branch(model, coarse, ("constant_heat", "*"), ("constant_heat", "FR_hip"), difference=True)
+    shorter_network, (_, own) = _less(branch, branch[1])
+    assert own.key == ("constant_heat", "FR_hip")
+    assert own.declaration is not None
+    assert not own.declaration.difference
+    assert shorter_network.effects[-1] == own.declaration
+    both = [replace(step, fit=branch[-1].fit).amplitude for step in branch[1:]]
+    (power,) = own.declaration.parameters
+    assert power.value == pytest.approx(sum(each.value for each in both if each is not None))
+    assert power.bounds == own.declaration.effect.parameters[0].bounds
+    search = _Search(coarse, None, said.append, lambda _: None)
+    search.branches = [branch[:1]]
+    settled = search.settled(branch)
+    assert said == ["constant_heat at * gives way to constant_heat at FR_calf"]
+    assert {step.key for step in settled[1:]} == {("constant_heat", "FR_hip"), ("constant_heat", "FR_calf")}
 
 
 @pytest.mark.long

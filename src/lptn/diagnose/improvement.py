@@ -42,7 +42,7 @@ from lptn.identify.data import DataSplit
 from lptn.identify.fitting import Fit, finished
 from lptn.identify.validation import fit_segments, holdout_errors
 from lptn.model.model import Model
-from lptn.model.network import EffectDeclaration
+from lptn.model.network import EffectDeclaration, Network
 
 Branch = tuple[Step, ...]
 """The given model, then a step for each effect that was added; the last step's fit is that of them all."""
@@ -344,8 +344,6 @@ class _Search:
         if without is None:
             return
         yield without
-        if any(_stands_on(other, step) for other in branch):
-            return  # without it the others are no model of their own
         judged = self._beside_the_others(branch, step)
         likelier = [
             other
@@ -397,13 +395,13 @@ class _Search:
 
     def _without(self, branch: Branch, step: Step) -> Branch | None:
         """The branch without one of its steps; `None` where a later one stands at an edge that this made."""
-        others = tuple(other for other in branch if other is not step)
-        known = next((each for each in self.branches if _effects(each) == _effects(others)), None)
+        left = _effects(branch) - {step.key}
+        known = next((each for each in self.branches if _effects(each) == left), None)
         if known is not None:
             return known
         last = branch[-1].fit
         try:
-            network = last.model.network.without_effect(*step.key)
+            network, others = _less(branch, step)
         except InputError:
             return None
         shorter = _ending_in(others, unless_interrupted(finished(continued(last, network))), self.data)
@@ -456,6 +454,40 @@ class _Search:
         if not done:
             return []
         return list(dict.fromkeys([*done[:width], _ranked(done, self.data)[0]]))
+
+
+def _less(branch: Branch, step: Step) -> tuple[Network, Branch]:
+    """The branch's network without a step, and its other steps; what was a place's difference from it is its own.
+
+    Raises:
+        InputError: another step stands at an edge that this made.
+    """
+    network, others = branch[-1].fit.model.network.without_effect(*step.key), []
+    for other in (each for each in branch if each is not step):
+        declared = other.declaration
+        if declared is not None and declared.difference:
+            common = {instance.place for instance in network.in_common(declared.effect.key)}
+            if not common.issuperset(place for place, _ in network.places_for(declared)):
+                own = _as_its_own(declared, branch[-1].fit, step)
+                network = network.without_effect(*other.key).with_effects([own])
+                other = replace(other, declaration=own)
+        others.append(other)
+    return network, tuple(others)
+
+
+def _as_its_own(difference: EffectDeclaration, fit: Fit, common: Step) -> EffectDeclaration:
+    """What a place had beside a common effect, as an effect of its own that starts from both."""
+    fitted = {parameter.name: parameter.value for parameter in fit.model.parameters}
+    amplitude, shared = difference.effect.amplitude(), replace(common, fit=fit).amplitude
+    parameters = []
+    for stated in difference.effect.stated():
+        own = next((each for each in difference.parameters if each.name == stated.name), stated)
+        value = fitted.get(f"{difference.name}.{own.name}.{difference.where}", own.value)
+        if amplitude is not None and shared is not None and own.name == amplitude.name:
+            value += shared.value
+        lower, upper = stated.bounds
+        parameters.append(replace(own, bounds=stated.bounds, value=min(max(value, lower), upper)))
+    return replace(difference, parameters=tuple(parameters), difference=False)
 
 
 def _ending_in(branch: Branch, fit: Fit, data: DataSplit) -> Branch:
