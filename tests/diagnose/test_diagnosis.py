@@ -42,6 +42,10 @@ def test_what_differs_in_one_run_is_one_answer_with_what_differs_in_the_other_as
     first = found.refits[0]
     assert first.key == ("surface_scale", "FR_calf@fit1")
     assert ("surface_scale", "FR_calf@fit2") in first.indistinguishable
+    twin = next(step for step in found.refits if step.key == ("surface_scale", "FR_calf@fit2"))
+    assert first.in_some_run == pytest.approx(first.probability + twin.probability)
+    assert first.in_some_run > 0.9
+    assert replace(first, probability=0.45).likely
 
 
 @pytest.mark.long

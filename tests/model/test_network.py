@@ -325,6 +325,7 @@ def test_nodes_come_in_the_order_of_their_declaration() -> None:
         ("sensor_lag", "FR_calf", "", True),
         ("conduction", "FR_calf~FR_hip", "", True),
         ("shared_mass", "*", "", False),
+        ("sensor_lag", "*_calf", "", True),  # one place, by whatever name
         ("ambient_offset", "ambient", "", False),
     ],
 )
@@ -332,3 +333,12 @@ def test_a_step_of_few_places_or_one_run_sets_them_apart(effect: str, at: str, r
     plain = leg()
     network = replace(plain, nodes=(*plain.nodes, node("pc")), links=(*plain.links, link("pc", "ambient", 3.0)))
     assert network.sets_apart(EffectDeclaration(catalogue()[effect](), at, run=run)) == apart
+
+
+def test_a_class_of_like_joints_is_built_alike_and_not_set_apart() -> None:
+    joints = tuple(f"{side}_{joint}" for side in ("left", "right") for joint in ("hip", "knee", "ankle"))
+    network = Network("legs", (node("*_*"), AMBIENT), (link("*_*", "ambient"),), joints=joints)
+    apart = {
+        at: network.sets_apart(EffectDeclaration(catalogue()["sensor_lag"](), at)) for at in ("*_hip", "left_hip", "*")
+    }
+    assert apart == {"*_hip": False, "left_hip": True, "*": False}

@@ -254,6 +254,19 @@ def test_the_size_of_a_lag_is_its_time_constant(missing: Told) -> None:
     assert re.fullmatch(r"time constant \S+( ± \S+)? s", size_in_words(lagging, continued(fit, network)))
 
 
+def test_a_difference_is_told_as_one(missing: Told) -> None:
+    step = missing[0].best
+    (declared,) = step.declarations
+    more = replace(
+        declared,
+        difference=True,
+        parameters=tuple(replace(p, value=-1.0, bounds=(-9.0, 9.0)) for p in declared.parameters),
+    )
+    fitted = continued(step.fit, step.fit.model.network.without_effect(*step.key).with_effects([more]))
+    assert " W beside what it has in common with others, " in size_in_words(replace(step, declaration=more), fitted)
+    assert "beside" not in size_in_words(step, step.fit)
+
+
 @pytest.mark.parametrize(("usual", "said"), [(0.1, " times what is usual"), (10.0, " of what is usual")])
 def test_a_size_is_so_many_times_or_a_share_of_what_is_usual(missing: Told, usual: float, said: str) -> None:
     step = missing[0].best

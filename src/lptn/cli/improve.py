@@ -122,9 +122,9 @@ def show_history(history: History) -> None:
     if len(history.steps) > 2:
         print("Probable: beside the other steps, and given that one of the answers that were refitted is right.")
         print(
-            "Order of the steps: what is more probable than not, then the rest; of each what sets a few places or one"
+            "Order of the steps: what is more probable than not, then the rest; of each what sets one place or one run"
         )
-        print("run apart, then what most places have in common, and what would be missed most.")
+        print("apart, then what several have in common, and what would be missed most.")
     for warning in history.best.fit.uncertainty.warnings:
         print(f"Warning: {warning}.")
 

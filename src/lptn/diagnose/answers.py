@@ -31,6 +31,7 @@ from lptn.diagnose.probability import (
 )
 from lptn.diagnose.refits import continued, refit, unless_interrupted
 from lptn.diagnose.scores import Score, Scores, score
+from lptn.effects import Effect
 from lptn.identify.comparison import Errors, Prediction, predict
 from lptn.identify.data import DataSplit
 from lptn.identify.fitting import Fit, finished
@@ -60,6 +61,8 @@ class Step(Tabular):
         gain: by how much the information criterion prefers it to the model without it.
         log_odds: logarithm of the odds beforehand that it is this effect at this place that is missing.
         probability: of this answer by the fitted runs, given that one of those that were refitted is right.
+        in_some_run: of an effect of one run: that it, or the same in another run instead, is missing; of two runs it is
+            for held-out ones to tell which is odd.
         by_all_runs: the same by the held-out runs as well, which may have chosen it; `None` without any, or where no
             search asked.
         p_value: how often chance alone would score as much, over all candidates.
@@ -73,6 +76,7 @@ class Step(Tabular):
     gain: float = 0.0
     log_odds: float = 0.0
     probability: float = 0.0
+    in_some_run: float = 0.0
     by_all_runs: float | None = None
     p_value: float = 1.0
     indistinguishable: tuple[Key, ...] = ()
@@ -109,6 +113,11 @@ class Step(Tabular):
         """The amplitude in units of its usual size, 1 for an effect without one."""
         amplitude = self.amplitude
         return 1.0 if amplitude is None else amplitude.value / amplitude.declared.typical
+
+    @property
+    def likely(self) -> bool:
+        """Whether the fitted data alone make it likelier than all others together, whichever run it is in."""
+        return max(self.probability, self.in_some_run) >= LIKELY
 
     @property
     def outweighed(self) -> bool:
@@ -215,7 +224,7 @@ _TYPICAL_RANGE = (0.02, 20.0)  # first-order amplitudes outside this share of th
 
 def _shortlist(base: Fit, scores: Scores, log_priors: Mapping[Key, float], most: int) -> list[Score]:
     """The candidates worth an exact refit: the most probable to first order, and of every effect that scores well the
-    most probable place, in all runs and in each alone.
+    most probable place and the most probable group of places, in all runs and in each alone.
 
     None that chance alone would score. Effects with an inner state look the same to first order, so each effect gets
     its chance; and which of two runs is the odd one, the fitted data can't tell.
@@ -226,13 +235,17 @@ def _shortlist(base: Fit, scores: Scores, log_priors: Mapping[Key, float], most:
     odds = log_odds_by_score(base, significant, np.array([log_priors[each.candidate.key] for each in significant]))
     ordered = [significant[k] for k in np.argsort(-odds, kind="stable")]
     chosen, least = ordered[:most], _SAME_EFFECT_SHARE * significant[0].gain
-    kinds = {(each.candidate.effect, each.candidate.run) for each in chosen}
+    kinds = {_kind(each.candidate) for each in chosen}
     for each in ordered[most:]:
-        kind = (each.candidate.effect, each.candidate.run)
+        kind = _kind(each.candidate)
         if each.gain >= least and kind not in kinds:
             kinds.add(kind)
             chosen.append(each)
     return chosen
+
+
+def _kind(candidate: Candidate) -> tuple[type[Effect], str, bool]:
+    return candidate.effect, candidate.run, len(candidate.places) == 1
 
 
 def refit_all(base: Fit, scores: Sequence[Score], executor: Executor | None = None) -> list[Step]:
@@ -308,11 +321,26 @@ def _by_probability(base: Fit, steps: Sequence[Step]) -> list[Step]:
             if other != number and are_rivals(fits[number], fits[other], (priors[number], priors[other]))
         )
 
+    def in_some_run(step: Step) -> float:
+        alike = [_but_for_the_run(other) == _but_for_the_run(step) for other in steps]
+        return float(of_all[alike].sum())
+
     judged = [
-        replace(step, probability=float(probability), indistinguishable=rivals(number))
+        replace(
+            step,
+            probability=float(probability),
+            in_some_run=in_some_run(step),
+            indistinguishable=rivals(number),
+        )
         for number, (step, probability) in enumerate(zip(steps, of_all, strict=True), start=1)
     ]
     return [judged[k] for k in sorted(range(len(judged)), key=lambda k: (-judged[k].probability, -judged[k].gain))]
+
+
+def _but_for_the_run(step: Step) -> tuple[str | None, str, bool]:
+    """Effect and place, and whether it acts in one run alone."""
+    declared = step.declaration
+    return step.effect, declared.at if declared else "", bool(declared and declared.run)
 
 
 def compared(base: Fit, known: Sequence[Step], step: Step, data: DataSplit) -> Step:

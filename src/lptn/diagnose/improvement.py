@@ -10,7 +10,7 @@ good. So several models are followed a step further, side by side:
 4. Kept is the most probable by all runs; a longer branch must predict held-out runs better than all shorter ones.
 5. Each step is left out, or gives way to another, where that is more probable by all runs, beside the other steps: what
    a step is taken for while much else is missing says little of it. Told first is what is more probable than not; of
-   that, and of the rest, what sets a few places or one run apart, as it may be a fault, then what most have in common,
+   that, and of the rest, what sets one place or one run apart, as it may be a fault, then what several have in common,
    as that is how the model is made; of each what would be missed most.
 6. Each model left is fitted at full resolution.
 
@@ -368,7 +368,7 @@ class _Search:
         def place(step: Step) -> tuple[bool, bool, float]:
             # Who misses a step misses what stands on it.
             with_it = [other for other in asked if other is step or _stands_on(other, step)]
-            likely = any(other.probability >= LIKELY for other in with_it)
+            likely = any(other.likely for other in with_it)
             apart = any(network.sets_apart(*other.declarations) for other in with_it)
             return not likely, not apart, -max(other.gain for other in with_it)
 

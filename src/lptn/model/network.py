@@ -374,9 +374,12 @@ class Network:
         return self.layout.places_for(declared)
 
     def sets_apart(self, declared: EffectDeclaration) -> bool:
-        """Whether an effect acts in one run alone, or at a minority of the places where it could."""
-        everywhere = self.places_for(replace(declared, at=EVERYWHERE))
-        return bool(declared.run) or 2 * len(self.places_for(declared)) < len(everywhere)
+        """Whether an effect acts in one run alone, or at one place of three or more.
+
+        What a class of like places has in common is how they are built.
+        """
+        here, everywhere = (self.places_for(replace(declared, at=at)) for at in (declared.at, EVERYWHERE))
+        return bool(declared.run) or (len(here) == 1 and len(everywhere) > 2)
 
     def nodes_with(self, key: str) -> list[str]:
         """Dynamic nodes at which an effect is declared."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Literal
 
-from lptn.diagnose.answers import LIKELY, Step
+from lptn.diagnose.answers import Step
 from lptn.diagnose.fit_statistics import criterion_difference
 from lptn.diagnose.improvement import History
 from lptn.report.shown import noise_alone
@@ -89,9 +89,9 @@ def tried_in_words(steps: Sequence[Step], searched_from: int | None, found: str 
             fitted data alone make it more probable than not.
     """
     by_help = sorted_steps(steps, searched_from)
-    probabilities = [step.probability for step in by_help["all"]]
-    if not found and all(probabilities):
-        found = "Found" if min(probabilities, default=1.0) >= LIKELY else "Best explanation, not certain"
+    good_steps = by_help["all"]
+    if not found and all(step.probability for step in good_steps):
+        found = "Found" if all(step.likely for step in good_steps) else "Best explanation, not certain"
     names = {kind: [short_name(step) for step in of_kind] for kind, of_kind in by_help.items()}
     good, fitted, idle = names["all"], names["fitted"], names[""]
     parts = [f"{found or 'Added'}: {listed(good)}"] if good else []

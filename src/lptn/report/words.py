@@ -89,7 +89,8 @@ def size_in_words(step: Step, last: Fit) -> str:
             elif parameter.off is not None:
                 share = abs(value / values[name].declared.typical)
                 times_as_large = f"{short_size(share)} times" if share > 1 else f"{short_size(share)} of"
-                sizes = f"{text}, {times_as_large} what is usual there"
+                beside = " beside what it has in common with others" if declaration.difference else ""
+                sizes = f"{text}{beside}, {times_as_large} what is usual there"
                 doubt = "" if abs(value - parameter.off) >= _TOLD * error else "; not told from zero"
     return "; ".join(filter(None, (sizes + doubt, times)))
 
