@@ -83,6 +83,14 @@ def test_a_joint_may_have_less_than_the_others() -> None:
         _difference("second_mass", "a", -10.0)  # it would run away
 
 
+def test_a_sensor_may_sit_less_in_the_heat_than_the_others() -> None:
+    """As in the largest motor of an arm: a kelvin more for a watt, at all joints, is too much there."""
+    heated = base_for(catalogue()["hot_spot"])
+    both = two_nodes([*heated, _shared("hot_spot", 0.5), _difference("hot_spot", "a", -0.2)])
+    apart = two_nodes([*heated, _shared("hot_spot", 0.3, "a"), _shared("hot_spot", 0.5, "b")])
+    np.testing.assert_allclose(_readings(both), _readings(apart), rtol=1e-9)
+
+
 def test_it_has_names_of_its_own_and_is_taken_away_alone() -> None:
     network = two_nodes([_shared("second_mass", 20.0), _difference("second_mass", "a", 10.0)])
     names = [each.name for each in network.parameters]

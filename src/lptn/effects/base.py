@@ -184,10 +184,10 @@ class Effect(ABC):
     def stated(cls, difference: bool = False) -> tuple[Parameter, ...]:
         """Its parameters, or those of the difference that one place makes to what it has in common with others.
 
-        A difference adds to heat, readings and exchange, and multiplies factors. It may be of either sign, unless
-        the effect has a state, which a negative mass would send away.
+        A difference adds to heat, readings and exchange, and multiplies factors. It may be of either sign, but for
+        masses: a negative one would send its temperature away.
         """
-        if not difference or cls.has_state:
+        if not difference or (cls.has_state and cls.site != "sensor"):
             return cls.parameters
         return tuple(
             parameter
