@@ -12,7 +12,7 @@ from lptn.diagnose.advice import advise
 from lptn.diagnose.answers import Step
 from lptn.diagnose.candidates import with_errors_of_runs
 from lptn.diagnose.diagnosis import for_search
-from lptn.diagnose.improvement import Branch, History, _less, _Search, improve
+from lptn.diagnose.improvement import Branch, History, _less, _Search, effects_added, improve
 from lptn.diagnose.refits import refit
 from lptn.effects import catalogue
 from lptn.identify.data import DataSplit, split_data
@@ -170,6 +170,19 @@ def test_declarations_rebuild_the_last_step(improved: tuple[Model, DataSplit, Hi
     assert added
     for name, value in added.items():
         assert value == fitted[name]
+
+
+def test_an_effect_of_one_run_is_declared_as_it_was_fitted(leg: Leg) -> None:  # noqa: F811
+    model, data = leg(Hidden("surface_scale", "FR_calf", size=3.0, run="fit1"))
+    coarse = for_search(data)
+    base = fit_segments(with_errors_of_runs(model, coarse), coarse.fit)
+    kind = catalogue()["surface_scale"]
+    switched = tuple(replace(each.switched_on, share="all") for each in kind.parameters)
+    declared = EffectDeclaration(kind(), "FR_calf", switched, run="fit1")
+    step = Step(refit(base, declared), declared)
+    (rebuilt,) = effects_added([Step(base), step])
+    assert step.amplitude is not None
+    assert rebuilt.parameters[0].value == step.amplitude.value != switched[0].value
 
 
 @pytest.mark.long

@@ -61,9 +61,9 @@ class Step(Tabular):
         gain: by how much the information criterion prefers it to the model without it.
         log_odds: logarithm of the odds beforehand that it is this effect at this place that is missing.
         probability: of this answer by the fitted runs, given that one of those that were refitted is right.
-        in_some_run: of an effect of one run: that it, or the same in another run instead, is missing; of two runs it is
-            for held-out ones to tell which is odd.
-        by_all_runs: the same by the held-out runs as well, which may have chosen it; `None` without any, or where no
+        in_some_run: probability that it, or the same in another run instead, is missing, of an effect of one run: which
+            of two runs is odd is for held-out ones to tell.
+        by_all_runs: probability by the held-out runs as well, which may have chosen it; `None` without any, or where no
             search asked.
         p_value: how often chance alone would score as much, over all candidates.
         indistinguishable: candidates that the fitted data can't tell from it.

@@ -148,9 +148,12 @@ def effects_added(steps: Sequence[Step]) -> list[EffectDeclaration]:
     effects = []
     for step in steps:
         if step.declaration is not None:
-            declared, owner = step.declaration, step.declaration.at
+            declared = step.declaration
             values = tuple(
-                replace(parameter, value=fitted.get(f"{declared.name}.{parameter.name}.{owner}", parameter.value))
+                replace(
+                    parameter,
+                    value=fitted.get(f"{declared.name}.{parameter.name}.{declared.where}", parameter.value),
+                )
                 for parameter in declared.parameters
             )
             effects.append(replace(declared, parameters=values))
