@@ -54,8 +54,8 @@ CONSTANTS = (
     "lptn.diagnose.answers.HOPELESS",
     "lptn.diagnose.answers._SAME_EFFECT_SHARE",
     "lptn.diagnose.diagnosis.MUCH_WORSE",
-    "lptn.diagnose.fit_statistics._MOST",
-    "lptn.diagnose.fit_statistics._ELSEWHERE",
+    "lptn.diagnose.fit_statistics.MOST",
+    "lptn.diagnose.fit_statistics.HALF",
     "lptn.diagnose.diagnosis._RUNS_DIFFER",
 )
 """What decides; constants of the search for a number, such as precisions, are left out."""

@@ -28,7 +28,7 @@ import pandas as pd
 from lptn.basics.tables import Tabular
 from lptn.diagnose.answers import LIKELY, MOST_REFITS, NOTHING, Key, Report, Step, answers
 from lptn.diagnose.candidates import AMBIENT_ERROR, TORQUE_ERROR, possible_effects, with_errors_of_runs
-from lptn.diagnose.fit_statistics import LACKING, explained_elsewhere, explains_most, lack_of_fit, standing_out
+from lptn.diagnose.fit_statistics import LACKING, MOST, explained_elsewhere, explains, lack_of_fit, standing_out
 from lptn.diagnose.probability import probabilities_by_score
 from lptn.diagnose.refits import continued, unless_interrupted
 from lptn.diagnose.runs_that_differ import RunDifference, granted_differences
@@ -276,7 +276,7 @@ def _verdict(base: Fit, data: DataSplit, holdout: Errors | None, scores: Scores,
         return "unexplained"
     best = steps[0].fit
     nothing_left = all(value <= LACKING for value in lack_of_fit(best, scores.noise).values())
-    return "missing" if nothing_left or explains_most(base, best, scores.noise) else "unexplained"
+    return "missing" if nothing_left or explains(MOST, base, best, scores.noise) else "unexplained"
 
 
 def _more_is_wanted(scores: Scores, steps: Sequence[Step]) -> bool:
@@ -293,5 +293,5 @@ def _three_together_explain(first: Diagnosis, data: DataSplit, refits: int, exec
             break
         last = examine(last.refits[0].fit, DataSplit(data.fit), refits=refits, executor=executor)
     done = last.refits[0].fit if last.refits else last.fit
-    enough = explains_most(first.fit, done, first.scores.noise)
+    enough = explains(MOST, first.fit, done, first.scores.noise)
     return enough and explained_elsewhere(first.fit, first.holdout, holdout_errors(done, data.holdout))

@@ -147,8 +147,11 @@ NEGLIGIBLE = 0.04
 """K; nobody looks for an effect that leaves less on one node's one-minute means."""
 LACKING = 1.5
 """Times what chance leaves at most, beyond which a lack of fit is no noise."""
-_MOST = 0.75  # share of the misfit beyond noise that is most of it
-_ELSEWHERE = 0.5  # share of a held-out error, squared and beyond noise, that must go with it
+MOST = 0.75
+"""Share of the misfit beyond noise that one answer, or three together, must explain to be what is missing."""
+HALF = 0.5
+"""Share of it that the steps of a search must explain, since held-out runs chose them; and share of a held-out error,
+squared and beyond noise, that must go with it."""
 _SHOWS_PLAINLY = 2.0  # times the cost of noise: a misfit that single readings show
 
 
@@ -193,22 +196,23 @@ def lack_of_fit(fit: Fit, noise: NoiseLevel, residuals: FloatArray | None = None
     return {node: float(squares[node][0] / limit) for node, limit in noise.limit.items() if node in squares}
 
 
-def explains_most(base: Fit, larger: Fit, noise: NoiseLevel) -> bool:
-    """Whether a larger model removes most of the misfit beyond noise.
+def explains(share: float, base: Fit, larger: Fit, noise: NoiseLevel) -> bool:
+    """Whether a larger model removes more than a share of the misfit beyond noise.
 
     Of single readings where these show it plainly, since a lag or a clock is over within a minute; else of block
     means, since noise and steps of 1 K hide the rest.
 
     Args:
+        share: of the misfit.
         base: the smaller model's fit.
         larger: the larger model's fit to the same runs.
         noise: what a perfect model would leave.
     """
     floor = cost_of_noise(base)
     if base.cost > _SHOWS_PLAINLY * floor:
-        return base.cost - larger.cost > _MOST * (base.cost - floor)
+        return base.cost - larger.cost > share * (base.cost - floor)
     before, after = (_beyond_noise(fit, noise) for fit in (base, larger))
-    return before - after > _MOST * max(before, 0.0)
+    return before - after > share * max(before, 0.0)
 
 
 def _beyond_noise(fit: Fit, noise: NoiseLevel) -> float:
@@ -227,7 +231,7 @@ def explained_elsewhere(base: Fit, before: Errors | None, after: Errors | None) 
     if before is None or after is None:
         return True
     floor = float(np.mean(base.noise.floor**2))
-    return before.rmse**2 - after.rmse**2 >= _ELSEWHERE * max(before.rmse**2 - floor, 0.0)
+    return before.rmse**2 - after.rmse**2 >= HALF * max(before.rmse**2 - floor, 0.0)
 
 
 def cost_of_noise(fit: Fit) -> float:

@@ -33,7 +33,7 @@ from lptn.basics.tables import Tabular
 from lptn.diagnose.answers import HOPELESS, LIKELY, SIGNIFICANT, Key, Report, Step, compared, held_out
 from lptn.diagnose.candidates import AMBIENT_ERROR, TORQUE_ERROR, with_errors_of_runs
 from lptn.diagnose.diagnosis import MUCH_WORSE, Diagnosis, Verdict, examine, for_search
-from lptn.diagnose.fit_statistics import Removed, explained_elsewhere, explains_most
+from lptn.diagnose.fit_statistics import HALF, Removed, explained_elsewhere, explains
 from lptn.diagnose.probability import is_implausible, log_prior_of_sizes, probabilities
 from lptn.diagnose.refits import continued, unless_interrupted
 from lptn.diagnose.runs_that_differ import RunDifference, granted_differences
@@ -555,7 +555,7 @@ def _verdict(first: Diagnosis, last: Diagnosis, given: Branch, kept: Branch) -> 
         return "missing"
     before, after = given[-1], kept[-1]
     elsewhere = explained_elsewhere(before.fit, before.holdout, after.holdout)
-    enough = explains_most(before.fit, after.fit, first.scores.noise)
+    enough = explains(HALF, before.fit, after.fit, first.scores.noise)
     return "missing" if enough and elsewhere else "unexplained"
 
 
