@@ -231,6 +231,17 @@ def test_a_room_warmer_than_a_sensors_error_is_granted_too() -> None:
 
 
 @pytest.mark.long
+def test_errors_granted_to_a_run_do_not_stand_in_for_its_fan(leg: Leg) -> None:  # noqa: F811
+    """Air off by half a kelvin and losses by 6 % take a third of what a fan does; with the fan named they are nought."""
+    history = improve(*leg(Hidden("surface_scale", "*", size=4.0, run="holdout")))
+    assert history.verdict == "adequate"
+    (found,) = history.differing
+    assert (found.run, found.effect, found.at) == ("holdout", "surface_scale", "*")
+    assert found.amplitude == pytest.approx(4.0 * 0.3, rel=0.05)
+    assert found.explained
+
+
+@pytest.mark.long
 def test_a_held_out_run_that_nothing_explains_is_not_granted() -> None:
     fitted = [truth("monday", 1), truth("tuesday", 2)]
     history = improve(Model(held_gain()), split_data(fitted, [truth("run4", 3, bursts=8.0)]))

@@ -24,7 +24,7 @@ def refit(base: Fit, declaration: EffectDeclaration, rival: float = np.inf) -> F
 def continued(base: Fit, network: Network, rival: float = np.inf) -> Fit:
     """Fit a network that differs from a fitted one by some effects, started from its solution; as far as ranking needs.
 
-    What that fit held stays held.
+    What that fit held stays held, and what it fitted is fitted.
 
     Args:
         base: the fit to start from.
@@ -38,7 +38,8 @@ def continued(base: Fit, network: Network, rival: float = np.inf) -> Fit:
     bound_runs = [replace(bind(model, bound.run), counted=bound.counted) for bound in problem.bound_runs]
     old_values = {parameter.name: parameter.value for parameter in base.model.parameters}
     values = np.array([old_values.get(parameter.name, parameter.value) for parameter in model.parameters])
-    held = {base.model.parameters[index].name for index in set(base.model.free) - set(problem.free)}
+    fitted = {base.model.parameters[index].name for index in problem.free}
+    held = {base.model.parameters[index].name for index in base.model.free} - fitted
     starts = [
         _carried_over(base.model, model, start, bound)
         for start, bound in zip(base.point.starts, bound_runs, strict=True)
@@ -53,7 +54,11 @@ def continued(base: Fit, network: Network, rival: float = np.inf) -> Fit:
             iterations=_ITERATIONS,
             rival=rival,
             precision=_PRECISION,
-            free=[index for index in model.free if model.parameters[index].name not in held],
+            free=[
+                index
+                for index, parameter in enumerate(model.parameters)
+                if parameter.name in fitted or (parameter.free and parameter.name not in held)
+            ],
         )
     )
 

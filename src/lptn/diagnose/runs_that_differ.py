@@ -17,7 +17,7 @@ from lptn.diagnose.probability import in_occams_window, log_prior_of_sizes, prob
 from lptn.diagnose.refits import continued, refit
 from lptn.identify.comparison import Errors, Prediction, predict, with_own_errors
 from lptn.identify.data import Segment
-from lptn.identify.fitting import Fit
+from lptn.identify.fitting import Fit, nuisances
 from lptn.identify.problem import Problem
 from lptn.model.model import Model
 from lptn.model.network import EffectDeclaration
@@ -161,8 +161,8 @@ class RunDifference:
 def runs_that_differ(fit: Fit, segments: Sequence[Segment]) -> list[RunDifference]:
     """For each run that a fitted model predicts clearly worse than it fits: what would have to differ in it.
 
-    The run is asked what it lacks, as in any diagnosis, of what may differ from run to run; every parameter of the
-    fitted model is held. What the run itself can't tell apart is refitted to all runs together, all parameters free.
+    The run is asked what it lacks, as in any diagnosis, of what may differ from run to run; the fitted model's parameters
+    are held. What the run itself can't tell apart is refitted to all runs together, all parameters free.
 
     Args:
         fit: the fitted model.
@@ -202,16 +202,16 @@ def _difference(fit: Fit, segment: Segment) -> RunDifference | None:
 
 
 def _fitted(fit: Fit, before: Prediction, *, alone: bool) -> Fit:
-    """All of a predicted run as the model has it: alone, its start fitted and every parameter held; or together with
-    the fitted runs, every parameter free to be fitted.
+    """All of a predicted run as the model has it: alone, its start and what is granted to it fitted and the model's own
+    parameters held; or together with the fitted runs, these free to be fitted.
     """
     model = with_own_errors(fit.model, before.segment, fit.problem.sigma)
     others = [] if alone else zip(fit.problem.bound_runs, fit.point.starts, strict=True)
     runs = [(replace(bind(model, each.run), counted=each.counted), start) for each, start in others]
     runs.append((before.bound.count((float("-inf"), float("inf"))), before.states[:, 0]))
     bound_runs, starts = zip(*runs, strict=True)
-    held = () if alone else None
-    problem = Problem(model, bound_runs, fit.problem.sigma, fit.problem.symmetry_penalty, held)
+    free = nuisances(model, before.segment.run.name) if alone else None
+    problem = Problem(model, bound_runs, fit.problem.sigma, fit.problem.symmetry_penalty, free)
     z = problem.guess(model.values, starts)
     done = Fit(model, problem, z, problem.cost(z), fit.noise, 0, "converged")
     return continued(done, model.network) if alone else done
