@@ -232,7 +232,7 @@ def test_a_room_warmer_than_a_sensors_error_is_granted_too() -> None:
 
 @pytest.mark.long
 def test_errors_granted_to_a_run_do_not_stand_in_for_its_fan(leg: Leg) -> None:  # noqa: F811
-    """Air off by half a kelvin and losses by 6 % take a third of what a fan does; with the fan named they are nought."""
+    """Air off by half a kelvin and losses by 6 % take a third of what a fan does; named, they are nought."""
     history = improve(*leg(Hidden("surface_scale", "*", size=4.0, run="holdout")))
     assert history.verdict == "adequate"
     (found,) = history.differing

@@ -161,7 +161,7 @@ class RunDifference:
 def runs_that_differ(fit: Fit, segments: Sequence[Segment]) -> list[RunDifference]:
     """For each run that a fitted model predicts clearly worse than it fits: what would have to differ in it.
 
-    The run is asked what it lacks, as in any diagnosis, of what may differ from run to run; the fitted model's parameters
+    The run is asked what it lacks, as in any diagnosis, of what may differ from run to run; the model's own parameters
     are held. What the run itself can't tell apart is refitted to all runs together, all parameters free.
 
     Args:
