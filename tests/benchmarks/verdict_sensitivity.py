@@ -44,6 +44,7 @@ CONSTANTS = (
     "lptn.diagnose.probability._ERRORS_ALIKE",
     "lptn.identify.problem.AT_REST",
     "lptn.diagnose.probability._WARMER",
+    "lptn.diagnose.probability._AS_BEFORE",
     "lptn.diagnose.fit_statistics._LONG_BLOCK",
     "lptn.diagnose.fit_statistics.BLOCK",
     "lptn.diagnose.fit_statistics.NEGLIGIBLE",
