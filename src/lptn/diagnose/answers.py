@@ -105,7 +105,7 @@ class Step(Tabular):
         amplitude = declared.effect.amplitude() if declared else None
         if declared is None or amplitude is None:
             return None
-        name = f"{declared.name}.{amplitude.name}.{declared.where}"
+        name = declared.shared_name(amplitude.name)
         return next((each for each in self.fit.model.parameters if each.name == name), None)
 
     @property

@@ -150,10 +150,7 @@ def effects_added(steps: Sequence[Step]) -> list[EffectDeclaration]:
         if step.declaration is not None:
             declared = step.declaration
             values = tuple(
-                replace(
-                    parameter,
-                    value=fitted.get(f"{declared.name}.{parameter.name}.{declared.where}", parameter.value),
-                )
+                replace(parameter, value=fitted.get(declared.shared_name(parameter.name), parameter.value))
                 for parameter in declared.parameters
             )
             effects.append(replace(declared, parameters=values))
@@ -485,7 +482,7 @@ def _as_its_own(difference: EffectDeclaration, fit: Fit, common: Step) -> Effect
     parameters = []
     for stated in difference.effect.stated():
         own = next((each for each in difference.parameters if each.name == stated.name), stated)
-        value = fitted.get(f"{difference.name}.{own.name}.{difference.where}", own.value)
+        value = fitted.get(difference.shared_name(own.name), own.value)
         if amplitude is not None and shared is not None and own.name == amplitude.name:
             value += shared.value
         lower, upper = stated.bounds

@@ -304,18 +304,11 @@ def _takes_more_than_there_is(fit: Fit, declarations: Sequence[EffectDeclaration
     return False
 
 
-def implausible_amplitude(candidate: Candidate, amplitude: float) -> bool:
-    """Whether one effect's amplitude, in its own unit, is more than anyone would believe."""
-    return is_beyond_belief(candidate.amplitude, amplitude)
-
-
 def _free_parameters(fit: Fit, declarations: Iterable[EffectDeclaration]) -> list[Parameter]:
     """Each free parameter of added effects, at its fitted value."""
     free = {fit.model.parameters[index].name: fit.model.parameters[index].declared for index in fit.problem.free}
     names = (
-        f"{declaration.name}.{parameter.name}.{declaration.where}"
-        for declaration in declarations
-        for parameter in declaration.parameters
+        declaration.shared_name(parameter.name) for declaration in declarations for parameter in declaration.parameters
     )
     return [free[name] for name in names if name in free]
 

@@ -221,7 +221,8 @@ def _names_of_one_answer(alone: Fit) -> list[Step]:
     """What a run lacks, the most probable first, then what it can't tell from that."""
     run = alone.problem.bound_runs[0].run
     log = run.name.partition("#")[0]
-    possible = [each for each in possible_effects(alone, run.columns, ["", log]) if each.run == log]
+    fitted = ""  # the other runs, by whatever name: what differs in a run differs from them
+    possible = [each for each in possible_effects(alone, run.columns, [fitted, log]) if each.run == log]
     found = answers(alone, possible).steps
     names = {found[0].key, *found[0].indistinguishable} if found and found[0].gain > 0 else set()
     return [step for step in found if step.key in names]

@@ -116,6 +116,10 @@ class EffectDeclaration:
         """Place, and run if there is one: `"*_calf"`, `"*_calf@monday"`."""
         return in_run(self.at, self.run)
 
+    def shared_name(self, parameter: str) -> str:
+        """What a parameter is called among the model's, where all places of the effect have it in common."""
+        return f"{self.name}.{parameter}.{self.where}"
+
     @property
     def granted(self) -> bool:
         """Whether it is an error of the logs that is granted to a run, and no part of the model."""

@@ -77,7 +77,7 @@ def size_in_words(step: Step, last: Fit) -> str:
     sizes, times, doubt = "", "", ""
     for declaration in step.declarations:
         for parameter in declaration.parameters:
-            name = f"{declaration.name}.{parameter.name}.{declaration.where}"
+            name = declaration.shared_name(parameter.name)
             if name not in last.standard_errors:
                 continue
             error, value = last.standard_errors[name], values[name].value
