@@ -246,6 +246,35 @@ def test_hot_spot_leads_by_the_copper_loss_it_sits_in() -> None:
     assert np.ptp(r * states[2]) > 1.0
 
 
+def test_a_winding_passes_its_loss_on_late_and_keeps_none_of_it() -> None:
+    resistance, t = 0.15 / 0.84**2, 40.0
+
+    def rates(x: FloatArray, u: dict[str, float]) -> list[float]:
+        air, loss = u["temperature.ambient"], resistance * u["torque.a"] ** 2
+        return [(x[2] - (x[0] - air) / RA) / CA, -(x[1] - air) / RB / CB, (loss - x[2]) / t]
+
+    copper, late = effect("copper_loss", "a"), effect("winding_mass", "a", fraction=1.0, time_constant=t)
+    found = _readings([copper, late])
+    np.testing.assert_allclose(found, _solved(rates, [30.0, 24.0, 0.0])[:2], atol=2e-4)
+    assert np.abs(found[0] - _readings([copper])[0]).max() > 1.0
+
+
+def test_half_of_a_loss_may_take_the_way_through_the_winding() -> None:
+    """Of a factor on the loss as well: at rest in the end the node is as warm as without."""
+    torque = {name: np.full(4 * N, 6.0) for name in ("torque.a", "torque.b")}
+    long = make_run(
+        torque
+        | {"temperature.ambient": np.full(4 * N, 20.0)}
+        | {f"temperature.{name}": np.full(4 * N, 20.0) for name in "ab"},
+        step=STEP,
+    )
+    heated = [effect("copper_loss", "a"), effect("loss_scale", "a", change=0.5)]
+    late = _readings([*heated, effect("winding_mass", "a", fraction=0.5, time_constant=60.0)], long)
+    soon = _readings(heated, long)
+    assert soon[0][120] - late[0][120] > 0.5
+    np.testing.assert_allclose(late[:, -1], soon[:, -1], atol=0.2)
+
+
 @pytest.mark.parametrize("delay", [20.0, -7.5])
 def test_a_clock_offset_shifts_the_readings_in_time(delay: float) -> None:
     heat, time = effect("driver_loss", "a", voltage=2.0), np.arange(N) * STEP

@@ -299,7 +299,8 @@ def test_stored_heat_is_heat_in_less_loss_to_ambient(network: Network, seed: int
 def test_a_warmer_neighbour_never_cools(network: Network, seed: int) -> None:
     """The balance is cooperative: no off-diagonal of the state Jacobian is negative, whatever the effects."""
     rng = np.random.default_rng(seed)
-    present = {declared.effect.key for declared in network.effects} | {"ambient_drift"}  # whose state is a clock
+    present = {declared.effect.key for declared in network.effects} | {"ambient_drift", "winding_mass"}
+    # The state of the first is a clock, that of the second a node's temperature and an excess.
     more: list[EffectDeclaration] = []
     for key, kind in catalogue().items():
         places = Network.places_for(network, EffectDeclaration(kind(), "*"))

@@ -181,13 +181,21 @@ class Effect(ABC):
         return next((parameter for parameter in cls.parameters if parameter.grid), None)
 
     @classmethod
+    def adds_up(cls) -> bool:
+        """Whether a place may have more of it than it has in common with others; of what is all or nothing it has its
+        own, with a shape of its own, in place of what the others have.
+        """
+        amplitude = cls.amplitude()
+        return amplitude is not None and amplitude.on is None
+
+    @classmethod
     def stated(cls, difference: bool = False) -> tuple[Parameter, ...]:
         """Its parameters, or those of the difference that one place makes to what it has in common with others.
 
         A difference adds to heat, readings and exchange, and multiplies factors. It may be of either sign, but for
         masses: a negative one would send its temperature away.
         """
-        if not difference or (cls.has_state and cls.site != "sensor"):
+        if not difference or (cls.has_state and cls.site != "sensor" and cls.adds_up()):
             return cls.parameters
         return tuple(
             parameter
@@ -499,8 +507,8 @@ class PairSensorEffect(SensorEffect):
         return self.error(one, other, here.p)
 
 
-class ExcessEffect(SensorEffect):
-    """A sensor error with inertia, which follows the heat in its node, or time, but not the temperature.
+class InertialEffect(Effect):
+    """An effect with inertia, which follows the heat in its node, or time, but not the temperature.
 
     Its state is the node's temperature plus an excess, so that it starts a run without any. The heat is that of the
     effect `heat_of`.
@@ -513,8 +521,16 @@ class ExcessEffect(SensorEffect):
         """Time derivative of state minus temperature [K/s], from that excess [K] and the driving heat [W]."""
 
     def state_rate(self, here: Conditions) -> Symbol:
-        excess = here.state - here.temperatures[0]
-        return here.warming + self.excess_rate(excess, here.heat_of(self.heat_of), here.p)
+        return here.warming + self.excess_rate(self.excess(here), here.heat_of(self.heat_of), here.p)
+
+    @staticmethod
+    def excess(here: Conditions) -> Symbol:
+        """State minus temperature [K]."""
+        return here.state - here.temperatures[0]
+
+
+class ExcessEffect(InertialEffect, SensorEffect):
+    """A sensor error with inertia."""
 
 
 class ClockEffect(Effect):

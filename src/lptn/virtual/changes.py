@@ -5,9 +5,10 @@ imitated by a parameter that is free in one mass a joint with links along the le
 speed; a torque constant is wrong, a cover is on, in one run alone.
 
 An answer is right if the engineer who takes it to the robot finds the cause: the part is right and so is what to look
-for. A stator without paste is a coil that runs ahead of its housing, hence a second mass, or a sensor at a hot spot. In
-a tight gearbox friction of either law sends her to the same gear. Where the robot has a mass of its own for the inside
-of a joint, a sensor between the two says the same.
+for. A stator without paste is a coil that runs ahead of its housing: a second mass or a hot spot where the sensor is on
+the coil's side of the gap, a winding that passes its heat on late where it is on the other. In a tight gearbox friction
+of either law sends her to the same gear. Where the robot has a mass of its own for the inside of a joint, a sensor
+between the two says the same.
 
 ``ALWAYS`` is true of every leg, at its natural size, wherever it is named, or at the place that stands with it: no
 lumped model has all of it. Such a step is neither the answer nor silly.
@@ -44,6 +45,7 @@ ALWAYS = (
     "shared_mass",
     "hot_spot",
     "sensor_lag",
+    "winding_mass",
     "natural_convection",
     "radiation",
     "resistance_rise",
@@ -123,7 +125,7 @@ CHANGES: Mapping[str, Change] = {
     # Air in a gap of 0.2 mm: 0.026 W/(m K) / 0.2 mm.
     "paste_missing": Change(
         "the stator sits in its housing without heat paste",
-        ("second_mass", "hot_spot", "sensor_position"),
+        ("winding_mass", "second_mass", "hot_spot", "sensor_position"),
         _to(paste=130.0),
     ),
     "fan": Change("a fan of logged speed blows on one joint", ("fan",), _to(fan=3.0)),

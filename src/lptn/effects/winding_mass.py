@@ -1,0 +1,57 @@
+"""The winding is a mass apart: its loss reaches the node late."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from types import SimpleNamespace
+
+from lptn.basics.parameters import LARGEST, Parameter
+from lptn.effects.base import Conditions, InertialEffect, Signature, Symbol
+from lptn.effects.excitation import LOAD_STEPS
+
+_RESISTANCE = 1.0  # K/W; scale of the state's excess
+
+
+class WindingMass(InertialEffect):
+    r"""A winding without a sensor, which stores its loss and passes it on to the node through its insulation.
+
+    .. math:: Q = f \, (q - Q_{copper}), \qquad t_w \dot q = Q_{copper} - q
+
+    With the winding's capacitance and its resistance to the node, :math:`t_w = R_w C_w`. The fraction *f* is 0 when
+    off and 1 for a winding all of whose loss takes this way; the state is :math:`T + q \cdot 1\,\mathrm{K/W}`. What
+    the winding stores as the node warms is counted to the node.
+
+    Source: two-node network of winding and housing with the heat in the winding, fitted to the facts of
+    [Chen2017, sec. 3.1.2].
+    """
+
+    key = "winding_mass"
+    title = "a winding that passes its heat on late"
+    site = "node"
+    heat_of = "copper_loss"
+    parameters = (
+        Parameter("fraction", 1.0, "1", (0.0, 1.0), off=0.0, on=1.0, typical=1.0, title="share that takes this way"),
+        Parameter(
+            "time_constant",
+            30.0,
+            "s",
+            (0.5, LARGEST),
+            typical=30.0,
+            title="time constant",
+            grid=(10.0, 30.0, 90.0),
+        ),
+    )
+    signature = Signature(
+        looks_like="the reading turns late after each change of load, most where the stator has no paste",
+        separate_by="warm the node from outside, by its neighbours or the room: a sensor's lag delays that, too",
+        confused_with=("sensor_lag", "hot_spot", "second_mass"),
+    )
+    excitation = LOAD_STEPS
+    source = "two-node network with the heat in the winding, fitted to [Chen2017, sec. 3.1.2]"
+
+    def heat_into_ends(self, here: Conditions) -> Sequence[Symbol]:
+        passed_on = self.excess(here) / _RESISTANCE
+        return [here.p.fraction * (passed_on - here.heat_of(self.heat_of))]
+
+    def excess_rate(self, excess: Symbol, heat: Symbol, p: SimpleNamespace) -> Symbol:
+        return (_RESISTANCE * heat - excess) / p.time_constant
