@@ -333,8 +333,28 @@ def test_where_an_effect_is_shared_each_place_may_differ() -> None:
 def test_nothing_differs_from_what_each_place_has_for_itself() -> None:
     own = _legs().with_effects([effect("constant_heat")])
     assert not [each for each in candidates(own, ["temperature.ambient", *COLUMNS]) if each.difference]
-    clock = _legs().with_effects([_shared("clock_offset"), _shared("sensor_lag")])
+    clock = _legs().with_effects([_shared("clock_offset")])
     assert not [each for each in candidates(clock, ["temperature.ambient", *COLUMNS]) if each.difference]
+
+
+def test_of_what_is_all_or_nothing_a_place_may_have_its_own_instead_of_what_the_others_have() -> None:
+    lagging, columns = _legs().with_effects([_shared("sensor_lag")]), ["temperature.ambient", *COLUMNS]
+    found = [each for each in candidates(lagging, columns) if each.difference]
+    assert [each.key for each in found] == [("sensor_lag", name) for name in JOINTS]
+    calf = next(each for each in found if each.at == "FR_calf")
+    assert not calf.one_sided  # it may be earlier, too
+    for amplitude, expected in ((1.2, 15.0 + 1.2 * 45.0), (-0.2, 15.0 - 0.2 * 45.0), (-1.0, 4.5)):
+        added = lagging.with_effects([calf.declaration(amplitude, 45.0)])
+        assert not added.effects[-1].difference
+        times = {each.name: each.value for each in added.parameters if "time_constant" in each.name}
+        assert times == {
+            "sensor_lag.time_constant.*": 15.0,
+            "sensor_lag.time_constant.FR_calf": pytest.approx(expected),
+        }
+        assert {each.place for each in added.in_common("sensor_lag")} == set(JOINTS) - {"FR_calf"}
+        assert added.without_effect(*calf.key) == lagging
+        again = [each.at for each in candidates(added, columns) if each.difference]
+        assert again == [name for name in JOINTS if name != "FR_calf"]
 
 
 def test_friction_at_a_rotors_speed_is_expected_no_larger_than_the_motor_bears() -> None:

@@ -140,6 +140,13 @@ def test_what_is_added_where_a_common_one_stands_is_a_difference(tmp_path: Path)
     assert [(each.place, each.declaration.at) for each in alone.network.effect_instances] == [("b", "*"), ("a", "a")]
 
 
+def test_what_is_all_or_nothing_is_added_instead_of_the_common_one(tmp_path: Path) -> None:
+    file = parse_model(FILE.replace("constant_heat", "sensor_lag"), tmp_path / "a.toml")
+    network = added(file, "sensor_lag", "a").network
+    assert not any(each.difference for each in network.effects)
+    assert [(each.place, each.declaration.at) for each in network.effect_instances] == [("b", "*"), ("a", "a")]
+
+
 def test_without_the_word_an_effect_of_fewer_places_stands_in_place_of_the_common_one(tmp_path: Path) -> None:
     second = '[[effects]]\nkind = "constant_heat"\nat = "a"\n'
     instances = parse_model(FILE + second, tmp_path / "a.toml").network.effect_instances

@@ -45,6 +45,7 @@ _OF_A_JOINT = {"torque", "current", "velocity", "powered"}
 """What a log says of a joint as a whole; sun or air that is logged at a place are not its neighbour's."""
 _JOINTS = "*_*"  # names such as FR_calf
 _ONE_RUN_ONLY = 0.1  # prior odds of what acts in one run and no other, relative to the same in all runs
+_LEAST_SHAPE = 0.1  # of a shape that is scored: as short as an own time constant starts where others have a longer one
 _RATIO = 4.0  # of a time constant to the one before it, for a grid of one
 _HOUR = 3600.0  # s; a log as long as those for which effects state their time constants
 Words = tuple[tuple[str, str], ...]
@@ -111,6 +112,7 @@ class Candidate:
             default.
         grid: values of the effect's shape at which it is scored; the effect's own by default.
         difference: whether it is what a place has beside the same effect that it has in common with others.
+        common_shape: of a difference the shape that the place has in common with others.
         one_logger: whether its runs are known to come each from one logger, whose clock is one.
         windings: for each place the winding whose log columns drive it, where that is not the place itself.
     """
@@ -123,6 +125,7 @@ class Candidate:
     sizes: tuple[float, ...] = field(default=(), compare=False)  # of the network, as the places are
     grid: tuple[float, ...] = field(default=(), compare=False)  # of the log
     difference: bool = False
+    common_shape: float = field(default=0.0, compare=False)  # of the fit
     one_logger: bool = field(default=False, compare=False)  # of the log
     windings: tuple[str, ...] = field(default=(), compare=False)  # of the network and the log
 
@@ -194,9 +197,16 @@ class Candidate:
         ]
 
     def declaration(self, amplitude: float | None, shape: float | None) -> EffectDeclaration:
-        """The effect switched on, one amplitude shared by all its places."""
+        """The effect switched on, one amplitude shared by all its places.
+
+        Where a place has its own in place of what the others have (`Effect.adds_up`), it starts later, or earlier, than
+        they by what the score says.
+        """
+        difference = self.difference and self.effect.adds_up()
+        if self.difference and not difference and amplitude is not None and shape is not None:
+            shape = max(self.common_shape + amplitude * shape, _LEAST_SHAPE * shape)
         parameters = []
-        for parameter in self.effect.stated(self.difference):
+        for parameter in self.effect.stated(difference):
             on = replace(_sized(_shaped(parameter, shape), self.typical).switched_on, share="all")
             on = replace(on, grid=self.grid) if parameter.grid and self.grid else on
             if amplitude is not None and parameter.off is not None and parameter.on is None:
@@ -210,7 +220,7 @@ class Candidate:
             tuple(parameters),
             driven_by=self.driven_by,
             run=self.run,
-            difference=self.difference,
+            difference=difference,
         )
 
 
@@ -461,7 +471,7 @@ def _differences(network: Network, effect: type[Effect], columns: Collection[str
     """What single places have beside an effect that they have in common with others, in all runs."""
     amplitude = effect.amplitude()
     alike = effect.whole_robot or effect.one_place_a_pattern  # which no place has for itself
-    if run or alike or amplitude is None or amplitude.on is not None:
+    if run or alike or amplitude is None:
         return []
     differing = {
         each.place for each in network.effect_instances if each.effect.key == effect.key and each.declaration.difference
@@ -473,6 +483,8 @@ def _differences(network: Network, effect: type[Effect], columns: Collection[str
         and instance.declaration.driven_by in ("", EVERYWHERE)
         and _logs(columns, instance.effect, instance.driven_by)
     ]
+    shape = effect.shape()
+    values = [parameter.value for parameter in network.parameters]
     return [
         Candidate(
             effect,
@@ -480,6 +492,7 @@ def _differences(network: Network, effect: type[Effect], columns: Collection[str
             (each.place,),
             words=tuple(each.effect.chosen.items()),
             difference=True,
+            common_shape=values[each.parameters[shape.name]] if shape else 0.0,
             windings=() if each.driven_by == each.ends[0] else (each.driven_by,),
         )
         for each in {instance.place: instance for instance in common}.values()

@@ -318,6 +318,6 @@ def added(file: ModelFile, key: str, at: str, run: str = "") -> ModelFile:
         # A printed name has commas for characters that a name can't have; a pattern finds the run they stood in.
         at, run = place, run or printed.replace(",", "?")
     share: Share = "all" if is_glob(at) or "{" in at else "each"
-    difference = not run and at in {instance.place for instance in file.network.in_common(key)}
+    difference = kind.adds_up() and not run and at in {instance.place for instance in file.network.in_common(key)}
     parameters = tuple(replace(parameter.switched_on, share=share) for parameter in kind.stated(difference))
     return file.with_effects([EffectDeclaration(kind(), at, parameters, run=run, difference=difference)])

@@ -8,6 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
+from lptn.basics.parameters import Parameter
 from lptn.diagnose.answers import Step
 from lptn.diagnose.fit_statistics import Removed
 from lptn.diagnose.improvement import History
@@ -15,6 +16,7 @@ from lptn.diagnose.scores import INDISTINGUISHABLE, Confusability, Detectable
 from lptn.identify.comparison import Comparison, Condition
 from lptn.identify.data import DataSplit, Segment
 from lptn.identify.fitting import Fit
+from lptn.model.network import EffectDeclaration
 from lptn.report.heat_story import HeatStory
 from lptn.report.outcome import (
     HELPED,
@@ -85,7 +87,7 @@ def size_in_words(step: Step, last: Fit) -> str:
             unit = "" if parameter.unit == "1" else f" {unit_text(parameter.unit)}"
             text = f"{parameter.name.replace('_', ' ')} {short_size(value)}{spread}{unit}"
             if parameter.off is None and parameter.unit == "s":
-                times = text
+                times = text + _where_others_have(declaration, parameter, last)
             elif parameter.off is not None:
                 share = abs(value / values[name].declared.typical)
                 times_as_large = f"{short_size(share)} times" if share > 1 else f"{short_size(share)} of"
@@ -93,6 +95,16 @@ def size_in_words(step: Step, last: Fit) -> str:
                 sizes = f"{text}{beside}, {times_as_large} what is usual there"
                 doubt = "" if abs(value - parameter.off) >= _TOLD * error else "; not told from zero"
     return "; ".join(filter(None, (sizes + doubt, times)))
+
+
+def _where_others_have(declaration: EffectDeclaration, parameter: Parameter, last: Fit) -> str:
+    """What the other places have in common, of a place that has its own instead: `, where the others have 8 s`."""
+    key, values = declaration.effect.key, last.model.parameters
+    common = {each.parameters[parameter.name] for each in last.model.network.in_common(key)}
+    others = [values[k].value for k in sorted(common) if values[k].name != declaration.shared_name(parameter.name)]
+    if declaration.difference or declaration.run or not others:
+        return ""
+    return f", where the others have {short_size(others[0])} {unit_text(parameter.unit)}"
 
 
 _MOST = 0.5  # share from which on a node or a run is said to be the one
