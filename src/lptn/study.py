@@ -39,7 +39,7 @@ from lptn.identify.data import (
     without_stretches,
 )
 from lptn.identify.fitting import Checkpoint, Fit, finished
-from lptn.identify.validation import SymmetryTrial, fit_split, holdout_errors
+from lptn.identify.validation import SymmetryTrial, fit_split
 from lptn.logs.beside import refuse_doubtful, refuse_other_units
 from lptn.logs.repeated import repeated_stretch
 from lptn.logs.run import Run
@@ -599,8 +599,7 @@ class Study:
 
     def _append(self, step: Step) -> Step:
         """Take a step, with its errors."""
-        holdout, test = (holdout_errors(step.fit, segments) for segments in (self.data.holdout, self.data.test))
-        self._steps.append(replace(step, holdout=holdout, test=test))
+        self._steps.append(step.judged_on(self.data))
         self._diagnoses.pop(len(self._steps) - 1, None)
         self._searched = None
         return self._steps[-1]

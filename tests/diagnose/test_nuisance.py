@@ -8,11 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from lptn.diagnose.answers import Step
 from lptn.diagnose.candidates import with_errors_of_runs
 from lptn.diagnose.diagnosis import for_search
 from lptn.diagnose.improvement import improve
 from lptn.effects import catalogue
-from lptn.identify.comparison import with_own_errors
+from lptn.identify.comparison import Errors, predict, with_own_errors
 from lptn.identify.data import Segment
 from lptn.identify.fitting import fit_starts, nuisances
 from lptn.identify.validation import fit_segments, holdout_errors
@@ -41,6 +42,20 @@ def test_a_held_out_run_with_a_wrong_ambient_does_not_judge_the_model_for_it(leg
         errors.append(held.rmse)
     assert errors[0] > 0.2  # K
     assert errors[1] < 0.1
+
+
+def test_as_logged_a_held_out_run_is_predicted_as_the_model_without_grants_does(leg: Leg) -> None:
+    """And worse than with them, where its ambient sensor is off: what somebody who takes the model will meet."""
+    model, data = leg(Hidden("ambient_offset", "ambient", size=0.4, run="holdout"))
+    coarse = for_search(data)
+    granted = fit_segments(with_errors_of_runs(model, data, ambient=0.5), coarse.fit)
+    step = Step(granted).judged_on(coarse)
+    values = {each.name: each.value for each in granted.model.parameters if not each.declared.nuisance}
+    plain = predict(Model(model.network.with_values(values)), coarse.holdout[0], granted.problem.sigma)
+    assert step.holdout is not None
+    assert step.holdout_as_logged is not None
+    assert step.holdout_as_logged.rmse == pytest.approx(Errors.of(plain.error).rmse, rel=1e-9)
+    assert step.holdout_as_logged.rmse > 2 * step.holdout.rmse
 
 
 def test_a_grant_does_not_hide_what_the_model_lacks(leg: Leg) -> None:

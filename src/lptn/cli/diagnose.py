@@ -151,8 +151,16 @@ def _is_finest(diagnosis: Diagnosis, finding: Step) -> bool:
     return finding.p_value <= (1 + 1e-9) / (1 + len(diagnosis.scores.null_gains))
 
 
-def show_what_runs_have_of_their_own(fit: Fit, differing: Sequence[RunDifference]) -> None:
-    """Which errors each run is granted, and which held-out runs a parameter, fitted to each alone."""
+def show_what_runs_have_of_their_own(
+    fit: Fit, differing: Sequence[RunDifference], as_logged: str = "`lptn compare` does without."
+) -> None:
+    """Which errors each run is granted, and which held-out runs a parameter, fitted to each alone.
+
+    Args:
+        fit: of the model.
+        differing: held-out runs with a parameter of their own.
+        as_logged: what to say of predictions without.
+    """
     from lptn.report.text import granted_in_words
 
     for each in differing:
@@ -161,7 +169,7 @@ def show_what_runs_have_of_their_own(fit: Fit, differing: Sequence[RunDifference
     if granted:
         print(
             f"Each run, held-out ones too, may have {granted} (standard deviations; at most twice that): fitted to "
-            "that run alone. `lptn compare` does without."
+            f"that run alone. {as_logged}"
         )
 
 

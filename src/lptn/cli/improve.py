@@ -110,7 +110,7 @@ def show_history(history: History) -> None:
     if len(history.steps) > 1:
         print(left_in_words(history))
     print(_who_chose(history))
-    show_what_runs_have_of_their_own(history.best.fit, history.differing)
+    show_what_runs_have_of_their_own(history.best.fit, history.differing, *_as_logged(history))
     for number, step in enumerate(history.steps):
         if step.effect and step.at:
             size = size_in_words(step, history.best.fit)
@@ -127,6 +127,17 @@ def show_history(history: History) -> None:
         print("apart, then what several have in common, and what would be missed most.")
     for warning in history.best.fit.uncertainty.warnings:
         print(f"Warning: {warning}.")
+
+
+def _as_logged(history: History) -> list[str]:
+    """How well held-out runs are predicted where nothing is granted to them; nothing without any."""
+    from lptn.report.text import kelvin
+
+    errors = [step.holdout_as_logged.rmse for step in history.steps if step.holdout_as_logged]
+    if not errors:
+        return []
+    before = f"{kelvin(errors[0])} as given and " if len(errors) > 1 else ""
+    return [f"Without, as `lptn compare` predicts, held-out runs are off by {before}{kelvin(errors[-1])} in the end."]
 
 
 def _sure(history: History, number: int) -> str:

@@ -35,6 +35,7 @@ from lptn.effects import Effect
 from lptn.identify.comparison import Errors, Prediction, predict
 from lptn.identify.data import DataSplit
 from lptn.identify.fitting import Fit, finished
+from lptn.identify.validation import holdout_errors
 from lptn.model.network import EffectDeclaration
 
 Key = tuple[str, str]
@@ -67,7 +68,9 @@ class Step(Tabular):
             search asked.
         p_value: how often chance alone would score as much, over all candidates.
         indistinguishable: candidates that the fitted data can't tell from it.
-        holdout: errors on held-out runs, `None` without any.
+        holdout: errors on held-out runs, each with what is granted to it, `None` without any.
+        holdout_as_logged: the same of runs to which nothing is granted, as the model in a file predicts them; `None`
+            where nobody asked.
         test: errors on runs that chose nothing, `None` without any.
     """
 
@@ -81,6 +84,7 @@ class Step(Tabular):
     p_value: float = 1.0
     indistinguishable: tuple[Key, ...] = ()
     holdout: Errors | None = None
+    holdout_as_logged: Errors | None = None
     test: Errors | None = None
 
     @property
@@ -152,6 +156,15 @@ class Step(Tabular):
     def declarations(self) -> list[EffectDeclaration]:
         """The effect as a list, empty for the model as given."""
         return [self.declaration] if self.declaration else []
+
+    def judged_on(self, data: DataSplit) -> Step:
+        """The step with its errors on held-out and test runs."""
+        return replace(
+            self,
+            holdout=holdout_errors(self.fit, data.holdout),
+            holdout_as_logged=holdout_errors(self.fit, data.holdout, own_errors=False),
+            test=holdout_errors(self.fit, data.test),
+        )
 
 
 # --- The procedure --------------------------------------------------------------------------------

@@ -106,6 +106,7 @@ class History(Tabular):
                 "rmse_fit": step.fit.rmse,
                 "rmse_holdout": step.holdout.rmse if step.holdout else None,
                 "max_holdout": step.holdout.max if step.holdout else None,
+                "rmse_holdout_as_logged": step.holdout_as_logged.rmse if step.holdout_as_logged else None,
                 "rmse_test": step.test.rmse if step.test else None,
                 "rmse_proof": step.test.rmse if step.test else None,
                 "probability": step.probability if step.effect else None,
@@ -569,6 +570,5 @@ def _at_full_resolution(branch: Branch, data: DataSplit) -> Branch:
             fit = unless_interrupted(fit_segments(step.fit.model, data.fit, step.fit.point))
         else:
             fit = unless_interrupted(finished(continued(steps[-1].fit, network)))
-        errors = (holdout_errors(fit, data.holdout), holdout_errors(fit, data.test))
-        steps.append(replace(step, fit=fit, holdout=errors[0], test=errors[1]))
+        steps.append(replace(step, fit=fit).judged_on(data))
     return tuple(steps)

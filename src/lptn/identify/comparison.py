@@ -183,7 +183,7 @@ class Comparison(Tabular):
         return quantities
 
 
-def predict(model: Model, segment: Segment, sigma: FloatArray) -> Prediction:
+def predict(model: Model, segment: Segment, sigma: FloatArray, *, own_errors: bool = True) -> Prediction:
     """Predict a run from the initial states that its initialisation window gives.
 
     Nuisance parameters of the run, such as the ambient sensor's bias, are fitted to all of it: one number with a prior.
@@ -192,8 +192,9 @@ def predict(model: Model, segment: Segment, sigma: FloatArray) -> Prediction:
         model: at the values that it is to predict with.
         segment: the run, and which windows of it find the start and are evaluated.
         sigma: standard deviation that weighs each node [K], shape (nodes,).
+        own_errors: whether the run's nuisance parameters are fitted; `False` leaves them at none.
     """
-    model, bound = with_own_errors(model, segment, sigma), bind(model, segment.run)
+    model, bound = with_own_errors(model, segment, sigma) if own_errors else model, bind(model, segment.run)
     path = simulate(model, bound, model.values, _start(model, bound, segment, sigma))
     return Prediction(segment, bound.count(segment.evaluation), path.readings, path.states)
 

@@ -98,12 +98,12 @@ def fit_split(
     return done, trials
 
 
-def holdout_errors(done: Fit, segments: Sequence[Segment]) -> Errors | None:
-    """Errors of a fitted model on runs that it never saw, `None` without any."""
+def holdout_errors(done: Fit, segments: Sequence[Segment], *, own_errors: bool = True) -> Errors | None:
+    """Errors of a fitted model on runs that it never saw, `None` without any; `own_errors` as for `predict`."""
     if not segments:
         return None
-    errors = [predict(done.model, segment, done.problem.sigma).error.ravel() for segment in segments]
-    return Errors.of(np.concatenate(errors))
+    predictions = [predict(done.model, segment, done.problem.sigma, own_errors=own_errors) for segment in segments]
+    return Errors.of(np.concatenate([prediction.error.ravel() for prediction in predictions]))
 
 
 @dataclass(frozen=True)

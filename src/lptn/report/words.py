@@ -475,6 +475,8 @@ def _which_data(history: History, data: DataSplit) -> str:
             own = [f"that each run may have {granted}"] if granted else []
             own += ["what differs in it"] if history.differing else []
             fitted = f"Nothing was fitted to it but {' and '.join(own)}"
+            as_logged = history.best.holdout_as_logged
+            fitted += f", without which its error is {kelvin(as_logged.rmse)}" if as_logged else ""
         text += f" Held out: {_runs(data.holdout)}. {fitted}; it {among}says {what}."
     if data.test:
         return f"{text} Test: {_runs(data.test)}. It chose nothing, so its error is the one to quote."
