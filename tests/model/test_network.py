@@ -336,6 +336,22 @@ def test_a_step_of_few_places_or_one_run_sets_them_apart(effect: str, at: str, r
     assert network.sets_apart(EffectDeclaration(catalogue()[effect](), at, run=run)) == apart
 
 
+def test_the_only_plate_or_computer_of_a_machine_is_set_apart_by_how_it_is_built() -> None:
+    motors = [f"{motor}_{part}" for motor in ("m1", "m2") for part in ("winding", "housing")]
+    links = [link(f"{motor}_winding", f"{motor}_housing") for motor in ("m1", "m2")]
+    links += [link(f"{motor}_housing", "plate") for motor in ("m1", "m2")] + [
+        link("plate", "ambient"),
+        link("pc", "plate"),
+    ]
+    heat = (effect("copper_loss", "*_winding"), effect("heat_input", "pc"))
+    network = Network("bench", (*map(node, [*motors, "plate", "pc"]), AMBIENT), tuple(links), heat)
+    apart = [
+        name for name in network.dynamic if network.sets_apart(EffectDeclaration(catalogue()["second_mass"](), name))
+    ]
+    assert apart == motors
+    assert network.sets_apart(EffectDeclaration(catalogue()["second_mass"](), "plate", run="fit1"))
+
+
 def test_a_class_of_like_joints_is_built_alike_and_not_set_apart() -> None:
     joints = tuple(f"{side}_{joint}" for side in ("left", "right") for joint in ("hip", "knee", "ankle"))
     network = Network("legs", (node("*_*"), AMBIENT), (link("*_*", "ambient"),), joints=joints)

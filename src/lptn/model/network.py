@@ -21,6 +21,7 @@ from lptn.model.bodies import Bodies, Conductor, Element, HottestPoint
 START = "start"
 """Prescribed temperature taken from the start of each run, for logs without an ambient column."""
 _COPPER_LOSS = "copper_loss"  # what makes a node a winding
+_LOGGED_HEAT = "heat_input"
 RUN = "run"
 """Indicators of runs are parameters of this name: 1 in the run, else 0."""
 
@@ -264,6 +265,14 @@ class Layout:
         near = {name for link in self.resistors if node in link.ends for name in link.ends}
         return [node] if node in windings else [name for name in windings if name in near]
 
+    def kinds_of(self, ends: Sequence[str]) -> list[tuple[bool, bool, int]]:
+        """What the ends of a place are, in an order that like places have: windings, what a log heats, what they touch.
+
+        Of each whether it is a winding, whether a logged power heats it, and how many windings it is linked to.
+        """
+        windings, heated = self.nodes_with(_COPPER_LOSS), self.nodes_with(_LOGGED_HEAT)
+        return sorted((end in windings, end in heated, len(self.windings_at(end))) for end in ends)
+
     def nodes_with(self, key: str) -> list[str]:
         """Dynamic nodes at which an effect is declared."""
         patterns = [declared.at for declared in self.effects if declared.effect.key == key]
@@ -378,12 +387,15 @@ class Network:
         return self.layout.places_for(declared)
 
     def sets_apart(self, declared: EffectDeclaration) -> bool:
-        """Whether an effect acts in one run alone, or at one place of three or more.
+        """Whether an effect acts in one run alone, or at one place of three or more, of which another is like it.
 
-        What a class of like places has in common is how they are built.
+        What a class of like places has in common is how they are built, and so is what the only computer or plate of a
+        machine has.
         """
         here, everywhere = (self.places_for(replace(declared, at=at)) for at in (declared.at, EVERYWHERE))
-        return bool(declared.run) or (len(here) == 1 and len(everywhere) > 2)
+        kinds = [self.layout.kinds_of(ends) for _, ends in everywhere]
+        one_of_several = len(here) == 1 and len(everywhere) > 2 and kinds.count(self.layout.kinds_of(here[0][1])) > 1
+        return bool(declared.run) or one_of_several
 
     def nodes_with(self, key: str) -> list[str]:
         """Dynamic nodes at which an effect is declared."""
