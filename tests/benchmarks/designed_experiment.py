@@ -30,7 +30,7 @@ from lptn.diagnose.diagnosis import for_search
 from lptn.diagnose.experiment import Experiment, possible_moves, propose
 from lptn.diagnose.experiment_runs import Move
 from lptn.diagnose.fit_statistics import TIE, criterion_difference
-from lptn.diagnose.probability import are_rivals
+from lptn.diagnose.probability import open_pairs
 from lptn.diagnose.scores import score
 from lptn.identify.data import LoadedModel, load_model, split_data
 from lptn.identify.validation import fit_segments
@@ -173,7 +173,7 @@ def judged(hidden: str, found: Sequence[Step]) -> str:
     if len(found) < 2:
         return "tied"
     first, second = found[:2]
-    if are_rivals(first.fit, second.fit):
+    if open_pairs([first.fit, second.fit], np.zeros(2))[0, 1]:
         return "tied"
     return "right" if first.effect == hidden else "wrong"
 

@@ -19,7 +19,7 @@ from lptn.basics.arrays import FloatArray
 from lptn.diagnose.answers import Step, refit_all
 from lptn.diagnose.candidates import candidates
 from lptn.diagnose.experiment import CLEAR, Experiment, noise_density, possible_moves, propose
-from lptn.diagnose.probability import are_rivals
+from lptn.diagnose.probability import open_pairs
 from lptn.diagnose.scores import score
 from lptn.identify.data import split_data
 from lptn.identify.fitting import fit
@@ -167,13 +167,13 @@ CASES = pytest.mark.parametrize("case", [FRICTION, AIR_LAWS, SENSOR], ids=["fric
 @CASES
 def test_the_proposed_run_separates_what_the_log_could_not(case: Case) -> None:
     _, rivals = case.before()
-    assert are_rivals(rivals[0].fit, rivals[1].fit)
+    assert open_pairs([rivals[0].fit, rivals[1].fit], np.zeros(2))[0, 1]
     experiment = propose(rivals)
     assert experiment is not None
     assert experiment.separates
     first, second = case.after(experiment)
     assert first.key == case.name
-    assert not are_rivals(first.fit, second.fit)
+    assert not open_pairs([first.fit, second.fit], np.zeros(2))[0, 1]
 
 
 @CASES

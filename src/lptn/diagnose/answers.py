@@ -20,19 +20,19 @@ from lptn.basics.tables import Tabular
 from lptn.diagnose.candidates import Candidate
 from lptn.diagnose.fit_statistics import criterion_difference
 from lptn.diagnose.probability import (
-    are_rivals,
     is_implausible,
     log_evidence_of_starts,
     log_odds_by_score,
     log_prior_of_sizes,
     log_prior_of_starts,
     log_priors,
+    open_pairs,
     probabilities,
 )
 from lptn.diagnose.refits import continued, refit, unless_interrupted
 from lptn.diagnose.scores import Score, Scores, score
 from lptn.effects import Effect
-from lptn.identify.comparison import Errors, Prediction, predict
+from lptn.identify.comparison import Errors, Prediction, errors_of, predict
 from lptn.identify.data import DataSplit
 from lptn.identify.fitting import Fit, finished
 from lptn.identify.validation import holdout_errors
@@ -72,6 +72,7 @@ class Step(Tabular):
         holdout_as_logged: the same of runs to which nothing is granted, as the model in a file predicts them; `None`
             where nobody asked.
         test: errors on runs that chose nothing, `None` without any.
+        predicted: the held-out runs that `holdout` is of; empty where they were not kept.
     """
 
     fit: Fit
@@ -86,6 +87,7 @@ class Step(Tabular):
     holdout: Errors | None = None
     holdout_as_logged: Errors | None = None
     test: Errors | None = None
+    predicted: tuple[Prediction, ...] = ()
 
     @property
     def effect(self) -> str | None:
@@ -157,11 +159,19 @@ class Step(Tabular):
         """The effect as a list, empty for the model as given."""
         return [self.declaration] if self.declaration else []
 
+    def predicting(self, data: DataSplit) -> Step:
+        """The step with the held-out runs as it predicts them, and its errors there."""
+        predicted = tuple(predict(self.fit.model, segment, self.fit.problem.sigma) for segment in data.holdout)
+        return replace(self, predicted=predicted, holdout=errors_of(predicted))
+
+    def fitted_as(self, other: Step) -> Step:
+        """The step with another's fit of the same model, and what that predicts."""
+        return replace(self, fit=other.fit, predicted=other.predicted, holdout=other.holdout)
+
     def judged_on(self, data: DataSplit) -> Step:
         """The step with its errors on held-out and test runs."""
         return replace(
-            self,
-            holdout=holdout_errors(self.fit, data.holdout),
+            self.predicting(data),
             holdout_as_logged=holdout_errors(self.fit, data.holdout, own_errors=False),
             test=holdout_errors(self.fit, data.test),
         )
@@ -325,14 +335,7 @@ def _by_probability(base: Fit, steps: Sequence[Step]) -> list[Step]:
     """
     priors = _log_priors(base, steps)
     fits = [base, *(step.fit for step in steps)]
-    of_all = probabilities(fits, priors)[1:]
-
-    def rivals(number: int) -> tuple[Key, ...]:
-        return tuple(
-            step.key
-            for other, step in enumerate(steps, start=1)
-            if other != number and are_rivals(fits[number], fits[other], (priors[number], priors[other]))
-        )
+    of_all, left_open = probabilities(fits, priors)[1:], open_pairs(fits, priors)[1:, 1:]
 
     def in_some_run(step: Step) -> float:
         alike = [_but_for_the_run(other) == _but_for_the_run(step) for other in steps]
@@ -343,9 +346,9 @@ def _by_probability(base: Fit, steps: Sequence[Step]) -> list[Step]:
             step,
             probability=float(probability),
             in_some_run=in_some_run(step),
-            indistinguishable=rivals(number),
+            indistinguishable=tuple(other.key for other, open_ in zip(steps, rivalled, strict=True) if open_),
         )
-        for number, (step, probability) in enumerate(zip(steps, of_all, strict=True), start=1)
+        for step, probability, rivalled in zip(steps, of_all, left_open, strict=True)
     ]
     return [judged[k] for k in sorted(range(len(judged)), key=lambda k: (-judged[k].probability, -judged[k].gain))]
 
@@ -364,13 +367,13 @@ def compared(base: Fit, known: Sequence[Step], step: Step, data: DataSplit) -> S
     if not data.holdout:
         return judged
     fits = [base, *(each.fit for each in steps)]
-    by_all_runs = probabilities(fits, _log_priors(base, steps), held_out(fits, data))
+    by_all_runs = probabilities(fits, _log_priors(base, steps), held_out([Step(base), *steps], data))
     return replace(judged, by_all_runs=float(by_all_runs[1]))
 
 
-def held_out(fits: Sequence[Fit], data: DataSplit) -> list[list[Prediction]]:
-    """The held-out runs as each of several fits predicts them."""
-    return [[predict(fit.model, run, fit.problem.sigma) for run in data.holdout] for fit in fits]
+def held_out(steps: Sequence[Step], data: DataSplit) -> list[tuple[Prediction, ...]]:
+    """The held-out runs as the fit of each of several steps predicts them."""
+    return [step.predicted or step.predicting(data).predicted for step in steps]
 
 
 def _log_priors(base: Fit, steps: Sequence[Step]) -> FloatArray:

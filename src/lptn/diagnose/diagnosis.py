@@ -231,7 +231,7 @@ def examine(
     """
     columns = set.intersection(*(set(segment.run.columns) for segment in data.fit))
     found = answers(base, possible_effects(base, columns), refits=refits, executor=executor, report=report)
-    steps = [replace(step, holdout=holdout_errors(step.fit, data.holdout)) for step in found.steps]
+    steps = [step.predicting(data) for step in found.steps]
     ordered = _holdout_decides(steps)
     holdout = holdout_errors(found.fit, data.holdout)
     verdict = _verdict(found.fit, data, holdout, found.scores, ordered)

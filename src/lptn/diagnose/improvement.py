@@ -40,7 +40,7 @@ from lptn.diagnose.runs_that_differ import RunDifference, granted_differences
 from lptn.identify.comparison import Prediction
 from lptn.identify.data import DataSplit
 from lptn.identify.fitting import Fit, finished
-from lptn.identify.validation import fit_segments, holdout_errors
+from lptn.identify.validation import fit_segments
 from lptn.model.model import Model
 from lptn.model.network import EffectDeclaration, Network
 
@@ -223,7 +223,7 @@ def _searched(
     """All branches from a model, the one that is kept, and the verdict on the model as given."""
     report("fitting the model as it stands")
     base = unless_interrupted(fit_segments(model, data.fit))
-    given: Branch = (Step(base, holdout=holdout_errors(base, data.holdout)),)
+    given: Branch = (Step(base).predicting(data),)
     search = _Search(data, executor, report, found)
     search.follow(given, most)
     kept = search.reconsidered(search.settled(_chosen(search.branches, data)))
@@ -374,7 +374,7 @@ class _Search:
             return not likely, not apart, -max(other.gain for other in with_it)
 
         ordered = sorted(asked, key=place)
-        return (given, *ordered[:-1], replace(ordered[-1], fit=last.fit, holdout=last.holdout))
+        return (given, *ordered[:-1], ordered[-1].fitted_as(last))
 
     def left_open(self, branch: Branch) -> tuple[Step, ...]:
         """As `History.rivals` has it, of a branch whose steps were reconsidered."""
@@ -382,17 +382,13 @@ class _Search:
             diagnosis = self._diagnosis_without(branch, step) if step.indistinguishable else None
             if diagnosis is not None:
                 others = [other for other in diagnosis.refits if other.key in step.indistinguishable]
-                return (replace(step, fit=branch[-1].fit), *others)
+                return (step.fitted_as(branch[-1]), *others)
         return ()
 
     def _beside_the_others(self, branch: Branch, step: Step) -> Step:
         """A step of the branch as it is judged where all the other steps are there already."""
         last, diagnosis = branch[-1], self._diagnosis_without(branch, step)
-        return (
-            step
-            if diagnosis is None
-            else compared(diagnosis.fit, diagnosis.refits, replace(step, fit=last.fit, holdout=last.holdout), self.data)
-        )
+        return step if diagnosis is None else compared(diagnosis.fit, diagnosis.refits, step.fitted_as(last), self.data)
 
     def _without(self, branch: Branch, step: Step) -> Branch | None:
         """The branch without one of its steps; `None` where a later one stands at an edge that this made."""
@@ -493,7 +489,7 @@ def _as_its_own(difference: EffectDeclaration, fit: Fit, common: Step) -> Effect
 
 def _ending_in(branch: Branch, fit: Fit, data: DataSplit) -> Branch:
     """The branch with another fit of its last model."""
-    return (*branch[:-1], replace(branch[-1], fit=fit, holdout=holdout_errors(fit, data.holdout)))
+    return (*branch[:-1], replace(branch[-1], fit=fit).predicting(data))
 
 
 def _in_words(beam: Sequence[Branch]) -> str:
@@ -521,7 +517,7 @@ def _ranked(branches: Sequence[Branch], data: DataSplit | None = None) -> list[B
 
     Then what predicts held-out runs much worse than another comes last, however well it fits.
     """
-    predicted = held_out([branch[-1].fit for branch in branches], data) if data is not None and data.holdout else []
+    predicted = held_out([branch[-1] for branch in branches], data) if data is not None and data.holdout else []
     shares = _probabilities(branches, predicted)
     errors = [_error(branch) for branch in branches] if predicted else [0.0] * len(branches)
     most = MUCH_WORSE * min(errors)

@@ -12,12 +12,13 @@ Beforehand an effect is as probable as such things are met where it may stand, a
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from itertools import combinations
 from math import log, pi, sqrt
 
 import numpy as np
 from scipy.special import logsumexp, ndtr
 
-from lptn.basics.arrays import FloatArray
+from lptn.basics.arrays import BoolArray, FloatArray, IntArray
 from lptn.basics.parameters import Parameter
 from lptn.basics.places import EVERYWHERE
 from lptn.diagnose.candidates import Candidate
@@ -49,36 +50,87 @@ def probabilities(
         log_priors: logarithm of what is thought of each beforehand, up to a common constant, shape (fits,).
         predicted: held-out runs as each fit predicts them; with them it is the probability by all runs.
     """
-    free = np.array([len(fit.free) for fit in fits])
-    sigma, errors = fits[0].problem.sigma, [fitted_errors(fit) for fit in fits]
-    logarithms = _log_likelihoods(errors, sigma, free) + log_priors
-    logarithms += max(_independent_share(each, sigma) for each in errors) * np.array(list(map(_log_prior_of, fits)))
-    if predicted:
-        logarithms += _log_likelihoods([predicted_errors(each) for each in predicted], sigma)
-    each_draw = np.exp(logarithms - logarithms.max(axis=1, keepdims=True))
-    return np.asarray((each_draw / each_draw.sum(axis=1, keepdims=True)).mean(axis=0))
+    return _Fits(fits, log_priors, predicted).probabilities(np.arange(len(fits)))
 
 
-def _log_likelihoods(
-    models: Sequence[Sequence[RunErrors]], sigma: FloatArray, free: FloatArray | float = 0.0
-) -> FloatArray:
-    """Schwarz's criterion of each model in each draw of weights, as a logarithm, shape (draws, models).
+def open_pairs(fits: Sequence[Fit], log_priors: FloatArray) -> BoolArray:
+    """Which two of several fits to the same runs do not rule each other out, shape (fits, fits); no fit its own.
+
+    Arguments as for `probabilities`.
+    """
+    compared, open_ = _Fits(fits, log_priors), np.zeros((len(fits), len(fits)), dtype=bool)
+    for one, other in combinations(range(len(fits)), 2):
+        both = len(in_occams_window(compared.probabilities(np.array([one, other])))) == 2
+        open_[one, other] = open_[other, one] = both
+    return open_
+
+
+class _Fits:
+    """Fits to the same runs, each with all that is asked of it whenever some of them are compared.
+
+    Arguments as for `probabilities`.
+    """
+
+    def __init__(
+        self, fits: Sequence[Fit], log_priors: FloatArray, predicted: Sequence[Sequence[Prediction]] = ()
+    ) -> None:
+        sigma = fits[0].problem.sigma
+        self.free = np.array([len(fit.free) for fit in fits])
+        self.log_priors, self.of_parameters = log_priors, np.array(list(map(_log_prior_of, fits)))
+        self.fitted = _Misfits([fitted_errors(fit) for fit in fits], sigma)
+        self.predicted = _Misfits([predicted_errors(each) for each in predicted], sigma) if predicted else None
+
+    def probabilities(self, chosen: IntArray) -> FloatArray:
+        """Of the chosen fits, given that one of them is right, shape (chosen,)."""
+        logarithms = self.fitted.log_likelihoods(chosen, self.free[chosen]) + self.log_priors[chosen]
+        logarithms += max(map(self.fitted.independent_share, chosen)) * self.of_parameters[chosen]
+        if self.predicted is not None:
+            logarithms += self.predicted.log_likelihoods(chosen)
+        each_draw = np.exp(logarithms - logarithms.max(axis=1, keepdims=True))
+        return np.asarray((each_draw / each_draw.sum(axis=1, keepdims=True)).mean(axis=0))
+
+
+class _Misfits:
+    """What several models leave of the same runs, in each draw of weights.
 
     Args:
         models: for each the runs with its errors.
         sigma: standard deviation that weighs each node's errors [K], shape (nodes,).
-        free: the number of parameters that each was fitted with.
     """
-    by_block = [block_misfits(runs, sigma) for runs in models]
-    misfits, runs = np.array([misfit for misfit, _ in by_block]), by_block[0][1]
-    squares = misfits.sum(axis=(1, 2))
-    independent = independent_readings(models[int(np.argmin(squares))])
-    rng = np.random.default_rng(0)
-    of_blocks, of_nodes, of_runs = (
-        rng.dirichlet(np.ones(count), _DRAWS) * count for count in (*misfits.shape[1:], len(models[0]))
-    )
-    weighted = np.einsum("db,dn,fbn->df", of_blocks * of_runs[:, runs], of_nodes, misfits)
-    return np.asarray(-0.5 * independent * np.log(np.maximum(weighted, 1e-300)) - 0.5 * free * np.log(independent))
+
+    def __init__(self, models: Sequence[Sequence[RunErrors]], sigma: FloatArray) -> None:
+        by_block = [block_misfits(runs, sigma) for runs in models]
+        misfits, runs = np.array([misfit for misfit, _ in by_block]), by_block[0][1]
+        self._models = models
+        self._squares = misfits.sum(axis=(1, 2))
+        self._independent: dict[int, float] = {}
+        rng = np.random.default_rng(0)
+        of_blocks, of_nodes, of_runs = (
+            rng.dirichlet(np.ones(count), _DRAWS) * count for count in (*misfits.shape[1:], len(models[0]))
+        )
+        weighted = np.einsum("db,dn,fbn->df", of_blocks * of_runs[:, runs], of_nodes, misfits)
+        self._logarithms = np.log(np.maximum(weighted, 1e-300))
+
+    def independent(self, model: int) -> float:
+        """How many readings are as good as independent, by one model's errors; worked out once."""
+        if model not in self._independent:
+            self._independent[model] = independent_readings(self._models[model])
+        return self._independent[model]
+
+    def independent_share(self, model: int) -> float:
+        """As `_independent_share` says it of one model's errors."""
+        return _share(self.independent(model), self._squares[model])
+
+    def log_likelihoods(self, chosen: IntArray, free: FloatArray | float = 0.0) -> FloatArray:
+        """Schwarz's criterion of each chosen model in each draw, as a logarithm, shape (draws, chosen).
+
+        Args:
+            chosen: numbers of models.
+            free: the number of parameters that each was fitted with.
+        """
+        independent = self.independent(int(chosen[np.argmin(self._squares[chosen])]))
+        penalties = 0.5 * free * np.log(independent)
+        return np.asarray(-0.5 * independent * self._logarithms[:, chosen] - penalties)
 
 
 def _independent_share(errors: Sequence[RunErrors], sigma: FloatArray) -> float:
@@ -87,8 +139,11 @@ def _independent_share(errors: Sequence[RunErrors], sigma: FloatArray) -> float:
     Fits follow what a model lacks with all that may move, so that this holds for what parameters are off their priors
     as well. Errors that are smaller than their weights make nothing surer than it was beforehand.
     """
-    squares = float(block_misfits(errors, sigma)[0].sum())
-    return min(1.0, independent_readings(errors) / max(squares, 1e-300))
+    return _share(independent_readings(errors), float(block_misfits(errors, sigma)[0].sum()))
+
+
+def _share(independent: float, squares: float) -> float:
+    return min(1.0, independent / max(squares, 1e-300))
 
 
 def _log_prior_of(fit: Fit) -> float:
@@ -146,11 +201,6 @@ def in_occams_window(probabilities: FloatArray) -> list[int]:
     """Numbers of the models that the most probable one does not rule out, the most probable first."""
     order = np.argsort(-probabilities, kind="stable")
     return [int(number) for number in order if probabilities[number] * _OCCAM >= probabilities[order[0]]]
-
-
-def are_rivals(one: Fit, other: Fit, log_priors: Sequence[float] = (0.0, 0.0)) -> bool:
-    """Whether neither of two fits to the same runs rules the other out."""
-    return len(in_occams_window(probabilities([one, other], np.array(log_priors)))) == 2
 
 
 # --- What is thought beforehand of an effect at a place, and of its size ------------------------------------

@@ -74,6 +74,11 @@ class Errors:
         return cls(root, float(np.abs(finite).max()), float(finite.mean()), int(finite.size))
 
 
+def errors_of(predictions: Sequence[Prediction]) -> Errors | None:
+    """Errors over all readings that count of some runs, `None` without any."""
+    return Errors.of(np.concatenate([each.error.ravel() for each in predictions])) if predictions else None
+
+
 @dataclass(frozen=True)
 class Condition:
     """Errors in one bin of an operating condition at one node."""

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from lptn.basics.errors import InputError
-from lptn.identify.comparison import Errors, predict
+from lptn.identify.comparison import Errors, errors_of, predict
 from lptn.identify.data import DataSplit, Segment
 from lptn.identify.fitting import Checkpoint, Fit, fit
 from lptn.identify.problem import Point
@@ -100,10 +100,7 @@ def fit_split(
 
 def holdout_errors(done: Fit, segments: Sequence[Segment], *, own_errors: bool = True) -> Errors | None:
     """Errors of a fitted model on runs that it never saw, `None` without any; `own_errors` as for `predict`."""
-    if not segments:
-        return None
-    predictions = [predict(done.model, segment, done.problem.sigma, own_errors=own_errors) for segment in segments]
-    return Errors.of(np.concatenate([prediction.error.ravel() for prediction in predictions]))
+    return errors_of([predict(done.model, segment, done.problem.sigma, own_errors=own_errors) for segment in segments])
 
 
 @dataclass(frozen=True)
