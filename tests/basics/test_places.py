@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lptn.basics.places import class_of, edge, expand_pair, is_glob, matching, mirrored
+from lptn.basics.places import class_of, edge, expand_pair, is_glob, limb_of, matching, mirrored
 
 JOINTS = ["FL_hip", "FL_thigh", "FL_calf", "FR_hip", "FR_thigh", "FR_calf"]
 
@@ -37,6 +37,21 @@ def test_is_glob(name: str, many: bool) -> None:
 )
 def test_class_of(name: str, expected: str) -> None:
     assert class_of(name) == expected
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        ("FR_calf", "FR_*"),
+        ("knee_left", "*_left"),
+        ("arm_left_knee", "*_left_*"),
+        ("m1_winding", "m1_*"),
+        ("plate", "plate"),
+        ("FR_calf~FR_thigh", "FR_calf~FR_thigh"),
+    ],
+)
+def test_limb_of(name: str, expected: str) -> None:
+    assert limb_of(name) == expected
 
 
 @pytest.mark.parametrize(

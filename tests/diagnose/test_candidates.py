@@ -284,8 +284,8 @@ def _legs_and(name: str, *, pattern: bool = True) -> Network:
 def test_beside_a_computer_everywhere_on_the_joints_is_a_place(pattern: bool) -> None:
     network = _legs_and("pc", pattern=pattern)
     expected = [*JOINTS, "pc", "*_thigh", "*_calf", "*_*", "*"]
-    assert sorted(_ats("constant_heat", network=network)) == sorted(expected)
-    assert sorted(_ats("surface_scale", network=network)) == sorted(expected)
+    assert sorted(_ats("second_mass", network=network)) == sorted(expected)
+    assert sorted(_ats("surface_scale", network=network)) == sorted([*expected, "FL_*", "FR_*"])
     assert _ats("shared_mass", network=network) == ["*_*", "*"]
     assert "*_*" not in _ats("constant_heat", network=_legs_and("main_board", pattern=False))
 
@@ -328,6 +328,15 @@ def test_where_an_effect_is_shared_each_place_may_differ() -> None:
     assert added.without_effect(*calf.key) == network
     again = [each.at for each in candidates(added, columns) if each.difference and each.effect.key == "constant_heat"]
     assert again == ["FL_thigh", "FL_calf", "FR_thigh", "pc"]
+
+
+def test_what_comes_from_outside_may_befall_a_leg_as_a_whole() -> None:
+    legs = {at for at in _ats("surface_scale") if at.endswith("_*")}
+    assert legs == {"FL_*", "FR_*"}
+    assert "FL_*" in _ats("constant_heat")
+    assert "FL_*" not in _ats("second_mass")  # how a joint is built, its like on the other legs are, too
+    in_a_run = {each.at for each in candidates(_legs(), ["temperature.ambient"], ["monday", "tuesday"])}
+    assert "FL_*@monday" in in_a_run
 
 
 def test_nothing_differs_from_what_each_place_has_for_itself() -> None:

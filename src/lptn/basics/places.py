@@ -36,6 +36,17 @@ def class_of(name: str) -> str:
     return "_".join([EVERYWHERE, *words[1:]]) if len(words) > 1 else name
 
 
+def limb_of(name: str) -> str:
+    """A pattern of all that is on the same leg, arm or motor: `FR_*` of `FR_calf`, `*_left` of `knee_left`; else the
+    name.
+    """
+    words = name.split("_")
+    if "~" in name or len(words) == 1:
+        return name
+    number = next((number for number, word in enumerate(words) if word in _OTHER_SIDE), 0)
+    return "_".join([EVERYWHERE] * (number > 0) + [words[number]] + [EVERYWHERE] * (number < len(words) - 1))
+
+
 def mirrored(name: str) -> str | None:
     """The same place on the other side of the robot, `None` where it has no side."""
     if "~" in name:

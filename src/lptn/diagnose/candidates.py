@@ -15,7 +15,7 @@ import numpy as np
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.parameters import Parameter
-from lptn.basics.places import EVERYWHERE, class_of, in_run, is_glob, is_of_run, matching, run_label
+from lptn.basics.places import EVERYWHERE, class_of, in_run, is_glob, is_of_run, limb_of, matching, run_label
 from lptn.diagnose.plausibility import believed
 from lptn.effects import Effect, catalogue
 from lptn.effects.ambient_offset import AmbientOffset
@@ -544,6 +544,9 @@ def _groups(effect: type[Effect], places: list[str], network: Network, run: str)
     for place in places:
         classes.setdefault(effect.like_places(place, network.dynamic), set()).add(place)
     covered = {at: covers(at) for at, group in classes.items() if len(group) > 1 and covers(at) == group}
+    if effect.per_run:  # what may befall a leg as a whole: cloth, mud, wind, a plug
+        limbs = dict.fromkeys(map(limb_of, places))
+        covered |= {at: group for at in limbs if len(group := covers(at)) > 1 and group < set(places)}
     if effect.in_all_pairs:
         covered |= {at: group for at in _patterns(network) if len(group := covers(at)) > 1 and group <= set(places)}
     else:
