@@ -12,6 +12,7 @@ from lptn.diagnose.advice import advise
 from lptn.diagnose.answers import Step
 from lptn.diagnose.candidates import with_errors_of_runs
 from lptn.diagnose.diagnosis import for_search
+from lptn.diagnose.fit_statistics import is_negligible
 from lptn.diagnose.improvement import Branch, History, _less, _Search, effects_added, improve
 from lptn.diagnose.refits import refit
 from lptn.effects import catalogue
@@ -95,6 +96,21 @@ def test_what_one_joint_has_beside_all_gives_way_to_its_own_where_the_others_hav
     settled = search.settled(branch)
     assert said == ["constant_heat at * gives way to constant_heat at FR_calf"]
     assert {step.key for step in settled[1:]} == {("constant_heat", "FR_hip"), ("constant_heat", "FR_calf")}
+
+
+@pytest.mark.parametrize(("size", "kept"), [(0.004, False), (0.4, True)])
+def test_a_step_that_explains_less_than_anyone_looks_for_is_left_out(leg: Leg, size: float, kept: bool) -> None:  # noqa: F811
+    """Hundredths of a kelvin, however well long clean logs show them."""
+    model, data = leg(Hidden("forced_convection", "*"), Hidden("constant_heat", "FR_calf", size=size))
+    coarse = for_search(data)
+    branch = _branch(model, coarse, ("forced_convection", "*"), ("constant_heat", "FR_calf"))
+    shorter, longer = branch[-2].predicting(coarse), branch[-1].predicting(coarse)
+    assert is_negligible(shorter.fit, longer.fit, shorter.predicted, longer.predicted) != kept
+    search = _Search(coarse, None, lambda _: None, lambda _: None)
+    search.branches = [branch[:1], branch[:2]]
+    settled = search.settled(branch)
+    assert (("constant_heat", "FR_calf") in {step.key for step in settled}) == kept
+    assert ("forced_convection", "*") in {step.key for step in settled}
 
 
 @pytest.mark.long

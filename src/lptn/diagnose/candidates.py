@@ -544,7 +544,7 @@ def _groups(effect: type[Effect], places: list[str], network: Network, run: str)
     for place in places:
         classes.setdefault(effect.like_places(place, network.dynamic), set()).add(place)
     covered = {at: covers(at) for at, group in classes.items() if len(group) > 1 and covers(at) == group}
-    if effect.per_run:  # what may befall a leg as a whole: cloth, mud, wind, a plug
+    if effect.per_run and not effect.errs:  # what may befall a leg as a whole: cloth, mud, wind
         limbs = dict.fromkeys(map(limb_of, places))
         covered |= {at: group for at in limbs if len(group := covers(at)) > 1 and group < set(places)}
     if effect.in_all_pairs:

@@ -234,6 +234,36 @@ def explained_elsewhere(base: Fit, before: Errors | None, after: Errors | None) 
     return before.rmse**2 - after.rmse**2 >= HALF * max(before.rmse**2 - floor, 0.0)
 
 
+def is_negligible(
+    smaller: Fit, larger: Fit, before: Sequence[Prediction] = (), after: Sequence[Prediction] = ()
+) -> bool:
+    """Whether what a larger model explains is less than anyone looks for, at each node, in fitted and held-out runs.
+
+    Args:
+        smaller: the smaller model's fit.
+        larger: the larger model's fit to the same runs.
+        before: held-out runs as the smaller one predicts them.
+        after: as the larger one does.
+    """
+    of_fits = [fitted_errors(fit) for fit in (smaller, larger)]
+    of_held_out = [predicted_errors(each) for each in (before, after)]
+    return all(
+        np.all(_squares_by_node(without) - _squares_by_node(with_it) < NEGLIGIBLE**2)
+        for without, with_it in (of_fits, of_held_out)
+        if without
+    )
+
+
+def _squares_by_node(runs: Sequence[RunErrors]) -> FloatArray:
+    """Mean square of each node's one-minute means of the errors [K²], shape (nodes,); 0 without any."""
+    squares: list[list[FloatArray]] = [[] for _ in runs[0][1]]
+    for bound, errors in runs:
+        size = max(1, round(BLOCK / bound.run.step))
+        for own, error in zip(squares, np.where(bound.counted, errors, np.nan), strict=True):
+            own.append(_block_squares(error, size))
+    return np.array([np.concatenate(own).mean() if any(each.size for each in own) else 0.0 for own in squares])
+
+
 def cost_of_noise(fit: Fit) -> float:
     """The misfit that the sensors' noise and steps alone would leave: half a sum of squared weighted residuals."""
     share = (fit.noise.floor / fit.problem.sigma) ** 2

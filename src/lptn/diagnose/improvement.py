@@ -33,7 +33,7 @@ from lptn.basics.tables import Tabular
 from lptn.diagnose.answers import HOPELESS, LIKELY, SIGNIFICANT, Key, Report, Step, compared, held_out
 from lptn.diagnose.candidates import AMBIENT_ERROR, TORQUE_ERROR, with_errors_of_runs
 from lptn.diagnose.diagnosis import MUCH_WORSE, Diagnosis, Verdict, examine, for_search
-from lptn.diagnose.fit_statistics import HALF, Removed, explained_elsewhere, explains
+from lptn.diagnose.fit_statistics import HALF, Removed, explained_elsewhere, explains, is_negligible
 from lptn.diagnose.probability import is_implausible, log_prior_of_sizes, probabilities
 from lptn.diagnose.refits import continued, unless_interrupted
 from lptn.diagnose.runs_that_differ import RunDifference, granted_differences
@@ -288,7 +288,7 @@ class _Search:
             most: how many effects to add at most.
         """
         self.branches = [given]
-        beam = [given]
+        beam, without_gain = [given], 0
         for depth in range(1, most + 1):
             beam = [self._examined(branch) for branch in beam]
             if any(self.diagnosis(branch).verdict == "adequate" for branch in beam):
@@ -300,8 +300,9 @@ class _Search:
             self.branches += beam
             self.report(f"step {depth}: {_in_words(beam)}")
             self.found(min(self.branches, key=_error))
-            # The first of a pair may help nobody alone, so one step without a gain is allowed at the start.
-            if depth > 1 and _ranked(self.branches, self.data)[0] not in beam:
+            # The first of a pair may help nobody alone, so one step without a gain is allowed.
+            without_gain = 0 if _ranked(self.branches, self.data)[0] in beam else without_gain + 1
+            if without_gain > 1:
                 return
 
     def diagnosis(self, branch: Branch) -> Diagnosis:
@@ -323,7 +324,8 @@ class _Search:
     def settled(self, branch: Branch) -> Branch:
         """The branch with each step left out, or exchanged, where that is more probable by all runs.
 
-        A step was chosen while much else was missing, and may only have stood for that.
+        A step was chosen while much else was missing, and may only have stood for that. Left out, too, is what explains
+        less than anyone looks for beside the others, however sure it is.
         """
         tried, number = {_effects(branch)}, 1
         while number < len(branch) > 2:  # the only step was compared with all others, and with none, when it was chosen
@@ -332,7 +334,8 @@ class _Search:
                 if _effects(other) in tried:
                     continue
                 tried.add(_effects(other))
-                if _chosen([branch, other], self.data) is other:
+                left_out = len(other) < len(branch) and _is_negligible(other, branch)
+                if left_out or _chosen([branch, other], self.data) is other:
                     successor = f"gives way to {_named(other[-1])}" if len(other) == len(branch) else "is not needed"
                     self.report(f"{_named(step)} {successor}")
                     branch, number = other, 1
@@ -510,6 +513,11 @@ def _chosen(branches: Sequence[Branch], data: DataSplit) -> Branch:
         return all(_error(branch) < _error(other) for other in branches if len(other) < len(branch))
 
     return _ranked([branch for branch in branches if pays(branch)], data)[0]
+
+
+def _is_negligible(shorter: Branch, longer: Branch) -> bool:
+    one, other = shorter[-1], longer[-1]
+    return is_negligible(one.fit, other.fit, one.predicted, other.predicted)
 
 
 def _ranked(branches: Sequence[Branch], data: DataSplit | None = None) -> list[Branch]:
