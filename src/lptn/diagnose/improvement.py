@@ -6,10 +6,12 @@ good. So several models are followed a step further, side by side:
 1. Each model that is followed is diagnosed; each of its refits beyond chance is a longer branch.
 2. Of these the most probable are fitted to the end and followed, by the fitted runs, and by all runs: what predicts
    held-out runs much worse than another comes last there, however well it fits.
-3. The search ends when a model is adequate, nothing helps, or a step has made no model more probable by all runs.
+3. The search ends when a model is adequate, nothing helps, or two steps in a row have made no model more probable by
+   all runs.
 4. Kept is the most probable by all runs; a longer branch must predict held-out runs better than all shorter ones.
 5. Each step is left out, or gives way to another, where that is more probable by all runs, beside the other steps: what
-   a step is taken for while much else is missing says little of it. Told first is what is more probable than not; of
+   a step is taken for while much else is missing says little of it; left out, too, where it explains less than anyone
+   looks for. Told first is what is more probable than not; of
    that, and of the rest, what sets one place or one run apart, as it may be a fault, then what several have in common,
    as that is how the model is made; of each what would be missed most.
 6. Each model left is fitted at full resolution.
