@@ -13,14 +13,14 @@ from scipy.integrate import solve_ivp
 from lptn.basics.arrays import FloatArray
 from lptn.diagnose.diagnosis import diagnose
 from lptn.diagnose.improvement import improve
-from lptn.diagnose.runs_that_differ import RunDifference, runs_that_differ
+from lptn.diagnose.runs_that_differ import Cause, RunDifference, runs_that_differ, with_differences
 from lptn.effects import catalogue
 from lptn.identify.data import DataSplit, holdout_segment, split_data
 from lptn.identify.fitting import Fit
 from lptn.identify.validation import fit_segments
 from lptn.logs.run import Run
 from lptn.model.model import Model
-from lptn.model.network import Network
+from lptn.model.network import EffectDeclaration, Network
 from lptn.virtual import Hidden
 from tests.builders import AMBIENT, effect, link, make_run, node
 from tests.diagnose.conftest import Leg, leg  # noqa: F401 - a fixture
@@ -261,3 +261,17 @@ def test_what_a_held_out_run_does_not_log_is_not_looked_for(leg: Leg) -> None:  
     found = diagnose(model, data, refits=2)
     assert found.refits
     assert not any(step.effect == "forced_convection" for step in found.refits)
+
+
+def test_what_a_run_is_granted_stands_beside_what_it_is_asked_to_lack_at_each_place() -> None:
+    kind = catalogue()["constant_heat"]
+    everywhere = tuple(replace(each, share="all") for each in kind.parameters)
+    cause = Cause(EffectDeclaration(kind(), "*", everywhere, run="holdout"), 1.5, 0.1, "")
+    granted = with_differences(Model(network()), [RunDifference("holdout", 2.0, 0.1, (cause,))])
+    asked = [EffectDeclaration(kind(), name, run="holdout") for name in NODES]
+    model = Model(granted.network.with_effects(asked))
+    names = [each.name for each in model.parameters if each.name.startswith("constant_heat")]
+    assert names == [
+        "constant_heat_differing.power.*@holdout",
+        *(f"constant_heat.power.{name}@holdout" for name in NODES),
+    ]

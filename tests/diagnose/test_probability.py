@@ -249,7 +249,7 @@ def test_levels_share_evenly_and_one_run_is_rarer() -> None:
     own = {at: value for (key, at), value in odds.items() if key == "constant_heat"}
     assert sum(own[joint] for joint in joints) == pytest.approx(own["*"])
     assert own["*_hip"] == pytest.approx(own["*_calf"])
-    assert own["*_hip"] + own["*_calf"] == pytest.approx(own["*"])
+    assert own["*_hip"] + own["*_calf"] + own["FL_*"] + own["FR_*"] == pytest.approx(own["*"])
     assert sum(own[f"{joint}@{run}"] for joint in joints for run in ("mon", "tue")) == pytest.approx(0.1 * own["*"])
     errors = {at: value for (key, at), value in odds.items() if key == "sensor_drift"}
     assert errors["*"] == pytest.approx(0.1 * sum(errors[joint] for joint in joints))  # a defect befalls one sensor

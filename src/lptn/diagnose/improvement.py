@@ -6,8 +6,7 @@ good. So several models are followed a step further, side by side:
 1. Each model that is followed is diagnosed; each of its refits beyond chance is a longer branch.
 2. Of these the most probable are fitted to the end and followed, by the fitted runs, and by all runs: what predicts
    held-out runs much worse than another comes last there, however well it fits.
-3. The search ends when a model is adequate, nothing helps, or two steps in a row have made no model more probable by
-   all runs.
+3. The search ends when a model is adequate, nothing helps, or a step has made no model more probable by all runs.
 4. Kept is the most probable by all runs; a longer branch must predict held-out runs better than all shorter ones.
 5. Each step is left out, or gives way to another, where that is more probable by all runs, beside the other steps: what
    a step is taken for while much else is missing says little of it; left out, too, where it explains less than anyone
@@ -290,7 +289,7 @@ class _Search:
             most: how many effects to add at most.
         """
         self.branches = [given]
-        beam, without_gain = [given], 0
+        beam = [given]
         for depth in range(1, most + 1):
             beam = [self._examined(branch) for branch in beam]
             if any(self.diagnosis(branch).verdict == "adequate" for branch in beam):
@@ -302,9 +301,8 @@ class _Search:
             self.branches += beam
             self.report(f"step {depth}: {_in_words(beam)}")
             self.found(min(self.branches, key=_error))
-            # The first of a pair may help nobody alone, so one step without a gain is allowed.
-            without_gain = 0 if _ranked(self.branches, self.data)[0] in beam else without_gain + 1
-            if without_gain > 1:
+            # The first of a pair may help nobody alone, so one step without a gain is allowed at the start.
+            if depth > 1 and _ranked(self.branches, self.data)[0] not in beam:
                 return
 
     def diagnosis(self, branch: Branch) -> Diagnosis:

@@ -274,7 +274,9 @@ def with_differences(model: Model, differing: Sequence[RunDifference]) -> Model:
             )
             for one in cause.declaration.parameters
         )
-        declared.append(replace(cause.declaration, parameters=parameters))
+        # By a name of its own it stands beside what that run is asked to lack.
+        label = f"{cause.declaration.effect.key}_differing"
+        declared.append(replace(cause.declaration, parameters=parameters, label=label))
     return Model(model.network.with_effects(declared))
 
 
