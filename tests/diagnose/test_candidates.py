@@ -335,6 +335,7 @@ def test_what_comes_from_outside_may_befall_a_leg_as_a_whole() -> None:
     assert legs == {"FL_*", "FR_*"}
     assert "FL_*" in _ats("constant_heat")
     assert "FL_*" not in _ats("second_mass")  # how a joint is built, its like on the other legs are, too
+    assert "FL_*" not in _ats("sensor_offset")  # nor do all sensors of a leg err alike
     in_a_run = {each.at for each in candidates(_legs(), ["temperature.ambient"], ["monday", "tuesday"])}
     assert "FL_*@monday" in in_a_run
 

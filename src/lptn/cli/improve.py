@@ -136,8 +136,8 @@ def _as_logged(history: History) -> list[str]:
     errors = [step.holdout_as_logged.rmse for step in history.steps if step.holdout_as_logged]
     if not errors:
         return []
-    before = f"{kelvin(errors[0])} as given and " if len(errors) > 1 else ""
-    return [f"Without, as `lptn compare` predicts, held-out runs are off by {before}{kelvin(errors[-1])} in the end."]
+    off = f"{kelvin(errors[0])} as given and {kelvin(errors[-1])} in the end" if len(errors) > 1 else kelvin(errors[0])
+    return [f"Without, as `lptn compare` predicts, held-out runs are off by {off}."]
 
 
 def _sure(history: History, number: int) -> str:

@@ -234,9 +234,7 @@ def explained_elsewhere(base: Fit, before: Errors | None, after: Errors | None) 
     return before.rmse**2 - after.rmse**2 >= HALF * max(before.rmse**2 - floor, 0.0)
 
 
-def is_negligible(
-    smaller: Fit, larger: Fit, before: Sequence[Prediction] = (), after: Sequence[Prediction] = ()
-) -> bool:
+def is_negligible(smaller: Fit, larger: Fit, before: Sequence[Prediction], after: Sequence[Prediction]) -> bool:
     """Whether what a larger model explains is less than anyone looks for, at each node, in fitted and held-out runs.
 
     Args:
@@ -309,15 +307,10 @@ def standing_out(fit: Fit, before: Prediction, least: float = NEGLIGIBLE) -> dic
 
     size = max(1, round(BLOCK / before.bound.run.step))
     found = {}
-    for row, node in enumerate(fit.model.nodes):
+    for row, (node, usual) in enumerate(zip(fit.model.nodes, _squares_by_node(fitted_errors(fit)), strict=True)):
         squares = _block_squares(before.error[row], size)
         if not squares.size:
             continue
-        of_fit = [
-            _block_squares(np.where(bound.counted, error, np.nan)[row], size)
-            for bound, error in zip(fit.problem.bound_runs, fit.residuals, strict=True)
-        ]
-        usual = float(np.concatenate(of_fit).mean()) if any(each.size for each in of_fit) else 0.0
         # A sensor's steps do not average out while the temperature stands.
         noise = fit.noise.white[row] ** 2 / size + fit.noise.step[row] ** 2 / 12
         chance = noise * float(chdtri(squares.size, 0.05)) / squares.size

@@ -10,9 +10,9 @@ good. So several models are followed a step further, side by side:
 4. Kept is the most probable by all runs; a longer branch must predict held-out runs better than all shorter ones.
 5. Each step is left out, or gives way to another, where that is more probable by all runs, beside the other steps: what
    a step is taken for while much else is missing says little of it; left out, too, where it explains less than anyone
-   looks for. Told first is what is more probable than not; of
-   that, and of the rest, what sets one place or one run apart, as it may be a fault, then what several have in common,
-   as that is how the model is made; of each what would be missed most.
+   looks for. Told first is what is more probable than not; of that, and of the rest, what sets one place or one run
+   apart, as it may be a fault, then what several have in common, as that is how the model is made; of each what would
+   be missed most.
 6. Each model left is fitted at full resolution.
 
 Where nothing explains the data because a held-out run is predicted badly, and one parameter that differs in that run

@@ -21,8 +21,8 @@ class WindingMass(InertialEffect):
     off and 1 for a winding all of whose loss takes this way; the state is :math:`T + q \cdot 1\,\mathrm{K/W}`. What
     the winding stores as the node warms is counted to the node.
 
-    Source: two-node network of winding and housing with the heat in the winding, fitted to the facts of
-    [Chen2017, sec. 3.1.2].
+    Source: definition, of the network of winding and housing as in [Chen2017, sec. 3.1.2], with the heat in the winding
+    and the sensor on the housing.
     """
 
     key = "winding_mass"
@@ -47,7 +47,7 @@ class WindingMass(InertialEffect):
         confused_with=("sensor_lag", "hot_spot", "second_mass"),
     )
     excitation = LOAD_STEPS
-    source = "two-node network with the heat in the winding, fitted to [Chen2017, sec. 3.1.2]"
+    source = "definition, of the two-node network as in [Chen2017, sec. 3.1.2]"
 
     def heat_into_ends(self, here: Conditions) -> Sequence[Symbol]:
         passed_on = self.excess(here) / _RESISTANCE

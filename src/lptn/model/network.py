@@ -21,7 +21,7 @@ from lptn.model.bodies import Bodies, Conductor, Element, HottestPoint
 START = "start"
 """Prescribed temperature taken from the start of each run, for logs without an ambient column."""
 _COPPER_LOSS = "copper_loss"  # what makes a node a winding
-_LOGGED_HEAT = "heat_input"
+_LOGGED_HEAT = "heat_input"  # what makes it a computer, or another part whose power a log tells
 RUN = "run"
 """Indicators of runs are parameters of this name: 1 in the run, else 0."""
 
