@@ -64,6 +64,7 @@ class Step(Tabular):
         probability: of this answer by the fitted runs, given that one of those that were refitted is right.
         in_some_run: probability that it, or the same in another run instead, is missing, of an effect of one run: which
             of two runs is odd is for held-out ones to tell.
+        at_its_place: probability that anything is missing at its place, by whatever name and in whichever run.
         by_all_runs: probability by the held-out runs as well, which may have chosen it; `None` without any, or where no
             search asked.
         p_value: how often chance alone would score as much, over all candidates.
@@ -81,6 +82,7 @@ class Step(Tabular):
     log_odds: float = 0.0
     probability: float = 0.0
     in_some_run: float = 0.0
+    at_its_place: float = 0.0
     by_all_runs: float | None = None
     p_value: float = 1.0
     indistinguishable: tuple[Key, ...] = ()
@@ -337,15 +339,15 @@ def _by_probability(base: Fit, steps: Sequence[Step]) -> list[Step]:
     fits = [base, *(step.fit for step in steps)]
     of_all, left_open = probabilities(fits, priors)[1:], open_pairs(fits, priors)[1:, 1:]
 
-    def in_some_run(step: Step) -> float:
-        alike = [_but_for_the_run(other) == _but_for_the_run(step) for other in steps]
-        return float(of_all[alike].sum())
+    def of_those_alike(step: Step, what: Callable[[Step], object]) -> float:
+        return float(of_all[[what(other) == what(step) for other in steps]].sum())
 
     judged = [
         replace(
             step,
             probability=float(probability),
-            in_some_run=in_some_run(step),
+            in_some_run=of_those_alike(step, _but_for_the_run),
+            at_its_place=of_those_alike(step, _place),
             indistinguishable=tuple(other.key for other, open_ in zip(steps, rivalled, strict=True) if open_),
         )
         for step, probability, rivalled in zip(steps, of_all, left_open, strict=True)
@@ -356,7 +358,12 @@ def _by_probability(base: Fit, steps: Sequence[Step]) -> list[Step]:
 def _but_for_the_run(step: Step) -> tuple[str | None, str, bool]:
     """Effect and place, and whether it acts in one run alone."""
     declared = step.declaration
-    return step.effect, declared.at if declared else "", bool(declared and declared.run)
+    return step.effect, _place(step), bool(declared and declared.run)
+
+
+def _place(step: Step) -> str:
+    """The place without the run."""
+    return step.declaration.at if step.declaration else ""
 
 
 def compared(base: Fit, known: Sequence[Step], step: Step, data: DataSplit) -> Step:

@@ -10,9 +10,9 @@ good. So several models are followed a step further, side by side:
 4. Kept is the most probable by all runs; a longer branch must predict held-out runs better than all shorter ones.
 5. Each step is left out, or gives way to another, where that is more probable by all runs, beside the other steps: what
    a step is taken for while much else is missing says little of it; left out, too, where it explains less than anyone
-   looks for. Told first is what is more probable than not; of that, and of the rest, what sets one place or one run
-   apart, as it may be a fault, then what several have in common, as that is how the model is made; of each what would
-   be missed most.
+   looks for. Told first is where something is missing more probably than not, whatever it is; of that, and of the rest,
+   what may be a fault, as it sets one place or one run apart or is an error of what was logged, then what several
+   places have in common, as that is how the model is made; of each what would be missed most.
 6. Each model left is fitted at full resolution.
 
 Where nothing explains the data because a held-out run is predicted badly, and one parameter that differs in that run
@@ -254,6 +254,10 @@ def _errs(step: Step) -> bool:
     return step.declaration is not None and step.declaration.effect.errs
 
 
+def _is_same(fit: Fit, other: Fit) -> bool:
+    return abs(fit.cost - other.cost) < _SAME * other.cost
+
+
 def _effects(branch: Branch) -> frozenset[Key]:
     return frozenset(step.key for step in branch[1:])
 
@@ -372,9 +376,9 @@ class _Search:
         def place(step: Step) -> tuple[bool, bool, float]:
             # Who misses a step misses what stands on it.
             with_it = [other for other in asked if other is step or _stands_on(other, step)]
-            likely = any(other.likely for other in with_it)
-            apart = any(network.sets_apart(*other.declarations) for other in with_it)
-            return not likely, not apart, -max(other.gain for other in with_it)
+            likely = any(other.at_its_place >= LIKELY for other in with_it)
+            fault = any(_errs(other) or network.sets_apart(*other.declarations) for other in with_it)
+            return not likely, not fault, -max(other.gain for other in with_it)
 
         ordered = sorted(asked, key=place)
         return (given, *ordered[:-1], ordered[-1].fitted_as(last))
@@ -417,7 +421,9 @@ class _Search:
         """The branch with each refit of its last model that is beyond chance, each name for one step once.
 
         Errors of sensors, clocks and the air are believed where the fitted data make one of them likelier than all
-        that may happen in the robot: they are fitted so easily that a better prediction says nothing for them.
+        that may happen in the robot: they are fitted so easily that a better prediction says nothing for them. Of
+        several names for one step, such as less air in one run and more in the other, that one stands which held-out
+        runs make most probable.
         """
         longer: list[Branch] = []
         refits = self.diagnosis(branch).refits
@@ -425,11 +431,16 @@ class _Search:
         for step in refits:
             if _errs(step) and not errors_likely:
                 continue
-            same = any(abs(other[-1].fit.cost - step.fit.cost) < _SAME * step.fit.cost for other in longer)
             believed = not is_implausible(step.fit, _declarations((*branch, step)))
             beyond_chance = step.p_value < SIGNIFICANT and step.gain > 0
-            if believed and beyond_chance and not same and step.fit.status != "given up":
-                longer.append((*branch, step))
+            if not (believed and beyond_chance) or step.fit.status == "given up":
+                continue
+            one = (*branch, step)
+            same = [k for k, other in enumerate(longer) if _is_same(other[-1].fit, step.fit)]
+            if same:
+                longer[same[0]] = _ranked([longer[same[0]], one], self.data)[0]
+            else:
+                longer.append(one)
         return longer
 
     def _next(self, pool: Sequence[Branch], width: int) -> list[Branch]:
