@@ -177,7 +177,7 @@ class Study:
         """The model file as it is now, with the effects that were added and the fitted values."""
         if not self._steps:
             return self._loaded.file
-        return self._loaded.file.with_effects(effects_added(self._steps)).with_fit(self._steps[-1].fit.table())
+        return self._loaded.file.with_effects(effects_added(self._steps)).with_fit(self._steps[-1].for_use.table())
 
     @property
     def steps(self) -> tuple[Step, ...]:
@@ -599,7 +599,7 @@ class Study:
 
     def _append(self, step: Step) -> Step:
         """Take a step, with its errors."""
-        self._steps.append(step.judged_on(self.data))
+        self._steps.append(step.made_for_use(self.data).judged_on(self.data))
         self._diagnoses.pop(len(self._steps) - 1, None)
         self._searched = None
         return self._steps[-1]

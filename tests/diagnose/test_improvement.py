@@ -182,7 +182,7 @@ def test_declarations_rebuild_the_last_step(improved: tuple[Model, DataSplit, Hi
     model, _, history = improved
     again = Model(model.network.with_effects(history.declarations()))
     added = {parameter.name: parameter.value for parameter in again.parameters if parameter.name.startswith("forced")}
-    fitted = {parameter.name: parameter.value for parameter in history.best.fit.model.parameters}
+    fitted = {parameter.name: parameter.value for parameter in history.best.for_use.model.parameters}
     assert added
     for name, value in added.items():
         assert value == fitted[name]

@@ -49,13 +49,30 @@ def test_as_logged_a_held_out_run_is_predicted_as_the_model_without_grants_does(
     model, data = leg(Hidden("ambient_offset", "ambient", size=0.4, run="holdout"))
     coarse = for_search(data)
     granted = fit_segments(with_errors_of_runs(model, data, ambient=0.5), coarse.fit)
-    step = Step(granted).judged_on(coarse)
-    values = {each.name: each.value for each in granted.model.parameters if not each.declared.nuisance}
+    step = Step(granted).made_for_use(coarse).judged_on(coarse)
+    values = {each.name: each.value for each in step.for_use.model.parameters if not each.declared.nuisance}
     plain = predict(Model(model.network.with_values(values)), coarse.holdout[0], granted.problem.sigma)
     assert step.holdout is not None
     assert step.holdout_as_logged is not None
     assert step.holdout_as_logged.rmse == pytest.approx(Errors.of(plain.error).rmse, rel=1e-9)
     assert step.holdout_as_logged.rmse > 2 * step.holdout.rmse
+
+
+@pytest.mark.parametrize(("off", "as_granted"), [(0.0, False), (2.0, True)])
+def test_a_file_gets_the_fit_that_predicts_held_out_runs_as_they_were_logged(
+    leg: Leg, off: float, as_granted: bool
+) -> None:
+    """What runs are granted may take from the parameters what is wrong in a log, or, where nothing is, what is right."""
+    model, data = leg(Hidden("ambient_offset", "ambient", size=off, run="fit1")) if off else leg()
+    coarse = for_search(data)
+    granted = fit_segments(with_errors_of_runs(model, data, ambient=2.0), coarse.fit)
+    step = Step(granted).made_for_use(coarse)
+    without = fit_segments(model, coarse.fit)
+    errors = [holdout_errors(fit, coarse.holdout, own_errors=False) for fit in (granted, without, step.for_use)]
+    rmse = [error.rmse for error in errors if error is not None]
+    assert (step.for_use is granted) is as_granted
+    assert rmse[2] == pytest.approx(min(rmse[:2]), rel=1e-2)
+    assert not any(each.granted for each in (step.plain or without).model.network.effects)
 
 
 def test_a_grant_does_not_hide_what_the_model_lacks(leg: Leg) -> None:

@@ -137,7 +137,8 @@ def _as_logged(history: History) -> list[str]:
     if not errors:
         return []
     off = f"{kelvin(errors[0])} as given and {kelvin(errors[-1])} in the end" if len(errors) > 1 else kelvin(errors[0])
-    return [f"Without, as `lptn compare` predicts, held-out runs are off by {off}."]
+    text = f"Without, as `lptn compare` predicts, held-out runs are off by {off}"
+    return [f"{text}, with values fitted without as well, which a file gets." if history.best.plain else f"{text}."]
 
 
 def _sure(history: History, number: int) -> str:

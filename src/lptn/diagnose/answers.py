@@ -70,8 +70,10 @@ class Step(Tabular):
         p_value: how often chance alone would score as much, over all candidates.
         indistinguishable: candidates that the fitted data can't tell from it.
         holdout: errors on held-out runs, each with what is granted to it, `None` without any.
-        holdout_as_logged: the same of runs to which nothing is granted, as the model in a file predicts them; `None`
-            where nobody asked.
+        plain: of the same model to runs to which nothing is granted, where that predicts held-out runs better as they
+            were logged; `None` where it does not, and where nobody asked.
+        holdout_as_logged: errors of `for_use` on held-out runs to which nothing is granted, as the model in a file
+            predicts them; `None` where nobody asked.
         test: errors on runs that chose nothing, `None` without any.
         predicted: the held-out runs that `holdout` is of; empty where they were not kept.
     """
@@ -87,6 +89,7 @@ class Step(Tabular):
     p_value: float = 1.0
     indistinguishable: tuple[Key, ...] = ()
     holdout: Errors | None = None
+    plain: Fit | None = None
     holdout_as_logged: Errors | None = None
     test: Errors | None = None
     predicted: tuple[Prediction, ...] = ()
@@ -121,6 +124,11 @@ class Step(Tabular):
         """The amplitude in units of its usual size, 1 for an effect without one."""
         amplitude = self.amplitude
         return 1.0 if amplitude is None else amplitude.value / amplitude.declared.typical
+
+    @property
+    def for_use(self) -> Fit:
+        """The fit whose values a file gets: of the two that there may be the one that predicts what is logged better."""
+        return self.plain or self.fit
 
     @property
     def likely(self) -> bool:
@@ -172,11 +180,22 @@ class Step(Tabular):
 
     def judged_on(self, data: DataSplit) -> Step:
         """The step with its errors on held-out and test runs."""
-        return replace(
-            self.predicting(data),
-            holdout_as_logged=holdout_errors(self.fit, data.holdout, own_errors=False),
-            test=holdout_errors(self.fit, data.test),
-        )
+        return replace(self.predicting(data), test=holdout_errors(self.fit, data.test))
+
+    def made_for_use(self, data: DataSplit) -> Step:
+        """The step with the fit whose values a file gets, and its errors on held-out runs as they were logged.
+
+        What fitted runs are granted takes from the parameters what is wrong in the logs, or, in logs without such
+        errors, what is right; held-out runs tell which.
+        """
+        network, plain = self.fit.model.network, None
+        errors = holdout_errors(self.fit, data.holdout, own_errors=False)
+        if errors is not None and any(each.granted for each in network.effects):
+            without = unless_interrupted(finished(continued(self.fit, network.without_granted())))
+            fewer = holdout_errors(without, data.holdout)
+            if fewer is not None and fewer.rmse < errors.rmse:
+                plain, errors = without, fewer
+        return replace(self, plain=plain, holdout_as_logged=errors)
 
 
 # --- The procedure --------------------------------------------------------------------------------

@@ -13,7 +13,7 @@ good. So several models are followed a step further, side by side:
    looks for. Told first is where something is missing more probably than not, whatever it is; of that, and of the rest,
    what may be a fault, as it sets one place or one run apart or is an error of what was logged, then what several
    places have in common, as that is how the model is made; of each what would be missed most.
-6. Each model left is fitted at full resolution.
+6. Each model left is fitted at full resolution, the first and the last also to runs to which nothing is granted.
 
 Where nothing explains the data because a held-out run is predicted badly, and one parameter that differs in that run
 would explain it, that difference is granted to the run, and the question is asked once more.
@@ -83,7 +83,7 @@ class History(Tabular):
         return self.steps[-1]
 
     def declarations(self) -> list[EffectDeclaration]:
-        """The effects that were added, with the values that the last step's fit gave them."""
+        """The effects that were added, with the values that the last step's fit for use gave them."""
         return effects_added(self.steps)
 
     @property
@@ -145,8 +145,8 @@ def table_of_steps(steps: Sequence[Step]) -> pd.DataFrame:
 
 
 def effects_added(steps: Sequence[Step]) -> list[EffectDeclaration]:
-    """The effects that were added step by step, with the values that the last step's fit gave them."""
-    fitted = {parameter.name: parameter.value for parameter in steps[-1].fit.model.parameters}
+    """The effects that were added step by step, with the values that the last step's fit for use gave them."""
+    fitted = {parameter.name: parameter.value for parameter in steps[-1].for_use.model.parameters}
     effects = []
     for step in steps:
         if step.declaration is not None:
@@ -573,9 +573,9 @@ def _verdict(first: Diagnosis, last: Diagnosis, given: Branch, kept: Branch) -> 
 
 
 def _at_full_resolution(branch: Branch, data: DataSplit) -> Branch:
-    """Each model of a branch fitted at full resolution, with its errors.
+    """Each model of a branch fitted at full resolution, with its errors; the first and the last made for use.
 
-    The first and the last start from their fits on coarse data, those between from the one before.
+    These start from their fits on coarse data, those between from the one before.
     """
     steps: list[Step] = []
     network = branch[0].fit.model.network
@@ -583,7 +583,8 @@ def _at_full_resolution(branch: Branch, data: DataSplit) -> Branch:
         network = network.with_effects([step.declaration] if step.declaration else [])
         if number in (0, len(branch) - 1):
             fit = unless_interrupted(fit_segments(step.fit.model, data.fit, step.fit.point))
+            step = replace(step, fit=fit).made_for_use(data)
         else:
-            fit = unless_interrupted(finished(continued(steps[-1].fit, network)))
-        steps.append(replace(step, fit=fit).judged_on(data))
+            step = replace(step, fit=unless_interrupted(finished(continued(steps[-1].fit, network))))
+        steps.append(step.judged_on(data))
     return tuple(steps)

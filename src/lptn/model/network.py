@@ -429,6 +429,10 @@ class Network:
         """The same network with parameter values replaced, by the parameters' names."""
         return replace(self, values={**self.values, **values})
 
+    def without_granted(self) -> Network:
+        """The same network less the errors of logs that single runs are granted."""
+        return replace(self, effects=tuple(each for each in self.effects if not each.granted))
+
     def without_effect(self, key: str, at: str) -> Network:
         """The same network less the effect declared with this key and place (`"*_calf"`, `"*_calf@monday"`)."""
         kept = tuple(each for each in self.effects if each.granted or (each.effect.key, each.where) != (key, at))
