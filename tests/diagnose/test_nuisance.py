@@ -62,7 +62,7 @@ def test_as_logged_a_held_out_run_is_predicted_as_the_model_without_grants_does(
 def test_a_file_gets_the_fit_that_predicts_held_out_runs_as_they_were_logged(
     leg: Leg, off: float, as_granted: bool
 ) -> None:
-    """What runs are granted may take from the parameters what is wrong in a log, or, where nothing is, what is right."""
+    """What runs are granted takes from the parameters what is wrong in a log, or, where nothing is, what is right."""
     model, data = leg(Hidden("ambient_offset", "ambient", size=off, run="fit1")) if off else leg()
     coarse = for_search(data)
     granted = fit_segments(with_errors_of_runs(model, data, ambient=2.0), coarse.fit)

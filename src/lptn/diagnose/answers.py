@@ -127,7 +127,7 @@ class Step(Tabular):
 
     @property
     def for_use(self) -> Fit:
-        """The fit whose values a file gets: of the two that there may be the one that predicts what is logged better."""
+        """The fit whose values a file gets: of two that there may be the one that predicts what is logged better."""
         return self.plain or self.fit
 
     @property
