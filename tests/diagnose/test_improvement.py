@@ -202,6 +202,16 @@ def test_an_effect_of_one_run_is_declared_as_it_was_fitted(leg: Leg) -> None:  #
 
 
 @pytest.mark.long
+@pytest.mark.parametrize("run", ["fit1", "fit2"])
+def test_held_out_runs_say_which_of_two_runs_is_the_odd_one(leg: Leg, run: str) -> None:  # noqa: F811
+    """Less air in one and more in the other are one step to the fitted data, whose name comes first by chance."""
+    model, data = leg(Hidden("surface_scale", "FR_calf", size=3.0, run=run))
+    history = improve(model, data, most=1)
+    assert history.steps[1].key == ("surface_scale", f"FR_calf@{run}")
+    assert history.steps[1].at_its_place > 0.9
+
+
+@pytest.mark.long
 def test_an_adequate_model_keeps_one_step(leg: Leg) -> None:  # noqa: F811
     history = improve(*leg())
     assert len(history.steps) == 1

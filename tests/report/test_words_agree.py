@@ -234,6 +234,18 @@ def test_an_answer_of_a_few_per_cent_is_one_of_several_and_not_said_to_be_as_goo
     assert "can't tell" not in said
 
 
+def test_where_something_is_missing_is_surer_than_what_it_is(missing: Told, capsys: pytest.CaptureFixture[str]) -> None:
+    history = missing[0]
+    declared = EffectDeclaration(Radiation(), NODES[1])
+    other = (("solar", NODES[1]),)
+    step = replace(history.steps[1], declaration=declared, probability=0.4, by_all_runs=0.3, indistinguishable=other)
+    for at_its_place, told in ((0.97, True), (0.4, False)):
+        show_history(replace(history, steps=(history.steps[0], replace(step, at_its_place=at_its_place))))
+        said = " ".join(capsys.readouterr().out.split())
+        assert "with the held-out data it is 30 % probable" in said
+        assert (f", and that something is missing at {NODES[1]} 97 %" in said) is told
+
+
 def test_where_next_to_nothing_goes_is_not_told(missing: Told) -> None:
     history = missing[0]
     assert re.match(rf"It removes \d+ % of .* runs, \d+ % of that at {NODES[0]}", removed_in_words(history, 1))

@@ -122,9 +122,10 @@ def show_history(history: History) -> None:
     if len(history.steps) > 2:
         print("Probable: beside the other steps, and given that one of the answers that were refitted is right.")
         print(
-            "Order of the steps: what is more probable than not, then the rest; of each what sets one place or one run"
+            "Order of the steps: where by all runs something is missing more probably than not, then the rest; of each"
         )
-        print("apart, then what several have in common, and what would be missed most.")
+        print("what may be a fault of one place, one run or the log, then what several places have in common, and what")
+        print("would be missed most.")
     for warning in history.best.fit.uncertainty.warnings:
         print(f"Warning: {warning}.")
 

@@ -64,7 +64,8 @@ class Step(Tabular):
         probability: of this answer by the fitted runs, given that one of those that were refitted is right.
         in_some_run: probability that it, or the same in another run instead, is missing, of an effect of one run: which
             of two runs is odd is for held-out ones to tell.
-        at_its_place: probability that anything is missing at its place, by whatever name and in whichever run.
+        at_its_place: probability that anything is missing at its place, by whatever name and in whichever run; by all
+            runs where `by_all_runs` is known.
         by_all_runs: probability by the held-out runs as well, which may have chosen it; `None` without any, or where no
             search asked.
         p_value: how often chance alone would score as much, over all candidates.
@@ -358,20 +359,24 @@ def _by_probability(base: Fit, steps: Sequence[Step]) -> list[Step]:
     fits = [base, *(step.fit for step in steps)]
     of_all, left_open = probabilities(fits, priors)[1:], open_pairs(fits, priors)[1:, 1:]
 
-    def of_those_alike(step: Step, what: Callable[[Step], object]) -> float:
-        return float(of_all[[what(other) == what(step) for other in steps]].sum())
-
     judged = [
         replace(
             step,
             probability=float(probability),
-            in_some_run=of_those_alike(step, _but_for_the_run),
-            at_its_place=of_those_alike(step, _place),
+            in_some_run=_of_those_alike(step, steps, of_all, _but_for_the_run),
+            at_its_place=_of_those_alike(step, steps, of_all, _place),
             indistinguishable=tuple(other.key for other, open_ in zip(steps, rivalled, strict=True) if open_),
         )
         for step, probability, rivalled in zip(steps, of_all, left_open, strict=True)
     ]
     return [judged[k] for k in sorted(range(len(judged)), key=lambda k: (-judged[k].probability, -judged[k].gain))]
+
+
+def _of_those_alike(
+    step: Step, steps: Sequence[Step], probabilities: FloatArray, what: Callable[[Step], object]
+) -> float:
+    """Probability of all steps that have in common what one of them has."""
+    return float(probabilities[[what(other) == what(step) for other in steps]].sum())
 
 
 def _but_for_the_run(step: Step) -> tuple[str | None, str, bool]:
@@ -393,8 +398,9 @@ def compared(base: Fit, known: Sequence[Step], step: Step, data: DataSplit) -> S
     if not data.holdout:
         return judged
     fits = [base, *(each.fit for each in steps)]
-    by_all_runs = probabilities(fits, _log_priors(base, steps), held_out([Step(base), *steps], data))
-    return replace(judged, by_all_runs=float(by_all_runs[1]))
+    by_all_runs = probabilities(fits, _log_priors(base, steps), held_out([Step(base), *steps], data))[1:]
+    at_its_place = _of_those_alike(steps[0], steps, by_all_runs, _place)
+    return replace(judged, by_all_runs=float(by_all_runs[0]), at_its_place=at_its_place)
 
 
 def held_out(steps: Sequence[Step], data: DataSplit) -> list[tuple[Prediction, ...]]:

@@ -10,9 +10,9 @@ good. So several models are followed a step further, side by side:
 4. Kept is the most probable by all runs; a longer branch must predict held-out runs better than all shorter ones.
 5. Each step is left out, or gives way to another, where that is more probable by all runs, beside the other steps: what
    a step is taken for while much else is missing says little of it; left out, too, where it explains less than anyone
-   looks for. Told first is where something is missing more probably than not, whatever it is; of that, and of the rest,
-   what may be a fault, as it sets one place or one run apart or is an error of what was logged, then what several
-   places have in common, as that is how the model is made; of each what would be missed most.
+   looks for. Told first is where something is missing more probably than not by all runs, whatever it is; of that, and
+   of the rest, what may be a fault, as it sets one place or one run apart or is an error of what was logged, then what
+   several places have in common, as that is how the model is made; of each what would be missed most.
 6. Each model left is fitted at full resolution, the first and the last also to runs to which nothing is granted.
 
 Where nothing explains the data because a held-out run is predicted badly, and one parameter that differs in that run
@@ -112,6 +112,7 @@ class History(Tabular):
                 "rmse_proof": step.test.rmse if step.test else None,
                 "probability": step.probability if step.effect else None,
                 "probability_by_all_runs": step.by_all_runs,
+                "probability_at_its_place": step.at_its_place if step.effect else None,
                 "removed": asdict(Removed.between(self.steps[number - 1].fit, step.fit)) if number else None,
                 "indistinguishable_from": [list(key) for key in step.indistinguishable],
             }
@@ -347,22 +348,21 @@ class _Search:
         return branch
 
     def _instead_of(self, branch: Branch, step: Step) -> Iterator[Branch]:
-        """The branch without a step, then with what is more probable beside the others in its place."""
+        """The branch without a step, then with what is more probable in its place, by the fitted runs, and by all."""
         without = self._without(branch, step)
         if without is None:
             return
         yield without
-        judged = self._beside_the_others(branch, step)
-        likelier = [
-            other
-            for other in self._longer(without)
-            if other[-1].key != step.key and other[-1].probability > judged.probability
-        ]
-        if likelier:
-            most = max(likelier, key=lambda other: other[-1].probability)
-            fit = unless_interrupted(finished(most[-1].fit))
-            if not is_implausible(fit, _declarations(most)):
-                yield _ending_in(most, fit, self.data)
+        others = [other for other in self._longer(without) if other[-1].key != step.key]
+        by_fitted = max(others, key=lambda other: other[-1].probability, default=branch)
+        if by_fitted[-1].probability <= self._beside_the_others(branch, step).probability:
+            by_fitted = branch
+        for other in dict.fromkeys([by_fitted, _ranked([branch, *others], self.data)[0]]):
+            if other is branch:
+                continue
+            fit = unless_interrupted(finished(other[-1].fit))
+            if not is_implausible(fit, _declarations(other)):
+                yield _ending_in(other, fit, self.data)
 
     def reconsidered(self, branch: Branch) -> Branch:
         """The branch with each step asked anew beside all others, in the order in which they are told."""
@@ -373,12 +373,13 @@ class _Search:
         last, asked = branch[-1], [self._beside_the_others(branch, step) for step in added]
         network = last.fit.model.network
 
+        def of_its_own(step: Step) -> tuple[bool, bool, float]:
+            fault = _errs(step) or network.sets_apart(*step.declarations)
+            return step.at_its_place < LIKELY, not fault, -step.gain
+
         def place(step: Step) -> tuple[bool, bool, float]:
             # Who misses a step misses what stands on it.
-            with_it = [other for other in asked if other is step or _stands_on(other, step)]
-            likely = any(other.at_its_place >= LIKELY for other in with_it)
-            fault = any(_errs(other) or network.sets_apart(*other.declarations) for other in with_it)
-            return not likely, not fault, -max(other.gain for other in with_it)
+            return min(of_its_own(other) for other in asked if other is step or _stands_on(other, step))
 
         ordered = sorted(asked, key=place)
         return (given, *ordered[:-1], ordered[-1].fitted_as(last))

@@ -9,7 +9,8 @@ from typing import Protocol
 import numpy as np
 
 from lptn.basics.parameters import Parameter
-from lptn.diagnose.answers import Step
+from lptn.basics.places import EVERYWHERE
+from lptn.diagnose.answers import LIKELY, Step
 from lptn.diagnose.fit_statistics import Removed
 from lptn.diagnose.improvement import History
 from lptn.diagnose.scores import INDISTINGUISHABLE, Confusability, Detectable
@@ -443,10 +444,17 @@ def _sure(history: History, number: int, step: Step) -> str:
 
 
 def chosen_in_words(step: Step) -> str:
-    """How probable held-out data make what the fitted data leave open; empty where none were held out."""
+    """How probable held-out data make what the fitted data leave open; empty where none were held out.
+
+    Where several names stand for it at one place, that something is missing there is surer than what it is.
+    """
     if step.by_all_runs is None:
         return ""
-    return f"; with the held-out data it is {percent(step.by_all_runs)} probable"
+    text, declared = f"; with the held-out data it is {percent(step.by_all_runs)} probable", step.declaration
+    surer = step.by_all_runs < LIKELY <= step.at_its_place
+    if declared is None or declared.at == EVERYWHERE or not surer:
+        return text
+    return f"{text}, and that something is missing at {declared.at} {percent(step.at_its_place)}"
 
 
 def outweighed_in_words(step: Step) -> str:
