@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -332,7 +333,8 @@ def test_nodes_come_in_the_order_of_their_declaration() -> None:
 )
 def test_a_step_of_few_places_or_one_run_sets_them_apart(effect: str, at: str, run: str, apart: bool) -> None:
     plain = leg()
-    network = replace(plain, nodes=(*plain.nodes, node("pc")), links=(*plain.links, link("pc", "ambient", 3.0)))
+    links, heat = (*plain.links, link("pc", "ambient", 3.0)), (*plain.effects, effect("copper_loss", "*_*"))
+    network = replace(plain, nodes=(*plain.nodes, node("pc")), links=links, effects=heat)
     assert network.sets_apart(EffectDeclaration(catalogue()[effect](), at, run=run)) == apart
 
 
@@ -350,6 +352,14 @@ def test_the_only_plate_or_computer_of_a_machine_is_set_apart_by_how_it_is_built
     ]
     assert apart == motors
     assert network.sets_apart(EffectDeclaration(catalogue()["second_mass"](), "plate", run="fit1"))
+
+
+def test_parts_of_one_drive_are_not_alike_because_none_of_them_is_a_winding() -> None:
+    parts = ("winding", "housing", "gearbox", "inverter")
+    links = [link(one, other) for one, other in pairwise(parts)] + [link("housing", "ambient")]
+    network = Network("hub", (*map(node, parts), AMBIENT), tuple(links), (effect("copper_loss", "winding"),))
+    second_mass = catalogue()["second_mass"]()
+    assert not any(network.sets_apart(EffectDeclaration(second_mass, part)) for part in parts)
 
 
 def test_a_class_of_like_joints_is_built_alike_and_not_set_apart() -> None:

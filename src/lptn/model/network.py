@@ -265,14 +265,6 @@ class Layout:
         near = {name for link in self.resistors if node in link.ends for name in link.ends}
         return [node] if node in windings else [name for name in windings if name in near]
 
-    def kinds_of(self, ends: Sequence[str]) -> list[tuple[bool, bool, int]]:
-        """What the ends of a place are, in an order that like places have: windings, what a log heats, what they touch.
-
-        Of each whether it is a winding, whether a logged power heats it, and how many windings it is linked to.
-        """
-        windings, heated = self.nodes_with(_COPPER_LOSS), self.nodes_with(_LOGGED_HEAT)
-        return sorted((end in windings, end in heated, len(self.windings_at(end))) for end in ends)
-
     def nodes_with(self, key: str) -> list[str]:
         """Dynamic nodes at which an effect is declared."""
         patterns = [declared.at for declared in self.effects if declared.effect.key == key]
@@ -393,9 +385,23 @@ class Network:
         machine has.
         """
         here, everywhere = (self.places_for(replace(declared, at=at)) for at in (declared.at, EVERYWHERE))
-        kinds = [self.layout.kinds_of(ends) for _, ends in everywhere]
-        one_of_several = len(here) == 1 and len(everywhere) > 2 and kinds.count(self.layout.kinds_of(here[0][1])) > 1
+        kinds = [self._kinds_of(ends) for _, ends in everywhere]
+        one_of_several = len(here) == 1 and len(everywhere) > 2 and kinds.count(self._kinds_of(here[0][1])) > 1
         return bool(declared.run) or one_of_several
+
+    def _kinds_of(self, ends: Sequence[str]) -> list[tuple[bool, bool, int, str]]:
+        """What the ends of a place are, in an order that like places have: windings, what a log heats, what they touch.
+
+        Of each whether it is a winding, whether a logged power heats it, how many windings it is linked to, and its
+        class where it is none of these and no joint: two housings are alike, a gearbox and an inverter are not.
+        """
+        layout = self.layout
+        windings, heated = layout.nodes_with(_COPPER_LOSS), layout.nodes_with(_LOGGED_HEAT)
+        named = {*windings, *heated, *self.joints}
+        return sorted(
+            (end in windings, end in heated, len(layout.windings_at(end)), "" if end in named else class_of(end))
+            for end in ends
+        )
 
     def nodes_with(self, key: str) -> list[str]:
         """Dynamic nodes at which an effect is declared."""
