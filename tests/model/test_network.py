@@ -333,8 +333,8 @@ def test_nodes_come_in_the_order_of_their_declaration() -> None:
 )
 def test_a_step_of_few_places_or_one_run_sets_them_apart(effect: str, at: str, run: str, apart: bool) -> None:
     plain = leg()
-    links, heat = (*plain.links, link("pc", "ambient", 3.0)), (*plain.effects, effect("copper_loss", "*_*"))
-    network = replace(plain, nodes=(*plain.nodes, node("pc")), links=links, effects=heat)
+    nodes, links = (*plain.nodes, node("pc")), (*plain.links, link("pc", "ambient", 3.0))
+    network = replace(plain, nodes=nodes, links=links, joints=LEG)
     assert network.sets_apart(EffectDeclaration(catalogue()[effect](), at, run=run)) == apart
 
 
