@@ -354,10 +354,15 @@ def test_the_only_plate_or_computer_of_a_machine_is_set_apart_by_how_it_is_built
     assert network.sets_apart(EffectDeclaration(catalogue()["second_mass"](), "plate", run="fit1"))
 
 
-def test_parts_of_one_drive_are_not_alike_because_none_of_them_is_a_winding() -> None:
+def test_parts_of_one_drive_are_not_alike() -> None:
     parts = ("winding", "housing", "gearbox", "inverter")
     links = [link(one, other) for one, other in pairwise(parts)] + [link("housing", "ambient")]
-    network = Network("hub", (*map(node, parts), AMBIENT), tuple(links), (effect("copper_loss", "winding"),))
+    network = Network(
+        "hub",
+        (*map(node, parts), AMBIENT),
+        tuple(links),
+        (effect("copper_loss", "winding"), effect("copper_loss", "inverter")),
+    )
     second_mass = catalogue()["second_mass"]()
     assert not any(network.sets_apart(EffectDeclaration(second_mass, part)) for part in parts)
 
