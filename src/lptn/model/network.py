@@ -392,8 +392,8 @@ class Network:
     def _kinds_of(self, ends: Sequence[str]) -> list[tuple[bool, bool, int, str]]:
         """What the ends of a place are, in an order that like places have: windings, what a log heats, what they touch.
 
-        Of each whether it is a winding, whether a logged power heats it, how many windings it is linked to, and, but for
-        joints, its class: two housings are alike, a gearbox and an inverter are not.
+        Of each whether it is a winding, whether a logged power heats it, how many windings it is linked to, and, but
+        for joints, its class: two housings are alike, a gearbox and an inverter are not.
         """
         layout = self.layout
         windings, heated = layout.nodes_with(_COPPER_LOSS), layout.nodes_with(_LOGGED_HEAT)
