@@ -11,7 +11,7 @@ const BUSY = 400, IDLE = 1500, HIDDEN = 6000;  // ms between two questions
 const place = id => document.getElementById(id);
 
 export const page = {
-  state: {}, picked: [], attempt: "", shown: "now", by: "run", part: "", edited: "", failed: "", clicked: false, step: 0,
+  state: {}, picked: [], attempt: "", shown: "now", by: "run", part: "", edited: "", failed: "", clicked: false, step: 0, other: {},
   async order(order) { page.failed = await post("/order", order); await ask(); },
   async stop() { page.failed = await post("/stop", {}); await ask(); },
   pick(segment, node, beside = false) {

@@ -213,10 +213,15 @@ export function missing(page) {
 
 const held = ({ answers }) => answers[0].holdout != null && answers.some(each => each.probability > answers[0].probability && answers[0].ranks.includes(answers.indexOf(each) + 1));
 
+// What was chosen here stays chosen while the section is made anew, as it is when an answer comes in the meantime.
 function addAnother(page) {
-  const { effects, nodes, busy } = page.state;
+  const { effects, nodes, busy } = page.state, { other } = page;
   const kind = h("select", { id: "other effect", ariaLabel: "effect" }, Object.entries(effects).map(([key, title]) => h("option", { value: key }, title)));
   const at = h("input", { id: "other place", ariaLabel: "place", placeholder: `${nodes[0]}, a~b or *`, list: "places", size: 18 });
+  for (const [name, field] of Object.entries({ kind, at })) {
+    field.value = other[name] ?? field.value;
+    field.oninput = () => { other[name] = field.value; };
+  }
   return h("details", { id: "other", style: "margin-top: 10px" }, h("summary", null, "Add another effect"),
     h("div", { className: "row", style: "margin-top: 6px" }, kind, "at", at, h("datalist", { id: "places" }, ["*", ...nodes].map(value => h("option", { value }))),
       h("button", { disabled: busy, onclick: () => page.order({ what: "add", effect: kind.value, at: at.value.trim() || "*" }) }, "Add")));
