@@ -165,7 +165,7 @@ def rate_of_products() -> float:
 def scipy(given: Task, mine: float) -> None:
     """Trust region, with finite differences and with our derivatives."""
     problem = given.problem
-    lower, upper = problem.bounds()
+    lower, upper = problem.bounds
     inside = np.clip(given.start, lower + 1e-9, upper - 1e-9)
     ways: dict[str, str | Callable[[FloatArray], FloatArray]] = {
         "finite differences": "2-point",
@@ -291,7 +291,7 @@ def ipopt(
     program, guess = made
     chosen: dict[str, Any] = {**IPOPT, "ipopt.max_cpu_time": given.limit, **options}
     solver = ca.nlpsol("peer", "ipopt", program, chosen)
-    lower, upper = given.problem.bounds()
+    lower, upper = given.problem.bounds
     free, size, equalities = len(given.problem.free), len(guess), program["g"].numel()
     bounds = [np.full(size, -np.inf), np.full(size, np.inf)]
     bounds[0][:free], bounds[1][:free] = lower[:free], upper[:free]

@@ -95,7 +95,7 @@ def random_starts(seed: int) -> None:
     model, bound_runs = load(seed, TWO_HOURS, step=10)
     sigma = balanced_sigma(bound_runs, estimate_noise(bound_runs, model.nodes))
     problem, rng = Problem(model, bound_runs, sigma), np.random.default_rng(seed)
-    lower, upper = problem.bounds()
+    lower, upper = problem.bounds
     typical = model.values
     print(f"{len(problem.free)} parameters, {problem.size} unknowns, {problem.readings} readings")
     reference, first = _timed(lambda: fit(model, bound_runs))

@@ -203,6 +203,7 @@ def test_a_rate_is_of_time_alone() -> None:
         ({"mean": "a"}, "'a'"),
         ({"rate": 50}, "50"),
         ({"ratio": ["u", "i", "j"]}, "['u', 'i', 'j']"),
+        ({"column": "T", "rows": "means before"}, "'means before'"),
         ({"column": "R", "thermometer": {"at": 25}}, "{ at = 25 }"),
         ({"column": "R", "thermometer": {"resistance": -0.1}}, "{ resistance = -0.1 }"),
         ({"column": "R", "thermometer": {"resistance": 0.1}, "scale": 2}, "scale beside thermometer"),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import datetime
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,10 +14,14 @@ import pytest
 
 from lptn.basics.errors import InputError
 from lptn.identify.data import split_data
+from lptn.identify.fitting import fit
 from lptn.logs.columns import ColumnSource, parse_columns, parse_map_option, toml_line
 from lptn.logs.layout import Layout, find_layout
 from lptn.logs.reading import open_log, read_log
 from lptn.logs.run import Run
+from lptn.model.model import Model
+from lptn.model.network import Network
+from tests.builders import AMBIENT, effect, link, node
 
 Refuse = Callable[..., str]
 
@@ -228,6 +233,64 @@ def test_what_holds_after_a_log_that_ends_early_can_be_said(tmp_path: Path) -> N
     assert not run.columns["power.a"][151:].any()
     assert parse_columns({key: {"column": "P_mW", "unit": "mW", "afterwards": 0}}, "m", "c") == {key: source}
     assert toml_line(key, source) == '"power.a" = { column = "P_mW", unit = "mW", afterwards = 0 }'
+
+
+# --- Rows that are means ----------------------------------------------------------------------------------------------
+
+_ROW = 300.0  # s
+
+
+def _heater_in_means(stamp: float) -> pd.DataFrame:
+    """Five hours of a body of 200 J/K and 2 K/W, heated by turns, as means over rows; exact, second by second."""
+    seconds = np.arange(18000)
+    heat = np.random.default_rng(5).uniform(0, 20, 60).repeat(300)
+    keep, at = np.exp(-1 / 400.0), [20.0]
+    for power in heat[:-1]:
+        steady = 20 + 2.0 * power
+        at.append(steady + (at[-1] - steady) * keep)
+    rows = pd.DataFrame({"t": seconds, "power.a": heat, "temperature.a": at}).groupby(seconds // int(_ROW)).mean()
+    rows["t"] = _ROW * (np.arange(len(rows)) + stamp)
+    rows["temperature.ambient"] = 20.0
+    return rows
+
+
+@pytest.mark.parametrize(("rows", "stamp"), [("means after", 0.0), ("means around", 0.5), ("means before", 1.0)])
+def test_rows_that_are_means_give_the_capacity_that_samples_would_miss(rows: str, stamp: float) -> None:
+    network = Network("body", (node("a", 100.0), AMBIENT), (link("a", "ambient", 1.0),), (effect("heat_input", "a"),))
+    held = replace(network.effects[0], parameters=tuple(replace(p, fixed=True) for p in network.effects[0].parameters))
+    model = Model(replace(network, effects=(held,)))
+    wanted = {"inputs": model.inputs, "outputs": ["temperature.a"]}
+    key, said = parse_map_option(f"time=t[s; rows={rows}]")
+    assert parse_columns({key: {"column": "t", "unit": "s", "rows": rows}}, "m", "c") == {key: said}
+    assert toml_line(key, said) == f'time = {{ column = "t", unit = "s", rows = "{rows}" }}'
+    log = _heater_in_means(stamp)
+    (means,) = read_log(log, {key: said}, **wanted)  # type: ignore[arg-type]
+    (samples,) = read_log(log, {key: replace(said, rows="")}, **wanted)  # type: ignore[arg-type]
+    assert means.averaged
+    assert means.time[0] == 0.0
+    right, wrong = (fit(model, [run]) for run in (means, samples))
+    fitted = {parameter.name: parameter.value for parameter in right.model.parameters}
+    assert fitted["capacity.a"] == pytest.approx(200, rel=0.03)
+    assert fitted["resistance.a~ambient"] == pytest.approx(2, rel=0.01)
+    assert right.rmse < 0.5 * wrong.rmse
+
+
+def test_slow_rows_are_said_to_be_read_as_samples_until_somebody_says_what_they_are() -> None:
+    log = _heater_in_means(0.0)
+    (run,) = read_log(log, {"time": ColumnSource(("t",))})
+    assert any(note.startswith("time: a row every 300 s, read as samples") for note in run.notes)
+    (said,) = read_log(log, {"time": ColumnSource(("t",), rows="means after")})
+    assert not any(note.startswith("time: ") for note in said.notes)
+
+
+def test_means_of_columns_at_rates_of_their_own_are_refused(tmp_path: Path, refuse: Refuse) -> None:
+    log = _heater_in_means(0.0)
+    for name, columns in (("warm", ["t", "temperature.a"]), ("heat", ["t", "power.a"])):
+        log[columns].to_csv(tmp_path / f"{name}.csv", index=False)
+    both = tmp_path / "warm.csv+heat.csv@0"
+    key, said = parse_map_option("time=t[rows=means before]")
+    _, other = parse_map_option("time.2=t")
+    assert "rows that hold all columns" in refuse(both, read_log, both, {key: said, "time.2": other})
 
 
 # --- A mean of several columns ----------------------------------------------------------------------------------------

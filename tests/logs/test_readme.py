@@ -15,14 +15,16 @@ PAGE = (Path(lptn.logs.__file__).parent / "README.md").read_text()
 
 def test_its_tables_are_read() -> None:
     blocks = re.findall(r"```toml\n(.*?)```", PAGE, flags=re.DOTALL)
-    assert len(blocks) == 3
+    assert len(blocks) == 4
+    tables = [parse_columns(tomllib.loads(block)["columns"], "README.md", "[columns]") for block in blocks]
     found: dict[str, ColumnSource] = {}
-    for block in blocks:
-        found |= parse_columns(tomllib.loads(block)["columns"], "README.md", "[columns]")
+    for table in tables:
+        found |= table
     assert found["temperature.FR_calf"].invalid == (850.0, -127.0)
     assert found["current.FR_hip"].wrap == 65536.0
     assert found["power.battery"].how == "product"
     assert found["temperature.FR_thigh"].how == "mean"
+    assert tables[2]["time"].rows == "means before"
     assert found["time"].rate == 50.0
 
 

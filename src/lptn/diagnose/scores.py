@@ -161,7 +161,7 @@ def granted_no_more(fit: Fit, gradient: FloatArray) -> BoolArray:
 
     They can't follow what a candidate would do. (Parameters of the model itself at a bound could, if it were moved.)
     """
-    lower, upper = fit.problem.bounds()
+    lower, upper = fit.problem.bounds
     granted = np.zeros(len(fit.z), dtype=bool)
     parameters = fit.model.parameters
     granted[: len(fit.problem.free)] = [parameters[k].declared.nuisance for k in fit.problem.free]

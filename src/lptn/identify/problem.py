@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -126,8 +127,9 @@ class Problem:
         count = len(self.model.states)
         return Point(values, [self._absolute(start) for start in z[len(self.free) :].reshape(-1, count)])
 
+    @cached_property
     def bounds(self) -> tuple[FloatArray, FloatArray]:
-        """Least and largest admissible unknowns."""
+        """Least and largest admissible unknowns, shape (size,) each."""
         declared = np.array([self.model.parameters[index].declared.bounds for index in self.free]).reshape(-1, 2)
         lower, upper = np.full(self.size, -np.inf), np.full(self.size, np.inf)
         lower[: len(self.free)] = self._transform.forward(declared[:, 0])
@@ -257,7 +259,7 @@ class Problem:
             for bound, start in zip(self.bound_runs, point.starts, strict=True)
         ]
 
-    @property
+    @cached_property
     def _sensor_modelled(self) -> BoolArray:
         """Which nodes' sensors have an effect in the model, so that they may start away from their first readings."""
         nodes = {

@@ -155,7 +155,7 @@ def _downhill(
 
 def _room(problem: Problem, z: FloatArray) -> tuple[FloatArray, FloatArray]:
     """How far each unknown may move in one step, down and up, shape (size,) each."""
-    lower, upper = problem.bounds()
+    lower, upper = problem.bounds
     reach = np.full(len(z), _FAR)
     reach[: len(problem.free)] = _REACH
     return np.maximum(lower - z, -reach), np.minimum(upper - z, reach)
@@ -163,7 +163,7 @@ def _room(problem: Problem, z: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 def _further(evaluator: Evaluator, z: FloatArray, step: FloatArray) -> FloatArray:
     """The step, doubled as long as that gains: simulations cost a tenth of derivatives."""
-    lower, upper = evaluator.problem.bounds()
+    lower, upper = evaluator.problem.bounds
     while True:
         longer = np.clip(z + 2 * step, lower, upper) - z
         if not evaluator.cost(z + longer) < evaluator.cost(z + step):
@@ -311,7 +311,7 @@ def minimise(
     """
     evaluator = Evaluator(problem)
     watcher = _Watcher(evaluator, progress, keep)
-    lower, upper = problem.bounds()
+    lower, upper = problem.bounds
     evaluator.cost(np.clip(guess, lower, upper))
     watcher.say()
     with _interrupt(watcher):
@@ -375,7 +375,7 @@ def _interior_point(evaluator: Evaluator, watcher: _Watcher, iterations: int) ->
         "iteration_callback": watch,
     }
     solver = ca.nlpsol("fit", "ipopt", {"x": x, "f": cost(x)}, options)  # type: ignore[dict-item, arg-type]
-    lower, upper = evaluator.problem.bounds()
+    lower, upper = evaluator.problem.bounds
     solver(x0=evaluator.best[1], lbx=lower, ubx=upper)
     for function in functions:
         if function.failure is not None:

@@ -138,7 +138,7 @@ def _single_parameters(
     perhaps_none: BoolArray,
 ) -> list[str]:
     """Warnings on parameters at a bound, or with a standard error that leaves them open."""
-    lower, upper = problem.bounds()
+    lower, upper = problem.bounds
     values = problem.point(z).values
     warnings = []
     for row, name in enumerate(names):

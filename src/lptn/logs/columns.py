@@ -114,6 +114,7 @@ class ColumnSource:
         valid: least and greatest number in the file that is a reading.
         afterwards: in `unit`, what holds behind the last reading: 0 where a log ends because all was switched off.
         rate: rows a second, of a log without a time column.
+        rows: of `time`, over what the other columns of a row are means, one of `MEANS`; "" for samples.
     """
 
     columns: tuple[str, ...]
@@ -126,6 +127,7 @@ class ColumnSource:
     valid: tuple[float, float] = (-math.inf, math.inf)
     rate: float = 0.0
     afterwards: float | None = None
+    rows: str = ""
 
     def parts(self) -> tuple[ColumnSource, ...]:
         """What a mean is taken of, each as a source of its own; this one itself of all else."""
@@ -171,13 +173,16 @@ class ColumnSource:
 
 _OPTION = re.compile(r"(?P<key>[^=]+)=(?P<column>.*?)(?:\[(?P<unit>[^\[\]]*)\])?")
 _COLUMN_ENTRIES = ("column", "norm", "product", "mean", "ratio", "rate")  # of which an entry has one
-_ENTRIES = (*_COLUMN_ENTRIES, "unit", "scale", "offset", "wrap", "invalid", "valid", "afterwards", "thermometer")
+_SETTINGS = ("unit", "scale", "offset", "wrap", "invalid", "valid", "afterwards", "thermometer", "rows")
+_ENTRIES = (*_COLUMN_ENTRIES, *_SETTINGS)
 _EXAMPLES = {
     "norm": '["i_d", "i_q"]',
     "product": '["u_dc", "i_dc"]',
     "mean": '["T1", "T2"]',
     "ratio": '["u_dc", "i_dc"]',
 }
+MEANS = {"means after": 0.0, "means around": 0.5, "means before": 1.0}
+"""What a row may be the mean over, and the share of this interval that lies before the row's time."""
 _THERMOMETER = "{ resistance = 0.186, at = 25, alpha = 0.0039 }: ohm, degC, 1/K"
 
 
@@ -186,8 +191,9 @@ def parse_columns(table: Mapping[str, object], file: str | Path, place: str) -> 
 
     An entry is a name, `{ column = "T1" }`, `{ norm = ["i_d", "i_q"] }`, `{ product = ["u_dc", "i_dc"] }`,
     `{ mean = ["T1", "T2"] }` or `{ ratio = ["u_dc", "i_dc"] }`, with unit, scale, offset, wrap, invalid, valid and
-    afterwards; or, of `time`, `{ rate = 50 }`. With `thermometer = { resistance = 0.186, at = 25, alpha = 0.0039 }` a
-    resistance [ohm] becomes the temperature at which a winding has it ([QuadrupedLPTN, eq. 6]).
+    afterwards; or, of `time`, `{ rate = 50 }`, and rows where these are means. With
+    `thermometer = { resistance = 0.186, at = 25, alpha = 0.0039 }` a resistance [ohm] becomes the temperature at which
+    a winding has it ([QuadrupedLPTN, eq. 6]).
 
     Args:
         table: the table as it was read from TOML.
@@ -203,9 +209,9 @@ def parse_columns(table: Mapping[str, object], file: str | Path, place: str) -> 
 def parse_map_option(text: str, option: str = "--map") -> tuple[str, ColumnSource]:
     """Read `temperature.a=T1`, `temperature.a=T1[degF]` or `temperature.a=T1[degC; invalid=850,-127]`.
 
-    Behind the unit may stand scale, offset, wrap, invalid, valid and afterwards. Without a column one of `mean=T1,T2`,
-    `norm=…`, `product=…` stands there, or of time `rate=50`: `temperature.a=[degC; mean=T1,T2]`. A name that ends in a
-    bracket is written with another one behind it: `T[x][]`.
+    Behind the unit may stand scale, offset, wrap, invalid, valid, afterwards, and of time rows. Without a column one of
+    `mean=T1,T2`, `norm=…`, `product=…` stands there, or of time `rate=50`: `temperature.a=[degC; mean=T1,T2]`. A name
+    that ends in a bracket is written with another one behind it: `T[x][]`.
 
     Raises:
         InputError: the text or its unit can't be used.
@@ -288,6 +294,7 @@ class _Entry:
             self.numbers("invalid", ()),
             (low, high),
             afterwards=self.number("afterwards", 0.0) if "afterwards" in self.table else None,
+            rows=self.rows(),
         )
 
     def thermometer(self) -> tuple[float, float]:
@@ -307,6 +314,12 @@ class _Entry:
             self.refuse("thermometer", shown(said), "a resistance and an alpha above 0")
         # R = R_0 (1 + α (T - T_0)), solved for T.
         return 1 / (alpha * cold), at - 1 / alpha
+
+    def rows(self) -> str:
+        rows = self.table.get("rows", "")
+        if "rows" in self.table and not (self.key == "time" and rows in MEANS):
+            self.refuse("rows", shown(rows), f"of time: one of {', '.join(shown(each) for each in MEANS)}")
+        return str(rows)
 
     def rate(self) -> ColumnSource:
         rate = self.table["rate"]
@@ -390,7 +403,7 @@ def toml_line(key: str, source: ColumnSource) -> str:
     if source.rate:
         return f"{name} = {{ rate = {source.rate:.12g} }}"
     columns = [json.dumps(column, ensure_ascii=False) for column in source.columns]
-    settings = [f'unit = "{source.unit}"'] if source.unit else []
+    settings = [f'{word} = "{text}"' for word, text in (("unit", source.unit), ("rows", source.rows)) if text]
     settings += [
         f"{word} = [{', '.join(numbers)}]" if word in {"invalid", "valid"} else f"{word} = {numbers[0]}"
         for word, numbers in _settings(source)
@@ -405,6 +418,7 @@ def toml_line(key: str, source: ColumnSource) -> str:
 def map_option(key: str, source: ColumnSource) -> str:
     """An option such as `--map "temperature.a=T1[degF]"`; '' for columns of several whose names have a comma."""
     settings = [f"{word}={','.join(numbers)}" for word, numbers in _settings(source)]
+    settings += [f"rows={source.rows}"] if source.rows else []
     if len(source.columns) == 1:
         column = source.columns[0]
     else:

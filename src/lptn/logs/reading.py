@@ -15,7 +15,7 @@ from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import LOG_FILE, InputError
 from lptn.logs.bags import open_bag
 from lptn.logs.clock import check_time, within_stamps
-from lptn.logs.columns import ColumnSource
+from lptn.logs.columns import MEANS, ColumnSource
 from lptn.logs.csv_files import ENDINGS as CSV_ENDINGS
 from lptn.logs.csv_files import open_csv
 from lptn.logs.guess import format_note, guess
@@ -275,6 +275,7 @@ def _listing(table: Table) -> str:
 _FEWEST_STEPS = 10  # of a run; in fewer nothing can be seen to warm
 _SHORTEST_STEP = 1.0  # s, unless the user asks for less: bodies of a robot's size warm over minutes
 _BRIDGED, _BRIDGED_STEPS = 10.0, 5.0  # s, and steps: the gap that is bridged unless the user says another
+_SLOW = 60.0  # s from row to row, from which half of it is what a winding or a sensor lags by
 _BEGINNING = 5.0  # s, of the log, whose mean reading is where a run is taken to begin
 GUESSED = "guessed: "
 """How notes on guessed columns begin."""
@@ -297,7 +298,7 @@ def read_log(
 
     Inputs hold from sample to sample; over a step torque and current keep their RMS, velocity and speed the
     mean of the absolute value. Temperatures are the mean over a step, or are interpolated at its start where
-    a step holds about one sample.
+    a step holds about one sample. Where the entry of `time` says that rows are means, both are means over the row.
 
     Args:
         log: a `.csv`, `.tsv`, `.txt` (each perhaps `.gz`), `.xlsx`, `.parquet`, `.mcap`, `.db3` or `.ulg` file, the
@@ -328,6 +329,7 @@ def read_log(
         <Run monday: 60 steps of 1 s, 3 columns>
     """
     path = Path(name) if isinstance(log, pd.DataFrame) else Path(log)
+    rows = columns["time"].rows if columns and "time" in columns else ""
     for setting, value in (("step", step), ("max_gap", max_gap)):
         if value is not None and not (math.isfinite(value) and value > 0):
             raise InputError(path, setting, f"{value:g} s", "a time above 0 s")
@@ -335,6 +337,9 @@ def read_log(
         table, columns = _timed(table_of(log, name), columns or {})
     else:
         table, columns = open_log(path, columns or {})
+    if rows and table.mixed:
+        found = f'"{rows}", of columns at rates of their own'
+        raise InputError(path, "rows of time", found, "rows that hold all columns")
     guesses = guess(table, columns, inputs, outputs, optional) if guessing else []
     columns |= {guessed.key: guessed.source for guessed in guesses}
     choice = choose_columns(table, columns, inputs, outputs, optional)
@@ -390,9 +395,19 @@ def _checked_samples(table: Table, choice: ColumnChoice, strict: bool) -> tuple[
     keep, repeated = check_time(table, choice.sources["time"].columns[0], time)
     if keep.size < time.size:
         time, raw = time[keep], {key: values[keep] for key, values in raw.items()}
-    samples = Samples(time, raw)
-    notes += [*repeated, *_temperature_notes(samples, table.mixed), *(issue.sentence for issue in issues)]
+    samples, of_rows = _as_rows_are(Samples(time, raw), choice.sources["time"].rows)
+    notes += [*repeated, *of_rows, *_temperature_notes(samples, table.mixed), *(issue.sentence for issue in issues)]
     return samples, notes, issues
+
+
+def _as_rows_are(samples: Samples, rows: str) -> tuple[Samples, list[str]]:
+    """The samples, or means, from the beginning of what each row is about; a note where nobody said which they are."""
+    if rows:
+        return replace(samples, time=samples.time - MEANS[rows] * samples.period, means=True), []
+    said = ", ".join(f'"{each}"' for each in MEANS)
+    note = f"time: a row every {samples.period:.4g} s, read as samples whose inputs hold until the next; "
+    note += f"if rows are means, say over what: rows = one of {said} in the entry of time."
+    return samples, [note] * (samples.period >= _SLOW)
 
 
 def _silences(

@@ -218,10 +218,17 @@ def would_cut(
 
 @dataclass(frozen=True)
 class Samples:
-    """Raw samples of a log: `time` (n,) s, strictly increasing, and `raw` quantities (n,), SI and degC."""
+    """Raw samples of a log, or means over the intervals that its rows begin.
+
+    Args:
+        time: (n,) s, strictly increasing.
+        raw: quantities, (n,) each, SI and degC.
+        means: whether each row is a mean until the next.
+    """
 
     time: FloatArray
     raw: Mapping[str, FloatArray]
+    means: bool = False
 
     @property
     def period(self) -> float:
@@ -229,8 +236,8 @@ class Samples:
         return float(np.median(np.diff(self.time)))
 
     def averaged(self, step: float) -> bool:
-        """Whether a step of so many seconds holds several samples, so that a temperature is their mean."""
-        return step >= SEVERAL * self.period
+        """Whether a temperature is a mean over a step of so many seconds, which holds several samples or a mean."""
+        return self.means or step >= SEVERAL * self.period
 
 
 def grid(start: float, step: float, n: int) -> FloatArray:
@@ -258,7 +265,8 @@ def temperatures_on_grid(
     if not samples.averaged(step):
         at = grid(start, step, n)
         return {name: interpolate(samples.time, samples.raw[name], at, max_gap) for name in columns}
-    return {name: _averages(samples.time, samples.raw[name], start, step, n, max_gap) for name in columns}
+    time = samples.time + (0.5 * samples.period if samples.means else 0.0)  # a mean is what was there in its middle
+    return {name: _averages(time, samples.raw[name], start, step, n, max_gap) for name in columns}
 
 
 def _averages(time: FloatArray, values: FloatArray, start: float, step: float, n: int, max_gap: float) -> FloatArray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable
+from functools import cached_property
 from typing import Any, Literal, NamedTuple, TypeVar, cast
 
 import casadi as ca
@@ -162,12 +163,12 @@ class Model:
         felt = [self.balance.temperature[name] for name in self.network.prescribed]
         return self._function("surroundings", lambda: ca.densify(ca.vertcat(*felt)), "felt")
 
-    @property
+    @cached_property
     def reads_directly(self) -> bool:
         """Whether every sensor reads its node's temperature as it is."""
         return not any(instance.effect.changes_reading for instance in self.network.effect_instances)
 
-    @property
+    @cached_property
     def in_time(self) -> bool:
         """Whether all readings belong to the instants that the log says."""
         return not any(instance.effect.delays_readings for instance in self.network.effect_instances)

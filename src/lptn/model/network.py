@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -267,8 +268,15 @@ class Layout:
 
     def nodes_with(self, key: str) -> list[str]:
         """Dynamic nodes at which an effect is declared."""
-        patterns = [declared.at for declared in self.effects if declared.effect.key == key]
-        return [name for name in self.dynamic if any(matching(pattern, [name]) for pattern in patterns)]
+        return self._declared_at.get(key, [])
+
+    @cached_property
+    def _declared_at(self) -> dict[str, list[str]]:
+        """The dynamic nodes of each effect."""
+        found: dict[str, set[str]] = {}
+        for declared in self.effects:
+            found.setdefault(declared.effect.key, set()).update(matching(declared.at, self.dynamic))
+        return {key: [name for name in self.dynamic if name in names] for key, names in found.items()}
 
 
 # --- The network -----------------------------------------------------------------------------------
@@ -437,7 +445,16 @@ class Network:
 
     def with_values(self, values: Mapping[str, float]) -> Network:
         """The same network with parameter values replaced, by the parameters' names."""
-        return replace(self, values={**self.values, **values})
+        other = copy(self)  # working out all places and parameters anew would take much of a search's time
+        parameters = [
+            replace(each, declared=_revalued(self.origin, each.name, each.declared, values[each.name]))
+            if each.name in values
+            else each
+            for each in self.parameters
+        ]
+        object.__setattr__(other, "values", {**self.values, **values})
+        object.__setattr__(other, "parameters", parameters)
+        return other
 
     def without_granted(self) -> Network:
         """The same network less the errors of logs that single runs are granted."""
@@ -518,18 +535,19 @@ class _Parameters:
             other = mirrored(place) if declared.share == "sides" else None
             mirror = None if other is None else in_run(f"{prefix}.{other}", run)
             if name in self.values:
-                declared = self._revalued(name, declared, self.values[name])
+                declared = _revalued(self.origin, name, declared, self.values[name])
             self._index[name] = len(self.instances)
             self.instances.append(ParameterInstance(name, declared, mirror))
         return self._index[name]
 
-    def _revalued(self, name: str, declared: Parameter, value: float) -> Parameter:
-        lower, upper = declared.bounds
-        slack = ROUNDING * max(abs(value), 1.0)
-        if not lower - slack <= value <= upper + slack:
-            expected = f"a value from {lower!r} to {upper!r}"
-            raise InputError(self.origin, f'fit.parameters."{name}"', f"{value!r}", expected)
-        return replace(declared, value=min(max(value, lower), upper))
+
+def _revalued(origin: str, name: str, declared: Parameter, value: float) -> Parameter:
+    lower, upper = declared.bounds
+    slack = ROUNDING * max(abs(value), 1.0)
+    if not lower - slack <= value <= upper + slack:
+        expected = f"a value from {lower!r} to {upper!r}"
+        raise InputError(origin, f'fit.parameters."{name}"', f"{value!r}", expected)
+    return replace(declared, value=min(max(value, lower), upper))
 
 
 def _nodes(
