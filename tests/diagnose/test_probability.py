@@ -23,7 +23,7 @@ from lptn.diagnose.probability import (
 from lptn.diagnose.scores import Scores, score
 from lptn.effects import catalogue
 from lptn.identify.data import split_data
-from lptn.identify.fitting import Fit
+from lptn.identify.fitting import Fit, fit
 from lptn.identify.validation import fit_segments
 from lptn.logs.run import Run
 from lptn.model.model import Model
@@ -120,6 +120,19 @@ def test_nothing_is_the_less_probable_the_more_a_candidate_scores(kelvin: float,
     # However often the candidates are counted, nothing is as probable beforehand as all of them.
     twice = probabilities_by_score(done, [*scores.ranked, *scores.ranked], 3.0)
     assert twice.sum() == pytest.approx(shares.sum(), abs=1e-6)
+
+
+def test_scores_are_the_same_whether_or_not_the_scale_of_all_heat_is_known() -> None:
+    """It is a combination of parameters that moves no temperature; rounding made a direction of it."""
+    run = run_with(np.linspace(0.0, 0.08, STEPS))
+    scores, done = _scored(run)
+    gains = [index for index in done.problem.free if "gain" in done.model.parameters[index].name]
+    assert len(gains) == 2
+    others = [index for index in done.problem.free if index not in gains]
+    held = fit(done.model, done.problem.bound_runs, sigma=done.problem.sigma, guess=done.point, free=others)
+    known = score(held, candidates(HEATED, run.columns, ["run"]))
+    expected = {each.candidate.key: each.gain for each in known.ranked}
+    assert {each.candidate.key: each.gain for each in scores.ranked} == pytest.approx(expected, rel=1e-3, abs=1e-3)
 
 
 def test_no_score_asks_for_more_than_an_amplitude_may_be() -> None:

@@ -17,7 +17,7 @@ from lptn.model.model import Model
 from lptn.model.network import Network
 from lptn.simulate import kernel as machine_code
 from lptn.simulate.bound_run import BoundRun, bind, default_start
-from lptn.simulate.kernel import Kernel, kernel
+from lptn.simulate.kernel import Kernel, Rates, kernel
 from lptn.simulate.simulation import sensitivities, simulate
 from tests.builders import effect as declared
 from tests.builders import random_run, two_nodes, with_every_effect
@@ -90,7 +90,7 @@ def test_every_operation_is_casadis() -> None:
     rates = _all_operations(0.3 * ca.tanh(x[0] * p[0] - u[0]) + 0.5, 0.2 * ca.sin(u[0] + x[1]) - 0.5 * p[1])
     library, model = machine_code.library(), SimpleNamespace(symbols=(x, u, p, rates, None))
     assert library is not None
-    compiled = Kernel(library, cast(Model, model), 0, ())
+    compiled = Kernel(library, Rates(cast(Model, model), 0, ()))
     rate, h = ca.Function("rates", [x, u, p], [rates]), 0.1
     start, inputs, values = np.linspace(-1, 1, count), np.array([[0.7], [0.1]]), np.array([0.9, 0.4])
     stages = [rate(start, inputs, values)]

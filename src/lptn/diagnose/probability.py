@@ -35,6 +35,7 @@ from lptn.identify.comparison import Prediction
 from lptn.identify.fitting import Fit
 from lptn.identify.problem import AT_REST
 from lptn.model.network import EffectDeclaration
+from lptn.simulate.dynamics import slopes_at_points
 
 _DRAWS = 1000  # of the weights: a probability of a half is met within 0.016
 _OCCAM = 20.0  # times less probable than the best, from which on a model is out of Occam's window [MadiganRaftery1994]
@@ -312,7 +313,8 @@ def log_evidence_of_starts(fit: Fit) -> float:
         in_equilibrium = -0.5 * distance**2 * told_of_each
         anywhere = -np.log1p(distance**2) - 0.5 * np.log1p(told_of_each)
         values = fit.model.in_run(bound.run.name, fit.point.values)
-        rates = np.diag(fit.model.state_jacobian(fit.point.starts[run], bound.inputs[:, 0], values).full())[nodes:]
+        at_start = fit.point.starts[run][:, None], bound.inputs[:, :1], values
+        rates = np.diag(slopes_at_points(fit.model, *at_start)[0])[nodes:]
         moved = 0.5 / (1.0 + _AS_BEFORE * np.maximum(-rates, 0.0))
         total += float(np.sum(np.logaddexp(np.log(1.0 - moved) + in_equilibrium, np.log(moved) + anywhere)))
     return total

@@ -177,9 +177,14 @@ def _imitable(fit: Fit, residuals: FloatArray) -> FloatArray:
     _, baseline = fit.problem.jacobian(fit.z)
     length = np.linalg.norm(baseline, axis=0)
     kept = ~granted_no_more(fit, baseline.T @ residuals) & (length > 0)
-    return np.asarray(np.linalg.qr(baseline[:, kept] / length[kept])[0])
+    columns, triangle = np.linalg.qr(baseline[:, kept] / length[kept])
+    # Where the data leave a combination of parameters free, as the scale of all heat, the last columns are rounding.
+    axes, spans, _ = np.linalg.svd(triangle)
+    return np.asarray(columns @ axes[:, spans > _ROUNDING * spans.max(initial=0.0)])
 
 
+_ROUNDING = 1e-8
+"""Of the longest direction: half of a double's digits, so that what is shorter is what derivatives are rounded by."""
 _Wanted = tuple[Candidate, float | None, IntArray]
 """A candidate, a shape of its grid, and the numbers of its sites there."""
 

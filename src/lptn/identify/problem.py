@@ -12,7 +12,7 @@ from lptn.basics.arrays import BoolArray, FloatArray, IntArray
 from lptn.basics.parameters import Transform
 from lptn.model.model import Model
 from lptn.simulate.bound_run import BoundRun, default_start, excess_at_start
-from lptn.simulate.simulation import SimulationError, sensitivity_windows, simulate
+from lptn.simulate.simulation import Sensitivities, SimulationError, sensitivity_windows, simulate
 
 _SEEN_SPREAD = 1000.0
 """K, prior standard deviation of a measured node's initial temperature, so much as none: its readings hold it, and a
@@ -196,11 +196,17 @@ class Problem:
         point = self.point(z)
         prior = self._prior_jacobian(point.values)
         gradient, hessian = prior.T @ self._prior_residuals(z, point), prior.T @ prior
-        for number in range(len(self.bound_runs)):
-            columns = self._columns(number)
-            for _, residuals, derivatives in self._windows(number, point):
-                gradient[columns] += derivatives.T @ residuals
-                hessian[np.ix_(columns, columns)] += derivatives.T @ derivatives
+        for number, bound in enumerate(self.bound_runs):
+            columns, chain = self._columns(number), self._chain(number, point.values)
+            for window, predicted in self._sensitivities(number, point):
+                # Step after step as they were worked out, readings that don't count with no weight: a search is mostly
+                # here, and every copy of the derivatives takes as long as the product with themselves.
+                weights = (bound.counted[:, window] / self.sigma[:, None]).T
+                errors = np.nan_to_num((predicted.readings - bound.measured[:, window]).T) * weights
+                rows = np.moveaxis(predicted.derivatives, 1, 0) * weights[:, :, None]
+                rows = rows.reshape(-1, len(columns))
+                gradient[columns] += chain.T @ (rows.T @ errors.ravel())
+                hessian[np.ix_(columns, columns)] += chain.T @ (rows.T @ rows) @ chain
         return gradient, hessian
 
     @property
@@ -232,22 +238,40 @@ class Problem:
         return np.vstack(gradients)
 
     def _columns(self, number: int) -> IntArray:
-        """The unknowns that a run's readings depend on: the parameters and its own initial states."""
+        """The unknowns that a run's readings depend on: the parameters that act in it and its own initial states."""
         count = len(self.model.states)
         first = len(self.free) + number * count
-        return np.concatenate([np.arange(len(self.free)), np.arange(first, first + count)])
+        return np.concatenate([self._acting[number], np.arange(first, first + count)])
+
+    @cached_property
+    def _acting(self) -> list[IntArray]:
+        """For each run the places in `free` of the parameters that act in it: none of other runs' own effects."""
+        acting = [self.model.acting_in(bound.run.name) for bound in self.bound_runs]
+        return [np.flatnonzero([index in each for index in self.free]) for each in acting]
+
+    def _sensitivities(self, number: int, point: Point) -> Iterator[tuple[slice, Sensitivities]]:
+        """Window by window of a run: its steps, readings, and their derivatives by parameters and initial states."""
+        chosen = [self.free[place] for place in self._acting[number]]
+        bound, start = self.bound_runs[number], point.starts[number]
+        return sensitivity_windows(self.model, bound, point.values, chosen, start)
+
+    def _chain(self, number: int, values: FloatArray) -> FloatArray:
+        """Derivative of a run's parameters and initial states by its unknowns, which `_columns` lists; square."""
+        acting, nodes = self._acting[number], len(self.model.nodes)
+        chain = np.eye(len(acting) + len(self.model.states))
+        chain[range(len(acting)), range(len(acting))] = self.slope(values)[acting]
+        # A node's initial temperature takes its hidden states along.
+        chain[len(acting) + nodes :, len(acting) : len(acting) + nodes] = self._shares
+        return chain
 
     def _windows(self, number: int, point: Point) -> Iterator[tuple[IntArray, FloatArray, FloatArray]]:
         """Window by window of a run: where its readings stand in the run, residuals, derivatives by `_columns`."""
-        bound, slope = self.bound_runs[number], self.slope(point.values)
+        bound, chain = self.bound_runs[number], self._chain(number, point.values)
         places = np.arange(bound.counted.size).reshape(bound.counted.shape)
-        windows = sensitivity_windows(self.model, bound, point.values, self.free, point.starts[number])
-        for window, predicted in windows:
+        for window, predicted in self._sensitivities(number, point):
             counted = bound.counted[:, window]
             residuals = (predicted.readings - bound.measured[:, window]) / self.sigma[:, None]
-            derivatives = predicted.derivatives[counted]
-            derivatives[:, : len(self.free)] *= slope
-            self._make_relative(derivatives[:, len(self.free) :])
+            derivatives = predicted.derivatives[counted] @ chain
             derivatives *= 1.0 / np.repeat(self.sigma, counted.sum(axis=1))[:, None]
             yield places[:, window][counted], residuals[counted], derivatives
 
@@ -282,11 +306,6 @@ class Problem:
         states = relative.copy()
         states[nodes:] += self._shares @ relative[:nodes]
         return states
-
-    def _make_relative(self, by_start: FloatArray) -> None:
-        """A node's initial temperature takes its hidden states along."""
-        nodes = len(self.model.nodes)
-        by_start[:, :nodes] += by_start[:, nodes:] @ self._shares
 
     # --- priors -----------------------------------------------------------------------------------
 

@@ -129,6 +129,15 @@ class Model:
             values[index] = float(is_of_run(name, pattern))
         return values
 
+    def acting_in(self, name: str) -> set[int]:
+        """Indices of the parameters that act in a run: all but those of other runs' own effects."""
+        elsewhere = (
+            instance
+            for instance in self.network.effect_instances
+            if instance.declaration.run and not is_of_run(name, instance.declaration.run)
+        )
+        return set(range(len(self.parameters))).difference(*(each.parameters.values() for each in elsewhere))
+
     @property
     def resting_shares(self) -> FloatArray:
         """Each hidden state's equilibrium as shares of the nodes' temperatures, shape (hidden, nodes)."""

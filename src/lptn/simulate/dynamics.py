@@ -14,10 +14,10 @@ from math import ceil, log2
 import casadi as ca
 import numpy as np
 
-from lptn.basics.arrays import FloatArray
+from lptn.basics.arrays import FloatArray, IntArray
 from lptn.model.array_function import ArrayFunction
 from lptn.model.model import Model
-from lptn.simulate.kernel import AtPoints, kernel
+from lptn.simulate.kernel import AtPoints, differentiated_with, kernel
 
 # --- The linearised rates dx/dt = f(x, u, p) ------------------------------------------------------
 
@@ -55,11 +55,7 @@ class Linearisation:
     """
 
     def __init__(self, model: Model, core: int, chosen: Sequence[int]) -> None:
-        x, u, p, rates, readings = model.symbols
-        by = ca.vertcat(x[:core], p[list(chosen)])
-        of_rates, of_readings = ca.jacobian(rates[:core], by), ca.jacobian(readings, by)
-        self._rates = AtPoints(ca.Function("rates", [x, u, p], [ca.densify(of_rates)]))
-        self._readings = AtPoints(ca.Function("readings", [x, ca.SX(0, 1), p], [ca.densify(of_readings)]))
+        self._symbols, self._core, self._chosen = model.symbols, core, list(chosen)
 
     def rates(self, x: FloatArray, u: FloatArray, p: FloatArray) -> FloatArray:
         """[A B] at n points: d rates/dx beside d rates/dp, shape (n, core, core + chosen).
@@ -73,7 +69,36 @@ class Linearisation:
 
     def readings(self, x: FloatArray, p: FloatArray) -> FloatArray:
         """[C D] at n points: d readings/dx beside d readings/dp, shape (n, nodes, core + chosen)."""
-        return self._readings(x, np.zeros((0, x.shape[1])), p)
+        slopes = np.zeros((x.shape[1], *self._of_readings.shape))
+        slopes[:, *self.nonzeros] = self.nonzeros_of_readings(x, p)
+        return slopes
+
+    def nonzeros_of_readings(self, x: FloatArray, p: FloatArray) -> FloatArray:
+        """Those of [C D] that are not zero everywhere, shape (n, nonzeros); `nonzeros` says where they stand."""
+        return self._nonzeros(x, np.zeros((0, x.shape[1])), p)[:, :, 0]
+
+    @cached_property
+    def nonzeros(self) -> tuple[IntArray, IntArray]:
+        """Rows and columns of [C D] that are not zero everywhere, shape (nonzeros,) each."""
+        rows, columns = self._of_readings.sparsity().get_triplet()
+        return np.array(rows), np.array(columns)
+
+    @cached_property
+    def _of_readings(self) -> ca.SX:
+        x, _, p, _, readings = self._symbols
+        return ca.jacobian(readings, ca.vertcat(x[: self._core], p[self._chosen]))
+
+    @cached_property
+    def _nonzeros(self) -> AtPoints:
+        x, _, p, _, _ = self._symbols
+        nonzeros = ca.vertcat(*self._of_readings.nonzeros())  # type: ignore[call-overload]
+        return AtPoints(ca.Function("readings", [x, ca.SX(0, 1), p], [nonzeros]))
+
+    @cached_property
+    def _rates(self) -> AtPoints:
+        x, u, p, rates, _ = self._symbols
+        slopes = ca.jacobian(rates[: self._core], ca.vertcat(x[: self._core], p[self._chosen]))
+        return AtPoints(ca.Function("rates", [x, u, p], [ca.densify(slopes)]))
 
 
 _SCALED, _TAYLOR_ORDER = 0.5, 14  # the first term of the series that is left out is below 1e-17 of the first
@@ -160,6 +185,40 @@ class Stepper:
             states, derivatives = compiled.run(start, inputs, p, step, substeps, derivative)
             return states.T, derivatives
         return self._interpreted(start, derivative, np.repeat(inputs, substeps, axis=1), p, step / substeps, substeps)
+
+    def of_readings(self, states: FloatArray, p: FloatArray, derivatives: FloatArray) -> FloatArray:
+        """Derivatives of what the sensors read, shape (n, nodes, chosen + core), from those of the core states.
+
+        Args:
+            states: shape (states, n).
+            p: parameters, shape (m,).
+            derivatives: shape (n, core, chosen + core).
+        """
+        nodes = len(self.model.nodes)
+        if self.model.reads_directly:
+            return derivatives[:, :nodes]
+        slopes = self._shared
+        of_readings = np.zeros((len(derivatives), nodes, derivatives.shape[2]))
+        values = slopes.nonzeros_of_readings(states, p)
+        for row, column, value in zip(*slopes.nonzeros, values.T, strict=True):  # nearly all sensors read one state
+            if column < self.core:
+                of_readings[:, row] += value[:, None] * derivatives[:, column]
+            elif (number := self._numbers.get(column - self.core)) is not None:
+                of_readings[:, row, number] += value
+        return of_readings
+
+    @cached_property
+    def _shared(self) -> Linearisation:
+        """The linearisation by all parameters that derivatives are made by, in common with other choices of them."""
+        parameters = differentiated_with(self.model, self.chosen)
+        key = ("linearisation", self.core, tuple(parameters))
+        return self.model.made_once(key, lambda: Linearisation(self.model, self.core, parameters))
+
+    @cached_property
+    def _numbers(self) -> dict[int, int]:
+        """The numbers among the chosen parameters of those in common."""
+        parameters = differentiated_with(self.model, self.chosen)
+        return {parameters.index(index): number for number, index in enumerate(self.chosen)}
 
     def _interpreted(
         self, start: FloatArray, derivative: FloatArray, inputs: FloatArray, p: FloatArray, h: float, substeps: int

@@ -18,7 +18,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from lptn.basics.arrays import FloatArray
+from lptn.basics.arrays import FloatArray, IntArray
 from lptn.basics.c_library import shared_library
 from lptn.model.array_function import ArrayFunction
 from lptn.model.model import Model
@@ -156,7 +156,7 @@ class _Operations:
 # --- Machine code that evaluates and steps any model ----------------------------------------------
 
 _FLAGS = ("-O3",)
-_NONE = ca.Sparsity(0, 0)
+_NONE = np.zeros((2, 0), dtype=np.int64)
 
 
 class _CModel(ctypes.Structure):
@@ -177,43 +177,42 @@ def _addresses(*arrays: npt.NDArray[Any]) -> list[ctypes.c_void_p]:
 
 
 class _Program:
-    """A function (x, u, p) -> dense column as `kernel.c` takes it.
+    """A list of operations as `kernel.c` takes it.
 
     Args:
         library: kernel.c.
-        function: the function.
+        operations: of a function (x, u, p) -> dense column.
+        results: which of its results are asked for; all by default.
         core: how many leading states its results are differentiated by.
-        by_state, by_parameter: where the derivatives among its results stand: of the core states, by these and by
-            chosen parameters.
-
-    Raises:
-        UnknownOperationError: the function has an operation that machine code here does not know.
+        chosen: by how many parameters.
+        of_state, of_parameter: rows and columns of the derivatives among the results, shape (2, nonzeros) each: of the
+            core states' rates by these, and by the parameters.
     """
 
     def __init__(
         self,
         library: ctypes.CDLL,
-        function: ca.Function,
+        operations: _Operations,
+        results: IntArray | None = None,
         core: int = 0,
-        by_state: ca.Sparsity = _NONE,
-        by_parameter: ca.Sparsity = _NONE,
+        chosen: int = 0,
+        of_state: IntArray = _NONE,
+        of_parameter: IntArray = _NONE,
     ) -> None:
-        self.library, self._operations = library, _Operations(function)
-        triplets = [np.array(each.get_triplet(), dtype=np.int64) for each in (by_state, by_parameter)]
-        self.of_state = triplets[0].reshape(2, -1)
-        self._pattern = np.concatenate([each.ravel() for each in triplets])
-        made = self._operations
+        self.library, self._operations = library, operations
+        self._results = operations.results if results is None else operations.results[results]
+        self._pattern = np.concatenate([each.ravel() for each in (of_state, of_parameter)]).astype(np.int64)
         self.struct = _CModel(
-            *made.sizes,
-            len(made.initial),
-            len(made.results),
-            (ctypes.c_longlong * 4)(*made.bounds),
-            (ctypes.c_longlong * 3)(*made.first),
-            *_addresses(made.groups, made.left, made.right, made.results, made.initial),
+            *operations.sizes,
+            len(operations.initial),
+            len(self._results),
+            (ctypes.c_longlong * 4)(*operations.bounds),
+            (ctypes.c_longlong * 3)(*operations.first),
+            *_addresses(operations.groups, operations.left, operations.right, self._results, operations.initial),
             core,
-            by_parameter.size2(),
-            by_state.nnz(),
-            by_parameter.nnz(),
+            chosen,
+            of_state.shape[1],
+            of_parameter.shape[1],
             *_addresses(self._pattern),
         )
 
@@ -229,25 +228,52 @@ class _Program:
         return results
 
 
-class Kernel:
-    """Compiled steps of one model.
+class Rates:
+    """A model's rates and their derivatives as operations, which serve whatever of these derivatives is wanted.
 
     Args:
-        library: kernel.c.
         model: the model.
         core: how many leading states to differentiate; those behind them must not act back on these.
-        chosen: indices of the parameters to differentiate by.
+        parameters: indices of the parameters to differentiate by.
 
     Raises:
         UnknownOperationError: the model has an operation that machine code here does not know.
     """
 
-    def __init__(self, library: ctypes.CDLL, model: Model, core: int, chosen: Sequence[int]) -> None:
+    def __init__(self, model: Model, core: int, parameters: Sequence[int]) -> None:
         x, u, p, rates, _ = model.symbols
-        by_state, by_parameter = ca.jacobian(rates[:core], x[:core]), ca.jacobian(rates[:core], p[list(chosen)])
+        by_state, by_parameter = ca.jacobian(rates[:core], x[:core]), ca.jacobian(rates[:core], p[list(parameters)])
         nonzeros = ca.vertcat(ca.densify(rates), *by_state.nonzeros(), *by_parameter.nonzeros())  # type: ignore[call-overload]
-        function = ca.Function("rates", [x, u, p], [ca.densify(nonzeros)])
-        self._program = _Program(library, function, core, by_state.sparsity(), by_parameter.sparsity())
+        self.states, self.core, self.parameters = rates.numel(), core, list(parameters)
+        self.of_state, self.of_parameter = _places(by_state), _places(by_parameter)
+        self.operations = _Operations(ca.Function("rates", [x, u, p], [nonzeros]))
+
+
+def _places(matrix: ca.SX) -> IntArray:
+    """Rows and columns of what is not zero everywhere, shape (2, nonzeros)."""
+    return np.array(matrix.sparsity().get_triplet(), dtype=np.int64).reshape(2, -1)
+
+
+class Kernel:
+    """Compiled steps of one model.
+
+    Args:
+        library: kernel.c.
+        rates: of the model.
+        chosen: indices of the parameters to differentiate by, among those that the rates are differentiated by.
+    """
+
+    def __init__(self, library: ctypes.CDLL, rates: Rates, chosen: Sequence[int] = ()) -> None:
+        rows, columns = rates.of_parameter
+        number = np.full(len(rates.parameters), -1)
+        number[[rates.parameters.index(index) for index in chosen]] = range(len(chosen))
+        wanted = np.flatnonzero(number[columns] >= 0)
+        self._of_state, before = rates.of_state, rates.states + rates.of_state.shape[1]
+        results = np.concatenate([np.arange(before), before + wanted])
+        of_parameter = np.array([rows[wanted], number[columns[wanted]]])
+        self._program = _Program(
+            library, rates.operations, results, rates.core, len(chosen), rates.of_state, of_parameter
+        )
 
     def run(
         self,
@@ -302,17 +328,18 @@ class Kernel:
         """
         model = self._program.struct
         stack = np.zeros((x.shape[1], model.core, model.core))
-        rows, columns = self._program.of_state
+        rows, columns = self._of_state
         nonzeros = self._program.at(x, u, p)[:, model.states : model.states + model.nonzeros_a]
         stack[:, rows, columns] = nonzeros
         return stack
 
 
 def kernel(model: Model, core: int | None = None, chosen: Sequence[int] = ()) -> Kernel | None:
-    """Compiled steps of a model, made once for it and all its copies at other values; arguments as for `Kernel`.
+    """Compiled steps of a model, made once for it and all its copies at other values.
 
     Args:
-        core: all states by default.
+        core: how many leading states to differentiate; those behind them must not act back on these. All by default.
+        chosen: indices of the parameters to differentiate by.
 
     Returns:
         `None` where no C compiler works, or the model has an operation that is not known here.
@@ -322,11 +349,24 @@ def kernel(model: Model, core: int | None = None, chosen: Sequence[int] = ()) ->
 
 
 def _kernel(model: Model, core: int, chosen: Sequence[int]) -> Kernel | None:
-    compiled = library()
+    compiled, parameters = library(), differentiated_with(model, chosen)
     try:
-        return None if compiled is None else Kernel(compiled, model, core, chosen)
+        if compiled is None:
+            return None
+        rates = model.made_once(("rates", core, tuple(parameters)), lambda: Rates(model, core, parameters))
+        return Kernel(compiled, rates, chosen)
     except UnknownOperationError:
         return None
+
+
+def differentiated_with(model: Model, chosen: Sequence[int]) -> list[int]:
+    """The parameters that derivatives are made by where some are asked for: all that a fit or a prediction may ask for.
+
+    Making derivatives takes as long as some fits do; those of a fit, and of the errors that each run is granted, are
+    made once.
+    """
+    likely = [k for k, each in enumerate(model.parameters) if each.free or each.declared.nuisance]
+    return likely if chosen and set(chosen).issubset(likely) else list(chosen)
 
 
 class AtPoints:
@@ -340,7 +380,7 @@ class AtPoints:
         compiled = library()
         self._function, self._maps = function, dict[int, ArrayFunction]()
         try:
-            self._program = None if compiled is None else _Program(compiled, function)
+            self._program = None if compiled is None else _Program(compiled, _Operations(function))
         except UnknownOperationError:
             self._program = None
 

@@ -184,15 +184,5 @@ def _pieces(steps: Stepper, bound: BoundRun, values: FloatArray, start: FloatArr
         window = slice(first, min(first + most, len(bound)))
         path, derivatives = steps.run(states, derivative, bound.inputs[:, window], values, bound.run.step, parts)
         _refuse_runaway(path, bound)
-        yield Piece(first, model.readings_of(path, values), _of_readings(steps, path, values, derivatives))
+        yield Piece(first, model.readings_of(path, values), steps.of_readings(path, values, derivatives))
         states, derivative = path[:, -1].copy(), derivatives[-1].copy()
-
-
-def _of_readings(steps: Stepper, states: FloatArray, p: FloatArray, derivatives: FloatArray) -> FloatArray:
-    """Derivatives of the readings, shape (n + 1, nodes, chosen + core), from those of the core states."""
-    if steps.model.reads_directly:
-        return derivatives[:, : len(steps.model.nodes)]
-    slopes = steps.linearisation.readings(states, p)
-    of_readings: FloatArray = slopes[:, :, : steps.core] @ derivatives
-    of_readings[:, :, : len(steps.chosen)] += slopes[:, :, steps.core :]
-    return of_readings
