@@ -283,7 +283,7 @@ def at_size(key: str, name: str, share: float, at: str = "a") -> tuple[Fit, Effe
 @pytest.mark.parametrize(("share", "logarithm"), [(1.0, 0.0), (3.0, -1.0), (1 / 81, -4.0), (9.0, -2.0), (28.0, None)])
 def test_sizes_of_things_are_plausible_by_factors_of_three(share: float, logarithm: float | None) -> None:
     fitted, declared = at_size("constant_heat", "power", share)
-    assert is_implausible(fitted, [declared]) == (logarithm is None)
+    assert is_implausible(fitted, [declared], fitted) == (logarithm is None)
     if logarithm is not None:
         assert log_prior_of_sizes(fitted, [declared]) == pytest.approx(logarithm)
     assert log_prior_of_sizes(fitted, []) == 0.0
@@ -292,7 +292,7 @@ def test_sizes_of_things_are_plausible_by_factors_of_three(share: float, logarit
 @pytest.mark.parametrize(("share", "logarithm"), [(0.01, 0.0), (3.0, -0.5), (-6.0, -2.0), (-9.1, None), (9.1, None)])
 def test_errors_of_either_sign_are_normal_about_none(share: float, logarithm: float | None) -> None:
     fitted, declared = at_size("sensor_offset", "offset", share)
-    assert is_implausible(fitted, [declared]) == (logarithm is None)
+    assert is_implausible(fitted, [declared], fitted) == (logarithm is None)
     if logarithm is not None:
         assert log_prior_of_sizes(fitted, [declared]) == pytest.approx(logarithm, abs=1e-4)
 
@@ -313,7 +313,7 @@ def test_factors_vary_by_so_many_times_their_usual_change(
     kind: str, usual: float, change: float, believed: bool
 ) -> None:
     fitted, declared = at_size(kind, "change", change / usual)
-    assert is_implausible(fitted, [declared]) != believed
+    assert is_implausible(fitted, [declared], fitted) != believed
     expected = -abs(np.log(1 + change)) / (3 * np.log(1 + usual))
     assert log_prior_of_sizes(fitted, [declared]) == pytest.approx(expected)
 
@@ -333,14 +333,14 @@ def test_what_went_as_far_as_nature_lets_it_is_not_believed(
     """But for where an effect vanishes, and for all of a share."""
     typical = next(each.typical for each in catalogue()[kind].parameters if each.name == parameter)
     fitted, declared = at_size(kind, parameter, size / typical, at)
-    assert is_implausible(fitted, [declared]) != believed
+    assert is_implausible(fitted, [declared], fitted) != believed
 
 
 @pytest.mark.parametrize(("delay", "believed"), [(-2.0, False), (2.4, False), (2.6, True), (-20.0, True)])
 def test_no_clock_is_known_to_less_than_half_a_step(delay: float, believed: bool) -> None:
     """Nobody says whether a row of 5 s is stamped where it begins or where it ends."""
     fitted, declared = at_size("clock_offset", "delay", delay / 10.0)
-    assert is_implausible(fitted, [declared]) != believed
+    assert is_implausible(fitted, [declared], fitted) != believed
 
 
 @pytest.mark.parametrize(("share", "believed"), [(0.5, True), (-0.5, True), (-1.5, False)])
@@ -349,7 +349,24 @@ def test_no_place_takes_back_more_than_it_has_in_common_with_others(share: float
     declared = replace(own, parameters=(replace(own.effect.stated(True)[0], value=2.0 * share),), difference=True)
     fitted = fit_of(run_with(np.zeros(STEPS)), common, declared)
     given = Model(HEATED.with_effects([common, declared]))
-    assert is_implausible(replace(fitted, model=given), [common, declared]) != believed
+    assert is_implausible(replace(fitted, model=given), [common, declared], fitted) != believed
+
+
+def test_no_effect_takes_the_place_of_what_the_model_was_given_with() -> None:
+    run, radiating = run_with(np.zeros(STEPS)), effect("radiation", "a", area=0.01)
+    given, fitted = fit_of(run), fit_of(run, radiating)
+
+    def with_no_way_to_the_air(fit: Fit) -> Fit:
+        names = [fit.model.parameters[index].name for index in fit.problem.free]
+        z = fit.z.copy()
+        row = names.index("resistance.a~ambient")
+        z[row] = fit.problem.bounds[1][row]
+        return replace(fit, z=z)
+
+    assert not is_implausible(fitted, [radiating], given)
+    assert is_implausible(with_no_way_to_the_air(fitted), [radiating], given)
+    # What had none before has none because of no effect.
+    assert not is_implausible(with_no_way_to_the_air(fitted), [radiating], with_no_way_to_the_air(given))
 
 
 def test_any_time_constant_of_the_grid_is_usual() -> None:

@@ -253,7 +253,7 @@ def answers(
     steps = [
         replace(step, log_odds=odds[step.key], p_value=scores.p_value(gains[step.key]))
         for step in refitted
-        if not is_implausible(step.fit, step.declarations)
+        if not is_implausible(step.fit, step.declarations, base)
     ]
     return Answers(base, scores, tuple(_by_probability(base, steps)))
 

@@ -361,7 +361,7 @@ class _Search:
             if other is branch:
                 continue
             fit = unless_interrupted(finished(other[-1].fit))
-            if not is_implausible(fit, _declarations(other)):
+            if not is_implausible(fit, _declarations(other), branch[0].fit):
                 yield _ending_in(other, fit, self.data)
 
     def reconsidered(self, branch: Branch) -> Branch:
@@ -432,7 +432,7 @@ class _Search:
         for step in refits:
             if _errs(step) and not errors_likely:
                 continue
-            believed = not is_implausible(step.fit, _declarations((*branch, step)))
+            believed = not is_implausible(step.fit, _declarations((*branch, step)), branch[0].fit)
             beyond_chance = step.p_value < SIGNIFICANT and step.gain > 0
             if not (believed and beyond_chance) or step.fit.status == "given up":
                 continue
@@ -461,7 +461,7 @@ class _Search:
         done = [
             _ending_in(branch, unless_interrupted(fit), self.data)
             for branch, fit in zip(followed, fits, strict=True)
-            if not is_implausible(fit, _declarations(branch))
+            if not is_implausible(fit, _declarations(branch), branch[0].fit)
         ]
         if not done:
             return []

@@ -320,14 +320,21 @@ def log_evidence_of_starts(fit: Fit) -> float:
     return total
 
 
-def is_implausible(fit: Fit, declarations: Iterable[EffectDeclaration]) -> bool:
+def is_implausible(fit: Fit, declarations: Iterable[EffectDeclaration], given: Fit) -> bool:
     """Whether an added effect's size is none that anyone would believe.
 
     It is much larger than usual, or went as far as nature lets it, or takes more off a place than that has in common
-    with others; or it is finer than the log: a row may be stamped where its interval begins or where it ends, so that
-    a clock is known to half a step.
+    with others, or in place of a link or a capacity that the model was given with, which vanishes; or it is finer than
+    the log: a row may be stamped where its interval begins or where it ends, so that a clock is known to half a step.
+
+    Args:
+        fit: with the effects.
+        declarations: of these.
+        given: the model that they were added to, fitted.
     """
     step, declared = max(bound.run.step for bound in fit.problem.bound_runs), list(declarations)
+    if fit.vanished.intersection(parameter.name for parameter in given.model.parameters) - given.vanished:
+        return True
     return _takes_more_than_there_is(fit, declared) or any(
         is_beyond_belief(parameter, parameter.value)
         or _is_at_its_end(parameter)

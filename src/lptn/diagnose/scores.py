@@ -27,7 +27,6 @@ from lptn.simulate.bound_run import bind, start_from
 from lptn.simulate.simulation import sensitivity_windows
 
 _LOGS = 200  # simulated for the distribution by chance: p-values down to 0.005
-_AT_BOUND = 1e-4  # in the search's coordinates
 _IMITATED = 1e-6
 """Share of a trace's length left after projection, below which the fitted parameters imitate it wholly: the length is
 a difference of squares, of which double precision leaves no digit at 1e-8."""
@@ -161,11 +160,10 @@ def granted_no_more(fit: Fit, gradient: FloatArray) -> BoolArray:
 
     They can't follow what a candidate would do. (Parameters of the model itself at a bound could, if it were moved.)
     """
-    lower, upper = fit.problem.bounds
     granted = np.zeros(len(fit.z), dtype=bool)
     parameters = fit.model.parameters
     granted[: len(fit.problem.free)] = [parameters[k].declared.nuisance for k in fit.problem.free]
-    below, above = fit.z - lower < _AT_BOUND, upper - fit.z < _AT_BOUND
+    below, above = fit.problem.at_bounds(fit.z)
     return np.asarray(granted & ((below & (gradient > 0)) | (above & (gradient < 0))))
 
 

@@ -26,7 +26,7 @@ from lptn.identify.integral_start import integral_start
 from lptn.identify.noise import Noise, balanced_sigma, estimate_noise
 from lptn.identify.problem import Point, Problem
 from lptn.identify.solvers import PRECISION, Progress, Solution, minimise
-from lptn.identify.uncertainty import Uncertainty, uncertainty
+from lptn.identify.uncertainty import Uncertainty, rows_at_bounds, uncertainty
 from lptn.logs.run import Run
 from lptn.model.model import Model
 from lptn.model.tables import DataTable, FitTable, FittedTable
@@ -71,6 +71,14 @@ class Fit(Tabular):
         """Numbers of the model's parameters that were fitted, without errors that are granted to single runs."""
         parameters = self.model.parameters
         return [index for index in self.problem.free if not parameters[index].declared.nuisance]
+
+    @cached_property
+    def vanished(self) -> set[str]:
+        """Names of resistances that ended at their largest, where no heat passes, and of capacities at their least."""
+        ends = {"K/W": 1, "J/K": 0}  # where a resistance, and where a capacity, has no effect
+        numbers = rows_at_bounds(self.problem, self.z)
+        at_bounds = {self.model.parameters[self.problem.free[row]]: end for row, end in numbers.items()}
+        return {each.name for each, end in at_bounds.items() if ends.get(each.declared.unit) == end}
 
     @cached_property
     def uncertainty(self) -> Uncertainty:

@@ -27,6 +27,7 @@ _REPEATED = 5.0
 """s; so long at least what a model gets wrong stays the same, while a sensor's noise differs with each reading. Of
 readings closer than that several say once what the log was wrong by, and priors count as often: a log of 1 Hz and
 its means over 5 s, which effects are sought on, find the same errors of the log."""
+_AT_BOUND = 1e-4  # distance to a bound, in the search's coordinates
 _NEAR = 1.5  # K; a node starts no further from its first readings, unless an effect of its sensor is modelled
 
 
@@ -141,6 +142,11 @@ class Problem:
             lower[near] = np.where(trusted, bound.start - _NEAR, -np.inf)
             upper[near] = np.where(trusted, bound.start + _NEAR, np.inf)
         return lower, upper
+
+    def at_bounds(self, z: FloatArray) -> tuple[BoolArray, BoolArray]:
+        """Which unknowns stand at their lower bound, and which at their upper, shape (size,) each."""
+        lower, upper = self.bounds
+        return z - lower < _AT_BOUND, upper - z < _AT_BOUND
 
     def slope(self, values: FloatArray) -> FloatArray:
         """d value / d unknown of the free parameters."""

@@ -16,7 +16,7 @@ _BLOCKS = (600.0, 300.0, 120.0, 60.0)  # s; the longest of which there are enoug
 _LEAST_BLOCKS = 3  # for each unknown of the fit
 _INVOLVED = 0.05  # component of a unit vector from which on a parameter is named as part of a combination
 _SAME_SIZE = 0.01  # components of a vector that differ by less are one common factor
-_AT_BOUND = 1e-4  # distance to a bound, in the search's coordinates
+_NEARLY_OFF = 1e-4  # of what is typical
 _FAR = 3.0  # standard deviations of a prior: chance leads so far once in 370 times
 
 
@@ -138,21 +138,19 @@ def _single_parameters(
     perhaps_none: BoolArray,
 ) -> list[str]:
     """Warnings on parameters at a bound, or with a standard error that leaves them open."""
-    lower, upper = problem.bounds
-    values = problem.point(z).values
+    at_bounds, values = rows_at_bounds(problem, z), problem.point(z).values
     warnings = []
     for row, name in enumerate(names):
         parameter = problem.model.parameters[problem.free[row]]
         if parameter.declared.nuisance:
             continue
-        at_bound = z[row] - lower[row] < _AT_BOUND or upper[row] - z[row] < _AT_BOUND
         if perhaps_none[row]:
             least = problem.point(z - 2 * spread[row] * (np.arange(len(z)) == row)).values[problem.free[row]]
             told = f"; {least:.2g} K/W at least" if least > parameter.declared.bounds[0] else ", nor how much"
             warnings.append(f"{name}: these data don't tell whether heat passes there{told}")
-        elif at_bound and not _is_off(parameter, values[problem.free[row]]):
+        elif row in at_bounds:
             bounds = " to ".join(f"{bound:g}" for bound in parameter.declared.bounds)
-            end = parameter.declared.bounds[int(upper[row] - z[row] < _AT_BOUND)]
+            end = parameter.declared.bounds[at_bounds[row]]
             warnings.append(f"{name}: ends at its bound, {end:g} ({bounds} {parameter.declared.unit})")
         elif parameter.declared.prior is not None and _is_far(parameter.declared.prior, values[problem.free[row]]):
             mean, deviation = parameter.declared.prior
@@ -168,6 +166,19 @@ def _single_parameters(
     return warnings
 
 
+def rows_at_bounds(problem: Problem, z: FloatArray) -> dict[int, int]:
+    """Which free parameters ended at a bound, by their number: 0 at the lower one, 1 at the upper.
+
+    An amplitude that ended where its effect vanishes did not.
+    """
+    (below, above), values = problem.at_bounds(z), problem.point(z).values
+    return {
+        row: int(above[row])
+        for row, index in enumerate(problem.free)
+        if (below[row] or above[row]) and not _is_off(problem.model.parameters[index], values[index])
+    }
+
+
 def _is_far(prior: tuple[float, float], value: float) -> bool:
     mean, deviation = prior
     return abs(value - mean) > _FAR * deviation
@@ -176,4 +187,4 @@ def _is_far(prior: tuple[float, float], value: float) -> bool:
 def _is_off(parameter: ParameterInstance, value: float) -> bool:
     """Whether an amplitude ended where its effect vanishes, which is a bound but no cause for a warning."""
     off = parameter.declared.off
-    return off is not None and abs(value - off) < _AT_BOUND * abs(parameter.declared.typical)
+    return off is not None and abs(value - off) < _NEARLY_OFF * abs(parameter.declared.typical)
