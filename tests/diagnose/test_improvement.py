@@ -122,6 +122,16 @@ def test_what_sets_one_joint_apart_is_told_before_what_all_have(leg: Leg) -> Non
     assert wind.gain > offset.gain
 
 
+@pytest.mark.long
+def test_an_error_of_the_log_is_told_before_what_all_have(leg: Leg) -> None:  # noqa: F811
+    model, data = leg(Hidden("forced_convection", "*"), Hidden("clock_offset", "*", size=0.25))
+    coarse = for_search(data)
+    branch = _branch(model, coarse, ("forced_convection", "*"), ("clock_offset", "*"))
+    told = _Search(coarse, None, lambda _: None, lambda _: None).reconsidered(branch)
+    assert [step.effect for step in told[1:]] == ["clock_offset", "forced_convection"]
+    assert told[1].gain < told[2].gain  # it is not told first for what would be missed most
+
+
 def test_a_step_is_as_probable_as_it_is_beside_the_others(improved: tuple[Model, DataSplit, History]) -> None:
     history = improved[2]
     # While the larger effect is missing the smaller one has rivals that disappear with it.
