@@ -15,7 +15,7 @@ from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import LOG_FILE, InputError
 from lptn.logs.bags import open_bag
 from lptn.logs.clock import check_time, within_stamps
-from lptn.logs.columns import MEANS, ColumnSource
+from lptn.logs.columns import MEANS, ColumnSource, as_line_or_option
 from lptn.logs.csv_files import ENDINGS as CSV_ENDINGS
 from lptn.logs.csv_files import open_csv
 from lptn.logs.guess import format_note, guess
@@ -395,19 +395,21 @@ def _checked_samples(table: Table, choice: ColumnChoice, strict: bool) -> tuple[
     keep, repeated = check_time(table, choice.sources["time"].columns[0], time)
     if keep.size < time.size:
         time, raw = time[keep], {key: values[keep] for key, values in raw.items()}
-    samples, of_rows = _as_rows_are(Samples(time, raw), choice.sources["time"].rows)
+    samples, of_rows = _as_rows_are(Samples(time, raw), choice.sources["time"])
     notes += [*repeated, *of_rows, *_temperature_notes(samples, table.mixed), *(issue.sentence for issue in issues)]
     return samples, notes, issues
 
 
-def _as_rows_are(samples: Samples, rows: str) -> tuple[Samples, list[str]]:
+def _as_rows_are(samples: Samples, source: ColumnSource) -> tuple[Samples, list[str]]:
     """The samples, or means, from the beginning of what each row is about; a note where nobody said which they are."""
-    if rows:
-        return replace(samples, time=samples.time - MEANS[rows] * samples.period, means=True), []
-    said = ", ".join(f'"{each}"' for each in MEANS)
+    if source.rows:
+        return replace(samples, time=samples.time - MEANS[source.rows] * samples.period, means=True), []
+    if samples.period < _SLOW or not source.columns:
+        return samples, []
+    example, *others = (f'"{each}"' for each in reversed(MEANS))
+    line = as_line_or_option("time", replace(source, rows=example.strip('"')))
     note = f"time: a row every {samples.period:.4g} s, read as samples whose inputs hold until the next; "
-    note += f"if rows are means, say over what: rows = one of {said} in the entry of time."
-    return samples, [note] * (samples.period >= _SLOW)
+    return samples, [note + f"if rows are means, write {line}; in place of {example} perhaps {' or '.join(others)}."]
 
 
 def _silences(
