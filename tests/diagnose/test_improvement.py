@@ -68,8 +68,9 @@ def test_a_step_gives_way_to_what_is_more_probable_beside_the_others(leg: Leg) -
 def _branch(model: Model, coarse: DataSplit, *added: tuple[str, str], difference: bool = False) -> Branch:
     """The model, then with each of some effects; the last one as a difference from one that all have."""
     branch: Branch = (Step(fit_segments(with_errors_of_runs(model, coarse), coarse.fit)),)
-    for kind, at in added:
-        own = EffectDeclaration(catalogue()[kind](), at, difference=difference and (kind, at) == added[-1])
+    for kind, where in added:
+        at, _, run = where.partition("@")
+        own = EffectDeclaration(catalogue()[kind](), at, run=run, difference=difference and (kind, where) == added[-1])
         switched = tuple(replace(each.switched_on, share="all") for each in own.effect.stated(own.difference))
         declared = replace(own, parameters=switched)
         step = Step(refit(branch[-1].fit, declared), declared)
@@ -130,6 +131,17 @@ def test_an_error_of_the_log_is_told_before_what_all_have(leg: Leg) -> None:  # 
     told = _Search(coarse, None, lambda _: None, lambda _: None).reconsidered(branch)
     assert [step.effect for step in told[1:]] == ["clock_offset", "forced_convection"]
     assert told[1].gain < told[2].gain  # it is not told first for what would be missed most
+
+
+@pytest.mark.long
+def test_everywhere_in_one_run_is_no_place_that_shares_what_is_missing_everywhere(leg: Leg) -> None:  # noqa: F811
+    """Heat in one run that is hardly there would be told first because a lag, everywhere, surely is."""
+    model, data = leg(Hidden("forced_convection", "*"), Hidden("sensor_lag", "*"))
+    coarse = for_search(data)
+    branch = _branch(model, coarse, ("forced_convection", "*"), ("constant_heat", "*@fit1"))
+    told = _Search(coarse, None, lambda _: None, lambda _: None).reconsidered(branch)
+    assert [step.key for step in told[1:]] == [("forced_convection", "*"), ("constant_heat", "*@fit1")]
+    assert told[2].at_its_place < 0.5 < told[1].at_its_place
 
 
 def test_a_step_is_as_probable_as_it_is_beside_the_others(improved: tuple[Model, DataSplit, History]) -> None:

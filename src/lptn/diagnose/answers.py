@@ -16,6 +16,7 @@ import pandas as pd
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.parameters import ParameterInstance
+from lptn.basics.places import is_glob
 from lptn.basics.tables import Tabular
 from lptn.diagnose.candidates import Candidate
 from lptn.diagnose.fit_statistics import criterion_difference
@@ -64,8 +65,8 @@ class Step(Tabular):
         probability: of this answer by the fitted runs, given that one of those that were refitted is right.
         in_some_run: probability that it, or the same in another run instead, is missing, of an effect of one run: which
             of two runs is odd is for held-out ones to tell.
-        at_its_place: probability that anything is missing at its place, by whatever name and in whichever run; by all
-            runs where `by_all_runs` is known.
+        at_its_place: probability that anything is missing at its place, by whatever name and, at a single place, in
+            whichever run; by all runs where `by_all_runs` is known.
         by_all_runs: probability by the held-out runs as well, which may have chosen it; `None` without any, or where no
             search asked.
         p_value: how often chance alone would score as much, over all candidates.
@@ -382,12 +383,15 @@ def _of_those_alike(
 def _but_for_the_run(step: Step) -> tuple[str | None, str, bool]:
     """Effect and place, and whether it acts in one run alone."""
     declared = step.declaration
-    return step.effect, _place(step), bool(declared and declared.run)
+    return step.effect, declared.at if declared else "", bool(declared and declared.run)
 
 
 def _place(step: Step) -> str:
-    """The place without the run."""
-    return step.declaration.at if step.declaration else ""
+    """The place without the run; of several places with it: everywhere in one run is no place that a fault may have."""
+    declared = step.declaration
+    if declared is None:
+        return ""
+    return declared.where if is_glob(declared.at) else declared.at
 
 
 def compared(base: Fit, known: Sequence[Step], step: Step, data: DataSplit) -> Step:
