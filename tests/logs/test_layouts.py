@@ -279,8 +279,10 @@ def test_slow_rows_are_said_to_be_read_as_samples_until_somebody_says_what_they_
     log = _heater_in_means(0.0)
     (run,) = read_log(log, {"time": ColumnSource(("t",))})
     assert any(note.startswith("time: a row every 300 s, read as samples") for note in run.notes)
-    (said,) = read_log(log, {"time": ColumnSource(("t",), rows="means after")})
-    assert not any(note.startswith("time: ") for note in said.notes)
+    for rows in ("means after", "samples"):
+        (said,) = read_log(log, {"time": ColumnSource(("t",), rows=rows)})
+        assert not any(note.startswith("time: ") for note in said.notes)
+        assert said.averaged == (rows == "means after")
 
 
 def test_means_of_columns_at_rates_of_their_own_are_refused(tmp_path: Path, refuse: Refuse) -> None:

@@ -14,7 +14,7 @@ from lptn.basics.errors import InputError
 from lptn.basics.places import is_of_run
 from lptn.effects import catalogue
 from lptn.logs.columns import ColumnSource, parse_map_option
-from lptn.logs.reading import GUESSED, read_log
+from lptn.logs.reading import GUESSED, ROWS_UNKNOWN, read_log
 from lptn.logs.run import Run
 from lptn.model.file import ModelFile, read_model_file
 from lptn.model.heat_balance import input_column
@@ -374,7 +374,8 @@ class LoadedModel:
             if len(guessed) > _MOST_GUESSES:
                 first = guessed[0].removeprefix(GUESSED).removesuffix(".")
                 guessed = [f"{GUESSED}{len(guessed)} columns, such as {first}; `lptn check` lists them all."]
-            for note in [*guessed, *issues]:
+            unknown = [note for note in runs[0].notes if note.startswith(ROWS_UNKNOWN)]
+            for note in [*guessed, *unknown, *issues]:
                 notify(Path(runs[0].source), note)
             all_runs += runs
         return all_runs

@@ -114,7 +114,8 @@ class ColumnSource:
         valid: least and greatest number in the file that is a reading.
         afterwards: in `unit`, what holds behind the last reading: 0 where a log ends because all was switched off.
         rate: rows a second, of a log without a time column.
-        rows: of `time`, over what the other columns of a row are means, one of `MEANS`; "" for samples.
+        rows: of `time`, over what the other columns of a row are means, one of `MEANS`, or `SAMPLES`; "" where nobody
+            said, for samples.
     """
 
     columns: tuple[str, ...]
@@ -183,6 +184,7 @@ _EXAMPLES = {
 }
 MEANS = {"means after": 0.0, "means around": 0.5, "means before": 1.0}
 """What a row may be the mean over, and the share of this interval that lies before the row's time."""
+SAMPLES = "samples"
 _THERMOMETER = "{ resistance = 0.186, at = 25, alpha = 0.0039 }: ohm, degC, 1/K"
 
 
@@ -316,9 +318,9 @@ class _Entry:
         return 1 / (alpha * cold), at - 1 / alpha
 
     def rows(self) -> str:
-        rows = self.table.get("rows", "")
-        if "rows" in self.table and not (self.key == "time" and rows in MEANS):
-            self.refuse("rows", shown(rows), f"of time: one of {', '.join(shown(each) for each in MEANS)}")
+        rows, possible = self.table.get("rows", ""), (*MEANS, SAMPLES)
+        if "rows" in self.table and not (self.key == "time" and rows in possible):
+            self.refuse("rows", shown(rows), f"of time: one of {', '.join(shown(each) for each in possible)}")
         return str(rows)
 
     def rate(self) -> ColumnSource:

@@ -15,7 +15,7 @@ from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import LOG_FILE, InputError
 from lptn.logs.bags import open_bag
 from lptn.logs.clock import check_time, within_stamps
-from lptn.logs.columns import MEANS, ColumnSource, as_line_or_option
+from lptn.logs.columns import MEANS, SAMPLES, ColumnSource, as_line_or_option
 from lptn.logs.csv_files import ENDINGS as CSV_ENDINGS
 from lptn.logs.csv_files import open_csv
 from lptn.logs.guess import format_note, guess
@@ -277,6 +277,8 @@ _SHORTEST_STEP = 1.0  # s, unless the user asks for less: bodies of a robot's si
 _BRIDGED, _BRIDGED_STEPS = 10.0, 5.0  # s, and steps: the gap that is bridged unless the user says another
 _SLOW = 60.0  # s from row to row, from which half of it is what a winding or a sensor lags by
 _BEGINNING = 5.0  # s, of the log, whose mean reading is where a run is taken to begin
+ROWS_UNKNOWN = "time: a row every "
+"""How a note begins that asks whether slow rows are means."""
 GUESSED = "guessed: "
 """How notes on guessed columns begin."""
 
@@ -337,7 +339,7 @@ def read_log(
         table, columns = _timed(table_of(log, name), columns or {})
     else:
         table, columns = open_log(path, columns or {})
-    if rows and table.mixed:
+    if rows in MEANS and table.mixed:
         found = f'"{rows}", of columns at rates of their own'
         raise InputError(path, "rows of time", found, "rows that hold all columns")
     guesses = guess(table, columns, inputs, outputs, optional) if guessing else []
@@ -395,21 +397,22 @@ def _checked_samples(table: Table, choice: ColumnChoice, strict: bool) -> tuple[
     keep, repeated = check_time(table, choice.sources["time"].columns[0], time)
     if keep.size < time.size:
         time, raw = time[keep], {key: values[keep] for key, values in raw.items()}
-    samples, of_rows = _as_rows_are(Samples(time, raw), choice.sources["time"])
+    samples, of_rows = _as_rows_are(Samples(time, raw), choice.sources["time"], table.mixed)
     notes += [*repeated, *of_rows, *_temperature_notes(samples, table.mixed), *(issue.sentence for issue in issues)]
     return samples, notes, issues
 
 
-def _as_rows_are(samples: Samples, source: ColumnSource) -> tuple[Samples, list[str]]:
+def _as_rows_are(samples: Samples, source: ColumnSource, mixed: bool) -> tuple[Samples, list[str]]:
     """The samples, or means, from the beginning of what each row is about; a note where nobody said which they are."""
-    if source.rows:
+    if source.rows in MEANS:
         return replace(samples, time=samples.time - MEANS[source.rows] * samples.period, means=True), []
-    if samples.period < _SLOW or not source.columns:
+    if samples.period < _SLOW or source.rows or not source.columns or mixed:
         return samples, []
-    example, *others = (f'"{each}"' for each in reversed(MEANS))
-    line = as_line_or_option("time", replace(source, rows=example.strip('"')))
-    note = f"time: a row every {samples.period:.4g} s, read as samples whose inputs hold until the next; "
-    return samples, [note + f"if rows are means, write {line}; in place of {example} perhaps {' or '.join(others)}."]
+    example, *others = reversed(MEANS)
+    line = as_line_or_option("time", replace(source, rows=example))
+    note = f"{ROWS_UNKNOWN}{samples.period:.4g} s, read as samples whose inputs hold until the next; "
+    note += f'if rows are means, write {line} ({" or ".join(others)}, where it is so), else rows = "{SAMPLES}".'
+    return samples, [note]
 
 
 def _silences(
