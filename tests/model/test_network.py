@@ -367,10 +367,13 @@ def test_parts_of_one_drive_are_not_alike() -> None:
     assert not any(network.sets_apart(EffectDeclaration(second_mass, part)) for part in parts)
 
 
-def test_a_class_of_like_joints_is_built_alike_and_not_set_apart() -> None:
+def test_a_class_of_like_joints_is_built_alike_and_a_leg_is_set_apart() -> None:
     joints = tuple(f"{side}_{joint}" for side in ("left", "right") for joint in ("hip", "knee", "ankle"))
     network = Network("legs", (node("*_*"), AMBIENT), (link("*_*", "ambient"),), joints=joints)
     apart = {
-        at: network.sets_apart(EffectDeclaration(catalogue()["sensor_lag"](), at)) for at in ("*_hip", "left_hip", "*")
+        at: network.sets_apart(EffectDeclaration(catalogue()["sensor_lag"](), at))
+        for at in ("*_hip", "left_hip", "left_*", "*")
     }
-    assert apart == {"*_hip": False, "left_hip": True, "*": False}
+    assert apart == {"*_hip": False, "left_hip": True, "left_*": True, "*": False}
+    one_leg = replace(network, joints=joints[:3])
+    assert not one_leg.sets_apart(EffectDeclaration(catalogue()["sensor_lag"](), "left_*"))

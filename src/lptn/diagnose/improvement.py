@@ -11,8 +11,8 @@ good. So several models are followed a step further, side by side:
 5. Each step is left out, or gives way to another, where that is more probable by all runs, beside the other steps: what
    a step is taken for while much else is missing says little of it; left out, too, where it explains less than anyone
    looks for. Told first is where something is missing more probably than not by all runs, whatever it is; of that, and
-   of the rest, what may be a fault, as it sets one place or one run apart or is an error of what was logged, then what
-   several places have in common, as that is how the model is made; of each what would be missed most.
+   of the rest, what may be a fault, as it sets a place, a limb or a run apart or is an error of what was logged, then
+   what several places have in common, as that is how the model is made; of each what would be missed most.
 6. Each model left is fitted at full resolution, the first and the last also to runs to which nothing is granted.
 
 Where nothing explains the data because a held-out run is predicted badly, and one parameter that differs in that run

@@ -12,7 +12,18 @@ from typing import NamedTuple
 
 from lptn.basics.errors import InputError
 from lptn.basics.parameters import Parameter, ParameterInstance
-from lptn.basics.places import EVERYWHERE, class_of, edge, expand_pair, in_run, is_glob, matching, mirrored, run_label
+from lptn.basics.places import (
+    EVERYWHERE,
+    class_of,
+    edge,
+    expand_pair,
+    in_run,
+    is_glob,
+    limb_of,
+    matching,
+    mirrored,
+    run_label,
+)
 from lptn.effects import Effect
 from lptn.effects.base import Place
 from lptn.model.bodies import Bodies, Conductor, Element, HottestPoint
@@ -387,15 +398,17 @@ class Network:
         return self.layout.places_for(declared)
 
     def sets_apart(self, declared: EffectDeclaration) -> bool:
-        """Whether an effect acts in one run alone, or at one place of three or more, of which another is like it.
+        """Whether an effect acts in one run alone, or at one place of three or more, or limb, and others are like it.
 
         What a class of like places has in common is how they are built, and so is what the only computer or plate of a
         machine has.
         """
         here, everywhere = (self.places_for(replace(declared, at=at)) for at in (declared.at, EVERYWHERE))
-        kinds = [self._kinds_of(ends) for _, ends in everywhere]
-        one_of_several = len(here) == 1 and len(everywhere) > 2 and kinds.count(self._kinds_of(here[0][1])) > 1
-        return bool(declared.run) or one_of_several
+        inside = [place for place, _ in here]
+        others = [self._kinds_of(ends) for place, ends in everywhere if place not in inside]
+        one = len(here) == 1 and len(everywhere) > 2
+        limb = len(here) > 1 and all(limb_of(place) == declared.at for place in inside)
+        return bool(declared.run) or ((one or limb) and all(self._kinds_of(ends) in others for _, ends in here))
 
     def _kinds_of(self, ends: Sequence[str]) -> list[tuple[bool, bool, int, str]]:
         """What the ends of a place are, in an order that like places have: windings, what a log heats, what they touch.
