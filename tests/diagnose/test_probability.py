@@ -356,17 +356,22 @@ def test_no_effect_takes_the_place_of_what_the_model_was_given_with() -> None:
     run, radiating = run_with(np.zeros(STEPS)), effect("radiation", "a", area=0.01)
     given, fitted = fit_of(run), fit_of(run, radiating)
 
-    def with_no_way_to_the_air(fit: Fit) -> Fit:
+    def at_its_bound(fit: Fit, bound: float) -> Fit:
+        """With the way to the air at the largest resistance that the model file allows."""
         names = [fit.model.parameters[index].name for index in fit.problem.free]
-        z = fit.z.copy()
         row = names.index("resistance.a~ambient")
+        z = fit.z.copy()
         z[row] = fit.problem.bounds[1][row]
-        return replace(fit, z=z)
+        values = fit.model.values
+        values[fit.problem.free[row]] = bound
+        return replace(fit, z=z, model=fit.model.with_values(values))
 
+    usual = next(each.value for each in given.model.parameters if each.name == "resistance.a~ambient")
     assert not is_implausible(fitted, [radiating], given)
-    assert is_implausible(with_no_way_to_the_air(fitted), [radiating], given)
-    # What had none before has none because of no effect.
-    assert not is_implausible(with_no_way_to_the_air(fitted), [radiating], with_no_way_to_the_air(given))
+    assert is_implausible(at_its_bound(fitted, 4 * usual), [radiating], given)
+    # A bound may be too near; and what had no way before has none because of no effect.
+    assert not is_implausible(at_its_bound(fitted, 2 * usual), [radiating], given)
+    assert not is_implausible(at_its_bound(fitted, 4 * usual), [radiating], at_its_bound(given, 4 * usual))
 
 
 def test_any_time_constant_of_the_grid_is_usual() -> None:

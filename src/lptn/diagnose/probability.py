@@ -29,7 +29,7 @@ from lptn.diagnose.fit_statistics import (
     independent_readings,
     predicted_errors,
 )
-from lptn.diagnose.plausibility import BELIEVED, is_beyond_belief, is_error, log_prior_of_size
+from lptn.diagnose.plausibility import BELIEVED, FACTOR, is_beyond_belief, is_error, log_prior_of_size
 from lptn.diagnose.scores import Score
 from lptn.identify.comparison import Prediction
 from lptn.identify.fitting import Fit
@@ -333,13 +333,25 @@ def is_implausible(fit: Fit, declarations: Iterable[EffectDeclaration], given: F
         given: the model that they were added to, fitted.
     """
     step, declared = max(bound.run.step for bound in fit.problem.bound_runs), list(declarations)
-    if fit.vanished.intersection(parameter.name for parameter in given.model.parameters) - given.vanished:
+    if _takes_the_place_of_what_was_given(fit, given):
         return True
     return _takes_more_than_there_is(fit, declared) or any(
         is_beyond_belief(parameter, parameter.value)
         or _is_at_its_end(parameter)
         or (is_error(parameter) and parameter.unit == "s" and abs(parameter.value) < 0.5 * step)
         for parameter in _free_parameters(fit, declared)
+    )
+
+
+def _takes_the_place_of_what_was_given(fit: Fit, given: Fit) -> bool:
+    """Whether a link or a capacity of the given model vanishes, that is, ends at a bound and a factor of three off.
+
+    What is nearer to its bound, the right effect may bring there: bounds are a user's guess.
+    """
+    before = {parameter.name: parameter.value for parameter in given.model.parameters}
+    after = {parameter.name: parameter.value for parameter in fit.model.parameters}
+    return any(
+        abs(log(after[name] / before[name])) > log(FACTOR) for name in fit.vanished - given.vanished if name in before
     )
 
 
