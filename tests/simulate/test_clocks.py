@@ -62,5 +62,7 @@ def test_a_long_run_is_told_in_windows_as_in_one(delay: float, monkeypatch: pyte
     pieces = sensitivities(model, bound, model.values, chosen)
     np.testing.assert_allclose(pieces.readings, whole.readings, rtol=1e-12)
     # Where nothing is late yet, a window's ends have the slope of one side only.
-    atol = 0.05 if delay == 0 else 1e-9
-    np.testing.assert_allclose(pieces.derivatives, whole.derivatives, atol=atol)
+    steps = np.arange(300) % 50
+    inside = (steps > 0) & (steps < 49) if delay == 0 else steps >= 0
+    np.testing.assert_allclose(pieces.derivatives[:, inside], whole.derivatives[:, inside], atol=1e-9)
+    np.testing.assert_allclose(pieces.derivatives, whole.derivatives, atol=0.05)

@@ -207,8 +207,9 @@ class Problem:
             for window, predicted in self._sensitivities(number, point):
                 # Step after step as they were worked out, readings that don't count with no weight: a search is mostly
                 # here, and every copy of the derivatives takes as long as the product with themselves.
-                weights = (bound.counted[:, window] / self.sigma[:, None]).T
-                errors = np.nan_to_num((predicted.readings - bound.measured[:, window]).T) * weights
+                counted = bound.counted[:, window]
+                weights = (counted / self.sigma[:, None]).T
+                errors = np.where(counted, predicted.readings - bound.measured[:, window], 0.0).T * weights
                 rows = np.moveaxis(predicted.derivatives, 1, 0) * weights[:, :, None]
                 rows = rows.reshape(-1, len(columns))
                 gradient[columns] += chain.T @ (rows.T @ errors.ravel())

@@ -184,5 +184,6 @@ def _pieces(steps: Stepper, bound: BoundRun, values: FloatArray, start: FloatArr
         window = slice(first, min(first + most, len(bound)))
         path, derivatives = steps.run(states, derivative, bound.inputs[:, window], values, bound.run.step, parts)
         _refuse_runaway(path, bound)
-        yield Piece(first, model.readings_of(path, values), steps.of_readings(path, values, derivatives))
+        # Before whoever takes the piece changes it: without an effect on readings these are the derivatives themselves.
         states, derivative = path[:, -1].copy(), derivatives[-1].copy()
+        yield Piece(first, model.readings_of(path, values), steps.of_readings(path, values, derivatives))
