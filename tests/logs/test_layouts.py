@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import datetime
+import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -15,7 +16,7 @@ import pytest
 from lptn.basics.errors import InputError
 from lptn.identify.data import split_data
 from lptn.identify.fitting import fit
-from lptn.logs.columns import ColumnSource, parse_columns, parse_map_option, toml_line
+from lptn.logs.columns import ColumnSource, map_option, parse_columns, parse_map_option, toml_line
 from lptn.logs.layout import Layout, find_layout
 from lptn.logs.reading import open_log, read_log
 from lptn.logs.run import Run
@@ -188,6 +189,17 @@ def test_rows_at_a_rate(tmp_path: Path) -> None:
     assert any("counted from its rows, 0.5 a second" in note for note in run.notes)
     (framed,) = read_log(pd.read_csv(tmp_path / "log.csv"), {"time": source})
     np.testing.assert_array_equal(framed.temperature("a"), run.temperature("a"))
+
+
+def test_slow_rows_at_a_rate_are_not_asked_and_can_say_that_they_are_means(tmp_path: Path) -> None:
+    (tmp_path / "log.csv").write_text("\n".join(",".join(row[1:]) for row in [NAMES, *ROWS]) + "\n")
+    for option, averaged, begins in (("rate=0.01", False, 0.0), ("rate=0.01; rows=means before", True, -100.0)):
+        key, source = parse_map_option(f"time=[{option}]")
+        (run,) = read_log(tmp_path / "log.csv", {key: source})
+        assert (run.averaged, run.time[0]) == (averaged, begins)
+        assert not any("read as samples" in note for note in run.notes)
+        assert parse_columns(tomllib.loads(toml_line(key, source)), "m", "c") == {key: source}
+        assert parse_map_option(map_option(key, source).removeprefix('--map "').removesuffix('"')) == (key, source)
 
 
 def test_a_log_without_times_is_told_of_the_rate(tmp_path: Path, refuse: Refuse) -> None:

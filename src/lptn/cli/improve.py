@@ -124,8 +124,8 @@ def show_history(history: History) -> None:
         print(
             "Order of the steps: where by all runs something is missing more probably than not, then the rest; of each"
         )
-        print("what may be a fault of one place, one run or the log, then what several places have in common, and what")
-        print("would be missed most.")
+        print("what may be a fault of one place or limb, one run or the log, then what several places have in common,")
+        print("and what would be missed most.")
     for warning in history.best.fit.uncertainty.warnings:
         print(f"Warning: {warning}.")
 

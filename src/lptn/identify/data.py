@@ -374,7 +374,7 @@ class LoadedModel:
             if len(guessed) > _MOST_GUESSES:
                 first = guessed[0].removeprefix(GUESSED).removesuffix(".")
                 guessed = [f"{GUESSED}{len(guessed)} columns, such as {first}; `lptn check` lists them all."]
-            unknown = [note for note in runs[0].notes if note.startswith(ROWS_UNKNOWN)]
+            unknown = [note for note in runs[0].notes if strict and note.startswith(ROWS_UNKNOWN)]
             for note in [*guessed, *unknown, *issues]:
                 notify(Path(runs[0].source), note)
             all_runs += runs

@@ -74,7 +74,7 @@ class Fit(Tabular):
 
     @cached_property
     def vanished(self) -> set[str]:
-        """Names of resistances that ended at their largest, where no heat passes, and of capacities at their least."""
+        """Names of resistances that ended at their largest and of capacities at their least: as good as none."""
         ends = {"K/W": 1, "J/K": 0}  # where a resistance, and where a capacity, has no effect
         numbers = rows_at_bounds(self.problem, self.z)
         at_bounds = {self.model.parameters[self.problem.free[row]]: end for row, end in numbers.items()}

@@ -327,12 +327,12 @@ class _Entry:
         rate = self.table["rate"]
         if self.key not in ("time", "time.2"):
             self.refuse("rate", shown(rate), "a rate for time alone: time = { rate = 50 }")
-        others = [name for name in self.table if name != "rate"]
+        others = [name for name in self.table if name not in ("rate", "rows")]
         if others:
-            self.refuse("", f"{others[0]} beside rate", "rate alone: the rows of the log a second")
+            self.refuse("", f"{others[0]} beside rate", "the rows of the log a second, alone or with rows")
         if not _is_finite_number(rate) or not rate > 0:  # type: ignore[operator]
             self.refuse("rate", shown(rate), "the rows of the log a second, such as 50")
-        return ColumnSource((), rate=float(rate))  # type: ignore[arg-type]
+        return ColumnSource((), rate=float(rate), rows=self.rows())  # type: ignore[arg-type]
 
     def columns(self) -> tuple[str, tuple[str, ...]]:
         """How an entry says where its values stand, and the names of their columns."""
@@ -403,7 +403,8 @@ def toml_line(key: str, source: ColumnSource) -> str:
     """A line of `[columns]`, such as `"temperature.a" = { column = "T1", unit = "degF" }`."""
     name = key if key == "time" else json.dumps(key, ensure_ascii=False)
     if source.rate:
-        return f"{name} = {{ rate = {source.rate:.12g} }}"
+        rows = f', rows = "{source.rows}"' if source.rows else ""
+        return f"{name} = {{ rate = {source.rate:.12g}{rows} }}"
     columns = [json.dumps(column, ensure_ascii=False) for column in source.columns]
     settings = [f'{word} = "{text}"' for word, text in (("unit", source.unit), ("rows", source.rows)) if text]
     settings += [

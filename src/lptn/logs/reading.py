@@ -66,17 +66,19 @@ def open_log(path: Path, columns: Mapping[str, ColumnSource]) -> tuple[Table, di
     own = {SECOND_TIME: columns[SECOND_TIME]} if SECOND_TIME in columns else {}
     one, rest = _timed(open_table(first), columns)
     other, _ = _timed(open_table(second), own, SECOND_TIME)
-    return join(path, one, other, shift, {key: source for key, source in rest.items() if not source.rate})
+    return join(path, one, other, shift, {key: source for key, source in rest.items() if not columns[key].rate})
 
 
 def _timed(
     table: Table, columns: Mapping[str, ColumnSource], key: str = "time"
 ) -> tuple[Table, dict[str, ColumnSource]]:
-    """A log whose rows are its clock with a column of times, and the mapping that is left; any other as it is."""
+    """A log whose rows are its clock with a column of times, and the mapping to it; any other as it is."""
     source = columns.get(key)
     if source is None or not source.rate:
         return table, dict(columns)
-    return with_times(table, source.rate), {other: columns[other] for other in columns if other != key}
+    # Who counts rows has said when they are; of means he says so, too.
+    counted = ColumnSource(("time",), rows=source.rows or SAMPLES)
+    return with_times(table, source.rate), {**columns, key: counted}
 
 
 def open_table(path: Path) -> Table:
