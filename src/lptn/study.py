@@ -292,7 +292,7 @@ class Study:
             raise InputError("study", "predictions", "no fitted model", "fit() before")
         fit = self._steps[step].fit
         fitted = [
-            Prediction(segment, bound, path.readings, path.states)
+            Prediction(segment, bound, path.readings, path.held, path.states[:, 0])
             for segment, bound, start in zip(self.data.fit, fit.problem.bound_runs, fit.point.starts, strict=True)
             for path in [simulate(fit.model, bound, fit.point.values, start)]
         ]

@@ -252,22 +252,24 @@ def test_what_holds_after_a_log_that_ends_early_can_be_said(tmp_path: Path) -> N
 _ROW = 300.0  # s
 
 
-def _heater_in_means(stamp: float) -> pd.DataFrame:
-    """Five hours of a body of 200 J/K and 2 K/W, heated by turns, as means over rows; exact, second by second."""
+def _heater_in_means(stamp: float, lag: float = 400.0) -> pd.DataFrame:
+    """Five hours of a body of 2 K/W that lags by so many seconds, heated by turns, as means over rows; exact."""
     seconds = np.arange(18000)
     heat = np.random.default_rng(5).uniform(0, 20, 60).repeat(300)
-    keep, at = np.exp(-1 / 400.0), [20.0]
-    for power in heat[:-1]:
+    keep, at = np.exp(-1 / lag), [20.0]
+    for power in heat:
         steady = 20 + 2.0 * power
         at.append(steady + (at[-1] - steady) * keep)
-    rows = pd.DataFrame({"t": seconds, "power.a": heat, "temperature.a": at}).groupby(seconds // int(_ROW)).mean()
+    middles = 0.5 * (np.array(at[:-1]) + at[1:])
+    rows = pd.DataFrame({"t": seconds, "power.a": heat, "temperature.a": middles}).groupby(seconds // int(_ROW)).mean()
     rows["t"] = _ROW * (np.arange(len(rows)) + stamp)
     rows["temperature.ambient"] = 20.0
     return rows
 
 
+@pytest.mark.parametrize("lag", [60.0, 400.0])
 @pytest.mark.parametrize(("rows", "stamp"), [("means after", 0.0), ("means around", 0.5), ("means before", 1.0)])
-def test_rows_that_are_means_give_the_capacity_that_samples_would_miss(rows: str, stamp: float) -> None:
+def test_rows_that_are_means_give_the_capacity_that_samples_would_miss(rows: str, stamp: float, lag: float) -> None:
     network = Network("body", (node("a", 100.0), AMBIENT), (link("a", "ambient", 1.0),), (effect("heat_input", "a"),))
     held = replace(network.effects[0], parameters=tuple(replace(p, fixed=True) for p in network.effects[0].parameters))
     model = Model(replace(network, effects=(held,)))
@@ -275,16 +277,28 @@ def test_rows_that_are_means_give_the_capacity_that_samples_would_miss(rows: str
     key, said = parse_map_option(f"time=t[s; rows={rows}]")
     assert parse_columns({key: {"column": "t", "unit": "s", "rows": rows}}, "m", "c") == {key: said}
     assert toml_line(key, said) == f'time = {{ column = "t", unit = "s", rows = "{rows}" }}'
-    log = _heater_in_means(stamp)
+    log = _heater_in_means(stamp, lag)
     (means,) = read_log(log, {key: said}, **wanted)  # type: ignore[arg-type]
     (samples,) = read_log(log, {key: replace(said, rows="")}, **wanted)  # type: ignore[arg-type]
     assert means.averaged
     assert means.time[0] == 0.0
     right, wrong = (fit(model, [run]) for run in (means, samples))
     fitted = {parameter.name: parameter.value for parameter in right.model.parameters}
-    assert fitted["capacity.a"] == pytest.approx(200, rel=0.03)
-    assert fitted["resistance.a~ambient"] == pytest.approx(2, rel=0.01)
-    assert right.rmse < 0.5 * wrong.rmse
+    assert fitted["capacity.a"] == pytest.approx(lag / 2.0, rel=0.005)
+    assert fitted["resistance.a~ambient"] == pytest.approx(2, rel=0.001)
+    assert right.rmse < 0.02 < wrong.rmse
+
+
+def test_means_in_longer_rows_are_means_of_the_seconds_that_they_share() -> None:
+    log = pd.DataFrame({"t": 100.0 * np.arange(25), "temperature.a": 10.0 * np.arange(1, 26)})
+    log = log.drop(index=4)  # a row is lacking
+    log.loc[6, "temperature.a"] = np.nan
+    (run,) = read_log(log, {"time": ColumnSource(("t",), rows="means after")}, step=250.0, max_gap=500.0)
+    assert run.step == 250.0
+    # 0 to 250 s; 250 to 500 s, of which 400 to 500 s are lacking; 500 to 750 s, where 600 to 700 s have no reading.
+    gappy = [(0.5 * 30 + 40) / 1.5, (60 + 0.5 * 80) / 1.5]
+    np.testing.assert_allclose(run.temperature("a"), [18, *gappy, 92, 118, 142, 168, 192, 218, 242])
+    assert run.log_end == 2500.0
 
 
 def test_slow_rows_are_said_to_be_read_as_samples_until_somebody_says_what_they_are() -> None:

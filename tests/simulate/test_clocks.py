@@ -11,7 +11,7 @@ from lptn.basics.arrays import FloatArray
 from lptn.model.model import Model
 from lptn.simulate.bound_run import bind
 from lptn.simulate.readings import Piece, delayed, delayed_pieces
-from lptn.simulate.simulation import sensitivities
+from lptn.simulate.simulation import sensitivities, simulate
 from tests.builders import effect, random_run, two_nodes
 
 N = 200
@@ -66,3 +66,21 @@ def test_a_long_run_is_told_in_windows_as_in_one(delay: float, monkeypatch: pyte
     inside = (steps > 0) & (steps < 49) if delay == 0 else steps >= 0
     np.testing.assert_allclose(pieces.derivatives[:, inside], whole.derivatives[:, inside], atol=1e-9)
     np.testing.assert_allclose(pieces.derivatives, whole.derivatives, atol=0.05)
+
+
+@pytest.mark.parametrize("delay", [0.0, 90.0, -130.0])
+def test_late_means_over_rows_as_long_as_a_time_constant(delay: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Rows of 60 s are cut finer than a winding's time constant, and late by so many seconds, not by so many steps."""
+    model = Model(two_nodes([effect("copper_loss"), effect("clock_offset", delay=delay)]))
+    run = random_run(model, 120, seed=2, step=60.0, averaged=True)
+    bound, chosen = bind(model, run), list(range(len(model.parameters)))
+    monkeypatch.setattr("lptn.simulate.simulation._WINDOW", 100)
+    found = sensitivities(model, bound, model.values, chosen)
+    np.testing.assert_allclose(found.readings, simulate(model, bound).readings, rtol=1e-12)
+    for column, name in enumerate(parameter.name for parameter in model.parameters):
+        e = np.zeros(len(chosen))
+        e[column] = 1e-5 * max(abs(model.values[column]), 1.0)
+        there, back = (simulate(model, bound, model.values + sign * e).readings for sign in (1, -1))
+        slope = (there - back) / (2 * e[column])
+        atol = 1e-4 * np.abs(slope).max() if delay or "delay" not in name else 0.05
+        np.testing.assert_allclose(found.by_parameter[:, :, column], slope, rtol=1e-4, atol=atol, err_msg=name)

@@ -67,7 +67,8 @@ def test_simulation_equals_solve_ivp() -> None:
 def test_a_stiff_node_is_simulated_in_smaller_steps() -> None:
     model = _single(1.0, 0.1, power=100.0)  # time constant 0.1 s
     bound = bind(model, _still(5))
-    parts = substeps(model, bound, model.values, np.array([50.0]))
+    parts, shown = substeps(model, bound, model.values, np.array([50.0]))
+    assert shown == 1
     assert parts in (4, 8, 16, 32)  # RK4 is stable from 10 / 2.78 on
     time = np.arange(6.0)
     expected = 20.0 + 10.0 + 20.0 * np.exp(-time / 0.1)
@@ -84,7 +85,7 @@ def test_the_fastest_transient_is_within_one_percent_of_its_jump(rate: float) ->
 
 def test_a_slow_model_is_not_cut_finer() -> None:
     model = _single(300.0, 5.0)
-    assert substeps(model, bind(model, _still(5)), model.values, np.array([50.0])) == 1
+    assert substeps(model, bind(model, _still(5)), model.values, np.array([50.0])) == (1, 1)
 
 
 def test_a_hopelessly_stiff_model_is_refused() -> None:
@@ -120,6 +121,24 @@ def test_averaged_readings_are_means_over_the_steps() -> None:
     mean = 20.0 + 30.0 * np.exp(-time / 10.0) * (1 - np.exp(-0.1)) / 0.1
     np.testing.assert_allclose(averaged.readings[0], mean, atol=0.03)
     np.testing.assert_array_equal(over_steps(np.array([1.0, 3.0, 7.0]), True), [2.0, 5.0])
+
+
+@pytest.mark.parametrize("rate", [0.29, 0.31, 0.99, 1.01, 3.0, 8.0])
+def test_means_over_rows_as_long_as_a_time_constant_are_exact(rate: float) -> None:
+    """The row of 1 s over the time constant; a mean of the row's two ends would be off by 2.3 K at 1, 11 K at 8."""
+    model = _single(10.0 / rate, 0.1)
+    rows = simulate(model, bind(model, _still(6, averaged=True)))
+    mean = 20.0 + 30.0 * np.exp(-rate * np.arange(6.0)) * (1 - np.exp(-rate)) / rate
+    np.testing.assert_allclose(rows.readings[0], mean, atol=0.2)
+    np.testing.assert_array_equal(rows.held, rows.readings)
+    assert rows.states.shape == (1, 7)
+
+
+def test_means_over_several_steps_are_exact_for_cubics() -> None:
+    time = np.linspace(0.0, 3.0, 3 * 4 + 1)
+    exact = np.diff(np.arange(4.0) ** 4) / 4 - np.diff(np.arange(4.0) ** 2)
+    np.testing.assert_allclose(over_steps(time**3 - 2 * time, True, 4), exact, rtol=1e-12)
+    np.testing.assert_array_equal(over_steps(time, False, 4), [0.0, 1.0, 2.0])
 
 
 def test_start_is_the_mean_of_the_first_readings_and_hidden_states_sit_at_their_node() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -84,7 +85,7 @@ def _moved(fit: Fit, places: Sequence[Site], steps: FloatArray, segment: Segment
     granted = nuisances(full, segment.run.name)
     chosen = [number for number in fitted if number is not None]
     chosen += [*(index[site.amplitude_name] for site in places), *granted]
-    states = dict(zip(own.states, as_it_is.states[:, 0].tolist(), strict=True))
+    states = dict(zip(own.states, as_it_is.start.tolist(), strict=True))
     bound = bind(full, segment.run)
     windows = sensitivity_windows(full, bound, values, chosen, start_from(full, bound, states), len(own.states))
     by_all = np.concatenate([piece.derivatives for _, piece in windows], axis=1)
@@ -110,10 +111,7 @@ def _moved(fit: Fit, places: Sequence[Site], steps: FloatArray, segment: Segment
         least, most = (np.array(each)[:, None] for each in zip(*(each.bounds for each in declared), strict=True))
         before = values[granted][:, None]
         change += by_own @ (np.clip(before - np.linalg.lstsq(rows, left)[0], least, most) - before)
-    return [
-        Prediction(segment, as_it_is.bound, as_it_is.readings + change[:, :, number], as_it_is.states)
-        for number in range(steps.shape[1])
-    ]
+    return [replace(as_it_is, readings=as_it_is.readings + change[:, :, k]) for k in range(steps.shape[1])]
 
 
 def _weight(counted: BoolArray, sigma: FloatArray) -> FloatArray:

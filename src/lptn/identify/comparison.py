@@ -23,7 +23,6 @@ from lptn.identify.noise import Noise, balanced_sigma, estimate_noise
 from lptn.logs.run import Run
 from lptn.model.model import Model
 from lptn.simulate.bound_run import BoundRun, bind
-from lptn.simulate.readings import over_steps
 from lptn.simulate.simulation import simulate
 
 _BINS = 5  # of an operating condition, with equally many readings each
@@ -37,13 +36,15 @@ class Prediction:
         segment: the run and its windows.
         bound: its inputs and readings, those of the evaluation window counting.
         readings: predicted readings [degC], shape (nodes, n).
-        states: simulated states, shape (states, n + 1).
+        states: simulated states as the log holds them, means or samples, shape (states, n).
+        start: simulated states at the run's start, shape (states,).
     """
 
     segment: Segment
     bound: BoundRun
     readings: FloatArray
     states: FloatArray
+    start: FloatArray
 
     def __repr__(self) -> str:
         errors = Errors.of(self.error)
@@ -201,7 +202,7 @@ def predict(model: Model, segment: Segment, sigma: FloatArray, *, own_errors: bo
     """
     model, bound = with_own_errors(model, segment, sigma) if own_errors else model, bind(model, segment.run)
     path = simulate(model, bound, model.values, _start(model, bound, segment, sigma))
-    return Prediction(segment, bound.count(segment.evaluation), path.readings, path.states)
+    return Prediction(segment, bound.count(segment.evaluation), path.readings, path.held, path.states[:, 0])
 
 
 _ROUNDS = 2
@@ -427,7 +428,7 @@ def write_predictions(comparison: Comparison, path: Path) -> None:
         for node, readings in zip(comparison.model.nodes, prediction.readings, strict=True):
             columns[f"temperature.{node}"] = readings
         nodes, places = len(comparison.model.nodes), comparison.model.places
-        inside = over_steps(prediction.states[nodes : len(places)], prediction.bound.run.averaged)
+        inside = prediction.states[nodes : len(places)]
         columns |= {f"temperature.{place}": row for place, row in zip(places[nodes:], inside, strict=True)}
         for column, values in zip(comparison.model.inputs, prediction.bound.inputs, strict=True):
             columns.setdefault(column, values)

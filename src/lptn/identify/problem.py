@@ -11,7 +11,7 @@ import numpy as np
 from lptn.basics.arrays import BoolArray, FloatArray, IntArray
 from lptn.basics.parameters import Transform
 from lptn.model.model import Model
-from lptn.simulate.bound_run import BoundRun, default_start, excess_at_start
+from lptn.simulate.bound_run import BoundRun, default_start, excess_at_start, most_in_a_row
 from lptn.simulate.simulation import Sensitivities, SimulationError, sensitivity_windows, simulate
 
 _SEEN_SPREAD = 1000.0
@@ -139,8 +139,9 @@ class Problem:
         for number, bound in enumerate(self.bound_runs):
             near = slice(len(self.free) + number * count, len(self.free) + number * count + len(self.model.nodes))
             trusted = np.isfinite(bound.start) & ~self._sensor_modelled
-            lower[near] = np.where(trusted, bound.start - _NEAR, -np.inf)
-            upper[near] = np.where(trusted, bound.start + _NEAR, np.inf)
+            within = _NEAR + most_in_a_row(bound)
+            lower[near] = np.where(trusted, bound.start - within, -np.inf)
+            upper[near] = np.where(trusted, bound.start + within, np.inf)
         return lower, upper
 
     def at_bounds(self, z: FloatArray) -> tuple[BoolArray, BoolArray]:

@@ -543,7 +543,7 @@ def _runs(
         notes=_merged([*notes, *gaps]),
         resolution=_resolution(samples.raw),
         beginning=_beginning(samples),
-        log_end=float(samples.time[-1]),
+        log_end=float(samples.time[-1]) + samples.period * samples.means,
     )
     held = replace(samples, raw={key: hold(values) for key, values in needed.items()})
     runs = []

@@ -265,8 +265,26 @@ def temperatures_on_grid(
     if not samples.averaged(step):
         at = grid(start, step, n)
         return {name: interpolate(samples.time, samples.raw[name], at, max_gap) for name in columns}
-    time = samples.time + (0.5 * samples.period if samples.means else 0.0)  # a mean is what was there in its middle
-    return {name: _averages(time, samples.raw[name], start, step, n, max_gap) for name in columns}
+    if samples.means:
+        return _means_of_means(samples, columns, start, step, n)
+    return {name: _averages(samples.time, samples.raw[name], start, step, n, max_gap) for name in columns}
+
+
+def _means_of_means(
+    samples: Samples, columns: Collection[str], start: float, step: float, n: int
+) -> dict[str, FloatArray]:
+    """Each row's mean counts for the seconds that it has in a bin; a bin of which half or less is known stays empty."""
+    ends = samples.time + samples.period
+    lost = np.flatnonzero(samples.time[1:] > ends[:-1] + 0.5 * samples.period)  # rows that the log lacks
+    time = np.insert(samples.time, lost + 1, ends[lost])
+    bins, found = Bins(time, start, step, n), {}
+    for name in columns:
+        values = np.insert(samples.raw[name], lost + 1, np.nan)
+        there = np.isfinite(values)
+        known = bins.reduce(name, there.astype(np.float64))
+        total = bins.reduce(name, np.where(there, values, 0.0))
+        found[name] = np.divide(total, known, out=np.full(n, np.nan), where=known > 0.5)
+    return found
 
 
 def _averages(time: FloatArray, values: FloatArray, start: float, step: float, n: int, max_gap: float) -> FloatArray:

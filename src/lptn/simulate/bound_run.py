@@ -88,6 +88,18 @@ _FEW = 5  # nodes whose names go into a message
 _AT_REST = 5.0  # K; with sensors of 1 K steps and their offsets, nodes of a robot at rest lie no further apart
 
 
+def most_in_a_row(bound: BoundRun) -> FloatArray:
+    """How far each node may have moved within the run's first row [K], shape (nodes,), where that is a long mean.
+
+    The run then begins half a row before its first reading, and no node moves further in a row than from one row to
+    the next, once at least. Zero where rows are samples, or means over no more than the first few seconds.
+    """
+    moved = np.abs(np.diff(bound.measured, axis=1))
+    if not bound.run.averaged or bound.run.step <= _FIRST_READINGS:
+        return np.zeros(len(moved))
+    return np.asarray(np.where(np.isfinite(moved), moved, 0.0).max(axis=1, initial=0.0))
+
+
 def default_start(model: Model, bound: BoundRun) -> FloatArray:
     """States to start from [degC], shape (number of states,): the first readings, hidden states in equilibrium."""
     measured = bound.start[np.isfinite(bound.start)]

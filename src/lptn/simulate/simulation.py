@@ -17,6 +17,9 @@ from lptn.simulate.readings import Piece, delayed, delayed_pieces, over_steps
 
 # --- Substeps: how finely a run is integrated -----------------------------------------------------
 
+_STRAIGHT = 0.3
+"""Largest product of a row and the fastest rate for which a mean over the row is taken to be that of its two ends: off
+by x²/12 of a transient, 0.7 %, no more than a Runge-Kutta step itself (`RATE_OF_A_STEP`)."""
 _SAMPLED = 25  # steps of a run at which the rates are looked at: inputs change resistances, but seldom the fastest one
 _MOST_SUBSTEPS = 32  # a time constant below 1/32 of the log's step can't be seen in it, and would take all the time
 
@@ -30,25 +33,38 @@ def _sample(steps: int) -> IntArray:
     return np.unique(np.linspace(0, steps - 1, min(steps, _SAMPLED)).astype(int))
 
 
-def substeps(model: Model, bound: BoundRun, values: FloatArray, start: FloatArray) -> int:
-    """How many Runge-Kutta steps each step of the run needs: a power of two, so that few functions are made.
+def substeps(
+    model: Model, bound: BoundRun, values: FloatArray, start: FloatArray, core: int | None = None
+) -> tuple[int, int]:
+    """How many Runge-Kutta steps each row of the run needs, and in how many steps it is looked at.
 
-    The fastest rate is the largest eigenvalue of the Jacobian at a sample of the inputs.
+    The fastest rate is the largest eigenvalue of the Jacobian at a sample of the inputs. Steps are a power of two, so
+    that few functions are made. A row is looked at as one step unless it is a mean and a transient bends within it.
+
+    Args:
+        core: how many leading states the mean is taken of, as in `sensitivities`.
 
     Raises:
         SimulationError: more than 32 would be needed.
     """
     sample, step = _sample(len(bound)), bound.run.step
     at_start = np.repeat(start[:, None], len(sample), axis=1)
-    stacked = slopes_at_points(model, at_start, bound.inputs[:, sample], values)
+    stacked = step * slopes_at_points(model, at_start, bound.inputs[:, sample], values)
     if not np.isfinite(stacked).all():
         raise SimulationError(f"the rates of run {bound.run.name} are not finite at these parameters")
-    if step * float(np.abs(stacked).sum(axis=2).max()) <= RATE_OF_A_STEP:
-        return 1  # no eigenvalue is larger than a row's sum
-    fastest = float(np.abs(np.linalg.eigvals(stacked)).max())
-    if fastest * step > RATE_OF_A_STEP * _MOST_SUBSTEPS:
-        raise SimulationError(f"fastest rate {fastest:.3g} 1/s is too fast for steps of {step:g} s")
-    return 1 << ceil(log2(max(fastest * step / RATE_OF_A_STEP, 1.0)))
+    fastest = _largest_eigenvalue(stacked, RATE_OF_A_STEP)
+    if fastest > RATE_OF_A_STEP * _MOST_SUBSTEPS:
+        raise SimulationError(f"fastest rate {fastest / step:.3g} 1/s is too fast for steps of {step:g} s")
+    parts = 1 << ceil(log2(max(fastest / RATE_OF_A_STEP, 1.0)))
+    if not bound.run.averaged or _largest_eigenvalue(stacked[:, :core, :core], _STRAIGHT) <= _STRAIGHT:
+        return parts, 1
+    return max(parts, 2), max(parts, 2)
+
+
+def _largest_eigenvalue(stacked: FloatArray, enough: float) -> float:
+    """Of a stack of matrices, shape (k, n, n), or a bound of it that is no larger than `enough`."""
+    most = float(np.abs(stacked).sum(axis=2).max())
+    return most if most <= enough else float(np.abs(np.linalg.eigvals(stacked)).max())
 
 
 # --- The simulation -------------------------------------------------------------------------------
@@ -56,9 +72,16 @@ def substeps(model: Model, bound: BoundRun, values: FloatArray, start: FloatArra
 
 @dataclass(frozen=True)
 class Trajectory:
-    """States at the n + 1 ends of the steps, shape (number of states, n + 1), and n readings of each node."""
+    """A simulated run of n rows.
+
+    Args:
+        states: at the n + 1 ends of its rows, shape (number of states, n + 1).
+        held: states as rows hold them, means or samples, shape (number of states, n).
+        readings: of each node, as rows hold them [degC], shape (nodes, n).
+    """
 
     states: FloatArray
+    held: FloatArray
     readings: FloatArray
 
 
@@ -77,12 +100,15 @@ def simulate(
     """
     values = model.in_run(bound.run.name, model.values if values is None else values)
     start = default_start(model, bound) if start is None else start
-    states = states_at_ends(model, start, bound.inputs, values, bound.run.step, substeps(model, bound, values, start))
+    parts, shown = substeps(model, bound, values, start)
+    inputs, step = np.repeat(bound.inputs, shown, axis=1), bound.run.step / shown
+    states = states_at_ends(model, start, inputs, values, step, parts // shown)
     _refuse_runaway(states, bound)
     readings = model.readings_of(states, values)
     if not model.in_time:
-        readings = delayed(readings, model.delays(values)[0] / bound.run.step)
-    return Trajectory(states, over_steps(readings, bound.run.averaged))
+        readings = delayed(readings, model.delays(values)[0] / step)
+    held = over_steps(states, bound.run.averaged, shown)
+    return Trajectory(states[:, ::shown], held, over_steps(readings, bound.run.averaged, shown))
 
 
 def _refuse_runaway(states: FloatArray, bound: BoundRun) -> None:
@@ -163,27 +189,33 @@ def sensitivity_windows(
     run, values = bound.run, model.in_run(bound.run.name, values)
     start = default_start(model, bound) if start is None else start
     core = len(model.states) if core is None else core
-    pieces = _pieces(stepper(model, core, chosen), bound, values, start)
+    parts, shown = substeps(model, bound, values, start, core)
+    step = run.step / shown
+    pieces = _pieces(stepper(model, core, chosen), bound, values, start, parts, shown)
     if not model.in_time:
         delays, slopes = model.delays(values)
         by_column = np.hstack([slopes[:, list(chosen)], np.zeros((len(delays), core))])
-        pieces = delayed_pieces(pieces, delays / run.step, by_column, run.step, len(bound) + 1)
+        pieces = delayed_pieces(pieces, delays / step, by_column, step, len(bound) * shown + 1)
     for piece in pieces:
-        derivatives = np.moveaxis(over_steps(np.moveaxis(piece.derivatives, 0, 2), run.averaged), 2, 1)
-        window = slice(piece.first, piece.stop - 1)
-        yield window, Sensitivities(over_steps(piece.readings, run.averaged), derivatives, len(chosen))
+        ends = np.moveaxis(piece.derivatives, 0, 2)
+        derivatives = np.moveaxis(over_steps(ends, run.averaged, shown), 2, 1)
+        window = slice(piece.first // shown, (piece.stop - 1) // shown)
+        yield window, Sensitivities(over_steps(piece.readings, run.averaged, shown), derivatives, len(chosen))
 
 
-def _pieces(steps: Stepper, bound: BoundRun, values: FloatArray, start: FloatArray) -> Iterator[Piece]:
+def _pieces(
+    steps: Stepper, bound: BoundRun, values: FloatArray, start: FloatArray, parts: int, shown: int
+) -> Iterator[Piece]:
+    """Pieces of whole rows, at the ends of the steps in which rows are looked at."""
     model, core, chosen = steps.model, steps.core, len(steps.chosen)
-    parts = substeps(model, bound, values, start)
     # Columns: one for each chosen parameter, then one for each core state's initial value.
     states, derivative = start, np.hstack([np.zeros((core, chosen)), np.eye(core)])
-    most = min(_WINDOW, max(1, _BLOCK // derivative.size))
+    most = max(1, min(_WINDOW, _BLOCK // derivative.size) // shown)
     for first in range(0, len(bound), most):
-        window = slice(first, min(first + most, len(bound)))
-        path, derivatives = steps.run(states, derivative, bound.inputs[:, window], values, bound.run.step, parts)
+        inputs = np.repeat(bound.inputs[:, first : first + most], shown, axis=1)
+        path, derivatives = steps.run(states, derivative, inputs, values, bound.run.step / shown, parts // shown)
         _refuse_runaway(path, bound)
         # Before whoever takes the piece changes it: without an effect on readings these are the derivatives themselves.
         states, derivative = path[:, -1].copy(), derivatives[-1].copy()
-        yield Piece(first, model.readings_of(path, values), steps.of_readings(path, values, derivatives))
+        of_readings = steps.of_readings(path, values, derivatives)
+        yield Piece(first * shown, model.readings_of(path, values), of_readings)
