@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
-from math import ceil, log2
+from math import ceil, isfinite, log2
 
 import numpy as np
 
@@ -50,21 +50,29 @@ def substeps(
     sample, step = _sample(len(bound)), bound.run.step
     at_start = np.repeat(start[:, None], len(sample), axis=1)
     stacked = step * slopes_at_points(model, at_start, bound.inputs[:, sample], values)
-    if not np.isfinite(stacked).all():
+    at_most = _row_sums(stacked)
+    if not isfinite(at_most):
         raise SimulationError(f"the rates of run {bound.run.name} are not finite at these parameters")
-    fastest = _largest_eigenvalue(stacked, RATE_OF_A_STEP)
-    if fastest > RATE_OF_A_STEP * _MOST_SUBSTEPS:
-        raise SimulationError(f"fastest rate {fastest / step:.3g} 1/s is too fast for steps of {step:g} s")
-    parts = 1 << ceil(log2(max(fastest / RATE_OF_A_STEP, 1.0)))
-    if not bound.run.averaged or _largest_eigenvalue(stacked[:, :core, :core], _STRAIGHT) <= _STRAIGHT:
-        return parts, 1
-    return max(parts, 2), max(parts, 2)
+    parts = 1
+    if at_most > RATE_OF_A_STEP:
+        fastest = _largest_eigenvalue(stacked)
+        if fastest > RATE_OF_A_STEP * _MOST_SUBSTEPS:
+            raise SimulationError(f"fastest rate {fastest / step:.3g} 1/s is too fast for steps of {step:g} s")
+        parts = 1 << ceil(log2(max(fastest / RATE_OF_A_STEP, 1.0)))
+    if bound.run.averaged and at_most > _STRAIGHT:
+        of_core = stacked[:, :core, :core]
+        if _row_sums(of_core) > _STRAIGHT and _largest_eigenvalue(of_core) > _STRAIGHT:
+            return max(parts, 2), max(parts, 2)
+    return parts, 1
 
 
-def _largest_eigenvalue(stacked: FloatArray, enough: float) -> float:
-    """Of a stack of matrices, shape (k, n, n), or a bound of it that is no larger than `enough`."""
-    most = float(np.abs(stacked).sum(axis=2).max())
-    return most if most <= enough else float(np.abs(np.linalg.eigvals(stacked)).max())
+def _row_sums(stacked: FloatArray) -> float:
+    """The largest sum of a row of several matrices, shape (k, n, n): no eigenvalue is larger."""
+    return float(np.abs(stacked).sum(axis=2).max())
+
+
+def _largest_eigenvalue(stacked: FloatArray) -> float:
+    return float(np.abs(np.linalg.eigvals(stacked)).max())
 
 
 # --- The simulation -------------------------------------------------------------------------------
