@@ -114,6 +114,24 @@ def test_a_step_that_explains_less_than_anyone_looks_for_is_left_out(leg: Leg, s
     assert ("forced_convection", "*") in {step.key for step in settled}
 
 
+@pytest.mark.parametrize("likely", [True, False])
+def test_an_error_of_the_log_stays_only_while_it_is_likelier_than_all_in_the_robot(
+    leg: Leg,  # noqa: F811
+    monkeypatch: pytest.MonkeyPatch,
+    likely: bool,
+) -> None:
+    """However well it predicts: here it is the truth, and goes only because it is said to be unlikely."""
+    model, data = leg(Hidden("forced_convection", "*"), Hidden("sensor_offset", "FR_hip"))
+    coarse, said = for_search(data), list[str]()
+    branch = _branch(model, coarse, ("sensor_offset", "FR_hip"), ("forced_convection", "*"))
+    search = _Search(coarse, None, said.append, lambda _: None)
+    search.branches = [branch[:1]]
+    monkeypatch.setattr(_Search, "_errors_are_likely", lambda *_: likely)
+    settled = search.settled(branch)
+    assert (("sensor_offset", "FR_hip") in {step.key for step in settled}) == likely
+    assert any(text.startswith("sensor_offset at FR_hip gives way to") for text in said) != likely
+
+
 @pytest.mark.long
 def test_what_sets_one_joint_apart_is_told_before_what_all_have(leg: Leg) -> None:  # noqa: F811
     model, data = leg(Hidden("forced_convection", "*"), Hidden("sensor_offset", "FR_hip"))

@@ -330,34 +330,44 @@ class _Search:
         """The branch with each step left out, or exchanged, where that is more probable by all runs.
 
         A step was chosen while much else was missing, and may only have stood for that. Left out, too, is what explains
-        less than anyone looks for beside the others, however sure it is.
+        less than anyone looks for beside the others, however sure it is; an error of the log must be as likely beside
+        them as when it was chosen.
         """
         tried, number = {_effects(branch)}, 1
         while number < len(branch) > 2:  # the only step was compared with all others, and with none, when it was chosen
             step, number = branch[number], number + 1
-            for other in self._instead_of(branch, step):
-                if _effects(other) in tried:
-                    continue
+            doubted = self._is_doubted(branch, step)
+            others = (each for each in self._instead_of(branch, step, doubted) if _effects(each) not in tried)
+            for other in _ranked(list(others), self.data)[:1] if doubted else others:
                 tried.add(_effects(other))
                 left_out = len(other) < len(branch) and _is_negligible(other, branch)
-                if left_out or _chosen([branch, other], self.data) is other:
+                if doubted or left_out or _chosen([branch, other], self.data) is other:
                     successor = f"gives way to {_named(other[-1])}" if len(other) == len(branch) else "is not needed"
                     self.report(f"{_named(step)} {successor}")
                     branch, number = other, 1
                     break
         return branch
 
-    def _instead_of(self, branch: Branch, step: Step) -> Iterator[Branch]:
-        """The branch without a step, then with what is more probable in its place, by the fitted runs, and by all."""
+    def _is_doubted(self, branch: Branch, step: Step) -> bool:
+        """Whether a step is an error of the log where beside the other steps something in the robot is likelier."""
+        without = self._without(branch, step) if _errs(step) else None
+        return without is not None and not self._errors_are_likely(without)
+
+    def _instead_of(self, branch: Branch, step: Step, doubted: bool) -> Iterator[Branch]:
+        """The branch without a step, then with what is more probable in its place, by the fitted runs, and by all.
+
+        In place of a step that is doubted, with what is most probable of the rest.
+        """
         without = self._without(branch, step)
         if without is None:
             return
         yield without
         others = [other for other in self._longer(without) if other[-1].key != step.key]
+        kept = [] if doubted else [branch]
         by_fitted = max(others, key=lambda other: other[-1].probability, default=branch)
-        if by_fitted[-1].probability <= self._beside_the_others(branch, step).probability:
+        if kept and by_fitted[-1].probability <= self._beside_the_others(branch, step).probability:
             by_fitted = branch
-        for other in dict.fromkeys([by_fitted, _ranked([branch, *others], self.data)[0]]):
+        for other in dict.fromkeys([by_fitted, *_ranked([*kept, *others], self.data)[:1]]):
             if other is branch:
                 continue
             fit = unless_interrupted(finished(other[-1].fit))
@@ -427,9 +437,8 @@ class _Search:
         runs make most probable.
         """
         longer: list[Branch] = []
-        refits = self.diagnosis(branch).refits
-        errors_likely = sum(step.probability for step in refits if _errs(step)) >= LIKELY
-        for step in refits:
+        errors_likely = self._errors_are_likely(branch)
+        for step in self.diagnosis(branch).refits:
             if _errs(step) and not errors_likely:
                 continue
             believed = not is_implausible(step.fit, _declarations((*branch, step)), branch[0].fit)
@@ -443,6 +452,10 @@ class _Search:
             else:
                 longer.append(one)
         return longer
+
+    def _errors_are_likely(self, branch: Branch) -> bool:
+        """Whether by the fitted runs errors of the log are likelier than all else that the branch may lack."""
+        return sum(step.probability for step in self.diagnosis(branch).refits if _errs(step)) >= LIKELY
 
     def _next(self, pool: Sequence[Branch], width: int) -> list[Branch]:
         """The most probable branches that have a hope, each set of effects once, fitted to the end."""
