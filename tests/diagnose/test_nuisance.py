@@ -19,6 +19,7 @@ from lptn.identify.fitting import fit_starts, nuisances
 from lptn.identify.validation import fit_segments, holdout_errors
 from lptn.model.model import Model
 from lptn.model.network import EffectDeclaration
+from lptn.report.text import granted_at_limit_in_words
 from lptn.simulate.bound_run import bind
 from lptn.simulate.simulation import simulate
 from lptn.virtual import Hidden
@@ -56,6 +57,20 @@ def test_as_logged_a_held_out_run_is_predicted_as_the_model_without_grants_does(
     assert step.holdout_as_logged is not None
     assert step.holdout_as_logged.rmse == pytest.approx(Errors.of(plain.error).rmse, rel=1e-9)
     assert step.holdout_as_logged.rmse > 2 * step.holdout.rmse
+
+
+def test_a_grant_that_ends_at_its_limit_is_told(leg: Leg) -> None:
+    """Air of fit2 that is off by 3 K, where 0.3 K are usual, and 0.6 K granted."""
+    model, data = leg(Hidden("ambient_offset", "ambient", size=3.0, run="fit2"))
+    coarse = for_search(data)
+    fit = fit_segments(with_errors_of_runs(model, data, ambient=0.3, torque=0.0), coarse.fit)
+    (told,) = [each for each in fit.granted_at_limit if each.run == "fit2"]
+    assert (told.effect, told.at, abs(told.size)) == ("ambient_offset", "ambient", pytest.approx(0.6))
+    text = granted_at_limit_in_words(fit)
+    assert "the air of fit2 (+0.60 K)" in text or "the air of fit2 (−0.60 K)" in text
+    wide = fit_segments(with_errors_of_runs(model, data, ambient=5.0, torque=0.0), coarse.fit)
+    assert not wide.granted_at_limit
+    assert not granted_at_limit_in_words(wide)
 
 
 @pytest.mark.parametrize(("off", "as_granted"), [(0.0, False), (2.0, True)])

@@ -121,6 +121,7 @@ class History(Tabular):
         return {
             "verdict": self.verdict,
             "remaining": self.remaining,
+            "granted_at_limit": [asdict(each) for each in self.best.fit.granted_at_limit],
             "probabilities": self.first.probabilities_as_json(),
             "history": table,
             "ladder": table,
