@@ -126,10 +126,23 @@ def test_an_error_of_the_log_stays_only_while_it_is_likelier_than_all_in_the_rob
     branch = _branch(model, coarse, ("sensor_offset", "FR_hip"), ("forced_convection", "*"))
     search = _Search(coarse, None, said.append, lambda _: None)
     search.branches = [branch[:1]]
-    monkeypatch.setattr(_Search, "_errors_are_likely", lambda *_: likely)
+    monkeypatch.setattr(_Search, "_errors_are_believed", lambda *_: likely)
     settled = search.settled(branch)
     assert (("sensor_offset", "FR_hip") in {step.key for step in settled}) == likely
     assert any(text.startswith("sensor_offset at FR_hip gives way to") for text in said) != likely
+
+
+@pytest.mark.parametrize("late", ["sensor_lag", "clock_offset"])
+def test_a_clock_is_believed_only_where_no_lags_do_as_well(leg: Leg, late: str) -> None:  # noqa: F811
+    """A lag looks like a delay; a delay is like no number of lags."""
+    model, data = leg(Hidden(late, "*"))
+    coarse = for_search(data)
+    given, clock = _branch(model, coarse), _branch(model, coarse, ("clock_offset", "*"))[-1]
+    assert clock.fit.cost < 0.5 * given[-1].fit.cost
+    search = _Search(coarse, None, lambda _: None, lambda _: None)
+    confused = {step.key for step in search._with_all_confused(given, clock)[1:]}
+    assert confused == {("sensor_lag", "*"), ("winding_mass", "*"), ("second_mass", "*")}
+    assert search._errors_are_believed(given) == (late == "clock_offset")
 
 
 @pytest.mark.long

@@ -3,7 +3,8 @@
 Missing effects come in pairs whose first alone explains little, and short logs leave several first effects equally
 good. So several models are followed a step further, side by side:
 
-1. Each model that is followed is diagnosed; each of its refits beyond chance is a longer branch.
+1. Each model that is followed is diagnosed; each of its refits beyond chance is a longer branch, those of
+   errors of the log where they are believed.
 2. Of these the most probable are fitted to the end and followed, by the fitted runs, and by all runs: what predicts
    held-out runs much worse than another comes last there, however well it fits.
 3. The search ends when a model is adequate, nothing helps, or a step has made no model more probable by all runs.
@@ -30,13 +31,14 @@ import pandas as pd
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
+from lptn.basics.places import EVERYWHERE
 from lptn.basics.tables import Tabular
 from lptn.diagnose.answers import HOPELESS, LIKELY, SIGNIFICANT, Key, Report, Step, compared, held_out
 from lptn.diagnose.candidates import AMBIENT_ERROR, TORQUE_ERROR, with_errors_of_runs
 from lptn.diagnose.diagnosis import MUCH_WORSE, Diagnosis, Verdict, examine, for_search
 from lptn.diagnose.fit_statistics import HALF, Removed, explained_elsewhere, explains, is_negligible
-from lptn.diagnose.probability import is_implausible, log_prior_of_sizes, probabilities
-from lptn.diagnose.refits import continued, unless_interrupted
+from lptn.diagnose.probability import is_implausible, log_prior_of_sizes, log_priors, probabilities
+from lptn.diagnose.refits import continued, refit, unless_interrupted
 from lptn.diagnose.runs_that_differ import RunDifference, granted_differences
 from lptn.identify.comparison import Prediction
 from lptn.identify.data import DataSplit
@@ -285,6 +287,7 @@ class _Search:
     ) -> None:
         self.data, self.executor, self.report, self.found = data, executor, report, found
         self.branches: list[Branch] = []
+        self._believed: dict[frozenset[Key], bool] = {}
         self._diagnoses: dict[frozenset[Key], Diagnosis] = {}
 
     def follow(self, given: Branch, most: int) -> None:
@@ -331,49 +334,56 @@ class _Search:
         """The branch with each step left out, or exchanged, where that is more probable by all runs.
 
         A step was chosen while much else was missing, and may only have stood for that. Left out, too, is what explains
-        less than anyone looks for beside the others, however sure it is; an error of the log must be as likely beside
-        them as when it was chosen.
+        less than anyone looks for beside the others, however sure it is; an error of the log gives way to what may be
+        in the robot, see `_in_the_robot`.
         """
         tried, number = {_effects(branch)}, 1
         while number < len(branch) > 2:  # the only step was compared with all others, and with none, when it was chosen
             step, number = branch[number], number + 1
-            doubted = self._is_doubted(branch, step)
-            others = (each for each in self._instead_of(branch, step, doubted) if _effects(each) not in tried)
-            for other in _ranked(list(others), self.data)[:1] if doubted else others:
+            in_the_robot = self._in_the_robot(branch, step) if _errs(step) else None
+            for other in [in_the_robot] if in_the_robot else self._instead_of(branch, step):
+                if _effects(other) in tried:
+                    continue
                 tried.add(_effects(other))
                 left_out = len(other) < len(branch) and _is_negligible(other, branch)
-                if doubted or left_out or _chosen([branch, other], self.data) is other:
-                    successor = f"gives way to {_named(other[-1])}" if len(other) == len(branch) else "is not needed"
-                    self.report(f"{_named(step)} {successor}")
+                if other is in_the_robot or left_out or _chosen([branch, other], self.data) is other:
+                    added = [each for each in other[1:] if each.key not in _effects(branch)]
+                    successors = " and ".join(map(_named, added))
+                    self.report(f"{_named(step)} {f'gives way to {successors}' if added else 'is not needed'}")
                     branch, number = other, 1
                     break
         return branch
 
-    def _is_doubted(self, branch: Branch, step: Step) -> bool:
-        """Whether a step is an error of the log where beside the other steps something in the robot is likelier."""
-        without = self._without(branch, step) if _errs(step) else None
-        return without is not None and not self._errors_are_likely(without)
-
-    def _instead_of(self, branch: Branch, step: Step, doubted: bool) -> Iterator[Branch]:
-        """The branch without a step, then with what is more probable in its place, by the fitted runs, and by all.
-
-        In place of a step that is doubted, with what is most probable of the rest.
-        """
+    def _instead_of(self, branch: Branch, step: Step) -> Iterator[Branch]:
+        """The branch without a step, then with what is more probable in its place, by the fitted runs, and by all."""
         without = self._without(branch, step)
         if without is None:
             return
         yield without
         others = [other for other in self._longer(without) if other[-1].key != step.key]
-        kept = [] if doubted else [branch]
         by_fitted = max(others, key=lambda other: other[-1].probability, default=branch)
-        if kept and by_fitted[-1].probability <= self._beside_the_others(branch, step).probability:
+        if by_fitted[-1].probability <= self._beside_the_others(branch, step).probability:
             by_fitted = branch
-        for other in dict.fromkeys([by_fitted, *_ranked([*kept, *others], self.data)[:1]]):
-            if other is branch:
-                continue
-            fit = unless_interrupted(finished(other[-1].fit))
-            if not is_implausible(fit, _declarations(other), branch[0].fit):
-                yield _ending_in(other, fit, self.data)
+        for other in dict.fromkeys([by_fitted, _ranked([branch, *others], self.data)[0]]):
+            done = self._to_the_end(other) if other is not branch else None
+            if done is not None:
+                yield done
+
+    def _in_the_robot(self, branch: Branch, error: Step) -> Branch | None:
+        """The branch with what may be in the robot in place of an error of the log; `None` where that is believed."""
+        without = self._without(branch, error)
+        if without is None or self._errors_are_believed(without):
+            return None
+        longer = self._longer(without)
+        found = self._to_the_end(_ranked(longer, self.data)[0]) if longer else None
+        return _ranked([without, found], self.data)[0] if found else without
+
+    def _to_the_end(self, branch: Branch) -> Branch | None:
+        """The branch with its last model fitted to the end; `None` where nobody believes that."""
+        fit = unless_interrupted(finished(branch[-1].fit))
+        if is_implausible(fit, _declarations(branch), branch[0].fit):
+            return None
+        return _ending_in(branch, fit, self.data)
 
     def reconsidered(self, branch: Branch) -> Branch:
         """The branch with each step asked anew beside all others, in the order in which they are told."""
@@ -432,15 +442,14 @@ class _Search:
     def _longer(self, branch: Branch) -> list[Branch]:
         """The branch with each refit of its last model that is beyond chance, each name for one step once.
 
-        Errors of sensors, clocks and the air are believed where the fitted data make one of them likelier than all
-        that may happen in the robot: they are fitted so easily that a better prediction says nothing for them. Of
-        several names for one step, such as less air in one run and more in the other, that one stands which held-out
-        runs make most probable.
+        Errors of sensors, clocks and the air are added where they are believed, see `_errors_are_believed`. Of several
+        names for one step, such as less air in one run and more in the other, that one stands which held-out runs make
+        most probable.
         """
         longer: list[Branch] = []
-        errors_likely = self._errors_are_likely(branch)
+        errors_believed = self._errors_are_believed(branch)
         for step in self.diagnosis(branch).refits:
-            if _errs(step) and not errors_likely:
+            if _errs(step) and not errors_believed:
                 continue
             believed = not is_implausible(step.fit, _declarations((*branch, step)), branch[0].fit)
             beyond_chance = step.p_value < SIGNIFICANT and step.gain > 0
@@ -454,9 +463,36 @@ class _Search:
                 longer.append(one)
         return longer
 
-    def _errors_are_likely(self, branch: Branch) -> bool:
-        """Whether by the fitted runs errors of the log are likelier than all else that the branch may lack."""
-        return sum(step.probability for step in self.diagnosis(branch).refits if _errs(step)) >= LIKELY
+    def _errors_are_believed(self, branch: Branch) -> bool:
+        """Whether by the fitted runs errors of the log are likelier than all else that the branch may lack.
+
+        They are fitted so easily that a better prediction says nothing for them, and one number imitates what several
+        things in a robot do together: a clock's delay the lags of sensors, windings and masses. So the likeliest of
+        them must be more probable by all runs than everything in the robot together that it may be confused with.
+        """
+        effects = _effects(branch)
+        if effects not in self._believed:
+            errors = [step for step in self.diagnosis(branch).refits if _errs(step)]
+            believed = sum(step.probability for step in errors) >= LIKELY
+            if believed:
+                error = max(errors, key=lambda step: step.probability)
+                confused = self._with_all_confused(branch, error)
+                rivals = [_ending_in(each, each[-1].fit, self.data) for each in ((*branch, error), confused)]
+                believed = _ranked(rivals, self.data)[0] is rivals[0]
+            self._believed[effects] = believed
+        return self._believed[effects]
+
+    def _with_all_confused(self, branch: Branch, error: Step) -> Branch:
+        """The branch with all in the robot that an error is confused with, there or, failing that, everywhere."""
+        candidates = {each.candidate.key: each for each in self.diagnosis(branch).scores.ranked}
+        odds = dict(zip(candidates, log_priors([each.candidate for each in candidates.values()]), strict=True))
+        kinds = error.declaration.effect.signature.confused_with if error.declaration else ()
+        for kind in kinds:
+            key = next((key for key in ((kind, error.at or ""), (kind, EVERYWHERE)) if key in candidates), None)
+            if key is not None and not candidates[key].candidate.effect.errs:
+                declared = candidates[key].candidate.declaration(None, candidates[key].shape)
+                branch = (*branch, Step(refit(branch[-1].fit, declared), declared, log_odds=float(odds[key])))
+        return branch
 
     def _next(self, pool: Sequence[Branch], width: int) -> list[Branch]:
         """The most probable branches that have a hope, each set of effects once, fitted to the end."""

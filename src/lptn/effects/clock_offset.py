@@ -37,7 +37,7 @@ class ClockOffset(ClockEffect):
     signature = Signature(
         looks_like="all readings come late (or early) at every change of load, by the same time on every node",
         separate_by="one short strong burst of load from rest: when does the first node begin to warm?",
-        confused_with=("sensor_lag", "second_mass"),
+        confused_with=("sensor_lag", "winding_mass", "second_mass"),
     )
     excitation = LOAD_STEPS
     source = "definition"
