@@ -288,6 +288,7 @@ class _Search:
         self.data, self.executor, self.report, self.found = data, executor, report, found
         self.branches: list[Branch] = []
         self._believed: dict[frozenset[Key], bool] = {}
+        self._outdone: set[Key] = set()  # errors less probable than what they are confused with
         self._diagnoses: dict[frozenset[Key], Diagnosis] = {}
 
     def follow(self, given: Branch, most: int) -> None:
@@ -449,7 +450,7 @@ class _Search:
         longer: list[Branch] = []
         errors_believed = self._errors_are_believed(branch)
         for step in self.diagnosis(branch).refits:
-            if _errs(step) and not errors_believed:
+            if _errs(step) and (not errors_believed or step.key in self._outdone):
                 continue
             believed = not is_implausible(step.fit, _declarations((*branch, step)), branch[0].fit)
             beyond_chance = step.p_value < SIGNIFICANT and step.gain > 0
@@ -468,17 +469,19 @@ class _Search:
 
         They are fitted so easily that a better prediction says nothing for them, and one number imitates what several
         things in a robot do together: a clock's delay the lags of sensors, windings and masses. So the likeliest of
-        them must be more probable by all runs than everything in the robot together that it may be confused with.
+        them must be more probable by all runs than everything in the robot together that it may be confused with; one
+        that is not is believed nowhere else, as later steps may have some of these things in their place.
         """
         effects = _effects(branch)
         if effects not in self._believed:
-            errors = [step for step in self.diagnosis(branch).refits if _errs(step)]
+            errors = [step for step in self.diagnosis(branch).refits if _errs(step) and step.key not in self._outdone]
             believed = sum(step.probability for step in errors) >= LIKELY
             if believed:
                 error = max(errors, key=lambda step: step.probability)
                 confused = self._with_all_confused(branch, error)
                 rivals = [_ending_in(each, each[-1].fit, self.data) for each in ((*branch, error), confused)]
                 believed = _ranked(rivals, self.data)[0] is rivals[0]
+                self._outdone |= set() if believed else {error.key}
             self._believed[effects] = believed
         return self._believed[effects]
 
