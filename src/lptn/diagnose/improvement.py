@@ -3,8 +3,8 @@
 Missing effects come in pairs whose first alone explains little, and short logs leave several first effects equally
 good. So several models are followed a step further, side by side:
 
-1. Each model that is followed is diagnosed; each of its refits beyond chance is a longer branch, those of
-   errors of the log where they are believed.
+1. Each model that is followed is diagnosed; each of its refits beyond chance is a longer branch, errors of
+   the log only where they are believed.
 2. Of these the most probable are fitted to the end and followed, by the fitted runs, and by all runs: what predicts
    held-out runs much worse than another comes last there, however well it fits.
 3. The search ends when a model is adequate, nothing helps, or a step has made no model more probable by all runs.
@@ -22,7 +22,7 @@ would explain it, that difference is granted to the run, and the question is ask
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Container, Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import asdict, dataclass, replace
 
@@ -339,9 +339,11 @@ class _Search:
         in the robot, see `_in_the_robot`.
         """
         tried, number = {_effects(branch)}, 1
-        while number < len(branch) > 2:  # the only step was compared with all others, and with none, when it was chosen
+        while number < len(branch):
             step, number = branch[number], number + 1
-            in_the_robot = self._in_the_robot(branch, step) if _errs(step) else None
+            if len(branch) == 2 and not _errs(step):
+                break  # the only step was compared with all others, and with none, when it was chosen
+            in_the_robot = self._in_the_robot(branch, step, tried) if _errs(step) else None
             for other in [in_the_robot] if in_the_robot else self._instead_of(branch, step):
                 if _effects(other) in tried:
                     continue
@@ -370,14 +372,15 @@ class _Search:
             if done is not None:
                 yield done
 
-    def _in_the_robot(self, branch: Branch, error: Step) -> Branch | None:
+    def _in_the_robot(self, branch: Branch, error: Step, tried: Container[frozenset[Key]]) -> Branch | None:
         """The branch with what may be in the robot in place of an error of the log; `None` where that is believed."""
         without = self._without(branch, error)
-        if without is None or self._errors_are_believed(without):
+        if without is None or (self._errors_are_believed(without) and error.key not in self._outdone):
             return None
-        longer = self._longer(without)
-        found = self._to_the_end(_ranked(longer, self.data)[0]) if longer else None
-        return _ranked([without, found], self.data)[0] if found else without
+        longer = [other for other in self._longer(without) if not _errs(other[-1]) and _effects(other) not in tried]
+        done = (self._to_the_end(other) for other in (_ranked(longer, self.data) if longer else ()))
+        found = next((other for other in done if other is not None), without)
+        return _ranked([without, found], self.data)[0]
 
     def _to_the_end(self, branch: Branch) -> Branch | None:
         """The branch with its last model fitted to the end; `None` where nobody believes that."""
@@ -474,27 +477,42 @@ class _Search:
         """
         effects = _effects(branch)
         if effects not in self._believed:
-            errors = [step for step in self.diagnosis(branch).refits if _errs(step) and step.key not in self._outdone]
-            believed = sum(step.probability for step in errors) >= LIKELY
-            if believed:
-                error = max(errors, key=lambda step: step.probability)
-                confused = self._with_all_confused(branch, error)
-                rivals = [_ending_in(each, each[-1].fit, self.data) for each in ((*branch, error), confused)]
-                believed = _ranked(rivals, self.data)[0] is rivals[0]
-                self._outdone |= set() if believed else {error.key}
-            self._believed[effects] = believed
+            self._believed[effects] = False
+            errors = [step for step in self.diagnosis(branch).refits if _errs(step)]
+            while left := [step for step in errors if step.key not in self._outdone]:
+                of_left, of_all = (sum(step.probability for step in each) for each in (left, errors))
+                if of_left < LIKELY * (1 - of_all + of_left):
+                    break
+                likeliest = max(left, key=lambda step: step.probability)
+                if self._stands(branch, likeliest):
+                    self._believed[effects] = True
+                    break
+                self._outdone.add(likeliest.key)
         return self._believed[effects]
+
+    def _stands(self, branch: Branch, error: Step) -> bool:
+        """Whether an error is more probable by all runs than all in the robot together that it is confused with."""
+        confused = self._with_all_confused(branch, error)
+        last = confused[-1].fit
+        if len(confused) == len(branch) or is_implausible(last, _declarations(confused), branch[0].fit):
+            return True
+        rivals = [_ending_in(each, each[-1].fit, self.data) for each in ((*branch, error), confused)]
+        return _ranked(rivals, self.data)[0] is rivals[0]
 
     def _with_all_confused(self, branch: Branch, error: Step) -> Branch:
         """The branch with all in the robot that an error is confused with, there or, failing that, everywhere."""
-        candidates = {each.candidate.key: each for each in self.diagnosis(branch).scores.ranked}
+        diagnosis = self.diagnosis(branch)
+        candidates, fit = {each.candidate.key: each for each in diagnosis.scores.ranked}, diagnosis.fit
         odds = dict(zip(candidates, log_priors([each.candidate for each in candidates.values()]), strict=True))
-        kinds = error.declaration.effect.signature.confused_with if error.declaration else ()
-        for kind in kinds:
-            key = next((key for key in ((kind, error.at or ""), (kind, EVERYWHERE)) if key in candidates), None)
+        if error.declaration is None:
+            return branch
+        for kind in error.declaration.effect.signature.confused_with:
+            places = (error.at or "", error.declaration.at, EVERYWHERE)
+            key = next(((kind, at) for at in places if (kind, at) in candidates), None)
             if key is not None and not candidates[key].candidate.effect.errs:
                 declared = candidates[key].candidate.declaration(None, candidates[key].shape)
-                branch = (*branch, Step(refit(branch[-1].fit, declared), declared, log_odds=float(odds[key])))
+                fit = refit(fit, declared)
+                branch = (*branch, Step(fit, declared, log_odds=float(odds[key])))
         return branch
 
     def _next(self, pool: Sequence[Branch], width: int) -> list[Branch]:

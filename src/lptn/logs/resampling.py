@@ -266,12 +266,12 @@ def temperatures_on_grid(
         at = grid(start, step, n)
         return {name: interpolate(samples.time, samples.raw[name], at, max_gap) for name in columns}
     if samples.means:
-        return _means_of_means(samples, columns, start, step, n)
+        return _means_of_means(samples, columns, start, step, n, max_gap)
     return {name: _averages(samples.time, samples.raw[name], start, step, n, max_gap) for name in columns}
 
 
 def _means_of_means(
-    samples: Samples, columns: Collection[str], start: float, step: float, n: int
+    samples: Samples, columns: Collection[str], start: float, step: float, n: int, max_gap: float
 ) -> dict[str, FloatArray]:
     """Each row's mean counts for the seconds that it has in a bin; a bin of which half or less is known stays empty."""
     ends = samples.time + samples.period
@@ -279,6 +279,11 @@ def _means_of_means(
     time = np.insert(samples.time, lost + 1, ends[lost])
     bins, found = Bins(time, start, step, n), {}
     for name in columns:
+        own = samples.time[np.isfinite(samples.raw[name])]
+        if own.size > 1 and np.median(np.diff(own)) >= SEVERAL * samples.period:  # read more seldom than there are rows
+            middles = samples.time + 0.5 * samples.period
+            found[name] = _averages(middles, samples.raw[name], start, step, n, max_gap)
+            continue
         values = np.insert(samples.raw[name], lost + 1, np.nan)
         there = np.isfinite(values)
         known = bins.reduce(name, there.astype(np.float64))

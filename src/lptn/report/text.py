@@ -175,7 +175,8 @@ def granted_at_limit_in_words(fit: Fit) -> str:
     def one(granted: Granted) -> str:
         if granted.effect == AmbientOffset.key:
             return f"the air of {granted.run} ({signed_kelvin(granted.size)})"
-        return f"the heat at {granted.at} in {granted.run} ({100 * granted.size:+.2g} %)".replace("-", "−")
+        size = f"{100 * granted.size:+.2g}".replace("-", "−")
+        return f"the heat at {granted.at} in {granted.run} ({size} %)"
 
     ended = fit.granted_at_limit
     if not ended:
