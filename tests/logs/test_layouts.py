@@ -301,6 +301,14 @@ def test_means_in_longer_rows_are_means_of_the_seconds_that_they_share() -> None
     assert run.log_end == 2500.0
 
 
+def test_a_column_of_means_that_is_read_every_second_row_keeps_its_readings() -> None:
+    temperatures = np.where(np.arange(40) % 2 == 0, 20.0 + 0.1 * np.arange(40), np.nan)
+    log = pd.DataFrame({"t": 60.0 * np.arange(40), "temperature.a": temperatures, "power.a": 1.0})
+    (run,) = read_log(log, {"time": ColumnSource(("t",), rows="means after")}, step=120.0)
+    assert np.isfinite(run.temperature("a")).all()
+    np.testing.assert_allclose(np.diff(run.temperature("a"))[1:-1], 0.2)
+
+
 def test_slow_rows_are_said_to_be_read_as_samples_until_somebody_says_what_they_are() -> None:
     log = _heater_in_means(0.0)
     (run,) = read_log(log, {"time": ColumnSource(("t",))})

@@ -161,7 +161,8 @@ def show_what_runs_have_of_their_own(
         differing: held-out runs with a parameter of their own.
         as_logged: what to say of predictions without.
     """
-    from lptn.report.text import granted_at_limit_in_words, granted_in_words
+    from lptn.diagnose.runs_that_differ import granted_at_limit
+    from lptn.report.text import granted_in_words, listed
 
     for each in differing:
         print(f"{each.run} is predicted with one parameter of its own, fitted on it; it judges the rest of the model.")
@@ -171,9 +172,9 @@ def show_what_runs_have_of_their_own(
             f"Each run, held-out ones too, may have {granted} (standard deviations; at most twice that): fitted to "
             f"that run alone. {as_logged}"
         )
-    at_limit = granted_at_limit_in_words(fit)
+    at_limit = [each.text for each in granted_at_limit(fit)]
     if at_limit:
-        print(at_limit)
+        print(f"That is not enough: {listed(at_limit)}. Something there may differ from run to run.")
 
 
 _MOST_STRETCHES = 8  # of unexplained heat, on the terminal

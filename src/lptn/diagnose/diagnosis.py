@@ -31,7 +31,7 @@ from lptn.diagnose.candidates import AMBIENT_ERROR, TORQUE_ERROR, possible_effec
 from lptn.diagnose.fit_statistics import LACKING, MOST, explained_elsewhere, explains, lack_of_fit, standing_out
 from lptn.diagnose.probability import probabilities_by_score
 from lptn.diagnose.refits import continued, unless_interrupted
-from lptn.diagnose.runs_that_differ import RunDifference, granted_differences
+from lptn.diagnose.runs_that_differ import RunDifference, granted_at_limit, granted_differences
 from lptn.diagnose.scores import Scores
 from lptn.identify.comparison import Errors, predict
 from lptn.identify.data import DataSplit
@@ -154,7 +154,7 @@ class Diagnosis(Tabular):
             "rmse_fit": self.fit.rmse,
             "rmse_holdout": before,
             "lack_of_fit": self.scores.lack_of_fit,
-            "granted_at_limit": [asdict(each) for each in self.fit.granted_at_limit],
+            "granted_at_limit": [asdict(each) for each in granted_at_limit(self.fit)],
             "probabilities": self.probabilities_as_json(),
             "candidates": listed,
         }

@@ -39,7 +39,7 @@ from lptn.diagnose.diagnosis import MUCH_WORSE, Diagnosis, Verdict, examine, for
 from lptn.diagnose.fit_statistics import HALF, Removed, explained_elsewhere, explains, is_negligible
 from lptn.diagnose.probability import is_implausible, log_prior_of_sizes, log_priors, probabilities
 from lptn.diagnose.refits import continued, refit, unless_interrupted
-from lptn.diagnose.runs_that_differ import RunDifference, granted_differences
+from lptn.diagnose.runs_that_differ import RunDifference, granted_at_limit, granted_differences
 from lptn.identify.comparison import Prediction
 from lptn.identify.data import DataSplit
 from lptn.identify.fitting import Fit, finished
@@ -123,7 +123,7 @@ class History(Tabular):
         return {
             "verdict": self.verdict,
             "remaining": self.remaining,
-            "granted_at_limit": [asdict(each) for each in self.best.fit.granted_at_limit],
+            "granted_at_limit": [asdict(each) for each in granted_at_limit(self.best.fit)],
             "probabilities": self.first.probabilities_as_json(),
             "history": table,
             "ladder": table,
@@ -480,6 +480,7 @@ class _Search:
             self._believed[effects] = False
             errors = [step for step in self.diagnosis(branch).refits if _errs(step)]
             while left := [step for step in errors if step.key not in self._outdone]:
+                # Of what is left without those that were outdone, half at least.
                 of_left, of_all = (sum(step.probability for step in each) for each in (left, errors))
                 if of_left < LIKELY * (1 - of_all + of_left):
                     break

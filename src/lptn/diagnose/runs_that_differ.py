@@ -19,6 +19,7 @@ from lptn.identify.comparison import Errors, Prediction, predict, with_own_error
 from lptn.identify.data import Segment
 from lptn.identify.fitting import Fit, nuisances
 from lptn.identify.problem import Problem
+from lptn.identify.uncertainty import rows_at_bounds
 from lptn.model.model import Model
 from lptn.model.network import EffectDeclaration
 from lptn.simulate.bound_run import bind
@@ -278,6 +279,35 @@ def with_differences(model: Model, differing: Sequence[RunDifference]) -> Model:
         label = f"{cause.declaration.effect.key}_differing"
         declared.append(replace(cause.declaration, parameters=parameters, label=label))
     return Model(model.network.with_effects(declared))
+
+
+# --- Errors that are granted to fitted runs, and are not enough ------------------------------------------
+
+
+@dataclass(frozen=True)
+class Granted:
+    """An error of a fitted run's inputs: the effect that stands for it, where, in which run, how large, in words.
+
+    Its size is in the unit of the effect's amplitude.
+    """
+
+    effect: str
+    at: str
+    run: str
+    size: float
+    text: str
+
+
+def granted_at_limit(fit: Fit) -> list[Granted]:
+    """Errors granted to fitted runs that ended at the farthest they may go: these runs differ by more than that."""
+    ended = [fit.problem.free[row] for row in rows_at_bounds(fit.problem, fit.z)]
+    found = []
+    for each in fit.model.network.effect_instances:
+        for index in set(ended) & set(each.parameters.values()) if each.declaration.granted else ():
+            amplitude, run = fit.model.parameters[index], each.declaration.run
+            words = _in_words(each.declaration, amplitude, run)
+            found.append(Granted(each.effect.key, each.place, run, amplitude.value, words))
+    return found
 
 
 # --- Words ----------------------------------------------------------------------------------------

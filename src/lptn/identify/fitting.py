@@ -39,19 +39,6 @@ _COARSE_STEP = 10.0  # s; the first search is on averages so long: a tenth of th
 _LEAST_COARSE = 150  # steps that a run must keep for such averages
 
 
-@dataclass(frozen=True)
-class Granted:
-    """An error of a run's inputs that is granted to it: the effect that stands for it, where, in which run, how large.
-
-    Its size is in the unit of the effect's amplitude.
-    """
-
-    effect: str
-    at: str
-    run: str
-    size: float
-
-
 @dataclass(frozen=True, repr=False)
 class Fit(Tabular):
     """A fitted model.
@@ -92,22 +79,6 @@ class Fit(Tabular):
         numbers = rows_at_bounds(self.problem, self.z)
         at_bounds = {self.model.parameters[self.problem.free[row]]: end for row, end in numbers.items()}
         return {each.name for each, end in at_bounds.items() if ends.get(each.declared.unit) == end}
-
-    @cached_property
-    def granted_at_limit(self) -> list[Granted]:
-        """Errors granted to fitted runs that ended at the farthest they may go: these runs differ by more than that."""
-        instances = {
-            index: instance
-            for instance in self.model.network.effect_instances
-            if instance.declaration.granted
-            for index in instance.parameters.values()
-        }
-        ended = (self.problem.free[row] for row in rows_at_bounds(self.problem, self.z))
-        return [
-            Granted(each.effect.key, each.place, each.declaration.run, float(self.point.values[index]))
-            for index in ended
-            if (each := instances.get(index)) is not None
-        ]
 
     @cached_property
     def uncertainty(self) -> Uncertainty:

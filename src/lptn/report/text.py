@@ -10,7 +10,6 @@ from lptn.effects import Effect, catalogue
 from lptn.effects.ambient_offset import AmbientOffset
 from lptn.effects.loss_scale import LossScale
 from lptn.identify.data import Segment, Window
-from lptn.identify.fitting import Fit, Granted
 from lptn.logs.columns import column_unit
 from lptn.model.model import Model
 
@@ -164,22 +163,3 @@ def granted_in_words(model: Model) -> str:
     words = [f"its ambient sensor off by {air:g} K"] if air else []
     words += [f"the heat that a joint's torque or current makes off by {100 * losses:g} %"] if losses else []
     return " and ".join(words)
-
-
-def granted_at_limit_in_words(fit: Fit) -> str:
-    """Which of these errors ended at the farthest that they may go, a sentence; empty for none.
-
-    Two runs that want opposite errors at one place differ there by something that no error of a log is.
-    """
-
-    def one(granted: Granted) -> str:
-        if granted.effect == AmbientOffset.key:
-            return f"the air of {granted.run} ({signed_kelvin(granted.size)})"
-        size = f"{100 * granted.size:+.2g}".replace("-", "−")
-        return f"the heat at {granted.at} in {granted.run} ({size} %)"
-
-    ended = fit.granted_at_limit
-    if not ended:
-        return ""
-    places = listed([one(each) for each in ended])
-    return f"At the farthest that is granted: {places}. Something there may differ from run to run by more than that."
