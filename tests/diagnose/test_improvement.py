@@ -114,6 +114,21 @@ def test_a_step_that_explains_less_than_anyone_looks_for_is_left_out(leg: Leg, s
     assert ("forced_convection", "*") in {step.key for step in settled}
 
 
+def test_an_error_of_the_log_that_is_the_only_step_stays_however_little_it_explains(
+    leg: Leg,  # noqa: F811
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """It stands beside no others, and without it the answer would be that nothing explains what it does."""
+    model, data = leg(Hidden("ambient_offset", "ambient", size=0.6), noise=0.03)
+    coarse = for_search(data)
+    given, error = (step.predicting(coarse) for step in _branch(model, coarse, ("ambient_offset", "ambient")))
+    assert is_negligible(given.fit, error.fit, given.predicted, error.predicted)
+    search = _Search(coarse, None, lambda _: None, lambda _: None)
+    search.branches = [(given,)]
+    monkeypatch.setattr(_Search, "_errors_are_believed", lambda *_: True)
+    assert search.settled((given, error)) == (given, error)
+
+
 @pytest.mark.parametrize("likely", [True, False])
 def test_an_error_of_the_log_stays_only_while_it_is_likelier_than_all_in_the_robot(
     leg: Leg,  # noqa: F811

@@ -242,6 +242,16 @@ def test_errors_granted_to_a_run_do_not_stand_in_for_its_fan(leg: Leg) -> None: 
 
 
 @pytest.mark.long
+@pytest.mark.parametrize("effect", ["fan", "coulomb_friction"])
+def test_a_held_out_run_that_differs_does_not_choose_what_is_missing_in_all(leg: Leg, effect: str) -> None:  # noqa: F811
+    """What the fitted runs make likeliest leaves that run alone badly predicted, and one parameter of it is why."""
+    history = improve(*leg(Hidden(effect, "*"), Hidden("loss_scale", "FR_calf", size=0.8, run="holdout")))
+    assert (history.verdict, history.remaining) == ("missing", "adequate")
+    assert [step.key for step in history.steps[1:]] == [(effect, "*")]
+    assert [(each.run, each.effect, each.at) for each in history.differing] == [("holdout", "loss_scale", "FR_calf")]
+
+
+@pytest.mark.long
 def test_a_held_out_run_that_nothing_explains_is_not_granted() -> None:
     fitted = [truth("monday", 1), truth("tuesday", 2)]
     history = improve(Model(held_gain()), split_data(fitted, [truth("run4", 3, bursts=8.0)]))

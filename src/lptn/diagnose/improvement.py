@@ -16,8 +16,9 @@ good. So several models are followed a step further, side by side:
    what several places have in common, as that is how the model is made; of each what would be missed most.
 6. Each model left is fitted at full resolution, the first and the last also to runs to which nothing is granted.
 
-Where nothing explains the data because a held-out run is predicted badly, and one parameter that differs in that run
-would explain it, that difference is granted to the run, and the question is asked once more.
+Where nothing explains the data, or a held-out run alone objects to what the fitted runs make likeliest, and one
+parameter that differs in that run would explain it, that difference is granted to the run, and the question is asked
+once more: such a run would else choose the effects.
 """
 
 from __future__ import annotations
@@ -204,10 +205,10 @@ def improve(
     model = with_errors_of_runs(model, data, ambient_error, torque_error)
     search, kept, verdict = _searched(model, coarse, most, executor, report, found)
     differing: tuple[RunDifference, ...] = ()
-    if verdict == "unexplained" and coarse.holdout:
+    likeliest = _ranked(search.branches)[0]
+    if coarse.holdout and (verdict == "unexplained" or search.diagnosis(likeliest).only_held_out_runs_object):
         report("looking for what differs in held-out runs")
-        likeliest = _ranked(search.branches)[0][-1].fit
-        granted, differing = granted_differences(model, likeliest, coarse.holdout)
+        granted, differing = granted_differences(model, likeliest[-1].fit, coarse.holdout)
         if differing:
             search, kept, verdict = _searched(granted, coarse, most, executor, report, found)
     first, last = search.diagnosis(search.branches[0]), search.diagnosis(kept)
@@ -341,9 +342,9 @@ class _Search:
         tried, number = {_effects(branch)}, 1
         while number < len(branch):
             step, number = branch[number], number + 1
-            if len(branch) == 2 and not _errs(step):
-                break  # the only step was compared with all others, and with none, when it was chosen
             in_the_robot = self._in_the_robot(branch, step, tried) if _errs(step) else None
+            if len(branch) == 2 and in_the_robot is None:
+                break  # the only step was compared with all others, and with none, when it was chosen
             for other in [in_the_robot] if in_the_robot else self._instead_of(branch, step):
                 if _effects(other) in tried:
                     continue
