@@ -14,7 +14,7 @@ from lptn.basics.arrays import BoolArray, FloatArray
 from lptn.diagnose.candidates import Candidate, candidates
 from lptn.effects import Effect, catalogue
 from lptn.effects.excitation import ZERO, Excitation
-from lptn.logs.resampling import ratio, raw_keys
+from lptn.logs.resampling import means_of_blocks, raw_keys
 from lptn.logs.run import Run
 from lptn.model.heat_balance import input_column
 from lptn.model.model import Model
@@ -66,16 +66,15 @@ class _Blocks:
 
     def __init__(self, run: Run, nodes: Sequence[str]) -> None:
         size = max(1, min(round(_BLOCK / run.step), len(run) // 4 or 1))
-        self._size = size
         inputs = {
             name: values for name, values in run.columns.items() if name not in {f"temperature.{n}" for n in nodes}
         }
-        self.means = {name: self._mean(values) for name, values in inputs.items()}
+        self.means = {name: means_of_blocks(values, size) for name, values in inputs.items()}
         measured = [run.columns[f"temperature.{node}"] for node in nodes if run.has(f"temperature.{node}")]
-        self.temperatures = np.array([self._mean(values) for values in measured])
+        self.temperatures = np.array([means_of_blocks(values, size) for values in measured])
         kinds = [
             {
-                node: self._mean(np.abs(inputs[f"{kind}.{node}"]) ** power)
+                node: means_of_blocks(np.abs(inputs[f"{kind}.{node}"]) ** power, size)
                 for node in nodes
                 if f"{kind}.{node}" in inputs
             }
@@ -90,11 +89,6 @@ class _Blocks:
             self.rise = float(np.nanmax(self.temperatures - around)) if np.isfinite(around).any() else 0.0
             whole = self.temperatures[finite.all(axis=1)]
             self.spread = float(np.ptp(whole - whole[:1], axis=1).max()) if len(whole) > 1 else 0.0
-
-    def _mean(self, values: FloatArray) -> FloatArray:
-        blocks = values[: values.size // self._size * self._size].reshape(-1, self._size)
-        finite = np.isfinite(blocks)
-        return ratio(np.where(finite, blocks, 0.0).sum(axis=1), finite.sum(axis=1))
 
 
 def _steady(load: FloatArray) -> FloatArray:

@@ -18,6 +18,7 @@ import numpy as np
 from lptn.basics.arrays import BoolArray, FloatArray, IntArray
 from lptn.basics.processes import one_blas_thread
 from lptn.identify.fitting import Fit
+from lptn.logs.resampling import means_of_blocks
 from lptn.logs.run import Run
 from lptn.simulate.dynamics import stepper, zero_order_hold
 from lptn.simulate.simulation import simulate
@@ -318,7 +319,7 @@ def blocks(fit: Fit, number: int) -> Blocks:
         rows,
         top,
         _by_start(top, c[:, rows], e[:, rows], 0.5 if bound.run.averaged else 0.5 * (size - 1) / size),
-        _means(error, size).T,
+        means_of_blocks(error, size).T,
         _variance(predicted, counts, fit, rows, size).T,
         (capacities[:, None] * np.diff(ends) / (step * size)).T,
         capacities * np.abs(np.einsum("kii->ki", a)[:, rows]).mean(axis=0),
@@ -390,14 +391,6 @@ def _by_start(top: FloatArray, c: FloatArray, e: FloatArray, late: float) -> Flo
     return np.asarray(by)
 
 
-def _means(error: FloatArray, size: int) -> FloatArray:
-    """Mean of each block, NaN without any reading, along the last axis."""
-    split = error.reshape(*error.shape[:-1], -1, size)
-    count = np.isfinite(split).sum(axis=-1)
-    total = np.where(np.isfinite(split), split, 0.0).sum(axis=-1)
-    return np.asarray(np.where(count > 0, total / np.maximum(count, 1), np.nan))
-
-
 def _variance(predicted: FloatArray, counts: FloatArray, fit: Fit, rows: IntArray, size: int) -> FloatArray:
     """Variance of each block's mean reading by the sensors' noise [K²], shape (M, n).
 
@@ -422,9 +415,9 @@ def _rounding(predicted: FloatArray, white: float, step: float, size: int) -> fl
     rng = np.random.default_rng(0)
     phases = step * (np.arange(_PHASES)[:, None] + 0.5) / _PHASES
     true = predicted + phases
-    errors = _means(np.round((true + rng.normal(0.0, white, true.shape)) / step) * step - true, size)
+    errors = means_of_blocks(np.round((true + rng.normal(0.0, white, true.shape)) / step) * step - true, size)
     group = max(1, min(round(_SLOW / _BLOCK), errors.shape[1] // 4))
-    slow = _means(errors[:, : errors.shape[1] // group * group], group)
+    slow = means_of_blocks(errors, group)
     return float(max(np.var(errors), group * np.var(slow)))
 
 

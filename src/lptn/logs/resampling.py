@@ -108,12 +108,21 @@ def reduce_blocks(column: str, values: FloatArray, factor: int) -> FloatArray:
         (n // factor,) block values.
     """
     rule = feature(column).reduction
-    blocks = rule.before(values[: values.size // factor * factor].reshape(-1, factor))
-    return rule.after(ratio(np.nansum(blocks, axis=1), np.sum(~np.isnan(blocks), axis=1)))
+    return rule.after(means_of_blocks(rule.before(values), factor))
+
+
+def means_of_blocks(values: FloatArray, size: int) -> FloatArray:
+    """Mean of each full block of `size` samples, of those that are there, along the last axis: shape (..., n // size).
+
+    NaN for a block of nothing but NaN; a rest at the end is dropped.
+    """
+    full = values[..., : values.shape[-1] // size * size]
+    blocks = full.reshape(*values.shape[:-1], -1, size)
+    return ratio(np.nansum(blocks, axis=-1), np.sum(~np.isnan(blocks), axis=-1))
 
 
 def ratio(total: FloatArray, count: npt.NDArray[np.integer]) -> FloatArray:
-    """`total / count`, (n,), NaN where the count is 0."""
+    """`total / count`, NaN where the count is 0."""
     # Written out because numpy's own nanmean warns about an empty block.
     result: FloatArray = np.full(total.shape, np.nan)
     np.divide(total, count, out=result, where=count > 0)

@@ -15,6 +15,7 @@ from lptn.diagnose.scores import Detectable, Score
 from lptn.diagnose.unexplained_heat import UnexplainedHeat
 from lptn.identify.comparison import Comparison, Prediction
 from lptn.identify.fitting import Fit
+from lptn.logs.resampling import means_of_blocks
 
 # --- temperatures and errors in time ----------------------------------------------------------------------
 
@@ -108,9 +109,7 @@ def error_fields(comparison: Comparison) -> list[Field]:
         counted = np.flatnonzero(np.isfinite(error).any(axis=0))
         first, length = int(counted[0]), int(counted[-1] - counted[0]) + 1
         size = max(1, length // _COLUMNS)
-        blocks = error[rows, first : first + length // size * size].reshape(len(rows), -1, size)
-        count = np.isfinite(blocks).sum(axis=2)
-        means = np.where(count > 0, np.nansum(blocks, axis=2) / np.maximum(count, 1), np.nan)
+        means = means_of_blocks(error[rows, first : first + length], size)
         nodes = tuple(comparison.model.nodes[row] for row in rows)
         fields.append(Field(run.name, float(run.time[first]), size * run.step, nodes, means))
     return fields

@@ -22,6 +22,7 @@ from scipy.signal import fftconvolve, lfilter
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
+from lptn.logs.resampling import means_of_blocks
 
 _LAGS = {"": 0.0, "over the last minute": 60.0, "over the last ten minutes": 600.0}  # s
 _WAYS: dict[str, Callable[[FloatArray], FloatArray]] = {"": np.asarray, "size of ": np.abs, "square of ": np.square}
@@ -80,7 +81,7 @@ def special(
     """
     block = max(1, time.size // _MOST)
     step = float(time[1] - time[0]) * block
-    moments, deviation = _means(time, block), _means(error, block)
+    moments, deviation = means_of_blocks(time, block), means_of_blocks(error, block)
     inside = (moments >= start) & (moments < stop)
     known = np.isfinite(deviation)
     length = int(inside.sum())
@@ -92,7 +93,7 @@ def special(
     seen: list[FloatArray] = []
     companions, everywhere = [], np.zeros(moments.size - length + 1)
     for name, values in inputs.items():
-        column = _means(values, block)
+        column = means_of_blocks(values, block)
         if not np.isfinite(column).all() or np.ptp(column) <= _CONSTANT * np.abs(column).max():
             continue
         if any(np.allclose(np.abs(column), other) for other in seen):
@@ -138,11 +139,3 @@ def _forms(column: FloatArray, name: str, step: float) -> dict[str, FloatArray]:
                 values = lfilter([1 - kept], [1, -kept], values, zi=[kept * values[0]])[0]
             forms[f"{way}{name} {lag}".strip()] = values
     return forms
-
-
-def _means(values: FloatArray, block: int) -> FloatArray:
-    """Means over blocks of readings, of those that are there; what doesn't fill a block is left out."""
-    whole = values[: values.size // block * block].reshape(-1, block)
-    there = np.isfinite(whole)
-    count = there.sum(axis=1)
-    return np.where(count > 0, np.where(there, whole, 0.0).sum(axis=1) / np.maximum(count, 1), np.nan)
