@@ -18,10 +18,6 @@ def test_the_matrix_holds_the_sizes_of_correlations() -> None:
     found = Confusability.of(keys, np.array([[1.0, 0.0], [-0.6, 0.8], [-1.0, 0.0]]))
     assert found.keys == tuple(keys)
     np.testing.assert_allclose(found.matrix, [[1.0, 0.6, 1.0], [0.6, 1.0, 0.6], [1.0, 0.6, 1.0]])
-    ((one, other, share),) = found.indistinguishable()
-    assert (one[1], other[1]) == ("a", "c")
-    assert share == pytest.approx(1.0)
-    assert len(found.indistinguishable(0.5)) == 3
     assert found.groups() == [(("constant_heat", "a"), ("constant_heat", "c"))]
     assert [len(group) for group in found.groups(0.5)] == [3]
 
@@ -44,7 +40,6 @@ def test_with_nothing_to_score_nothing_is_compared() -> None:
     empty = score(fit_segments(robot(), split_data([run]).fit), []).confusability
     assert empty.keys == ()
     assert empty.matrix.shape == (0, 0)
-    assert not empty.indistinguishable()
     assert not empty.groups()
 
 

@@ -36,6 +36,7 @@ from lptn.diagnose.experiment_runs import (
     unit_of,
 )
 from lptn.diagnose.fit_statistics import (
+    POWER,
     TIE,
     block_misfits,
     block_numbers,
@@ -432,8 +433,7 @@ def _absorbed(
 
 
 _NOTHING_SEEN = 1.0  # standard deviations below which a run is not worth a proposal
-_POWER = 0.84  # standard deviations that four cases of five stay above
-CLEAR = _POWER + sqrt(_POWER**2 + TIE)
+CLEAR = POWER + sqrt(POWER**2 + TIE)
 """Standard deviations of a difference from which on a refit decides in four cases of five: the information
 criterion's lead, its expected square with a scatter of twice its root, must exceed what counts as a tie."""
 _ENOUGH = 3.0 * CLEAR  # standard deviations beyond which a run is not worth more effort

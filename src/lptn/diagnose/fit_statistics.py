@@ -23,6 +23,8 @@ from lptn.simulate.bound_run import BoundRun
 
 TIE = 10.0
 """Information criteria closer than this decide nothing ([BurnhamAnderson2002]: beyond 10, no support)."""
+POWER = 0.84
+"""Standard deviations that four of five logs stay above: a power of 80 %."""
 _LEAST_INDEPENDENT = 3.0  # readings; keeps the logarithm of their number positive
 
 

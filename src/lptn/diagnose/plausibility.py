@@ -11,7 +11,9 @@ FACTOR = 3.0
 larger, or smaller, is e times less probable, and so is a change of a factor by so many times what is usual."""
 BELIEVED = 3.0
 """Standard deviations, and factors, beyond which no size is believed."""
-_NOTHING = 1e-12  # share of the usual size; what a search leaves of a zero has a logarithm
+LEAST_SHARE = 1e-12
+"""Of a usual size, or of a misfit: what a search leaves of a zero still has a logarithm."""
+_AT_BOUND = 1e-3  # relative; so near a bound a size is only a limit
 
 
 def log_prior_of_size(parameter: Parameter, value: float) -> float:
@@ -44,6 +46,11 @@ def believed(parameter: Parameter) -> tuple[float, float]:
     return -largest, largest
 
 
+def is_at(value: float, bound: float) -> bool:
+    """Whether a value has gone as far as a bound allows."""
+    return abs(value - bound) <= _AT_BOUND * abs(bound)
+
+
 def _is_change(parameter: Parameter) -> bool:
     """Whether it is the change of a factor, which may be of either sign."""
     return _either_sign(parameter) and parameter.unit == "1"
@@ -73,6 +80,6 @@ def _factors_off(parameter: Parameter, value: float) -> float:
     if is_error(parameter):
         return abs(value - (parameter.off or 0.0)) / (FACTOR * usual)
     if _is_change(parameter):
-        return abs(math.log(max(1.0 + value, _NOTHING))) / _usual_change(parameter)
-    sizes, size = _usual_sizes(parameter), max(abs(value), _NOTHING * usual)
+        return abs(math.log(max(1.0 + value, LEAST_SHARE))) / _usual_change(parameter)
+    sizes, size = _usual_sizes(parameter), max(abs(value), LEAST_SHARE * usual)
     return abs(math.log(size / min(max(size, min(sizes)), max(sizes)))) / math.log(FACTOR)

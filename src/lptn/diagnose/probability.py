@@ -29,7 +29,15 @@ from lptn.diagnose.fit_statistics import (
     independent_readings,
     predicted_errors,
 )
-from lptn.diagnose.plausibility import BELIEVED, FACTOR, is_beyond_belief, is_error, log_prior_of_size
+from lptn.diagnose.plausibility import (
+    BELIEVED,
+    FACTOR,
+    LEAST_SHARE,
+    is_at,
+    is_beyond_belief,
+    is_error,
+    log_prior_of_size,
+)
 from lptn.diagnose.scores import Score
 from lptn.identify.comparison import Prediction
 from lptn.identify.fitting import Fit
@@ -171,7 +179,7 @@ def probabilities_by_score(fit: Fit, scores: Sequence[Score], matters: float) ->
     usual = np.array([independent * (each.candidate.typical * each.per_unit) ** 2 for each in scores])
     least = np.sqrt(independent * matters)
     told = usual / (1.0 + usual)
-    size, deviation = found * told, np.sqrt(np.maximum(told, _NOTHING))
+    size, deviation = found * told, np.sqrt(np.maximum(told, LEAST_SHARE))
     above = ndtr((size - least) / deviation)
     below = np.where([each.candidate.one_sided for each in scores], above, ndtr((-size - least) / deviation))
     beforehand = log_priors([each.candidate for each in scores])
@@ -193,7 +201,7 @@ def log_odds_by_score(fit: Fit, scores: Sequence[Score], log_priors: FloatArray)
     """
     errors = fitted_errors(fit)
     squares = float(block_misfits(errors, fit.problem.sigma)[0].sum())
-    left = np.array([max(1.0 - each.gain / squares, _NOTHING) for each in scores])
+    left = np.array([max(1.0 - each.gain / squares, LEAST_SHARE) for each in scores])
     sizes = [log_prior_of_size(each.candidate.amplitude, each.amplitude) for each in scores]
     return np.asarray(-0.5 * independent_readings(errors) * np.log(left) + log_priors + np.maximum(sizes, -BELIEVED))
 
@@ -207,8 +215,6 @@ def in_occams_window(probabilities: FloatArray) -> list[int]:
 # --- What is thought beforehand of an effect at a place, and of its size ------------------------------------
 
 
-_AT_BOUND = 1e-3  # of a bound
-_NOTHING = 1e-12  # of the misfit; its logarithm is finite
 _WARMER = 10.0
 """K, by which a robot's node is usually warmer than its surroundings while it works, or another room than this one."""
 _AS_BEFORE = 60.0
@@ -390,5 +396,5 @@ def _is_at_its_end(parameter: Parameter) -> bool:
     All of a share is no such end, nor is where an effect vanishes.
     """
     ends = [end for end in parameter.bounds if end not in (parameter.off, 1.0 if parameter.unit == "1" else None)]
-    at_end = any(abs(parameter.value - end) <= _AT_BOUND * abs(end) for end in ends)
+    at_end = any(is_at(parameter.value, end) for end in ends)
     return parameter.off is not None and at_end

@@ -13,6 +13,7 @@ from lptn.basics.processes import one_blas_thread
 from lptn.diagnose.answers import Step, answers
 from lptn.diagnose.candidates import possible_effects
 from lptn.diagnose.fit_statistics import CLEARLY, explained_elsewhere, standing_out
+from lptn.diagnose.plausibility import is_at
 from lptn.diagnose.probability import in_occams_window, log_prior_of_sizes, probabilities
 from lptn.diagnose.refits import continued, refit
 from lptn.identify.comparison import Errors, Prediction, predict, with_own_errors
@@ -137,10 +138,6 @@ class RunDifference:
 
     def as_json(self) -> dict[str, object]:
         """The difference as other tools read it; what is `null` is not known."""
-        indistinguishable = [
-            {"effect": each.effect, "at": each.at, "amplitude": each.amplitude, "rmse_after": each.rmse}
-            for each in self.indistinguishable
-        ]
         return {
             "run": self.run,
             "effect": self.effect,
@@ -149,8 +146,10 @@ class RunDifference:
             "rmse_before": self.rmse_before,
             "rmse_after": self.rmse_after,
             "rmse_fit": self.rmse_fit,
-            "indistinguishable": indistinguishable,
-            "alike": indistinguishable,  # its older name
+            "indistinguishable": [
+                {"effect": each.effect, "at": each.at, "amplitude": each.amplitude, "rmse_after": each.rmse}
+                for each in self.indistinguishable
+            ],
             "text": self.text(),
         }
 
@@ -314,7 +313,6 @@ def granted_at_limit(fit: Fit) -> list[Granted]:
 
 
 _MOST_LISTED = 3  # causes that a sentence can carry
-_AT_BOUND = 1e-3  # relative; so near a bound, the size is only a limit
 _NEARLY_ONE = 0.1  # a factor that differs from one by less is said to the third decimal
 _PLAIN = "in {run}{at}: {title}, {amplitude}"
 
@@ -323,7 +321,7 @@ def _in_words(declaration: EffectDeclaration, amplitude: ParameterInstance, run:
     """What an amplitude in one run means, by the effect's own sentence."""
     size, at, effect = amplitude.value, declaration.at, declaration.effect
     lower, upper = amplitude.declared.bounds
-    most, least = (abs(size - bound) <= _AT_BOUND * abs(bound) for bound in (upper, lower))
+    most, least = is_at(size, upper), is_at(size, lower)
     times = f"{1 + size:.3f}" if abs(size) < _NEARLY_ONE else short(1 + size)
     more, less = effect.in_one_run
     return ((more if size >= 0 else less) or _PLAIN).format(

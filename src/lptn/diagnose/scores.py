@@ -19,7 +19,7 @@ import numpy as np
 from lptn.basics.arrays import BoolArray, FloatArray, IntArray
 from lptn.basics.processes import one_blas_thread
 from lptn.diagnose.candidates import Candidate, Site, sites
-from lptn.diagnose.fit_statistics import NEGLIGIBLE, NoiseLevel, block_numbers, lack_of_fit
+from lptn.diagnose.fit_statistics import NEGLIGIBLE, POWER, NoiseLevel, block_numbers, lack_of_fit
 from lptn.identify.fitting import Fit
 from lptn.identify.problem import rows_of_readings
 from lptn.model.model import Model
@@ -395,18 +395,6 @@ class Confusability:
         """From the traces, each of length 1, shape (n, rows)."""
         return cls(tuple(keys), np.asarray(np.minimum(np.abs(traces @ traces.T), 1.0)))
 
-    def indistinguishable(
-        self, least: float = INDISTINGUISHABLE
-    ) -> list[tuple[tuple[str, str], tuple[str, str], float]]:
-        """Pairs of candidates whose traces correlate by at least `least`, the closest first."""
-        rows, columns = np.triu_indices(len(self.keys), 1)
-        pairs = [
-            (self.keys[row], self.keys[column], float(self.matrix[row, column]))
-            for row, column in zip(rows, columns, strict=True)
-            if self.matrix[row, column] >= least
-        ]
-        return sorted(pairs, key=lambda pair: -pair[2])
-
     def groups(self, least: float = INDISTINGUISHABLE) -> list[tuple[tuple[str, str], ...]]:
         """Candidates linked by pairs with at least that correlation, two or more to a group, the best first."""
         from scipy.sparse.csgraph import connected_components  # heavy, and few commands need it
@@ -417,9 +405,6 @@ class Confusability:
 
 
 # --- Power: the smallest size of each effect that these data would have shown ---------------------
-
-
-_POWER = 0.84  # standard deviations above the threshold at which four of five logs would show it (80 % power)
 
 
 @dataclass(frozen=True)
@@ -457,7 +442,7 @@ def smallest(scores: Scores) -> list[Detectable]:
     To first order, at the place's best shape: a size larger than the threshold by what noise takes off in one log
     of five. What the fitted parameters imitate wholly is not listed, since no size of it would show.
     """
-    needed = float(np.sqrt(scores.threshold)) + _POWER * float(np.sqrt(np.median(scores.null_gains)))
+    needed = float(np.sqrt(scores.threshold)) + POWER * float(np.sqrt(np.median(scores.null_gains)))
     sizes = []
     for score in scores.ranked:
         amplitude = score.candidate.effect.amplitude()

@@ -18,6 +18,7 @@ import numpy as np
 from lptn.basics.arrays import BoolArray, FloatArray, IntArray
 from lptn.basics.processes import one_blas_thread
 from lptn.identify.fitting import Fit
+from lptn.identify.noise import LEAST_NOISE
 from lptn.logs.resampling import means_of_blocks
 from lptn.logs.run import Run
 from lptn.simulate.dynamics import stepper, zero_order_hold
@@ -256,7 +257,6 @@ _MOST_BLOCKS = 1200  # a longer run gets longer blocks, so that 10 h need no mor
 _WINDOW = 2048  # steps whose derivatives are held at once
 _FAR = 4.0  # times its typical value; a parameter that ends further off is biased by missing heat
 _PHASES, _SLOW = 16, 300.0  # s; the share of a rounding error that stays so long can't be told from heat
-_LEAST = 1e-3  # K; a noise-free log must not weigh infinitely
 
 
 @dataclass(frozen=True)
@@ -402,7 +402,7 @@ def _variance(predicted: FloatArray, counts: FloatArray, fit: Fit, rows: IntArra
     variance = np.where(step > 0, white, fit.noise.floor[rows])[:, None] ** 2 / np.maximum(counts, 1)
     for row in np.flatnonzero(step > 0):
         variance[row] += _rounding(predicted[row], float(white[row]), float(step[row]), size)
-    return np.asarray(np.maximum(variance, _LEAST**2))
+    return np.asarray(np.maximum(variance, LEAST_NOISE**2))
 
 
 def _rounding(predicted: FloatArray, white: float, step: float, size: int) -> float:

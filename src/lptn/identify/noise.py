@@ -12,7 +12,8 @@ from lptn.simulate.bound_run import BoundRun
 
 _MAD_TO_SIGMA = 1.4826  # standard deviation of normal noise over its median absolute value
 _ENOUGH = 0.1  # share of the readings that must have a second difference without a gap in it
-_LEAST = 1e-3  # K; a noise-free log must not weigh infinitely
+LEAST_NOISE = 1e-3
+"""K; a noise-free log must not weigh infinitely."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +31,7 @@ class Noise:
     @property
     def floor(self) -> FloatArray:
         """The RMSE that a perfect model would show [K], shape (nodes,)."""
-        return np.asarray(np.maximum(np.hypot(self.white, self.step / np.sqrt(12.0)), _LEAST))
+        return np.asarray(np.maximum(np.hypot(self.white, self.step / np.sqrt(12.0)), LEAST_NOISE))
 
 
 def estimate_noise(bound_runs: Sequence[BoundRun], nodes: Sequence[str]) -> Noise:
