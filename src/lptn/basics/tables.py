@@ -1,10 +1,15 @@
-"""Results that people hold: a short line as `repr`, a table in a terminal, a notebook and pandas."""
+"""Results that people hold: a short line as `repr`, a table in a terminal, a notebook and pandas, or a file."""
 
 from __future__ import annotations
 
+import io
 from abc import ABC, abstractmethod
 from html import escape
+from pathlib import Path
 from typing import TYPE_CHECKING
+
+from lptn.basics.errors import InputError
+from lptn.basics.files import write_whole
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -38,3 +43,36 @@ class Tabular(ABC):
         table = self.to_pandas()
         rows = table.to_html(index=False, na_rep="–", border=0, float_format=lambda value: f"{value:.{_DIGITS}g}")
         return f"<p>{escape(self.summary)}</p>\n{rows if len(table) else ''}"
+
+
+# --- Tables as files ------------------------------------------------------------------------------
+
+
+def check_ending(path: Path) -> None:
+    """Refuse a kind of table that can't be written.
+
+    Raises:
+        InputError: the file name ends in neither `.csv` nor `.parquet`.
+    """
+    if path.suffix not in (".csv", ".parquet"):
+        raise InputError(path, "--output", f"a file name ending in '{path.suffix}'", "one ending in .csv or .parquet")
+
+
+def write_table(path: Path, table: pd.DataFrame, digits: int | None = None) -> None:
+    """Write a table whole, without its index.
+
+    Args:
+        path: its ending says how.
+        table: to write.
+        digits: significant ones of numbers in a `.csv`; as many as they have by default.
+
+    Raises:
+        InputError: the file name ends in neither `.csv` nor `.parquet`, or can't be written.
+    """
+    check_ending(path)
+    if path.suffix == ".csv":
+        write_whole(path, table.to_csv(index=False, float_format=f"%.{digits}g" if digits else None))
+    else:
+        buffer = io.BytesIO()
+        table.to_parquet(buffer, index=False)
+        write_whole(path, buffer.getvalue())

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import io
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter as Option
 
 from lptn.basics.errors import InputError
+from lptn.basics.tables import check_ending, write_table
 from lptn.cli.options import (
     Json,
     Map,
@@ -59,7 +59,8 @@ def cosim(
     """
     needs_logs(logs)
     check_outputs(output, plot, json, inputs=(fmu, *logs, *(() if model is None else (model,))))
-    _check_table(output)
+    if output is not None:
+        check_ending(output)
     check_picture(plot)
     from lptn.cli.terminal import progress, write_json
     from lptn.fmu.cosim import cosimulate
@@ -101,22 +102,9 @@ def _show_cosimulation(done: Cosimulation) -> None:
     print(f"FMI {done.fmi}: {steps} steps in {seconds:.3g} s, {speed:.3g} times as fast as the robot.")
 
 
-def _check_table(path: Path | None) -> None:
-    if path is not None and path.suffix not in (".csv", ".parquet"):
-        raise InputError(path, "--output", f"a file name ending in '{path.suffix}'", "one ending in .csv or .parquet")
-
-
 def _write_outputs(done: Cosimulation, path: Path) -> None:
     """All outputs at the ends of steps as a log, temperatures in degC."""
     import pandas as pd
 
-    from lptn.basics.files import write_whole
-
     tables = [pd.DataFrame(dict(run.table)) for run in done.runs]
-    table = pd.concat(tables, ignore_index=True)
-    if path.suffix == ".csv":
-        write_whole(path, table.to_csv(index=False, float_format="%.9g"))
-    else:
-        buffer = io.BytesIO()
-        table.to_parquet(buffer, index=False)
-        write_whole(path, buffer.getvalue())
+    write_table(path, pd.concat(tables, ignore_index=True), digits=9)

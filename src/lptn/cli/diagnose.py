@@ -161,8 +161,9 @@ def show_what_runs_have_of_their_own(
         differing: held-out runs with a parameter of their own.
         as_logged: what to say of predictions without.
     """
+    from lptn.basics.words import listed
     from lptn.diagnose.runs_that_differ import granted_at_limit
-    from lptn.report.text import granted_in_words, listed
+    from lptn.report.text import granted_in_words
 
     for each in differing:
         print(f"{each.run} is predicted with one parameter of its own, fitted on it; it judges the rest of the model.")

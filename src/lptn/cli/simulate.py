@@ -23,8 +23,9 @@ def simulate(
     """
     check_outputs(output, json, inputs=(model, log))
     check_inputs(model, log)
+    from lptn.basics.tables import check_ending
     from lptn.cli.terminal import progress, write_json
-    from lptn.identify.comparison import check_ending, write_predictions
+    from lptn.identify.comparison import write_predictions
     from lptn.study import Study
 
     check_ending(output)

@@ -51,6 +51,11 @@ LIKELY = 0.5
 """The probability from which an answer is likelier than all others together."""
 
 
+def named(key: Key) -> str:
+    """An effect and its place, as the library's own sentences have it."""
+    return f"{key[0]} at {key[1]}"
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Step(Tabular):
     """A fitted model, and the effect that it has beyond the model before it.
@@ -150,7 +155,7 @@ class Step(Tabular):
     @property
     def summary(self) -> str:
         """Effect, place and errors in one line."""
-        what = f"{self.effect} at {self.at}" if self.declaration else "as given"
+        what = named(self.key) if self.declaration else "as given"
         rmse = {"fitted": self.fit.rmse}
         rmse |= {"held out": self.holdout.rmse} if self.holdout else {}
         rmse |= {"test": self.test.rmse} if self.test else {}
@@ -335,11 +340,8 @@ def _beside_an_optimum(base: Fit, refitted: Sequence[Step]) -> Fit | None:
 def _refitted(task: tuple[Fit, Score, float]) -> Step:
     """One candidate from its first-order size; one argument, so that any executor's `map` takes it."""
     base, score, rival = task
-    amplitude = score.candidate.effect.amplitude()
-    size = None
-    if amplitude is not None:
-        least, most = (share * score.candidate.typical for share in _TYPICAL_RANGE)
-        size = float(np.sign(score.amplitude) * np.clip(abs(score.amplitude), least, most))
+    least, most = (share * score.candidate.typical for share in _TYPICAL_RANGE)
+    size = float(np.sign(score.amplitude) * np.clip(abs(score.amplitude), least, most))
     declaration = score.candidate.declaration(size, score.shape)
     return _step(base, declaration, refit(base, declaration, rival))
 

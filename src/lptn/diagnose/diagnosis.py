@@ -26,14 +26,14 @@ from typing import Literal
 import pandas as pd
 
 from lptn.basics.tables import Tabular
-from lptn.diagnose.answers import LIKELY, MOST_REFITS, NOTHING, Key, Report, Step, answers
+from lptn.diagnose.answers import LIKELY, MOST_REFITS, NOTHING, Key, Report, Step, answers, named
 from lptn.diagnose.candidates import AMBIENT_ERROR, TORQUE_ERROR, possible_effects, with_errors_of_runs
 from lptn.diagnose.fit_statistics import LACKING, MOST, explained_elsewhere, explains, lack_of_fit, standing_out
 from lptn.diagnose.probability import probabilities_by_score
 from lptn.diagnose.refits import continued, unless_interrupted
 from lptn.diagnose.runs_that_differ import RunDifference, granted_at_limit, granted_differences
 from lptn.diagnose.scores import Scores
-from lptn.identify.comparison import Errors, predict
+from lptn.identify.comparison import Errors
 from lptn.identify.data import DataSplit
 from lptn.identify.fitting import Fit
 from lptn.identify.validation import fit_segments, holdout_errors
@@ -82,9 +82,9 @@ class Diagnosis(Tabular):
         """
         if self.verdict == "unexplained":
             return []
-        named = [(step.key, step.probability) for step in self.refits] or self._by_score
-        of_nothing = 1.0 - sum(probability for _, probability in named)
-        listed = [answer for answer in named if self.refits or answer[1] >= _WORTH_A_LINE]
+        found = [(step.key, step.probability) for step in self.refits] or self._by_score
+        of_nothing = 1.0 - sum(probability for _, probability in found)
+        listed = [answer for answer in found if self.refits or answer[1] >= _WORTH_A_LINE]
         return sorted([(NOTHING, of_nothing), *listed], key=lambda answer: -answer[1])
 
     @cached_property
@@ -111,7 +111,7 @@ class Diagnosis(Tabular):
         error = f"RMSE {self.fit.rmse:.3g} K fitted"
         if self.holdout:
             error += f", {self.holdout.rmse:.3g} K held out"
-        answer = f"; first answer {self.best.effect} at {self.best.at}" if self.best else ""
+        answer = f"; first answer {named(self.best.key)}" if self.best else ""
         return f"{self.verdict}: {error}{answer}"
 
     def to_pandas(self) -> pd.DataFrame:
@@ -123,7 +123,7 @@ class Diagnosis(Tabular):
                 "RMSE fitted [K]": step.fit.rmse,
                 "RMSE held out [K]": step.holdout.rmse if step.holdout else math.nan,
                 "p": step.p_value,
-                "indistinguishable from": ", ".join(f"{effect} at {place}" for effect, place in step.indistinguishable),
+                "indistinguishable from": ", ".join(map(named, step.indistinguishable)),
             }
             for step in self.helpful
         ]
@@ -234,9 +234,9 @@ def examine(
     found = answers(base, possible_effects(base, columns), refits=refits, executor=executor, report=report)
     steps = [step.predicting(data) for step in found.steps]
     ordered = _holdout_decides(steps)
-    holdout = holdout_errors(found.fit, data.holdout)
-    verdict = _verdict(found.fit, data, holdout, found.scores, ordered)
-    return Diagnosis(verdict, found.fit, holdout, found.scores, tuple(ordered))
+    predicted = Step(found.fit).predicting(data)
+    verdict = _verdict(predicted, found.scores, ordered)
+    return Diagnosis(verdict, found.fit, predicted.holdout, found.scores, tuple(ordered))
 
 
 # --- Held-out runs among the names of the first answer ---------------------------------------------
@@ -267,13 +267,12 @@ def _holdout_decides(steps: list[Step]) -> list[Step]:
 _RUNS_DIFFER = 0.3  # K; two runs differ by so much in their air and sensors alone
 
 
-def _verdict(base: Fit, data: DataSplit, holdout: Errors | None, scores: Scores, steps: Sequence[Step]) -> Verdict:
+def _verdict(given: Step, scores: Scores, steps: Sequence[Step]) -> Verdict:
+    base = given.fit
     if not _more_is_wanted(scores, steps):
-        agree = not any(
-            standing_out(base, predict(base.model, each, base.problem.sigma), _RUNS_DIFFER) for each in data.holdout
-        )
+        agree = not any(standing_out(base, each, _RUNS_DIFFER) for each in given.predicted)
         return "adequate" if agree else "unexplained"
-    if not steps or not explained_elsewhere(base, holdout, steps[0].holdout):
+    if not steps or not explained_elsewhere(base, given.holdout, steps[0].holdout):
         return "unexplained"
     best = steps[0].fit
     nothing_left = all(value <= LACKING for value in lack_of_fit(best, scores.noise).values())

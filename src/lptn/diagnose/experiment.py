@@ -22,16 +22,15 @@ import numpy as np
 from lptn.basics.arrays import FloatArray
 from lptn.basics.places import EVERYWHERE
 from lptn.basics.processes import one_blas_thread
-from lptn.diagnose.answers import Key, Step
+from lptn.basics.words import listed
+from lptn.diagnose.answers import Key, Step, named
 from lptn.diagnose.experiment_runs import (
     STEP,
     Move,
     Program,
     ProgramRuns,
     instructions,
-    listed,
     moves,
-    named,
     program,
     unit_of,
 )

@@ -311,16 +311,6 @@ def instructions(wanted: Program, logged: LoggedInputs) -> str:
     return f"{air}: {', then '.join(phases)}."
 
 
-def named(rival: tuple[str, str]) -> str:
-    """An effect and its place."""
-    return f"{rival[0]} at {rival[1]}"
-
-
-def listed(names: Sequence[str]) -> str:
-    """Names joined by commas and an 'and'."""
-    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
-
-
 def _phase(phase: Phase, logged: LoggedInputs) -> str:
     return f"{_doing(phase.move, logged)} for {phase.seconds / 60:.3g} min"
 

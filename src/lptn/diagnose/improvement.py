@@ -34,7 +34,7 @@ from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.basics.places import EVERYWHERE
 from lptn.basics.tables import Tabular
-from lptn.diagnose.answers import HOPELESS, LIKELY, SIGNIFICANT, Key, Report, Step, compared, held_out
+from lptn.diagnose.answers import HOPELESS, LIKELY, SIGNIFICANT, Key, Report, Step, compared, held_out, named
 from lptn.diagnose.candidates import AMBIENT_ERROR, TORQUE_ERROR, with_errors_of_runs
 from lptn.diagnose.diagnosis import MUCH_WORSE, Diagnosis, Verdict, examine, for_search
 from lptn.diagnose.fit_statistics import HALF, Removed, explained_elsewhere, explains, is_negligible
@@ -153,14 +153,12 @@ def effects_added(steps: Sequence[Step]) -> list[EffectDeclaration]:
     """The effects that were added step by step, with the values that the last step's fit for use gave them."""
     fitted = {parameter.name: parameter.value for parameter in steps[-1].for_use.model.parameters}
     effects = []
-    for step in steps:
-        if step.declaration is not None:
-            declared = step.declaration
-            values = tuple(
-                replace(parameter, value=fitted.get(declared.shared_name(parameter.name), parameter.value))
-                for parameter in declared.parameters
-            )
-            effects.append(replace(declared, parameters=values))
+    for declared in _declarations(steps):
+        values = tuple(
+            replace(parameter, value=fitted.get(declared.shared_name(parameter.name), parameter.value))
+            for parameter in declared.parameters
+        )
+        effects.append(replace(declared, parameters=values))
     return effects
 
 
@@ -249,10 +247,6 @@ def _stands_on(step: Step, other: Step) -> bool:
     if one is None or base is None or step is other:
         return False
     return (one.difference and one.effect.key == base.effect.key) or ("~" in one.at and one.at == base.at)
-
-
-def _named(step: Step) -> str:
-    return f"{step.effect} at {step.at}"
 
 
 def _errs(step: Step) -> bool:
@@ -352,8 +346,8 @@ class _Search:
                 left_out = len(other) < len(branch) and _is_negligible(other, branch)
                 if other is in_the_robot or left_out or _chosen([branch, other], self.data) is other:
                     added = [each for each in other[1:] if each.key not in _effects(branch)]
-                    successors = " and ".join(map(_named, added))
-                    self.report(f"{_named(step)} {f'gives way to {successors}' if added else 'is not needed'}")
+                    successors = " and ".join(named(each.key) for each in added)
+                    self.report(f"{named(step.key)} {f'gives way to {successors}' if added else 'is not needed'}")
                     branch, number = other, 1
                     break
         return branch
@@ -583,7 +577,7 @@ def _ending_in(branch: Branch, fit: Fit, data: DataSplit) -> Branch:
 def _in_words(beam: Sequence[Branch]) -> str:
     """The branches of a step and their errors, for progress."""
     kind, unit = ("held out", " K") if beam[0][-1].holdout else ("misfit", "")
-    return "; ".join(f"{_named(branch[-1])} ({kind} {_error(branch):.3g}{unit})" for branch in beam)
+    return "; ".join(f"{named(branch[-1].key)} ({kind} {_error(branch):.3g}{unit})" for branch in beam)
 
 
 # --- Which of the branches is kept, how far, and without which steps ---------------------------------
@@ -627,7 +621,7 @@ def _probabilities(branches: Sequence[Branch], predicted: Sequence[Sequence[Pred
     return probabilities([branch[-1].fit for branch in branches], priors, predicted)
 
 
-def _declarations(branch: Branch) -> list[EffectDeclaration]:
+def _declarations(branch: Sequence[Step]) -> list[EffectDeclaration]:
     return [declaration for step in branch for declaration in step.declarations]
 
 

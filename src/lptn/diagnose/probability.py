@@ -16,7 +16,7 @@ from itertools import combinations
 from math import log, pi, sqrt
 
 import numpy as np
-from scipy.special import logsumexp, ndtr
+from scipy.special import logsumexp, ndtr, softmax
 
 from lptn.basics.arrays import BoolArray, FloatArray, IntArray
 from lptn.basics.parameters import Parameter
@@ -95,8 +95,7 @@ class _Fits:
         logarithms += max(map(self.fitted.independent_share, chosen)) * self.of_parameters[chosen]
         if self.predicted is not None:
             logarithms += self.predicted.log_likelihoods(chosen)
-        each_draw = np.exp(logarithms - logarithms.max(axis=1, keepdims=True))
-        return np.asarray((each_draw / each_draw.sum(axis=1, keepdims=True)).mean(axis=0))
+        return np.asarray(softmax(logarithms, axis=1).mean(axis=0))
 
 
 class _Misfits:

@@ -10,6 +10,7 @@ import numpy as np
 from lptn.basics.parameters import ParameterInstance
 from lptn.basics.places import EVERYWHERE
 from lptn.basics.processes import one_blas_thread
+from lptn.basics.words import short_size
 from lptn.diagnose.answers import Step, answers
 from lptn.diagnose.candidates import possible_effects
 from lptn.diagnose.fit_statistics import CLEARLY, explained_elsewhere, standing_out
@@ -117,19 +118,19 @@ class RunDifference:
             worst = ""
             if self.where:
                 node, (here, there) = next(iter(self.where.items()))
-                worst = f", most clearly at {node} ({short(here)} for {short(there)} K)"
+                worst = f", most clearly at {node} ({short_size(here)} for {short_size(there)} K)"
             return (
-                f"{self.run} is predicted with an error of {short(self.rmse_before)} K, against "
-                f"{short(self.rmse_fit)} K on the fitted runs{worst}, and no one parameter that may "
+                f"{self.run} is predicted with an error of {short_size(self.rmse_before)} K, against "
+                f"{short_size(self.rmse_fit)} K on the fitted runs{worst}, and no one parameter that may "
                 "differ from run to run explains half of it."
             )
         best = self.causes[0]
         text = (
-            f"{self.sentence} With that its error goes from {short(self.rmse_before)} to {short(best.rmse)} K "
-            "(the size was fitted on this run: an explanation, not a prediction)."
+            f"{self.sentence} With that its error goes from {short_size(self.rmse_before)} to "
+            f"{short_size(best.rmse)} K (the size was fitted on this run: an explanation, not a prediction)."
         )
         if not self.explained:
-            text += f" It does not explain all: the fitted runs are met within {short(self.rmse_fit)} K."
+            text += f" It does not explain all: the fitted runs are met within {short_size(self.rmse_fit)} K."
         if not self.indistinguishable:
             return text
         others = "; or: ".join(_without_question(each.words) for each in self.indistinguishable[:_MOST_LISTED])
@@ -322,7 +323,7 @@ def _in_words(declaration: EffectDeclaration, amplitude: ParameterInstance, run:
     size, at, effect = amplitude.value, declaration.at, declaration.effect
     lower, upper = amplitude.declared.bounds
     most, least = is_at(size, upper), is_at(size, lower)
-    times = f"{1 + size:.3f}" if abs(size) < _NEARLY_ONE else short(1 + size)
+    times = f"{1 + size:.3f}" if abs(size) < _NEARLY_ONE else short_size(1 + size)
     more, less = effect.in_one_run
     return ((more if size >= 0 else less) or _PLAIN).format(
         run=run,
@@ -331,15 +332,10 @@ def _in_words(declaration: EffectDeclaration, amplitude: ParameterInstance, run:
         of="every sensor" if at == EVERYWHERE else f"the sensor of {at}",
         into="every node" if at == EVERYWHERE else at,
         place=at,
-        size=("at least " if most or least else "") + short(abs(size)),
+        size=("at least " if most or least else "") + short_size(abs(size)),
         factor=("at least " if most else "at most " if least else "") + times,
         amplitude=f"{size:.3g} {amplitude.declared.unit}",
     )
-
-
-def short(value: float) -> str:
-    """Two digits, whole numbers from a hundred on."""
-    return f"{value:.0f}" if abs(value) >= 100 else f"{value:.2g}"
 
 
 def _sentence(words: str) -> str:

@@ -88,7 +88,7 @@ class Scores:
 
 
 @one_blas_thread
-def score(fit: Fit, candidates: Sequence[Candidate], seed: int = 0) -> Scores:
+def score(fit: Fit, candidates: Sequence[Candidate]) -> Scores:
     """Score every candidate against the residuals of a fit.
 
     Memory is bounded: beyond `_BLOCK` numbers the traces are made twice, a block at a time, and never held together.
@@ -96,9 +96,8 @@ def score(fit: Fit, candidates: Sequence[Candidate], seed: int = 0) -> Scores:
     Args:
         fit: the fitted baseline.
         candidates: effects and places.
-        seed: of the simulated logs.
     """
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)  # of the simulated logs
     residuals = fit.problem.residuals(fit.z)
     basis = _imitable(fit, residuals)
     residuals -= basis @ (basis.T @ residuals)
@@ -445,9 +444,8 @@ def smallest(scores: Scores) -> list[Detectable]:
     needed = float(np.sqrt(scores.threshold)) + POWER * float(np.sqrt(np.median(scores.null_gains)))
     sizes = []
     for score in scores.ranked:
-        amplitude = score.candidate.effect.amplitude()
-        if amplitude is not None and score.per_unit > 0:
+        if score.per_unit > 0:
             effect, at = score.candidate.key
             size = needed / score.per_unit
-            sizes.append(Detectable(effect, at, size, amplitude.unit, size / score.candidate.typical))
+            sizes.append(Detectable(effect, at, size, score.candidate.amplitude.unit, size / score.candidate.typical))
     return sorted(sizes, key=lambda each: each.share)

@@ -17,6 +17,7 @@ import numpy as np
 
 from lptn.basics.arrays import BoolArray, FloatArray, IntArray
 from lptn.basics.processes import one_blas_thread
+from lptn.basics.words import short_size
 from lptn.identify.fitting import Fit
 from lptn.identify.noise import LEAST_NOISE
 from lptn.logs.resampling import means_of_blocks
@@ -91,8 +92,8 @@ class HeatPeak:
 
     def text(self) -> str:
         """Such as `at FR_calf from 1200 to 1500 s, about 6 W (3 to 13 W)`."""
-        ends = f"{_rounded(self.heat - self.band)} to {_rounded(self.heat + self.band)} W"
-        return f"{self.place}, about {_rounded(self.heat)} W ({ends})"
+        ends = f"{short_size(self.heat - self.band)} to {short_size(self.heat + self.band)} W"
+        return f"{self.place}, about {short_size(self.heat)} W ({ends})"
 
     @property
     def place(self) -> str:
@@ -243,10 +244,6 @@ def _prior(fit: Fit, run: Blocks, scale: float, walk: float) -> Prior:
     sizes, directions = np.linalg.eigh(fit.uncertainty.covariance * np.outer(per_unit, per_unit))
     covariance[len(deviations) :, len(deviations) :] = (directions * np.clip(sizes, 0.0, _FARTHEST**2)) @ directions.T
     return Prior(covariance, walk)
-
-
-def _rounded(value: float) -> str:
-    return f"{value:.2g}" if abs(value) < 10 else f"{value:.0f}"
 
 
 # --- The linear model: a fitted run in blocks of time, with heat at each measured node as an input --

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import math
 import pickle
 import uuid
@@ -18,7 +17,7 @@ import pandas as pd
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
-from lptn.basics.files import write_whole
+from lptn.basics.tables import write_table
 from lptn.fleet.robots import Robot, robots_of
 from lptn.fleet.work import FleetFit, Outcome, ResultFolder, Work, elsewhere, here, in_processes
 from lptn.identify.data import GUESS, LoadedModel, load_model
@@ -328,10 +327,8 @@ def table_of(fleet: Fleet) -> pd.DataFrame:
 def write_tables(fleet: Fleet, folder: Path) -> None:
     """Write `fleet.csv` and `fleet.parquet`, each whole."""
     table = table_of(fleet)
-    write_whole(folder / "fleet.csv", table.to_csv(index=False))
-    binary = io.BytesIO()
-    table.to_parquet(binary, index=False)
-    write_whole(folder / "fleet.parquet", binary.getvalue())
+    for name in ("fleet.csv", "fleet.parquet"):
+        write_table(folder / name, table)
 
 
 def _row(outcome: Outcome, names: list[str]) -> dict[str, object]:

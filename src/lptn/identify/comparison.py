@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,9 +13,8 @@ import pandas as pd
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
-from lptn.basics.files import write_whole
 from lptn.basics.places import class_of
-from lptn.basics.tables import Tabular
+from lptn.basics.tables import Tabular, write_table
 from lptn.identify.data import Segment, holdout_segment
 from lptn.identify.fitting import fit_nuisances, fit_starts, nuisances
 from lptn.identify.noise import Noise, balanced_sigma, estimate_noise
@@ -403,16 +401,6 @@ def _errors(comparison: Comparison, nodes: Sequence[str], runs: Sequence[int]) -
 # --- Predicted temperatures written as a log that can be read again -------------------------------
 
 
-def check_ending(path: Path) -> None:
-    """Refuse a kind of table that can't be written.
-
-    Raises:
-        InputError: the file name ends in neither `.csv` nor `.parquet`.
-    """
-    if path.suffix not in (".csv", ".parquet"):
-        raise InputError(path, "--output", f"a file name ending in '{path.suffix}'", "one ending in .csv or .parquet")
-
-
 def write_predictions(comparison: Comparison, path: Path) -> None:
     """Write time [s], each node's predicted reading, each hottest point's temperature [degC] and the inputs.
 
@@ -421,7 +409,6 @@ def write_predictions(comparison: Comparison, path: Path) -> None:
     Raises:
         InputError: the file name ends in neither `.csv` nor `.parquet`, or can't be written.
     """
-    check_ending(path)
     tables = []
     for prediction in comparison.predictions:
         columns = {"time": prediction.bound.run.time}
@@ -433,10 +420,4 @@ def write_predictions(comparison: Comparison, path: Path) -> None:
         for column, values in zip(comparison.model.inputs, prediction.bound.inputs, strict=True):
             columns.setdefault(column, values)
         tables.append(pd.DataFrame(columns))
-    table = pd.concat(tables, ignore_index=True)
-    if path.suffix == ".csv":
-        write_whole(path, table.to_csv(index=False, float_format="%.6g"))
-    else:
-        buffer = io.BytesIO()
-        table.astype(np.float64).to_parquet(buffer, index=False)
-        write_whole(path, buffer.getvalue())
+    write_table(path, pd.concat(tables, ignore_index=True).astype(np.float64), digits=6)

@@ -261,21 +261,27 @@ def finished(done: Fit) -> Fit:
     return _as_fit(done.problem, solution, done.noise, done.iterations + solution.iterations)
 
 
-@one_blas_thread
 def fit_starts(model: Model, bound_runs: Sequence[BoundRun], sigma: FloatArray) -> list[FloatArray]:
-    """Initial states of runs from their counted readings, the parameters being held.
+    """Initial states of runs from their counted readings [degC], shape (states,) each, the parameters being held.
 
     Raises:
-        KeyboardInterrupt: Ctrl-C was pressed; initial states from half a search are worth nothing.
+        KeyboardInterrupt: Ctrl-C was pressed.
     """
-    starts = []
-    for bound in bound_runs:
-        problem = Problem(model, [bound], sigma, free=())
-        solution = minimise(problem, problem.guess(model.values), near=True)  # nearly linear: a few steps do
-        if solution.status == "interrupted":
-            raise KeyboardInterrupt
-        starts += problem.point(solution.z).starts
-    return starts
+    problems = (Problem(model, [bound], sigma, free=()) for bound in bound_runs)
+    return [start for problem in problems for start in _solved(problem, model).starts]
+
+
+@one_blas_thread
+def _solved(problem: Problem, model: Model) -> Point:
+    """Where a problem that is nearly linear, and takes but a few steps, has its minimum.
+
+    Raises:
+        KeyboardInterrupt: Ctrl-C was pressed; half a search is worth nothing.
+    """
+    solution = minimise(problem, problem.guess(model.values), near=True)
+    if solution.status == "interrupted":
+        raise KeyboardInterrupt
+    return problem.point(solution.z)
 
 
 def nuisances(model: Model, run: str) -> list[int]:
@@ -288,7 +294,6 @@ def nuisances(model: Model, run: str) -> list[int]:
     ]
 
 
-@one_blas_thread
 def fit_nuisances(model: Model, bound: BoundRun, sigma: FloatArray, start: FloatArray) -> Model:
     """The model with its nuisance parameters of one run, such as the ambient sensor's bias, fitted to that run.
 
@@ -306,11 +311,7 @@ def fit_nuisances(model: Model, bound: BoundRun, sigma: FloatArray, start: Float
     chosen = nuisances(model, bound.run.name)
     if not chosen:
         return model
-    problem = Problem(model, [bound], sigma, free=chosen, starts=[start])
-    solution = minimise(problem, problem.guess(model.values), near=True)
-    if solution.status == "interrupted":
-        raise KeyboardInterrupt
-    return model.with_values(problem.point(solution.z).values)
+    return model.with_values(_solved(Problem(model, [bound], sigma, free=chosen, starts=[start]), model).values)
 
 
 # --- Checkpoints: the best point of a fit that is running, where the next attempt at the same fit starts ---

@@ -12,6 +12,7 @@ from lptn.simulate.bound_run import BoundRun
 
 _MAD_TO_SIGMA = 1.4826  # standard deviation of normal noise over its median absolute value
 _ENOUGH = 0.1  # share of the readings that must have a second difference without a gap in it
+_MODEL_ERROR = 0.02  # of an excursion, beside the sensor's noise: what simple models of robots leave
 LEAST_NOISE = 1e-3
 """K; a noise-free log must not weigh infinitely."""
 
@@ -51,15 +52,14 @@ def estimate_noise(bound_runs: Sequence[BoundRun], nodes: Sequence[str]) -> Nois
     return Noise(white, step)
 
 
-def balanced_sigma(bound_runs: Sequence[BoundRun], noise: Noise, share: float = 0.02) -> FloatArray:
+def balanced_sigma(bound_runs: Sequence[BoundRun], noise: Noise) -> FloatArray:
     """Standard deviations that weigh each node [K], shape (nodes,).
 
-    Besides its noise, a node is allowed a model error of `share` of the geometric mean of its own and the
-    largest excursion: a joint that swings by 40 K neither silences one that swings by 5 K, nor the other
-    way round.
+    Besides its noise, a node is allowed a model error of a share (`_MODEL_ERROR`) of the geometric mean of its own and
+    the largest excursion: a joint that swings by 40 K neither silences one that swings by 5 K, nor the other way round.
     """
     excursion = np.array([_excursion(bound_runs, row) for row in range(len(noise.white))])
-    return np.asarray(np.hypot(noise.floor, share * np.sqrt(excursion * excursion.max(initial=0.0))))
+    return np.asarray(np.hypot(noise.floor, _MODEL_ERROR * np.sqrt(excursion * excursion.max(initial=0.0))))
 
 
 def _excursion(bound_runs: Sequence[BoundRun], row: int) -> float:

@@ -15,13 +15,14 @@ from matplotlib.colors import Normalize
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from lptn.basics.style import BEST, FAINT, GIVEN, INK, SMALL, TEXT, dress, new_axes, plain
+from lptn.basics.words import short_size
 from lptn.diagnose.answers import Key, Step
 from lptn.diagnose.diagnosis import Diagnosis
 from lptn.diagnose.improvement import History
 from lptn.diagnose.scores import Confusability, Detectable
 from lptn.report.shown import candidates_shown, reaches
 from lptn.report.shown import noise_alone as noise_alone
-from lptn.report.text import named, place_of, short_size, title_of, unit_text
+from lptn.report.text import named, place_of, title_of, unit_text
 
 # --- the history: how the errors fall from step to step -----------------------------------------------------
 

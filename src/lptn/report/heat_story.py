@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from lptn.basics.words import listed
 from lptn.diagnose.improvement import History
 from lptn.diagnose.unexplained_heat import (
     HeatPeak,
@@ -21,7 +22,7 @@ from lptn.identify.fitting import Fit
 from lptn.report.document import Picture, picture
 from lptn.report.page_figures import fields, heat_line
 from lptn.report.shown import MOST_INPUTS, MOST_RUNS, heat_fields
-from lptn.report.text import for_people, listed, number
+from lptn.report.text import for_people, number
 
 _STAYS = 0.5  # share of the heat from which it is called unexplained by what was added
 _CLOSE = 0.5  # correlation from which an input is worth a word

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Literal
 
+from lptn.basics.words import listed
 from lptn.diagnose.answers import Step
 from lptn.diagnose.fit_statistics import criterion_difference
 from lptn.diagnose.improvement import History
 from lptn.report.shown import noise_alone
 from lptn.report.tables import FAR
-from lptn.report.text import kelvin, listed, named, percent, place_of, significant
+from lptn.report.text import kelvin, named, percent, place_of, significant
 
 Outcome = Literal["adequate", "found", "tried", "asked", "unhelped", "unexplained"]
 

@@ -8,13 +8,14 @@ from math import sqrt
 import numpy as np
 from markupsafe import Markup
 
+from lptn.basics.words import short_size
 from lptn.diagnose.answers import Key
 from lptn.diagnose.diagnosis import Diagnosis
 from lptn.diagnose.improvement import History
 from lptn.diagnose.scores import Confusability, Detectable
 from lptn.report.shown import candidates_shown, noise_alone, reaches
 from lptn.report.svg import LETTER, WIDE, Drawing, Panel, strength
-from lptn.report.text import kelvin, named, place_of, short_size, title_of, unit_text
+from lptn.report.text import kelvin, named, place_of, title_of, unit_text
 
 # --- the history: how the errors fall from step to step -----------------------------------------------------
 

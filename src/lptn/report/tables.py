@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from lptn.basics.parameters import ParameterInstance
+from lptn.basics.words import short_size
 from lptn.diagnose.answers import Step
 from lptn.diagnose.diagnosis import Diagnosis
 from lptn.diagnose.improvement import History
@@ -23,7 +24,6 @@ from lptn.report.text import (
     kelvin,
     number,
     place_of,
-    short_size,
     signed_kelvin,
     time_span,
     title_of,

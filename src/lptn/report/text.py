@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Sequence
 
+from lptn.basics.words import listed
 from lptn.effects import Effect, catalogue
 from lptn.effects.ambient_offset import AmbientOffset
 from lptn.effects.loss_scale import LossScale
@@ -43,11 +44,6 @@ def number(value: float, digits: int = 4) -> str:
 def short(value: float) -> str:
     """Three digits, and no exponent in the thousands."""
     return f"{value:.0f}" if 1000 <= abs(value) < 1e6 else f"{value:.3g}"
-
-
-def short_size(value: float) -> str:
-    """Two digits, and no exponent where a person can read it without."""
-    return f"{value:.0f}" if 10 <= abs(value) < 1e5 else f"{value:.2g}"
 
 
 _CERTAIN = 0.99
@@ -119,11 +115,6 @@ def experiment_for(effect: type[Effect]) -> str:
 
 
 # --- sentences --------------------------------------------------------------------------------------
-
-
-def listed(items: Sequence[str], last: str = "and") -> str:
-    """`a, b and c`."""
-    return items[0] if len(items) == 1 else f"{', '.join(items[:-1])} {last} {items[-1]}"
 
 
 def few(items: Sequence[str], most: int) -> str:

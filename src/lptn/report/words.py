@@ -10,6 +10,7 @@ import numpy as np
 
 from lptn.basics.parameters import Parameter
 from lptn.basics.places import EVERYWHERE
+from lptn.basics.words import listed, short_size
 from lptn.diagnose.answers import LIKELY, Step
 from lptn.diagnose.fit_statistics import Removed
 from lptn.diagnose.improvement import History
@@ -38,11 +39,9 @@ from lptn.report.text import (
     few,
     granted_in_words,
     kelvin,
-    listed,
     named,
     percent,
     place_of,
-    short_size,
     title_of,
     unit_text,
     window_text,
