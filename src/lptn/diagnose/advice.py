@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+from lptn.basics.words import short_size
 from lptn.diagnose.answers import Report, Step
 from lptn.diagnose.diagnosis import Diagnosis
 from lptn.diagnose.experiment import Experiment, propose
+from lptn.diagnose.fit_statistics import TIE, criterion_difference
 from lptn.diagnose.runs_that_differ import RunDifference, runs_that_differ
 from lptn.diagnose.scores import Detectable, smallest
 from lptn.diagnose.unexplained_heat import HeatPeak, stretches, unexplained_heat
-from lptn.identify.data import DataSplit
+from lptn.identify.data import DataSplit, Segment
 from lptn.identify.fitting import Fit
+from lptn.identify.validation import fit_segments, holdout_errors
+from lptn.logs.reading import ROWS_UNKNOWN
 
 _MOST_RIVALS = 4  # names for one answer among which an experiment has to decide
 _MOST_DETECTABLE = 40  # smallest sizes in the JSON; the page shows fewer
@@ -28,12 +32,14 @@ class Advice:
         heat: each stretch of time in which the last model surely lacks heat, or has too much, the surest first.
         detectable: the smallest size of each effect that the data would show, the easiest to see first.
         differing: held-out runs in which one parameter seems to differ.
+        rows: what slow rows seem to be that nobody spoke of, and how to say so; empty where the data don't tell.
     """
 
     experiment: Experiment | None
     heat: list[HeatPeak]
     detectable: list[Detectable]
     differing: list[RunDifference]
+    rows: str = ""
 
     def __repr__(self) -> str:
         return f"<Advice: {' '.join(self.sentences) or 'nothing to do'}>"
@@ -41,7 +47,7 @@ class Advice:
     @property
     def sentences(self) -> list[str]:
         """What a person wants to read, most urgent first; `heat` has every stretch, not the surest alone."""
-        sentences = [each.text() for each in self.differing]
+        sentences = [*([self.rows] if self.rows else []), *(each.text() for each in self.differing)]
         if self.heat:
             sentences.append(f"Where heat is most clearly unexplained: {self.heat[0].text()}.")
         if self.experiment is not None:
@@ -52,6 +58,7 @@ class Advice:
         """The advice as other tools read it."""
         return {
             "experiment": self.experiment.as_json() if self.experiment else None,
+            "rows": self.rows or None,
             "unexplained_heat": self.heat[0].text() if self.heat else None,
             "unexplained_stretches": [each.as_json() for each in self.heat],
             "runs_that_differ": [each.as_json() for each in self.differing],
@@ -89,4 +96,30 @@ def advise(
         stretches(unexplained_heat(last)),
         smallest(diagnosis.scores),
         [*differing, *(runs_that_differ(last, data.holdout) if added else [])],
+        _rows_as_means(last, data),
     )
+
+
+def _rows_as_means(last: Fit, data: DataSplit) -> str:
+    """That slow rows which were read as samples are met clearly better as means, and held-out ones no worse.
+
+    Half a row late is what a lag looks like, too, so that this is for those to decide who know the logger.
+    """
+    notes = (note for segment in data.fit for note in segment.run.notes if note.startswith(ROWS_UNKNOWN))
+    if (note := next(notes, None)) is None:
+        return ""
+    samples = fit_segments(last.model, data.fit, last.point)
+    means = fit_segments(last.model, _as_means(data.fit), last.point)
+    held_out = holdout_errors(samples, data.holdout), holdout_errors(means, _as_means(data.holdout))
+    before, after = (0.0 if each is None else each.rmse for each in held_out)
+    if criterion_difference(samples, means) <= TIE or after > before:
+        return ""
+    found = (
+        f"Read as means, these slow rows are met to {short_size(means.rmse)} K in place of {short_size(samples.rmse)} K"
+    )
+    found += f", held-out ones to {short_size(after)} K in place of {short_size(before)} K" if data.holdout else ""
+    return f"{found}: {note.partition('; ')[2]}"
+
+
+def _as_means(segments: Sequence[Segment]) -> list[Segment]:
+    return [replace(each, run=replace(each.run, averaged=True)) for each in segments]

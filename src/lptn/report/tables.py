@@ -203,12 +203,15 @@ def stretch_table(stretches: Sequence[HeatPeak]) -> Table:
             each.run,
             each.node,
             *(f"{time:.0f}" for time in (each.start, each.stop)),
-            f"{each.heat:+.2g}".replace("-", "−"),
-            *(f"{each.heat + side * each.band:+.2g}".replace("-", "−") for side in (-1, 1)),
+            *(_signed(each.heat + side * each.band) for side in (0, -1, 1)),
         )
         for each in stretches
     )
     return Table(("run", "node", ">from [s]", ">to [s]", ">heat [W]", ">at least [W]", ">at most [W]"), rows)
+
+
+def _signed(value: float) -> str:
+    return f"{'−' if value < 0 else '+'}{short_size(abs(value))}"
 
 
 _ZERO = 1e-9  # share of the typical size; what a search leaves of a zero
