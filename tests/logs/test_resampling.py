@@ -11,14 +11,17 @@ from hypothesis.extra.numpy import arrays
 from lptn.basics.arrays import FloatArray
 from lptn.logs.resampling import (
     Bins,
+    Samples,
     feature,
     features_of,
     hold,
     interpolate,
     mean_in_bins,
+    on_one_time,
     raw_keys,
     reduce_blocks,
     sample_values,
+    temperatures_on_grid,
 )
 
 COLUMNS = ["torque.a", "current.a", "current_abs.a", "velocity.a", "velocity_rms.a", "speed.base", "power.pc"]
@@ -92,3 +95,23 @@ def test_interpolation_stops_at_nan_and_at_gaps() -> None:
 def test_hold_repeats_the_last_number() -> None:
     held = hold(np.array([np.nan, 1.0, np.nan, np.nan, 2.0]))
     np.testing.assert_array_equal(held, [np.nan, 1.0, 1.0, 1.0, 2.0])
+
+
+@pytest.mark.parametrize("every", [1.0, 2.5, 2.52, 7.0])
+@pytest.mark.parametrize("late", [0.0, 0.3, 0.5])
+@pytest.mark.parametrize("jitter", [0.0, 0.4])
+def test_readings_between_the_rows_of_another_clock_are_kept(every: float, late: float, jitter: float) -> None:
+    rng = np.random.default_rng(0)
+    own = late + every * (np.arange(100) + rng.uniform(-jitter, jitter, 100) * (np.arange(100) > 0))
+    driven = np.arange(0.0, own[-1] + 2.0)
+    warms = 20 + 0.5 * own
+    time, raw = on_one_time([(own, {"temperature.a": warms}), (driven, {"current.a": np.ones(driven.size)})])
+    samples = Samples(time, raw)
+    step = max(1.0, samples.period)
+    at = step * np.arange(int(own[-1] / step) + 1)
+    (found,) = temperatures_on_grid(samples, ["temperature.a"], 0.0, step, at.size, 10.0).values()
+    there = np.isfinite(found)
+    assert there.sum() >= 0.7 * min(own.size, at.size)  # two readings of one step are one
+    meant = at + 0.5 * step * samples.averaged(step)
+    inside = there & (meant >= own[0]) & (meant <= own[-1])
+    np.testing.assert_allclose(found[inside], 20 + 0.5 * meant[inside], atol=1e-9)

@@ -272,11 +272,26 @@ def temperatures_on_grid(
 ) -> dict[str, FloatArray]:
     """Temperatures at each bin's start or, of several samples, their mean, (n,) each, NaN where missing."""
     if not samples.averaged(step):
-        at = grid(start, step, n)
-        return {name: interpolate(samples.time, samples.raw[name], at, max_gap) for name in columns}
+        return {name: _readings(samples.time, samples.raw[name], start, step, n, max_gap) for name in columns}
     if samples.means:
         return _means_of_means(samples, columns, start, step, n, max_gap)
     return {name: _averages(samples.time, samples.raw[name], start, step, n, max_gap) for name in columns}
+
+
+def _readings(time: FloatArray, values: FloatArray, start: float, step: float, n: int, max_gap: float) -> FloatArray:
+    """Readings between rows that follow each other, where both have one; else each at the step that is nearest to it.
+
+    Where rows of another clock lie between a sensor's own, it is read off the straight line of its own readings there.
+    """
+    at, there = grid(start, step, n), ~np.isnan(values)
+    readings = interpolate(time, values, at, max_gap)
+    if there.sum() < 2 or there.all():
+        return readings
+    nearest = np.rint((time[there] - start) / step).astype(np.int64)
+    nearest = nearest[(nearest >= 0) & (nearest < n)]
+    nearest = nearest[np.isnan(readings[nearest])]
+    readings[nearest] = interpolate(time[there], values[there], at[nearest], np.inf)
+    return readings
 
 
 def _means_of_means(
