@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -25,11 +27,19 @@ def test_coarsen_reduces_each_column_by_its_rule(run: Run) -> None:
     assert coarse.averaged
     assert coarse.step == pytest.approx(0.2)
     np.testing.assert_allclose(coarse.time, [5.0, 5.2, 5.4])
-    # Between a reading and a missing one nothing is known.
-    np.testing.assert_array_equal(coarse.temperature("a"), [21.0, np.nan, np.nan])
+    # Readings are joined by straight lines; nothing is said of a block in which none was read.
+    np.testing.assert_allclose(coarse.temperature("a"), [22.0, (25.0 + 80.0 / 3) / 2, np.nan])
     np.testing.assert_allclose(coarse.columns["torque.a"], [np.sqrt(12.5), 1.0, np.sqrt(2.0)])
     np.testing.assert_allclose(coarse.columns["velocity.a"], [2.0, 1.0, 1.0])
     assert coarse.notes == ("said.",)
+
+
+def test_coarsen_keeps_what_was_read_more_seldom_than_there_are_steps(run: Run) -> None:
+    warms = np.where(np.arange(40) % 3 == 1, 20.0 + np.arange(40), np.nan)
+    seldom = replace(run, step=1.0, time=np.arange(40.0), columns={"temperature.a": warms})
+    coarse = seldom.coarsen(5)
+    inside = coarse.time[1:-1]
+    np.testing.assert_allclose(coarse.temperature("a")[1:-1], 20.0 + inside + 2.5)
 
 
 def test_coarsen_by_one_changes_nothing(run: Run) -> None:

@@ -245,8 +245,9 @@ def _coarse(model: Model, bound: BoundRun) -> BoundRun:
     if factor < 2:
         return bound
     coarse = bind(model, bound.run.coarsen(factor))
-    blocks = bound.counted[:, : len(coarse) * factor].reshape(len(model.nodes), -1, factor)
-    return replace(coarse, counted=coarse.counted & blocks.all(axis=2))
+    left_out = np.isfinite(bound.measured) & ~bound.counted
+    blocks = left_out[:, : len(coarse) * factor].reshape(len(model.nodes), -1, factor)
+    return replace(coarse, counted=coarse.counted & ~blocks.any(axis=2))
 
 
 def _as_fit(problem: Problem, solution: Solution, noise: Noise, iterations: int) -> Fit:

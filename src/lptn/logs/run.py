@@ -100,18 +100,24 @@ class Run:
             raise InputError(self.source, "coarsen", f"factor {factor}", f"a whole number from 1 to {len(self)}")
         if factor == 1:
             return self
-        columns = {name: self._between_samples(name, values) for name, values in self.columns.items()}
-        blocks = min(len(values) for values in columns.values()) // factor
+        columns = {name: self._in_blocks(name, values, factor) for name, values in self.columns.items()}
+        blocks = min(len(values) for values in columns.values())
         return replace(
             self,
             step=self.step * factor,
             time=self.time[: blocks * factor : factor],
-            columns={name: reduce_blocks(name, values, factor)[:blocks] for name, values in columns.items()},
+            columns={name: values[:blocks] for name, values in columns.items()},
             averaged=True,
         )
 
-    def _between_samples(self, column: str, values: FloatArray) -> FloatArray:
-        """Temperatures as means over the steps; samples are joined by straight lines, the last has no successor."""
+    def _in_blocks(self, column: str, values: FloatArray, factor: int) -> FloatArray:
+        """Blocks of a column; samples of a temperature are joined by straight lines, the last has no successor."""
         if self.averaged or not column.startswith("temperature."):
-            return values
-        return np.asarray(0.5 * (values[:-1] + values[1:]))
+            return reduce_blocks(column, values, factor)
+        there = np.flatnonzero(np.isfinite(values))
+        if not there.size:
+            return reduce_blocks(column, values[:-1], factor)
+        joined = np.interp(np.arange(len(self)), there, values[there], left=np.nan, right=np.nan)
+        means = reduce_blocks(column, 0.5 * (joined[:-1] + joined[1:]), factor)
+        means[np.setdiff1d(np.arange(means.size), there // factor)] = np.nan  # where nothing was read
+        return means
