@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -205,6 +206,15 @@ def test_drift_grows_by_its_rate_whatever_the_node_does() -> None:
     expected = _readings([heat])
     np.testing.assert_allclose(found[0] - expected[0], -4.0 * np.arange(N) * STEP / 3600, atol=1e-9)
     np.testing.assert_array_equal(found[1], expected[1])
+
+
+def test_drift_goes_on_where_a_log_is_cut() -> None:
+    heat, late = effect("constant_heat", "a", power=5.0), 1800.0
+    later = replace(RUN, name="log#2", time=RUN.time + late, log_start=float(RUN.time[0]))
+    of_log, of_piece = (replace(effect("sensor_drift", "a", rate=-4.0), run=run) for run in ("log", "log#2"))
+    for drift, begun in ((of_log, -4.0 * late / 3600), (of_piece, 0.0)):
+        found = _readings([heat, drift], later)[0] - _readings([heat], later)[0]
+        np.testing.assert_allclose(found, begun - 4.0 * np.arange(N) * STEP / 3600, atol=1e-9)
 
 
 def test_position_reads_a_share_of_the_other_node() -> None:

@@ -5,9 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from lptn.identify.noise import Noise, balanced_sigma, estimate_noise
+from lptn.logs.reading import read_log
 from lptn.logs.run import Run
 from lptn.model.model import Model
 from tests.builders import bound_runs, make_run, two_nodes
@@ -47,6 +49,18 @@ def test_a_sensor_slower_than_the_grid_shows_its_noise_too() -> None:
     readings = 40.0 + 20.0 * np.sin(time / 300.0) + 0.2 * rng.standard_normal(N)
     readings[time % 3 == 2] = np.nan
     assert _noise(_run(readings, readings)).white == pytest.approx([0.2, 0.2], rel=0.2)
+
+
+@pytest.mark.parametrize("step", [None, 5.0])
+def test_readings_at_irregular_times_show_the_noise_of_the_log_itself(step: float | None) -> None:
+    rng = np.random.default_rng(6)
+    time = np.cumsum(rng.uniform(1.0, 4.0, N))
+    noisy = 40.0 + 20.0 * np.sin(time / 900.0) + 0.2 * rng.standard_normal(N)
+    log = pd.DataFrame({"time": time, "temperature.a": noisy, "temperature.b": noisy, "temperature.ambient": 20.0})
+    (run,) = read_log(log, step=step, inputs=["temperature.ambient"], outputs=["temperature.a", "temperature.b"])
+    noise = _noise(run)
+    # Of means over 5 s, of two readings each, less is left.
+    assert noise.white == pytest.approx([0.2 if step is None else 0.2 / np.sqrt(2)] * 2, rel=0.1)
 
 
 def test_a_sensor_in_steps_of_one_kelvin_has_a_floor_of_one_over_root_twelve() -> None:

@@ -14,7 +14,7 @@ _HOUR = 3600.0  # s
 
 
 class AmbientDrift(BoundaryEffect):
-    r"""A prescribed temperature that is taken as constant rises evenly from the start of a run.
+    r"""A prescribed temperature that is taken as constant rises evenly from the start of a log.
 
     .. math:: T_E' = T_E + r \, t
 
@@ -43,6 +43,7 @@ class AmbientDrift(BoundaryEffect):
     )
     excitation = long_enough()
     source = "definition"
+    rises = _SCALE / _HOUR
 
     @classmethod
     def makes_a_difference(cls, place: str, layout: Layout, driving: Sequence[Sequence[str]]) -> bool:
@@ -53,4 +54,4 @@ class AmbientDrift(BoundaryEffect):
         return p.rate * (state - temperature) / _SCALE
 
     def rate(self, temperature: Symbol, state: Symbol, p: SimpleNamespace) -> Symbol:
-        return _SCALE / _HOUR
+        return self.rises

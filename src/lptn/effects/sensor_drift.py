@@ -13,7 +13,7 @@ _HOUR = 3600.0  # s
 
 
 class SensorDrift(ExcessEffect):
-    r"""Error of the reading that grows evenly from the start of a run.
+    r"""Error of the reading that grows evenly from the start of a log.
 
     .. math:: y = T + r \, t
 
@@ -42,9 +42,10 @@ class SensorDrift(ExcessEffect):
     )
     excitation = long_enough()
     source = "definition"
+    rises = _SCALE / _HOUR
 
     def error(self, temperature: Symbol, state: Symbol, p: SimpleNamespace) -> Symbol:
         return p.rate * (state - temperature) / _SCALE
 
     def excess_rate(self, excess: Symbol, heat: Symbol, p: SimpleNamespace) -> Symbol:
-        return _SCALE / _HOUR
+        return self.rises

@@ -8,10 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from lptn.basics.arrays import FloatArray
+from lptn.logs.scatter import off_their_neighbours, white_noise
 from lptn.simulate.bound_run import BoundRun
 
-_MAD_TO_SIGMA = 1.4826  # standard deviation of normal noise over its median absolute value
-_ENOUGH = 0.1  # share of the readings that must have a second difference without a gap in it
 _MODEL_ERROR = 0.02  # of an excursion, beside the sensor's noise: what simple models of robots leave
 LEAST_NOISE = 1e-3
 """K; a noise-free log must not weigh infinitely."""
@@ -38,17 +37,18 @@ class Noise:
 def estimate_noise(bound_runs: Sequence[BoundRun], nodes: Sequence[str]) -> Noise:
     """Noise of each node's sensor from the runs themselves.
 
-    White noise comes from second differences, which a slow temperature hardly enters, by their median
-    absolute value, which rare jumps hardly enter. A sensor that moves in steps shows no such noise
-    most of the time; its floor is the step over √12.
+    White noise is what readings are off the line between their neighbours; where rows came at irregular times, by those
+    of the log itself: read off lines between them, a run's readings share their noise, and seem to have less. A sensor
+    that moves in steps shows no such noise most of the time; its floor is the step over √12.
     """
     white = np.zeros(len(nodes))
     step = np.zeros(len(nodes))
     for row, node in enumerate(nodes):
-        second = np.concatenate([_second_differences(bound.measured[row]) for bound in bound_runs])
-        if second.size:
-            white[row] = _MAD_TO_SIGMA * float(np.median(np.abs(second))) / np.sqrt(6.0)
-        step[row] = max((bound.run.resolution.get(f"temperature.{node}", 0.0) for bound in bound_runs), default=0.0)
+        column, runs = f"temperature.{node}", [bound.run for bound in bound_runs]
+        off = [off_their_neighbours(bound.run.time, bound.measured[row]) for bound in bound_runs]
+        as_logged = [run.scatter[column].within(run.step) for run in runs if column in run.scatter]
+        white[row] = max([white_noise(np.concatenate(off)), *as_logged])
+        step[row] = max((run.resolution.get(column, 0.0) for run in runs), default=0.0)
     return Noise(white, step)
 
 
@@ -66,11 +66,3 @@ def _excursion(bound_runs: Sequence[BoundRun], row: int) -> float:
     """Standard deviation of a node's readings that count [K], 0 where it has none."""
     readings = np.concatenate([bound.measured[row][bound.counted[row]] for bound in bound_runs])
     return float(readings.std()) if readings.size else 0.0
-
-
-def _second_differences(readings: FloatArray) -> FloatArray:
-    """Of neighbouring readings; of those that follow each other where a slow sensor leaves gaps between all of them."""
-    finite = readings[np.isfinite(readings)]
-    second = readings[2:] - 2 * readings[1:-1] + readings[:-2]
-    second = second[np.isfinite(second)]
-    return second if second.size > _ENOUGH * finite.size else np.diff(finite, 2)

@@ -36,6 +36,7 @@ from lptn.logs.resampling import (
     would_cut,
 )
 from lptn.logs.run import Run
+from lptn.logs.scatter import scatter_of
 from lptn.logs.silence import Silence, of_sensor, quantisation_step, silences_of, without_silent
 from lptn.logs.spreadsheets import open_spreadsheet
 from lptn.logs.tables import Table, column_sources, open_parquet, table_of, with_times
@@ -542,7 +543,13 @@ def _runs(
         fingerprint=table.digest(),
         notes=_merged([*notes, *gaps]),
         resolution=_resolution(samples.raw),
+        scatter={
+            key: scatter_of(samples.time, values)
+            for key, values in samples.raw.items()
+            if key.startswith("temperature.") and not samples.means
+        },
         beginning=_beginning(samples),
+        log_start=float(samples.time[0]),
         log_end=float(samples.time[-1]) + samples.period * samples.means,
     )
     held = replace(samples, raw={key: hold(values) for key, values in needed.items()})

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from math import nan
+from math import isfinite, nan
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.logs.issue import Issue
 from lptn.logs.resampling import reduce_blocks
+from lptn.logs.scatter import Scatter
 
 
 @dataclass(frozen=True)
@@ -26,10 +27,12 @@ class Run:
         averaged: temperatures are means over [t, t+step); if False, values at t. Inputs hold over the step.
         source: the file it came from.
         fingerprint: SHA-256 of the file's bytes.
+        scatter: of a temperature column's readings as they were logged.
         beginning: the log's first readings, degC, by temperature column; all pieces of a split log share them.
         resolution: for a temperature column whose sensor moves in steps, the step in K.
         notes: what is noteworthy about the file and how it was treated, a sentence each.
         issues: those of the notes that name something wrong, with the line that would correct it.
+        log_start: s, in the log's own clock, where the log begins; before the run, where that is a later piece of it.
         log_end: s, in the log's own clock, where the log ends; behind the run, where it is cut at a gap.
 
     Example:
@@ -50,8 +53,10 @@ class Run:
     fingerprint: str
     notes: tuple[str, ...] = ()
     resolution: Mapping[str, float] = field(default_factory=dict)
+    scatter: Mapping[str, Scatter] = field(default_factory=dict)
     beginning: Mapping[str, float] = field(default_factory=dict)
     issues: tuple[Issue, ...] = ()
+    log_start: float = nan
     log_end: float = nan
 
     def __len__(self) -> int:
@@ -59,6 +64,11 @@ class Run:
 
     def __repr__(self) -> str:
         return f"<Run {self.name}: {len(self)} steps of {self.step:g} s, {len(self.columns)} columns>"
+
+    @property
+    def late(self) -> float:
+        """How long after its log the run begins [s], 0 where that is not known."""
+        return max(float(self.time[0]) - self.log_start, 0.0) if isfinite(self.log_start) else 0.0
 
     def has(self, column: str) -> bool:
         """Whether the run holds `<feature>.<place>`."""

@@ -74,6 +74,10 @@ class Model:
         hidden = (instance.effect.rests_with(instance.ends) for instance in self.balance.hidden)
         self.rests: list[tuple[str, ...]] = [*((name,) for name in self.nodes), *inside, *hidden]
         """For each state the places whose mean temperature it has in equilibrium."""
+        behind = len(self.places)
+        of_log = (0.0 if "#" in each.declaration.run else each.effect.rises for each in self.balance.hidden)
+        self.rises = np.array([0.0] * behind + [*of_log])
+        """K/s; how fast each state rises that keeps the time since a log began, and no piece of it; shape (states,)."""
         self.owners: list[int] = [self._owner(places) for places in self.rests]
         """For each state the index of the node it belongs to."""
         self.made: dict[Hashable, Any] = {}

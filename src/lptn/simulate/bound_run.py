@@ -111,12 +111,15 @@ def default_start(model: Model, bound: BoundRun) -> FloatArray:
 def start_from(model: Model, bound: BoundRun, states: Mapping[str, float]) -> FloatArray:
     """States to start from [degC], shape (number of states,), those that aren't given in equilibrium.
 
+    Those that keep the time since the log began have risen by what a later piece of a log comes after that.
+
     Args:
         states: by name, all nodes among them.
     """
     places = dict(states) | {name: _prescribed_at_start(model, bound, name) for name in model.network.prescribed}
-    resting = (float(np.mean([places[place] for place in rests])) for rests in model.rests)
-    return np.array([states.get(name, rest) for name, rest in zip(model.states, resting, strict=True)])
+    resting = np.array([np.mean([places[place] for place in rests]) for rests in model.rests])
+    begun = resting + model.rises * bound.run.late
+    return np.array([states.get(name, value) for name, value in zip(model.states, begun.tolist(), strict=True)])
 
 
 def excess_at_start(model: Model, bound: BoundRun) -> FloatArray:

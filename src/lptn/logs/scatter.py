@@ -1,0 +1,61 @@
+"""How far single readings scatter by themselves: each against the straight line between its neighbours."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from lptn.basics.arrays import FloatArray
+from lptn.logs.resampling import SEVERAL
+
+_MAD_TO_SIGMA = 1.4826  # standard deviation of normal noise over its median absolute value
+
+
+class Scatter(NamedTuple):
+    """White noise of a sensor's readings.
+
+    Args:
+        noise: standard deviation of one reading [K].
+        every: s, the usual time between readings.
+    """
+
+    noise: float
+    every: float
+
+    def within(self, step: float) -> float:
+        """Standard deviation of the mean over a step of so many seconds, of one reading at least [K]."""
+        return self.noise * min(1.0, float(np.sqrt(self.every / step)))
+
+
+def scatter_of(time: FloatArray, values: FloatArray) -> Scatter:
+    """Of a sensor's readings as they were logged, however irregular, NaN where none is; 0 of fewer than three."""
+    there = ~np.isnan(values)
+    every = float(np.median(np.diff(time[there]))) if there.sum() > 1 else 0.0
+    return Scatter(white_noise(off_their_neighbours(time, values)), every)
+
+
+def off_their_neighbours(time: FloatArray, values: FloatArray) -> FloatArray:
+    """How far readings are off the line between their neighbours, over what white noise of 1 K makes: K, (m,).
+
+    A slow temperature hardly enters. Of neighbours farther apart than usual, across a gap, it might: left out.
+
+    Args:
+        time: s, shape (n,), increasing, at any distance.
+        values: readings, shape (n,), NaN where none is.
+    """
+    there = ~np.isnan(values)
+    stamps, readings = time[there], values[there]
+    if readings.size < 3:
+        return np.zeros(0)
+    apart = np.diff(stamps)
+    span = apart[:-1] + apart[1:]
+    near = span <= 2 * SEVERAL * np.median(apart)
+    before = apart[1:] / span  # weight of the neighbour before
+    off = readings[1:-1] - before * readings[:-2] - (1 - before) * readings[2:]
+    return np.asarray((off / np.sqrt(1 + before**2 + (1 - before) ** 2))[near])
+
+
+def white_noise(off: FloatArray) -> float:
+    """Standard deviation by the median absolute value, which rare jumps hardly enter [K]; 0 of nothing."""
+    return _MAD_TO_SIGMA * float(np.median(np.abs(off))) if off.size else 0.0
