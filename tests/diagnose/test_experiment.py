@@ -18,7 +18,7 @@ from scipy.integrate import solve_ivp
 from lptn.basics.arrays import FloatArray
 from lptn.diagnose.answers import Step, refit_all
 from lptn.diagnose.candidates import candidates
-from lptn.diagnose.experiment import CLEAR, Experiment, noise_density, possible_moves, propose
+from lptn.diagnose.experiment import CLEAR, Experiment, Separation, difference, noise_density, possible_moves, propose
 from lptn.diagnose.probability import open_pairs
 from lptn.diagnose.scores import score
 from lptn.identify.data import split_data
@@ -273,3 +273,10 @@ def test_the_stated_deviations_are_what_an_exact_refit_shows() -> None:
         )
         rises.append(2 * (both.cost - alone.cost))
     assert np.sqrt(min(rises)) == pytest.approx(experiment.weakest.deviations, rel=0.2)
+
+
+def test_a_difference_is_told_where_there_is_a_sensor_to_see_it() -> None:
+    left = np.repeat([[5.0], [-1.0]], 12, axis=1)
+    pair = (("constant_heat", "knee"), ("sensor_offset", "knee"))
+    told = difference(pair, Separation(9.0, 9.0, left), 2 * left, ("trunk", "knee"), np.array([False, True]))
+    assert (told.node, told.kelvin, told.as_fitted) == ("knee", 1.0, 2.0)

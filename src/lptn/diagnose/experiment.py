@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lptn.basics.arrays import FloatArray
+from lptn.basics.arrays import BoolArray, FloatArray
 from lptn.basics.places import EVERYWHERE
 from lptn.basics.processes import one_blas_thread
 from lptn.basics.words import listed
@@ -225,10 +225,11 @@ def _experiment(rivals: Sequence[Step], search: ProgramSearch, best: ProgramTria
     predictions = search.rivals.predict(run)
     apart = search.rivals.apart(predictions, run)
     nodes = tuple(search.stage.nodes)
-    differences = [
-        difference((keys[one], keys[other]), separation, predictions[one].readings - predictions[other].readings, nodes)
-        for (one, other), separation in apart.items()
-    ]
+    measured = np.any([bound.counted.any(axis=1) for bound in rivals[0].fit.problem.bound_runs], axis=0)
+    differences = []
+    for (one, other), separation in apart.items():
+        fitted = predictions[one].readings - predictions[other].readings
+        differences.append(difference((keys[one], keys[other]), separation, fitted, nodes, measured))
     return Experiment(
         keys,
         best.program,
@@ -582,18 +583,22 @@ class Difference(NamedTuple):
         return self.decisive >= CLEAR
 
 
-def difference(pair: tuple[Key, Key], apart: Separation, fitted: FloatArray, nodes: Sequence[str]) -> Difference:
-    """Where and when the two differ most.
+def difference(
+    pair: tuple[Key, Key], apart: Separation, fitted: FloatArray, nodes: Sequence[str], measured: BoolArray
+) -> Difference:
+    """Where and when the two differ most, of what can be seen.
 
     Args:
         pair: the rivals.
         apart: how far their predictions lie apart.
         fitted: difference of the predictions as the old data leave them [K], shape (nodes, n).
         nodes: names of its rows.
+        measured: which of them have a sensor, shape (nodes,).
     """
     per_minute = round(60 / STEP)
     minutes = apart.left.shape[1] // per_minute
     means = np.abs(apart.left[:, : minutes * per_minute].reshape(len(nodes), minutes, per_minute).mean(axis=2))
+    means[~measured] = 0.0
     row, column = np.unravel_index(int(np.argmax(means)), means.shape)
-    largest, as_fitted = float(means[row, column]), float(np.abs(fitted).max())
+    largest, as_fitted = float(means[row, column]), float(np.abs(fitted[measured]).max())
     return Difference(pair, largest, as_fitted, apart.deviations, apart.decisive, nodes[int(row)], float(column + 1))
