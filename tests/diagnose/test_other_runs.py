@@ -11,9 +11,10 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from lptn.basics.arrays import FloatArray
+from lptn.basics.parameters import ParameterInstance
 from lptn.diagnose.diagnosis import diagnose
 from lptn.diagnose.improvement import improve
-from lptn.diagnose.runs_that_differ import Cause, RunDifference, runs_that_differ, with_differences
+from lptn.diagnose.runs_that_differ import Cause, RunDifference, _in_words, runs_that_differ, with_differences
 from lptn.effects import catalogue
 from lptn.identify.data import DataSplit, holdout_segment, split_data
 from lptn.identify.fitting import Fit
@@ -285,3 +286,19 @@ def test_what_a_run_is_granted_stands_beside_what_it_is_asked_to_lack_at_each_pl
         "constant_heat_differing.power.*@holdout",
         *(f"constant_heat.power.{name}@holdout" for name in NODES),
     ]
+
+
+@pytest.mark.parametrize(
+    ("change", "bounds", "said"),
+    [
+        (2.0, (-0.9, 20.0), "run4 loses heat 3 times as fast as the fitted runs did: was a fan on?"),
+        (0.016, (-0.9, 20.0), "run4 loses heat 1.016 times as fast as the fitted runs did"),
+        (-0.03, (-0.9, 20.0), "run4 loses heat only 0.970 times as fast as the fitted runs did"),
+        (-0.03, (-0.03, 0.03), "run4 loses heat at most 0.970 times as fast as the fitted runs did"),
+    ],
+)
+def test_what_a_size_means_is_said_no_louder_than_it_is(change: float, bounds: tuple[float, float], said: str) -> None:
+    declared = replace(catalogue()["surface_scale"].parameters[0], value=change, bounds=bounds)
+    amplitude = ParameterInstance("surface_scale.change.*@run4", declared)
+    declaration = EffectDeclaration(catalogue()["surface_scale"](), "*", (declared,), run="run4")
+    assert _in_words(declaration, amplitude, "run4") == said

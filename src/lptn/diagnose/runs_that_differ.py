@@ -314,7 +314,7 @@ def granted_at_limit(fit: Fit) -> list[Granted]:
 
 
 _MOST_LISTED = 3  # causes that a sentence can carry
-_NEARLY_ONE = 0.1  # a factor that differs from one by less is said to the third decimal
+_NEARLY_ONE = 0.1  # a factor that differs from one by less is said to the third decimal, and asks nobody why
 _PLAIN = "in {run}{at}: {title}, {amplitude}"
 
 
@@ -325,7 +325,9 @@ def _in_words(declaration: EffectDeclaration, amplitude: ParameterInstance, run:
     most, least = is_at(size, upper), is_at(size, lower)
     times = f"{1 + size:.3f}" if abs(size) < _NEARLY_ONE else short_size(1 + size)
     more, less = effect.in_one_run
-    return ((more if size >= 0 else less) or _PLAIN).format(
+    sentence = (more if size >= 0 else less) or _PLAIN
+    sentence = sentence.replace("only {factor}", "{factor}") if least else sentence
+    words = sentence.format(
         run=run,
         title=effect.title,
         at="" if at == EVERYWHERE else f" at {at}",
@@ -336,6 +338,8 @@ def _in_words(declaration: EffectDeclaration, amplitude: ParameterInstance, run:
         factor=("at least " if most else "at most " if least else "") + times,
         amplitude=f"{size:.3g} {amplitude.declared.unit}",
     )
+    # A per cent or two more is no fan, and one less no cover.
+    return _without_question(words) if amplitude.declared.unit == "1" and abs(size) < _NEARLY_ONE else words
 
 
 def _sentence(words: str) -> str:

@@ -100,7 +100,8 @@ def place_of(at: str) -> str:
     """A place as people call it, and the run where the effect acts in one alone."""
     place, _, run = at.partition("@")
     place = _EVERYWHERE if place == "*" else place
-    return f"{place} in run {run}" if run else place
+    said = run if run.lower().startswith("run") else f"run {run}"
+    return f"{place} in {said}" if run else place
 
 
 def named(effect: str, at: str) -> str:
