@@ -86,14 +86,14 @@ class Study:
         >>> study.fit()
         <Fit: converged, 3 free parameters, RMSE 0.655 K>
         >>> study.compare()
-        <StudyComparison: 1 run, RMSE 4.73 K, largest error 9.94 K, mean +3.93 K>
+        <StudyComparison: 1 run, RMSE 4.72 K, largest error 9.94 K, mean +3.92 K>
         >>> axes = study.compare().plot()
         >>> study.diagnose()
-        <Diagnosis: unexplained: RMSE 0.655 K fitted, 4.73 K held out; first answer sensor_lag at heater1>
+        <Diagnosis: unexplained: RMSE 0.655 K fitted, 4.72 K held out; first answer sensor_lag at heater1>
         >>> study.add("sensor_lag", at="*")
-        <Step: sensor_lag at *, 4 parameters, RMSE 0.505 K fitted, 3.89 K held out>
+        <Step: sensor_lag at *, 4 parameters, RMSE 0.504 K fitted, 3.88 K held out>
         >>> study.add("conduction", at="heater1~heater2")
-        <Step: conduction at heater1~heater2, 5 parameters, RMSE 0.405 K fitted, 1.02 K held out>
+        <Step: conduction at heater1~heater2, 5 parameters, RMSE 0.405 K fitted, 0.999 K held out>
         >>> study.history[["effect", "place", "parameters"]]
                effect            place  parameters
         0                                        3
