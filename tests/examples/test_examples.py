@@ -128,5 +128,5 @@ def test_measured_data_stand_beside_their_source_and_licence(folder: str) -> Non
 def test_the_steps_of_the_notebook_lead_to_the_same_ladder(capsys: pytest.CaptureFixture[str]) -> None:
     runpy.run_path(str(EXAMPLES / "tclab" / "step_by_step.py"))
     said = capsys.readouterr().out
-    assert "conduction heater1~heater2 0.999 K held out" in said
+    assert "conduction heater1~heater2 1.00 K held out" in said
     assert "Next experiment" in said

@@ -137,7 +137,7 @@ def test_from_opening_to_a_fallen_error(browser: Browser, tmp_path: Path) -> Non
         expect(page.locator("#stop")).to_be_hidden()
         assert _now(page) == pytest.approx(0.999, abs=0.01)
         page.locator("#undo").click()
-        expect(page.locator(".figures .now b")).to_have_text("3.89 K")
+        expect(page.locator(".figures .now b")).to_have_text("3.88 K")
         page.locator("#redo").click()
         expect(page.locator(".figures .now b")).to_have_text("0.999 K")
 
