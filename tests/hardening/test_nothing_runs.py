@@ -42,10 +42,8 @@ MADE = {
     "src/lptn/basics/files.py": {"write_bytes", "open"},  # where a user's file is written: whole or not at all
     "src/lptn/basics/c_library.py": {"write_text"},  # in a folder that is removed again
     "src/lptn/basics/style.py": {"savefig"},  # these into memory, for `write_whole`
-    "src/lptn/cli/cosim.py": {"to_parquet"},
+    "src/lptn/basics/tables.py": {"to_parquet"},
     "src/lptn/cli/options.py": {"savefig"},
-    "src/lptn/fleet/fleet.py": {"to_parquet"},
-    "src/lptn/identify/comparison.py": {"to_parquet"},
     "planners/tasks.py": {"to_parquet"},
     "src/lptn/cli/terminal.py": {"open"},  # /dev/null
     "src/lptn/fleet/work.py": {"open"},  # a lock, always empty
