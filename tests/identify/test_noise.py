@@ -63,6 +63,23 @@ def test_readings_at_irregular_times_show_the_noise_of_the_log_itself(step: floa
     assert noise.white == pytest.approx([0.2 if step is None else 0.2 / np.sqrt(2)] * 2, rel=0.1)
 
 
+def test_a_loud_log_and_many_short_ones_do_not_raise_it() -> None:
+    rng = np.random.default_rng(7)
+
+    def logged(sigma: float, n: int, name: str, time: np.ndarray | None = None) -> Run:
+        stamps = np.arange(float(n)) if time is None else time
+        readings = 40.0 + sigma * rng.standard_normal(n)
+        table = {"time": stamps, "temperature.a": readings, "temperature.b": readings, "temperature.ambient": 20.0}
+        outputs = ["temperature.a", "temperature.b"]
+        (run,) = read_log(pd.DataFrame(table), name=name, inputs=["temperature.ambient"], outputs=outputs)
+        return run
+
+    assert _noise(logged(0.05, N, "long"), logged(0.5, 300, "loud")).white == pytest.approx([0.05] * 2, rel=0.1)
+    assert _noise(*(logged(0.1, 60, f"{k}") for k in range(20))).white == pytest.approx([0.1] * 2, rel=0.1)
+    bursts = 5.0 * (np.arange(N) // 2) + np.arange(N) % 2
+    assert _noise(logged(0.2, N, "bursts", bursts)).white == pytest.approx([0.2] * 2, rel=0.1)
+
+
 def test_a_sensor_in_steps_of_one_kelvin_has_a_floor_of_one_over_root_twelve() -> None:
     slow = np.round(40.0 + 20.0 * np.sin(np.arange(float(N)) / 300.0))
     noise = _noise(_run(slow, slow, {"temperature.a": 1.0, "temperature.b": 1.0}))

@@ -10,6 +10,7 @@ from lptn.diagnose.answers import Report, Step
 from lptn.diagnose.diagnosis import Diagnosis
 from lptn.diagnose.experiment import Experiment, propose
 from lptn.diagnose.fit_statistics import TIE, criterion_difference
+from lptn.diagnose.refits import unless_interrupted
 from lptn.diagnose.runs_that_differ import RunDifference, runs_that_differ
 from lptn.diagnose.scores import Detectable, smallest
 from lptn.diagnose.unexplained_heat import HeatPeak, stretches, unexplained_heat
@@ -105,11 +106,11 @@ def _rows_as_means(last: Fit, data: DataSplit) -> str:
 
     Half a row late is what a lag looks like, too, so that this is for those to decide who know the logger.
     """
-    notes = (note for segment in data.fit for note in segment.run.notes if note.startswith(ROWS_UNKNOWN))
+    notes = (note for segment in data.fit for note in _unknown(segment))
     if (note := next(notes, None)) is None:
         return ""
-    samples = fit_segments(last.model, data.fit, last.point)
-    means = fit_segments(last.model, _as_means(data.fit), last.point)
+    samples = unless_interrupted(fit_segments(last.model, data.fit, last.point))
+    means = unless_interrupted(fit_segments(last.model, _as_means(data.fit), last.point))
     held_out = holdout_errors(samples, data.holdout), holdout_errors(means, _as_means(data.holdout))
     before, after = (0.0 if each is None else each.rmse for each in held_out)
     if criterion_difference(samples, means) <= TIE or after > before:
@@ -121,5 +122,11 @@ def _rows_as_means(last: Fit, data: DataSplit) -> str:
     return f"{found}: {note.partition('; ')[2]}"
 
 
+def _unknown(segment: Segment) -> list[str]:
+    return [note for note in segment.run.notes if note.startswith(ROWS_UNKNOWN)]
+
+
 def _as_means(segments: Sequence[Segment]) -> list[Segment]:
-    return [replace(each, run=replace(each.run, averaged=True)) for each in segments]
+    return [
+        replace(each, run=replace(each.run, averaged=each.run.averaged or bool(_unknown(each)))) for each in segments
+    ]

@@ -146,7 +146,8 @@ class Effect(ABC):
     """What it needs of logs to show."""
     has_state: ClassVar[bool] = False
     rises: ClassVar[float] = 0.0
-    """K/s; how fast a state rises that keeps the time since a log began: its later pieces go on where others ended."""
+    """K/s; how fast a state rises that keeps the time since a log began: its later pieces go on where others ended. An
+    estimator and an FMU begin anew."""
     options: ClassVar[Mapping[str, tuple[str, ...]]] = {}
     prior_odds: ClassVar[float] = 1.0
     """How often such a thing is met where it can stand, relative to the other effects: prior odds of the evidence.

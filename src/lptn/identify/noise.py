@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lptn.basics.arrays import FloatArray
-from lptn.logs.scatter import off_their_neighbours, white_noise
+from lptn.logs.scatter import off_their_neighbours, usual, white_noise
 from lptn.simulate.bound_run import BoundRun
 
 _MODEL_ERROR = 0.02  # of an excursion, beside the sensor's noise: what simple models of robots leave
@@ -37,17 +37,17 @@ class Noise:
 def estimate_noise(bound_runs: Sequence[BoundRun], nodes: Sequence[str]) -> Noise:
     """Noise of each node's sensor from the runs themselves.
 
-    White noise is what readings are off the line between their neighbours; where rows came at irregular times, by those
-    of the log itself: read off lines between them, a run's readings share their noise, and seem to have less. A sensor
-    that moves in steps shows no such noise most of the time; its floor is the step over √12.
+    White noise is what readings are off the line between their neighbours, in the runs, or, where that is more, in the
+    logs that they are of: read off lines between a log's readings, a run's share their noise, and seem to have less. A
+    sensor that moves in steps shows no such noise most of the time; its floor is the step over √12.
     """
     white = np.zeros(len(nodes))
     step = np.zeros(len(nodes))
     for row, node in enumerate(nodes):
         column, runs = f"temperature.{node}", [bound.run for bound in bound_runs]
         off = [off_their_neighbours(bound.run.time, bound.measured[row]) for bound in bound_runs]
-        as_logged = [run.scatter[column].within(run.step) for run in runs if column in run.scatter]
-        white[row] = max([white_noise(np.concatenate(off)), *as_logged])
+        of_logs = {run.source: run.scatter[column] for run in runs if column in run.scatter}  # pieces of a log share it
+        white[row] = max(white_noise(np.concatenate(off)), usual(of_logs.values(), runs[0].step))
         step[row] = max((run.resolution.get(column, 0.0) for run in runs), default=0.0)
     return Noise(white, step)
 

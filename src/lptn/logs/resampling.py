@@ -116,8 +116,8 @@ def means_of_blocks(values: FloatArray, size: int) -> FloatArray:
 
     NaN for a block of nothing but NaN; a rest at the end is dropped.
     """
-    full = values[..., : values.shape[-1] // size * size]
-    blocks = full.reshape(*values.shape[:-1], -1, size)
+    count = values.shape[-1] // size
+    blocks = values[..., : count * size].reshape(*values.shape[:-1], count, size)
     return ratio(np.nansum(blocks, axis=-1), np.sum(~np.isnan(blocks), axis=-1))
 
 

@@ -27,7 +27,7 @@ class Run:
         averaged: temperatures are means over [t, t+step); if False, values at t. Inputs hold over the step.
         source: the file it came from.
         fingerprint: SHA-256 of the file's bytes.
-        scatter: of a temperature column's readings as they were logged.
+        scatter: of a temperature column's readings in the whole log, as they were logged; none of rows that are means.
         beginning: the log's first readings, degC, by temperature column; all pieces of a split log share them.
         resolution: for a temperature column whose sensor moves in steps, the step in K.
         notes: what is noteworthy about the file and how it was treated, a sentence each.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import NamedTuple
 
 import numpy as np
@@ -18,21 +19,30 @@ class Scatter(NamedTuple):
     Args:
         noise: standard deviation of one reading [K].
         every: s, the usual time between readings.
+        readings: how many there are.
     """
 
     noise: float
     every: float
+    readings: int
 
     def within(self, step: float) -> float:
-        """Standard deviation of the mean over a step of so many seconds, of one reading at least [K]."""
+        """Standard deviation of a mean of as many readings as a step of so many seconds holds, one at least [K]."""
         return self.noise * min(1.0, float(np.sqrt(self.every / step)))
 
 
 def scatter_of(time: FloatArray, values: FloatArray) -> Scatter:
     """Of a sensor's readings as they were logged, however irregular, NaN where none is; 0 of fewer than three."""
-    there = ~np.isnan(values)
-    every = float(np.median(np.diff(time[there]))) if there.sum() > 1 else 0.0
-    return Scatter(white_noise(off_their_neighbours(time, values)), every)
+    stamps = time[~np.isnan(values)]
+    every = 0.5 * float(np.median(stamps[2:] - stamps[:-2])) if stamps.size > 2 else 0.0
+    return Scatter(white_noise(off_their_neighbours(time, values)), every, stamps.size)
+
+
+def usual(scatters: Collection[Scatter], step: float) -> float:
+    """What half of all readings of several logs scatter by at most, in steps of so many seconds [K]; 0 of none."""
+    ordered = sorted((each.within(step), each.readings) for each in scatters)
+    counts = np.cumsum([count for _, count in ordered])
+    return ordered[int(np.searchsorted(counts, 0.5 * counts[-1]))][0] if ordered else 0.0
 
 
 def off_their_neighbours(time: FloatArray, values: FloatArray) -> FloatArray:
@@ -50,7 +60,7 @@ def off_their_neighbours(time: FloatArray, values: FloatArray) -> FloatArray:
         return np.zeros(0)
     apart = np.diff(stamps)
     span = apart[:-1] + apart[1:]
-    near = span <= 2 * SEVERAL * np.median(apart)
+    near = span <= SEVERAL * np.median(span)
     before = apart[1:] / span  # weight of the neighbour before
     off = readings[1:-1] - before * readings[:-2] - (1 - before) * readings[2:]
     return np.asarray((off / np.sqrt(1 + before**2 + (1 - before) ** 2))[near])
