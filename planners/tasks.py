@@ -6,7 +6,6 @@ answer shows itself as a table, a figure, JSON and text.
 
 from __future__ import annotations
 
-import io
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from importlib import import_module
@@ -17,7 +16,7 @@ import numpy as np
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError, shown
-from lptn.basics.files import text_of, write_whole
+from lptn.basics.files import text_of
 from lptn.basics.toml import mistakes_by_line, toml_of
 from lptn.model.model import Model
 
@@ -158,26 +157,6 @@ def conditions_of(given: Mapping[str, float], names: tuple[str, ...], origin: st
 
 
 # --- where the answer goes -----------------------------------------------------------------------
-
-
-def check_table(path: Path | None) -> None:
-    """Refuse a kind of table that can't be written.
-
-    Raises:
-        InputError: the file name ends in neither .csv nor .parquet.
-    """
-    if path is not None and path.suffix.lower() not in (".csv", ".parquet"):
-        raise InputError(path, "--output", f"a file name ending in '{path.suffix}'", "one ending in .csv or .parquet")
-
-
-def write_table(table: DataFrame, path: Path) -> None:
-    """Write a plan's table, whole or not at all."""
-    if path.suffix.lower() == ".csv":
-        write_whole(path, table.to_csv(index=False))
-        return
-    content = io.BytesIO()
-    table.to_parquet(content, index=False)
-    write_whole(path, content.getvalue())
 
 
 def check_folder(folder: Path | None, kind: Kind[Any], origin: str) -> None:

@@ -20,7 +20,7 @@ from lptn.basics.files import write_whole
 from lptn.basics.parameters import Setting
 from lptn.diagnose.advice import Advice, advise
 from lptn.diagnose.answers import Step
-from lptn.diagnose.candidates import AMBIENT_ERROR, TORQUE_ERROR
+from lptn.diagnose.candidates import AMBIENT_ERROR, SURFACE_ERROR, TORQUE_ERROR
 from lptn.diagnose.diagnosis import Diagnosis, diagnose, for_search
 from lptn.diagnose.improvement import History, effects_added, improve, table_of_steps
 from lptn.diagnose.refits import continued
@@ -114,6 +114,8 @@ class Study:
         ambient_error: how far the ambient sensor may be off in each run [K], one standard deviation; 0.3 by default.
         torque_error: how far each joint's torque or current may be off in each run, as a share, one standard deviation;
             0.015 by default.
+        surface_error: how far each surface's loss to the air may be off in each run, as a share, one standard
+            deviation; 0.03 by default.
         executor: where refits run; here, one after the other, by default.
 
     Raises:
@@ -131,11 +133,13 @@ class Study:
         columns: Sequence[str] = (),
         ambient_error: float | None = None,
         torque_error: float | None = None,
+        surface_error: float | None = None,
         executor: Executor | None = None,
     ) -> None:
         self._loaded = load_model(model, columns)
         self.ambient_error = AMBIENT_ERROR if ambient_error is None else ambient_error
         self.torque_error = TORQUE_ERROR if torque_error is None else torque_error
+        self.surface_error = SURFACE_ERROR if surface_error is None else surface_error
         self.executor = executor
         groups = {name: self._read(name, logs) for name, logs in (("fit", fit), ("holdout", holdout), ("test", test))}
         _refuse_twice(groups)
@@ -405,6 +409,7 @@ class Study:
             most=most,
             ambient_error=self.ambient_error,
             torque_error=self.torque_error,
+            surface_error=self.surface_error,
             executor=self.executor,
             report=logger.info,
             found=found,
@@ -610,6 +615,7 @@ class Study:
             self.data,
             ambient_error=self.ambient_error,
             torque_error=self.torque_error,
+            surface_error=self.surface_error,
             executor=self.executor,
             report=logger.info,
         )

@@ -54,7 +54,7 @@ def check_ending(path: Path) -> None:
     Raises:
         InputError: the file name ends in neither `.csv` nor `.parquet`.
     """
-    if path.suffix not in (".csv", ".parquet"):
+    if path.suffix.lower() not in (".csv", ".parquet"):
         raise InputError(path, "--output", f"a file name ending in '{path.suffix}'", "one ending in .csv or .parquet")
 
 
@@ -70,7 +70,7 @@ def write_table(path: Path, table: pd.DataFrame, digits: int | None = None) -> N
         InputError: the file name ends in neither `.csv` nor `.parquet`, or can't be written.
     """
     check_ending(path)
-    if path.suffix == ".csv":
+    if path.suffix.lower() == ".csv":
         write_whole(path, table.to_csv(index=False, float_format=f"%.{digits}g" if digits else None))
     else:
         buffer = io.BytesIO()

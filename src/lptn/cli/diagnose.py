@@ -14,6 +14,7 @@ from lptn.cli.options import (
     Json,
     Map,
     Rate,
+    SurfaceError,
     TorqueError,
     check_inputs,
     check_outputs,
@@ -38,6 +39,7 @@ def diagnose(
     holdout_after: HoldoutAfter = None,
     ambient_error: AmbientError = None,
     torque_error: TorqueError = None,
+    surface_error: SurfaceError = None,
     json: Json = None,
     jobs: Jobs = 1,
     map: Map = None,  # noqa: A002 - the option's name
@@ -62,6 +64,7 @@ def diagnose(
             columns=column_options(map, rate),
             ambient_error=ambient_error,
             torque_error=torque_error,
+            surface_error=surface_error,
             executor=executor,
         )
         diagnosis, advice = study.diagnose(), study.advise()

@@ -18,6 +18,7 @@ from lptn.cli.options import (
     Map,
     OptionalOutput,
     Rate,
+    SurfaceError,
     Test,
     TorqueError,
     check_inputs,
@@ -47,6 +48,7 @@ def improve(
     steps: Steps = 6,
     ambient_error: AmbientError = None,
     torque_error: TorqueError = None,
+    surface_error: SurfaceError = None,
     json: Json = None,
     report: Annotated[Path | None, Option(help="HTML report to write.")] = None,
     jobs: Jobs = 1,
@@ -74,6 +76,7 @@ def improve(
             columns=column_options(map, rate),
             ambient_error=ambient_error,
             torque_error=torque_error,
+            surface_error=surface_error,
             executor=executor,
         )
         study.improve(steps)

@@ -16,6 +16,7 @@ from lptn.cli.options import (
     HoldoutAfter,
     Map,
     Rate,
+    SurfaceError,
     Test,
     TorqueError,
     check_inputs,
@@ -41,6 +42,7 @@ def open(  # noqa: A001 - the command's name
     ] = 0,
     ambient_error: AmbientError = None,
     torque_error: TorqueError = None,
+    surface_error: SurfaceError = None,
     map: Map = None,  # noqa: A002 - the option's name
     rate: Rate = None,
 ) -> None:
@@ -76,6 +78,7 @@ def open(  # noqa: A001 - the command's name
             tuple(column_options(map, rate)),
             ambient_error,
             torque_error,
+            surface_error,
         )
     )
     session = Session(opening)

@@ -85,6 +85,13 @@ TorqueError = Annotated[
         validator=validators.Number(gte=0),
     ),
 ]
+SurfaceError = Annotated[
+    float | None,
+    Option(
+        help="How far a surface's loss may be off in each run, as a share; 0.03 by default, 0 for still or logged air.",
+        validator=validators.Number(gte=0),
+    ),
+]
 Jobs = Annotated[
     int, Option(name="--jobs", help="Processes that refit candidates side by side.", validator=validators.Number(gte=1))
 ]

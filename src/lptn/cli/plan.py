@@ -30,13 +30,15 @@ def plan(
 
     Example: lptn plan quadruped.toml track.toml -o plan.csv --json plan.json --plot plan.png
     """
+    from lptn.basics.tables import check_ending, write_table
     from lptn.cli.terminal import progress, write_json
     from lptn.model.file import read_model_file
     from lptn.model.model import Model
-    from lptn.planners.tasks import check_folder, check_table, kind_of, load_task, write_c, write_table
+    from lptn.planners.tasks import check_folder, kind_of, load_task, write_c
 
     check_outputs(output, json, plot, report)
-    check_table(output)
+    if output is not None:
+        check_ending(output)
     check_picture(plot)
     for written in (output, json, plot, report):
         if written is not None and written.resolve() in (model.resolve(), task.resolve()):
@@ -50,7 +52,7 @@ def plan(
         answer = kind.run(asked)
     print(answer.text())
     if output is not None:
-        write_table(answer.table(), output)
+        write_table(output, answer.table())
     if plot is not None:
         write_figure(answer.figure(), plot)
     if report is not None:

@@ -21,6 +21,7 @@ from lptn.effects import Effect, catalogue
 from lptn.effects.ambient_offset import AmbientOffset
 from lptn.effects.base import Place
 from lptn.effects.loss_scale import LossScale
+from lptn.effects.surface_scale import SurfaceScale
 from lptn.identify.data import DataSplit
 from lptn.identify.fitting import Fit
 from lptn.logs.resampling import raw_keys
@@ -587,17 +588,26 @@ TORQUE_ERROR = 0.015
 known of it. Magnets lose 0.1 % of their flux a kelvin (`lptn.effects.torque_constant_drop`), so that of two runs of
 which one is 15 K warmer the torques that currents stand for differ by as much. Losses are off by twice that. Of four
 rough legs no verdict changed with 1.0 and 2.3 % (`tests/benchmarks/verdict_sensitivity.py --tiers rough --most 1`)."""
+SURFACE_ERROR = 0.03
+"""Share, one standard deviation: how far a surface's loss to the air may be off in each run where nothing else is known
+of it. In still air it goes with the fourth root of how much warmer the surface is [IncroperaDeWitt], so that of two
+runs of which one is an eighth hotter the conductances differ by as much, and a room is not always equally still."""
 
 
 def with_errors_of_runs(
-    model: Model, data: DataSplit, ambient: float = AMBIENT_ERROR, torque: float = TORQUE_ERROR
+    model: Model,
+    data: DataSplit,
+    ambient: float = AMBIENT_ERROR,
+    torque: float = TORQUE_ERROR,
+    surface: float = SURFACE_ERROR,
 ) -> Model:
-    """The model with small errors of its inputs in each run: nuisance parameters with a prior.
+    """The model with small errors of its inputs and of its surfaces in each run: nuisance parameters with a prior.
 
-    An ambient sensor that is off by half a kelvin moves all nodes for hours, and a torque that is off by 2 % heats its
-    joint 4 % more; without this, constant heat or a sensor's offset in one run is named for it, and a held-out run
-    judges its own sensors in place of the model. Errors of fitted runs are fitted with the rest; those of other runs
-    whenever one is predicted. With one run alone they can't be told from the model's own parameters, and are left out.
+    An ambient sensor that is off by half a kelvin moves all nodes for hours, a torque that is off by 2 % heats its
+    joint 4 % more, and a hotter surface loses more a kelvin; without this, constant heat, a sensor's offset or a cover
+    in one run is named for it, and a held-out run judges its own sensors and its air in place of the model. Errors of
+    fitted runs are fitted with the rest; those of other runs whenever one is predicted. With one run alone they can't
+    be told from the model's own parameters, and are left out.
 
     Args:
         model: the model.
@@ -605,6 +615,7 @@ def with_errors_of_runs(
         ambient: standard deviation of the ambient sensor's errors [K], which go no farther than two of them; 0 for
             none.
         torque: that of torques or currents, as a share of them; 0 for none.
+        surface: that of what each surface loses a kelvin, as a share of it; 0 for none.
     """
     fitted = [segment.run.name for segment in data.fit]
     runs = separate_runs([*fitted, *(segment.run.name for segment in (*data.holdout, *data.test))])
@@ -613,6 +624,8 @@ def with_errors_of_runs(
     driven = [each.ends[0] for each in network.effect_instances if each.effect.key == LossScale.heat_of]
     granted: list[tuple[Effect, str, float]] = [(AmbientOffset(), place, ambient) for place in surroundings]
     granted += [(LossScale(), place, 2 * torque) for place in dict.fromkeys(driven)]
+    surfaces = network.layout.places_held(EffectDeclaration(SurfaceScale(), EVERYWHERE))
+    granted += [(SurfaceScale(), place, surface) for place, _ in surfaces]
     errors = [
         _granted(effect, place, spread, run, fitted=any(is_of_run(name, run) for name in fitted))
         for effect, place, spread in granted

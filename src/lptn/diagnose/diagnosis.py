@@ -27,7 +27,7 @@ import pandas as pd
 
 from lptn.basics.tables import Tabular
 from lptn.diagnose.answers import LIKELY, MOST_REFITS, NOTHING, Key, Report, Step, answers, named
-from lptn.diagnose.candidates import AMBIENT_ERROR, TORQUE_ERROR, possible_effects, with_errors_of_runs
+from lptn.diagnose.candidates import AMBIENT_ERROR, SURFACE_ERROR, TORQUE_ERROR, possible_effects, with_errors_of_runs
 from lptn.diagnose.fit_statistics import LACKING, MOST, explained_elsewhere, explains, lack_of_fit, standing_out
 from lptn.diagnose.probability import probabilities_by_score
 from lptn.diagnose.refits import continued, unless_interrupted
@@ -103,7 +103,8 @@ class Diagnosis(Tabular):
     @property
     def only_held_out_runs_object(self) -> bool:
         """Whether the fitted runs have nothing against the model, and held-out runs have."""
-        return self.verdict == "unexplained" and not _more_is_wanted(self.scores, self.refits)
+        wanted = _more_is_wanted(self.fit, self.holdout, self.scores, self.refits)
+        return self.verdict == "unexplained" and not wanted
 
     @property
     def summary(self) -> str:
@@ -175,6 +176,7 @@ def diagnose(
     refits: int = MOST_REFITS,
     ambient_error: float = AMBIENT_ERROR,
     torque_error: float = TORQUE_ERROR,
+    surface_error: float = SURFACE_ERROR,
     executor: Executor | None = None,
     report: Report = lambda _: None,
 ) -> Diagnosis:
@@ -186,6 +188,8 @@ def diagnose(
         refits: how many candidates to refit at least.
         ambient_error: how far the ambient sensor may be off in each run [K], one standard deviation.
         torque_error: how far each joint's torque or current may be off in each run, as a share, one standard deviation.
+        surface_error: how far each surface's loss to the air may be off in each run, as a share, one standard
+            deviation.
         executor: where refits run; here, one after the other, by default.
         report: called with a sentence on what is being done.
 
@@ -193,7 +197,7 @@ def diagnose(
         InputError: a run lacks an input of the model.
     """
     coarse = for_search(data)
-    model = with_errors_of_runs(model, data, ambient_error, torque_error)
+    model = with_errors_of_runs(model, data, ambient_error, torque_error, surface_error)
     report("fitting the model as it stands")
     base = unless_interrupted(fit_segments(model, coarse.fit))
     diagnosis = examine(base, coarse, refits=refits, executor=executor, report=report)
@@ -269,7 +273,7 @@ _RUNS_DIFFER = 0.3  # K; two runs differ by so much in their air and sensors alo
 
 def _verdict(given: Step, scores: Scores, steps: Sequence[Step]) -> Verdict:
     base = given.fit
-    if not _more_is_wanted(scores, steps):
+    if not _more_is_wanted(base, given.holdout, scores, steps):
         agree = not any(standing_out(base, each, _RUNS_DIFFER) for each in given.predicted)
         return "adequate" if agree else "unexplained"
     if not steps or not explained_elsewhere(base, given.holdout, steps[0].holdout):
@@ -279,10 +283,15 @@ def _verdict(given: Step, scores: Scores, steps: Sequence[Step]) -> Verdict:
     return "missing" if nothing_left or explains(MOST, base, best, scores.noise) else "unexplained"
 
 
-def _more_is_wanted(scores: Scores, steps: Sequence[Step]) -> bool:
-    """Whether the fitted runs have something against the model; only candidates beyond chance were refitted."""
-    lacking = any(value > LACKING for value in scores.lack_of_fit.values())
-    return lacking or sum(step.probability for step in steps) >= LIKELY
+def _more_is_wanted(base: Fit, holdout: Errors | None, scores: Scores, steps: Sequence[Step]) -> bool:
+    """Whether the fitted runs have something against the model: more than noise, or what held-out runs don't deny.
+
+    Only candidates beyond chance were refitted; in one log of twenty chance alone is beyond it.
+    """
+    if any(value > LACKING for value in scores.lack_of_fit.values()):
+        return True
+    likely = sum(step.probability for step in steps) >= LIKELY
+    return likely and explained_elsewhere(base, holdout, steps[0].holdout)
 
 
 def _three_together_explain(first: Diagnosis, data: DataSplit, refits: int, executor: Executor | None) -> bool:

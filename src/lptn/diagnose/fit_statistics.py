@@ -223,7 +223,9 @@ def _beyond_noise(fit: Fit, noise: NoiseLevel) -> float:
 
 
 def explained_elsewhere(base: Fit, before: Errors | None, after: Errors | None) -> bool:
-    """Whether enough of the held-out error beyond noise goes, too; true where nothing is held out, or shows it.
+    """Whether enough of the held-out error beyond noise goes, too, or what is left of it is less than anyone looks for.
+
+    True where nothing is held out.
 
     Args:
         base: the smaller model's fit, with the sensors' noise.
@@ -233,7 +235,7 @@ def explained_elsewhere(base: Fit, before: Errors | None, after: Errors | None) 
     if before is None or after is None:
         return True
     floor = float(np.mean(base.noise.floor**2))
-    return before.rmse**2 - after.rmse**2 >= HALF * max(before.rmse**2 - floor, 0.0)
+    return after.rmse**2 - floor <= max((1.0 - HALF) * (before.rmse**2 - floor), NEGLIGIBLE**2)
 
 
 def is_negligible(smaller: Fit, larger: Fit, before: Sequence[Prediction], after: Sequence[Prediction]) -> bool:

@@ -35,7 +35,7 @@ from lptn.basics.errors import InputError
 from lptn.basics.places import EVERYWHERE
 from lptn.basics.tables import Tabular
 from lptn.diagnose.answers import HOPELESS, LIKELY, SIGNIFICANT, Key, Report, Step, compared, held_out, named
-from lptn.diagnose.candidates import AMBIENT_ERROR, TORQUE_ERROR, with_errors_of_runs
+from lptn.diagnose.candidates import AMBIENT_ERROR, SURFACE_ERROR, TORQUE_ERROR, with_errors_of_runs
 from lptn.diagnose.diagnosis import MUCH_WORSE, Diagnosis, Verdict, examine, for_search
 from lptn.diagnose.fit_statistics import HALF, Removed, explained_elsewhere, explains, is_negligible
 from lptn.diagnose.probability import is_implausible, log_prior_of_sizes, log_priors, probabilities
@@ -169,6 +169,7 @@ def improve(
     most: int = 6,
     ambient_error: float = AMBIENT_ERROR,
     torque_error: float = TORQUE_ERROR,
+    surface_error: float = SURFACE_ERROR,
     executor: Executor | None = None,
     report: Report = lambda _: None,
     found: Callable[[Branch], None] = lambda _: None,
@@ -184,6 +185,8 @@ def improve(
         most: how many effects to add at most.
         ambient_error: how far the ambient sensor may be off in each run [K], one standard deviation.
         torque_error: how far each joint's torque or current may be off in each run, as a share, one standard deviation.
+        surface_error: how far each surface's loss to the air may be off in each run, as a share, one standard
+            deviation.
         executor: where refits run; here, one after the other, by default.
         report: called with a sentence on what is being done.
         found: called after each step with the best steps so far, the model as given first; on the search's coarse data.
@@ -200,7 +203,7 @@ def improve(
         [(None, None), ('sensor_lag', '*'), ('conduction', 'heater1~heater2')]
     """
     coarse = for_search(data)
-    model = with_errors_of_runs(model, data, ambient_error, torque_error)
+    model = with_errors_of_runs(model, data, ambient_error, torque_error, surface_error)
     search, kept, verdict = _searched(model, coarse, most, executor, report, found)
     differing: tuple[RunDifference, ...] = ()
     likeliest = _ranked(search.branches)[0]

@@ -349,6 +349,7 @@ def python_lines(study: Study, opening: Opening) -> str:
         "columns": list(opening.columns) or None,
         "ambient_error": opening.ambient_error,
         "torque_error": opening.torque_error,
+        "surface_error": opening.surface_error,
     }
     words += [f"{name}={value!r}" for name, value in options.items() if value is not None]
     lines = ["import lptn", "", f"study = lptn.Study({', '.join(words)})"]

@@ -21,6 +21,7 @@ class Opening:
     columns: tuple[str, ...] = ()
     ambient_error: float | None = None
     torque_error: float | None = None
+    surface_error: float | None = None
 
     def study(self) -> Study:
         """Read it all.
@@ -37,6 +38,7 @@ class Opening:
             columns=self.columns,
             ambient_error=self.ambient_error,
             torque_error=self.torque_error,
+            surface_error=self.surface_error,
         )
 
     def fingerprint(self, study: Study) -> str:
@@ -46,6 +48,6 @@ class Opening:
         options = {
             "holdout_after": self.holdout_after,
             "columns": list(self.columns),
-            "errors": [study.ambient_error, study.torque_error],
+            "errors": [study.ambient_error, study.torque_error, study.surface_error],
         }
         return fingerprint_of(study.file.text, logs, options)
