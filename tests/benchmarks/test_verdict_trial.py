@@ -56,6 +56,8 @@ def test_a_right_answer_in_the_group_or_behind_is_not_first() -> None:
     assert (late.first, late.in_set, late.in_three) == (False, False, True)
     group = Answer("missing", "", [("fan", "FR_calf")], [("fan", "FR_calf"), ("forced_convection", "FR_calf")])
     assert (judged(LEG, group).first, judged(LEG, group).in_set, judged(LEG, group).in_three) == (False, True, False)
+    assert not judged(LEG, group).left_open
+    assert judged(LEG, replace(group, names=group.group)).left_open
     fourth = said(*[("fan", "FR_hip")] * 3, ("forced_convection", "FR_calf"))
     assert not judged(LEG, fourth).in_three
 

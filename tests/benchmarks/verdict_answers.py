@@ -38,6 +38,7 @@ class Answer:
         verdict, remaining: on the model as given, and with all that was added; "" where the command failed.
         steps: effect and place of each step.
         group: names that the first step can't be told from, itself included.
+        names: the steps, and all that any of them can't be told from.
         probabilities: effect, place and probability of what the model as given lacks, the most probable first;
             two empty strings for nothing. `None` where the version states none.
         holdout: held-out RMSE of each step, the given model first [K].
@@ -53,6 +54,7 @@ class Answer:
     remaining: str = ""
     steps: list[Key] = field(default_factory=list)
     group: list[Key] = field(default_factory=list)
+    names: list[Key] = field(default_factory=list)
     probabilities: list[tuple[str, str, float]] | None = None
     holdout: list[float] = field(default_factory=list)
     parameters: dict[str, tuple[float, float]] = field(default_factory=dict)
@@ -112,13 +114,15 @@ def read_answer(table: Mapping[str, Any], text: str, seconds: float) -> Answer:
     """An answer from what `lptn improve` wrote as JSON, whichever version it was, and from what it printed."""
     given, *steps = table["history"] if "history" in table else table["ladder"]
     keys = [(step["effect"], step["at"]) for step in steps]
-    group = [*keys[:1], *((one, other) for one, other in (steps[0]["indistinguishable_from"] if steps else ()))]
+    others = [[(one, other) for one, other in step.get("indistinguishable_from", ())] for step in steps]
+    group = [*keys[:1], *(others[0] if others else ())]
     stated = table.get("probabilities")
     return Answer(
         table["verdict"],
         table["remaining"],
         keys,
         group,
+        list(dict.fromkeys([*keys, *(name for each in others for name in each)])),
         None if stated is None else [(one["effect"] or "", one["at"] or "", one["probability"]) for one in stated],
         [step["rmse_holdout"] for step in (given, *steps) if step["rmse_holdout"] is not None],
         {},
@@ -273,8 +277,8 @@ def read_results(file: Path) -> dict[tuple[Case, str], Answer]:
         entry = json.loads(line)
         case = Case(**entry["case"] | {"hidden": tuple(entry["case"]["hidden"])})
         said = entry["answer"]
-        for name in ("steps", "group", "differing"):
-            said[name] = [(one, other) for one, other in said[name]]
+        for name in ("steps", "group", "names", "differing"):
+            said[name] = [(one, other) for one, other in said.get(name, ())]
         if said["probabilities"] is not None:
             said["probabilities"] = [(effect, at, p) for effect, at, p in said["probabilities"]]
         said["parameters"] = {name: (value, error) for name, (value, error) in said["parameters"].items()}

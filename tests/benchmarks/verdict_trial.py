@@ -57,6 +57,7 @@ class Judged:
             no probability is stated.
         in_three: a right answer is among the first three steps.
         named: a right answer is among all steps.
+        left_open: a right answer is among all steps and what the data can't tell from one of them.
         silly: a step is an error of a sensor, a clock or the ambient that isn't there.
         at_bound: something was added, and a parameter ended at a bound, or a size where no robot has it.
         alarm: nothing is hidden, and something was said to be missing.
@@ -69,6 +70,7 @@ class Judged:
     in_set: bool
     in_three: bool
     named: bool
+    left_open: bool
     silly: bool
     at_bound: bool
     alarm: bool
@@ -107,6 +109,7 @@ def judged(case: Case, answer: Answer) -> Judged:
         in_set=in_set,
         in_three=first if kind in ("nothing", "outside") else any(map(right, names)),
         named=first if kind in ("nothing", "outside") else any(map(right, [*names, *answer.steps])),
+        left_open=first if kind in ("nothing", "outside") else any(map(right, [*names, *answer.steps, *answer.names])),
         silly=any(step[0] in SILLY and not case.right(step) for step in answer.steps),
         at_bound=bool(out_of_bounds(answer)),
         alarm=alarm,
@@ -142,9 +145,9 @@ def table(results: Results, cases: Sequence[Case], versions: Sequence[str]) -> s
     lines = [
         f"Each cell: {names}; {len(common)} cases that all were asked. Errors: medians, held out, before → after.",
         "",
-        "| truth | sensors | hidden | cases | first | in the 90 % set | in three steps | named | silly | at a bound "
-        "| false alarm | unexplained | failed | error, K | two masses, K | CPU s |",
-        "| --- " * 16 + "|",
+        "| truth | sensors | hidden | cases | first | in the 90 % set | in three steps | named | left open "
+        "| silly | at a bound | false alarm | unexplained | failed | error, K | two masses, K | CPU s |",
+        "| --- " * 17 + "|",
     ]
     groups: dict[tuple[str, str, str], list[Case]] = {}
     for case in common:
@@ -162,7 +165,7 @@ def _cells(results: Results, cases: Sequence[Case], versions: Sequence[str]) -> 
     """A row's cells, from "first" on."""
     said = [[results[case, version] for case in cases] for version in versions]
     marks = [[judged(case, answer) for case, answer in zip(cases, each, strict=True)] for each in said]
-    names = ("first", "in_set", "in_three", "named", "silly", "at_bound", "alarm", "unexplained")
+    names = ("first", "in_set", "in_three", "named", "left_open", "silly", "at_bound", "alarm", "unexplained")
     shares = [[statistics.mean(getattr(mark, name) for mark in each) for each in marks] for name in names]
     shares.append([statistics.mean(bool(answer.error) for answer in each) for each in said])
     before, after = ([_median(a.holdout[k] for a in each if a.holdout) for each in said] for k in (0, -1))

@@ -64,12 +64,12 @@ def test_a_grant_that_ends_at_its_limit_is_told(leg: Leg) -> None:
     """Air of fit2 that is off by 3 K, where 0.3 K are usual, and 0.6 K granted."""
     model, data = leg(Hidden("ambient_offset", "ambient", size=3.0, run="fit2"))
     coarse = for_search(data)
-    fit = fit_segments(with_errors_of_runs(model, data, ambient=0.3, torque=0.0), coarse.fit)
+    fit = fit_segments(with_errors_of_runs(model, data, ambient=0.3, torque=0.0, surface=0.0), coarse.fit)
     (told,) = [each for each in granted_at_limit(fit) if each.run == "fit2"]
     assert (told.effect, told.at) == ("ambient_offset", "ambient")
     assert abs(told.size) == pytest.approx(0.6)
     assert re.fullmatch("in fit2 the ambient was at least 0.6 K (warm|cool)er than given", told.text)
-    wide = fit_segments(with_errors_of_runs(model, data, ambient=5.0, torque=0.0), coarse.fit)
+    wide = fit_segments(with_errors_of_runs(model, data, ambient=5.0, torque=0.0, surface=0.0), coarse.fit)
     assert not granted_at_limit(wide)
 
 
@@ -101,7 +101,7 @@ def test_a_grant_does_not_hide_what_the_model_lacks(leg: Leg) -> None:
 
 
 def test_a_held_out_runs_errors_are_those_that_its_prediction_needs_from_the_start_that_it_has(leg: Leg) -> None:
-    """No other ambient or torque predicts it better, by a model that lacks something and has states that nobody sees.
+    """No other ambient, torque or surface predicts it better, by a model that lacks something and has unseen states.
 
     With a start of their own, fitted to all of the run, these errors went with a warmth inside the joints that the
     prediction then did not begin with.
@@ -113,7 +113,7 @@ def test_a_held_out_runs_errors_are_those_that_its_prediction_needs_from_the_sta
     (segment,), sigma = coarse.holdout, fitted.problem.sigma
     own = with_own_errors(fitted.model, segment, sigma)
     chosen = nuisances(own, segment.run.name)
-    assert len(chosen) == 4
+    assert len(chosen) == 7
     priors = np.array(
         [spread for index in chosen for _, spread in [own.parameters[index].declared.prior or (0.0, 1.0)]]
     )
@@ -148,6 +148,20 @@ def test_torques_that_are_a_little_off_in_each_run_are_no_effect(leg: Leg) -> No
     assert history.best.parameters == len(model.free)
 
 
+def test_a_surface_that_loses_a_little_more_in_each_run_is_no_effect(leg: Leg) -> None:
+    names = ("FR_thigh", "fit1", 0.2), ("FR_calf", "fit2", -0.2), ("FR_thigh", "holdout", -0.2)
+    model, data = leg(*(Hidden("surface_scale", joint, size=share, run=run) for joint, run, share in names), noise=0.03)
+    assert improve(model, data, surface_error=0.0).verdict != "adequate"
+    assert improve(model, data).verdict == "adequate"
+
+
+def test_a_fan_in_one_run_is_named_at_its_full_size(leg: Leg) -> None:
+    history = improve(*leg(Hidden("surface_scale", "FR_thigh", size=2.0, run="fit1")))
+    assert [step.key for step in history.steps[1:]] == [("surface_scale", "FR_thigh@fit1")]
+    values = {parameter.name: parameter.value for parameter in history.best.fit.model.parameters}
+    assert values["surface_scale.change.FR_thigh@fit1"] == pytest.approx(0.6, rel=0.1)
+
+
 def test_a_torque_that_is_far_off_in_one_run_is_named_at_its_full_size(leg: Leg) -> None:
     history = improve(*leg(Hidden("loss_scale", "FR_thigh", run="fit1")))
     assert [step.key for step in history.steps[1:]] == [("loss_scale", "FR_thigh@fit1")]
@@ -160,7 +174,7 @@ def test_a_torque_that_is_far_off_in_one_run_is_named_at_its_full_size(leg: Leg)
 def test_what_a_log_had_wrong_does_not_depend_on_how_often_it_reads(leg: Leg) -> None:
     model, data = leg(Hidden("forced_convection", "FR_thigh", size=0.1))
     coarse, offsets = for_search(data), []
-    granted = with_errors_of_runs(model, data, ambient=0.05, torque=0.0)
+    granted = with_errors_of_runs(model, data, ambient=0.05, torque=0.0, surface=0.0)
     fit = fit_segments(granted, coarse.fit)
     for segment in (data.holdout[0], coarse.holdout[0]):
         own = with_own_errors(fit.model, segment, fit.problem.sigma)
