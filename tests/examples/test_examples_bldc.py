@@ -34,7 +34,7 @@ def test_of_the_run_with_a_fan_the_loss_to_the_air_is_named(model: str) -> None:
     assert found.rmse_after is not None
     assert 3.0 < found.amplitude < 12.0
     assert found.rmse_after < 0.3 * found.rmse_before
-    assert "times as fast as the fitted runs did: was a fan on?" in found.text()
+    assert "times as fast as the other runs: was a fan on?" in found.text()
     # A fan on two lumps is not all that there is.
     assert "It does not explain all" in found.text()
 

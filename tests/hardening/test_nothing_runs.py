@@ -44,7 +44,6 @@ MADE = {
     "src/lptn/basics/style.py": {"savefig"},  # these into memory, for `write_whole`
     "src/lptn/basics/tables.py": {"to_parquet"},
     "src/lptn/cli/options.py": {"savefig"},
-    "planners/tasks.py": {"to_parquet"},
     "src/lptn/cli/terminal.py": {"open"},  # /dev/null
     "src/lptn/fleet/work.py": {"open"},  # a lock, always empty
     "src/lptn/virtual/writers.py": {"open", "to_csv", "ParquetWriter"},  # logs in pieces, renamed when they are whole

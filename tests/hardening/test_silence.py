@@ -43,6 +43,29 @@ def test_noise_that_a_coarse_sensor_hides_is_not_missed() -> None:
     assert [each.kind for each in silences(time, fine, resolution=0.1)] == ["frozen"]
 
 
+def test_one_move_by_two_steps_in_forty_is_chance_and_no_noise() -> None:
+    """A housing read every three seconds in steps of 1 K stands for ten minutes, as it may at the middle of a step."""
+    time = np.arange(2400.0, step=3.0)
+    readings = np.concatenate([np.full(300, 25.0), 26.0 + np.arange(500) // 25 % 2])
+    readings[:100] += np.arange(100) // 5 % 2
+    readings[50] = readings[49] + 2.0
+    assert (np.diff(readings) != 0).sum() > 40
+    assert not silences(time, readings, resolution=1.0)
+    noisy = readings.copy()
+    noisy[:100:7] += 2.0  # its noise is plain, so that a live sensor would not stand
+    assert [each.kind for each in silences(time, noisy, resolution=1.0)] == ["clamped"]  # at its lowest number
+
+
+def test_what_stands_on_both_sides_of_a_gap_did_not_stand_in_it() -> None:
+    rng = np.random.default_rng(1)
+    time = np.concatenate([np.arange(0.0, 600.0, 2.0), np.arange(900.0, 1500.0, 2.0)])
+    readings = np.round(30.0 + rng.normal(0.0, 0.1, time.size), 2)
+    readings[297:303] = 30.0  # six seconds before the gap and after it
+    assert not silences(time, readings)
+    readings[250:350] = 30.0
+    assert [each.kind for each in silences(time, readings)] == ["frozen"]
+
+
 def test_two_joints_at_rest_that_read_alike_are_no_copies() -> None:
     """Both cool in steps of 1 K and flicker; of 2400 rows they differ in less than one in a hundred."""
     rng, one = np.random.default_rng(4), np.full(2400, 31.0)

@@ -125,10 +125,9 @@ def show_history(history: History) -> None:
     if len(history.steps) > 2:
         print("Probable: beside the other steps, and given that one of the answers that were refitted is right.")
         print(
-            "Order of the steps: where by all runs something is missing more probably than not, then the rest; of each"
+            "Order: first where something is missing more probably than not. Of these, faults come before how the "
+            "robot is made (a fault is at one place, in one limb, in one run or in the log); then what explains more."
         )
-        print("what may be a fault of one place or limb, one run or the log, then what several places have in common,")
-        print("and what would be missed most.")
     for warning in history.best.fit.uncertainty.warnings:
         print(f"Warning: {warning}.")
 

@@ -23,8 +23,8 @@ class SurfaceScale(LinkEffect):
     title = "loses heat faster or slower"
     per_run = True
     in_one_run = (
-        "{run} loses heat{at} {factor} times as fast as the fitted runs did: was a fan on?",
-        "{run} loses heat{at} only {factor} times as fast as the fitted runs did: was it covered, or out of the wind?",
+        "{run} loses heat{at} {factor} times as fast as the other runs: was a fan on?",
+        "{run} loses heat{at} only {factor} times as fast as the other runs: was it covered, or out of the wind?",
     )
     parameters = (Parameter("change", 0.3, "1", (-0.9, 20.0), off=0.0, typical=0.3, title="change of the conductance"),)
     signature = Signature(

@@ -61,6 +61,8 @@ _BY_TWO, _STAYS = 0.02, 0.85
 """Where noise is 0.35 of a sensor's steps, such a share of its moves is by two steps at once, and a temperature in the
 middle of a step, where it shows least, gives the same number with this chance. With less noise it may do so for ever,
 however lively the sensor is near an edge."""
+_GAP = 10.0  # times the usual distance of readings: none were logged for a while
+_SURELY = 1.64  # standard deviations of a count: so few moves by two steps may be chance in one sensor of twenty
 _LONGER = 20.0  # times the median time that a number stands: topics that repeat themselves stand for long
 _JUMPS = 3.0  # steps: a coarse sensor that was alive all the while never moves by so many at once
 _LAST_MOVES, _RESTS = 5, 0.125
@@ -86,9 +88,12 @@ def silences(
     if there.size < _FEWEST:
         return []
     readings, stamps = values[there], time[there]
+    apart = np.diff(stamps)
+    in_gap = apart > _GAP * np.median(apart)
+    logged = np.concatenate(([0.0], np.cumsum(np.where(in_gap, 0.0, apart))))  # s; nothing stands where nothing is read
     changes = np.flatnonzero(np.diff(readings) != 0)
     first, last = np.concatenate(([0], changes + 1)), np.concatenate((changes, [readings.size - 1]))
-    spans = stamps[last] - stamps[first]
+    spans = logged[last] - logged[first]
     found: list[Silence] = []
     rests = (spans >= _SHORTEST) & (readings[first] == 0) & (not temperature)  # joints that stand say so for long
     shortest = _SHORTEST if temperature and _hardly_repeats(last - first, spans) else STILL
@@ -96,7 +101,7 @@ def silences(
         lone = _is_alone(readings, first[k], last[k]) if temperature else False
         if not lone and (spans[k] < shortest or (spans[k] < STILL and _comes_to_rest(readings, first[k], last[k]))):
             continue
-        if not lone and not _is_too_long(stamps, readings, first, last, int(k), rests, resolution, temperature):
+        if not lone and not _is_too_long(spans, readings, in_gap, first, last, int(k), rests, resolution, temperature):
             continue
         kind: Kind = "dead" if lone else "frozen"
         if not lone and temperature and _is_end_of_range(readings, first[k], last[k]):
@@ -143,8 +148,9 @@ def _comes_to_rest(readings: FloatArray, first: int, last: int) -> bool:
 
 
 def _is_too_long(
-    stamps: FloatArray,
+    spans: FloatArray,
     readings: FloatArray,
+    in_gap: BoolArray,
     first: IntArray,
     last: IntArray,
     k: int,
@@ -153,8 +159,7 @@ def _is_too_long(
     temperature: bool,
 ) -> bool:
     """Whether a live sensor of this noise and these steps would not stand still for so long."""
-    spans = stamps[last] - stamps[first]
-    alive = np.ones(readings.size - 1, dtype=bool)  # of the steps from each reading to the next
+    alive = ~in_gap  # of the steps from each reading to the next
     for span in (k, *np.flatnonzero(rests)):
         alive[max(first[span] - 1, 0) : last[span] + 1] = False
     steps = np.diff(readings)[alive]
@@ -166,7 +171,8 @@ def _is_too_long(
     noisy = float(np.mean(np.sign(moves[1:]) != np.sign(moves[:-1]))) > _REVERSALS
     lively = alike <= _LIVELY
     if resolution > 0:
-        alike, lively = _STAYS, float(np.mean(np.abs(moves) > 1.5 * resolution)) >= _BY_TWO
+        by_two = np.count_nonzero(np.abs(moves) > 1.5 * resolution)
+        alike, lively = _STAYS, by_two - _SURELY * np.sqrt(by_two) >= _BY_TWO * moves.size
     # A filtered temperature may stand when it has risen; a torque or speed that moves all the time does not.
     if lively and (noisy or not temperature):
         return bool((last[k] - first[k]) * np.log(max(alike, 0.01)) < np.log(CHANCE))
@@ -174,8 +180,9 @@ def _is_too_long(
         return bool(spans[k] > _LONGER * np.median(np.delete(spans, k)))
     # A sensor of coarse steps may stand still for as long as the temperature does.
     value, step = readings[first[k]], max(resolution, usual)
-    beside = [abs(readings[j] - value) for j in (first[k] - 1, last[k] + 1) if 0 <= j < readings.size]
-    return bool(resolution > 0 and max(beside) >= _JUMPS * step)
+    ends = ((first[k] - 1, first[k] - 1), (last[k], last[k] + 1))  # the step from or to it, and the reading beside it
+    beside = [abs(readings[j] - value) for i, j in ends if 0 <= i < in_gap.size and not in_gap[i]]
+    return bool(resolution > 0 and max(beside, default=0.0) >= _JUMPS * step)
 
 
 def _touched(readings: FloatArray, limit: int) -> list[tuple[int, int]]:

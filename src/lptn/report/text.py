@@ -10,6 +10,7 @@ from lptn.basics.words import listed
 from lptn.effects import Effect, catalogue
 from lptn.effects.ambient_offset import AmbientOffset
 from lptn.effects.loss_scale import LossScale
+from lptn.effects.surface_scale import SurfaceScale
 from lptn.identify.data import Segment, Window
 from lptn.logs.columns import column_unit
 from lptn.model.model import Model
@@ -145,13 +146,14 @@ def for_people(text: str) -> str:
 
 
 def granted_in_words(model: Model) -> str:
-    """Which errors of its inputs each run is granted, and by how much; empty for none."""
+    """Which errors of its inputs and its air each run is granted, and by how much; empty for none."""
 
     def spread(effect: type[Effect]) -> float:
         declared = [each for each in model.network.effects if each.granted and isinstance(each.effect, effect)]
         return min((one.prior[1] for each in declared for one in each.parameters if one.prior), default=0.0)
 
-    air, losses = spread(AmbientOffset), spread(LossScale)
+    air, losses, surfaces = spread(AmbientOffset), spread(LossScale), spread(SurfaceScale)
     words = [f"its ambient sensor off by {air:g} K"] if air else []
     words += [f"the heat that a joint's torque or current makes off by {100 * losses:g} %"] if losses else []
-    return " and ".join(words)
+    words += [f"what a surface loses off by {100 * surfaces:g} %"] if surfaces else []
+    return listed(words) if words else ""
