@@ -288,10 +288,8 @@ def _more_is_wanted(base: Fit, holdout: Errors | None, scores: Scores, steps: Se
 
     Only candidates beyond chance were refitted; in one log of twenty chance alone is beyond it.
     """
-    if any(value > LACKING for value in scores.lack_of_fit.values()):
-        return True
     likely = sum(step.probability for step in steps) >= LIKELY
-    return likely and explained_elsewhere(base, holdout, steps[0].holdout)
+    return scores.is_lacking or (likely and explained_elsewhere(base, holdout, steps[0].holdout))
 
 
 def _three_together_explain(first: Diagnosis, data: DataSplit, refits: int, executor: Executor | None) -> bool:

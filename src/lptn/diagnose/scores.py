@@ -19,7 +19,7 @@ import numpy as np
 from lptn.basics.arrays import BoolArray, FloatArray, IntArray
 from lptn.basics.processes import one_blas_thread
 from lptn.diagnose.candidates import Candidate, Site, sites
-from lptn.diagnose.fit_statistics import NEGLIGIBLE, POWER, NoiseLevel, block_numbers, lack_of_fit
+from lptn.diagnose.fit_statistics import LACKING, NEGLIGIBLE, POWER, NoiseLevel, block_numbers, lack_of_fit
 from lptn.identify.fitting import Fit
 from lptn.identify.problem import rows_of_readings
 from lptn.model.model import Model
@@ -79,6 +79,11 @@ class Scores:
         """The gain that chance exceeds once in twenty logs, and that matters."""
         beyond = float(np.quantile(self.null_gains, 0.95)) if self.null_gains.size else 0.0
         return max(beyond, self.negligible)
+
+    @property
+    def is_lacking(self) -> bool:
+        """Whether some node's readings are met worse than noise would leave them."""
+        return any(value > LACKING for value in self.lack_of_fit.values())
 
     def p_value(self, gain: float) -> float:
         """How often chance alone reaches a gain, over all candidates; 1 for a gain too small to matter."""
