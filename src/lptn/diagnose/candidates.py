@@ -1,4 +1,4 @@
-"""Candidates: every effect of the catalogue at every place where it can stand; the ambient bias of single runs.
+"""Candidates: every effect of the catalogue at every place where it can stand; what every run may have wrong.
 
 Where several places have an effect in common, each of them may differ: a difference of its own is a candidate there.
 """

@@ -176,8 +176,8 @@ def improve(
 ) -> History:
     """Diagnose, add the missing effect, refit, until nothing beyond chance is left or nothing helps.
 
-    Effects are chosen on the fit data. Held-out data choose among models that the fit data can't tell apart, and end
-    the selection; without them Schwarz's criterion does. Test data choose nothing.
+    Effects are proposed by the fit data; which of the models that were tried is kept, and where the selection ends, all
+    runs say, held-out ones included, or without any the fit data alone. Test data choose nothing.
 
     Args:
         model: the model to start from.
