@@ -23,7 +23,7 @@ from typing import Any
 
 import lptn
 from lptn.basics.processes import one_blas_thread
-from lptn.diagnose import answers, diagnosis
+from lptn.diagnose import answers, candidates, diagnosis
 from lptn.diagnose.diagnosis import diagnose
 from lptn.identify.data import DataSplit
 from lptn.identify.fitting import Fit
@@ -34,6 +34,7 @@ from tests.benchmarks.verdict_cases import TRUTHS, Case, draw_cases
 CONSTANTS = (
     "lptn.diagnose.candidates.AMBIENT_ERROR",
     "lptn.diagnose.candidates.TORQUE_ERROR",
+    "lptn.diagnose.candidates.SURFACE_ERROR",
     "lptn.diagnose.candidates._FARTHEST",
     "lptn.diagnose.candidates._MOST_RISE",
     "lptn.diagnose.candidates._ONE_RUN_ONLY",
@@ -142,13 +143,16 @@ def question(case: Case) -> tuple[Model, DataSplit]:
 @one_blas_thread
 def said(case: Case, first: bool) -> Said:
     """What the program says of a case: of one diagnosis, or of a whole improvement."""
-    from lptn.diagnose.candidates import AMBIENT_ERROR, TORQUE_ERROR
-
     model, data = question(case)
+    errors = {
+        "ambient_error": candidates.AMBIENT_ERROR,
+        "torque_error": candidates.TORQUE_ERROR,
+        "surface_error": candidates.SURFACE_ERROR,
+    }
     if first:
-        found = diagnose(model, data, ambient_error=AMBIENT_ERROR, torque_error=TORQUE_ERROR)
+        found = diagnose(model, data, **errors)
         return found.verdict, found.best.key if found.best and found.verdict != "adequate" else None
-    history = lptn.improve(model, data, most=STEPS, ambient_error=AMBIENT_ERROR, torque_error=TORQUE_ERROR)
+    history = lptn.improve(model, data, most=STEPS, **errors)
     return history.verdict, history.steps[1].key if len(history.steps) > 1 else None
 
 
