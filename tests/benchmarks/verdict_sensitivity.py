@@ -23,7 +23,7 @@ from typing import Any
 
 import lptn
 from lptn.basics.processes import one_blas_thread
-from lptn.diagnose import answers, candidates, diagnosis
+from lptn.diagnose import answers, diagnosis
 from lptn.diagnose.diagnosis import diagnose
 from lptn.identify.data import DataSplit
 from lptn.identify.fitting import Fit
@@ -143,12 +143,10 @@ def question(case: Case) -> tuple[Model, DataSplit]:
 @one_blas_thread
 def said(case: Case, first: bool) -> Said:
     """What the program says of a case: of one diagnosis, or of a whole improvement."""
+    from lptn.diagnose.candidates import AMBIENT_ERROR, SURFACE_ERROR, TORQUE_ERROR
+
     model, data = question(case)
-    errors = {
-        "ambient_error": candidates.AMBIENT_ERROR,
-        "torque_error": candidates.TORQUE_ERROR,
-        "surface_error": candidates.SURFACE_ERROR,
-    }
+    errors = {"ambient_error": AMBIENT_ERROR, "torque_error": TORQUE_ERROR, "surface_error": SURFACE_ERROR}
     if first:
         found = diagnose(model, data, **errors)
         return found.verdict, found.best.key if found.best and found.verdict != "adequate" else None
