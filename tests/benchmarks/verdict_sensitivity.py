@@ -146,7 +146,11 @@ def said(case: Case, first: bool) -> Said:
     from lptn.diagnose.candidates import AMBIENT_ERROR, SURFACE_ERROR, TORQUE_ERROR
 
     model, data = question(case)
-    errors = {"ambient_error": AMBIENT_ERROR, "torque_error": TORQUE_ERROR, "surface_error": SURFACE_ERROR}
+    errors: dict[str, Any] = {
+        "ambient_error": AMBIENT_ERROR,
+        "torque_error": TORQUE_ERROR,
+        "surface_error": SURFACE_ERROR,
+    }
     if first:
         found = diagnose(model, data, **errors)
         return found.verdict, found.best.key if found.best and found.verdict != "adequate" else None
