@@ -409,6 +409,21 @@ def compared(base: Fit, known: Sequence[Step], step: Step, data: DataSplit) -> S
     return replace(judged, by_all_runs=float(by_all_runs[0]), at_its_place=at_its_place)
 
 
+def something_missing(given: Step, steps: Sequence[Step], data: DataSplit) -> float:
+    """Probability, by all runs, that one of several effects is missing in a model, and not nothing.
+
+    Args:
+        given: the model.
+        steps: with one effect more each.
+        data: with the held-out runs, which may confirm what the fitted ones ask for, or deny it.
+    """
+    if not steps:
+        return 0.0
+    every = [given, *steps]
+    predicted = held_out(every, data) if data.holdout else ()
+    return float(probabilities([step.fit for step in every], _log_priors(given.fit, steps), predicted)[1:].sum())
+
+
 def held_out(steps: Sequence[Step], data: DataSplit) -> list[tuple[Prediction, ...]]:
     """The held-out runs as the fit of each of several steps predicts them."""
     return [step.predicted or step.predicting(data).predicted for step in steps]

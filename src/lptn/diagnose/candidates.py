@@ -580,6 +580,8 @@ def _shaped(parameter: Parameter, shape: float | None) -> Parameter:
 # --- Nuisance parameters: what every log has wrong in each run, so that no effect stands in for it ---------
 
 
+GRANTED = "_granted"
+"""What the name of an effect ends in that stands for a small error of each run."""
 AMBIENT_ERROR = 0.3
 """K, one standard deviation: how far an ambient sensor may be off in each run where nothing else is known of it. So
 much is granted to a platinum thermometer of class B at 0 °C [IEC60751], and air a metre away differs by as much."""
@@ -624,7 +626,7 @@ def with_errors_of_runs(
     driven = [each.ends[0] for each in network.effect_instances if each.effect.key == LossScale.heat_of]
     granted: list[tuple[Effect, str, float]] = [(AmbientOffset(), place, ambient) for place in surroundings]
     granted += [(LossScale(), place, 2 * torque) for place in dict.fromkeys(driven)]
-    surfaces = network.layout.places_held(EffectDeclaration(SurfaceScale(), EVERYWHERE))
+    surfaces = network.places_for(EffectDeclaration(SurfaceScale(), EVERYWHERE))
     granted += [(SurfaceScale(), place, surface) for place, _ in surfaces]
     errors = [
         _granted(effect, place, spread, run, fitted=any(is_of_run(name, run) for name in fitted))
@@ -639,4 +641,4 @@ def _granted(effect: Effect, place: str, spread: float, run: str, *, fitted: boo
     (size,) = effect.parameters
     bounds = (-_FARTHEST * spread, _FARTHEST * spread)
     size = replace(size, value=0.0, prior=(0.0, spread), nuisance=True, bounds=bounds, share="each", fixed=not fitted)
-    return EffectDeclaration(effect, place, (size,), f"{effect.key}_granted", run=run)
+    return EffectDeclaration(effect, place, (size,), f"{effect.key}{GRANTED}", run=run)

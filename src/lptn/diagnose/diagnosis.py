@@ -26,7 +26,7 @@ from typing import Literal
 import pandas as pd
 
 from lptn.basics.tables import Tabular
-from lptn.diagnose.answers import LIKELY, MOST_REFITS, NOTHING, Key, Report, Step, answers, named
+from lptn.diagnose.answers import LIKELY, MOST_REFITS, NOTHING, Key, Report, Step, answers, named, something_missing
 from lptn.diagnose.candidates import AMBIENT_ERROR, SURFACE_ERROR, TORQUE_ERROR, possible_effects, with_errors_of_runs
 from lptn.diagnose.fit_statistics import LACKING, MOST, explained_elsewhere, explains, lack_of_fit, standing_out
 from lptn.diagnose.probability import probabilities_by_score
@@ -53,6 +53,7 @@ class Diagnosis(Tabular):
         holdout: its errors on held-out runs, `None` without any.
         scores: all candidates, scored.
         refits: those that were refitted, best first.
+        likely: probability, by all runs, that one of these is missing.
         differing: held-out runs that are predicted with one parameter of their own, fitted on the run itself.
     """
 
@@ -61,6 +62,7 @@ class Diagnosis(Tabular):
     holdout: Errors | None
     scores: Scores
     refits: tuple[Step, ...]
+    likely: float = 0.0
     differing: tuple[RunDifference, ...] = ()
 
     @property
@@ -103,8 +105,7 @@ class Diagnosis(Tabular):
     @property
     def only_held_out_runs_object(self) -> bool:
         """Whether the fitted runs have nothing against the model, and held-out runs have."""
-        wanted = _more_is_wanted(self.fit, self.holdout, self.scores, self.refits)
-        return self.verdict == "unexplained" and not wanted
+        return self.verdict == "unexplained" and not _more_is_wanted(self.scores, self.likely)
 
     @property
     def summary(self) -> str:
@@ -239,8 +240,9 @@ def examine(
     steps = [step.predicting(data) for step in found.steps]
     ordered = _holdout_decides(steps)
     predicted = Step(found.fit).predicting(data)
-    verdict = _verdict(predicted, found.scores, ordered)
-    return Diagnosis(verdict, found.fit, predicted.holdout, found.scores, tuple(ordered))
+    likely = something_missing(predicted, ordered, data)
+    verdict = _verdict(predicted, found.scores, ordered, likely)
+    return Diagnosis(verdict, found.fit, predicted.holdout, found.scores, tuple(ordered), likely)
 
 
 # --- Held-out runs among the names of the first answer ---------------------------------------------
@@ -271,9 +273,9 @@ def _holdout_decides(steps: list[Step]) -> list[Step]:
 _RUNS_DIFFER = 0.3  # K; two runs differ by so much in their air and sensors alone
 
 
-def _verdict(given: Step, scores: Scores, steps: Sequence[Step]) -> Verdict:
+def _verdict(given: Step, scores: Scores, steps: Sequence[Step], likely: float) -> Verdict:
     base = given.fit
-    if not _more_is_wanted(base, given.holdout, scores, steps):
+    if not _more_is_wanted(scores, likely):
         agree = not any(standing_out(base, each, _RUNS_DIFFER) for each in given.predicted)
         return "adequate" if agree else "unexplained"
     if not steps or not explained_elsewhere(base, given.holdout, steps[0].holdout):
@@ -283,13 +285,12 @@ def _verdict(given: Step, scores: Scores, steps: Sequence[Step]) -> Verdict:
     return "missing" if nothing_left or explains(MOST, base, best, scores.noise) else "unexplained"
 
 
-def _more_is_wanted(base: Fit, holdout: Errors | None, scores: Scores, steps: Sequence[Step]) -> bool:
-    """Whether the fitted runs have something against the model: more than noise, or what held-out runs don't deny.
+def _more_is_wanted(scores: Scores, likely: float) -> bool:
+    """Whether something is missing: the fitted runs are met worse than noise leaves them, or all runs say so.
 
-    Only candidates beyond chance were refitted; in one log of twenty chance alone is beyond it.
+    In one log of twenty chance alone puts a candidate beyond chance, which held-out runs then don't confirm.
     """
-    likely = sum(step.probability for step in steps) >= LIKELY
-    return scores.is_lacking or (likely and explained_elsewhere(base, holdout, steps[0].holdout))
+    return scores.is_lacking or likely >= LIKELY
 
 
 def _three_together_explain(first: Diagnosis, data: DataSplit, refits: int, executor: Executor | None) -> bool:

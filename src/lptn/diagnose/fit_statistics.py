@@ -223,7 +223,7 @@ def _beyond_noise(fit: Fit, noise: NoiseLevel) -> float:
 
 
 def explained_elsewhere(base: Fit, before: Errors | None, after: Errors | None) -> bool:
-    """Whether enough of the held-out error beyond noise goes, too, or what is left of it is less than anyone looks for.
+    """Whether enough of the held-out error beyond noise goes, too, or none is left beyond noise.
 
     True where nothing is held out.
 
@@ -235,7 +235,7 @@ def explained_elsewhere(base: Fit, before: Errors | None, after: Errors | None) 
     if before is None or after is None:
         return True
     floor = float(np.mean(base.noise.floor**2))
-    return after.rmse**2 - floor <= max((1.0 - HALF) * (before.rmse**2 - floor), NEGLIGIBLE**2)
+    return after.rmse**2 <= max(before.rmse**2 - HALF * (before.rmse**2 - floor), floor)
 
 
 def is_negligible(smaller: Fit, larger: Fit, before: Sequence[Prediction], after: Sequence[Prediction]) -> bool:

@@ -204,19 +204,19 @@ def improve(
     """
     coarse = for_search(data)
     model = with_errors_of_runs(model, data, ambient_error, torque_error, surface_error)
-    search, kept, verdicts = _searched(model, coarse, most, executor, report, found)
+    search, kept, verdict = _searched(model, coarse, most, executor, report, found)
     differing: tuple[RunDifference, ...] = ()
     likeliest = _ranked(search.branches)[0]
-    if coarse.holdout and (verdicts[0] == "unexplained" or search.diagnosis(likeliest).only_held_out_runs_object):
+    if coarse.holdout and (verdict == "unexplained" or search.diagnosis(likeliest).only_held_out_runs_object):
         report("looking for what differs in held-out runs")
         granted, differing = granted_differences(model, likeliest[-1].fit, coarse.holdout)
         if differing:
-            search, kept, verdicts = _searched(granted, coarse, most, executor, report, found)
+            search, kept, verdict = _searched(granted, coarse, most, executor, report, found)
     first, last = search.diagnosis(search.branches[0]), search.diagnosis(kept)
     report("fitting the steps at full resolution")
     steps = _at_full_resolution(kept, data)
     rivals = search.left_open(kept)
-    return History(*verdicts, steps, first, last, len(search.branches), differing, rivals=rivals)
+    return History(verdict, last.verdict, steps, first, last, len(search.branches), differing, rivals=rivals)
 
 
 def _searched(
@@ -226,16 +226,15 @@ def _searched(
     executor: Executor | None,
     report: Report,
     found: Callable[[Branch], None],
-) -> tuple[_Search, Branch, tuple[Verdict, Verdict]]:
-    """All branches from a model, the one that is kept, and the verdicts on the model as given and on that one."""
+) -> tuple[_Search, Branch, Verdict]:
+    """All branches from a model, the one that is kept, and the verdict on the model as given."""
     report("fitting the model as it stands")
     base = unless_interrupted(fit_segments(model, data.fit))
     given: Branch = (Step(base).predicting(data),)
     search = _Search(data, executor, report, found)
     search.follow(given, most)
     kept = search.reconsidered(search.settled(_chosen(search.branches, data)))
-    ended = len(kept) <= most  # nothing that was tried beyond it is more probable by all runs
-    return search, kept, _verdicts(search.diagnosis(given), search.diagnosis(kept), given, kept, ended=ended)
+    return search, kept, _verdict(search.diagnosis(given), search.diagnosis(kept), given, kept)
 
 
 # --- Branches of models, followed side by side as long as the fit data can't tell them apart ---------
@@ -632,24 +631,16 @@ def _declarations(branch: Sequence[Step]) -> list[EffectDeclaration]:
 # --- The verdict, and the branch that is kept at full resolution ------------------------------------
 
 
-def _verdicts(
-    first: Diagnosis, last: Diagnosis, given: Branch, kept: Branch, *, ended: bool
-) -> tuple[Verdict, Verdict]:
-    """On the model as given, and on the one that is kept.
-
-    Effects that only the fitted runs ask for explain nothing. Where those are met within noise, and the search ended
-    without what they ask for, that is chance.
-    """
-    by_chance = last.verdict == "missing" and ended and not last.scores.is_lacking
-    remaining: Verdict = "adequate" if by_chance else last.verdict
-    if first.verdict == "adequate" or (len(kept) == 1 and remaining == "adequate"):
-        return "adequate", remaining
-    if remaining == "adequate":
-        return "missing", remaining
+def _verdict(first: Diagnosis, last: Diagnosis, given: Branch, kept: Branch) -> Verdict:
+    """On the model as given; effects that only the fitted runs ask for explain nothing."""
+    if first.verdict == "adequate":
+        return "adequate"
+    if last.verdict == "adequate":
+        return "missing"
     before, after = given[-1], kept[-1]
     elsewhere = explained_elsewhere(before.fit, before.holdout, after.holdout)
     enough = explains(HALF, before.fit, after.fit, first.scores.noise)
-    return "missing" if enough and elsewhere else "unexplained", remaining
+    return "missing" if enough and elsewhere else "unexplained"
 
 
 def _at_full_resolution(branch: Branch, data: DataSplit) -> Branch:

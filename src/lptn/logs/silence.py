@@ -61,7 +61,7 @@ _BY_TWO, _STAYS = 0.02, 0.85
 """Where noise is 0.35 of a sensor's steps, such a share of its moves is by two steps at once, and a temperature in the
 middle of a step, where it shows least, gives the same number with this chance. With less noise it may do so for ever,
 however lively the sensor is near an edge."""
-_GAP = 10.0  # times the usual distance of readings: none were logged for a while
+_GAP = 10.0  # times the usual distance of readings, and a minute: none were logged for a while
 _SURELY = 1.64  # standard deviations of a count: so few moves by two steps may be chance in one sensor of twenty
 _LONGER = 20.0  # times the median time that a number stands: topics that repeat themselves stand for long
 _JUMPS = 3.0  # steps: a coarse sensor that was alive all the while never moves by so many at once
@@ -88,9 +88,7 @@ def silences(
     if there.size < _FEWEST:
         return []
     readings, stamps = values[there], time[there]
-    apart = np.diff(stamps)
-    in_gap = apart > _GAP * np.median(apart)
-    logged = np.concatenate(([0.0], np.cumsum(np.where(in_gap, 0.0, apart))))  # s; nothing stands where nothing is read
+    in_gap, logged = _gaps(stamps)
     changes = np.flatnonzero(np.diff(readings) != 0)
     first, last = np.concatenate(([0], changes + 1)), np.concatenate((changes, [readings.size - 1]))
     spans = logged[last] - logged[first]
@@ -114,6 +112,16 @@ def silences(
                 found.append(Silence(kind, float(readings[first[k]]), float(stamps[begin]), float(stamps[end]), rows))
     found.sort(key=lambda each: each.start)
     return found
+
+
+def _gaps(stamps: FloatArray) -> tuple[BoolArray, FloatArray]:
+    """Which steps from reading to reading are gaps, shape (n − 1,), and the time without these [s], shape (n,).
+
+    Nothing stands where nothing is read.
+    """
+    apart = np.diff(stamps)
+    in_gap = apart > max(_GAP * float(np.median(apart)), _SHORTEST) if apart.size else np.zeros(0, dtype=bool)
+    return in_gap, np.concatenate(([0.0], np.cumsum(np.where(in_gap, 0.0, apart))))
 
 
 def _is_alone(readings: FloatArray, first: int, last: int) -> bool:
@@ -459,7 +467,7 @@ def _still_throughout(values: Mapping[str, FloatArray]) -> dict[str, list[Silenc
     for key, extent in ranges.items():
         rows = np.isfinite(values[key])
         stamps = values["time"][rows]
-        if not moved or extent or stamps.size < 3 or stamps[-1] - stamps[0] < _STUCK:
+        if not moved or extent or stamps.size < 3 or _gaps(stamps)[1][-1] < _STUCK:
             continue
         one = Silence("frozen", float(read[key][0]), float(stamps[0]), float(stamps[-1]), rows, whole=True)
         if key != AMBIENT:
@@ -474,9 +482,9 @@ def _still_throughout(values: Mapping[str, FloatArray]) -> dict[str, list[Silenc
 def _zero_throughout(time: FloatArray, values: FloatArray) -> list[Silence]:
     """All of a column that is nothing but zero, as of drives that don't measure what they are asked for."""
     rows = np.isfinite(values)
-    if np.count_nonzero(rows) < _FEWEST or values[rows].any() or np.ptp(time[rows]) < STILL:
-        return []
     stamps = time[rows]
+    if stamps.size < _FEWEST or values[rows].any() or _gaps(stamps)[1][-1] < STILL:
+        return []
     return [Silence("frozen", 0.0, float(stamps[0]), float(stamps[-1]), rows, whole=True)]
 
 

@@ -7,6 +7,7 @@ import re
 from collections.abc import Sequence
 
 from lptn.basics.words import listed
+from lptn.diagnose.candidates import GRANTED
 from lptn.effects import Effect, catalogue
 from lptn.effects.ambient_offset import AmbientOffset
 from lptn.effects.loss_scale import LossScale
@@ -149,7 +150,7 @@ def granted_in_words(model: Model) -> str:
     """Which errors of its inputs and its air each run is granted, and by how much; empty for none."""
 
     def spread(effect: type[Effect]) -> float:
-        declared = [each for each in model.network.effects if each.granted and isinstance(each.effect, effect)]
+        declared = [each for each in model.network.effects if each.label == f"{effect.key}{GRANTED}"]
         return min((one.prior[1] for each in declared for one in each.parameters if one.prior), default=0.0)
 
     air, losses, surfaces = spread(AmbientOffset), spread(LossScale), spread(SurfaceScale)
