@@ -149,7 +149,7 @@ def test_torques_that_are_a_little_off_in_each_run_are_no_effect(leg: Leg) -> No
 
 
 def test_a_surface_that_loses_a_little_more_in_each_run_is_no_effect(leg: Leg) -> None:
-    names = ("FR_thigh", "fit1", 0.2), ("FR_calf", "fit2", -0.2), ("FR_thigh", "holdout", -0.2)
+    names = ("FR_thigh", "fit1", 0.3), ("FR_calf", "fit2", -0.3), ("FR_thigh", "holdout", -0.3)
     model, data = leg(*(Hidden("surface_scale", joint, size=share, run=run) for joint, run, share in names), noise=0.03)
     assert improve(model, data, surface_error=0.0).verdict != "adequate"
     assert improve(model, data).verdict == "adequate"

@@ -204,19 +204,19 @@ def improve(
     """
     coarse = for_search(data)
     model = with_errors_of_runs(model, data, ambient_error, torque_error, surface_error)
-    search, kept, verdict = _searched(model, coarse, most, executor, report, found)
+    search, kept, verdicts = _searched(model, coarse, most, executor, report, found)
     differing: tuple[RunDifference, ...] = ()
     likeliest = _ranked(search.branches)[0]
-    if coarse.holdout and (verdict == "unexplained" or search.diagnosis(likeliest).only_held_out_runs_object):
+    if coarse.holdout and (verdicts[0] == "unexplained" or search.diagnosis(likeliest).only_held_out_runs_object):
         report("looking for what differs in held-out runs")
         granted, differing = granted_differences(model, likeliest[-1].fit, coarse.holdout)
         if differing:
-            search, kept, verdict = _searched(granted, coarse, most, executor, report, found)
+            search, kept, verdicts = _searched(granted, coarse, most, executor, report, found)
     first, last = search.diagnosis(search.branches[0]), search.diagnosis(kept)
     report("fitting the steps at full resolution")
     steps = _at_full_resolution(kept, data)
     rivals = search.left_open(kept)
-    return History(verdict, last.verdict, steps, first, last, len(search.branches), differing, rivals=rivals)
+    return History(*verdicts, steps, first, last, len(search.branches), differing, rivals=rivals)
 
 
 def _searched(
@@ -226,15 +226,16 @@ def _searched(
     executor: Executor | None,
     report: Report,
     found: Callable[[Branch], None],
-) -> tuple[_Search, Branch, Verdict]:
-    """All branches from a model, the one that is kept, and the verdict on the model as given."""
+) -> tuple[_Search, Branch, tuple[Verdict, Verdict]]:
+    """All branches from a model, the one that is kept, and the verdicts on the model as given and on that one."""
     report("fitting the model as it stands")
     base = unless_interrupted(fit_segments(model, data.fit))
     given: Branch = (Step(base).predicting(data),)
     search = _Search(data, executor, report, found)
     search.follow(given, most)
     kept = search.reconsidered(search.settled(_chosen(search.branches, data)))
-    return search, kept, _verdict(search.diagnosis(given), search.diagnosis(kept), given, kept)
+    remaining = search.remaining(kept)
+    return search, kept, (_verdict(search.diagnosis(given), remaining, given, kept), remaining)
 
 
 # --- Branches of models, followed side by side as long as the fit data can't tell them apart ---------
@@ -406,6 +407,19 @@ class _Search:
 
         ordered = sorted(asked, key=place)
         return (given, *ordered[:-1], ordered[-1].fitted_as(last))
+
+    def remaining(self, branch: Branch) -> Verdict:
+        """What its diagnosis says of a branch's last model, but that chance is no lack.
+
+        That is what the fitted runs ask for though they are met within noise, and held-out runs, when it was tried, did
+        not confirm; of what is said to act in one fitted run they know nothing.
+        """
+        last = self.diagnosis(branch)
+        if last.verdict != "missing" or last.scores.is_lacking or branch[-1].holdout is None:
+            return last.verdict
+        asked = last.best.declaration if last.best else None
+        tried = any(_effects(branch) < _effects(other) for other in self.branches)
+        return "adequate" if tried and asked is not None and not asked.run else last.verdict
 
     def left_open(self, branch: Branch) -> tuple[Step, ...]:
         """As `History.rivals` has it, of a branch whose steps were reconsidered."""
@@ -631,12 +645,12 @@ def _declarations(branch: Sequence[Step]) -> list[EffectDeclaration]:
 # --- The verdict, and the branch that is kept at full resolution ------------------------------------
 
 
-def _verdict(first: Diagnosis, last: Diagnosis, given: Branch, kept: Branch) -> Verdict:
+def _verdict(first: Diagnosis, remaining: Verdict, given: Branch, kept: Branch) -> Verdict:
     """On the model as given; effects that only the fitted runs ask for explain nothing."""
     if first.verdict == "adequate":
         return "adequate"
-    if last.verdict == "adequate":
-        return "missing"
+    if remaining == "adequate":
+        return "missing" if len(kept) > 1 else "adequate"
     before, after = given[-1], kept[-1]
     elsewhere = explained_elsewhere(before.fit, before.holdout, after.holdout)
     enough = explains(HALF, before.fit, after.fit, first.scores.noise)
