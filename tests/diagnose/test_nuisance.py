@@ -12,8 +12,9 @@ import pytest
 from lptn.diagnose.answers import Step
 from lptn.diagnose.candidates import with_errors_of_runs
 from lptn.diagnose.diagnosis import for_search
+from lptn.diagnose.fit_statistics import explained_elsewhere
 from lptn.diagnose.improvement import improve
-from lptn.diagnose.runs_that_differ import granted_at_limit
+from lptn.diagnose.runs_that_differ import Cause, RunDifference, granted_at_limit, with_differences
 from lptn.effects import catalogue
 from lptn.identify.comparison import Errors, predict, with_own_errors
 from lptn.identify.data import Segment
@@ -21,6 +22,7 @@ from lptn.identify.fitting import fit_starts, nuisances
 from lptn.identify.validation import fit_segments, holdout_errors
 from lptn.model.model import Model
 from lptn.model.network import EffectDeclaration
+from lptn.report.text import granted_in_words
 from lptn.simulate.bound_run import bind
 from lptn.simulate.simulation import simulate
 from lptn.virtual import Hidden
@@ -146,6 +148,45 @@ def test_torques_that_are_a_little_off_in_each_run_are_no_effect(leg: Leg) -> No
     history = improve(model, data)
     assert (history.verdict, [step.key for step in history.steps]) == ("adequate", [("", "")])
     assert history.best.parameters == len(model.free)
+
+
+@pytest.mark.parametrize(("at", "run"), [("FR_calf", ""), ("FR_calf", "fit1"), ("*", "")])
+def test_a_surface_that_the_model_changes_already_may_differ_from_run_to_run_as_well(
+    leg: Leg, at: str, run: str
+) -> None:
+    model, data = leg()
+    fan = EffectDeclaration(catalogue()["surface_scale"](), at, run=run)
+    granted = with_errors_of_runs(Model(model.network.with_effects([fan])), data).network.effects
+    surfaces = [each for each in granted if each.granted and each.effect.key == "surface_scale"]
+    assert len(surfaces) == len(model.nodes) * 3  # runs
+
+
+def test_a_fan_of_one_held_out_run_is_no_error_that_every_run_is_granted(leg: Leg) -> None:
+    model, data = leg()
+    fan = catalogue()["surface_scale"]()
+    cause = Cause(EffectDeclaration(fan, "FR_calf", fan.parameters, run="holdout"), 2.0, 0.1, "")
+    differing = [RunDifference("holdout", 1.0, 0.1, (cause,))]
+    words = granted_in_words(with_differences(with_errors_of_runs(model, data, surface=0.0), differing))
+    assert words == "its ambient sensor off by 0.3 K and the heat that a joint's torque or current makes off by 3 %"
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "explained"),
+    [
+        (0.5, 0.3, True),  # more than half of the squares beyond noise
+        (0.5, 0.45, False),
+        (0.17, 0.19, True),  # within noise before and after, where a tenth of a kelvin up or down is chance
+        (0.17, 0.25, False),
+        (0.25, 0.25, False),
+    ],
+)
+def test_held_out_runs_within_noise_object_to_nothing(leg: Leg, before: float, after: float, explained: bool) -> None:
+    model, data = leg(noise=0.2)
+    fit = fit_segments(model, data.fit)
+    assert np.allclose(fit.noise.floor, 0.2, rtol=0.1)
+    floor = float(np.sqrt(np.mean(fit.noise.floor**2))) / 0.2
+    errors = [Errors.of(np.full((1, 10), floor * size)) for size in (before, after)]
+    assert explained_elsewhere(fit, *errors) is explained
 
 
 def test_a_surface_that_loses_a_little_more_in_each_run_is_no_effect(leg: Leg) -> None:

@@ -66,6 +66,32 @@ def test_what_stands_on_both_sides_of_a_gap_did_not_stand_in_it() -> None:
     assert [each.kind for each in silences(time, readings)] == ["frozen"]
 
 
+@pytest.mark.parametrize(
+    "apart",
+    [
+        np.tile([0.001, 0.999], 1200),  # pairs of rows, once a second
+        np.tile([0.1, 0.1, 4.8], 800),  # three of a burst, every five seconds
+        np.repeat([1.0, 15.0], [1500, 200]),  # a logger that slows down
+    ],
+    ids=["pairs", "bursts", "slower"],
+)
+def test_rows_that_come_in_bursts_are_no_gaps(apart: npt.NDArray[np.float64]) -> None:
+    time = np.cumsum(apart)
+    readings = np.round(30.0 + np.random.default_rng(2).normal(0.0, 0.1, time.size), 2)
+    stands = (time > time[-1] - 1500) & (time < time[-1] - 300)
+    readings[stands] = 30.0
+    assert [each.kind for each in silences(time, readings)] == ["frozen"]
+
+
+def test_a_torque_of_nothing_but_zero_is_frozen_only_if_it_was_logged_for_long() -> None:
+    time = np.concatenate([np.arange(30.0), np.arange(1000.0, 1030.0)])
+    zero = {"time": time, "torque.knee": np.zeros(time.size), "velocity.knee": np.full(time.size, 1.0)}
+    assert "torque.knee" not in silences_of(zero)
+    time = np.arange(300.0)
+    zero = {"time": time, "torque.knee": np.zeros(time.size), "velocity.knee": np.sin(time)}
+    assert [each.kind for each in silences_of(zero)["torque.knee"]] == ["frozen"]
+
+
 def test_two_joints_at_rest_that_read_alike_are_no_copies() -> None:
     """Both cool in steps of 1 K and flicker; of 2400 rows they differ in less than one in a hundred."""
     rng, one = np.random.default_rng(4), np.full(2400, 31.0)
