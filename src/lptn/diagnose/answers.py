@@ -19,7 +19,7 @@ from lptn.basics.parameters import ParameterInstance
 from lptn.basics.places import is_glob
 from lptn.basics.tables import Tabular
 from lptn.diagnose.candidates import Candidate
-from lptn.diagnose.fit_statistics import criterion_difference, is_negligible
+from lptn.diagnose.fit_statistics import criterion_difference
 from lptn.diagnose.probability import (
     is_implausible,
     log_evidence_of_starts,
@@ -412,8 +412,6 @@ def compared(base: Fit, known: Sequence[Step], step: Step, data: DataSplit) -> S
 def something_missing(given: Step, steps: Sequence[Step], data: DataSplit) -> float:
     """Probability, by all runs, that one of several effects is missing in a model, and not nothing.
 
-    What explains less than anyone looks for is as good as nothing.
-
     Args:
         given: the model.
         steps: with one effect more each.
@@ -422,14 +420,8 @@ def something_missing(given: Step, steps: Sequence[Step], data: DataSplit) -> fl
     if not steps:
         return 0.0
     every = [given, *steps]
-    predicted = held_out(every, data)
-    fits, priors = [step.fit for step in every], _log_priors(given.fit, steps)
-    shares = probabilities(fits, priors, predicted if data.holdout else ())[1:]
-    matters = [
-        not is_negligible(given.fit, step.fit, predicted[0], each)
-        for step, each in zip(steps, predicted[1:], strict=True)
-    ]
-    return float(shares[matters].sum())
+    predicted = held_out(every, data) if data.holdout else ()
+    return float(probabilities([step.fit for step in every], _log_priors(given.fit, steps), predicted)[1:].sum())
 
 
 def held_out(steps: Sequence[Step], data: DataSplit) -> list[tuple[Prediction, ...]]:

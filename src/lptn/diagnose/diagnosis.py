@@ -7,9 +7,9 @@
 4. They are ordered by probability (`lptn.diagnose.probability`): by how well they explain the fitted data, and how
    usual such an effect is and its size. Those that the best does not rule out are one answer with several names; names
    that held-out runs speak against come last. What has a size that nobody would believe is no answer.
-5. The verdict: `"adequate"` if nothing is beyond noise, nothing that matters is missing more probably than not by all
-   runs, and no held-out run stands out; `"missing"` if the best candidate, or three one after the other, remove most of
-   the misfit, on held-out runs too, where these show any; else `"unexplained"`.
+5. The verdict: `"adequate"` if nothing is beyond noise, nothing is missing more probably than not by all runs, and no
+   held-out run stands out; `"missing"` if the best candidate, or three one after the other, remove most of the misfit,
+   on held-out runs too, where these show any; else `"unexplained"`.
 6. Where nothing explains a held-out run, and one parameter that differs in it would, it is granted that parameter, and
    the question is asked once more: a fan in one run says nothing of the model.
 """
