@@ -91,6 +91,17 @@ def test_neighbouring_joints_of_the_ur3_arm_heat_each_other() -> None:
     assert both.runs[0].reduction > 0.2
 
 
+@pytest.mark.long
+def test_no_driver_s_loss_takes_the_place_of_the_ur3_arm_s_copper() -> None:
+    """In proportion to the current it fits a little better than the square, and leaves the copper at its least."""
+    folder = EXAMPLES / "ur3"
+    loaded = load_model(folder / "coupled.toml")
+    data = split_data(loaded.runs([folder / "warm_up.parquet"]), loaded.runs([folder / "later.parquet"]))
+    history = improve(loaded.model, data, most=1)
+    resistance = next(each for each in history.best.fit.model.parameters if each.name == "copper_loss.resistance.*")
+    assert resistance.value > 10 * resistance.declared.bounds[0]
+
+
 @pytest.mark.slow
 def test_the_whole_body_meets_tables_2_and_3(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch

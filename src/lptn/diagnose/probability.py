@@ -329,8 +329,9 @@ def is_implausible(fit: Fit, declarations: Iterable[EffectDeclaration], given: F
     """Whether an added effect's size is none that anyone would believe.
 
     It is much larger than usual, or went as far as nature lets it, or takes more off a place than that has in common
-    with others, or in place of a link or a capacity that the model was given with, which vanishes; or it is finer than
-    the log: a row may be stamped where its interval begins or where it ends, so that a clock is known to half a step.
+    with others, or in place of a link, a capacity or a winding's loss that the model was given with, which vanishes; or
+    it is finer than the log: a row may be stamped where its interval begins or where it ends, so that a clock is known
+    to half a step.
 
     Args:
         fit: with the effects.
@@ -349,7 +350,9 @@ def is_implausible(fit: Fit, declarations: Iterable[EffectDeclaration], given: F
 
 
 def _takes_the_place_of_what_was_given(fit: Fit, given: Fit) -> bool:
-    """Whether a link or a capacity of the given model vanishes, that is, ends at a bound and a factor of three off.
+    """Whether a link, a capacity or a winding's loss of the given model vanishes.
+
+    That is, it ends at a bound and a factor of three off.
 
     What is nearer to its bound, the right effect may bring there: bounds are a user's guess.
     """

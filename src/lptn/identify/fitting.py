@@ -74,8 +74,10 @@ class Fit(Tabular):
 
     @cached_property
     def vanished(self) -> set[str]:
-        """Names of resistances that ended at their largest and of capacities at their least: as good as none."""
-        ends = {"K/W": 1, "J/K": 0}  # where a resistance, and where a capacity, has no effect
+        """Names of thermal resistances that ended at their largest, of capacities and of windings' resistances at their
+        least: as good as none.
+        """
+        ends = {"K/W": 1, "J/K": 0, "ohm": 0}  # where a link, a capacity, and a winding's loss, has no effect
         numbers = rows_at_bounds(self.problem, self.z)
         at_bounds = {self.model.parameters[self.problem.free[row]]: end for row, end in numbers.items()}
         return {each.name for each, end in at_bounds.items() if ends.get(each.declared.unit) == end}
