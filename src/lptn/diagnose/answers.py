@@ -403,8 +403,7 @@ def compared(base: Fit, known: Sequence[Step], step: Step, data: DataSplit) -> S
     judged = next(each for each in _by_probability(base, steps) if each.key == step.key)
     if not data.holdout:
         return judged
-    fits = [base, *(each.fit for each in steps)]
-    by_all_runs = probabilities(fits, _log_priors(base, steps), held_out([Step(base), *steps], data))[1:]
+    by_all_runs = _by_all_runs(Step(base), steps, data)
     at_its_place = _of_those_alike(steps[0], steps, by_all_runs, _place)
     return replace(judged, by_all_runs=float(by_all_runs[0]), at_its_place=at_its_place)
 
@@ -417,11 +416,14 @@ def something_missing(given: Step, steps: Sequence[Step], data: DataSplit) -> fl
         steps: with one effect more each.
         data: with the held-out runs, which may confirm what the fitted ones ask for, or deny it.
     """
-    if not steps:
-        return 0.0
+    return float(_by_all_runs(given, steps, data).sum()) if steps else 0.0
+
+
+def _by_all_runs(given: Step, steps: Sequence[Step], data: DataSplit) -> FloatArray:
+    """Probability of each step, beside the others and that nothing is missing, by fitted and held-out runs."""
     every = [given, *steps]
     predicted = held_out(every, data) if data.holdout else ()
-    return float(probabilities([step.fit for step in every], _log_priors(given.fit, steps), predicted)[1:].sum())
+    return probabilities([step.fit for step in every], _log_priors(given.fit, steps), predicted)[1:]
 
 
 def held_out(steps: Sequence[Step], data: DataSplit) -> list[tuple[Prediction, ...]]:
