@@ -223,7 +223,7 @@ def test_an_offset_of_all_sensors_fits_as_well_as_air_that_is_so_much_warmer(leg
 
 def test_the_held_out_error_falls_to_the_noise(improved: tuple[Model, DataSplit, History]) -> None:
     model, data, history = improved
-    given = holdout_errors(fit_segments(model, data.fit), data.holdout)  # no errors granted to the runs
+    given = holdout_errors(fit_segments(model, data.fit), data.holdout)  # without nuisance parameters
     errors = [step.holdout.rmse for step in history.steps if step.holdout]
     assert given
     assert errors[-1] < 0.2  # K; the sensors' noise is 0.15 K

@@ -14,7 +14,7 @@ from lptn.diagnose.candidates import with_errors_of_runs
 from lptn.diagnose.diagnosis import for_search
 from lptn.diagnose.fit_statistics import explained_elsewhere
 from lptn.diagnose.improvement import improve
-from lptn.diagnose.runs_that_differ import Cause, RunDifference, granted_at_limit, with_differences
+from lptn.diagnose.runs_that_differ import Cause, RunDifference, nuisances_at_limit, with_differences
 from lptn.effects import catalogue
 from lptn.identify.comparison import Errors, predict, with_own_errors
 from lptn.identify.data import Segment
@@ -22,7 +22,7 @@ from lptn.identify.fitting import fit_starts, nuisances
 from lptn.identify.validation import fit_segments, holdout_errors
 from lptn.model.model import Model
 from lptn.model.network import EffectDeclaration
-from lptn.report.text import granted_in_words
+from lptn.report.text import nuisances_in_words
 from lptn.simulate.bound_run import bind
 from lptn.simulate.simulation import simulate
 from lptn.virtual import Hidden
@@ -40,63 +40,63 @@ def test_a_held_out_run_with_a_wrong_ambient_does_not_judge_the_model_for_it(leg
     model, data = leg(Hidden("ambient_offset", "ambient", size=0.4, run="holdout"))
     data = replace(data, fit=_named(data.fit, names[:2]), holdout=_named(data.holdout, names[2:]))
     coarse, errors = for_search(data), []
-    for granted in (model, with_errors_of_runs(model, data, ambient=0.5)):
-        held = holdout_errors(fit_segments(granted, coarse.fit), coarse.holdout)
+    for asked in (model, with_errors_of_runs(model, data, ambient=0.5)):
+        held = holdout_errors(fit_segments(asked, coarse.fit), coarse.holdout)
         assert held is not None
         errors.append(held.rmse)
     assert errors[0] > 0.2  # K
     assert errors[1] < 0.1
 
 
-def test_as_logged_a_held_out_run_is_predicted_as_the_model_without_grants_does(leg: Leg) -> None:
+def test_as_logged_a_held_out_run_is_predicted_as_the_model_without_nuisances_does(leg: Leg) -> None:
     """And worse than with them, where its ambient sensor is off: what somebody who takes the model will meet."""
     model, data = leg(Hidden("ambient_offset", "ambient", size=0.4, run="holdout"))
     coarse = for_search(data)
-    granted = fit_segments(with_errors_of_runs(model, data, ambient=0.5), coarse.fit)
-    step = Step(granted).made_for_use(coarse).judged_on(coarse)
+    fitted = fit_segments(with_errors_of_runs(model, data, ambient=0.5), coarse.fit)
+    step = Step(fitted).made_for_use(coarse).judged_on(coarse)
     values = {each.name: each.value for each in step.for_use.model.parameters if not each.declared.nuisance}
-    plain = predict(Model(model.network.with_values(values)), coarse.holdout[0], granted.problem.sigma)
+    plain = predict(Model(model.network.with_values(values)), coarse.holdout[0], fitted.problem.sigma)
     assert step.holdout is not None
     assert step.holdout_as_logged is not None
     assert step.holdout_as_logged.rmse == pytest.approx(Errors.of(plain.error).rmse, rel=1e-9)
     assert step.holdout_as_logged.rmse > 2 * step.holdout.rmse
 
 
-def test_a_grant_that_ends_at_its_limit_is_told(leg: Leg) -> None:
-    """Air of fit2 that is off by 3 K, where 0.3 K are usual, and 0.6 K granted."""
+def test_a_nuisance_that_ends_at_its_limit_is_said(leg: Leg) -> None:
+    """Air of fit2 that is off by 3 K, where 0.3 K are usual, and 0.6 K the most."""
     model, data = leg(Hidden("ambient_offset", "ambient", size=3.0, run="fit2"))
     coarse = for_search(data)
     fit = fit_segments(with_errors_of_runs(model, data, ambient=0.3, torque=0.0, surface=0.0), coarse.fit)
-    (told,) = [each for each in granted_at_limit(fit) if each.run == "fit2"]
+    (told,) = [each for each in nuisances_at_limit(fit) if each.run == "fit2"]
     assert (told.effect, told.at) == ("ambient_offset", "ambient")
     assert abs(told.size) == pytest.approx(0.6)
     assert re.fullmatch("in fit2 the ambient was at least 0.6 K (warm|cool)er than given", told.text)
     wide = fit_segments(with_errors_of_runs(model, data, ambient=5.0, torque=0.0, surface=0.0), coarse.fit)
-    assert not granted_at_limit(wide)
+    assert not nuisances_at_limit(wide)
 
 
-@pytest.mark.parametrize(("off", "as_granted"), [(0.0, False), (2.0, True)])
+@pytest.mark.parametrize(("off", "with_nuisances"), [(0.0, False), (2.0, True)])
 def test_a_file_gets_the_fit_that_predicts_held_out_runs_as_they_were_logged(
-    leg: Leg, off: float, as_granted: bool
+    leg: Leg, off: float, with_nuisances: bool
 ) -> None:
-    """What runs are granted takes from the parameters what is wrong in a log, or, where nothing is, what is right."""
+    """What is a run's own takes from the parameters what is wrong in a log, or, where nothing is, what is right."""
     model, data = leg(Hidden("ambient_offset", "ambient", size=off, run="fit1")) if off else leg()
     coarse = for_search(data)
-    granted = fit_segments(with_errors_of_runs(model, data, ambient=2.0), coarse.fit)
-    step = Step(granted).made_for_use(coarse)
+    fitted = fit_segments(with_errors_of_runs(model, data, ambient=2.0), coarse.fit)
+    step = Step(fitted).made_for_use(coarse)
     without = fit_segments(model, coarse.fit)
-    errors = [holdout_errors(fit, coarse.holdout, own_errors=False) for fit in (granted, without, step.for_use)]
+    errors = [holdout_errors(fit, coarse.holdout, own_errors=False) for fit in (fitted, without, step.for_use)]
     rmse = [error.rmse for error in errors if error is not None]
-    assert (step.for_use is granted) is as_granted
+    assert (step.for_use is fitted) is with_nuisances
     assert rmse[2] == pytest.approx(min(rmse[:2]), rel=1e-2)
-    assert not any(each.granted for each in (step.plain or without).model.network.effects)
+    assert not any(each.nuisance for each in (step.plain or without).model.network.effects)
 
 
-def test_a_grant_does_not_hide_what_the_model_lacks(leg: Leg) -> None:
+def test_a_nuisance_does_not_hide_what_the_model_lacks(leg: Leg) -> None:
     model, data = leg(Hidden("forced_convection", "FR_thigh"))
     coarse, errors = for_search(data), []
-    for granted in (model, with_errors_of_runs(model, data, ambient=0.5)):
-        held = holdout_errors(fit_segments(granted, coarse.fit), coarse.holdout)
+    for asked in (model, with_errors_of_runs(model, data, ambient=0.5)):
+        held = holdout_errors(fit_segments(asked, coarse.fit), coarse.holdout)
         assert held is not None
         errors.append(held.rmse)
     assert errors[1] > 0.5 * errors[0]
@@ -135,7 +135,7 @@ def test_a_held_out_runs_errors_are_those_that_its_prediction_needs_from_the_sta
             assert misfit(own.with_values(values)) > 0.99 * least, own.parameters[index].name
 
 
-def test_one_log_alone_is_granted_no_errors(leg: Leg) -> None:
+def test_one_log_alone_has_no_nuisances(leg: Leg) -> None:
     model, data = leg()
     alone = type(data)(data.fit[:1])
     assert with_errors_of_runs(model, alone) is model
@@ -156,17 +156,17 @@ def test_a_surface_that_the_model_changes_already_may_differ_from_run_to_run_as_
 ) -> None:
     model, data = leg()
     fan = EffectDeclaration(catalogue()["surface_scale"](), at, run=run)
-    granted = with_errors_of_runs(Model(model.network.with_effects([fan])), data).network.effects
-    surfaces = [each for each in granted if each.granted and each.effect.key == "surface_scale"]
+    declared = with_errors_of_runs(Model(model.network.with_effects([fan])), data).network.effects
+    surfaces = [each for each in declared if each.nuisance and each.effect.key == "surface_scale"]
     assert len(surfaces) == len(model.nodes) * 3  # runs
 
 
-def test_a_fan_of_one_held_out_run_is_no_error_that_every_run_is_granted(leg: Leg) -> None:
+def test_a_fan_of_one_held_out_run_is_no_nuisance_of_every_run(leg: Leg) -> None:
     model, data = leg()
     fan = catalogue()["surface_scale"]()
     cause = Cause(EffectDeclaration(fan, "FR_calf", fan.parameters, run="holdout"), 2.0, 0.1, "")
     differing = [RunDifference("holdout", 1.0, 0.1, (cause,))]
-    words = granted_in_words(with_differences(with_errors_of_runs(model, data, surface=0.0), differing))
+    words = nuisances_in_words(with_differences(with_errors_of_runs(model, data, surface=0.0), differing))
     assert words == "its ambient sensor off by 0.3 K and the heat that a joint's torque or current makes off by 3 %"
 
 
@@ -208,18 +208,18 @@ def test_a_torque_that_is_far_off_in_one_run_is_named_at_its_full_size(leg: Leg)
     assert [step.key for step in history.steps[1:]] == [("loss_scale", "FR_thigh@fit1")]
     values = {parameter.name: parameter.value for parameter in history.best.fit.model.parameters}
     assert values["loss_scale.change.FR_thigh@fit1"] == pytest.approx(0.2, rel=0.1)
-    assert "loss_scale_granted.change.FR_thigh@fit1" not in values
+    assert "loss_scale_nuisance.change.FR_thigh@fit1" not in values
 
 
 @pytest.mark.long
 def test_what_a_log_had_wrong_does_not_depend_on_how_often_it_reads(leg: Leg) -> None:
     model, data = leg(Hidden("forced_convection", "FR_thigh", size=0.1))
     coarse, offsets = for_search(data), []
-    granted = with_errors_of_runs(model, data, ambient=0.05, torque=0.0, surface=0.0)
-    fit = fit_segments(granted, coarse.fit)
+    with_errors = with_errors_of_runs(model, data, ambient=0.05, torque=0.0, surface=0.0)
+    fit = fit_segments(with_errors, coarse.fit)
     for segment in (data.holdout[0], coarse.holdout[0]):
         own = with_own_errors(fit.model, segment, fit.problem.sigma)
         offsets.append(next(each.value for each in own.parameters if each.name.endswith("ambient@holdout")))
     assert (data.holdout[0].run.step, coarse.holdout[0].run.step) == (1.0, 5.0)
-    assert 0.01 < abs(offsets[1]) < 0.09  # K; between nothing and all that is granted
+    assert 0.01 < abs(offsets[1]) < 0.09  # K; between nothing and the most
     assert offsets[0] == pytest.approx(offsets[1], rel=0.02)

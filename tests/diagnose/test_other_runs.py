@@ -202,7 +202,7 @@ def test_every_effect_that_may_differ_from_run_to_run_has_its_sentences() -> Non
 
 
 @pytest.mark.long
-def test_a_fan_in_the_held_out_run_is_granted_and_judges_nothing_else() -> None:
+def test_a_fan_in_the_held_out_run_is_its_own_and_judges_nothing_else() -> None:
     """Nothing is missing in the fitted runs, and the run is named."""
     fitted = [truth("monday", 1), truth("tuesday", 2)]
     held_out = truth("run4", 3, fan=3.0)
@@ -214,7 +214,7 @@ def test_a_fan_in_the_held_out_run_is_granted_and_judges_nothing_else() -> None:
 
 
 @pytest.mark.long
-def test_one_diagnosis_grants_it_as_the_whole_improvement_does() -> None:
+def test_one_diagnosis_takes_it_out_as_the_whole_improvement_does() -> None:
     fitted = [truth("monday", 1), truth("tuesday", 2)]
     found = diagnose(Model(held_gain()), split_data(fitted, [truth("run4", 3, fan=3.0)]))
     assert found.verdict == "adequate"
@@ -224,7 +224,7 @@ def test_one_diagnosis_grants_it_as_the_whole_improvement_does() -> None:
 
 
 @pytest.mark.long
-def test_a_room_warmer_than_a_sensors_error_is_granted_too() -> None:
+def test_a_room_warmer_than_a_sensors_error_is_the_runs_own_too() -> None:
     fitted = [truth("monday", 1), truth("tuesday", 2)]
     history = improve(Model(held_gain()), split_data(fitted, [truth("run4", 3, warmer=3.0)]))
     assert history.verdict == "adequate"
@@ -232,7 +232,7 @@ def test_a_room_warmer_than_a_sensors_error_is_granted_too() -> None:
 
 
 @pytest.mark.long
-def test_errors_granted_to_a_run_do_not_stand_in_for_its_fan(leg: Leg) -> None:  # noqa: F811
+def test_nuisance_parameters_of_a_run_do_not_stand_in_for_its_fan(leg: Leg) -> None:  # noqa: F811
     """Air off by half a kelvin and losses by 6 % take a third of what a fan does; named, they are nought."""
     history = improve(*leg(Hidden("surface_scale", "*", size=4.0, run="holdout")))
     assert history.verdict == "adequate"
@@ -253,7 +253,7 @@ def test_a_held_out_run_that_differs_does_not_choose_what_is_missing_in_all(leg:
 
 
 @pytest.mark.long
-def test_a_held_out_run_that_nothing_explains_is_not_granted() -> None:
+def test_a_held_out_run_that_nothing_explains_is_left_as_it_is() -> None:
     fitted = [truth("monday", 1), truth("tuesday", 2)]
     history = improve(Model(held_gain()), split_data(fitted, [truth("run4", 3, bursts=8.0)]))
     assert history.verdict == "unexplained"
@@ -274,13 +274,13 @@ def test_what_a_held_out_run_does_not_log_is_not_looked_for(leg: Leg) -> None:  
     assert "forced_convection" not in asked
 
 
-def test_what_a_run_is_granted_stands_beside_what_it_is_asked_to_lack_at_each_place() -> None:
+def test_what_is_a_runs_own_stands_beside_what_it_is_asked_to_lack_at_each_place() -> None:
     kind = catalogue()["constant_heat"]
     everywhere = tuple(replace(each, share="all") for each in kind.parameters)
     cause = Cause(EffectDeclaration(kind(), "*", everywhere, run="holdout"), 1.5, 0.1, "")
-    granted = with_differences(Model(network()), [RunDifference("holdout", 2.0, 0.1, (cause,))])
+    differs = with_differences(Model(network()), [RunDifference("holdout", 2.0, 0.1, (cause,))])
     asked = [EffectDeclaration(kind(), name, run="holdout") for name in NODES]
-    model = Model(granted.network.with_effects(asked))
+    model = Model(differs.network.with_effects(asked))
     names = [each.name for each in model.parameters if each.name.startswith("constant_heat")]
     assert names == [
         "constant_heat_differing.power.*@holdout",

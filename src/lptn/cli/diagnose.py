@@ -157,7 +157,7 @@ def _is_finest(diagnosis: Diagnosis, finding: Step) -> bool:
 def show_what_runs_have_of_their_own(
     fit: Fit, differing: Sequence[RunDifference], as_logged: str = "`lptn compare` does without."
 ) -> None:
-    """Which errors each run is granted, and which held-out runs a parameter, fitted to each alone.
+    """Which errors each run may have, and which held-out runs a parameter of their own, fitted to each alone.
 
     Args:
         fit: of the model.
@@ -165,18 +165,18 @@ def show_what_runs_have_of_their_own(
         as_logged: what to say of predictions without.
     """
     from lptn.basics.words import listed
-    from lptn.diagnose.runs_that_differ import granted_at_limit
-    from lptn.report.text import granted_in_words
+    from lptn.diagnose.runs_that_differ import nuisances_at_limit
+    from lptn.report.text import nuisances_in_words
 
     for each in differing:
         print(f"{each.run} is predicted with one parameter of its own, fitted on it; it judges the rest of the model.")
-    granted = granted_in_words(fit.model)
-    if granted:
+    errors = nuisances_in_words(fit.model)
+    if errors:
         print(
-            f"Each run, held-out ones too, may have {granted} (standard deviations; at most twice that): fitted to "
+            f"Each run, held-out ones too, may have {errors} (standard deviations; at most twice that): fitted to "
             f"that run alone. {as_logged}"
         )
-    at_limit = [each.text for each in granted_at_limit(fit)]
+    at_limit = [each.text for each in nuisances_at_limit(fit)]
     if at_limit:
         print(f"That is not enough: {listed(at_limit)}. Something there may differ from run to run.")
 

@@ -133,7 +133,7 @@ def show_history(history: History) -> None:
 
 
 def _as_logged(history: History) -> list[str]:
-    """How well held-out runs are predicted where nothing is granted to them; nothing without any."""
+    """How well held-out runs are predicted without nuisance parameters; nothing without any."""
     from lptn.report.text import kelvin
 
     errors = [step.holdout_as_logged.rmse for step in history.steps if step.holdout_as_logged]

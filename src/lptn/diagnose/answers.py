@@ -76,10 +76,10 @@ class Step(Tabular):
             search asked.
         p_value: how often chance alone would score as much, over all candidates.
         indistinguishable: candidates that the fitted data can't tell from it.
-        holdout: errors on held-out runs, each with what is granted to it, `None` without any.
-        plain: of the same model to runs to which nothing is granted, where that predicts held-out runs better as they
-            were logged; `None` where it does not, and where nobody asked.
-        holdout_as_logged: errors of `for_use` on held-out runs to which nothing is granted, as the model in a file
+        holdout: errors on held-out runs, each with nuisance parameters of its own, `None` without any.
+        plain: of the same model without nuisance parameters, where that predicts held-out runs better as they were
+            logged; `None` where it does not, and where nobody asked.
+        holdout_as_logged: errors of `for_use` on held-out runs without nuisance parameters, as the model in a file
             predicts them; `None` where nobody asked.
         test: errors on runs that chose nothing, `None` without any.
         predicted: the held-out runs that `holdout` is of; empty where they were not kept.
@@ -192,13 +192,13 @@ class Step(Tabular):
     def made_for_use(self, data: DataSplit) -> Step:
         """The step with the fit whose values a file gets, and its errors on held-out runs as they were logged.
 
-        What fitted runs are granted takes from the parameters what is wrong in the logs, or, in logs without such
+        What is each fitted run's own takes from the parameters what is wrong in the logs, or, in logs without such
         errors, what is right; held-out runs tell which.
         """
         network, plain = self.fit.model.network, None
         errors = holdout_errors(self.fit, data.holdout, own_errors=False)
-        if errors is not None and any(each.granted for each in network.effects):
-            without = unless_interrupted(finished(continued(self.fit, network.without_granted())))
+        if errors is not None and any(each.nuisance for each in network.effects):
+            without = unless_interrupted(finished(continued(self.fit, network.without_nuisances())))
             fewer = holdout_errors(without, data.holdout)
             if fewer is not None and fewer.rmse < errors.rmse:
                 plain, errors = without, fewer

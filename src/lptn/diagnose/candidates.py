@@ -31,7 +31,7 @@ from lptn.model.network import EffectDeclaration, Network
 from lptn.model.sizes import Sizes
 from lptn.simulate.bound_run import default_start, start_from
 
-_FARTHEST = 2.0  # standard deviations granted to a sensor's error: readings by the thousand outvote any prior
+_FARTHEST = 2.0  # standard deviations that a run's own error may reach: readings by the thousand outvote any prior
 _FEWEST = 3  # nodes that share an unseen mass
 _WARM, _NO_HEAT = 25.0, 1e-12  # degC, W
 _ONE_LOGGER = 0.03
@@ -453,7 +453,7 @@ def _places_without(network: Network, effect: type[Effect], words: Words, run: s
     taken = {
         instance.place
         for instance in network.effect_instances
-        if instance.effect.key == effect.key and instance.declaration.run == run and not instance.declaration.granted
+        if instance.effect.key == effect.key and instance.declaration.run == run and not instance.declaration.nuisance
     }
     return [
         (place, ends)
@@ -580,11 +580,11 @@ def _shaped(parameter: Parameter, shape: float | None) -> Parameter:
 # --- Nuisance parameters: what every log has wrong in each run, so that no effect stands in for it ---------
 
 
-GRANTED = "_granted"
+NUISANCE = "_nuisance"
 """What the name of an effect ends in that stands for a small error of each run."""
 AMBIENT_ERROR = 0.3
 """K, one standard deviation: how far an ambient sensor may be off in each run where nothing else is known of it. So
-much is granted to a platinum thermometer of class B at 0 °C [IEC60751], and air a metre away differs by as much."""
+much is allowed to a platinum thermometer of class B at 0 °C [IEC60751], and air a metre away differs by as much."""
 TORQUE_ERROR = 0.015
 """Share, one standard deviation: how far a joint's torque or current may be off in each run where nothing else is
 known of it. Magnets lose 0.1 % of their flux a kelvin (`lptn.effects.torque_constant_drop`), so that of two runs of
@@ -626,21 +626,21 @@ def with_errors_of_runs(
     network = model.network
     surroundings = [name for name, source in network.prescribed.items() if not isinstance(source, int)]
     driven = [each.ends[0] for each in network.effect_instances if each.effect.key == LossScale.heat_of]
-    granted: list[tuple[Effect, str, float]] = [(AmbientOffset(), place, ambient) for place in surroundings]
-    granted += [(LossScale(), place, 2 * torque) for place in dict.fromkeys(driven)]
+    wanted: list[tuple[Effect, str, float]] = [(AmbientOffset(), place, ambient) for place in surroundings]
+    wanted += [(LossScale(), place, 2 * torque) for place in dict.fromkeys(driven)]
     surfaces = network.places_for(EffectDeclaration(SurfaceScale(), EVERYWHERE))
-    granted += [(SurfaceScale(), place, surface) for place, _ in surfaces]
+    wanted += [(SurfaceScale(), place, surface) for place, _ in surfaces]
     errors = [
-        _granted(effect, place, spread, run, fitted=any(is_of_run(name, run) for name in fitted))
-        for effect, place, spread in granted
+        _nuisance(effect, place, spread, run, fitted=any(is_of_run(name, run) for name in fitted))
+        for effect, place, spread in wanted
         for run in runs
         if spread > 0
     ]
     return Model(network.with_effects(errors)) if errors else model
 
 
-def _granted(effect: Effect, place: str, spread: float, run: str, *, fitted: bool) -> EffectDeclaration:
+def _nuisance(effect: Effect, place: str, spread: float, run: str, *, fitted: bool) -> EffectDeclaration:
     (size,) = effect.parameters
     bounds = (-_FARTHEST * spread, _FARTHEST * spread)
     size = replace(size, value=0.0, prior=(0.0, spread), nuisance=True, bounds=bounds, share="each", fixed=not fitted)
-    return EffectDeclaration(effect, place, (size,), f"{effect.key}{GRANTED}", run=run)
+    return EffectDeclaration(effect, place, (size,), f"{effect.key}{NUISANCE}", run=run)

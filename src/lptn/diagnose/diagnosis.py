@@ -10,8 +10,8 @@
 5. The verdict: `"adequate"` if nothing is beyond noise, nothing is missing more probably than not by all runs, and no
    held-out run stands out; `"missing"` if the best candidate, or three one after the other, remove most of the misfit,
    on held-out runs too, where these show any; else `"unexplained"`.
-6. Where nothing explains a held-out run, and one parameter that differs in it would, it is granted that parameter, and
-   the question is asked once more: a fan in one run says nothing of the model.
+6. Where nothing explains a held-out run, and one parameter that differs in it would, it gets its own value there,
+   and the question is asked once more: a fan in one run says nothing of the model.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from lptn.diagnose.candidates import AMBIENT_ERROR, SURFACE_ERROR, TORQUE_ERROR,
 from lptn.diagnose.fit_statistics import LACKING, MOST, explained_elsewhere, explains, lack_of_fit, standing_out
 from lptn.diagnose.probability import probabilities_by_score
 from lptn.diagnose.refits import continued, unless_interrupted
-from lptn.diagnose.runs_that_differ import RunDifference, granted_at_limit, granted_differences
+from lptn.diagnose.runs_that_differ import RunDifference, explained_differences, nuisances_at_limit
 from lptn.diagnose.scores import Scores
 from lptn.identify.comparison import Errors
 from lptn.identify.data import DataSplit
@@ -156,7 +156,7 @@ class Diagnosis(Tabular):
             "rmse_fit": self.fit.rmse,
             "rmse_holdout": before,
             "lack_of_fit": self.scores.lack_of_fit,
-            "granted_at_limit": [asdict(each) for each in granted_at_limit(self.fit)],
+            "nuisances_at_limit": [asdict(each) for each in nuisances_at_limit(self.fit)],
             "probabilities": self.probabilities_as_json(),
             "candidates": listed,
         }
@@ -205,9 +205,9 @@ def diagnose(
     if diagnosis.verdict == "unexplained" and coarse.holdout:
         report("looking for what differs in held-out runs")
         likeliest = diagnosis.best.fit if diagnosis.best else diagnosis.fit
-        granted, differing = granted_differences(model, likeliest, coarse.holdout)
+        differs, differing = explained_differences(model, likeliest, coarse.holdout)
         if differing:
-            base = continued(diagnosis.fit, granted.network)
+            base = continued(diagnosis.fit, differs.network)
             diagnosis = examine(base, coarse, refits=refits, executor=executor, report=report)
             diagnosis = replace(diagnosis, differing=differing)
     if diagnosis.verdict == "unexplained" and diagnosis.refits:

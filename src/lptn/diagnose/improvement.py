@@ -14,10 +14,10 @@ good. So several models are followed a step further, side by side:
    looks for. Told first is where something is missing more probably than not by all runs, whatever it is; of that, and
    of the rest, what may be a fault, as it sets a place, a limb or a run apart or is an error of what was logged, then
    what several places have in common, as that is how the model is made; of each what would be missed most.
-6. Each model left is fitted at full resolution, the first and the last also to runs to which nothing is granted.
+6. Each model left is fitted at full resolution, the first and the last also without nuisance parameters.
 
 Where nothing explains the data, or a held-out run alone objects to what the fitted runs make likeliest, and one
-parameter that differs in that run would explain it, that difference is granted to the run, and the question is asked
+parameter that differs in that run would explain it, that difference becomes the run's own, and the question is asked
 once more: such a run would else choose the effects.
 """
 
@@ -40,7 +40,7 @@ from lptn.diagnose.diagnosis import MUCH_WORSE, Diagnosis, Verdict, examine, for
 from lptn.diagnose.fit_statistics import HALF, Removed, explained_elsewhere, explains, is_negligible
 from lptn.diagnose.probability import is_implausible, log_prior_of_sizes, log_priors, probabilities
 from lptn.diagnose.refits import continued, refit, unless_interrupted
-from lptn.diagnose.runs_that_differ import RunDifference, granted_at_limit, granted_differences
+from lptn.diagnose.runs_that_differ import RunDifference, explained_differences, nuisances_at_limit
 from lptn.identify.comparison import Prediction
 from lptn.identify.data import DataSplit
 from lptn.identify.fitting import Fit, finished
@@ -124,7 +124,7 @@ class History(Tabular):
         return {
             "verdict": self.verdict,
             "remaining": self.remaining,
-            "granted_at_limit": [asdict(each) for each in granted_at_limit(self.best.fit)],
+            "nuisances_at_limit": [asdict(each) for each in nuisances_at_limit(self.best.fit)],
             "probabilities": self.first.probabilities_as_json(),
             "history": table,
             "ladder": table,
@@ -209,9 +209,9 @@ def improve(
     likeliest = _ranked(search.branches)[0]
     if coarse.holdout and (verdicts[0] == "unexplained" or search.diagnosis(likeliest).only_held_out_runs_object):
         report("looking for what differs in held-out runs")
-        granted, differing = granted_differences(model, likeliest[-1].fit, coarse.holdout)
+        differs, differing = explained_differences(model, likeliest[-1].fit, coarse.holdout)
         if differing:
-            search, kept, verdicts = _searched(granted, coarse, most, executor, report, found)
+            search, kept, verdicts = _searched(differs, coarse, most, executor, report, found)
     first, last = search.diagnosis(search.branches[0]), search.diagnosis(kept)
     report("fitting the steps at full resolution")
     steps = _at_full_resolution(kept, data)

@@ -10,7 +10,7 @@ import numpy as np
 from lptn.basics.arrays import BoolArray, FloatArray
 from lptn.basics.processes import one_blas_thread
 from lptn.diagnose.candidates import Site
-from lptn.diagnose.scores import Score, derivatives, granted_no_more
+from lptn.diagnose.scores import Score, derivatives, pushed_beyond_bounds
 from lptn.identify.comparison import Prediction, predict, with_own_errors
 from lptn.identify.data import Segment
 from lptn.identify.fitting import Fit, nuisances
@@ -40,7 +40,7 @@ class Previews:
             [[each.amplitude * (site in own) for each, own in zip(scores, acts, strict=True)] for site in self._places]
         ).reshape(len(self._places), len(scores))
         residuals, baseline = fit.problem.jacobian(fit.z)
-        able = ~granted_no_more(fit, baseline.T @ residuals)
+        able = ~pushed_beyond_bounds(fit, baseline.T @ residuals)
         length = np.maximum(np.linalg.norm(baseline[:, able], axis=0), np.finfo(float).tiny)
         alone = derivatives(fit, self._places) @ sizes
         adapted = np.zeros((baseline.shape[1], len(scores)))
@@ -78,13 +78,13 @@ def _moved(fit: Fit, places: Sequence[Site], steps: FloatArray, segment: Segment
     index = {parameter.name: number for number, parameter in enumerate(full.parameters)}
     values = full.values
     for parameter, value in zip(own.parameters, own.values, strict=True):
-        if parameter.name in index:  # what is granted to a fitted run gives way to a candidate that names it
+        if parameter.name in index:  # a fitted run's nuisance parameter gives way to a candidate that names it
             values[index[parameter.name]] = value
     fitted = [index.get(own.parameters[number].name) for number in fit.problem.free]
     steps = np.delete(steps, [row for row, number in enumerate(fitted) if number is None], axis=0)
-    granted = nuisances(full, segment.run.name)
+    of_the_run = nuisances(full, segment.run.name)
     chosen = [number for number in fitted if number is not None]
-    chosen += [*(index[site.amplitude_name] for site in places), *granted]
+    chosen += [*(index[site.amplitude_name] for site in places), *of_the_run]
     states = dict(zip(own.states, as_it_is.start.tolist(), strict=True))
     bound = bind(full, segment.run)
     windows = sensitivity_windows(full, bound, values, chosen, start_from(full, bound, states), len(own.states))
@@ -98,18 +98,18 @@ def _moved(fit: Fit, places: Sequence[Site], steps: FloatArray, segment: Segment
         return np.asarray(by_what - by_start @ np.linalg.lstsq(by_start[first] * weight, by_what[first] * weight)[0])
 
     change = from_its_window(by_step @ steps)
-    if granted:  # the run's own errors were fitted to all of it, and make room for what a candidate explains
+    if of_the_run:  # the run's own errors were fitted to all of it, and make room for what a candidate explains
         every = bound.count((segment.initialisation[0], segment.evaluation[1])).counted
-        declared = [full.parameters[number].declared for number in granted]
+        declared = [full.parameters[number].declared for number in of_the_run]
         spread = np.array([each.prior[1] for each in declared if each.prior]) / weight_of_priors(bound.run.step)
         by_own = from_its_window(by_own)
         rows = np.vstack([by_own[every] * _weight(every, sigma), np.diag(1.0 / spread)])
         left = (as_it_is.readings - bound.measured)[every][:, None] + change[every]
         left = np.vstack(
-            [left * _weight(every, sigma), np.repeat((values[granted] / spread)[:, None], left.shape[1], 1)]
+            [left * _weight(every, sigma), np.repeat((values[of_the_run] / spread)[:, None], left.shape[1], 1)]
         )
         least, most = (np.array(each)[:, None] for each in zip(*(each.bounds for each in declared), strict=True))
-        before = values[granted][:, None]
+        before = values[of_the_run][:, None]
         change += by_own @ (np.clip(before - np.linalg.lstsq(rows, left)[0], least, most) - before)
     return [replace(as_it_is, readings=as_it_is.readings + change[:, :, k]) for k in range(steps.shape[1])]
 

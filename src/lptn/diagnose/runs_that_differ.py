@@ -203,7 +203,7 @@ def _difference(fit: Fit, segment: Segment) -> RunDifference | None:
 
 
 def _fitted(fit: Fit, before: Prediction, *, alone: bool) -> Fit:
-    """All of a predicted run as the model has it: alone, its start and what is granted to it fitted and the model's own
+    """All of a predicted run as the model has it: alone, its start and nuisance parameters fitted and the model's own
     parameters held; or together with the fitted runs, these free to be fitted.
     """
     model = with_own_errors(fit.model, before.segment, fit.problem.sigma)
@@ -239,7 +239,9 @@ def _decided_together(fit: Fit, before: Prediction, names: Sequence[Step]) -> li
     return [names[k] for k in in_occams_window(probabilities(done, np.array(priors)))]
 
 
-def granted_differences(model: Model, fit: Fit, segments: Sequence[Segment]) -> tuple[Model, tuple[RunDifference, ...]]:
+def explained_differences(
+    model: Model, fit: Fit, segments: Sequence[Segment]
+) -> tuple[Model, tuple[RunDifference, ...]]:
     """A model whose badly predicted held-out runs have a parameter of their own, and which; as it is where that fails.
 
     Args:
@@ -248,7 +250,7 @@ def granted_differences(model: Model, fit: Fit, segments: Sequence[Segment]) -> 
         segments: the held-out runs.
 
     Returns:
-        The model and what it grants; nothing where a run that differs is not explained, since held-out runs must not
+        The model and these differences; nothing where a run that differs is not explained, since held-out runs must not
         be excused by halves.
     """
     differing = runs_that_differ(fit, segments)
@@ -281,11 +283,11 @@ def with_differences(model: Model, differing: Sequence[RunDifference]) -> Model:
     return Model(model.network.with_effects(declared))
 
 
-# --- Errors that are granted to fitted runs, and are not enough ------------------------------------------
+# --- Nuisance parameters of fitted runs that are not enough ------------------------------------------
 
 
 @dataclass(frozen=True)
-class Granted:
+class NuisanceAtLimit:
     """An error of a fitted run's inputs: the effect that stands for it, where, in which run, how large, in words.
 
     Its size is in the unit of the effect's amplitude.
@@ -298,15 +300,15 @@ class Granted:
     text: str
 
 
-def granted_at_limit(fit: Fit) -> list[Granted]:
-    """Errors granted to fitted runs that ended at the farthest they may go: these runs differ by more than that."""
+def nuisances_at_limit(fit: Fit) -> list[NuisanceAtLimit]:
+    """Nuisance parameters of fitted runs that ended at their bounds: these runs differ by more than that."""
     ended = [fit.problem.free[row] for row in rows_at_bounds(fit.problem, fit.z)]
     found = []
     for each in fit.model.network.effect_instances:
-        for index in set(ended) & set(each.parameters.values()) if each.declaration.granted else ():
+        for index in set(ended) & set(each.parameters.values()) if each.declaration.nuisance else ():
             amplitude, run = fit.model.parameters[index], each.declaration.run
             words = _in_words(each.declaration, amplitude, run)
-            found.append(Granted(each.effect.key, each.place, run, amplitude.value, words))
+            found.append(NuisanceAtLimit(each.effect.key, each.place, run, amplitude.value, words))
     return found
 
 

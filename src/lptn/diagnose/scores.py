@@ -159,16 +159,16 @@ def derivatives(fit: Fit, places: Sequence[Site]) -> FloatArray:
     return by_site
 
 
-def granted_no_more(fit: Fit, gradient: FloatArray) -> BoolArray:
-    """Which unknowns are errors of a run that are pushed beyond what is granted, shape (size,).
+def pushed_beyond_bounds(fit: Fit, gradient: FloatArray) -> BoolArray:
+    """Which unknowns are errors of a run that are pushed beyond their bounds, shape (size,).
 
     They can't follow what a candidate would do. (Parameters of the model itself at a bound could, if it were moved.)
     """
-    granted = np.zeros(len(fit.z), dtype=bool)
+    nuisance = np.zeros(len(fit.z), dtype=bool)
     parameters = fit.model.parameters
-    granted[: len(fit.problem.free)] = [parameters[k].declared.nuisance for k in fit.problem.free]
+    nuisance[: len(fit.problem.free)] = [parameters[k].declared.nuisance for k in fit.problem.free]
     below, above = fit.problem.at_bounds(fit.z)
-    return np.asarray(granted & ((below & (gradient > 0)) | (above & (gradient < 0))))
+    return np.asarray(nuisance & ((below & (gradient > 0)) | (above & (gradient < 0))))
 
 
 # --- Traces: what a candidate would leave on the residuals that the fitted parameters can't imitate ---------
@@ -178,7 +178,7 @@ def _imitable(fit: Fit, residuals: FloatArray) -> FloatArray:
     """What the fitted parameters can imitate, as orthonormal columns, shape (rows, k)."""
     _, baseline = fit.problem.jacobian(fit.z)
     length = np.linalg.norm(baseline, axis=0)
-    kept = ~granted_no_more(fit, baseline.T @ residuals) & (length > 0)
+    kept = ~pushed_beyond_bounds(fit, baseline.T @ residuals) & (length > 0)
     columns, triangle = np.linalg.qr(baseline[:, kept] / length[kept])
     # Where the data leave a combination of parameters free, as the scale of all heat, the last columns are rounding.
     axes, spans, _ = np.linalg.svd(triangle)

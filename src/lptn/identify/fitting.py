@@ -68,7 +68,7 @@ class Fit(Tabular):
 
     @property
     def free(self) -> list[int]:
-        """Numbers of the model's parameters that were fitted, without errors that are granted to single runs."""
+        """Numbers of the model's parameters that were fitted, without the nuisance parameters of single runs."""
         parameters = self.model.parameters
         return [index for index in self.problem.free if not parameters[index].declared.nuisance]
 

@@ -134,8 +134,8 @@ class EffectDeclaration:
         return f"{self.name}.{parameter}.{self.where}"
 
     @property
-    def granted(self) -> bool:
-        """Whether it is an error of the logs that is granted to a run, and no part of the model."""
+    def nuisance(self) -> bool:
+        """Whether it is a small error of one run's log, and no part of the model."""
         return any(parameter.nuisance for parameter in self.parameters)
 
     @property
@@ -444,16 +444,16 @@ class Network:
         return [instance for instance, index in shared if places[index] > 1]
 
     def with_effects(self, extra: Iterable[EffectDeclaration]) -> Network:
-        """The same network and more effects; an error of a run that is named is no longer granted besides."""
+        """The same network and more effects; an error of a run that is named is no nuisance besides."""
         added = tuple(extra)
-        granted = {(each.effect.key, each.run) for each in self.effects if each.granted}
+        nuisances = {(each.effect.key, each.run) for each in self.effects if each.nuisance}
         named = {
             (each.effect.key, each.run, place)
             for each in added
-            if not each.granted and (each.effect.key, each.run) in granted
+            if not each.nuisance and (each.effect.key, each.run) in nuisances
             for place, _ in self.places_for(each)
         }
-        kept = [each for each in self.effects if not each.granted or (each.effect.key, each.run, each.at) not in named]
+        kept = [each for each in self.effects if not each.nuisance or (each.effect.key, each.run, each.at) not in named]
         return replace(self, effects=(*kept, *added))
 
     def with_values(self, values: Mapping[str, float]) -> Network:
@@ -469,13 +469,13 @@ class Network:
         object.__setattr__(other, "parameters", parameters)
         return other
 
-    def without_granted(self) -> Network:
-        """The same network less the errors of logs that single runs are granted."""
-        return replace(self, effects=tuple(each for each in self.effects if not each.granted))
+    def without_nuisances(self) -> Network:
+        """The same network less the nuisance parameters of single runs."""
+        return replace(self, effects=tuple(each for each in self.effects if not each.nuisance))
 
     def without_effect(self, key: str, at: str) -> Network:
         """The same network less the effect declared with this key and place (`"*_calf"`, `"*_calf@monday"`)."""
-        kept = tuple(each for each in self.effects if each.granted or (each.effect.key, each.where) != (key, at))
+        kept = tuple(each for each in self.effects if each.nuisance or (each.effect.key, each.where) != (key, at))
         return replace(self, effects=kept)
 
 

@@ -7,7 +7,7 @@ import re
 from collections.abc import Sequence
 
 from lptn.basics.words import listed
-from lptn.diagnose.candidates import GRANTED
+from lptn.diagnose.candidates import NUISANCE
 from lptn.effects import Effect, catalogue
 from lptn.effects.ambient_offset import AmbientOffset
 from lptn.effects.loss_scale import LossScale
@@ -146,11 +146,11 @@ def for_people(text: str) -> str:
     return _MINUS.sub("−", text.replace("degC", "°C").replace("N*m", "N·m"))
 
 
-def granted_in_words(model: Model) -> str:
-    """Which errors of its inputs and its air each run is granted, and by how much; empty for none."""
+def nuisances_in_words(model: Model) -> str:
+    """Which errors of its inputs and its air each run may have, and how large; empty for none."""
 
     def spread(effect: type[Effect]) -> float:
-        declared = [each for each in model.network.effects if each.label == f"{effect.key}{GRANTED}"]
+        declared = [each for each in model.network.effects if each.label == f"{effect.key}{NUISANCE}"]
         return min((one.prior[1] for each in declared for one in each.parameters if one.prior), default=0.0)
 
     air, losses, surfaces = spread(AmbientOffset), spread(LossScale), spread(SurfaceScale)

@@ -37,9 +37,9 @@ from lptn.report.text import (
     capitalised,
     experiment_for,
     few,
-    granted_in_words,
     kelvin,
     named,
+    nuisances_in_words,
     percent,
     place_of,
     title_of,
@@ -477,9 +477,9 @@ def _which_data(history: History, data: DataSplit) -> str:
         among = f"chose among the {history.considered} models that were tried, and "
         among = "" if history.considered == 1 else among
         fitted = "No parameter was fitted to it"
-        granted = granted_in_words(history.best.fit.model)
-        if granted or history.differing:
-            own = [f"that each run may have {granted}"] if granted else []
+        errors = nuisances_in_words(history.best.fit.model)
+        if errors or history.differing:
+            own = [f"that each run may have {errors}"] if errors else []
             own += ["what differs in it"] if history.differing else []
             fitted = f"Nothing was fitted to it but {' and '.join(own)}"
             as_logged = history.best.holdout_as_logged

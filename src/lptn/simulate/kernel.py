@@ -362,7 +362,7 @@ def _kernel(model: Model, core: int, chosen: Sequence[int]) -> Kernel | None:
 def differentiated_with(model: Model, chosen: Sequence[int]) -> list[int]:
     """The parameters that derivatives are made by where some are asked for: all that a fit or a prediction may ask for.
 
-    Making derivatives takes as long as some fits do; those of a fit, and of the errors that each run is granted, are
+    Making derivatives takes as long as some fits do; those of a fit, and of each run's nuisance parameters, are
     made once.
     """
     likely = [k for k, each in enumerate(model.parameters) if each.free or each.declared.nuisance]
