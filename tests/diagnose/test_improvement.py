@@ -114,7 +114,10 @@ def test_a_step_that_explains_less_than_anyone_looks_for_is_left_out(leg: Leg, s
     assert ("forced_convection", "*") in {step.key for step in settled}
 
 
-def test_an_error_of_the_log_that_is_the_only_step_stays_however_little_it_explains(leg: Leg) -> None:  # noqa: F811
+def test_an_error_of_the_log_that_is_the_only_step_stays_however_little_it_explains(
+    leg: Leg,  # noqa: F811
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     """It stands beside no others, and without it the answer would be that nothing explains what it does."""
     model, data = leg(Hidden("ambient_offset", "ambient", size=0.6), noise=0.03)
     coarse = for_search(data)
@@ -122,17 +125,38 @@ def test_an_error_of_the_log_that_is_the_only_step_stays_however_little_it_expla
     assert is_negligible(given.fit, error.fit, given.predicted, error.predicted)
     search = _Search(coarse, None, lambda _: None, lambda _: None)
     search.branches = [(given,)]
+    monkeypatch.setattr(_Search, "_errors_are_believed", lambda *_: True)
     assert search.settled((given, error)) == (given, error)
 
 
+@pytest.mark.parametrize("likely", [True, False])
+def test_an_error_of_the_log_stays_only_while_it_is_likelier_than_all_in_the_robot(
+    leg: Leg,  # noqa: F811
+    monkeypatch: pytest.MonkeyPatch,
+    likely: bool,
+) -> None:
+    """However well it predicts: here it is the truth, and goes only because it is said to be unlikely."""
+    model, data = leg(Hidden("forced_convection", "*"), Hidden("sensor_offset", "FR_hip"))
+    coarse, said = for_search(data), list[str]()
+    branch = _branch(model, coarse, ("sensor_offset", "FR_hip"), ("forced_convection", "*"))
+    search = _Search(coarse, None, said.append, lambda _: None)
+    search.branches = [branch[:1]]
+    monkeypatch.setattr(_Search, "_errors_are_believed", lambda *_: likely)
+    settled = search.settled(branch)
+    assert (("sensor_offset", "FR_hip") in {step.key for step in settled}) == likely
+    assert any(text.startswith("sensor_offset at FR_hip gives way to") for text in said) != likely
+
+
 @pytest.mark.parametrize("late", ["sensor_lag", "clock_offset"])
-def test_a_clock_is_believed_only_where_it_is_late(leg: Leg, late: str) -> None:  # noqa: F811
+def test_a_clock_is_believed_only_where_no_lags_do_as_well(leg: Leg, late: str) -> None:  # noqa: F811
     """A lag looks like a delay; a delay is like no number of lags."""
     model, data = leg(Hidden(late, "*"))
     coarse = for_search(data)
     given, clock = _branch(model, coarse), _branch(model, coarse, ("clock_offset", "*"))[-1]
     assert clock.fit.cost < 0.5 * given[-1].fit.cost
     search = _Search(coarse, None, lambda _: None, lambda _: None)
+    confused = {step.key for step in search._with_all_confused(given, clock)[1:]}
+    assert confused == {("sensor_lag", "*"), ("winding_mass", "*"), ("second_mass", "*")}
     assert search._errors_are_believed(given) == (late == "clock_offset")
 
 

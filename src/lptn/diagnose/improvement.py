@@ -4,7 +4,7 @@ Missing effects come in pairs whose first alone explains little, and short logs 
 good. So several models are followed a step further, side by side:
 
 1. Each model that is followed is diagnosed; each of its refits beyond chance is a longer branch, errors of
-   the log only where they are likelier than all else.
+   the log only where they are believed.
 2. Of these the most probable are fitted to the end and followed, by the fitted runs, and by all runs: what predicts
    held-out runs much worse than another comes last there, however well it fits.
 3. The search ends when a model is adequate, nothing helps, or a step has made no model more probable by all runs.
@@ -23,7 +23,7 @@ once more: such a run would else choose the effects.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Container, Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import asdict, dataclass, replace
 
@@ -32,13 +32,14 @@ import pandas as pd
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
+from lptn.basics.places import EVERYWHERE
 from lptn.basics.tables import Tabular
 from lptn.diagnose.answers import HOPELESS, LIKELY, SIGNIFICANT, Key, Report, Step, compared, held_out, named
 from lptn.diagnose.candidates import AMBIENT_ERROR, SURFACE_ERROR, TORQUE_ERROR, with_errors_of_runs
 from lptn.diagnose.diagnosis import MUCH_WORSE, Diagnosis, Verdict, examine, for_search
 from lptn.diagnose.fit_statistics import HALF, Removed, explained_elsewhere, explains, is_negligible
-from lptn.diagnose.probability import is_implausible, log_prior_of_sizes, probabilities
-from lptn.diagnose.refits import continued, unless_interrupted
+from lptn.diagnose.probability import is_implausible, log_prior_of_sizes, log_priors, probabilities
+from lptn.diagnose.refits import continued, refit, unless_interrupted
 from lptn.diagnose.runs_that_differ import RunDifference, explained_differences, nuisances_at_limit
 from lptn.identify.comparison import Prediction
 from lptn.identify.data import DataSplit
@@ -285,6 +286,8 @@ class _Search:
     ) -> None:
         self.data, self.executor, self.report, self.found = data, executor, report, found
         self.branches: list[Branch] = []
+        self._believed: dict[frozenset[Key], bool] = {}
+        self._outdone: set[Key] = set()  # errors less probable than what they are confused with
         self._diagnoses: dict[frozenset[Key], Diagnosis] = {}
 
     def follow(self, given: Branch, most: int) -> None:
@@ -331,19 +334,21 @@ class _Search:
         """The branch with each step left out, or exchanged, where that is more probable by all runs.
 
         A step was chosen while much else was missing, and may only have stood for that. Left out, too, is what explains
-        less than anyone looks for beside the others, however sure it is.
+        less than anyone looks for beside the others, however sure it is; an error of the log gives way to what may be
+        in the robot, see `_in_the_robot`.
         """
         tried, number = {_effects(branch)}, 1
         while number < len(branch):
             step, number = branch[number], number + 1
-            if len(branch) == 2:
+            in_the_robot = self._in_the_robot(branch, step, tried) if _errs(step) else None
+            if len(branch) == 2 and in_the_robot is None:
                 break  # the only step was compared with all others, and with none, when it was chosen
-            for other in self._instead_of(branch, step):
+            for other in [in_the_robot] if in_the_robot else self._instead_of(branch, step):
                 if _effects(other) in tried:
                     continue
                 tried.add(_effects(other))
                 left_out = len(other) < len(branch) and _is_negligible(other, branch)
-                if left_out or _chosen([branch, other], self.data) is other:
+                if other is in_the_robot or left_out or _chosen([branch, other], self.data) is other:
                     added = [each for each in other[1:] if each.key not in _effects(branch)]
                     successors = " and ".join(named(each.key) for each in added)
                     self.report(f"{named(step.key)} {f'gives way to {successors}' if added else 'is not needed'}")
@@ -365,6 +370,16 @@ class _Search:
             done = self._to_the_end(other) if other is not branch else None
             if done is not None:
                 yield done
+
+    def _in_the_robot(self, branch: Branch, error: Step, tried: Container[frozenset[Key]]) -> Branch | None:
+        """The branch with what may be in the robot in place of an error of the log; `None` where that is believed."""
+        without = self._without(branch, error)
+        if without is None or (self._errors_are_believed(without) and error.key not in self._outdone):
+            return None
+        longer = [other for other in self._longer(without) if not _errs(other[-1]) and _effects(other) not in tried]
+        done = (self._to_the_end(other) for other in (_ranked(longer, self.data) if longer else ()))
+        found = next((other for other in done if other is not None), without)
+        return _ranked([without, found], self.data)[0]
 
     def _to_the_end(self, branch: Branch) -> Branch | None:
         """The branch with its last model fitted to the end; `None` where nobody believes that."""
@@ -450,7 +465,7 @@ class _Search:
         longer: list[Branch] = []
         errors_believed = self._errors_are_believed(branch)
         for step in self.diagnosis(branch).refits:
-            if _errs(step) and not errors_believed:
+            if _errs(step) and (not errors_believed or step.key in self._outdone):
                 continue
             believed = not is_implausible(step.fit, _declarations((*branch, step)), branch[0].fit)
             beyond_chance = step.p_value < SIGNIFICANT and step.gain > 0
@@ -467,9 +482,51 @@ class _Search:
     def _errors_are_believed(self, branch: Branch) -> bool:
         """Whether by the fitted runs errors of the log are likelier than all else that the branch may lack.
 
-        They are fitted so easily that a better prediction says nothing for them.
+        They are fitted so easily that a better prediction says nothing for them, and one number imitates what several
+        things in a robot do together: a clock's delay the lags of sensors, windings and masses. So the likeliest of
+        them must be more probable by all runs than everything in the robot together that it may be confused with; one
+        that is not is believed nowhere else, as later steps may have some of these things in their place.
         """
-        return sum(step.probability for step in self.diagnosis(branch).refits if _errs(step)) >= LIKELY
+        effects = _effects(branch)
+        if effects not in self._believed:
+            self._believed[effects] = False
+            errors = [step for step in self.diagnosis(branch).refits if _errs(step)]
+            while left := [step for step in errors if step.key not in self._outdone]:
+                # Of what is left without those that were outdone, half at least.
+                of_left, of_all = (sum(step.probability for step in each) for each in (left, errors))
+                if of_left < LIKELY * (1 - of_all + of_left):
+                    break
+                likeliest = max(left, key=lambda step: step.probability)
+                if self._stands(branch, likeliest):
+                    self._believed[effects] = True
+                    break
+                self._outdone.add(likeliest.key)
+        return self._believed[effects]
+
+    def _stands(self, branch: Branch, error: Step) -> bool:
+        """Whether an error is more probable by all runs than all in the robot together that it is confused with."""
+        confused = self._with_all_confused(branch, error)
+        last = confused[-1].fit
+        if len(confused) == len(branch) or is_implausible(last, _declarations(confused), branch[0].fit):
+            return True
+        rivals = [_ending_in(each, each[-1].fit, self.data) for each in ((*branch, error), confused)]
+        return _ranked(rivals, self.data)[0] is rivals[0]
+
+    def _with_all_confused(self, branch: Branch, error: Step) -> Branch:
+        """The branch with all in the robot that an error is confused with, there or, failing that, everywhere."""
+        diagnosis = self.diagnosis(branch)
+        candidates, fit = {each.candidate.key: each for each in diagnosis.scores.ranked}, diagnosis.fit
+        odds = dict(zip(candidates, log_priors([each.candidate for each in candidates.values()]), strict=True))
+        if error.declaration is None:
+            return branch
+        for kind in error.declaration.effect.signature.confused_with:
+            places = (error.at or "", error.declaration.at, EVERYWHERE)
+            key = next(((kind, at) for at in places if (kind, at) in candidates), None)
+            if key is not None and not candidates[key].candidate.effect.errs:
+                declared = candidates[key].candidate.declaration(None, candidates[key].shape)
+                fit = refit(fit, declared)
+                branch = (*branch, Step(fit, declared, log_odds=float(odds[key])))
+        return branch
 
     def _next(self, pool: Sequence[Branch], width: int) -> list[Branch]:
         """The most probable branches that have a hope, each set of effects once, fitted to the end."""
