@@ -160,6 +160,19 @@ def test_a_clock_is_believed_only_where_no_lags_do_as_well(leg: Leg, late: str) 
     assert search._errors_are_believed(given) == (late == "clock_offset")
 
 
+@pytest.mark.parametrize("late", [0.3, 0.0])
+def test_a_clock_stands_where_heat_is_late_as_well(leg: Leg, late: float) -> None:  # noqa: F811
+    """All lags together do better than a clock of 9 s alone, and worse than with it."""
+    hidden = [Hidden("clock_offset", "*", size=late)] if late else []
+    model, data = leg(*hidden, Hidden("second_mass", "*", size=2.0))
+    coarse = for_search(data)
+    given, clock = _branch(model, coarse), _branch(model, coarse, ("clock_offset", "*"))[-1]
+    search = _Search(coarse, None, lambda _: None, lambda _: None)
+    lags = search._with_all_confused(given, clock)
+    assert lags[-1].fit.cost < clock.fit.cost
+    assert search._stands(given, clock) == (late > 0)
+
+
 @pytest.mark.long
 def test_what_sets_one_joint_apart_is_told_before_what_all_have(leg: Leg) -> None:  # noqa: F811
     model, data = leg(Hidden("forced_convection", "*"), Hidden("sensor_offset", "FR_hip"))

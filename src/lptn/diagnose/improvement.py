@@ -287,7 +287,7 @@ class _Search:
         self.data, self.executor, self.report, self.found = data, executor, report, found
         self.branches: list[Branch] = []
         self._believed: dict[frozenset[Key], bool] = {}
-        self._outdone: set[Key] = set()  # errors less probable than what they are confused with
+        self._standing: dict[Key, bool] = {}  # of each error of the log that was asked, as `_stands` says it
         self._diagnoses: dict[frozenset[Key], Diagnosis] = {}
 
     def follow(self, given: Branch, most: int) -> None:
@@ -374,7 +374,7 @@ class _Search:
     def _in_the_robot(self, branch: Branch, error: Step, tried: Container[frozenset[Key]]) -> Branch | None:
         """The branch with what may be in the robot in place of an error of the log; `None` where that is believed."""
         without = self._without(branch, error)
-        if without is None or (self._errors_are_believed(without) and error.key not in self._outdone):
+        if without is None or (self._errors_are_believed(without) and self._standing.get(error.key, True)):
             return None
         longer = [other for other in self._longer(without) if not _errs(other[-1]) and _effects(other) not in tried]
         done = (self._to_the_end(other) for other in (_ranked(longer, self.data) if longer else ()))
@@ -465,7 +465,7 @@ class _Search:
         longer: list[Branch] = []
         errors_believed = self._errors_are_believed(branch)
         for step in self.diagnosis(branch).refits:
-            if _errs(step) and (not errors_believed or step.key in self._outdone):
+            if _errs(step) and not (errors_believed and self._standing.get(step.key, True)):
                 continue
             believed = not is_implausible(step.fit, _declarations((*branch, step)), branch[0].fit)
             beyond_chance = step.p_value < SIGNIFICANT and step.gain > 0
@@ -484,33 +484,41 @@ class _Search:
 
         They are fitted so easily that a better prediction says nothing for them, and one number imitates what several
         things in a robot do together: a clock's delay the lags of sensors, windings and masses. So the likeliest of
-        them must be more probable by all runs than everything in the robot together that it may be confused with; one
-        that is not is believed nowhere else, as later steps may have some of these things in their place.
+        them must stand beside everything in the robot that it may be confused with, see `_stands`. That is asked of
+        the first model that makes it likely, and holds for all: later steps may have some of these things in its place.
         """
         effects = _effects(branch)
         if effects not in self._believed:
             self._believed[effects] = False
             errors = [step for step in self.diagnosis(branch).refits if _errs(step)]
-            while left := [step for step in errors if step.key not in self._outdone]:
-                # Of what is left without those that were outdone, half at least.
+            while left := [step for step in errors if self._standing.get(step.key, True)]:
+                # Of what is left without those that do not stand, half at least.
                 of_left, of_all = (sum(step.probability for step in each) for each in (left, errors))
                 if of_left < LIKELY * (1 - of_all + of_left):
                     break
                 likeliest = max(left, key=lambda step: step.probability)
-                if self._stands(branch, likeliest):
+                if likeliest.key not in self._standing:
+                    self._standing[likeliest.key] = self._stands(branch, likeliest)
+                if self._standing[likeliest.key]:
                     self._believed[effects] = True
                     break
-                self._outdone.add(likeliest.key)
         return self._believed[effects]
 
     def _stands(self, branch: Branch, error: Step) -> bool:
-        """Whether an error is more probable by all runs than all in the robot together that it is confused with."""
+        """Whether, by all runs, all in the robot together that an error is confused with is less probable than it.
+
+        Or than both together: a clock that is late is late in a robot whose heat is late as well.
+        """
         confused = self._with_all_confused(branch, error)
         last = confused[-1].fit
         if len(confused) == len(branch) or is_implausible(last, _declarations(confused), branch[0].fit):
             return True
-        rivals = [_ending_in(each, each[-1].fit, self.data) for each in ((*branch, error), confused)]
-        return _ranked(rivals, self.data)[0] is rivals[0]
+        rivals: list[Branch] = [confused, (*branch, error)]
+        both = (*confused, *(replace(error, fit=refit(last, each)) for each in error.declarations))
+        if not is_implausible(both[-1].fit, _declarations(both), branch[0].fit):
+            rivals.append(both)
+        predicted = [_ending_in(each, each[-1].fit, self.data) for each in rivals]
+        return _ranked(predicted, self.data)[0] is not predicted[0]
 
     def _with_all_confused(self, branch: Branch, error: Step) -> Branch:
         """The branch with all in the robot that an error is confused with, there or, failing that, everywhere."""
