@@ -84,7 +84,9 @@ class Unpacked:
             raise
         self._slots: dict[str, tuple[int, int, int]] = {}  # reference, place in the array and its size, by name
         self.variables = {
-            each.name: each for variable in self.description.modelVariables for each in self._each(variable)
+            element.name: element
+            for variable in self.description.modelVariables
+            for element in self._elements(variable)
         }
 
     @property
@@ -115,7 +117,7 @@ class Unpacked:
         """Whether any variable is an array, whose elements `variables` shows one by one."""
         return any(variable.shape for variable in self.description.modelVariables)
 
-    def _each(self, variable: Any) -> list[Any]:
+    def _elements(self, variable: Any) -> list[Any]:
         """fmpy's description of a variable, or of each element of an array.
 
         Elements are called as the place's own variable would be where the FMU says the places, else `name[1,2]`.
@@ -126,7 +128,7 @@ class Unpacked:
             self._slots[variable.name] = (variable.valueReference, 0, 1)
             return [variable]
         starts = variable.start.split() if isinstance(variable.start, str) else variable.start or ()
-        places, each = self._places.get(variable.name, ()), []
+        places, elements = self._places.get(variable.name, ()), []
         for number, index in enumerate(itertools.product(*(range(1, length + 1) for length in shape))):
             element = copy.copy(variable)
             element.name = f"{variable.name}[{','.join(map(str, index))}]"
@@ -135,18 +137,18 @@ class Unpacked:
                 element.name = variable.name.replace(inner, f"{places[number]}.{inner}")
             element.start = starts[number] if len(starts) == size else starts[0] if starts else None
             self._slots[element.name] = (variable.valueReference, number, size)
-            each.append(element)
-        return each
+            elements.append(element)
+        return elements
 
     @cached_property
     def _places(self) -> dict[str, list[str]]:
         """The places that an array's elements belong to, by its name, where the FMU says them."""
         root = ElementTree.parse(self.folder / "modelDescription.xml").getroot()
-        found = {}
+        result = {}
         for variable in root.iterfind("ModelVariables/*"):
             places = variable.iterfind("Annotations/Annotation[@type='lptn.places']/Place")
-            found[variable.get("name", "")] = [place.get("name", "") for place in places]
-        return found
+            result[variable.get("name", "")] = [place.get("name", "") for place in places]
+        return result
 
     def access(self, names: Iterable[str], place: str) -> Access:
         """How variables are got and set by their names.

@@ -39,7 +39,7 @@ def arrays(variables: Sequence[Variable]) -> list[Variable]:
 def _joined(name: str, reference: int, elements: Sequence[Variable], made: Sequence[Variable]) -> Variable:
     first = elements[0]
     places = ", ".join(places_of(elements))
-    state = next((each.reference for each in made if first.of in {one.reference for one in each.elements}), first.of)
+    state = next((array.reference for array in made if first.of in {one.reference for one in array.elements}), first.of)
     text = first.description.replace(places_of(elements[:1])[0], "each place")
     return replace(
         first,
@@ -54,7 +54,7 @@ def _joined(name: str, reference: int, elements: Sequence[Variable], made: Seque
 
 def places_of(elements: Iterable[Variable]) -> list[str]:
     """The place of each element of an array, as it stands in the element's name."""
-    return [first_place(each.name.removeprefix("der("))[0] for each in elements]
+    return [first_place(element.name.removeprefix("der("))[0] for element in elements]
 
 
 def shown(variables: Sequence[Variable], joined: Sequence[Variable]) -> list[Variable]:
@@ -80,14 +80,14 @@ def structure_of_arrays(structure: Structure, joined: Sequence[Variable]) -> Str
 
 
 def _merged(entries: Iterable[Dependent], array_of: Mapping[int, Variable]) -> tuple[Dependent, ...]:
-    found: dict[int, tuple[Variable, dict[int, str]]] = {}
+    merged: dict[int, tuple[Variable, dict[int, str]]] = {}
     for entry in entries:
         variable = array_of.get(entry.variable.reference, entry.variable)
-        _, kinds = found.setdefault(variable.reference, (variable, {}))
+        _, kinds = merged.setdefault(variable.reference, (variable, {}))
         for reference, kind in zip(entry.dependencies, entry.kinds, strict=True):
-            known = array_of[reference].reference if reference in array_of else reference
-            kinds[known] = min(kinds.get(known, kind), kind, key=_KINDS.index)
+            source = array_of[reference].reference if reference in array_of else reference
+            kinds[source] = min(kinds.get(source, kind), kind, key=_KINDS.index)
     return tuple(
-        Dependent(variable, tuple(sorted(kinds)), tuple(kinds[each] for each in sorted(kinds)))
-        for variable, kinds in found.values()
+        Dependent(variable, tuple(sorted(kinds)), tuple(kinds[dependency] for dependency in sorted(kinds)))
+        for variable, kinds in merged.values()
     )

@@ -221,8 +221,8 @@ def _dependents_of_limits(
     every = tuple(sorted(reference for pair in pairs for reference in pair))
     clocks = [clock for clock in component.of("clock") if not clock.entrance]
     return (
-        tuple(Dependent(each, pair, ("constant",) * 2) for each, pair in zip(indicators, pairs, strict=True)),
-        tuple(Dependent(each, pair, ("dependent",) * 2) for each, pair in zip(crossed, pairs, strict=True)),
+        tuple(Dependent(indicator, pair, ("constant",) * 2) for indicator, pair in zip(indicators, pairs, strict=True)),
+        tuple(Dependent(variable, pair, ("dependent",) * 2) for variable, pair in zip(crossed, pairs, strict=True)),
         tuple(Dependent(clock, every, ("dependent",) * len(every)) for clock in clocks),
     )
 

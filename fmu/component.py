@@ -151,7 +151,7 @@ def _raw_of(column: str) -> tuple[str, ...]:
 
 def _raw_inputs(model: Model) -> tuple[str, ...]:
     """The raw columns that a model takes means of, but not by themselves."""
-    raw = dict.fromkeys(each for column in model.inputs for each in _raw_of(column))
+    raw = dict.fromkeys(name for column in model.inputs for name in _raw_of(column))
     return tuple(column for column in raw if column not in model.inputs)
 
 
@@ -216,7 +216,7 @@ class _Builder:
             raw = _raw_of(column)
             own = given[column]
             if raw:
-                own = ca.if_else(own < 0, ca.fabs(math.prod(given[each] for each in raw)), own)
+                own = ca.if_else(own < 0, ca.fabs(math.prod(given[name] for name in raw)), own)
             inputs.append(own)
         return ca.Function("inputs", [u], [ca.vertcat(*inputs)])
 

@@ -90,7 +90,7 @@ class Connected(Closing):
             for row, name in enumerate(session.output_names):
                 self.output_names.append(f"{component}.{name}")
                 self._outputs.append((session, row))
-            self.variables |= {f"{component}.{name}": each for name, each in session.variables.items()}
+            self.variables |= {f"{component}.{name}": variable for name, variable in session.variables.items()}
         self._wires = []
         for connection in self.structure.connections:
             (source, output), (target, entrance) = connection.start, connection.end
@@ -109,7 +109,7 @@ class Connected(Closing):
 
     def column(self, name: str) -> str:
         """The log column of an input or output: that of the variable without its component."""
-        component = next(each for each in self._sessions if name.startswith(f"{each}."))
+        component = next(prefix for prefix in self._sessions if name.startswith(f"{prefix}."))
         return to_column(name[len(component) + 1 :])
 
     def reset(self, values: Mapping[str, float] | None = None, start: float = 0.0) -> None:

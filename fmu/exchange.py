@@ -71,5 +71,5 @@ class Exchange(Session):
             self._call(self._fmu.fmi3GetNumberOfContinuousStates, self._instance, ctypes.byref(number))
             count = number.value
         self.states, self.rates = np.zeros(count), np.zeros(count)
-        self._states, self._rates = (each.ctypes.data_as(_Doubles) for each in (self.states, self.rates))
+        self._states, self._rates = (array.ctypes.data_as(_Doubles) for array in (self.states, self.rates))
         self._call(self._fmu.getContinuousStates, self._states, count)

@@ -38,18 +38,18 @@ def experiment(component: Component, step: float) -> dict[str, Any]:
     """
     inputs, states = component.of("input"), component.of("state")
     rows = _inputs(inputs)
-    found = _solved(component, rows)
+    solution = _solved(component, rows)
     times = np.column_stack([_HOLD * np.arange(_JUMPS), _HOLD * np.arange(1, _JUMPS + 1)]).ravel()
     held = np.column_stack([times, np.repeat(rows, 2, axis=0)])
     seen = [row for row, state in enumerate(states) if not state.hidden]
-    results = np.column_stack([_HOLD * np.arange(_JUMPS + 1), found[:, seen]])
+    results = np.column_stack([_HOLD * np.arange(_JUMPS + 1), solution[:, seen]])
     return {
         "stop": _HOLD * _JUMPS,
         "hold": _HOLD,
         "step": step,
         "tolerance": _TOLERANCE,
         "tables": {
-            "inputs.csv": _csv(["time", *(each.name for each in inputs)], held),
+            "inputs.csv": _csv(["time", *(variable.name for variable in inputs)], held),
             "results.csv": _csv(["time", *(states[row].name for row in seen)], results),
         },
     }
@@ -78,17 +78,17 @@ def _solved(component: Component, rows: FloatArray) -> FloatArray:
     """States [K] at the start and after each stretch, shape (stretches + 1, states)."""
     rates = ca.Function("rates", [component.x, component.u, component.p], [component.rates])
     state, parameters = (
-        np.array([each.start for each in component.of(kind)], dtype=float) for kind in ("state", "parameter")
+        np.array([variable.start for variable in component.of(kind)], dtype=float) for kind in ("state", "parameter")
     )
-    found = [state]
+    states = [state]
     for row in rows:
 
         def of_stretch(_: float, x: FloatArray, row: FloatArray = row) -> FloatArray:
             return np.asarray(rates(x, row, parameters).full().ravel())
 
         state = solve_ivp(of_stretch, (0.0, _HOLD), state, method="DOP853", rtol=1e-12, atol=1e-12).y[:, -1]
-        found.append(state)
-    return np.array(found)
+        states.append(state)
+    return np.array(states)
 
 
 def _csv(names: list[str], table: FloatArray) -> str:

@@ -69,7 +69,7 @@ class Exported:
     @property
     def variables(self) -> dict[str, int]:
         """Value references by name."""
-        return {each.name: each.reference for each in _shown(self.component, self.arrays, self.fmi)}
+        return {variable.name: variable.reference for variable in _shown(self.component, self.arrays, self.fmi)}
 
     def as_json(self) -> dict[str, object]:
         """What was written, as other programs read it."""
@@ -289,7 +289,7 @@ def _values(component: Component, integration: Integration, fmi: int, joined: Se
         "variables": variables,
         "shown": seen,
         "arrays": joined,
-        "places": {each.reference: places_of(each.elements) for each in joined},
+        "places": {array.reference: places_of(array.elements) for array in joined},
         "states": component.of("state"),
         "inputs": component.of("input"),
         "parameters": component.of("parameter"),
@@ -311,18 +311,19 @@ def _values(component: Component, integration: Integration, fmi: int, joined: Se
 
 def _shown(component: Component, joined: Sequence[Variable], fmi: int) -> list[Variable]:
     """The variables as an importer sees them: FMI 2 knows no clocks."""
-    return [each for each in shown(component.variables, joined) if fmi == 3 or each.kind != "clock"]
+    return [variable for variable in shown(component.variables, joined) if fmi == 3 or variable.kind != "clock"]
 
 
 def _structure(component: Component, joined: Sequence[Variable], fmi: int) -> Structure:
     """The dependencies as an importer sees them: of arrays, and without the clocks that FMI 2 lacks."""
-    found = structure_of_arrays(structure(component), joined)
+    result = structure_of_arrays(structure(component), joined)
     if fmi == 3:
-        return found
+        return result
     outputs, initial = (
-        tuple(each for each in entries if each.variable.kind != "clock") for entries in (found.outputs, found.initial)
+        tuple(entry for entry in entries if entry.variable.kind != "clock")
+        for entries in (result.outputs, result.initial)
     )
-    return replace(found, outputs=outputs, initial=initial)
+    return replace(result, outputs=outputs, initial=initial)
 
 
 def _resource(path: str) -> str:

@@ -83,7 +83,9 @@ def write_values(
         entry = ElementTree.SubElement(values, "ssv:Parameter", name=variable.name, description=variable.description)
         unit = {"unit": variable.unit} if _has_dimension(variable.unit) else {}
         ElementTree.SubElement(entry, "ssv:Real", {"value": repr(float(variable.start or 0.0)), **unit})
-    units = [unit for unit in unit_definitions(each.unit for each in parameters) if unit.exponents is not None]
+    units = [
+        unit for unit in unit_definitions(parameter.unit for parameter in parameters) if unit.exponents is not None
+    ]
     _add_units(root, "ssv", {unit.name: _base(unit.exponents, unit.factor) for unit in units})
     write_whole(Path(path), _text(root))
     return len(parameters)
@@ -106,16 +108,16 @@ def read_values(path: str | Path) -> dict[str, Value]:
 
 
 def _values(root: Any, path: Path) -> dict[str, Value]:
-    found: dict[str, Value] = {}
+    values: dict[str, Value] = {}
     for entry in root.iterfind("ssv:Parameters/ssv:Parameter", _NAMESPACES):
         name = entry.get("name") or ""
         for kind in _NUMBERS:
             number = entry.find(f"ssv:{kind}", _NAMESPACES)
             if number is not None:
-                found[name] = Value(_number(number.get("value"), path, name), number.get("unit") or "")
-    if not found:
+                values[name] = Value(_number(number.get("value"), path, name), number.get("unit") or "")
+    if not values:
         raise InputError(path, "Parameters", "no numbers", "ssv:Real elements with a value")
-    return found
+    return values
 
 
 def read_mapping(path: str | Path) -> list[Entry]:
@@ -177,17 +179,17 @@ def in_units_of(values: Mapping[str, Value], unpacked: Unpacked, source: str | P
     Raises:
         InputError: a name that the FMU has no parameter, state or input for, or a unit of something else.
     """
-    found = {}
+    converted = {}
     for name, value in values.items():
         variable = unpacked.variables.get(name)
         if variable is None or variable.start is None:
             raise InputError(Path(source), name, "no such parameter", f"a parameter of {unpacked.path.name}")
         unit = unit_of(variable) or ""
         try:
-            found[name] = convert(value.value, value.unit, unit) if value.unit and unit else value.value
+            converted[name] = convert(value.value, value.unit, unit) if value.unit and unit else value.value
         except ValueError as error:
             raise InputError(Path(source), name, str(error), f"a value in {unit}") from error
-    return found
+    return converted
 
 
 # --- systems of FMUs ------------------------------------------------------------------------------
@@ -244,8 +246,8 @@ def write_system(
     files = {component: Path(file) for component, file in fmus.items()}
     opened = {component: Unpacked(file, trust=True) for component, file in files.items()}  # read, not run
     try:
-        for component, each in opened.items():
-            if each.has_arrays:
+        for component, unpacked in opened.items():
+            if unpacked.has_arrays:
                 raise InputError(target, component, "an FMU with arrays, which SSP 1.0 has none of", "one of scalars")
         pairs = [_pair(start, end, opened, target) for start, end in connections]
         _check_connections(pairs, opened, target)
@@ -256,8 +258,8 @@ def write_system(
         }
         text = _system_text(name, sources, opened, pairs)
     finally:
-        for each in opened.values():
-            each.close()
+        for unpacked in opened.values():
+            unpacked.close()
     write_whole(target, _archive(text, files) if inside else text)
     return SystemStructure(name, files, pairs)
 
@@ -306,7 +308,7 @@ def _system_text(
     elements = ElementTree.SubElement(system, "ssd:Elements")
     units: dict[str, dict[str, str]] = {}
     for component, unpacked in opened.items():
-        known = _units_of(unpacked)
+        definitions = _units_of(unpacked)
         words = {"name": component, "type": "application/x-fmu-sharedlibrary", "source": sources[component]}
         element = ElementTree.SubElement(elements, "ssd:Component", words)
         connectors = ElementTree.SubElement(element, "ssd:Connectors")
@@ -315,9 +317,9 @@ def _system_text(
                 words = {"name": str(variable.name), "kind": str(variable.causality)}
                 connector = ElementTree.SubElement(connectors, "ssd:Connector", words)
                 unit = unit_of(variable)
-                if unit in known:
-                    units[unit] = known[unit]
-                ElementTree.SubElement(connector, "ssc:Real", {"unit": unit} if unit in known else {})
+                if unit in definitions:
+                    units[unit] = definitions[unit]
+                ElementTree.SubElement(connector, "ssc:Real", {"unit": unit} if unit in definitions else {})
     if pairs:
         drawn = ElementTree.SubElement(system, "ssd:Connections")
         for pair in pairs:
@@ -403,7 +405,7 @@ def _structure(root: Any, file: Path, shown: Path) -> SystemStructure:
 
 def _bound(element: Any, file: Path, shown: Path) -> dict[str, Value]:
     """The values that an element's parameter bindings give; the last one wins."""
-    found: dict[str, Value] = {}
+    parameters: dict[str, Value] = {}
     for binding in element.iterfind("ssd:ParameterBindings/ssd:ParameterBinding", _NAMESPACES):
         source, inside = binding.get("source"), binding.find("ssd:ParameterValues/ssv:ParameterSet", _NAMESPACES)
         if binding.get("sourceBase", "SSD") != "SSD":
@@ -416,8 +418,8 @@ def _bound(element: Any, file: Path, shown: Path) -> dict[str, Value]:
             entries = _mapping(inner, shown) if source is None else read_mapping(_file(source, file, shown))
             values = mapped(values, entries)
         prefix = binding.get("prefix", "")
-        found |= {prefix + name: value for name, value in values.items()}
-    return found
+        parameters |= {prefix + name: value for name, value in values.items()}
+    return parameters
 
 
 def _file(source: str, file: Path, shown: Path) -> Path:
@@ -432,25 +434,25 @@ def _file(source: str, file: Path, shown: Path) -> Path:
 
 
 def _head(part: str, name: str) -> dict[str, str]:
-    spaces = {f"xmlns:{each}": address for each, address in _NAMESPACES.items() if each in (part, "ssc")}
+    spaces = {f"xmlns:{prefix}": address for prefix, address in _NAMESPACES.items() if prefix in (part, "ssc")}
     return {**spaces, "version": "1.0", "name": name}
 
 
 def _has_dimension(unit: str) -> bool:
     """Whether SSP can define a unit of ours; one whose exponents are parameters has no dimension."""
-    return any(each.exponents is not None for each in unit_definitions([unit]))
+    return any(definition.exponents is not None for definition in unit_definitions([unit]))
 
 
 def _units_of(unpacked: Unpacked) -> dict[str, dict[str, str]]:
     """The base units of an FMU's own units, as SSP gives them, by unit."""
     names = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
-    found = {}
+    units = {}
     for unit in unpacked.description.unitDefinitions:
         base = unit.baseUnit
         if base is not None:
             exponents = {name: int(getattr(base, name) or 0) for name in names}
-            found[unit.name] = _base(exponents, float(base.factor or 1), float(base.offset or 0))
-    return found
+            units[unit.name] = _base(exponents, float(base.factor or 1), float(base.offset or 0))
+    return units
 
 
 def _base(exponents: Mapping[str, int] | None, factor: float = 1.0, offset: float = 0.0) -> dict[str, str]:

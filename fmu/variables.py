@@ -40,8 +40,8 @@ _TEMPERATURE = DeclaredType("Temperature", "ThermodynamicTemperature", "K", 300.
 _DIFFERENCE = DeclaredType("TemperatureDifference", "ThermodynamicTemperature", "K", 10.0, relative=True)
 _HEAT_FLOW = DeclaredType("HeatFlowRate", "Power", "W", 10.0)
 _TYPES = {
-    each.unit: each
-    for each in (
+    declaration.unit: declaration
+    for declaration in (
         DeclaredType("TemperatureSlope", "TemperatureSlope", "K/s", 0.1),
         DeclaredType("Torque", "Torque", "N*m", 10.0),
         DeclaredType("AngularVelocity", "AngularVelocity", "rad/s", 10.0),
@@ -98,7 +98,7 @@ class Variable:
     @property
     def starts(self) -> tuple[float, ...]:
         """Its start values: none where it is calculated, one, or one for each element."""
-        return tuple(each.start for each in self.elements or (self,) if each.start is not None)
+        return tuple(element.start for element in self.elements or (self,) if element.start is not None)
 
     @property
     def causality(self) -> str:

@@ -97,8 +97,8 @@ def _make(model: Model, request: Request) -> Heating:
     joints = [column.partition(".")[2] for column in controlled]
     if len(set(joints)) < len(joints):
         twice = next(joint for joint in joints if joints.count(joint) > 1)
-        found = f"torque.{twice} and current.{twice}"
-        raise InputError(model.network.origin, "effects", found, "one of the two a joint")
+        columns = f"torque.{twice} and current.{twice}"
+        raise InputError(model.network.origin, "effects", columns, "one of the two a joint")
     square = ca.SX.sym("heat", len(joints))
     requested = ca.SX.sym("requested", len(joints))
     inputs, gain = [], []
@@ -108,8 +108,8 @@ def _make(model: Model, request: Request) -> Heating:
             per_ampere = _torque_constant(model, effect_instances.get(column), x, p)
             given = column.partition(".")[0]
             if per_ampere is None and given != request:
-                found = f"no copper_loss, so no torque constant to plan a {request}"
-                raise InputError(model.network.origin, column, found, f'request = "{given}"')
+                problem = f"no copper_loss, so no torque constant to plan a {request}"
+                raise InputError(model.network.origin, column, problem, f'request = "{given}"')
             gain.append(ca.SX(1) if request == "current" else 1 / per_ampere if per_ampere is not None else ca.SX(1))
             factor = ca.SX(1) if given == request else per_ampere if given == "torque" else 1 / per_ampere
             inputs.append(requested[number] * factor)

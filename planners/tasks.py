@@ -98,8 +98,8 @@ def kind_of(table: Mapping[str, Any], origin: str) -> Kind[Any]:
     task = table.get("task")
     kind = task.get("kind") if isinstance(task, Mapping) else None
     if not isinstance(kind, str) or kind not in _WHERE:
-        found = "no such key" if kind is None else shown(kind)
-        raise InputError(origin, "task.kind", found, f"one of {', '.join(KINDS)}")
+        problem = "no such key" if kind is None else shown(kind)
+        raise InputError(origin, "task.kind", problem, f"one of {', '.join(KINDS)}")
     module, _, name = _WHERE[kind].rpartition(".")
     planner: Kind[Any] = getattr(import_module(module), name)
     return planner

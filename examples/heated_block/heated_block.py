@@ -75,8 +75,8 @@ def order_rows() -> Iterator[Row]:
     yield "method", "ends", "node", "mean", "max", "n² × node error"
     for method in (PLAIN, NEGATIVE):
         for name, block in (("T1=T2", EQUAL), ("T1=T2+20", UNEQUAL), ("T1=T2+60", STEEP)):
-            found = [steady_errors(block_network(block, int(n), method)) for n in ODD]
-            node, mean, top = (np.array([getattr(one, key) for one in found]) for key in ("node", "mean", "maximum"))
+            errors = [steady_errors(block_network(block, int(n), method)) for n in ODD]
+            node, mean, top = (np.array([getattr(one, key) for one in errors]) for key in ("node", "mean", "maximum"))
             mean_order = "exact" if np.abs(mean).max() < 1e-9 else f"{order(ODD, mean):.4f}"
             spread = np.ptp(node * ODD**2) / np.abs(node * ODD**2).max()
             constant = f"{(node * ODD**2).mean():.4f} ± {spread:.0e}"

@@ -244,15 +244,15 @@ def transitions_in(simulator: Setting, do: str, height: float, model: Model) -> 
     inputs, above = np.array(thermal.inputs), np.array(record.position)[:, 2]
     lying = np.flatnonzero(inputs[:, thermal.columns.index(f"powered.{JOINTS[0]}")] == 0)
     stands = np.flatnonzero(above[lying[-1] :] > height - _NEARLY)[0] + lying[-1]
-    found = {}
+    transitions = {}
     for before, after, rows in (
         (do, "rest", slice(len(script) - round(_LONG / _WINDOW), lying[0])),
         ("rest", do, slice(lying[-1] + 1, stands + 1)),
     ):
         given = _given(_means(thermal.columns, inputs[rows]))
         gait = gait_from_tables(f"{before} to {after}", [0.0], [0.0], given, model, "a1")
-        found[before, after] = Transition(gait, _WINDOW * len(inputs[rows]))
-    return found
+        transitions[before, after] = Transition(gait, _WINDOW * len(inputs[rows]))
+    return transitions
 
 
 _LONG, _NEARLY = 10.0, 0.02  # s, longer than either takes; m below its height, where it stands

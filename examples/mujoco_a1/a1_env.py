@@ -110,13 +110,13 @@ def main() -> None:
             gymnasium.register(name, entry_point=entry, order_enforce=False, disable_env_checker=True)
             check_env(gymnasium.make(name))
     print("gymnasium's checker has nothing to say")
-    found: dict[str, list[float]] = {"MuJoCo's A1": [], "with its thermal network": []}
+    measurements: dict[str, list[float]] = {"MuJoCo's A1": [], "with its thermal network": []}
     for _ in range(3):  # in turns: what else the machine does meets both
-        for (_, rates), env in zip(found.items(), (A1Env(), warm_a1()), strict=True):
+        for (_, rates), env in zip(measurements.items(), (A1Env(), warm_a1()), strict=True):
             rates.append(steps_per_second(env, 2.0))
-    for name, rates in found.items():
+    for name, rates in measurements.items():
         print(f"{name}: {np.median(rates):.0f} steps of 20 ms a second of CPU")
-    plain, warm = (float(np.median(rates)) for rates in found.values())
+    plain, warm = (float(np.median(rates)) for rates in measurements.values())
     print(f"the network takes {1e6 * (1 / warm - 1 / plain):.0f} µs a step, {1 - warm / plain:.1%} of the time")
 
 

@@ -62,11 +62,11 @@ class FmuThermal:
 
     def heat(self, node: str) -> dict[str, float]:
         """What warms a node and what cools it at this moment [W], by effect and link; the sum is C·dT/dt."""
-        found: dict[str, float] = {}
+        flows: dict[str, float] = {}
         for name, value in zip(self._flows, self.session.read(self._flows).tolist(), strict=True):
             place, middle, _ = name.split(".")
             if place == node:
-                found[middle] = -value if "to_" in middle else value
+                flows[middle] = -value if "to_" in middle else value
             elif middle.endswith(f"to_{node}"):
-                found[f"from_{place}"] = value
-        return found
+                flows[f"from_{place}"] = value
+        return flows

@@ -180,9 +180,9 @@ class Controller:
         part = ((self.phase + OFFSETS[leg]) % 1.0 - DUTY) / (1 - DUTY)
         rate = 1.0 / (PERIOD * (1 - DUTY))
         turn = 2 * np.pi * part
-        way = self._foothold(data, leg) - self._lift_off[leg]
-        aim = self._lift_off[leg] + (part - np.sin(turn) / (2 * np.pi)) * way
-        speed = (1 - np.cos(turn)) * rate * way
+        stride = self._foothold(data, leg) - self._lift_off[leg]
+        aim = self._lift_off[leg] + (part - np.sin(turn) / (2 * np.pi)) * stride
+        speed = (1 - np.cos(turn)) * rate * stride
         aim[2] += LIFT * 0.5 * (1 - np.cos(turn))
         speed[2] += LIFT * np.pi * np.sin(turn) * rate
         k, d = SWING_GAINS

@@ -61,10 +61,10 @@ def a1_urdf() -> Path:
         files = metadata.distribution(PACKAGE).files or []
     except metadata.PackageNotFoundError as error:
         raise ModuleNotFoundError(f"{PACKAGE} is not installed: pip install 'lptn[robots]'", name=PACKAGE) from error
-    found = [file for file in files if file.name == "a1.urdf"]
-    if not found:
+    matches = [file for file in files if file.name == "a1.urdf"]
+    if not matches:
         raise ModuleNotFoundError(f"{PACKAGE} {metadata.version(PACKAGE)} holds no a1.urdf", name=PACKAGE)
-    return Path(str(found[0].locate()))
+    return Path(str(matches[0].locate()))
 
 
 def build(motor: OneNode, payload: float = 0.0) -> mujoco.MjModel:

@@ -45,10 +45,12 @@ parser.add_argument("--output", type=Path, default=Path("mujoco_a1"), help="fold
 options = parser.parse_args()
 options.output.mkdir(parents=True, exist_ok=True)
 
-known = quadruped()
+nominal = quadruped()
 file = options.output / "quadruped.toml"
 file.write_text(preset_text("quadruped"), encoding="utf-8")
-truth = known.with_values(known.values * (1 + 0.1 * np.random.default_rng(7).choice([-1.0, 1.0], len(known.values))))
+truth = nominal.with_values(
+    nominal.values * (1 + 0.1 * np.random.default_rng(7).choice([-1.0, 1.0], len(nominal.values)))
+)
 low, tall = 0.24, 0.34  # m
 
 # %% [markdown]
@@ -90,22 +92,22 @@ for name, setting in scenarios.items():
         continue
     do = setting.task.activity
     speeds = [0.3, 0.5] if do == "trot" else [0.0]
-    gait = gait_in(setting, do, speeds, [setting.task.height, tall], known)
+    gait = gait_in(setting, do, speeds, [setting.task.height, tall], nominal)
     middle = gait.at(setting.task.speed, 0.0, [setting.task.height])
-    standing = np.array([middle[known.inputs.index(f"torque.{joint}")] for joint in JOINTS])
+    standing = np.array([middle[nominal.inputs.index(f"torque.{joint}")] for joint in JOINTS])
     amount = setting.task.speed * setting.duration if do == "trot" else setting.duration
-    ways = transitions_in(setting, do, tall, known)
-    for (before, after), way in ways.items():
-        calf = max(way.gait.at(0.0, 0.0)[known.inputs.index(f"torque.{joint}")] for joint in JOINTS)
-        print(f"{before} to {after}: {way.duration:.1f} s, up to {calf:.0f} N·m (RMS)")
-    replanned = Replanned(mission_of(known, do, gait, amount, setting.start, ways), setting.task)
+    transitions = transitions_in(setting, do, tall, nominal)
+    for (before, after), transition in transitions.items():
+        calf = max(transition.gait.at(0.0, 0.0)[nominal.inputs.index(f"torque.{joint}")] for joint in JOINTS)
+        print(f"{before} to {after}: {transition.duration:.1f} s, up to {calf:.0f} N·m (RMS)")
+    replanned = Replanned(mission_of(nominal, do, gait, amount, setting.start, transitions), setting.task)
     controllers: dict[str, Controller] = {
         "derating, 50 to 60 degC": Derating(setting.task),
         "cut-off at 60, on at 55 degC": CutOff(setting.task),
-        "TorqueMPC, floors": Predictive(setting.task, support_first(known, standing)),
+        "TorqueMPC, floors": Predictive(setting.task, support_first(nominal, standing)),
         "MissionControl": replanned,
         "MissionControl, rests for nothing": Replanned(
-            mission_of(known, do, gait, amount, setting.start), setting.task
+            mission_of(nominal, do, gait, amount, setting.start), setting.task
         ),
     }
     if options.other:

@@ -40,9 +40,9 @@ def models() -> Iterator[tuple[str, str, ModelFile]]:
     for ready in sorted(entry.name for entry in robots.iterdir() if entry.name.endswith(".toml")):
         text = robots.joinpath(ready).read_text(encoding="utf-8")
         yield ready.removesuffix(".toml"), f"../../src/lptn/robots/{ready}", parse_model(text, Path(ready))
-    found = [path for path in sorted(EXAMPLES.glob("*/*.toml")) if "[nodes" in path.read_text(encoding="utf-8")]
-    for path in found:
-        twice = sum(other.stem == path.stem for other in found) > 1
+    paths = [path for path in sorted(EXAMPLES.glob("*/*.toml")) if "[nodes" in path.read_text(encoding="utf-8")]
+    for path in paths:
+        twice = sum(other.stem == path.stem for other in paths) > 1
         name = f"{path.stem} ({path.parent.name})" if twice else path.stem
         yield name, f"../{path.parent.name}/{path.name}", parse_model(path.read_text(encoding="utf-8"), path)
 

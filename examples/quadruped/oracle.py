@@ -38,20 +38,20 @@ def floor(seed: int, level: Level, known: Sequence[Errors] = ()) -> Mapping[str,
         level: hidden errors of each run: none, default or strong.
         known: which of them the oracle is told.
     """
-    return {name: each[tuple(known)] for name, each in floors(seed, level, (known,)).items()}
+    return {name: scores[tuple(known)] for name, scores in floors(seed, level, (known,)).items()}
 
 
 def floors(
     seed: int, level: Level, known: Sequence[Sequence[Errors]]
 ) -> dict[str, dict[tuple[Errors, ...], tuple[float, float]]]:
     """The same for several oracles at once: by run, then by what is known."""
-    found: dict[str, dict[tuple[Errors, ...], tuple[float, float]]] = {}
+    scores: dict[str, dict[tuple[Errors, ...], tuple[float, float]]] = {}
     for record in simulate_runs(quadruped(seed=seed), PLANS["tests"](seed), seed, level):
-        found[record.name] = {}
-        for told in known:
-            error = oracle(record, seed, level, told) - record.sensed
-            found[record.name][tuple(told)] = float(np.abs(error).max()), float((error**2).mean()) + READING
-    return found
+        scores[record.name] = {}
+        for subset in known:
+            error = oracle(record, seed, level, subset) - record.sensed
+            scores[record.name][tuple(subset)] = float(np.abs(error).max()), float((error**2).mean()) + READING
+    return scores
 
 
 def oracle(record: Record, seed: int, level: Level = "none", known: Sequence[Errors] = ()) -> np.ndarray:
@@ -60,7 +60,7 @@ def oracle(record: Record, seed: int, level: Level = "none", known: Sequence[Err
     Returns:
         degC, shape (seconds + 1, sensors).
     """
-    run, (robot, offset) = record.run, _told(record, seed, level, known)
+    run, (robot, offset) = record.run, _with_errors(record, seed, level, known)
     air = ambient(robot, run.ambient, offset, run.swing, run.seconds, seed, record.name)
     network = Network(robot, float(air.true[0]))
     heat = np.zeros((run.seconds, len(robot.nodes))) + event_heat(robot, run.seconds, seed, record.name)
@@ -70,15 +70,15 @@ def oracle(record: Record, seed: int, level: Level = "none", known: Sequence[Err
     return np.asarray(states[:, network.sensed])
 
 
-def _told(record: Record, seed: int, level: Level, known: Sequence[Errors]) -> tuple[Robot, float]:
+def _with_errors(record: Record, seed: int, level: Level, errors: Sequence[Errors]) -> tuple[Robot, float]:
     """The robot with the errors of this run that are known, and the ambient's [K]."""
     robot = quadruped(seed=seed).in_run(record.name)
     true, offset = draw_run_errors(robot, level, seed, record.name)
-    if "air" in known:
+    if "air" in errors:
         robot = replace(robot, to_air=true.to_air)
-    if "battery" in known:
+    if "battery" in errors:
         robot = replace(robot, constant=true.constant)
-    return robot, offset if "ambient" in known else 0.0
+    return robot, offset if "ambient" in errors else 0.0
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -87,11 +87,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--seeds", type=int, nargs="+", default=[0])
     parser.add_argument("--level", choices=("none", "default", "strong"), default="default")
     given = parser.parse_args(arguments)
-    told: list[tuple[Errors, ...]] = [(), *((each,) for each in UNKNOWN), UNKNOWN]
-    print(f"{'robot, run':24s}" + "".join(f"{'knows ' + ('+'.join(each) or 'none'):>24s}" for each in told))
+    subsets: list[tuple[Errors, ...]] = [(), *((error,) for error in UNKNOWN), UNKNOWN]
+    print(f"{'robot, run':24s}" + "".join(f"{'knows ' + ('+'.join(subset) or 'none'):>24s}" for subset in subsets))
     for seed in given.seeds:
-        for name, found in floors(seed, given.level, told).items():
-            numbers = "".join(f"{f'{found[each][0]:.2f} K {found[each][1]:.2f} K²':>24s}" for each in told)
+        for name, scores in floors(seed, given.level, subsets).items():
+            numbers = "".join(f"{f'{scores[subset][0]:.2f} K {scores[subset][1]:.2f} K²':>24s}" for subset in subsets)
             print(f"{f'{seed} {name}':24s}{numbers}", flush=True)
 
 

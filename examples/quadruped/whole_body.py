@@ -121,18 +121,18 @@ def _quickly(model: Model, runs: Sequence[Run], spread: float) -> Fit:
     """
     averages = [run.coarsen(round(_SLOW_STEP / run.step)) for run in runs]
     nuisances = [
-        each
+        nuisance
         for run in runs
-        for each in (
+        for nuisance in (
             _nuisance(AmbientOffset(), "ambient", spread * AMBIENT_ERROR, run),
             _nuisance(SurfaceScale(), "*_case", spread * SURFACE_ERROR, run),
         )
     ]
     own = Model(model.network.with_effects(nuisances))
-    found = fit(own, averages, symmetry_penalty=1.0, guess=own.values, iterations=_ITERATIONS, precision=1e-4)
-    fitted = {parameter.name: parameter.value for parameter in found.model.parameters}
+    result = fit(own, averages, symmetry_penalty=1.0, guess=own.values, iterations=_ITERATIONS, precision=1e-4)
+    fitted = {parameter.name: parameter.value for parameter in result.model.parameters}
     values = np.array([fitted[parameter.name] for parameter in model.parameters])
-    return replace(found, model=model.with_values(values))
+    return replace(result, model=model.with_values(values))
 
 
 def _nuisance(effect: Effect, place: str, deviation: float, run: Run) -> EffectDeclaration:
@@ -154,7 +154,7 @@ def _logs(
 
 
 def _errors(fitted: Sequence[Fit], data: Sequence[DataSplit], held: bool) -> Versus:
-    parts = [each.holdout if held else each.fit for each in data]
+    parts = [split.holdout if held else split.fit for split in data]
     return versus(fitted[0].model, fitted[1].model, *parts)
 
 
@@ -165,16 +165,16 @@ def _errors(fitted: Sequence[Fit], data: Sequence[DataSplit], held: bool) -> Ver
 # %%
 def tables(trials: Sequence[Trial]) -> str:
     """[QuadrupedLPTN, table 2, 3], ours for each robot behind them."""
-    robots = "".join(f"{f'robot {each.seed}':>22s}" for each in trials)
+    robots = "".join(f"{f'robot {outcome.seed}':>22s}" for outcome in trials)
     lines = [f"Mean error [K], single node -> whole body\n{'joints':16s}{'source':>16s}{robots}"]
     for what, printed in SOURCE_CLASSES.items():
-        ours = "".join(f"{_arrow(_named(each.protocol.classes, what).mean):>22s}" for each in trials)
+        ours = "".join(f"{_arrow(_named(outcome.protocol.classes, what).mean):>22s}" for outcome in trials)
         lines.append(f"{what:16s}{f'{printed[0]:.2f} -> {printed[1]:.2f}':>16s}{ours}")
     lines.append(f"\nLargest error [K], mean square [K²], reduction of the largest\n{'run':16s}{'source':>16s}{robots}")
-    runs = {"identification": [_named(each.protocol.classes, "all") for each in trials]}
+    runs = {"identification": [_named(outcome.protocol.classes, "all") for outcome in trials]}
     names = {pair.what for pair in trials[0].tests.runs}
     ordered = [*(name for name in SOURCE_RUNS if name in names), *sorted(names - SOURCE_RUNS.keys())]
-    runs |= {name: [_named(each.tests.runs, name) for each in trials] for name in ordered}
+    runs |= {name: [_named(outcome.tests.runs, name) for outcome in trials] for name in ordered}
     for what, pairs in runs.items():
         source = SOURCE_RUNS.get(what)
         shown = f"{source[0]:.2f}  {source[1]:.2f}  {source[2]:.0f}%" if source else "-"
@@ -187,14 +187,14 @@ def over_robots(trials: Sequence[Trial]) -> str:
     """Of the same tables the median of all robots, and the worst in parentheses."""
     lines = [f"\nMedian and worst of {len(trials)} robots\nMean error [K], single node -> whole body"]
     for what in SOURCE_CLASSES:
-        means = np.array([_named(each.protocol.classes, what).mean for each in trials])
+        means = np.array([_named(outcome.protocol.classes, what).mean for outcome in trials])
         single, whole = np.median(means[:, 1]), f"{np.median(means[:, 0]):.2f} ({means[:, 0].max():.2f})"
         lines.append(f"{what:16s}{single:.2f} -> {whole}")
     lines.append("Largest error [K], mean square [K²], reduction of the largest")
     for what in ("identification", *(pair.what for pair in trials[0].tests.runs)):
         pairs = [
-            _named(each.protocol.classes, "all") if what == "identification" else _named(each.tests.runs, what)
-            for each in trials
+            _named(outcome.protocol.classes, "all") if what == "identification" else _named(outcome.tests.runs, what)
+            for outcome in trials
         ]
         largest, square, reduction = (
             np.array(values) for values in zip(*((p.max[0], p.square[0], p.reduction) for p in pairs), strict=True)

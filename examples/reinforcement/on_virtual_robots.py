@@ -77,7 +77,7 @@ class VirtualRobots:
         shift = np.array([inputs[self._rows["temperature.ambient"]] - self.network.ambient])
         second = forcing(self.robot, means, extra)
         acting = (second.copper, second.other, second.to_air, shift)
-        return Forcing(*(np.repeat(each, self._seconds, axis=0) for each in acting))
+        return Forcing(*(np.repeat(term, self._seconds, axis=0) for term in acting))
 
 
 # %%
@@ -99,13 +99,13 @@ def main(arguments: Sequence[str] | None = None) -> Mapping[int, Mapping[str, Ou
     parser.add_argument("--episodes", type=int, default=16, help="on each robot")
     given = parser.parse_args(arguments)
     weights, _ = learn(given.rounds)
-    found = {}
+    outcomes = {}
     for seed in given.seeds:
-        found[seed] = judged(seed, weights, given.episodes)
-        for name, (work, above) in found[seed].items():
+        outcomes[seed] = judged(seed, weights, given.episodes)
+        for name, (work, above) in outcomes[seed].items():
             said = f"work {work.mean():.1%}; above the limit {above.mean():.2f} K, at most {above.max():.2f} K"
             print(f"robot {seed}, {name:20s} {said}", flush=True)
-    return found
+    return outcomes
 
 
 if __name__ == "__main__":

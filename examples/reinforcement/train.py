@@ -165,7 +165,7 @@ def learn(rounds: int, drawn: int = 40, episodes: int = 12, chosen: int = 64) ->
     best = (-np.inf, mean)
     for number in range(rounds + 1):
         outcome = played(judge, learnt(view, mean), CHOOSE)
-        best = max(best, (float(worth(outcome).mean()), mean), key=lambda each: each[0])
+        best = max(best, (float(worth(outcome).mean()), mean), key=lambda candidate: candidate[0])
         steps.append(Step(number * drawn * episodes, time.process_time() - began, outcome))
         print(steps[-1], flush=True)
         if number == rounds:

@@ -120,7 +120,7 @@ for controlled in (False, True):
     loop = ControlLoop(TorqueMPC(model, LIMIT, request="torque", noise=0.1), TICK)
     random = np.random.default_rng(0)
     temperature, read = np.full(3, START), np.full(3, START)
-    hottest, given, wanted, told = START, 0.0, 0.0, set()
+    hottest, given, wanted, messages = START, 0.0, 0.0, set()
     for k in range(round(options.duration / TICK)):
         time = k * TICK
         if k % 20 == 0:  # temperatures come ten times a second
@@ -135,12 +135,12 @@ for controlled in (False, True):
         leg.move(torque)
         temperature = warmed(temperature, torque)
         hottest, given, wanted = max(hottest, temperature.max()), given + torque @ torque, wanted + asked @ asked
-        told |= set(loop.given_up)
+        messages |= set(loop.given_up)
     how = "with the controller" if controlled else "without"
     share = np.sqrt(given / wanted)
     print(f"{how}: hottest motor {hottest:.2f} degC, limit {LIMIT:g}; {share:.0%} of the torque asked")
     if controlled:
-        print(*sorted({sentence for sentence in told if " has read " in sentence})[:1], sep="\n")
+        print(*sorted({sentence for sentence in messages if " has read " in sentence})[:1], sep="\n")
 
 # %% [markdown]
 # ## For the robot

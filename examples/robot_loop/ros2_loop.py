@@ -105,8 +105,10 @@ def make_bag(path: Path, joints: tuple[str, ...]) -> None:
             if k % 2 == 0:
                 hot = joints if k < 1200 else joints[:2]
                 values = np.array([50.0, 55.0, 59.5])[: len(hot)] + 0.1 * random.standard_normal(len(hot))
-                told = dynamic(header, list(hot), [interface(["temperature"], np.array([value])) for value in values])
-                bag.write(topics[DYNAMIC], 50_000_000 * k, TYPES.serialize_cdr(told, DYNAMIC_STATE))
+                message = dynamic(
+                    header, list(hot), [interface(["temperature"], np.array([value])) for value in values]
+                )
+                bag.write(topics[DYNAMIC], 50_000_000 * k, TYPES.serialize_cdr(message, DYNAMIC_STATE))
             asked = joint_state(header, list(joints), none, none, torque)
             bag.write(topics[COMMANDS], 50_000_000 * k, TYPES.serialize_cdr(asked, JOINT_STATE))
 

@@ -33,11 +33,11 @@ show(comparison_figure(compare(given.model, data.holdout)))
 # %% Every effect of the catalogue at every place, scored by what it would take off the misfit
 coarse = for_search(data)
 base = fit_segments(loaded.model, coarse.fit)
-found = candidates(base.model.network, data.fit[0].run.columns)
-scores = score(base, found)
-print(f"{len(found)} candidates; chance alone reaches {scores.threshold:.0f} once in twenty logs")
-for each in scores.ranked[:5]:
-    print(f"  {each.candidate.key}: {each.gain:.0f}, p = {scores.p_value(each.gain):.2f}")
+effects = candidates(base.model.network, data.fit[0].run.columns)
+scores = score(base, effects)
+print(f"{len(effects)} candidates; chance alone reaches {scores.threshold:.0f} once in twenty logs")
+for entry in scores.ranked[:5]:
+    print(f"  {entry.candidate.key}: {entry.gain:.0f}, p = {scores.p_value(entry.gain):.2f}")
 
 # %% One of them tried exactly, by hand
 best = scores.ranked[0]

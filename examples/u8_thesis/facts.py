@@ -77,12 +77,12 @@ def of_literal(motor: Circuit, passive: Circuit, fan: Circuit) -> list[float]:
 
 def of_projected(motor: Circuit, passive: Circuit, fan: Circuit) -> list[float]:
     """The same facts, steady states and time constants read off one exponential through the recorded heating."""
-    (high, slow), (lower, slower), (least, _) = (_single_exponential(each) for each in (motor, passive, fan))
+    (high, slow), (lower, slower), (least, _) = (_single_exponential(circuit) for circuit in (motor, passive, fan))
     return [high - lower, AMBIENT + least, *_at_15_a(passive, fan), slower - slow]
 
 
 def _at_15_a(passive: Circuit, fan: Circuit) -> list[float]:
-    return [min(each.time_to(LEVEL, HIGH_CURRENT), 1e3) for each in (passive, fan)]
+    return [min(circuit.time_to(LEVEL, HIGH_CURRENT), 1e3) for circuit in (passive, fan)]
 
 
 def _parabola(times: Array, values: Array, peak: int) -> tuple[float, float]:
@@ -104,8 +104,8 @@ def _single_exponential(circuit: Circuit) -> tuple[float, float]:
         best = float(shape @ rise / (shape @ shape))
         return best, float(((best * shape - rise) ** 2).sum())
 
-    found = minimize_scalar(lambda z: amplitude(z)[1], bounds=(1.0, 9.0), method="bounded", options={"xatol": 1e-7})
-    return amplitude(found.x)[0], float(np.exp(found.x))
+    minimum = minimize_scalar(lambda z: amplitude(z)[1], bounds=(1.0, 9.0), method="bounded", options={"xatol": 1e-7})
+    return amplitude(minimum.x)[0], float(np.exp(minimum.x))
 
 
 # --- networks -----------------------------------------------------------------------------------
@@ -190,8 +190,8 @@ class Fitted:
 def misfits(family: Family, values: Array, facts: Sequence[Fact]) -> dict[str, float]:
     """Every fact's misfit in standard deviations, the unaltered motor's first."""
     motor, passive, fan = family.build(values)
-    found = of_literal(motor, passive, fan) if len(facts) == len(LITERAL) else of_projected(motor, passive, fan)
-    pairs = zip((*UNALTERED, *facts), (*of_unaltered(motor), *found), strict=True)
+    predicted = of_literal(motor, passive, fan) if len(facts) == len(LITERAL) else of_projected(motor, passive, fan)
+    pairs = zip((*UNALTERED, *facts), (*of_unaltered(motor), *predicted), strict=True)
     return {fact.name: fact.misfit(value) for fact, value in pairs}
 
 
@@ -211,9 +211,9 @@ def fit(family: Family, facts: Sequence[Fact], starts: int = 6, seed: int = 0) -
     least, best = np.inf, guess
     for number in range(starts):
         scatter = 0.4 * rng.standard_normal(guess.size) if number else 0.0
-        found = least_squares(residuals, guess + scatter, bounds=(guess - 4, guess + 4), max_nfev=200)
-        if found.cost < least:
-            least, best = found.cost, found.x
+        result = least_squares(residuals, guess + scatter, bounds=(guess - 4, guess + 4), max_nfev=200)
+        if result.cost < least:
+            least, best = result.cost, result.x
     values = np.exp(best)
     return Fitted(family, values, misfits(family, values, facts))
 
@@ -228,15 +228,15 @@ def fit_motor_then_exchanger() -> Array:
     motor_guess, exchanger_guess = guess[:6], guess[6:]
 
     def of_motor(z: Array) -> Array:
-        found = of_unaltered(STATOR.build(np.exp([*z, *exchanger_guess]))[0])
-        off = [fact.misfit(value) for fact, value in zip(UNALTERED, found, strict=True)]
+        predicted = of_unaltered(STATOR.build(np.exp([*z, *exchanger_guess]))[0])
+        off = [fact.misfit(value) for fact, value in zip(UNALTERED, predicted, strict=True)]
         return np.array([*off, *((z - motor_guess) / _PRIOR)])
 
     motor = least_squares(of_motor, motor_guess).x
 
     def of_exchanger(z: Array) -> Array:
-        found = of_literal(*STATOR.build(np.exp([*motor, *z])))
-        off = [fact.misfit(value) for fact, value in zip(LITERAL, found, strict=True)]
+        predicted = of_literal(*STATOR.build(np.exp([*motor, *z])))
+        off = [fact.misfit(value) for fact, value in zip(LITERAL, predicted, strict=True)]
         return np.array([*off, *((z - exchanger_guess) / _PRIOR)])
 
     return np.asarray(np.exp([*motor, *least_squares(of_exchanger, exchanger_guess).x]))

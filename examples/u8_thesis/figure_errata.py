@@ -104,8 +104,8 @@ def predictions() -> dict[str, tuple[float, float]]:
     names = ("two nodes", "three nodes", "three nodes, passive", "three nodes, fan")
     pulse = np.array([1.0])
     return {
-        name: (float(each.rise(35.0, pulse)[0, 0]), each.time_to(105.0, 35.0))
-        for name, each in zip(names, networks(), strict=True)
+        name: (float(network.rise(35.0, pulse)[0, 0]), network.time_to(105.0, 35.0))
+        for name, network in zip(names, networks(), strict=True)
     }
 
 

@@ -34,12 +34,12 @@ def _temperature_at(circuit: printed.Circuit, current: float, time: float) -> Ca
 
 
 def at_35_a(motor: Circuit, networks: dict[str, Circuit]) -> list[Row]:
-    found = []
+    rows = []
     pulse = np.array([1.0])
     for letter, name, stated in (("i", "passive", 47.0), ("j", "fan", 45.5)):
         value = _temperature_at(CIRCUITS[name], 35.0, 1.0)
         rise = networks[name].rise(35.0, pulse)[0, 0]
-        found.append(
+        rows.append(
             Row(
                 f"sec. 4.3 {letter}",
                 f"35 A for 1 s, {name}",
@@ -54,7 +54,7 @@ def at_35_a(motor: Circuit, networks: dict[str, Circuit]) -> list[Row]:
         )
     for letter, name in (("k", "passive"), ("l", "fan")):
         time = time_at(CIRCUITS[name], 35.0, 105.0)
-        found.append(
+        rows.append(
             Row(
                 f"sec. 4.3 {letter}",
                 f"35 A to 105 degC, {name}",
@@ -70,7 +70,7 @@ def at_35_a(motor: Circuit, networks: dict[str, Circuit]) -> list[Row]:
     for capacity in (300.0, 400.0):
         circuit = printed.Circuit("", 1.2, capacity, 0.0)
         hot = _temperature_at(circuit, 35.0, 1.0)(printed.R_0)
-        found.append(
+        rows.append(
             Row(
                 f"fig. 4-10, C = {capacity:.0f} J/K",
                 f"35 A for 1 s, C = {capacity:.0f} J/K",
@@ -81,7 +81,7 @@ def at_35_a(motor: Circuit, networks: dict[str, Circuit]) -> list[Row]:
                 note="no sink reaches the winding within 1 s",
             )
         )
-    return found
+    return rows
 
 
 def intermittent(motor: Circuit) -> list[Row]:
@@ -90,7 +90,7 @@ def intermittent(motor: Circuit) -> list[Row]:
     after = motor.rise(35.0, np.array([1.0]))[:, 0]
     left = float(motor.rise(0.0, np.array([pause]), after)[0, 0])
     by_formula = (47.0 - AMBIENT) * math.exp(-pause / (PASSIVE.r_w * PASSIVE.c))
-    found = [
+    rows = [
         Row(
             "sec. 4.3 m",
             "left 25 min after 35 A for 1 s, passive",
@@ -104,7 +104,7 @@ def intermittent(motor: Circuit) -> list[Row]:
     ]
     for every in (20.0, 10.0, 5.0):
         effective = 35.0 / np.sqrt(every)
-        found.append(
+        rows.append(
             Row(
                 f"sec. 4.3, every {every:.0f} s",
                 f"35 A for 1 s every {every:.0f} s: steady state",
@@ -115,4 +115,4 @@ def intermittent(motor: Circuit) -> list[Row]:
                 note=f"RMS current {effective:.1f} A",
             )
         )
-    return found
+    return rows

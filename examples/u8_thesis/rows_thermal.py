@@ -184,11 +184,11 @@ def _steady(motor: Circuit, networks: dict[str, Circuit]) -> list[Row]:
 
 
 def _at_15_a(motor: Circuit, networks: dict[str, Circuit]) -> list[Row]:
-    found = []
+    section = []
     for letter, name, stated in (("d", "passive", 50.0), ("e", "fan", 56.0)):
         time = time_at(CIRCUITS[name], 15.0, 55.0)
         note = f"the same network without exchanger: {motor.time_to(55.0, 15.0):.1f} s; no such run is reported"
-        found.append(
+        section.append(
             Row(
                 f"sec. 4.3 {letter}",
                 f"15 A to 55 degC, {name}",
@@ -201,4 +201,4 @@ def _at_15_a(motor: Circuit, networks: dict[str, Circuit]) -> list[Row]:
                 needed_r_0(stated, time),
             )
         )
-    return found
+    return section

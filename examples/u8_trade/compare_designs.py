@@ -73,8 +73,8 @@ def option_of(candidate: Candidate) -> Option:
 def held(candidate: Candidate, durations: tuple[float, ...] = DURATIONS) -> list[float]:
     """Torque [N·m] that a candidate holds for each duration [s]: 105 degC at the winding, 35 A, 260 W in the pipes."""
     problem = Problem(option_of(candidate), candidate.sink)
-    found = [problem.solve({"duration": duration}) for duration in durations]
-    return [each.objective if each.success else float("nan") for each in found]
+    solutions = [problem.solve({"duration": duration}) for duration in durations]
+    return [solution.objective if solution.success else float("nan") for solution in solutions]
 
 
 def time_held(candidate: Candidate, torque: float) -> float:
@@ -83,8 +83,8 @@ def time_held(candidate: Candidate, torque: float) -> float:
     text = STUDY.format(cooling=cooling, motor=candidate.motor).replace("held_torque", "time_to_limit")
     text = text.replace("duration = 60", f"torque = {torque}") + "[limits]\ncurrent = 60\n"
     (option,) = parse_study(text, Path("comparison")).options()
-    found = Problem(option, candidate.sink).solve()
-    return found.objective if found.success else float("nan")
+    solution = Problem(option, candidate.sink).solve()
+    return solution.objective if solution.success else float("nan")
 
 
 def figure(curves: dict[str, list[float]]) -> Figure:

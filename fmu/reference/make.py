@@ -42,15 +42,15 @@ def inputs_of(model: Model) -> FloatArray:
 
 def outputs_of(model: Model, rows: FloatArray) -> FloatArray:
     """Temperatures of the places [degC] at the start and after each hold."""
-    state, found = np.full(len(model.states), ROOM), [np.full(len(model.states), ROOM)]
+    state, states = np.full(len(model.states), ROOM), [np.full(len(model.states), ROOM)]
     for row in rows:
 
         def rates(_: float, x: FloatArray, row: FloatArray = row) -> FloatArray:
             return np.asarray(model.rhs(x, row, model.values).full().ravel())
 
         state = solve_ivp(rates, (0.0, HOLD), state, method="DOP853", rtol=1e-12, atol=1e-12).y[:, -1]
-        found.append(state)
-    return np.array(found)[:, : len(model.places)]
+        states.append(state)
+    return np.array(states)[:, : len(model.places)]
 
 
 def write(name: str, file: ModelFile) -> None:

@@ -65,7 +65,7 @@ def _steps(model: Model, number: int) -> ca.Function:
     if number == 1:
         return model.step("rk4")
     x, u, p, h = (ca.MX.sym(name, size) for name, size in zip("xuph", _sizes(model), strict=True))
-    end = model.step("rk4").mapaccum(number)(x, *(ca.repmat(each, 1, number) for each in (u, p, h)))[:, -1]
+    end = model.step("rk4").mapaccum(number)(x, *(ca.repmat(symbol, 1, number) for symbol in (u, p, h)))[:, -1]
     return ca.Function("period", [x, u, p, h], [ca.densify(end)])
 
 

@@ -65,8 +65,8 @@ class Task:
             if not 0 <= low <= high < inf or (name == "phase" and low <= 0):
                 raise InputError("task", name, f"({low:g}, {high:g})", "two rising numbers, none below 0")
         if not 0 < self.seconds < inf or not 0 <= self.rest < 1 or not 0 <= self.scatter < 1:
-            found = f"{self.seconds:g}, {self.rest:g}, {self.scatter:g}"
-            raise InputError("task", "seconds, rest, scatter", found, "seconds above 0, shares from 0 to below 1")
+            values = f"{self.seconds:g}, {self.rest:g}, {self.scatter:g}"
+            raise InputError("task", "seconds, rest, scatter", values, "seconds above 0, shares from 0 to below 1")
 
     def ranges(self, heating: Heating) -> FloatArray:
         """Least and most of each of the model's conditions, shape (conditions, 2).
@@ -74,20 +74,20 @@ class Task:
         Raises:
             InputError: a condition without a range, or a pattern without a condition.
         """
-        found: dict[str, Range] = {}
+        spans: dict[str, Range] = {}
         for pattern, span in (*_CONDITIONS.items(), *self.conditions.items()):
             names = matching(pattern, heating.conditions)
             if not names and pattern in self.conditions:
                 raise InputError("task", f'conditions."{pattern}"', "no such column", ", ".join(heating.conditions))
-            found |= dict.fromkeys(names, span)
+            spans |= dict.fromkeys(names, span)
         for column in heating.conditions:
-            if column not in found and not column.startswith("velocity_rms."):
+            if column not in spans and not column.startswith("velocity_rms."):
                 raise InputError("task", "conditions", f"no range for {column}", f'{{"{column}": (least, most)}}')
-        ends = [np.array(found.get(column, (0.0, 0.0))) for column in heating.conditions]
+        ends = [np.array(spans.get(column, (0.0, 0.0))) for column in heating.conditions]
         for row, column in enumerate(heating.conditions):
-            if column not in found:
+            if column not in spans:
                 mean = column.replace("velocity_rms.", "velocity.")
-                ends[row] = SINE * np.array(found.get(mean, _CONDITIONS["velocity.*"]))
+                ends[row] = SINE * np.array(spans.get(mean, _CONDITIONS["velocity.*"]))
         return np.array(ends).reshape(-1, 2)
 
     def draw(

@@ -68,8 +68,8 @@ class TorqueVectorEnv(VectorEnv[Observation, Array, Array]):
         request: Request | None = None,
     ) -> None:
         if not period > 0 or spread < 0 or trip <= 0 or penalty < 0:
-            found = f"{period:g}, {spread:g}, {trip:g}, {penalty:g}"
-            raise InputError("environment", "period, spread, trip, penalty", found, "positive numbers")
+            values = f"{period:g}, {spread:g}, {trip:g}, {penalty:g}"
+            raise InputError("environment", "period, spread, trip, penalty", values, "positive numbers")
         self.num_envs, self.period, self.trip, self.penalty = num_envs, period, trip, penalty
         self.task = task or Task()
         self.heating = heating(model, request or requested_by(model))
@@ -169,8 +169,8 @@ class TorqueVectorEnv(VectorEnv[Observation, Array, Array]):
         terminated, truncated = cost >= self.trip, self._step >= self.steps
         if began.any():
             self._begin(began)
-            for each in (cost, reward, terminated, truncated):
-                each[began] = 0
+            for array in (cost, reward, terminated, truncated):
+                array[began] = 0
         self._over = terminated | truncated
         return self._observe(), reward, terminated, truncated, self._info(cost)
 

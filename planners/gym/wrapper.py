@@ -94,7 +94,7 @@ class ThermalWrapper(gymnasium.Wrapper[npt.NDArray[Any], Any, npt.NDArray[Any], 
         warm = float((options or {}).get("temperature", drawn))
         self._robots.draw(0, warm, self.unwrapped.np_random)
         self._window = []
-        return self._seen(observation), info | self._told()
+        return self._seen(observation), info | self._thermal_info()
 
     def step(self, action: Any) -> tuple[npt.NDArray[Any], Any, bool, bool, dict[str, Any]]:
         """One step of the environment, and of the network where one is due."""
@@ -103,7 +103,7 @@ class ThermalWrapper(gymnasium.Wrapper[npt.NDArray[Any], Any, npt.NDArray[Any], 
         if len(self._window) == self._samples:
             self._robots.advance(self._inputs()[:, None])
             self._window = []
-        return self._seen(observation), reward, terminated, truncated, info | self._told()
+        return self._seen(observation), reward, terminated, truncated, info | self._thermal_info()
 
     def _inputs(self) -> FloatArray:
         """The window's samples reduced to the network's inputs."""
@@ -125,7 +125,7 @@ class ThermalWrapper(gymnasium.Wrapper[npt.NDArray[Any], Any, npt.NDArray[Any], 
         margins = (self._limits - self._robots.states[self._limited, 0]) / UNIT
         return np.concatenate([observation, margins.clip(-LARGEST, LARGEST).astype(observation.dtype)])
 
-    def _told(self) -> dict[str, Any]:
+    def _thermal_info(self) -> dict[str, Any]:
         above = float((self._robots.states[self._limited, 0] - self._limits).max())
         return {"cost": max(0.0, above), "temperature": self.temperature.copy()}
 
@@ -157,10 +157,10 @@ def mujoco_columns(joints: Mapping[str, str], constant: Mapping[str, float] | No
             places[id(model)] = [int(model.joint(name).dofadr[0]) for name in joints.values()], free
         at, free = places[id(model)]
         velocity = data.qvel
-        told = dict(fixed)
-        told.update(zip(torques, data.qfrc_actuator[at].tolist(), strict=True))
-        told.update(zip(velocities, velocity[at].tolist(), strict=True))
-        told["speed.base"] = float(np.hypot(velocity[0], velocity[1])) if free else 0.0
-        return told
+        sample = dict(fixed)
+        sample.update(zip(torques, data.qfrc_actuator[at].tolist(), strict=True))
+        sample.update(zip(velocities, velocity[at].tolist(), strict=True))
+        sample["speed.base"] = float(np.hypot(velocity[0], velocity[1])) if free else 0.0
+        return sample
 
     return columns

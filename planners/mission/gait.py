@@ -289,8 +289,8 @@ def gait_from_logs(
         measured += [_windows(run, part, run.time - begin, asked, window, still) for run in runs]
     rows = np.vstack(measured)
     rows = rows[np.isfinite(rows).all(axis=1)]
-    known = rows[:, len(asked) :]  # postures and load; the speed is measured
-    at = np.column_stack([known, rows[:, len(needed)] if axes[-1].size > 1 else np.zeros(len(rows))])
+    constants = rows[:, len(asked) :]  # postures and load; the speed is measured
+    at = np.column_stack([constants, rows[:, len(needed)] if axes[-1].size > 1 else np.zeros(len(rows))])
     bounded = axes if axes[-1].size > 1 else axes[:-1]
     inside = np.all([_inside(at[:, k], knots) for k, knots in enumerate(bounded)], axis=0)
     rows, at = rows[inside], at[inside]
@@ -330,16 +330,16 @@ def _refuse_empty(name: str, at: FloatArray, axes: Sequence[FloatArray], titles:
     for values, knots in zip(at.T, axes, strict=True):
         near = np.stack([_hat(values, knots, k) for k in range(knots.size)], axis=1)
         count = (count[:, :, None] * near[:, None, :]).reshape(len(at), -1)
-    found = count.sum(axis=0).reshape([knots.size for knots in axes])
-    if (found < _FEWEST).any():
-        cell = np.unravel_index(int(found.argmin()), found.shape)
+    windows = count.sum(axis=0).reshape([knots.size for knots in axes])
+    if (windows < _FEWEST).any():
+        cell = np.unravel_index(int(windows.argmin()), windows.shape)
         where = [
             f"{title} {knots[k]:g}" if title not in ("kg", "m/s") else f"{knots[k]:g} {title}"
             for title, knots, k in zip(titles, axes, cell, strict=True)
             if title != "m/s" or knots.size > 1
         ]
         raise InputError(
-            origin, f"gaits.{name}.logs", f"{found[cell]:.1f} windows near {' at '.join(where)}",
+            origin, f"gaits.{name}.logs", f"{windows[cell]:.1f} windows near {' at '.join(where)}",
             f"{_FEWEST:g} or more around each cell, or other cells",
         )  # fmt: skip
 

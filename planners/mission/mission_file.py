@@ -198,8 +198,8 @@ def _gait(name: str, table: GaitTable, tables: File, model: Model, origin: str) 
     for k, log in enumerate(table.logs):
         if log.posture.keys() != table.postures.keys():
             expected = f"a number for each of {', '.join(table.postures)}" if table.postures else "none"
-            found = ", ".join(log.posture) or "none"
-            raise InputError(origin, f"gaits.{name}.logs[{k}].posture", found, expected)
+            keys = ", ".join(log.posture) or "none"
+            raise InputError(origin, f"gaits.{name}.logs[{k}].posture", keys, expected)
         parts.append(LogPart(folder / log.file, log.load, log.start, log.end or np.inf, log.posture))
     columns = parse_columns(tables.columns, origin, "[columns]")
     return gait_from_logs(

@@ -225,9 +225,9 @@ class MissionControl:
         table = _gaits_of(self.mission)[name].at(speed, load, posture)
         sums = self._measured.setdefault(name, np.zeros((2, table.size)))
         measured = np.array([inputs.get(column, np.nan) for column in self.mission.model.inputs])
-        known = np.isfinite(measured)
-        sums[0, known] += dt * measured[known] ** 2
-        sums[1, known] += dt * table[known] ** 2
+        finite = np.isfinite(measured)
+        sums[0, finite] += dt * measured[finite] ** 2
+        sums[1, finite] += dt * table[finite] ** 2
 
     def _corrected(self) -> dict[str, Gait]:
         """By name what the mission's tables prescribe, with inputs as large as they were measured to be."""
@@ -237,9 +237,9 @@ class MissionControl:
     def _correct(self, gait: Gait) -> Gait:
         measured, table = self._measured[gait.name]
         typical = _TRUSTED * (gait.cells**2).reshape(-1, gait.cells.shape[-1]).mean(axis=0)
-        known = typical > 0
-        factor = np.ones(known.size)
-        factor[known] = np.sqrt((measured + typical)[known] / (table + typical)[known])
+        nonzero = typical > 0
+        factor = np.ones(nonzero.size)
+        factor[nonzero] = np.sqrt((measured + typical)[nonzero] / (table + typical)[nonzero])
         for row, column in enumerate(self.mission.model.inputs):
             if column.partition(".")[0] in _FIXED:
                 factor[row] = 1.0

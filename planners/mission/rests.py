@@ -38,9 +38,9 @@ def solved(mission: Mission, goal: Goal, deadline: float | None = None) -> tuple
     dropped = (len(rests) + 1) // 2
     while dropped:
         fewer = Program(mission, rests[: len(rests) - dropped])
-        found = fewer.solve(goal, deadline=deadline)
-        if found.success and _worth(mission, found, goal) > _worth(mission, solution, goal):
-            program, solution, rests = fewer, found, _longest_first(fewer, found)
+        candidate = fewer.solve(goal, deadline=deadline)
+        if candidate.success and _worth(mission, candidate, goal) > _worth(mission, solution, goal):
+            program, solution, rests = fewer, candidate, _longest_first(fewer, candidate)
             dropped = min(dropped, len(rests))
         else:
             dropped //= 2

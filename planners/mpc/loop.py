@@ -118,6 +118,6 @@ class ControlLoop:
 
     def _think(self) -> None:
         mpc, none = self.mpc, ctypes.c_void_p(None)
-        settings, state, result = (ctypes.byref(each) for each in (mpc._settings, mpc._state, mpc._result))
+        settings, state, result = (ctypes.byref(structure) for structure in (mpc._settings, mpc._state, mpc._result))
         if self._c_think(settings, self._loop, state, mpc._work, none, result):
             self._plan = mpc._answer()

@@ -235,8 +235,8 @@ def growing_stages(period: float, horizon: float, count: int) -> FloatArray:
         ValueError: a period that is not positive, a horizon shorter than it, or no stage.
     """
     if not 0 < period <= horizon < float("inf") or count < 1:
-        found = f"period {period:g} s, horizon {horizon:g} s, {count} stages"
-        raise ValueError(f"found {found}; expected 0 < period <= horizon, one stage or more")
+        values = f"period {period:g} s, horizon {horizon:g} s, {count} stages"
+        raise ValueError(f"found {values}; expected 0 < period <= horizon, one stage or more")
     count = min(count, max(1, round(horizon / period)))
     if count == 1:
         return np.array([horizon])

@@ -165,8 +165,8 @@ def _refuse_what_can_not_be(task: Task, origin: str) -> None:
 
 def _refuse_many(steps: int, period: float, origin: str) -> None:
     if steps > _MOST_STEPS:
-        found = f"{steps} steps of {period:g} s"
-        raise InputError(origin, "task.period", found, f"at most {_MOST_STEPS}: a longer period, or a shorter task")
+        problem = f"{steps} steps of {period:g} s"
+        raise InputError(origin, "task.period", problem, f"at most {_MOST_STEPS}: a longer period, or a shorter task")
 
 
 def _request(file: File, model: Model, origin: str) -> Request:

@@ -43,7 +43,7 @@ def as_json(result: StudyResult) -> dict[str, object]:
         },
         "time_to_limit": [_curve(curve) for curve in result.curves],
         "map": _map(result.iso_map),
-        "torque_speed": [_torque_speed(each) for each in result.torque_speed],
+        "torque_speed": [_torque_speed(characteristic) for characteristic in result.torque_speed],
     }
 
 
@@ -53,11 +53,16 @@ def _curve(curve: LimitCurve) -> dict[str, object]:
     return {"option": curve.name, "limit": curve.limit, "current": current, "time": time}
 
 
-def _torque_speed(each: TorqueSpeed) -> dict[str, object]:
+def _torque_speed(characteristic: TorqueSpeed) -> dict[str, object]:
     """Torque [N·m] that is held for each duration [s] (null: for ever) at each speed [rad/s]; null for none."""
-    durations = [time if np.isfinite(time) else None for time in each.durations.tolist()]
-    torque = [[value if np.isfinite(value) else None for value in row] for row in each.torque.tolist()]
-    return {"option": each.name, "speed": each.speed.tolist(), "durations": durations, "torque": torque}
+    durations = [time if np.isfinite(time) else None for time in characteristic.durations.tolist()]
+    torque = [[value if np.isfinite(value) else None for value in row] for row in characteristic.torque.tolist()]
+    return {
+        "option": characteristic.name,
+        "speed": characteristic.speed.tolist(),
+        "durations": durations,
+        "torque": torque,
+    }
 
 
 def _map(grid: IsoMap | None) -> dict[str, object] | None:

@@ -195,7 +195,9 @@ def _bounds(ax: Axes, design: Design, here: tuple[float, float]) -> None:
     for name, (values, level) in named.items():
         drawn = ax.contour(c, r, values, levels=[level], colors=LIMIT, linewidths=1.0)
         points = np.concatenate([np.reshape(path.vertices, (-1, 2)) for path in drawn.get_paths()])
-        shown, at = (ax.transAxes.inverted().transform(ax.transData.transform(each)) for each in (points, [here]))
+        shown, at = (
+            ax.transAxes.inverted().transform(ax.transData.transform(coordinates)) for coordinates in (points, [here])
+        )
         inside = ((shown > _LABEL_MARGIN) & (shown < 1 - _LABEL_MARGIN)).all(axis=1)
         if inside.any():
             farthest = points[inside][np.argmax(np.hypot(*(shown[inside] - at).T))]

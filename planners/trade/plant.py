@@ -109,8 +109,8 @@ class Plant:
                 expected = "current, speed of the motor and ambient alone"
                 raise InputError(origin, f"input {column}", "a model that needs it", expected)
         if len(currents) != 1:
-            found = f"{len(currents)} currents that heat it" if currents else "no copper loss from a current"
-            raise InputError(origin, "effects", found, 'one current: kind = "copper_loss", input = "current"')
+            mistake = f"{len(currents)} currents that heat it" if currents else "no copper loss from a current"
+            raise InputError(origin, "effects", mistake, 'one current: kind = "copper_loss", input = "current"')
 
     def _model_parameters(self) -> Any:
         """The model's parameter vector, the sink's two replaced by the design variables."""
@@ -191,8 +191,10 @@ class Plant:
     def _winding_resistance(self, x: Any) -> Any:
         """Heat in the copper at 1 A [W]."""
         balance = self.model.balance
-        of_copper = (each for each in self.model.network.effect_instances if each.effect.key == "copper_loss")
-        heat = sum((ca.sum1(ca.vertcat(*balance.heat_into_ends(each))) for each in of_copper), start=ca.SX(0))
+        of_copper = (
+            instance for instance in self.model.network.effect_instances if instance.effect.key == "copper_loss"
+        )
+        heat = sum((ca.sum1(ca.vertcat(*balance.heat_into_ends(instance))) for instance in of_copper), start=ca.SX(0))
         symbols = self.model.symbols
         function = ca.Function("heat", [symbols.x, symbols.u, symbols.p], [heat])
         return function(x, self._inputs(1.0, 0.0), self._p)

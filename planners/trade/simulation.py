@@ -202,7 +202,7 @@ def peak_temperatures(
         steps = max(simulator.substeps(part, *hardest), _MAP_STEPS if task.hold else _CYCLE_STEPS)
     h = np.full(n, part / steps)
     for share, *motion in np.tile(task.operation, (task.cycles, 1)):
-        drive = np.vstack([torque * share, *(np.full(n, each) for each in motion)])
+        drive = np.vstack([torque * share, *(np.full(n, value) for value in motion)])
         for _ in range(steps):
             x = advance(x, drive, capacity, resistance, h)
             hottest = np.maximum(hottest, simulator.winding(x))

@@ -266,29 +266,29 @@ def _study(tables: File, path: Path) -> Study:
 
 def _chosen_motors(tables: File, path: Path) -> list[tuple[str, MotorTable]]:
     """Each motor with the place that asks for it: a name or pattern of the catalogue, or a motor of the study's own."""
-    known = known_motors()
+    catalogue = known_motors()
     names = tables.study.catalogue
     for name in [names] if isinstance(names, str) else names:
         if not (path.parent / name).is_file():
             raise InputError(path, "study.catalogue", f'"{name}"', "a CSV or TOML file beside the study")
-        known |= read_catalogue(path.parent / name)
+        catalogue |= read_catalogue(path.parent / name)
     chosen: dict[str, tuple[str, MotorTable]] = {}
     for number, motor in enumerate(tables.motors):
         place = f"motors[{number}]"
-        matches = [motor.name] if motor.name in known else matching(motor.name, known)
+        matches = [motor.name] if motor.name in catalogue else matching(motor.name, catalogue)
         own = motor.model is not None or motor.data_sheet is not None
         if not matches and not own:
             expected = (
-                f"one of {', '.join(known)} or a pattern of them, a motor of study.catalogue, or for a motor of your "
-                f'own any name with model = "its model file" or data_sheet = {{…}}, {_needed(_NEEDED)}'
+                f"one of {', '.join(catalogue)} or a pattern of them, a motor of study.catalogue, or for a motor of "
+                f'your own any name with model = "its model file" or data_sheet = {{…}}, {_needed(_NEEDED)}'
             )
             raise InputError(path, f"{place}.name", f'unknown motor "{motor.name}"', expected)
         for name in matches or [motor.name]:
             if name in chosen:
-                found = f'"{name}" a second time'
-                raise InputError(path, f"{place}.name", found, "a name of its own for each motor")
+                mistake = f'"{name}" a second time'
+                raise InputError(path, f"{place}.name", mistake, "a name of its own for each motor")
             said = motor.model_copy(update={"name": name})
-            chosen[name] = (place, said.over(known[name]) if name in known else said)
+            chosen[name] = (place, said.over(catalogue[name]) if name in catalogue else said)
     return list(chosen.values())
 
 
@@ -339,9 +339,9 @@ def _magnet(table: MotorTable, network: Network, place: str, path: Path) -> tupl
         return _nodes(table.magnet, network, f"{place}.magnet", path)
     magnets = matching("magnet*", network.dynamic) or matching("housing", network.dynamic)
     if not magnets:
-        found = "no node called magnet… or housing"
+        mistake = "no node called magnet… or housing"
         expected = f"magnet = …, whose temperature sets the torque constant: one of {', '.join(network.dynamic)}"
-        raise InputError(path, place, found, expected)
+        raise InputError(path, place, mistake, expected)
     return tuple(magnets)
 
 
@@ -363,12 +363,12 @@ def _sink_at(table: MotorTable, tables: File, network: Network, place: str, path
         if pipe_places(network, at):
             return at
     where = f"{place}.sink_at" if table.sink_at is not None else "sink.at"
-    found = "nothing said, and no stator or housing" if own is None else f'node "{own}"'
+    mistake = "nothing said, and no stator or housing" if own is None else f'node "{own}"'
     if own is not None and own in network.dynamic:
-        found = f'"{own}", a body, which a heat pipe touches at a face'
+        mistake = f'"{own}", a body, which a heat pipe touches at a face'
     places = ", ".join(attachable(network))
     expected = f"one of {places}, where heat pipes can touch {network.origin}, or a pattern of them"
-    raise InputError(path, where, found, expected)
+    raise InputError(path, where, mistake, expected)
 
 
 def _network(name: str, place: str, path: Path) -> tuple[Network, dict[str, float]]:
@@ -404,25 +404,25 @@ def _gear(table: GearTable, number: int, path: Path) -> Gear:
 
 
 def _materials(tables: File, path: Path) -> tuple[Material, ...]:
-    known = dict(MATERIALS)
+    materials = dict(MATERIALS)
     for name, table in tables.materials.items():
         said = table.model_dump(exclude_none=True)
         absent = [key for key in ("density", "specific_heat", "conductivity") if key not in said]
-        if name in known:
-            known[name] = replace(known[name], **said)
+        if name in materials:
+            materials[name] = replace(materials[name], **said)
         elif absent:
             raise InputError(
                 path, f"materials.{name}", f"no {', '.join(absent)}", "density, specific_heat, conductivity"
             )
         else:
-            known[name] = Material(name, **said)
+            materials[name] = Material(name, **said)
     asked = tables.sink.material
     names = [asked] if isinstance(asked, str) else asked
     for name in names:
-        if name not in known:
-            expected = f"one of {', '.join(known)}, or a table [materials.{name}]"
+        if name not in materials:
+            expected = f"one of {', '.join(materials)}, or a table [materials.{name}]"
             raise InputError(path, "sink.material", f'"{name}"', expected)
-    return tuple(known[name] for name in dict.fromkeys(names))
+    return tuple(materials[name] for name in dict.fromkeys(names))
 
 
 def _uncertainty(table: UncertaintyTable | None, path: Path) -> Uncertainty | None:

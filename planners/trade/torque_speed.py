@@ -89,7 +89,7 @@ class _Bears:
     def __init__(self, design: Design, limits: dict[str, float], speed: FloatArray, durations: FloatArray) -> None:
         self.simulator, self.limits = Simulator(design.option), limits
         self.speed, self.durations = speed, durations
-        self.capacity, self.resistance = (np.full(speed.size, each) for each in design.sink or (1.0, 1.0))
+        self.capacity, self.resistance = (np.full(speed.size, value) for value in design.sink or (1.0, 1.0))
         task = design.option.study.task
         self.ambient = task.ambient
         self.start = np.full((len(self.simulator.plant.states), speed.size), task.start)

@@ -56,36 +56,37 @@ def intervals(
     Raises:
         InputError: a pattern that fits no parameter, or a share of a temperature.
     """
-    told = study.uncertainty
-    if told is None or not solved:
+    uncertainty = study.uncertainty
+    if uncertainty is None or not solved:
         return {}
     errors = [_errors_of(problem, study) for problem, _ in solved]
     _refuse_unused(study, solved)
-    keys = sorted({key for each in errors for key in each})
-    draws = np.zeros((told.draws, 0))
+    keys = sorted({key for parameters in errors for key in parameters})
+    draws = np.zeros((uncertainty.draws, 0))
     if keys:
-        draws = ndtri(qmc.Sobol(len(keys), seed=_SEED).random(told.draws))
+        draws = ndtri(qmc.Sobol(len(keys), seed=_SEED).random(uncertainty.draws))
     worst = -np.inf if GOALS[study.goal][2] else np.inf
-    values = np.full((len(solved), told.draws), worst)
+    values = np.full((len(solved), uncertainty.draws), worst)
     for row, ((problem, design), error) in enumerate(zip(solved, errors, strict=True)):
         report(f"drawing what is not known for {design.option.name}")
         asked = problem if study.goal in BUDGETS else Problem(design.option, design.sink)
         near = asked.solve()
         for number, draw in enumerate(draws):
             drawn = {
-                key[1]: _drawn(asked, key[1], told_error, draw[keys.index(key)]) for key, told_error in error.items()
+                key[1]: _drawn(asked, key[1], standard_error, draw[keys.index(key)])
+                for key, standard_error in error.items()
             }
             solution = asked.solve(_built(asked, drawn), near=near if near.success else None)
             if solution.success:
                 values[row, number] = solution.objective
     best = values.argmax(axis=0) if worst < 0 else values.argmin(axis=0)
-    ends = (1 - told.level) / 2, (1 + told.level) / 2
-    found = {}
+    ends = (1 - uncertainty.level) / 2, (1 + uncertainty.level) / 2
+    result = {}
     for row, (_, design) in enumerate(solved):
         low, high = np.quantile(values[row], ends, method="nearest").tolist()
         can = np.isfinite(values[row])
-        found[design.option.name] = Interval(low, high, float(can.mean()), float((can & (best == row)).mean()))
-    return found
+        result[design.option.name] = Interval(low, high, float(can.mean()), float((can & (best == row)).mean()))
+    return result
 
 
 def _errors_of(problem: Problem, study: Study) -> dict[Key, tuple[float, bool]]:

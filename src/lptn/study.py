@@ -221,8 +221,8 @@ class Study:
     @property
     def advised(self) -> Advice | None:
         """What `advise` said of the model as it is now; `None` where it was not asked yet."""
-        known = self._advice is not None and self._advice[0] is self.diagnosed
-        return self._advice[1] if self._advice and known else None
+        current = self._advice is not None and self._advice[0] is self.diagnosed
+        return self._advice[1] if self._advice and current else None
 
     def __repr__(self) -> str:
         data = (("fitted", self.data.fit), ("held out", self.data.holdout), ("test", self.data.test))
@@ -383,11 +383,11 @@ class Study:
         if not -len(self._branches) <= number < len(self._branches):
             raise InputError("study", "branch", f"{number}", f"one of {len(self._branches)} that were left")
         chosen, left = self._branches[number], (*self._steps, *self.undone)
-        others = [each for each in self._branches if each is not chosen]
+        others = [branch for branch in self._branches if branch is not chosen]
         gone_on = left == chosen[: len(left)]
         self._branches = tuple(others if gone_on else [*others, left])
         common = sum(1 for one, other in zip(self._steps, chosen, strict=False) if one is other)
-        self._diagnoses = {step: each for step, each in self._diagnoses.items() if step < common}
+        self._diagnoses = {step: diagnosis for step, diagnosis in self._diagnoses.items() if step < common}
         self._steps, self._searched = list(chosen), None
         self._undone.clear()
         return self
@@ -418,7 +418,7 @@ class Study:
         before = max(len(self._steps) - 1, 0)
         given = self._steps[-1] if self._steps else history.steps[0]
         self._steps[before:] = [given, *history.steps[1:]]
-        self._diagnoses = {number: each for number, each in self._diagnoses.items() if number < before}
+        self._diagnoses = {number: diagnosis for number, diagnosis in self._diagnoses.items() if number < before}
         self._diagnoses |= {before: history.first, len(self._steps) - 1: history.last}
         self._searched = before, history
         return self
@@ -448,7 +448,7 @@ class Study:
 
         Arguments and errors are those of `leave_out`.
         """
-        left_out = [each for each in self.stretches if not each.held_out]
+        left_out = [stretch for stretch in self.stretches if not stretch.held_out]
         return self._use(*all_but(self._given, Stretch(self._as_read(run), start, stop), left_out))
 
     def use_again(self, stretch: Stretch | None = None) -> Study:
@@ -457,7 +457,7 @@ class Study:
         Args:
             stretch: one of `stretches`; all by default.
         """
-        return self._use(*(each for each in self.stretches if stretch is not None and each != stretch))
+        return self._use(*(other for other in self.stretches if stretch is not None and other != stretch))
 
     def set_parameter(
         self,
@@ -571,8 +571,8 @@ class Study:
         fitted = bool(self._steps)
         self._searched = None
         self._branches = ()
-        for told_of_other_data in (self._steps, self._undone, self._diagnoses):
-            told_of_other_data.clear()
+        for outdated in (self._steps, self._undone, self._diagnoses):
+            outdated.clear()
         if fitted:
             self.fit()
         for step in added:
@@ -633,7 +633,7 @@ def _with_setting(step: Step, setting: Setting) -> Step:
     assert step.declaration is not None
     key = setting.name.removeprefix(f"{step.declaration.name}.").partition(".")[0]
     resolved = step.declaration.resolved
-    parameters = tuple(setting.of(each) if name == key else each for name, each in resolved.items())
+    parameters = tuple(setting.of(parameter) if name == key else parameter for name, parameter in resolved.items())
     return replace(step, declaration=replace(step.declaration, parameters=parameters))
 
 

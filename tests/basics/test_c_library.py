@@ -72,7 +72,7 @@ def test_a_library_that_is_not_whole_is_made_anew(spoil: str) -> None:
     path.write_bytes({"truncated": content[: len(content) // 2], "empty": b""}.get(spoil, b"\0" + content[1:]))
     again = shared_library(SOURCES, "one.c", ())
     assert ctypes.CDLL(str(again)).one() == 1
-    assert [each.name for each in again.parent.iterdir()] == [again.name]
+    assert [entry.name for entry in again.parent.iterdir()] == [again.name]
 
 
 def test_a_link_in_the_cache_is_not_loaded(tmp_path: Path) -> None:

@@ -113,8 +113,8 @@ def walking(seconds: int, seed: str) -> tuple[Segment, ...]:
     draw = random.Random(f"walking {seed}")
     kinds = ["walk", "trot", "walk", "trot", "stand", "rest"] * max(1, seconds // 1800)
     draw.shuffle(kinds)
-    each = seconds // len(kinds)
-    return tuple(_walked(kind, each, draw) for kind in kinds)
+    duration = seconds // len(kinds)
+    return tuple(_walked(kind, duration, draw) for kind in kinds)
 
 
 def _walked(kind: str, seconds: int, draw: random.Random) -> Segment:
@@ -164,7 +164,7 @@ def _load(ratio: float) -> float:
 
 def lead(hidden: str, found: Sequence[Step]) -> float:
     """By how much the information criterion prefers the hidden effect to its rival; below 0 it prefers the rival."""
-    first, second = sorted(found, key=lambda each: each.effect != hidden)
+    first, second = sorted(found, key=lambda step: step.effect != hidden)
     return criterion_difference(second.fit, first.fit)
 
 
@@ -185,12 +185,17 @@ def refits(loaded: LoadedModel, logs: Sequence[Path], rivals: Sequence[str], at:
     columns = set.intersection(*(set(segment.run.columns) for segment in data.fit))
     # All that can have the effect: every node, or every joint.
     names = ("*", "*_*") if at == EVERYWHERE else (at,)
-    known = candidates(loaded.model.network, columns)
-    widest = {each.effect.key: each for name in reversed(names) for each in known if each.at == name and not each.run}
-    found = [widest[rival] for rival in rivals if rival in widest]
-    if len(found) != len(rivals):
-        raise ValueError(f"rivals {rivals} at {at}: the model has room for {[each.key for each in found]}")
-    return refit_all(base, score(base, found).ranked)
+    proposed = candidates(loaded.model.network, columns)
+    widest = {
+        candidate.effect.key: candidate
+        for name in reversed(names)
+        for candidate in proposed
+        if candidate.at == name and not candidate.run
+    }
+    chosen = [widest[rival] for rival in rivals if rival in widest]
+    if len(chosen) != len(rivals):
+        raise ValueError(f"rivals {rivals} at {at}: the model has room for {[candidate.key for candidate in chosen]}")
+    return refit_all(base, score(base, chosen).ranked)
 
 
 def trial(number: int, seed: int) -> Outcome:
@@ -222,9 +227,9 @@ def trial(number: int, seed: int) -> Outcome:
         designed = log("designed", segments(experiment, at), experiment.program.ambient)
         more = log("more", walking(1200, f"more {seed}"), AMBIENT)
         weakest = experiment.weakest
-        found = (first, refits(loaded, [base, designed], rivals, at), refits(loaded, [base, more], rivals, at))
-        before, after, control = (judged(hidden, each) for each in found)
-        leads = (lead(hidden, found[0]), lead(hidden, found[1]), lead(hidden, found[2]))
+        refitted = (first, refits(loaded, [base, designed], rivals, at), refits(loaded, [base, more], rivals, at))
+        before, after, control = (judged(hidden, steps) for steps in refitted)
+        leads = (lead(hidden, refitted[0]), lead(hidden, refitted[1]), lead(hidden, refitted[2]))
         return Outcome(
             number,
             hidden,
@@ -235,7 +240,7 @@ def trial(number: int, seed: int) -> Outcome:
             after,
             control,
             leads,
-            max(each.gain for each in first),
+            max(step.gain for step in first),
             weakest.decisive,
             weakest.kelvin,
             experiment.separates,
@@ -288,22 +293,22 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--out", type=Path)
     chosen = parser.parse_args()
-    done = {(each.pair, each.seed): each for each in _kept(chosen.out)}
+    done = {(kept.pair, kept.seed): kept for kept in _kept(chosen.out)}
     wanted = [(number, seed) for seed in chosen.seeds for number in chosen.pairs]
     print("Each answer with the lead of the hidden effect by the information criterion.\n")
     print("| hidden | rival | at | seed | gain | before | after proposed | after walking | promised | proposal |")
     print("| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |")
-    for each in done.values():
-        print(row(each))
+    for earlier in done.values():
+        print(row(earlier))
     with ProcessPoolExecutor(chosen.jobs) as pool:
         tasks = [pool.submit(trial, *task) for task in wanted if task not in done]
         for task in as_completed(tasks):
-            found = task.result()
-            done[found.pair, found.seed] = found
-            print(row(found), flush=True)
+            outcome = task.result()
+            done[outcome.pair, outcome.seed] = outcome
+            print(row(outcome), flush=True)
             if chosen.out is not None:
                 with chosen.out.open("a", encoding="utf-8") as file:
-                    file.write(json.dumps(asdict(found)) + "\n")
+                    file.write(json.dumps(asdict(outcome)) + "\n")
     print(summary(list(done.values())))
 
 

@@ -38,16 +38,16 @@ def hour(effect: str, at: str, seed: int) -> tuple[Model, DataSplit]:
 def brute_force(base: Fit, data: DataSplit, most: int | None) -> tuple[list[tuple[float, tuple[str, str]]], int, float]:
     """Each candidate's gain, best first; how many there are; and the CPU time for all, from those that were run."""
     columns = set.intersection(*(set(segment.run.columns) for segment in data.fit))
-    found = candidates(base.model.network, columns, [segment.run.name for segment in data.fit])
-    picked = found if most is None else found[:: max(1, len(found) // most)]
+    proposed = candidates(base.model.network, columns, [segment.run.name for segment in data.fit])
+    picked = proposed if most is None else proposed[:: max(1, len(proposed) // most)]
     start = time.process_time()
     gains = []
     for candidate in picked:
         shape = candidate.effect.shape()
         declaration = candidate.declaration(None, shape.grid[0] if shape else None)
         gains.append((criterion_difference(base, refit(base, declaration)), candidate.key))
-    spent = (time.process_time() - start) * len(found) / len(picked)
-    return sorted(gains, reverse=True), len(found), spent
+    spent = (time.process_time() - start) * len(proposed) / len(picked)
+    return sorted(gains, reverse=True), len(proposed), spent
 
 
 def main() -> None:
@@ -63,12 +63,14 @@ def main() -> None:
     start = time.process_time()
     base = fit_segments(model, coarse.fit)
     fitted = time.process_time()
-    found = examine(base, coarse)
+    diagnosis = examine(base, coarse)
     ours = time.process_time() - fitted
-    print(f"baseline fit {fitted - start:.1f} s; diagnosis {ours:.1f} s: {found.verdict}, {found.refits[0].key}")
+    print(
+        f"baseline fit {fitted - start:.1f} s; diagnosis {ours:.1f} s: {diagnosis.verdict}, {diagnosis.refits[0].key}"
+    )
     gains, count, spent = brute_force(base, coarse, chosen.most)
     print(f"brute force, {count} candidates: {spent:.0f} s, {spent / ours:.0f} times as long; best {gains[0][1]}")
-    print("first five: ours", [each.key for each in found.refits[:5]], "brute force", [key for _, key in gains[:5]])
+    print("first five: ours", [step.key for step in diagnosis.refits[:5]], "brute force", [key for _, key in gains[:5]])
 
 
 if __name__ == "__main__":

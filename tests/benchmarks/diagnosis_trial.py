@@ -133,10 +133,10 @@ def _off(case: Case, history: History) -> float | None:
     if declaration is None or declaration.effect.key not in SIZES or not case.hidden[0].startswith(declaration.name):
         return None
     amplitude = declaration.effect.amplitude()
-    known = {parameter.name: parameter.value for parameter in history.best.fit.model.parameters}
+    values = {parameter.name: parameter.value for parameter in history.best.fit.model.parameters}
     for name, error in history.best.fit.standard_errors.items():
         if amplitude is not None and name.startswith(f"{declaration.name}.{amplitude.name}.") and error > 0:
-            return (known[name] - SIZES[declaration.effect.key]) / error
+            return (values[name] - SIZES[declaration.effect.key]) / error
     return None
 
 
@@ -157,10 +157,10 @@ def _executor(jobs: int, scheduler: str | None) -> Executor:
 
 def cases(chosen: argparse.Namespace) -> list[Case]:
     """Each effect at a place drawn by the seed and the noise; nothing hidden; pairs of effects."""
-    found = []
+    drawn = []
     for noise in chosen.noises:
         for seed in chosen.seeds:
-            found += [
+            drawn += [
                 Case(drawn_place(effect, "quadruped", seed, noise), seed, noise, chosen.tier)
                 for effect in chosen.effects
             ]
@@ -168,8 +168,8 @@ def cases(chosen: argparse.Namespace) -> list[Case]:
                 rng = random.Random(f"pair {number} {seed} {noise}")
                 pair = rng.sample([effect for effect in CATALOGUE if effect not in IN_ONE_RUN], 2)
                 hidden = tuple(text for one in pair for text in drawn_place(one, "quadruped", seed + 7 * number, noise))
-                found.append(Case(hidden, seed + number, noise, chosen.tier))
-    return found
+                drawn.append(Case(hidden, seed + number, noise, chosen.tier))
+    return drawn
 
 
 def judged(done: Result) -> tuple[bool, bool, bool]:
@@ -205,7 +205,7 @@ def summary(results: Sequence[Result]) -> str:
     lines = []
     for kind, all_of_it in kinds.items():
         answers = [judged(done) for done in all_of_it]
-        shares = [sum(each[k] for each in answers) / len(answers) for k in range(3)]
+        shares = [sum(answer[k] for answer in answers) / len(answers) for k in range(3)]
         unexplained = sum(done.verdict == "unexplained" for done in all_of_it) / len(all_of_it)
         both = sum({covered(k) for k in map(key, d.case.hidden)} <= {covered(k) for k in d.steps} for d in all_of_it)
         third = sum(any(covered(k) in map(covered, map(key, d.case.hidden)) for k in d.steps[:3]) for d in all_of_it)
@@ -231,15 +231,15 @@ def _calibration(results: Sequence[Result]) -> str:
 def _read(out: Path) -> list[Result]:
     if not out.exists():
         return []
-    found = []
+    results = []
     for line in out.read_text(encoding="utf-8").splitlines():
         table = json.loads(line)
         case = table["case"] | {"hidden": tuple(table["case"]["hidden"])}
         if "rungs" in table:  # the name of steps in older files
             table["steps"] = table.pop("rungs")
         keys = {name: [(one, other) for one, other in table[name]] for name in ("steps", "group")}
-        found.append(Result(**(table | keys | {"case": Case(**case)})))
-    return found
+        results.append(Result(**(table | keys | {"case": Case(**case)})))
+    return results
 
 
 def main() -> None:

@@ -116,22 +116,22 @@ def ours(given: Task) -> float:
     problem = given.problem
 
     def search() -> None:
-        found.append(minimise(problem, given.start, near=True).cost)
+        minima.append(minimise(problem, given.start, near=True).cost)
 
-    found: list[float] = []
+    minima: list[float] = []
     search()
     seconds = min(spent(search) for _ in range(3))
     problem.costs = problem.normals = 0
     search()
     costs, normals = problem.costs, problem.normals
-    print(f"ours: {seconds:.3f} s, {costs} costs and {normals} derivatives; cost {found[-1]:.4f}", flush=True)
+    print(f"ours: {seconds:.3f} s, {costs} costs and {normals} derivatives; cost {minima[-1]:.4f}", flush=True)
     of_cost, of_normal = arithmetic(given)
     rate = rate_of_products()
     bare = (costs * of_cost + normals * of_normal) / rate
-    each = [min(spent(partial(call, given.start)) for _ in range(5)) for call in (problem.cost, problem.normal)]
+    times = [min(spent(partial(call, given.start)) for _ in range(5)) for call in (problem.cost, problem.normal)]
     print(
-        f"  a cost takes {1e3 * each[0]:.1f} ms for {of_cost / 1e6:.1f} million additions and multiplications, "
-        f"derivatives {1e3 * each[1]:.1f} ms for {of_normal / 1e6:.0f};\n"
+        f"  a cost takes {1e3 * times[0]:.1f} ms for {of_cost / 1e6:.1f} million additions and multiplications, "
+        f"derivatives {1e3 * times[1]:.1f} ms for {of_normal / 1e6:.0f};\n"
         f"  products of matrices make {rate / 1e9:.0f} thousand million a second here: "
         f"the bare arithmetic would take {1e3 * bare:.0f} ms, the search takes {seconds / bare:.0f} times as long",
         flush=True,
@@ -295,11 +295,11 @@ def ipopt(
     free, size, equalities = len(given.problem.free), len(guess), program["g"].numel()
     bounds = [np.full(size, -np.inf), np.full(size, np.inf)]
     bounds[0][:free], bounds[1][:free] = lower[:free], upper[:free]
-    found: list[float] = []
+    minima: list[float] = []
 
     def run() -> None:
         done = solver(x0=guess, lbx=bounds[0], ubx=bounds[1], lbg=np.zeros(equalities), ubg=np.zeros(equalities))
-        found.append(float(done["f"]))
+        minima.append(float(done["f"]))
 
     seconds = spent(run)
     statistics = solver.stats()
@@ -307,7 +307,7 @@ def ipopt(
         name,
         seconds,
         mine,
-        f"{statistics['return_status']}, {statistics['iter_count']} iterations, cost {found[0]:.4f}",
+        f"{statistics['return_status']}, {statistics['iter_count']} iterations, cost {minima[0]:.4f}",
     )
 
 
@@ -322,10 +322,10 @@ def sindy(given: Task, mine: float) -> None:
     import pysindy
 
     def run() -> None:
-        found = pysindy.SINDy(optimizer=pysindy.STLSQ(threshold=1e-6), feature_library=pysindy.PolynomialLibrary(1))
+        model = pysindy.SINDy(optimizer=pysindy.STLSQ(threshold=1e-6), feature_library=pysindy.PolynomialLibrary(1))
         x = [bound.measured.T for bound in given.runs]
         u = [bound.inputs.T**2 for bound in given.runs]
-        found.fit(x, t=float(STEP), u=u)
+        model.fit(x, t=float(STEP), u=u)
 
     say("pysindy, linear library", spent(run), mine, "coefficients of derivatives, no run fitted")
 
@@ -337,7 +337,7 @@ def one_release_back(commands: Sequence[str]) -> None:
         model = folder / "quadruped.toml"
         model.write_text(preset_text("quadruped", "coupled"))
         logs = quadruped_logs(seed=SEED, runs="protocol", physics="plain", quantisation=1.0)
-        files = write_logs(folder, {each: logs[each] for each in TWO_HOURS})
+        files = write_logs(folder, {key: logs[key] for key in TWO_HOURS})
         for command in commands:
             words = [command, "fit", str(model), *map(str, files), "-o", str(folder / "better.toml")]
             times = []

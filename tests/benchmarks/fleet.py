@@ -111,9 +111,9 @@ def _sizes(pid: int) -> list[float]:
     """Resident memory of a process and of its descendants [MB]; those that have ended are left out."""
     sizes = []
     with suppress(psutil.NoSuchProcess):
-        for each in (psutil.Process(pid), *psutil.Process(pid).children(recursive=True)):
+        for process in (psutil.Process(pid), *psutil.Process(pid).children(recursive=True)):
             with suppress(psutil.NoSuchProcess):
-                sizes.append(each.memory_info().rss / 2**20)
+                sizes.append(process.memory_info().rss / 2**20)
     return sizes
 
 
@@ -133,8 +133,8 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         write_fleet(folder, chosen.robots, chosen.nodes)
-        for way in chosen.ways:
-            print(measured(way, folder), flush=True)
+        for method in chosen.ways:
+            print(measured(method, folder), flush=True)
 
 
 if __name__ == "__main__":

@@ -76,13 +76,13 @@ class Quadruped(Fmi2Slave):
 
 def timed(call: Callable[[], object], n: int) -> float:
     """Microseconds of processor time a call, the median of several rounds."""
-    found = []
+    times = []
     for _ in range(ROUNDS):
         begun = time.process_time()
         for _ in range(n):
             call()
-        found.append((time.process_time() - begun) / n * 1e6)
-    return median(found)
+        times.append((time.process_time() - begun) / n * 1e6)
+    return median(times)
 
 
 def in_c(fmu: Path, folder: Path, component: Any) -> float:
@@ -97,11 +97,11 @@ def in_c(fmu: Path, folder: Path, component: Any) -> float:
     token = next(line.split('"')[1] for line in text.splitlines() if "define TOKEN" in line)
     counts = [component.first("input"), len(component.of("input")), 1, len(component.model.nodes)]
     words = [str(program), str(library), token, "300000", *map(str, counts)]
-    found = []
+    times = []
     for _ in range(ROUNDS):
         done = subprocess.run(words, check=True, capture_output=True, text=True)
-        found.append(float(done.stdout.split("microseconds")[1]))
-    return median(found)
+        times.append(float(done.stdout.split("microseconds")[1]))
+    return median(times)
 
 
 def through_fmpy(fmu: Path, component: Any) -> tuple[float, float]:
@@ -179,33 +179,33 @@ def main() -> None:
     parser.add_argument("--json", type=Path)
     chosen = parser.parse_args()
     model = Model(parse_model(presets()["quadruped"], Path("quadruped.toml")).network)
-    found: dict[str, float | None] = {}
+    results: dict[str, float | None] = {}
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         fmi3, fmi2 = (export(model, folder / f"q{fmi}.fmu", fmi=fmi, forecast=True) for fmi in (3, 2))
-        found["apart from the model [K]"] = agreement(fmi3.path, model)
-        found["ours in C [us]"] = in_c(fmi3.path, folder / "c", fmi3.component)
-        for each in (fmi2, fmi3):
-            arrays, lists = through_fmpy(each.path, each.component)
-            found[f"ours through fmpy, FMI {each.fmi}, arrays made once [us]"] = arrays
-            found[f"ours through fmpy, FMI {each.fmi}, lists [us]"] = lists
+        results["apart from the model [K]"] = agreement(fmi3.path, model)
+        results["ours in C [us]"] = in_c(fmi3.path, folder / "c", fmi3.component)
+        for exported in (fmi2, fmi3):
+            arrays, lists = through_fmpy(exported.path, exported.component)
+            results[f"ours through fmpy, FMI {exported.fmi}, arrays made once [us]"] = arrays
+            results[f"ours through fmpy, FMI {exported.fmi}, lists [us]"] = lists
         limited = export(model, folder / "limited.fmu", admissible=True)
-        found["ours through fmpy, with each node's time to its limit [us]"] = with_outputs(fmi3.path, "time_to_limit")
-        found["ours through fmpy, with the 48 admissible torques [us]"] = with_outputs(limited.path, "admissible")
-        found["PythonFMU through fmpy [us]"] = peer = python_fmu(folder)
-        found["MuJoCo's A1, one step of 2 ms [us]"] = robot = mujoco_step()
-    ours, best = found["ours in C [us]"], found["ours through fmpy, FMI 2, arrays made once [us]"]
+        results["ours through fmpy, with each node's time to its limit [us]"] = with_outputs(fmi3.path, "time_to_limit")
+        results["ours through fmpy, with the 48 admissible torques [us]"] = with_outputs(limited.path, "admissible")
+        results["PythonFMU through fmpy [us]"] = peer = python_fmu(folder)
+        results["MuJoCo's A1, one step of 2 ms [us]"] = robot = mujoco_step()
+    ours, best = results["ours in C [us]"], results["ours through fmpy, FMI 2, arrays made once [us]"]
     assert ours is not None
     assert best is not None
     if peer is not None:
-        found["PythonFMU / ours in C"], found["PythonFMU / ours through fmpy"] = peer / ours, peer / best
+        results["PythonFMU / ours in C"], results["PythonFMU / ours through fmpy"] = peer / ours, peer / best
     if robot is not None:
-        found["share of the thermal model, C, stepped with MuJoCo [%]"] = 100 * ours / (ours + robot)
-        found["share of the thermal model, fmpy, stepped with MuJoCo [%]"] = 100 * best / (best + robot)
-    for what, value in found.items():
+        results["share of the thermal model, C, stepped with MuJoCo [%]"] = 100 * ours / (ours + robot)
+        results["share of the thermal model, fmpy, stepped with MuJoCo [%]"] = 100 * best / (best + robot)
+    for what, value in results.items():
         print(f"{what:62} {'not measured' if value is None else format(value, '.4g')}")
     if chosen.json:
-        chosen.json.write_text(json.dumps(found, indent=2) + "\n")
+        chosen.json.write_text(json.dumps(results, indent=2) + "\n")
 
 
 if __name__ == "__main__":

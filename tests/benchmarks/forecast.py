@@ -129,7 +129,7 @@ def _forecast(robot: Robot, record: Record, trot: Trot, moment: str, now: int, f
         for window in ("steady", "cycles")
     )
     passed = [np.flatnonzero(column[now:] >= LIMIT) for column in record.sensed[:, : len(joints)].T]
-    truth = {joint: float(each[0]) if each.size else inf for joint, each in zip(joints, passed, strict=True)}
+    truth = {joint: float(indices[0]) if indices.size else inf for joint, indices in zip(joints, passed, strict=True)}
     return Trial(trot, moment, now, truth, steady, cycles, time.perf_counter() - start)
 
 
@@ -170,15 +170,15 @@ def holds(found: NodeForecast, true: float) -> bool:
 def row(done: Trial) -> str:
     """A line of the table."""
     node, trot = done.first, done.trot
-    true, found, other = done.truth[node], done.steady.nodes[node], done.cycles.nodes[node]
+    true, steady, other = done.truth[node], done.steady.nodes[node], done.cycles.nodes[node]
     cells = [f"{trot.robot}", f"{trot.load:.1f}", f"{trot.ambient:.0f}", node, f"{done.at}"]
-    cells += [f"{done.steady.window.seconds:.0f}", f"{true:.0f}", f"{found.time_to_limit:.0f}"]
-    cells += [f"{found.low:.0f} to {found.high:.0f}"]
+    cells += [f"{done.steady.window.seconds:.0f}", f"{true:.0f}", f"{steady.time_to_limit:.0f}"]
+    cells += [f"{steady.low:.0f} to {steady.high:.0f}"]
     if isfinite(true):
-        cells += [f"{error(found, true):.1%}", f"{error(other, true):.1%}"]
+        cells += [f"{error(steady, true):.1%}", f"{error(other, true):.1%}"]
     else:
-        cells += ["wrong" if each.reaches else "right" for each in (found, other)]
-    return f"| {' | '.join(cells)} | {'yes' if holds(found, true) else 'no'} | {done.seconds:.1f} |"
+        cells += ["wrong" if prediction.reaches else "right" for prediction in (steady, other)]
+    return f"| {' | '.join(cells)} | {'yes' if holds(steady, true) else 'no'} | {done.seconds:.1f} |"
 
 
 def summary(done: Sequence[Trial]) -> str:
@@ -186,14 +186,16 @@ def summary(done: Sequence[Trial]) -> str:
     lines = []
     for name, window in (("first joint", "steady"), ("first joint", "cycles"), ("all joints", "steady")):
         pairs = [
-            (getattr(each, window).nodes[node], true, each.at)
-            for each in done
-            for node, true in each.truth.items()
-            if (node == each.first or name == "all joints") and true > 0
+            (getattr(trial, window).nodes[node], true, trial.at)
+            for trial in done
+            for node, true in trial.truth.items()
+            if (node == trial.first or name == "all joints") and true > 0
         ]
-        errors = np.array([(error(found, true), true / (true + at)) for found, true, at in pairs if isfinite(true)])
-        nevers = [not found.reaches for found, true, _ in pairs if not isfinite(true)]
-        inside = np.mean([holds(found, true) for found, true, _ in pairs])
+        errors = np.array(
+            [(error(prediction, true), true / (true + at)) for prediction, true, at in pairs if isfinite(true)]
+        )
+        nevers = [not prediction.reaches for prediction, true, _ in pairs if not isfinite(true)]
+        inside = np.mean([holds(prediction, true) for prediction, true, _ in pairs])
         whole = errors[:, 0] * errors[:, 1]
         lines += [
             f"{name}, {'ten gait cycles' if window == 'cycles' else 'steady stretch'}, {len(errors)} times: median "
@@ -221,16 +223,16 @@ def main() -> None:
         with tempfile.TemporaryDirectory() as name:
             robot = fitted(seed, chosen.model, Path(name))
             for trot, run in (creeping if chosen.creeping else planned)(seed, chosen.trots).items():
-                for each in trials(robot, trot, run, chosen.at, chosen.after, Path(name)):
-                    done.append(each)
-                    print(f"  {trot} {each.moment}: {row(each)}", flush=True)
-    for moment in dict.fromkeys(each.moment for each in done):
-        chosen_ones = [each for each in done if each.moment == moment]
+                for latest in trials(robot, trot, run, chosen.at, chosen.after, Path(name)):
+                    done.append(latest)
+                    print(f"  {trot} {latest.moment}: {row(latest)}", flush=True)
+    for moment in dict.fromkeys(trial.moment for trial in done):
+        chosen_ones = [trial for trial in done if trial.moment == moment]
         print(f"\nForecast {moment}\n")
         print("| robot | load, kg | ambient, °C | joint | made at, s | window, s | true, s | forecast, s |", end="")
         print(" 90 % interval, s | error | of ten cycles | inside | took, s |")
         print("|" + " --- |" * 13)
-        print(*(row(each) for each in chosen_ones), summary(chosen_ones), sep="\n")
+        print(*(row(trial) for trial in chosen_ones), summary(chosen_ones), sep="\n")
 
 
 if __name__ == "__main__":

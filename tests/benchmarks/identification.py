@@ -66,12 +66,14 @@ def recovered(seed: int) -> None:
     """True parameters against estimates with their standard errors."""
     model, bound_runs = load(seed)
     done, seconds = _timed(lambda: fit(model, bound_runs))
-    truth, found = true_values(seed), {parameter.name: parameter.value for parameter in done.model.parameters}
-    off = {name: (found[name] - truth[name]) / error for name, error in done.standard_errors.items() if name in truth}
+    truth, estimates = true_values(seed), {parameter.name: parameter.value for parameter in done.model.parameters}
+    off = {
+        name: (estimates[name] - truth[name]) / error for name, error in done.standard_errors.items() if name in truth
+    }
     missing = sorted(set(done.standard_errors) - set(truth))
     inside = np.mean([abs(value) <= 1.96 for value in off.values()])
-    relative = np.median([abs(found[name] / truth[name] - 1) for name in off])
-    hours = sum(len(each) * each.run.step for each in bound_runs) / 3600
+    relative = np.median([abs(estimates[name] / truth[name] - 1) for name in off])
+    hours = sum(len(bound) * bound.run.step for bound in bound_runs) / 3600
     print(
         f"robot {seed}: {len(done.standard_errors)} parameters, {hours:.1f} h at {bound_runs[0].run.step:g} s, "
         f"{seconds:.1f} s; "
@@ -79,13 +81,15 @@ def recovered(seed: int) -> None:
     )
     for kind in ("capacity", "resistance", "drive_heat"):
         group = {name: value for name, value in off.items() if name.startswith(kind)}
-        errors = [abs(found[name] / truth[name] - 1) for name in group]
+        errors = [abs(estimates[name] / truth[name] - 1) for name in group]
         print(
             f"  {kind:11s} {np.mean([abs(v) <= 1.96 for v in group.values()]):5.0%} inside, "
             f"errors median {np.median(errors):.2%}, worst {max(errors):.2%}"
         )
-    for name in sorted(off, key=lambda each: -abs(off[each]))[:3]:
-        print(f"  farthest: {name} true {truth[name]:.4g}, found {found[name]:.4g} ± {done.standard_errors[name]:.2g}")
+    for name in sorted(off, key=lambda parameter: -abs(off[parameter]))[:3]:
+        print(
+            f"  farthest: {name} true {truth[name]:.4g}, found {estimates[name]:.4g} ± {done.standard_errors[name]:.2g}"
+        )
     print(f"  without a true value: {', '.join(missing) or 'none'}")
     print(f"  said to be undetermined: {'; '.join(done.uncertainty.warnings) or 'none'}")
 
@@ -106,8 +110,8 @@ def random_starts(seed: int) -> None:
         values = typical.copy()
         values[problem.free] *= SPREAD ** rng.uniform(-1, 1, len(problem.free))
         z = np.clip(problem.guess(values), lower, upper)
-        found, seconds = _timed(partial(minimise, problem, z))
-        costs.append(found.cost)
+        optimum, seconds = _timed(partial(minimise, problem, z))
+        costs.append(optimum.cost)
         times.append(seconds)
     same = sum(abs(cost - reference.cost) < 1e-3 * max(reference.cost, 1.0) for cost in costs)
     print(

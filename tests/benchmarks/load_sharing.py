@@ -50,7 +50,7 @@ def true_time(robot: Robot, torques: FloatArray) -> float:
     other = robot.constant + robot.drive * (robot.winding == 0)
     other[robot.nodes.index("pc")] += COMPUTER
     other = np.concatenate([other, robot.drive[robot.winding > 0]])
-    held = (np.tile(each, (LONGEST, 1)) for each in (copper, other, robot.to_air))
+    held = (np.tile(constant, (LONGEST, 1)) for constant in (copper, other, robot.to_air))
     path = network.solve(Drive(*held), network.start(np.full(len(robot.nodes), AMBIENT)))
     hottest = path[:, network.sensed[:joints]].max(axis=1)
     over = np.flatnonzero(hottest >= LIMIT)
@@ -87,17 +87,17 @@ def main() -> None:
         base: list[float] = []
         for how in METHODS:
             began = perf_counter()
-            found: Sharing = getattr(sharing, how)(stance, AMBIENT)
+            result: Sharing = getattr(sharing, how)(stance, AMBIENT)
             took = perf_counter() - began
-            times = [true_time(robot, found.torques) for robot in robots]
+            times = [true_time(robot, result.torques) for robot in robots]
             base = base or times
             gains = [100 * (time / peer - 1) for time, peer in zip(times, base, strict=True)]
             print(
-                f"  {how:12s} model {found.time:6.0f} s ({found.first}), truth "
+                f"  {how:12s} model {result.time:6.0f} s ({result.first}), truth "
                 f"{' '.join(f'{time:6.0f}' for time in times)} s = {' '.join(f'{gain:+5.1f}' for gain in gains)} %; "
-                f"knees {' '.join(f'{t:.2f}' for t in found.torques[2::3])} N·m, grip {found.grip:.2f}; {took:.2f} s"
+                f"knees {' '.join(f'{t:.2f}' for t in result.torques[2::3])} N·m, grip {result.grip:.2f}; {took:.2f} s"
             )
-        print(f"  MuJoCo, share: {in_mujoco(stance, found)}")
+        print(f"  MuJoCo, share: {in_mujoco(stance, result)}")
 
 
 if __name__ == "__main__":

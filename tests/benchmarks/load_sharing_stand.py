@@ -96,11 +96,11 @@ def stands(stance: Stance, torques: FloatArray) -> tuple[FloatArray, FloatArray]
 
 def _contacts(model: Any, data: Any, feet: list[int]) -> FloatArray:
     """Force of the floor on each foot in the world [N], shape (4, 3)."""
-    found, wrench = np.zeros((4, 3)), np.zeros(6)
+    forces, wrench = np.zeros((4, 3)), np.zeros(6)
     for number, contact in enumerate(data.contact):
         foot = next((k for k, geom in enumerate(feet) if geom in (contact.geom1, contact.geom2)), None)
         if foot is not None:
             mujoco.mj_contactForce(model, data, number, wrench)
             pushed = contact.frame.reshape(3, 3).T @ wrench[:3]
-            found[foot] += pushed if contact.geom2 == feet[foot] else -pushed
-    return found
+            forces[foot] += pushed if contact.geom2 == feet[foot] else -pushed
+    return forces

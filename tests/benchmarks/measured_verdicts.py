@@ -123,7 +123,7 @@ def story(answer: Answer) -> str:
     others = [name for name in out_of_bounds(answer) if not any(name.startswith(f"{key}.") for key, _ in answer.steps)]
     lines += [f"  - **of the given model at a bound: {', '.join(others)}**"] * bool(others)
     sentences = re.findall(r"^(?:Step|Rung) \d+, .*(?:\n  .*)*", answer.text, re.MULTILINE)
-    lines += [f"  - says: {' '.join(each.split())}" for each in sentences]
+    lines += [f"  - says: {' '.join(sentence.split())}" for sentence in sentences]
     return "\n".join(lines)
 
 

@@ -158,7 +158,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=71)
     parser.add_argument("--resolution", type=float, default=0.0)
     parser.add_argument("--plans", action="store_true", help="print each plan that took the place of another")
-    told = parser.parse_args()
+    arguments = parser.parse_args()
     table = tomllib.loads(MISSION.read_text(encoding="utf-8"))
     del table["task"]["deadline"]
     table["task"]["carry"] = 8.0
@@ -166,11 +166,11 @@ def main() -> None:
     rows = []
     print(f"{'robot':>5} {'error':>6} {'air K':>6} {'fixed min':>10} {'K':>6} {'replanned':>10} {'K':>6} {'known':>6} "
           f"{'plans':>5} {'CPU s':>6}")  # fmt: skip
-    for number in range(told.robots):
-        seed, error = told.seed + number, 0.10 + 0.10 * number / max(1, told.robots - 1)
+    for number in range(arguments.robots):
+        seed, error = arguments.seed + number, 0.10 + 0.10 * number / max(1, arguments.robots - 1)
         robot = true_robot(seed)
         mission = plan_kind.read(table, str(MISSION), model_of(robot, error, seed))
-        walkers = [Walker(robot, mission, seed, told.resolution) for _ in range(3)]
+        walkers = [Walker(robot, mission, seed, arguments.resolution) for _ in range(3)]
         least = known(walkers[2], model_of(robot, 0.0, seed), mission)
         one = fixed(walkers[0], mission)
         two = replanned(walkers[1], mission)
@@ -180,13 +180,13 @@ def main() -> None:
             f"{two[1]:6.2f} {least / 60:6.1f} {len(two[2].replanned):5d} {two[3]:6.1f}",
             flush=True,
         )
-        if told.plans:
+        if arguments.plans:
             print(two[2].text(), flush=True)
     margin = max(0.0, *(one[1] for _, _, one, _, _, _ in rows))
     careful = []
     for robot, mission, *_, seed in rows:
         lower = replace(mission, limits={node: limit - margin for node, limit in mission.limits.items()})
-        careful.append(fixed(Walker(robot, mission, seed, told.resolution), lower))
+        careful.append(fixed(Walker(robot, mission, seed, arguments.resolution), lower))
     said = ", ".join(f"{seconds / 60:.1f} min ({over:+.2f} K)" for seconds, over in careful)
     print(f"fixed with limits {margin:.2f} K lower: {said}")
     columns = {

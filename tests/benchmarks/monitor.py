@@ -48,7 +48,7 @@ class Watch:
         """The alarm at the faulty sensor after the fault's beginning."""
         fault = self.fault
         alarms = self.alarms[detector]
-        return next((each for each in alarms if fault and each.node == fault.at and each.time >= fault.time), None)
+        return next((alarm for alarm in alarms if fault and alarm.node == fault.at and alarm.time >= fault.time), None)
 
     def false(self, detector: str) -> int:
         """Alarms at healthy sensors, or before the fault."""
@@ -109,13 +109,13 @@ def watch(seed: int, robot: Robot, folder: Path, count: int) -> list[Watch]:
     logs = quadruped_logs(seed=seed, runs=runs)
     watched = []
     for name, path in zip(logs, write_logs(folder, logs), strict=True):
-        found = monitor(robot.model, robot.loaded.runs([path]), threshold=THRESHOLD, calibration=robot.calibration)
-        (each,) = found.runs
-        fair = alarms_by_threshold(each, robot.fair)
+        result = monitor(robot.model, robot.loaded.runs([path]), threshold=THRESHOLD, calibration=robot.calibration)
+        (monitored,) = result.runs
+        fair = alarms_by_threshold(monitored, robot.fair)
         alarms: dict[str, Sequence[Alarm]] = {
-            "plain": each.threshold_alarms,
+            "plain": monitored.threshold_alarms,
             "fair": fair,
-            "statistical": each.statistical_alarms,
+            "statistical": monitored.statistical_alarms,
         }
         fault = next(iter(runs[name].faults), None)
         moved = 0.0
@@ -137,27 +137,27 @@ def row(each: Watch) -> str:
     cells = []
     for detector in each.alarms:
         hit, false = each.hit(detector), each.false(detector)
-        told = "–" if hit is None else f"{hit.time - fault.time:.0f} {hit.kind}"
-        cells.append(told + f" ({false} false)" * (false > 0))
+        answer = "–" if hit is None else f"{hit.time - fault.time:.0f} {hit.kind}"
+        cells.append(answer + f" ({false} false)" * (false > 0))
     return f"| {fault.kind} | {fault.at} | {size} | {ideal} | {' | '.join(cells)} |"
 
 
 def summary(watched: Sequence[Watch], detector: str) -> str:
     """A line of the table of detectors."""
-    healthy = [each for each in watched if each.fault is None]
-    faulty = [each for each in watched if each.fault is not None]
-    hits = [(each, each.hit(detector)) for each in faulty]
-    missed = [each for each, hit in hits if hit is None]
-    named = sum(hit is not None and each.fault is not None and hit.kind == each.fault.kind for each, hit in hits)
+    healthy = [log for log in watched if log.fault is None]
+    faulty = [log for log in watched if log.fault is not None]
+    hits = [(log, log.hit(detector)) for log in faulty]
+    missed = [log for log, hit in hits if hit is None]
+    named = sum(hit is not None and log.fault is not None and hit.kind == log.fault.kind for log, hit in hits)
     cells = [
-        f"{sum(bool(each.alarms[detector]) for each in healthy)} of {len(healthy)}",
-        f"{sum(each.false(detector) > 0 for each in faulty)} of {len(faulty)}",
-        f"{len(missed)} of {len(faulty)} ({sum(each.harmless for each in missed)} harmless)",
+        f"{sum(bool(log.alarms[detector]) for log in healthy)} of {len(healthy)}",
+        f"{sum(log.false(detector) > 0 for log in faulty)} of {len(faulty)}",
+        f"{len(missed)} of {len(faulty)} ({sum(log.harmless for log in missed)} harmless)",
         f"{named} of {len(faulty) - len(missed)}",
     ]
     for kind in ("drift", "offset", "stuck", "dropout"):
-        times = [hit.time - each.fault.time for each, hit in hits if hit and each.fault and each.fault.kind == kind]
-        all_ = sum(each.fault is not None and each.fault.kind == kind for each in faulty)
+        times = [hit.time - log.fault.time for log, hit in hits if hit and log.fault and log.fault.kind == kind]
+        all_ = sum(log.fault is not None and log.fault.kind == kind for log in faulty)
         cells.append(f"{np.median(times):.0f} s, {len(times)}/{all_}" if times else f"–, 0/{all_}")
     return f"| {detector} | {' | '.join(cells)} |"
 
@@ -165,12 +165,12 @@ def summary(watched: Sequence[Watch], detector: str) -> str:
 def compared(watched: Sequence[Watch]) -> str:
     """Detection times of drifts as shares of the ideal one, and how often the statistical detector came first."""
     lines = []
-    drifts = [(each, each.fault) for each in watched if each.fault is not None and each.fault.kind == "drift"]
+    drifts = [(log, log.fault) for log in watched if log.fault is not None and log.fault.kind == "drift"]
     for detector in drifts[0][0].alarms if drifts else ():
         shares = [
             (hit.time - fault.time) * abs(fault.size) / THRESHOLD
-            for each, fault in drifts
-            if (hit := each.hit(detector)) is not None
+            for log, fault in drifts
+            if (hit := log.hit(detector)) is not None
         ]
         if shares:
             lines.append(
@@ -199,9 +199,9 @@ def main() -> None:
     print(
         "| fault | at | size | ideal | plain 10 K | fair | statistical |\n| --- | --- | --- | --- | --- | --- | --- |"
     )
-    for each in watched:
-        if each.fault is not None:
-            print(row(each))
+    for log in watched:
+        if log.fault is not None:
+            print(row(log))
     print(
         "\n| detector | false alarms, healthy logs | false alarms, faulty logs | misses | named right of those found ",
         end="",

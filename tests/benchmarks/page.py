@@ -132,8 +132,8 @@ def sharing(said: str) -> list[Row]:
     """Rows of `load_sharing.py`: the time that true robots stand until their first joint is hot."""
     rows = []
     for posture, block in re.findall(r"^(\w[^:\n]*): pitch(.*?)(?=^\w[^:\n]*: pitch|\Z)", said, re.M | re.S):
-        found = re.findall(r"^  (\w+) +model.*?truth ([\d. ]+) s", block, re.M)
-        means = {how: fmean(float(time) for time in times.split()) for how, times in found}
+        matches = re.findall(r"^  (\w+) +model.*?truth ([\d. ]+) s", block, re.M)
+        means = {how: fmean(float(time) for time in times.split()) for how, times in matches}
         ours, equal = means["share"], means["equal"]
         what = f"standing until a joint is at its limit, {posture}; longer is better"
         rows.append(Row(what, f"{ours:.0f} s", "equal sharing", f"{equal:.0f} s", ours / equal))
@@ -200,32 +200,32 @@ def machine() -> str:
     name = platform.machine()
     about = Path("/proc/cpuinfo")
     if about.is_file():
-        found = re.search(r"^model name\s*: (.*)$", about.read_text(), re.M)
-        name = found[1] if found else name
+        match = re.search(r"^model name\s*: (.*)$", about.read_text(), re.M)
+        name = match[1] if match else name
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     return f"{name}, {cores} core{'s' * int(cores != 1)}, {platform.system()}, Python {platform.python_version()}"
 
 
 def versions() -> str:
     """The packages that take part, as they are installed."""
-    found = []
+    entries = []
     for name in PACKAGES:
         try:
-            found.append(f"{name} {version(name)}")
+            entries.append(f"{name} {version(name)}")
         except PackageNotFoundError:
-            found.append(f"{name} missing")
-    return ", ".join(found)
+            entries.append(f"{name} missing")
+    return ", ".join(entries)
 
 
 def main() -> None:
     """Run all, print the table, write the page."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="fewer candidates and steps")
-    parser.add_argument("--only", nargs="+", choices=[each.name for each in BENCHMARKS], help="write no page")
+    parser.add_argument("--only", nargs="+", choices=[entry.name for entry in BENCHMARKS], help="write no page")
     parser.add_argument("-o", "--output", type=Path, default=PAGE)
     chosen = parser.parse_args()
     began, load = time.monotonic(), os.getloadavg()[0]
-    wanted = [each for each in BENCHMARKS if not chosen.only or each.name in chosen.only]
+    wanted = [entry for entry in BENCHMARKS if not chosen.only or entry.name in chosen.only]
     results: list[tuple[Benchmark, list[Row], str]] = []
     for number, benchmark in enumerate(wanted, start=1):
         rows, said = measure(benchmark, chosen.quick)
@@ -234,17 +234,17 @@ def main() -> None:
         print(f"{seconds:6.0f} s  {benchmark.name}: {len(rows)} rows", flush=True)
         if not chosen.only:
             # After each: an hour's work isn't lost with the last of it.
-            rest: list[tuple[Benchmark, list[Row], str]] = [(each, [], LATER) for each in wanted[number:]]
+            rest: list[tuple[Benchmark, list[Row], str]] = [(entry, [], LATER) for entry in wanted[number:]]
             write_whole(chosen.output, page([*results, *rest], chosen.quick, seconds, load))
     if chosen.only:
         print(page(results, chosen.quick, time.monotonic() - began, load))
 
 
 def _one(pattern: str, said: str) -> re.Match[str]:
-    found = re.search(pattern, said, re.M)
-    if found is None:
+    match = re.search(pattern, said, re.M)
+    if match is None:
         raise RuntimeError(f"nothing like {pattern!r} was printed:\n{said}")
-    return found
+    return match
 
 
 def _seconds(what: str, ours: str, peer: str, theirs: str) -> Row:

@@ -116,8 +116,8 @@ def _work(what: str, nodes: int, hours: float) -> None:
         if what == "fit":
             answer = f"{study.fit().rmse:.4f} K"
         else:
-            found = study.diagnose()
-            answer = " at ".join(found.refits[0].key) if found.refits else found.verdict
+            diagnosis = study.diagnose()
+            answer = " at ".join(diagnosis.refits[0].key) if diagnosis.refits else diagnosis.verdict
         spent = time.process_time() - began
     largest = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     print(json.dumps({"cpu": spent, "memory": (largest - empty) / 1024, "answer": answer}))
@@ -141,9 +141,9 @@ def sweep(what: str, cases: Sequence[tuple[int, float]], axis: int) -> None:
     rows = []
     for nodes, hours in cases:
         rows.append(measured(what, nodes, hours))
-        each = rows[-1]
+        last = rows[-1]
         print(
-            f"| {what} | {nodes} | {hours:g} | {each['cpu']:.1f} | {each['memory']:.0f} | {each['answer']} |",
+            f"| {what} | {nodes} | {hours:g} | {last['cpu']:.1f} | {last['memory']:.0f} | {last['answer']} |",
             flush=True,
         )
     if len(rows) > 1:

@@ -198,7 +198,7 @@ def robots(steps: int) -> None:
             for seed in range(11, 21):
                 controller = ours(model_of(true_robot(seed), ERROR, seed), 16, failed, recovery=0.0, **settings)
                 worst.append(run({"ours": controller}, start, steps, seed, noise=noise)["ours"].violation)
-            above = ", ".join(f"{each:.3f}" for each in worst)
+            above = ", ".join(f"{violation:.3f}" for violation in worst)
             print(f"noise {noise} K, start {start:g} degC: above {above} K; {sum(failed)} failures", flush=True)
 
 
@@ -320,8 +320,8 @@ def emitted(seed: int, steps: int) -> None:
         with tempfile.TemporaryDirectory() as name:
             folder = Path(name)
             mpc.emit(folder, starts[0], request, np.tile(given, (steps, 1)))
-            told, said = _built_and_run(folder, "lptn_mpc.c", "\n".join(lines))
-        apart = float(np.abs(told[:, : len(mpc.joints)] - np.array(here)).max())
+            output, said = _built_and_run(folder, "lptn_mpc.c", "\n".join(lines))
+        apart = float(np.abs(output[:, : len(mpc.joints)] - np.array(here)).max())
         print(f"controller, {stages} stages: {said}; largest difference from Python {apart:.1e} N*m")
     limiter = Limiter(model, LIMITS, request="torque", current_limits=40.0)
     given, load = conditions(limiter.conditions), np.tile([2.0, 3.0, 4.0], 4)
@@ -331,9 +331,9 @@ def emitted(seed: int, steps: int) -> None:
         folder = Path(name)
         emit_limiter(limiter, folder, starts[0], load, given)
         lines = [" ".join(f"{value:.17g}" for value in (*row, *load, *given)) for row in starts]
-        told, said = _built_and_run(folder, "admissible.c", "\n".join(lines))
-    apart = float(np.abs(told - np.array(here)).max())
-    print(f"limiter, {told.shape[1]} numbers: {said}; largest difference from Python {apart:.1e} N*m")
+        output, said = _built_and_run(folder, "admissible.c", "\n".join(lines))
+    apart = float(np.abs(output - np.array(here)).max())
+    print(f"limiter, {output.shape[1]} numbers: {said}; largest difference from Python {apart:.1e} N*m")
 
 
 def _built_and_run(folder: Path, source: str, lines: str) -> tuple[FloatArray, str]:
@@ -361,17 +361,17 @@ def main() -> None:
     parser.add_argument("what", choices=["peers", "robots", "optimality", "derating", "emitted"])
     parser.add_argument("--steps", type=int, default=200)
     parser.add_argument("--seed", type=int, default=1)
-    told = parser.parse_args()
-    if told.what == "peers":
-        peers(told.steps, told.seed)
-    elif told.what == "robots":
-        robots(told.steps)
-    elif told.what == "optimality":
-        optimality(told.seed, 12)
-    elif told.what == "derating":
+    arguments = parser.parse_args()
+    if arguments.what == "peers":
+        peers(arguments.steps, arguments.seed)
+    elif arguments.what == "robots":
+        robots(arguments.steps)
+    elif arguments.what == "optimality":
+        optimality(arguments.seed, 12)
+    elif arguments.what == "derating":
         derating(10, 360)
     else:
-        emitted(told.seed, told.steps)
+        emitted(arguments.seed, arguments.steps)
 
 
 if __name__ == "__main__":

@@ -85,19 +85,21 @@ def main() -> None:
     parser.add_argument("--smoothing", type=float, default=0.0)
     parser.add_argument("--levels", type=float, nargs="+", default=LEVELS)
     parser.add_argument("--sensors", nargs="+", choices=SENSORS, default=list(SENSORS))
-    told = parser.parse_args()
-    robots = max(1, round(2 * told.hours))
+    arguments = parser.parse_args()
+    robots = max(1, round(2 * arguments.hours))
     print(
         f"{'sensors':14} {'level':>6} {'hours':>6} {'may pass':>9} {'at limit':>9} {'of all':>8} {'worst K':>8}"
         f" {'ripple':>7} {'tracking':>9}"
     )
-    for name in told.sensors:
+    for name in arguments.sensors:
         noise, resolution = SENSORS[name]
-        for level in told.levels:
-            runs = [loop(told.seed + number, level, noise, resolution, told.smoothing) for number in range(robots)]
+        for level in arguments.levels:
+            runs = [
+                loop(arguments.seed + number, level, noise, resolution, arguments.smoothing) for number in range(robots)
+            ]
             over, held, asked, given = (np.concatenate(parts) for parts in zip(*runs, strict=True))
             wander = [
-                ripple(told.seed + number, level, noise, resolution, told.smoothing)
+                ripple(arguments.seed + number, level, noise, resolution, arguments.smoothing)
                 for number in range(min(robots, _WANDERS))
             ]
             cost = float(((asked - given) ** 2).sum() / (asked**2).sum())

@@ -141,10 +141,10 @@ def main() -> None:
     """Read the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--calls", type=int, default=1_000_000)
-    told = parser.parse_args()
+    arguments = parser.parse_args()
     for build in _BUILDS:
         with tempfile.TemporaryDirectory() as folder:
-            print(f"{build}: {run(told.calls, build, Path(folder))}", flush=True)
+            print(f"{build}: {run(arguments.calls, build, Path(folder))}", flush=True)
 
 
 if __name__ == "__main__":

@@ -254,28 +254,28 @@ def main() -> None:
     parser.add_argument("--no-do-mpc", action="store_true")
     parser.add_argument("--limit", type=float, default=CELL, help="processor time of a cell [s]")
     parser.add_argument("--acados-limit", type=float, default=COMPILING, help="of one of acados'")
-    told = parser.parse_args()
+    arguments = parser.parse_args()
     solvers: dict[str, Callable[[Model, int, FloatArray], Solve]] = {"ours": ours}
     with tempfile.TemporaryDirectory() as name:
-        if told.acados:
-            solvers["acados"] = partial(acados, acados_at(told.acados), Path(name))
-        if not told.no_do_mpc:
+        if arguments.acados:
+            solvers["acados"] = partial(acados, acados_at(arguments.acados), Path(name))
+        if not arguments.no_do_mpc:
             solvers["do-mpc"] = do_mpc_controller
         print(f"{'nodes':>5} {'stages':>6} " + " ".join(f"{solver + ' ms':>10}" for solver in solvers), flush=True)
         too_long: dict[str, list[tuple[int, int]]] = {solver: [] for solver in solvers}
-        for nodes in told.nodes:
+        for nodes in arguments.nodes:
             model, (starts, asked) = chain(nodes), sequence(nodes)
-            for stages in told.stages:
+            for stages in arguments.stages:
                 row = []
                 for solver, make in solvers.items():
                     if any(nodes >= n and stages >= k for n, k in too_long[solver]):
                         row.append(f"{'-':>10}")
                         continue
-                    limit = told.acados_limit if solver == "acados" else told.limit
-                    found = within(limit, partial(timed, make, model, stages, asked, starts))
-                    if found is None:
+                    limit = arguments.acados_limit if solver == "acados" else arguments.limit
+                    milliseconds = within(limit, partial(timed, make, model, stages, asked, starts))
+                    if milliseconds is None:
                         too_long[solver].append((nodes, stages))
-                    row.append(f"{'>':>10}" if found is None else f"{found:10.3f}")
+                    row.append(f"{'>':>10}" if milliseconds is None else f"{milliseconds:10.3f}")
                 print(f"{nodes:5d} {stages:6d} " + " ".join(row), flush=True)
 
 

@@ -98,9 +98,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--steps", type=int, default=10_000)
     parser.add_argument("--seed", type=int, default=1000)
-    told = parser.parse_args()
+    arguments = parser.parse_args()
     before = time.process_time()
-    iterations, given_up, done = stress(told.steps, told.seed)
+    iterations, given_up, done = stress(arguments.steps, arguments.seed)
     spent = time.process_time() - before
     counts = np.array(iterations)
     print(f"{done} steps, {len(counts)} of them solved ({spent:.0f} s of CPU), {given_up} given up")

@@ -33,7 +33,7 @@ def timed(work: Callable[[], Result]) -> tuple[Result, float]:
 
 def grid() -> tuple[FloatArray, FloatArray]:
     """The (C, R) of the grid that mass, volume and fins allow."""
-    c, r = (each.ravel() for each in np.meshgrid(np.geomspace(20, 1500, CELLS), np.geomspace(0.05, 10, CELLS)))
+    c, r = (axis.ravel() for axis in np.meshgrid(np.geomspace(20, 1500, CELLS), np.geomspace(0.05, 10, CELLS)))
     fins, package = plain.fins_and_volume(c, r)
     inside = (fins <= 1) & (plain.mass(c) <= MASS) & (package <= VOLUME)
     return c[inside], r[inside]
@@ -52,10 +52,10 @@ def by_the_model(option: Option, c: FloatArray, r: FloatArray) -> FloatArray:
 def main() -> None:
     """Print the times and the answers."""
     study = load_study(STUDY)
-    option = next(each for each in study.options() if each.name == "U8, passive")
+    option = next(offered for offered in study.options() if offered.name == "U8, passive")
     problem, build = timed(lambda: Problem(option))
-    found, cold = timed(problem.solve)
-    moved, warm = timed(lambda: problem.solve({"limit.mass": 0.6}, near=found))
+    optimum, cold = timed(problem.solve)
+    moved, warm = timed(lambda: problem.solve({"limit.mass": 0.6}, near=optimum))
     whole, all_choices = timed(lambda: solve_study(study))
     c, r = grid()
     grids = {
@@ -63,8 +63,8 @@ def main() -> None:
         "200 × 200 grid, plain NumPy": timed(lambda: plain.held_torque(c, r, DURATION, LIMIT)),
     }
     print(f"one program: built {1e3 * build:.0f} ms, solved {1e3 * cold:.0f} ms, again nearby {1e3 * warm:.0f} ms")
-    print(f"  {found.objective:.6f} N·m at C = {found.variables['capacity']:.2f} J/K, ", end="")
-    print(f"R = {found.variables['resistance']:.4f} K/W; at 600 g {moved.objective:.6f} N·m")
+    print(f"  {optimum.objective:.6f} N·m at C = {optimum.variables['capacity']:.2f} J/K, ", end="")
+    print(f"R = {optimum.variables['resistance']:.4f} K/W; at 600 g {moved.objective:.6f} N·m")
     print(f"whole study, {len(study.options())} choices and the front: {all_choices:.1f} s, {len(whole.front)} points")
     for name, (torque, seconds) in grids.items():
         best = int(torque.argmax())

@@ -106,7 +106,7 @@ def ask_first(lptn: Path, files: Files, *, limit: float = LIMIT) -> Answer:
         table = json.loads(out.read_text(encoding="utf-8"))
         candidates = table["candidates"][:1] if table["verdict"] != "adequate" else []
         history = [{"rmse_holdout": table["rmse_holdout"]}]
-        history += [{**each, "rmse_holdout": each["rmse_holdout_after"]} for each in candidates]
+        history += [{**candidate, "rmse_holdout": candidate["rmse_holdout_after"]} for candidate in candidates]
         return read_answer({**table, "remaining": table["verdict"], "history": history}, text, seconds)
 
 
@@ -122,7 +122,7 @@ def read_answer(table: Mapping[str, Any], text: str, seconds: float) -> Answer:
         table["remaining"],
         keys,
         group,
-        list(dict.fromkeys([*keys, *(name for each in others for name in each)])),
+        list(dict.fromkeys([*keys, *(name for rivals in others for name in rivals)])),
         None if stated is None else [(one["effect"] or "", one["at"] or "", one["probability"]) for one in stated],
         [step["rmse_holdout"] for step in (given, *steps) if step["rmse_holdout"] is not None],
         {},
@@ -163,7 +163,11 @@ def _fitted(model: Path) -> dict[str, tuple[float, float]]:
     except InputError:  # of another version
         return {}
     errors = fit.get("standard_errors", {})
-    return {each.name: (each.value, errors[each.name]) for each in parameters if each.name in errors}
+    return {
+        parameter.name: (parameter.value, errors[parameter.name])
+        for parameter in parameters
+        if parameter.name in errors
+    }
 
 
 def _at_bounds(model: Path) -> list[str]:

@@ -172,7 +172,7 @@ def draw_cases(
                 two = [name for name in shuffled(source.names, f"pair {number}") if name not in IN_ONE_RUN][:2]
                 hidden.append(tuple(text for name in two for text in source.drawn(name, seed, tier)))
             hidden += [source.drawn(name, seed, tier) for name in shuffled(source.outside, "outside")[:outside]]
-            cases += [Case(truth, tier, each, seed) for each in hidden]
+            cases += [Case(truth, tier, effects, seed) for effects in hidden]
             # Another robot each time: the same one with nothing hidden would be asked the same thing twice.
             cases += [Case(truth, tier, (), seed + 10_000 * number) for number in range(nothing)]
     return list(dict.fromkeys(cases))

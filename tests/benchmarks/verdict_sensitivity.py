@@ -75,7 +75,7 @@ FITTERS = ("fit_segments", "refit", "continued", "finished", "holdout_errors")
 def fingerprint(thing: object) -> object:
     """What an argument of a fitter is, beside the data of the case."""
     if isinstance(thing, Network):
-        return tuple((each.name, each.value, each.declared) for each in thing.parameters)
+        return tuple((parameter.name, parameter.value, parameter.declared) for parameter in thing.parameters)
     if isinstance(thing, Fit):
         return fingerprint(thing.model.network), thing.cost
     if isinstance(thing, EffectDeclaration):
@@ -88,15 +88,15 @@ def fingerprint(thing: object) -> object:
 @contextmanager
 def remembered() -> Iterator[None]:
     """Within it a fitter that is asked the same thing of the same case answers from memory."""
-    known: dict[object, Any] = {}
+    memory: dict[object, Any] = {}
 
     def once(fitter: Callable[..., Any]) -> Callable[..., Any]:
         def asked(*arguments: Any) -> Any:
-            runs = tuple(len(each) for each in arguments if isinstance(each, Sequence))
+            runs = tuple(len(argument) for argument in arguments if isinstance(argument, Sequence))
             key = (fitter.__name__, runs, *map(fingerprint, arguments))
-            if key not in known:
-                known[key] = fitter(*arguments)
-            return known[key]
+            if key not in memory:
+                memory[key] = fitter(*arguments)
+            return memory[key]
 
         return asked
 
@@ -121,14 +121,18 @@ def changed(constant: str, factor: float) -> Iterator[None]:
     module, _, name = constant.rpartition(".")
     before = getattr(import_module(module), name)
     value = 1 + (before - 1) * factor if name in ABOVE_ONE else before * factor
-    holders = [each for key, each in sys.modules.items() if key.startswith("lptn.") and vars(each).get(name) is before]
-    for each in holders:
-        setattr(each, name, type(before)(value))
+    holders = [
+        imported
+        for key, imported in sys.modules.items()
+        if key.startswith("lptn.") and vars(imported).get(name) is before
+    ]
+    for holder in holders:
+        setattr(holder, name, type(before)(value))
     try:
         yield
     finally:
-        for each in holders:
-            setattr(each, name, before)
+        for holder in holders:
+            setattr(holder, name, before)
 
 
 @cache
@@ -152,8 +156,8 @@ def said(case: Case, first: bool) -> Said:
         "surface_error": SURFACE_ERROR,
     }
     if first:
-        found = diagnose(model, data, **errors)
-        return found.verdict, found.best.key if found.best and found.verdict != "adequate" else None
+        result = diagnose(model, data, **errors)
+        return result.verdict, result.best.key if result.best and result.verdict != "adequate" else None
     history = lptn.improve(model, data, most=STEPS, **errors)
     return history.verdict, history.steps[1].key if len(history.steps) > 1 else None
 
@@ -189,7 +193,7 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=1)
     chosen = parser.parse_args()
     if chosen.first:
-        chosen.constants = [each for each in chosen.constants if ".improvement." not in each]
+        chosen.constants = [name for name in chosen.constants if ".improvement." not in name]
     numbers = {"most": chosen.most, "pairs": 1, "nothing": 1, "outside": 1}
     cases = [case for truth in chosen.truths for case in draw_cases(truth, chosen.tiers, chosen.seeds, **numbers)]
     with ProcessPoolExecutor(chosen.jobs) as executor:
@@ -198,7 +202,7 @@ def main() -> None:
     named = [case.kind != "outside" for case in cases]
 
     def score(answers: Sequence[Said]) -> str:
-        asked = [right(case, each) for case, each, wanted in zip(cases, answers, named, strict=True) if wanted]
+        asked = [right(case, answer) for case, answer, wanted in zip(cases, answers, named, strict=True) if wanted]
         return f"{sum(asked)}"
 
     print(f"{len(cases)} cases, {sum(named)} to be named or adequate; as it is: {score(now)} right")
@@ -206,8 +210,8 @@ def main() -> None:
     for number, constant in enumerate(chosen.constants):
         cells = []
         for place in range(len(FACTORS)):
-            each = [answers[1 + number * len(FACTORS) + place] for answers in of_cases]
-            cells += [str(sum(one != other for one, other in zip(each, now, strict=True))), score(each)]
+            varied = [answers[1 + number * len(FACTORS) + place] for answers in of_cases]
+            cells += [str(sum(one != other for one, other in zip(varied, now, strict=True))), score(varied)]
         print(f"| {constant.removeprefix('lptn.diagnose.')} | {' | '.join(cells)} |")
 
 

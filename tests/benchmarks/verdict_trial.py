@@ -164,17 +164,17 @@ def table(results: Results, cases: Sequence[Case], versions: Sequence[str]) -> s
 def _cells(results: Results, cases: Sequence[Case], versions: Sequence[str]) -> list[str]:
     """A row's cells, from "first" on."""
     said = [[results[case, version] for case in cases] for version in versions]
-    marks = [[judged(case, answer) for case, answer in zip(cases, each, strict=True)] for each in said]
+    marks = [[judged(case, answer) for case, answer in zip(cases, answers, strict=True)] for answers in said]
     names = ("first", "in_set", "in_three", "named", "left_open", "silly", "at_bound", "alarm", "unexplained")
-    shares = [[statistics.mean(getattr(mark, name) for mark in each) for each in marks] for name in names]
-    shares.append([statistics.mean(bool(answer.error) for answer in each) for each in said])
-    before, after = ([_median(a.holdout[k] for a in each if a.holdout) for each in said] for k in (0, -1))
+    shares = [[statistics.mean(getattr(mark, name) for mark in verdicts) for verdicts in marks] for name in names]
+    shares.append([statistics.mean(bool(answer.error) for answer in answers) for answers in said])
+    before, after = ([_median(a.holdout[k] for a in answers if a.holdout) for answers in said] for k in (0, -1))
     by_hand = [results[case, TWO_MASSES].holdout for case in cases if (case, TWO_MASSES) in results]
     return [
-        *(" · ".join(f"{one:.2f}" for one in each) for each in shares),
+        *(" · ".join(f"{one:.2f}" for one in row) for row in shares),
         " · ".join(f"{one} → {other}" for one, other in zip(before, after, strict=True)),
         _median(values[0] for values in by_hand if values),
-        " · ".join(_median(answer.seconds for answer in each) for each in said),
+        " · ".join(_median(answer.seconds for answer in answers) for answers in said),
     ]
 
 
@@ -279,9 +279,9 @@ def draw_reliability(bins: Mapping[str, Sequence[Bin]], file: Path) -> None:
     from lptn.basics.style import FAINT, GIVEN, INK, SMALL, TINY, dress, new_figure
 
     figure = new_figure(4.2)
-    for ax, (name, each) in zip(figure.subplots(1, len(bins), squeeze=False)[0], bins.items(), strict=True):
+    for ax, (name, group) in zip(figure.subplots(1, len(bins), squeeze=False)[0], bins.items(), strict=True):
         ax.plot([0, 1], [0, 1], color=FAINT, linewidth=0.8)
-        for one in each:
+        for one in group:
             ax.plot([one.stated] * 2, [one.lower, one.upper], color=GIVEN["color"], linewidth=1.2)
             ax.plot(one.stated, one.right / one.count, color=INK, marker="o", markersize=4)
             ax.annotate(
@@ -295,7 +295,7 @@ def draw_reliability(bins: Mapping[str, Sequence[Bin]], file: Path) -> None:
             )
         ax.set(xlim=(0, 1.03), ylim=(0, 1.03), xlabel="stated probability of the first answer")
         ax.set_ylabel("share that was right, and its 95 % interval")
-        ax.set_title(f"{name}: {sum(one.count for one in each)} answers", fontsize=SMALL)
+        ax.set_title(f"{name}: {sum(one.count for one in group)} answers", fontsize=SMALL)
         ax.set_aspect("equal")
         dress(ax)
     figure.savefig(file)
@@ -311,7 +311,7 @@ def calibration(results: Results, cases: Sequence[Case], version: str) -> dict[s
             name = "finite volumes" if case.truth.startswith("finite") else "the catalogue's formulas"
             for group in ("all", name):
                 pairs.setdefault(group, []).append((mark.stated, mark.true))
-    return {name: reliability(each) for name, each in pairs.items()}
+    return {name: reliability(outcomes) for name, outcomes in pairs.items()}
 
 
 def _files(case: Case, folder: Path, *, bounds: bool) -> Files:
@@ -358,12 +358,12 @@ def main() -> None:
     print(table(results, cases, versions), misses(results, cases, versions), sep="\n\n")
     for version in versions:
         bins = calibration(results, cases, version)
-        for name, each in bins.items():
+        for name, group in bins.items():
             print(f"\nStated by {version}, {name}:")
-            for one in each:
+            for one in group:
                 print(f"  {one.stated:.2f}: {one.right} of {one.count} right, {one.lower:.2f} to {one.upper:.2f}")
         if bins and chosen.figure:
-            draw_reliability({name: each for name, each in bins.items() if name != "all"}, chosen.figure)
+            draw_reliability({name: binned for name, binned in bins.items() if name != "all"}, chosen.figure)
 
 
 if __name__ == "__main__":

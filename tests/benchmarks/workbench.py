@@ -169,7 +169,7 @@ def page_times(browser: Browser, nodes: int, readings: int, views: int, height: 
 
 def _seconds(page_cpu: CDPSession) -> tuple[float, float]:
     """CPU time of this process, which serves, and of the page's main thread: what a busy machine does not change."""
-    metrics = {each["name"]: each["value"] for each in page_cpu.send("Performance.getMetrics")["metrics"]}
+    metrics = {metric["name"]: metric["value"] for metric in page_cpu.send("Performance.getMetrics")["metrics"]}
     return time.process_time(), float(metrics["TaskDuration"])
 
 
@@ -177,7 +177,7 @@ def memory(nodes: int = 13, readings: int = 1_000_000) -> None:
     """Memory of the server's process that holds the lines, and the time of a window."""
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     lines = session(nodes, readings)._lines["fit 0"]
-    held = sum(each.nbytes for each in (lines.measured, *lines.predicted.values(), *lines.inputs.values()))
+    held = sum(array.nbytes for array in (lines.measured, *lines.predicted.values(), *lines.inputs.values()))
     begun = time.process_time()
     lines.window("node3", {"now": "as given"})
     whole = time.process_time() - begun
@@ -204,11 +204,11 @@ def find(browser: Browser, words: list[str], example: str = "") -> None:
     with server:
         assert server.stdout is not None
         server.stdout.readline()
-        found = re.search(r"http://\S+", server.stdout.readline())
-        assert found
+        address = re.search(r"http://\S+", server.stdout.readline())
+        assert address
         page = browser.new_page(viewport={"width": 1280, "height": 900})
         page.set_default_timeout(1_800_000)
-        page.goto(found[0])
+        page.goto(address[0])
         clicks = 0
         if example:
             page.locator(f"[id='example {example}']").click()

@@ -22,14 +22,14 @@ def test_one_screen_of_a_good_log(lptn: Lptn, model: Path, tmp_path: Path) -> No
 
 
 def test_json(lptn: Lptn, model: Path, tmp_path: Path) -> None:
-    log, found = tmp_path / "monday.parquet", tmp_path / "found.json"
+    log, target = tmp_path / "monday.parquet", tmp_path / "found.json"
     data = table()
     data.loc[100:103, "temperature.a"] = 850.0
     data.to_parquet(log)
-    status, out, _ = lptn("check", model, log, "--json", found)
+    status, out, _ = lptn("check", model, log, "--json", target)
     assert status == 0
     assert "WRONG? temperature.a: 4 readings of exactly 850 degC" in out
-    content = json.loads(found.read_text())
+    content = json.loads(target.read_text())
     assert content["nodes"] == ["a", "b"]
     (written,) = content["logs"]
     assert written["format"] == "Parquet"
@@ -37,7 +37,7 @@ def test_json(lptn: Lptn, model: Path, tmp_path: Path) -> None:
     assert written["runs"][0]["steps"] == 2400
     assert "invalid = [850]" in written["wrong"][0]["mend"]
     assert written["wrong"][0]["sure"] is False
-    effects = {each["effect"]: each for each in content["effects"]}
+    effects = {row["effect"]: row for row in content["effects"]}
     assert effects["forced_convection"]["could"] is True
     assert effects["fan"]["why"] == "not logged: fan.<node> or speed.fan"
     assert content["excitation"]["runs"] == 1
@@ -46,14 +46,14 @@ def test_json(lptn: Lptn, model: Path, tmp_path: Path) -> None:
 def test_what_can_not_be_right_is_shown_and_refused(lptn: Lptn, model: Path, tmp_path: Path) -> None:
     data = table()
     kelvin = {name: data[name] + 273.15 for name in ("temperature.a", "temperature.b")}
-    log, found = tmp_path / "monday.csv", tmp_path / "found.json"
+    log, target = tmp_path / "monday.csv", tmp_path / "found.json"
     data.assign(**kelvin).to_csv(log, index=False)
-    status, out, err = lptn("check", model, log, "--json", found)
+    status, out, err = lptn("check", model, log, "--json", target)
     assert status == 2
     assert out.count("which look like kelvin") == 2  # all of them, where other commands say the first
     assert err.count("\n") == 1
     assert '--map "temperature.a=temperature.a[K]"' in err
-    assert not found.exists()
+    assert not target.exists()
 
 
 def test_columns_are_proposed_and_taken_on_request(lptn: Lptn, model: Path, tmp_path: Path) -> None:

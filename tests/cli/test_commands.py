@@ -57,14 +57,14 @@ def test_check_says_what_the_log_holds(lptn: Lptn) -> None:
 
 
 def test_fit_writes_values_errors_and_the_fingerprint(lptn: Lptn, short_log: Path, tmp_path: Path) -> None:
-    fitted, found = tmp_path / "fitted.toml", tmp_path / "fit.json"
-    status, out, _ = lptn("fit", MODEL, short_log, "--holdout-after", 120, "-o", fitted, "--json", found)
+    fitted, target = tmp_path / "fitted.toml", tmp_path / "fit.json"
+    status, out, _ = lptn("fit", MODEL, short_log, "--holdout-after", 120, "-o", fitted, "--json", target)
     assert status == 0
     assert "Held out" in out
     text = fitted.read_text()
     assert "sha256" in text
     assert "# Two heaters on one board" in text
-    written = json.loads(found.read_text())
+    written = json.loads(target.read_text())
     assert written["parameters"]["capacity.heater*"]["value"] == pytest.approx(
         next(u.value for u in read_model_file(fitted).network.parameters if u.name == "capacity.heater*"), rel=1e-5
     )
@@ -72,11 +72,11 @@ def test_fit_writes_values_errors_and_the_fingerprint(lptn: Lptn, short_log: Pat
 
 @pytest.mark.long
 def test_compare_writes_the_agreed_json_and_a_picture(lptn: Lptn, short_log: Path, tmp_path: Path) -> None:
-    found, picture = tmp_path / "compare.json", tmp_path / "compare.png"
-    status, out, _ = lptn("compare", MODEL, short_log, "--json", found, "--plot", picture)
+    target, picture = tmp_path / "compare.json", tmp_path / "compare.png"
+    status, out, _ = lptn("compare", MODEL, short_log, "--json", target, "--plot", picture)
     assert status == 0
     assert "It fails worst where" in out
-    written = json.loads(found.read_text())
+    written = json.loads(target.read_text())
     assert set(written["runs"]["short"]["nodes"]["heater1"]) >= {"rmse", "max", "mean"}
     assert set(written["all"]) == {"rmse", "max"}
     assert picture.read_bytes().startswith(b"\x89PNG")
@@ -95,7 +95,11 @@ def test_add_takes_the_place_as_diagnose_prints_it(lptn: Lptn, tmp_path: Path) -
     for number, words in enumerate(ways):
         target = tmp_path / f"{number}.toml"
         assert lptn("add", MODEL, "constant_heat", *words, "-o", target)[0] == 0
-        (effect,) = (each for each in read_model_file(target).network.effects if each.effect.key == "constant_heat")
+        (effect,) = (
+            declaration
+            for declaration in read_model_file(target).network.effects
+            if declaration.effect.key == "constant_heat"
+        )
         assert (effect.at, effect.run) == ("heater1", "monday")
         texts.append(target.read_text())
     assert texts[0] == texts[1]
@@ -117,11 +121,11 @@ def test_effects_of_a_like_name_are_offered(words: tuple[object, ...], lptn: Lpt
 
 @pytest.mark.long
 def test_diagnose_writes_the_agreed_json(lptn: Lptn, short_log: Path, tmp_path: Path) -> None:
-    found = tmp_path / "diagnosis.json"
-    status, out, _ = lptn("diagnose", MODEL, short_log, "--holdout-after", 110, "--json", found)
+    target = tmp_path / "diagnosis.json"
+    status, out, _ = lptn("diagnose", MODEL, short_log, "--holdout-after", 110, "--json", target)
     assert status == 0
     assert "The model is" in out
-    written = json.loads(found.read_text())
+    written = json.loads(target.read_text())
     assert written["verdict"] in {"adequate", "missing", "unexplained"}
     for rank, candidate in enumerate(written["candidates"], start=1):
         assert candidate["rank"] == rank

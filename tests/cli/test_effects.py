@@ -35,10 +35,10 @@ def test_an_effect_is_shown_with_equation_option_columns_and_references(capsys: 
 
 
 def test_columns_are_those_that_a_log_has() -> None:
-    known = catalogue()
-    assert columns_text(known["gear_loss"]) == "`torque.<place>` and `velocity.<place>`"
-    assert columns_text(known["forced_convection"]) == "`speed.base`"
-    assert columns_text(known["loss_scale"]).endswith("it acts on `copper_loss` at the same place")
+    effects = catalogue()
+    assert columns_text(effects["gear_loss"]) == "`torque.<place>` and `velocity.<place>`"
+    assert columns_text(effects["forced_convection"]) == "`speed.base`"
+    assert columns_text(effects["loss_scale"]).endswith("it acts on `copper_loss` at the same place")
 
 
 def test_other_programs_get_equations_options_and_references() -> None:

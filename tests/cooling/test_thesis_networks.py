@@ -34,8 +34,8 @@ def test_two_nodes_meet_the_four_unaltered_facts() -> None:
 def test_the_ready_models_are_the_refit_and_meet_what_was_measured_on_the_motor() -> None:
     np.testing.assert_allclose(facts.RECOMMENDED, facts.fit_motor_then_exchanger(), rtol=0.005)
     motor, _, fan = facts.STATOR.build(facts.RECOMMENDED)
-    for fact, found, printed in zip(facts.UNALTERED, facts.of_unaltered(motor), (0.5, 0.05, 0.5, 0.5), strict=True):
-        assert found == pytest.approx(fact.stated, abs=printed), fact.name
+    for fact, computed, printed in zip(facts.UNALTERED, facts.of_unaltered(motor), (0.5, 0.05, 0.5, 0.5), strict=True):
+        assert computed == pytest.approx(fact.stated, abs=printed), fact.name
     # Not used in the fit: the data sheet's continuous rating, 10.58 A.
     assert facts.holding_current(motor) == pytest.approx(10.58, rel=0.015)
     ready = facts.misfits(facts.STATOR, facts.RECOMMENDED, facts.LITERAL)
@@ -100,9 +100,9 @@ def test_lptn_finds_that_a_thermal_mass_is_missing(tmp_path: Path) -> None:
     assert before is not None
     assert after is not None
     assert before.rmse > 4 * after.rmse
-    found = {parameter.name: parameter.value for parameter in history.best.fit.model.parameters}
-    assert found["capacity.winding"] == pytest.approx(missing_mass.C_W, rel=0.02)
-    assert found["resistance.ambient~winding"] == pytest.approx(missing_mass.R_WH + missing_mass.R_HA, rel=0.01)
+    values = {parameter.name: parameter.value for parameter in history.best.fit.model.parameters}
+    assert values["capacity.winding"] == pytest.approx(missing_mass.C_W, rel=0.02)
+    assert values["resistance.ambient~winding"] == pytest.approx(missing_mass.R_WH + missing_mass.R_HA, rel=0.01)
 
 
 @pytest.mark.long

@@ -90,10 +90,10 @@ EXPECTED: dict[str, tuple[float | None, float | None, str]] = {
 }
 
 
-def _close(found: float | None, expected: float | None) -> bool:
-    if found is None or expected is None:
-        return found is expected
-    return math.isclose(found, expected, rel_tol=0.01, abs_tol=1e-4)
+def _close(value: float | None, expected: float | None) -> bool:
+    if value is None or expected is None:
+        return value is expected
+    return math.isclose(value, expected, rel_tol=0.01, abs_tol=1e-4)
 
 
 @pytest.mark.parametrize("name", EXPECTED)

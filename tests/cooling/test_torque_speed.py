@@ -94,15 +94,15 @@ def test_iron_that_warms_leaves_less_at_speed(tmp_path: Path) -> None:
 @pytest.mark.long
 def test_the_command_draws_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     text = '[study]\ngoal = "held_torque"\ncooling = ["none"]\n[task]\nduration = 120\n[limits]\nvoltage = 22.2\n'
-    path, picture, found = tmp_path / "study.toml", tmp_path / "diagram.png", tmp_path / "found.json"
+    path, picture, target = tmp_path / "study.toml", tmp_path / "diagram.png", tmp_path / "found.json"
     path.write_text(text + '[[motors]]\nname = "*"\n')
     page = tmp_path / "page.html"
     with pytest.raises(SystemExit) as stop:
-        main(["trade", str(path), "--diagram", str(picture), "--json", str(found), "--report", str(page)])
+        main(["trade", str(path), "--diagram", str(picture), "--json", str(target), "--report", str(page)])
     assert not stop.value.code
     assert picture.stat().st_size > 20_000
-    diagrams = json.loads(found.read_text())["torque_speed"]
-    assert [each["option"] for each in diagrams] == ["U10, no sink", "U8, no sink"]
+    diagrams = json.loads(target.read_text())["torque_speed"]
+    assert [diagram["option"] for diagram in diagrams] == ["U10, no sink", "U8, no sink"]
     assert diagrams[0]["durations"][-1] is None
     assert np.shape(diagrams[0]["torque"]) == (len(diagrams[0]["durations"]), len(diagrams[0]["speed"]))
     text = page.read_text()

@@ -107,7 +107,7 @@ def test_too_fast_a_motor_is_refused_with_the_speed_it_would_need() -> None:
         study("held_torque", "duration = 120\nspeed = 10", limits, more=GEAR.format(ratio=40), cooling='"none"')
     )
     (refusal,) = result.refusals
-    assert [(each.name, round(each.needed)) for each in refusal.obstacles] == [("speed", 400)]
+    assert [(obstacle.name, round(obstacle.needed)) for obstacle in refusal.obstacles] == [("speed", 400)]
 
 
 def test_a_rotor_takes_torque_to_be_turned_about() -> None:
@@ -139,8 +139,8 @@ def test_walking_turns_the_ankle_as_its_angle_says() -> None:
     # Behind the same gear the motor turns as many times as fast.
     limits, gear = "mass = 0.6\nvoltage = 40", '[[gears]]\nname = "one"\nratio = 50\n'
     geared = _one(study("worst_temperature", 'kind = "level_walking"', limits, more=gear, cooling='"none"'))
-    told = _one(study("worst_temperature", 'kind = "level_walking"\ngear = 50', limits, cooling='"none"'))
-    assert geared.value == pytest.approx(told.value, rel=1e-9)
+    stated = _one(study("worst_temperature", 'kind = "level_walking"\ngear = 50', limits, cooling='"none"'))
+    assert geared.value == pytest.approx(stated.value, rel=1e-9)
 
 
 def test_prices_add_up_and_the_cheapest_is_the_lightest_of_one_metal() -> None:

@@ -28,8 +28,8 @@ def _buildable(c: FloatArray, r: FloatArray, mass: float, volume: float) -> np.n
 @pytest.fixture(scope="module")
 def design() -> Design:
     """The most torque for two minutes, one choice."""
-    (found,) = solve_study(study("held_torque", "duration = 120", HELD, cooling='"passive"')).designs
-    return found
+    (optimum,) = solve_study(study("held_torque", "duration = 120", HELD, cooling='"passive"')).designs
+    return optimum
 
 
 @pytest.mark.long
@@ -84,15 +84,15 @@ def test_least_mass_agrees_with_brute_force() -> None:
 def test_multipliers_agree_with_finite_differences(goal: str, task: str, limits: str, names: tuple[str, ...]) -> None:
     (option,) = study(goal, task, limits, cooling='"passive"').options()
     problem = Problem(option)
-    found = problem.solve()
-    assert found.success
+    optimum = problem.solve()
+    assert optimum.success
     for name in names:
         value = problem.parameters.defaults[name]
         step = 2e-3 * abs(value)
-        ends = [problem.solve({name: value + side * step}, near=found) for side in (1, -1)]
+        ends = [problem.solve({name: value + side * step}, near=optimum) for side in (1, -1)]
         assert all(end.success for end in ends)
         difference = (ends[0].objective - ends[1].objective) / (2 * step)
-        assert found.gradient[name] == pytest.approx(difference, rel=0.01), name
+        assert optimum.gradient[name] == pytest.approx(difference, rel=0.01), name
         assert difference != 0.0
 
 
@@ -110,9 +110,9 @@ def test_sensitivities_to_the_sink_as_it_is(design: Design) -> None:
 
 def test_a_failed_solve_has_no_multipliers() -> None:
     (option,) = study("mass", "torque = 3.3\nduration = 300", cooling='"passive"').options()
-    found = Problem(option).solve()
-    assert not found.success
-    assert found.gradient == {}
+    solution = Problem(option).solve()
+    assert not solution.success
+    assert solution.gradient == {}
 
 
 @pytest.mark.long
@@ -145,7 +145,7 @@ def test_thermal_runaway_is_refused_not_solved_below_the_air() -> None:
         "mass", 'kind = "cycle"\nprofile = [3.0, 3.0, 3.0, 3.0, 3.0]\nperiod = 10.0', "current = 60", cooling='"none"'
     )
     (refusal,) = solve_study(asked).refusals
-    torque = next(each.needed for each in refusal.obstacles if each.name == "torque")
+    torque = next(obstacle.needed for obstacle in refusal.obstacles if obstacle.name == "torque")
 
     def steady(current: float) -> float:
         total, loss = 1.084 + 1.105 + 0.779, current**2 * 0.186
@@ -184,10 +184,10 @@ def test_time_to_limit_and_maps_and_curves_agree_with_plain_code() -> None:
     at_end = plain.hottest(*sink, np.array([1.8]), design.value, step=design.value / 200)
     assert at_end == pytest.approx(105.0, abs=1e-3)
     assert design.checked == pytest.approx(105.0, abs=1e-3)
-    found = iso_map(design, points=8)
-    c, r = (grid.ravel() for grid in np.meshgrid(found.capacity, found.resistance))
+    surface = iso_map(design, points=8)
+    c, r = (grid.ravel() for grid in np.meshgrid(surface.capacity, surface.resistance))
     truth = plain.hottest(c, r, np.full(c.size, 1.8), design.value, step=design.value / 400)
-    assert found.winding.ravel() == pytest.approx(truth, abs=1e-3)
+    assert surface.winding.ravel() == pytest.approx(truth, abs=1e-3)
     curve = limit_curves(design, np.array([5.0, 20.0, 35.0]))
     assert np.isinf(curve.time[0])
     assert curve.time[1] > curve.time[2] > 15.0

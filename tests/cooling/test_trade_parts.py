@@ -93,12 +93,12 @@ def test_profiles_keep_the_heat_and_say_what_the_source_says() -> None:
 @pytest.mark.long
 @pytest.mark.parametrize("name", ["held_torque", "ankle_jumps", "ankle_walking", "prosthesis"])
 def test_example_studies_run(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    found, picture = tmp_path / "found.json", tmp_path / "study.png"
+    target, picture = tmp_path / "found.json", tmp_path / "study.png"
     with pytest.raises(SystemExit) as stop:
-        main(["trade", str(EXAMPLES / f"{name}.toml"), "--json", str(found), "--plot", str(picture)])
+        main(["trade", str(EXAMPLES / f"{name}.toml"), "--json", str(target), "--plot", str(picture)])
     assert not stop.value.code
     out = capsys.readouterr().out
-    written = json.loads(found.read_text())
+    written = json.loads(target.read_text())
     assert written["best"] == written["designs"][0]["option"]
     assert written["best"] in out
     assert picture.stat().st_size > 30_000

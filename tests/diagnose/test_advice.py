@@ -43,7 +43,7 @@ def split(folder: Path, *, means: bool) -> DataSplit:
         power = rng.uniform(0, 15, 200).repeat(ROW)
         decay = np.exp(-1 / TAU)
         warm = lfilter([0, 1 - decay], [1, -decay], RESISTANCE * power) + 20
-        by_row = [each.reshape(-1, ROW) for each in (warm, power)]
+        by_row = [series.reshape(-1, ROW) for series in (warm, power)]
         readings = (by_row[0].mean(axis=1) if means else by_row[0][:, 0]) + rng.normal(0, 0.05, 200)
         columns = {"temperature.body": readings, "power.body": by_row[1][:, 0]}
         pd.DataFrame({"time": ROW * np.arange(200)} | columns).to_csv(folder / f"{name}.csv", index=False)
@@ -61,5 +61,7 @@ def test_slow_rows_that_are_means_are_told_with_the_line_that_says_so(tmp_path: 
     assert ('"means before"' in advice.rows) is means
     assert advice.as_json()["rows"] == (advice.rows or None)
     # Where somebody has said it, nobody is asked.
-    said = [[replace(each, run=replace(each.run, notes=())) for each in runs] for runs in (data.fit, data.holdout)]
+    said = [
+        [replace(segment, run=replace(segment.run, notes=())) for segment in runs] for runs in (data.fit, data.holdout)
+    ]
     assert not advise(diagnosis, diagnosis.fit, DataSplit(*map(tuple, said))).rows

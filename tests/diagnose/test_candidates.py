@@ -23,7 +23,9 @@ JOINTS = ("FL_thigh", "FL_calf", "FR_thigh", "FR_calf")
 
 def _places(leg: Leg, key: str) -> list[str]:
     model, data = leg()
-    return [each.at for each in candidates(model.network, data.fit[0].run.columns) if each.effect.key == key]
+    return [
+        candidate.at for candidate in candidates(model.network, data.fit[0].run.columns) if candidate.effect.key == key
+    ]
 
 
 @pytest.mark.long
@@ -38,19 +40,27 @@ def test_conduction_is_proposed_only_where_no_link_is(leg: Leg) -> None:
 def test_an_effect_whose_input_the_log_lacks_is_not_proposed(leg: Leg) -> None:
     model, data = leg()
     columns = [column for column in data.fit[0].run.columns if column != "speed.base"]
-    assert not [each for each in candidates(model.network, columns) if each.effect.key == "forced_convection"]
+    assert not [
+        candidate for candidate in candidates(model.network, columns) if candidate.effect.key == "forced_convection"
+    ]
 
 
 def test_an_effect_that_stands_somewhere_is_not_proposed_there_but_at_the_others_and_at_all_of_them(leg: Leg) -> None:
     model, data = leg()
     network = model.network.with_effects([EffectDeclaration(catalogue()["constant_heat"](), "FR_hip")])
-    found = [each for each in candidates(network, data.fit[0].run.columns) if each.effect.key == "constant_heat"]
-    assert [each.at for each in found] == ["FR_thigh", "FR_calf", "*"]
-    others = found[-1]
+    proposed = [
+        candidate
+        for candidate in candidates(network, data.fit[0].run.columns)
+        if candidate.effect.key == "constant_heat"
+    ]
+    assert [candidate.at for candidate in proposed] == ["FR_thigh", "FR_calf", "*"]
+    others = proposed[-1]
     assert others.places == ("FR_thigh", "FR_calf")
     larger = network.with_effects([others.declaration(2.0, None)])
     assert [
-        (each.place, each.declaration.at) for each in larger.effect_instances if each.effect.key == "constant_heat"
+        (instance.place, instance.declaration.at)
+        for instance in larger.effect_instances
+        if instance.effect.key == "constant_heat"
     ] == [
         ("FR_hip", "FR_hip"),
         ("FR_thigh", "*"),
@@ -66,15 +76,21 @@ def test_what_class_and_place_hold_is_not_among_the_others() -> None:
         effects=(effect("constant_heat", "*_calf"),),
         joints=JOINTS,
     )
-    found = {each.at: each.places for each in candidates(legs, []) if each.effect.key == "constant_heat"}
-    assert found["*"] == ("FL_thigh", "FR_thigh")
-    assert "*_thigh" not in found  # the same places
+    places = {
+        candidate.at: candidate.places for candidate in candidates(legs, []) if candidate.effect.key == "constant_heat"
+    }
+    assert places["*"] == ("FL_thigh", "FR_thigh")
+    assert "*_thigh" not in places  # the same places
 
 
 def test_effects_with_a_shape_are_scored_on_its_grid(leg: Leg) -> None:
     model, data = leg()
-    found = [each for each in candidates(model.network, data.fit[0].run.columns) if each.effect.key == "second_mass"]
-    shapes = {site.shape for site in sites(found)}
+    proposed = [
+        candidate
+        for candidate in candidates(model.network, data.fit[0].run.columns)
+        if candidate.effect.key == "second_mass"
+    ]
+    shapes = {site.shape for site in sites(proposed)}
     assert shapes == set(catalogue()["second_mass"].shape().grid)  # type: ignore[union-attr]
 
 
@@ -89,26 +105,30 @@ def test_every_candidate_can_be_added_to_the_network(leg: Leg) -> None:
 def test_with_two_runs_what_may_differ_between_them_is_proposed_for_each_alone(leg: Leg) -> None:
     model, data = leg()
     columns = data.fit[0].run.columns
-    single = [each for each in candidates(model.network, columns, ["fit1", "fit2"]) if each.run]
-    assert {each.run for each in single} == {"fit1", "fit2"}
-    assert {each.effect.key for each in single} >= {
+    single = [candidate for candidate in candidates(model.network, columns, ["fit1", "fit2"]) if candidate.run]
+    assert {candidate.run for candidate in single} == {"fit1", "fit2"}
+    assert {candidate.effect.key for candidate in single} >= {
         "surface_scale",
         "loss_scale",
         "ambient_offset",
         "sensor_offset",
         "constant_heat",
     }
-    places = [each.at for each in single if each.effect.key == "constant_heat" and each.run == "fit2"]
+    places = [
+        candidate.at for candidate in single if candidate.effect.key == "constant_heat" and candidate.run == "fit2"
+    ]
     assert places == ["FR_hip@fit2", "FR_thigh@fit2", "FR_calf@fit2", "*@fit2"]
-    assert not [each for each in candidates(model.network, columns, ["fit1"]) if each.run]
+    assert not [candidate for candidate in candidates(model.network, columns, ["fit1"]) if candidate.run]
 
 
 def test_a_drift_is_rarer_than_a_mass_and_what_acts_in_one_run_rarer_still(leg: Leg) -> None:
     model, data = leg()
-    found = {each.key: each for each in candidates(model.network, data.fit[0].run.columns, ["fit1", "fit2"])}
-    assert found["second_mass", "FR_hip"].prior_odds == 1.0
-    assert found["sensor_drift", "FR_hip"].prior_odds == pytest.approx(0.3)
-    assert found["sensor_drift", "FR_hip@fit2"].prior_odds == pytest.approx(0.03)
+    by_key = {
+        candidate.key: candidate for candidate in candidates(model.network, data.fit[0].run.columns, ["fit1", "fit2"])
+    }
+    assert by_key["second_mass", "FR_hip"].prior_odds == 1.0
+    assert by_key["sensor_drift", "FR_hip"].prior_odds == pytest.approx(0.3)
+    assert by_key["sensor_drift", "FR_hip@fit2"].prior_odds == pytest.approx(0.03)
 
 
 def test_pieces_of_one_log_are_runs_of_their_own_only_where_there_is_no_other_log() -> None:
@@ -119,12 +139,12 @@ def test_pieces_of_one_log_are_runs_of_their_own_only_where_there_is_no_other_lo
 
 def test_every_site_says_the_name_of_its_amplitude(leg: Leg) -> None:
     model, data = leg()
-    found = sites(candidates(model.network, data.fit[0].run.columns, ["fit1", "fit2"]))
+    proposed = sites(candidates(model.network, data.fit[0].run.columns, ["fit1", "fit2"]))
     names = {
-        parameter.name for parameter in Model(model.network.with_effects(s.declaration() for s in found)).parameters
+        parameter.name for parameter in Model(model.network.with_effects(s.declaration() for s in proposed)).parameters
     }
-    assert {site.amplitude_name for site in found} <= names
-    assert len({site.amplitude_name for site in found}) == len(found)
+    assert {site.amplitude_name for site in proposed} <= names
+    assert len({site.amplitude_name for site in proposed}) == len(proposed)
 
 
 def test_an_effect_of_one_run_does_not_stand_in_the_way_of_the_same_in_all(leg: Leg) -> None:
@@ -132,10 +152,14 @@ def test_an_effect_of_one_run_does_not_stand_in_the_way_of_the_same_in_all(leg: 
     columns = data.fit[0].run.columns
     taken = EffectDeclaration(catalogue()["constant_heat"](), "FR_hip", run="fit1")
     network = model.network.with_effects([taken])
-    found = [each.at for each in candidates(network, columns, ["fit1", "fit2"]) if each.effect.key == "constant_heat"]
-    assert "FR_hip" in found
-    assert "FR_hip@fit2" in found
-    assert "FR_hip@fit1" not in found
+    places = [
+        candidate.at
+        for candidate in candidates(network, columns, ["fit1", "fit2"])
+        if candidate.effect.key == "constant_heat"
+    ]
+    assert "FR_hip" in places
+    assert "FR_hip@fit2" in places
+    assert "FR_hip@fit1" not in places
 
 
 def test_the_ambient_is_a_place_unless_the_model_gives_it_as_a_number(leg: Leg) -> None:
@@ -156,8 +180,8 @@ def _legs() -> Network:
 
 
 def _ats(key: str, *more: str, network: Network | None = None) -> list[str]:
-    found = candidates(network or _legs(), ["temperature.ambient", *COLUMNS, *more])
-    return [each.at for each in found if each.effect.key == key]
+    proposed = candidates(network or _legs(), ["temperature.ambient", *COLUMNS, *more])
+    return [candidate.at for candidate in proposed if candidate.effect.key == key]
 
 
 def test_a_shared_mass_is_proposed_for_groups_of_three_nodes_or_more() -> None:
@@ -167,11 +191,11 @@ def test_a_shared_mass_is_proposed_for_groups_of_three_nodes_or_more() -> None:
 
 
 def test_a_sensor_is_proposed_to_read_its_neighbour_either_way_and_on_all_legs() -> None:
-    found = _ats("sensor_position")
+    places = _ats("sensor_position")
     ways = (("calf", "thigh"), ("thigh", "calf"))
     single = {f"{leg}_{one}~{leg}_{other}" for leg in ("FL", "FR") for one, other in ways}
-    assert set(found) == single | {"{leg}_calf~{leg}_thigh", "{leg}_thigh~{leg}_calf"}
-    assert len(found) == len(set(found))
+    assert set(places) == single | {"{leg}_calf~{leg}_thigh", "{leg}_thigh~{leg}_calf"}
+    assert len(places) == len(set(places))
 
 
 def test_the_clock_is_that_of_the_whole_robot() -> None:
@@ -180,8 +204,8 @@ def test_the_clock_is_that_of_the_whole_robot() -> None:
 
 def test_clocks_differ_more_often_between_two_loggers_than_inside_one() -> None:
     def odds(joined: list[str] | None) -> dict[str, float]:
-        found = candidates(_legs(), ["temperature.ambient", *COLUMNS], ["monday", "tuesday"], joined=joined)
-        return {each.at: each.prior_odds for each in found if each.effect.key == "clock_offset"}
+        proposed = candidates(_legs(), ["temperature.ambient", *COLUMNS], ["monday", "tuesday"], joined=joined)
+        return {candidate.at: candidate.prior_odds for candidate in proposed if candidate.effect.key == "clock_offset"}
 
     assert odds(None) == pytest.approx({"*": 0.3, "*@monday": 0.03, "*@tuesday": 0.03})
     assert odds([]) == pytest.approx({"*": 0.009, "*@monday": 0.0009, "*@tuesday": 0.0009})
@@ -192,8 +216,8 @@ def test_an_effect_takes_the_columns_that_there_are() -> None:
     assert _ats("fan") == []
     assert _ats("fan", "speed.fan") == [*JOINTS, "*_thigh", "*_calf", "*"]
     assert _ats("solar", "irradiance.FR_calf") == ["FR_calf"]
-    found = candidates(_legs(), ["temperature.ambient", "irradiance.global"])
-    (whole,) = (each for each in found if each.key == ("solar", "*"))
+    proposed = candidates(_legs(), ["temperature.ambient", "irradiance.global"])
+    (whole,) = (candidate for candidate in proposed if candidate.key == ("solar", "*"))
     assert whole.declaration(0.01, None).effect.chosen == {"input": "global_irradiance"}
     assert "irradiance.global" in Model(_legs().with_effects([whole.declaration(None, None)])).inputs
 
@@ -201,8 +225,8 @@ def test_an_effect_takes_the_columns_that_there_are() -> None:
 def test_a_drive_is_scored_by_torque_where_there_is_torque() -> None:
     currents = [f"current_abs.{joint}" for joint in JOINTS]
     for columns, word in ((COLUMNS, "torque_abs"), (currents, "current_abs"), ([*COLUMNS, *currents], "torque_abs")):
-        found = [each for each in candidates(_legs(), columns) if each.effect.key == "driver_loss"]
-        assert {each.declaration(None, None).effect.chosen["input"] for each in found} == {word}
+        proposed = [candidate for candidate in candidates(_legs(), columns) if candidate.effect.key == "driver_loss"]
+        assert {candidate.declaration(None, None).effect.chosen["input"] for candidate in proposed} == {word}
 
 
 def test_a_guessed_ambient_may_be_wrong_like_a_sensor() -> None:
@@ -211,8 +235,8 @@ def test_a_guessed_ambient_may_be_wrong_like_a_sensor() -> None:
         air = NodeDeclaration("ambient", temperature=ambient)
         network = replace(_legs(), nodes=(NodeDeclaration("*_*", capacity()), air))
         assert _ats("ambient_offset", network=network) == ["ambient"]
-        found = {each.key for each in candidates(network, [], ["monday", "tuesday"])}
-        assert ("ambient_offset", "ambient@monday") in found
+        keys = {candidate.key for candidate in candidates(network, [], ["monday", "tuesday"])}
+        assert ("ambient_offset", "ambient@monday") in keys
 
 
 def test_a_candidate_has_the_size_that_is_usual_at_its_place() -> None:
@@ -227,18 +251,18 @@ def test_a_candidate_has_the_size_that_is_usual_at_its_place() -> None:
         LinkDeclaration(("foil", "ambient"), resistance(200)),
     )
     network = Network("wall and foil", parts, links)
-    found = {each.key: each for each in candidates(network, ["temperature.ambient"])}
+    by_key = {proposal.key: proposal for proposal in candidates(network, ["temperature.ambient"])}
     for key, wall, foil in (("second_mass", 2e6 / 6, 0.4 / 6), ("constant_heat", 430.0, 0.05)):
         for place, size in (("wall", wall), ("foil", foil)):
-            candidate = found[key, place]
+            candidate = by_key[key, place]
             assert candidate.typical == pytest.approx(size, rel=0.2)
             added = candidate.declaration(None, candidate.shapes[0]).parameters[0]
             assert added.value == added.typical == pytest.approx(candidate.typical)
             (site,) = candidate.sites(candidate.shapes[0])
             assert site.declaration().parameters[0].typical == pytest.approx(candidate.typical)
-        both = found[key, "*"]
+        both = by_key[key, "*"]
         assert both.typical == pytest.approx((wall * foil) ** 0.5, rel=0.2)
-        own = [found[key, each].typical for each in both.places]
+        own = [by_key[key, name].typical for name in both.places]
         assert [site.typical for site in both.sites(both.shapes[0])] == pytest.approx(own)
 
 
@@ -250,8 +274,8 @@ def test_time_constants_are_those_that_the_log_can_show(key: str) -> None:
     columns = ["temperature.ambient", *COLUMNS, *(f"velocity_rms.{joint}" for joint in JOINTS)]
 
     def shapes(step: float, duration: float) -> tuple[float | None, ...]:
-        found = candidates(network, columns, step=step, duration=duration)
-        return next(each.shapes for each in found if each.effect.key == key)
+        proposed = candidates(network, columns, step=step, duration=duration)
+        return next(candidate.shapes for candidate in proposed if candidate.effect.key == key)
 
     for step in (1.0, 10.0):
         assert shapes(step, 3600.0) == shape.grid
@@ -265,8 +289,8 @@ def test_time_constants_are_those_that_the_log_can_show(key: str) -> None:
 
 def test_a_long_log_shows_slow_masses() -> None:
     network = _legs()
-    found = candidates(network, ["temperature.ambient"], step=300.0, duration=4 * 86400.0)
-    mass = next(each for each in found if each.effect.key == "second_mass")
+    proposed = candidates(network, ["temperature.ambient"], step=300.0, duration=4 * 86400.0)
+    mass = next(candidate for candidate in proposed if candidate.effect.key == "second_mass")
     assert len(mass.shapes) >= 4
     assert max(shape for shape in mass.shapes if shape) > 5 * 3600.0
     Model(network.with_effects(site.declaration() for site in sites([mass])))
@@ -292,11 +316,11 @@ def test_beside_a_computer_everywhere_on_the_joints_is_a_place(pattern: bool) ->
 
 def test_each_set_of_places_has_one_name(leg: Leg) -> None:
     for network in (leg()[0].network, _legs(), _legs_and("pc")):
-        found = candidates(network, ["temperature.ambient", "speed.base", *COLUMNS], ["monday", "tuesday"])
-        sets = [(each.effect.key, each.run, frozenset(each.places)) for each in found]
+        proposed = candidates(network, ["temperature.ambient", "speed.base", *COLUMNS], ["monday", "tuesday"])
+        sets = [(candidate.effect.key, candidate.run, frozenset(candidate.places)) for candidate in proposed]
         assert len(set(sets)) == len(sets)
-        for each in found:
-            network.with_effects([each.declaration(None, each.shapes[0])])
+        for proposal in proposed:
+            network.with_effects([proposal.declaration(None, proposal.shapes[0])])
 
 
 def test_a_pattern_of_the_model_itself_is_a_place() -> None:
@@ -307,18 +331,22 @@ def test_a_pattern_of_the_model_itself_is_a_place() -> None:
 
 def _shared(key: str, at: str = "*") -> EffectDeclaration:
     kind = catalogue()[key]
-    return EffectDeclaration(kind(), at, tuple(replace(each, share="all") for each in kind.parameters))
+    return EffectDeclaration(kind(), at, tuple(replace(parameter, share="all") for parameter in kind.parameters))
 
 
 def test_where_an_effect_is_shared_each_place_may_differ() -> None:
     network = _legs_and("pc").with_effects([_shared("constant_heat"), _shared("forced_convection", "*_*")])
     columns = ["temperature.ambient", "speed.base", *COLUMNS]
-    found = [each for each in candidates(network, columns, ["monday", "tuesday"]) if each.difference]
-    assert {each.effect.key for each in found} == {"constant_heat", "forced_convection"}
-    assert [each.at for each in found if each.effect.key == "constant_heat"] == [*JOINTS, "pc"]
-    assert [each.at for each in found if each.effect.key == "forced_convection"] == list(JOINTS)
-    assert not [each for each in candidates(network, ["temperature.ambient"]) if each.effect.key == "forced_convection"]
-    (calf,) = (each for each in found if each.key == ("constant_heat", "FR_calf"))
+    proposed = [candidate for candidate in candidates(network, columns, ["monday", "tuesday"]) if candidate.difference]
+    assert {candidate.effect.key for candidate in proposed} == {"constant_heat", "forced_convection"}
+    assert [candidate.at for candidate in proposed if candidate.effect.key == "constant_heat"] == [*JOINTS, "pc"]
+    assert [candidate.at for candidate in proposed if candidate.effect.key == "forced_convection"] == list(JOINTS)
+    assert not [
+        candidate
+        for candidate in candidates(network, ["temperature.ambient"])
+        if candidate.effect.key == "forced_convection"
+    ]
+    (calf,) = (candidate for candidate in proposed if candidate.key == ("constant_heat", "FR_calf"))
     assert not calf.one_sided
     (site,) = calf.sites(None)
     larger = network.with_effects([site.declaration()])
@@ -326,7 +354,11 @@ def test_where_an_effect_is_shared_each_place_may_differ() -> None:
     added = network.with_effects([calf.declaration(-1.5, None)])
     assert added.parameters[-1].value == -1.5
     assert added.without_effect(*calf.key) == network
-    again = [each.at for each in candidates(added, columns) if each.difference and each.effect.key == "constant_heat"]
+    again = [
+        candidate.at
+        for candidate in candidates(added, columns)
+        if candidate.difference and candidate.effect.key == "constant_heat"
+    ]
     assert again == ["FL_thigh", "FL_calf", "FR_thigh", "pc"]
 
 
@@ -336,34 +368,34 @@ def test_what_comes_from_outside_may_befall_a_leg_as_a_whole() -> None:
     assert "FL_*" in _ats("constant_heat")
     assert "FL_*" not in _ats("second_mass")  # how a joint is built, its like on the other legs are, too
     assert "FL_*" not in _ats("sensor_offset")  # nor do all sensors of a leg err alike
-    in_a_run = {each.at for each in candidates(_legs(), ["temperature.ambient"], ["monday", "tuesday"])}
+    in_a_run = {candidate.at for candidate in candidates(_legs(), ["temperature.ambient"], ["monday", "tuesday"])}
     assert "FL_*@monday" in in_a_run
 
 
 def test_nothing_differs_from_what_each_place_has_for_itself() -> None:
     own = _legs().with_effects([effect("constant_heat")])
-    assert not [each for each in candidates(own, ["temperature.ambient", *COLUMNS]) if each.difference]
+    assert not [candidate for candidate in candidates(own, ["temperature.ambient", *COLUMNS]) if candidate.difference]
     clock = _legs().with_effects([_shared("clock_offset")])
-    assert not [each for each in candidates(clock, ["temperature.ambient", *COLUMNS]) if each.difference]
+    assert not [candidate for candidate in candidates(clock, ["temperature.ambient", *COLUMNS]) if candidate.difference]
 
 
 def test_of_what_is_all_or_nothing_a_place_may_have_its_own_instead_of_what_the_others_have() -> None:
     lagging, columns = _legs().with_effects([_shared("sensor_lag")]), ["temperature.ambient", *COLUMNS]
-    found = [each for each in candidates(lagging, columns) if each.difference]
-    assert [each.key for each in found] == [("sensor_lag", name) for name in JOINTS]
-    calf = next(each for each in found if each.at == "FR_calf")
+    proposed = [candidate for candidate in candidates(lagging, columns) if candidate.difference]
+    assert [candidate.key for candidate in proposed] == [("sensor_lag", name) for name in JOINTS]
+    calf = next(candidate for candidate in proposed if candidate.at == "FR_calf")
     assert not calf.one_sided  # it may be earlier, too
     for amplitude, expected in ((1.2, 15.0 + 1.2 * 45.0), (-0.2, 15.0 - 0.2 * 45.0), (-1.0, 4.5)):
         added = lagging.with_effects([calf.declaration(amplitude, 45.0)])
         assert not added.effects[-1].difference
-        times = {each.name: each.value for each in added.parameters if "time_constant" in each.name}
+        times = {parameter.name: parameter.value for parameter in added.parameters if "time_constant" in parameter.name}
         assert times == {
             "sensor_lag.time_constant.*": 15.0,
             "sensor_lag.time_constant.FR_calf": pytest.approx(expected),
         }
-        assert {each.place for each in added.in_common("sensor_lag")} == set(JOINTS) - {"FR_calf"}
+        assert {instance.place for instance in added.in_common("sensor_lag")} == set(JOINTS) - {"FR_calf"}
         assert added.without_effect(*calf.key) == lagging
-        again = [each.at for each in candidates(added, columns) if each.difference]
+        again = [candidate.at for candidate in candidates(added, columns) if candidate.difference]
         assert again == [name for name in JOINTS if name != "FR_calf"]
 
 
@@ -371,8 +403,8 @@ def test_friction_at_a_rotors_speed_is_expected_no_larger_than_the_motor_bears()
     network, columns = _legs(), [*COLUMNS, *(f"velocity_rms.{joint}" for joint in JOINTS)]
 
     def typical(key: str, rms: dict[str, float] | None) -> float:
-        found = candidates(network, columns, rms=rms)
-        return next(each for each in found if each.key == (key, "FR_calf")).typical
+        proposed = candidates(network, columns, rms=rms)
+        return next(candidate for candidate in proposed if candidate.key == (key, "FR_calf")).typical
 
     for key in ("coulomb_friction", "viscous_friction", "iron_loss"):
         stated = typical(key, None)
@@ -392,8 +424,8 @@ def test_friction_of_a_strong_slow_joint_is_expected_in_proportion_to_the_power_
 
     def typical(key: str, torque: float, speed: float) -> float:
         rms = {column: torque if column.startswith("torque") else speed for column in columns}
-        found = candidates(network, columns, rms=rms)
-        return next(each for each in found if each.key == (key, "FR_calf")).typical
+        proposed = candidates(network, columns, rms=rms)
+        return next(candidate for candidate in proposed if candidate.key == (key, "FR_calf")).typical
 
     # 0.25 N·m of 6, and as much heat as 0.04 N·m s/rad at 2.5 rad/s of 15 W.
     assert typical("coulomb_friction", 6.0, 2.5) == pytest.approx(0.25)
@@ -411,8 +443,8 @@ def test_where_currents_alone_are_logged_friction_goes_with_what_the_winding_los
 
     def typical(at: str, current: float, speed: float) -> float:
         rms = {column: current if column.startswith("current") else speed for column in columns}
-        found = candidates(network, columns, rms=rms)
-        return next(each for each in found if each.key == ("viscous_friction", at)).typical
+        proposed = candidates(network, columns, rms=rms)
+        return next(candidate for candidate in proposed if candidate.key == ("viscous_friction", at)).typical
 
     assert typical("FR_calf", 5.0, 2.5) == pytest.approx(0.04)
     assert typical("FR_calf", 20.0, 2.5) == pytest.approx(0.04 * 0.3 * 20**2 / 7.5)
@@ -430,10 +462,10 @@ def test_candidates_of_a_slow_log_can_all_be_scored(step: float) -> None:
     network = Network("wall", (wall, AMBIENT), links, (effect("heat_input", "wall"), effect("copper_loss", "wall")))
     base = Model(network)
     run = random_run(base, 200, step=step, hold=24, rise=10.0)
-    found = sites(candidates(network, run.columns, step=step, duration=200 * step))
-    full = Model(network.with_effects(site.declaration() for site in found))
+    proposed = sites(candidates(network, run.columns, step=step, duration=200 * step))
+    full = Model(network.with_effects(site.declaration() for site in proposed))
     names = [parameter.name for parameter in full.parameters]
-    chosen = [names.index(site.amplitude_name) for site in found]
+    chosen = [names.index(site.amplitude_name) for site in proposed]
     moved = sensitivities(full, bind(full, run), full.values, chosen, core=1)
     assert np.isfinite(moved.derivatives).all()
     assert (np.abs(moved.by_parameter).max(axis=(0, 1)) > 0).all()
@@ -451,9 +483,9 @@ def _knee() -> Network:
 
 def test_a_joints_heat_is_proposed_in_its_housing_too_by_the_columns_of_its_winding() -> None:
     columns = ("current.knee", "velocity.knee", "velocity_rms.knee")
-    found = [each for each in candidates(_knee(), columns) if each.effect.key == "viscous_friction"]
-    assert [(each.at, each.driven_by) for each in found] == [("knee", ""), ("knee_case", "knee")]
-    case = found[1]
+    proposed = [candidate for candidate in candidates(_knee(), columns) if candidate.effect.key == "viscous_friction"]
+    assert [(candidate.at, candidate.driven_by) for candidate in proposed] == [("knee", ""), ("knee_case", "knee")]
+    case = proposed[1]
     declared = case.declaration(0.1, None)
     assert (declared.at, declared.driven_by) == ("knee_case", "knee")
     assert case.sites(None)[0].declaration().driven_by == "knee"
@@ -469,22 +501,25 @@ def test_heat_of_all_housings_is_proposed_with_one_coefficient_each_by_its_own_w
         effects=tuple(replace(effect("copper_loss", wheel), effect=current) for wheel in windings),
     )
     columns = [f"{quantity}.{wheel}" for quantity in ("current", "velocity") for wheel in windings]
-    found = [each for each in candidates(network, columns) if each.effect.key == "coulomb_friction"]
-    (hubs,) = (each for each in found if each.at == "*_hub")
+    proposed = [candidate for candidate in candidates(network, columns) if candidate.effect.key == "coulomb_friction"]
+    (hubs,) = (candidate for candidate in proposed if candidate.at == "*_hub")
     declared = hubs.declaration(0.2, None)
     assert (hubs.places, hubs.windings, declared.driven_by) == (("FL_hub", "FR_hub"), windings, "*")
     model = Model(network.with_effects([declared]))
     assert {"velocity.FL", "velocity.FR"} <= set(model.inputs)
     assert "coulomb_friction.torque.*_hub" in [parameter.name for parameter in model.parameters]
     assert [site.driven_by for site in hubs.sites(None)] == list(windings)
-    left = [each for each in candidates(model.network, columns) if each.effect.key == "coulomb_friction"]
-    assert [(each.at, each.driven_by) for each in left if each.difference] == [("FL_hub", "FL"), ("FR_hub", "FR")]
+    left = [candidate for candidate in candidates(model.network, columns) if candidate.effect.key == "coulomb_friction"]
+    assert [(candidate.at, candidate.driven_by) for candidate in left if candidate.difference] == [
+        ("FL_hub", "FL"),
+        ("FR_hub", "FR"),
+    ]
 
 
 def test_a_housing_with_columns_of_its_own_is_driven_by_them() -> None:
     columns = ("velocity.knee", "velocity.knee_case")
-    found = [each for each in candidates(_knee(), columns) if each.effect.key == "coulomb_friction"]
-    assert [(each.at, each.driven_by) for each in found] == [("knee", ""), ("knee_case", "")]
+    proposed = [candidate for candidate in candidates(_knee(), columns) if candidate.effect.key == "coulomb_friction"]
+    assert [(candidate.at, candidate.driven_by) for candidate in proposed] == [("knee", ""), ("knee_case", "")]
 
 
 def test_a_part_between_two_windings_is_driven_by_neither() -> None:
@@ -492,5 +527,5 @@ def test_a_part_between_two_windings_is_driven_by_neither() -> None:
     current = catalogue()["copper_loss"](input="current")
     network = leg_network([replace(effect("copper_loss", at), effect=current) for at in both])
     columns = [f"velocity.{at}" for at in both]
-    places = [each.at for each in candidates(network, columns) if each.effect.key == "coulomb_friction"]
+    places = [candidate.at for candidate in candidates(network, columns) if candidate.effect.key == "coulomb_friction"]
     assert "FR_thigh" not in places

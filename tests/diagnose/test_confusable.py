@@ -15,11 +15,11 @@ from tests.report.two_joints import make_run, robot
 
 def test_the_matrix_holds_the_sizes_of_correlations() -> None:
     keys = [("constant_heat", name) for name in "abc"]
-    found = Confusability.of(keys, np.array([[1.0, 0.0], [-0.6, 0.8], [-1.0, 0.0]]))
-    assert found.keys == tuple(keys)
-    np.testing.assert_allclose(found.matrix, [[1.0, 0.6, 1.0], [0.6, 1.0, 0.6], [1.0, 0.6, 1.0]])
-    assert found.groups() == [(("constant_heat", "a"), ("constant_heat", "c"))]
-    assert [len(group) for group in found.groups(0.5)] == [3]
+    confusability = Confusability.of(keys, np.array([[1.0, 0.0], [-0.6, 0.8], [-1.0, 0.0]]))
+    assert confusability.keys == tuple(keys)
+    np.testing.assert_allclose(confusability.matrix, [[1.0, 0.6, 1.0], [0.6, 1.0, 0.6], [1.0, 0.6, 1.0]])
+    assert confusability.groups() == [(("constant_heat", "a"), ("constant_heat", "c"))]
+    assert [len(group) for group in confusability.groups(0.5)] == [3]
 
 
 def test_the_best_that_score_at_all_are_compared() -> None:
@@ -28,7 +28,7 @@ def test_the_best_that_score_at_all_are_compared() -> None:
     scores = score(fit, possible_effects(fit, run.columns))
     compared = scores.confusability
     assert 1 < len(compared.keys) < len(scores.ranked)
-    assert compared.keys == tuple(each.candidate.key for each in scores.ranked[: len(compared.keys)])
+    assert compared.keys == tuple(scored.candidate.key for scored in scores.ranked[: len(compared.keys)])
     np.testing.assert_allclose(np.diag(compared.matrix), 1.0)
 
     twice = [Candidate(catalogue()["constant_heat"], at, (node,)) for node in fit.model.nodes for at in (node, "*")]
@@ -52,5 +52,5 @@ def test_traces_made_a_block_at_a_time_score_the_same(monkeypatch: pytest.Monkey
     in_blocks = score(fit, possible)
     np.testing.assert_allclose(in_blocks.null_gains, at_once.null_gains, rtol=1e-6)
     np.testing.assert_allclose(in_blocks.confusability.matrix, at_once.confusability.matrix, atol=1e-6)
-    gains = [{each.candidate: each.gain for each in scores.ranked} for scores in (in_blocks, at_once)]
+    gains = [{scored.candidate: scored.gain for scored in scores.ranked} for scores in (in_blocks, at_once)]
     assert gains[0] == pytest.approx(gains[1], rel=1e-6, abs=1e-9)

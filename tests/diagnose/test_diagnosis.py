@@ -24,25 +24,25 @@ from tests.diagnose.conftest import Leg
     ids=lambda hidden: hidden.effect,
 )
 def test_a_hidden_effect_is_named_with_its_place_and_the_held_out_error_falls(leg: Leg, hidden: Hidden) -> None:
-    found = diagnose(*leg(hidden))
-    assert found.verdict == "missing"
-    best = found.refits[0]
+    diagnosis = diagnose(*leg(hidden))
+    assert diagnosis.verdict == "missing"
+    best = diagnosis.refits[0]
     assert best.key == (hidden.effect, hidden.at)
     assert best.p_value < 0.05
-    assert found.holdout is not None
+    assert diagnosis.holdout is not None
     assert best.holdout is not None
-    assert best.holdout.rmse < found.holdout.rmse
+    assert best.holdout.rmse < diagnosis.holdout.rmse
     assert best.holdout.rmse < 0.08  # K; 0.15 K of noise leave 0.067 K on means over 5 s
 
 
 @pytest.mark.long
 def test_what_differs_in_one_run_is_one_answer_with_what_differs_in_the_other_as_much(leg: Leg) -> None:
     """A large effect: refits that only rank are cut off long before they reach it; the held-out run tells which."""
-    found = diagnose(*leg(Hidden("surface_scale", "FR_calf", size=3.0, run="fit1")))
-    first = found.refits[0]
+    diagnosis = diagnose(*leg(Hidden("surface_scale", "FR_calf", size=3.0, run="fit1")))
+    first = diagnosis.refits[0]
     assert first.key == ("surface_scale", "FR_calf@fit1")
     assert ("surface_scale", "FR_calf@fit2") in first.indistinguishable
-    twin = next(step for step in found.refits if step.key == ("surface_scale", "FR_calf@fit2"))
+    twin = next(step for step in diagnosis.refits if step.key == ("surface_scale", "FR_calf@fit2"))
     assert first.in_some_run == pytest.approx(first.probability + twin.probability)
     assert first.in_some_run > 0.9
     assert replace(first, probability=0.45).likely
@@ -50,17 +50,17 @@ def test_what_differs_in_one_run_is_one_answer_with_what_differs_in_the_other_as
 
 @pytest.mark.long
 def test_however_few_are_refitted_either_run_may_be_the_odd_one(leg: Leg) -> None:
-    found = diagnose(*leg(Hidden("surface_scale", "FR_calf", size=3.0, run="fit2")), refits=1)
-    refitted = {step.key for step in found.refits}
+    diagnosis = diagnose(*leg(Hidden("surface_scale", "FR_calf", size=3.0, run="fit2")), refits=1)
+    refitted = {step.key for step in diagnosis.refits}
     assert {("surface_scale", "FR_calf@fit1"), ("surface_scale", "FR_calf@fit2")} <= refitted
-    assert found.refits[0].key == ("surface_scale", "FR_calf@fit2")
+    assert diagnosis.refits[0].key == ("surface_scale", "FR_calf@fit2")
 
 
 def test_nothing_hidden_is_adequate(leg: Leg) -> None:
-    found = diagnose(*leg())
-    assert found.verdict == "adequate"
-    assert not found.refits
-    assert max(found.scores.lack_of_fit.values()) < 1.5
+    diagnosis = diagnose(*leg())
+    assert diagnosis.verdict == "adequate"
+    assert not diagnosis.refits
+    assert max(diagnosis.scores.lack_of_fit.values()) < 1.5
 
 
 @pytest.mark.long
@@ -75,9 +75,9 @@ def test_no_effect_gets_the_credit_for_what_frees_a_fit_that_ended_beside_its_op
     z = optimum.problem.guess(values, optimum.point.starts)
     ended = replace(optimum, model=model.with_values(values), z=z, cost=optimum.problem.cost(z))
     assert ended.cost > 2 * optimum.cost
-    found = examine(ended, coarse)
-    assert found.fit.cost == pytest.approx(optimum.cost, rel=1e-3)
-    assert found.verdict == "adequate"
+    diagnosis = examine(ended, coarse)
+    assert diagnosis.fit.cost == pytest.approx(optimum.cost, rel=1e-3)
+    assert diagnosis.verdict == "adequate"
 
 
 def test_nothing_hidden_is_adequate_on_a_sensor_of_1_k_steps(leg: Leg) -> None:
@@ -86,9 +86,9 @@ def test_nothing_hidden_is_adequate_on_a_sensor_of_1_k_steps(leg: Leg) -> None:
 
 @pytest.mark.long
 def test_heat_that_no_effect_explains_is_called_unexplained(leg: Leg) -> None:
-    found = diagnose(*leg(Hidden("heat_bursts", "FR_thigh")))
-    assert found.verdict == "unexplained"
-    assert max(found.scores.lack_of_fit, key=lambda node: found.scores.lack_of_fit[node]) == "FR_thigh"
+    diagnosis = diagnose(*leg(Hidden("heat_bursts", "FR_thigh")))
+    assert diagnosis.verdict == "unexplained"
+    assert max(diagnosis.scores.lack_of_fit, key=lambda node: diagnosis.scores.lack_of_fit[node]) == "FR_thigh"
 
 
 def _scored(leg: Leg, hidden: Hidden) -> tuple[Scores, float, float]:
@@ -97,7 +97,7 @@ def _scored(leg: Leg, hidden: Hidden) -> tuple[Scores, float, float]:
     coarse = data.coarsened(5.0)
     base = fit_segments(model, coarse.fit)
     scores = score(base, candidates(model.network, coarse.fit[0].run.columns))
-    truth = [each for each in scores.ranked if each.candidate.key == (hidden.effect, hidden.at)]
+    truth = [scored for scored in scores.ranked if scored.candidate.key == (hidden.effect, hidden.at)]
     (refit,) = refit_all(base, truth)
     return scores, base.cost, refit.fit.cost
 
@@ -106,7 +106,7 @@ def test_the_score_predicts_what_the_refit_gains(leg: Leg) -> None:
     """To first order: a small effect's gain is what an exact refit gains."""
     hidden = Hidden("constant_heat", "FR_thigh", size=0.3)
     scores, before, after = _scored(leg, hidden)
-    gain = next(each.gain for each in scores.ranked if each.candidate.key == ("constant_heat", "FR_thigh"))
+    gain = next(scored.gain for scored in scores.ranked if scored.candidate.key == ("constant_heat", "FR_thigh"))
     assert gain == pytest.approx(2 * (before - after), rel=0.1)
 
 

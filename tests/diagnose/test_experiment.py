@@ -119,8 +119,8 @@ def _model() -> Model:
 def _refits(runs: tuple[Run, ...], keys: tuple[tuple[str, str], ...]) -> list[Step]:
     """Both rivals refitted, the one that explains more first."""
     base = fit_segments(_model(), split_data(runs).fit)
-    found = [each for each in candidates(_model().network, runs[0].columns) if each.key in keys]
-    return refit_all(base, score(base, found).ranked)
+    rivals = [candidate for candidate in candidates(_model().network, runs[0].columns) if candidate.key in keys]
+    return refit_all(base, score(base, rivals).ranked)
 
 
 @dataclass(frozen=True)
@@ -262,7 +262,7 @@ def test_the_stated_deviations_are_what_an_exact_refit_shows() -> None:
     experiment = propose([first, second])
     assert experiment is not None
     (old,) = first.fit.problem.bound_runs
-    sigma = np.sqrt(noise_density(min(first.fit, second.fit, key=lambda each: each.cost)) / STEP)
+    sigma = np.sqrt(noise_density(min(first.fit, second.fit, key=lambda fitted: fitted.cost)) / STEP)
     rises = []
     for true, wrong in ((first, second), (second, first)):
         readings = experiment.predictions[true.key]
@@ -278,5 +278,5 @@ def test_the_stated_deviations_are_what_an_exact_refit_shows() -> None:
 def test_a_difference_is_told_where_there_is_a_sensor_to_see_it() -> None:
     left = np.repeat([[5.0], [-1.0]], 12, axis=1)
     pair = (("constant_heat", "knee"), ("sensor_offset", "knee"))
-    told = difference(pair, Separation(9.0, 9.0, left), 2 * left, ("trunk", "knee"), np.array([False, True]))
-    assert (told.node, told.kelvin, told.as_fitted) == ("knee", 1.0, 2.0)
+    result = difference(pair, Separation(9.0, 9.0, left), 2 * left, ("trunk", "knee"), np.array([False, True]))
+    assert (result.node, result.kelvin, result.as_fitted) == ("knee", 1.0, 2.0)

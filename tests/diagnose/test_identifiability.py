@@ -24,14 +24,14 @@ def model(tmp_path: Path) -> Path:
 def reasons(model: Path, *tables: pd.DataFrame) -> dict[str, str]:
     """Effect -> why not; '' for those that could show."""
     loaded = load_model(model).model
-    runs = [run(each, f"log{number}") for number, each in enumerate(tables)]
-    told = identifiability(loaded, runs, excitation(runs, loaded.nodes))
-    assert all(each.identifiable == (not each.why) for each in told)
-    return {each.effect: each.why for each in told}
+    runs = [run(log, f"log{number}") for number, log in enumerate(tables)]
+    verdicts = identifiability(loaded, runs, excitation(runs, loaded.nodes))
+    assert all(verdict.identifiable == (not verdict.why) for verdict in verdicts)
+    return {verdict.effect: verdict.why for verdict in verdicts}
 
 
 def test_a_rich_run_could_show_nearly_all_that_is_logged(model: Path) -> None:
-    found = reasons(model, table())
+    explanations = reasons(model, table())
     for effect in (
         "forced_convection",
         "radiation",
@@ -44,11 +44,11 @@ def test_a_rich_run_could_show_nearly_all_that_is_logged(model: Path) -> None:
         "sensor_offset",
         "second_mass",
     ):
-        assert found[effect] == "", effect
-    assert "copper_loss" not in found  # the model has it
-    assert found["drive_heat"] == "not logged: powered.<node>"
-    assert found["fan"] == "not logged: fan.<node> or speed.fan"
-    assert set(found) <= set(catalogue())
+        assert explanations[effect] == "", effect
+    assert "copper_loss" not in explanations  # the model has it
+    assert explanations["drive_heat"] == "not logged: powered.<node>"
+    assert explanations["fan"] == "not logged: fan.<node> or speed.fan"
+    assert set(explanations) <= set(catalogue())
 
 
 @pytest.mark.parametrize(
@@ -70,11 +70,11 @@ def test_one_thing_lacking(model: Path, data: pd.DataFrame, effect: str, why: st
 
 def test_one_operating_point(model: Path) -> None:
     steady = table().assign(**{"torque.a": 8.0, "torque.b": 8.0, "velocity.a": 3.0, "velocity.b": 3.0})
-    found = reasons(model, steady)
-    assert found["radiation"] == "one level of load and no cool-down"
-    assert found["sensor_lag"] == "no jump of the load from one minute to the next"
-    assert "no standstill" in found["constant_heat"]
-    assert "hardly changes" in found["viscous_friction"]
+    explanations = reasons(model, steady)
+    assert explanations["radiation"] == "one level of load and no cool-down"
+    assert explanations["sensor_lag"] == "no jump of the load from one minute to the next"
+    assert "no standstill" in explanations["constant_heat"]
+    assert "hardly changes" in explanations["viscous_friction"]
 
 
 def test_speed_that_follows_the_load(model: Path) -> None:

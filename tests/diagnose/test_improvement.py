@@ -37,8 +37,8 @@ def improved(leg: Leg) -> tuple[Model, DataSplit, History]:  # noqa: F811
 @pytest.mark.long
 def test_two_hidden_effects_are_both_found_and_nothing_else(improved: tuple[Model, DataSplit, History]) -> None:
     history = improved[2]
-    found = {(step.effect, step.at) for step in history.steps[1:]}
-    assert found == {(hidden.effect, hidden.at) for hidden in TWO}
+    steps = {(step.effect, step.at) for step in history.steps[1:]}
+    assert steps == {(hidden.effect, hidden.at) for hidden in TWO}
     assert history.verdict == "missing"
     assert history.remaining == "adequate"
 
@@ -71,7 +71,7 @@ def _branch(model: Model, coarse: DataSplit, *added: tuple[str, str], difference
     for kind, where in added:
         at, _, run = where.partition("@")
         own = EffectDeclaration(catalogue()[kind](), at, run=run, difference=difference and (kind, where) == added[-1])
-        switched = tuple(replace(each.switched_on, share="all") for each in own.effect.stated(own.difference))
+        switched = tuple(replace(parameter.switched_on, share="all") for parameter in own.effect.stated(own.difference))
         declared = replace(own, parameters=switched)
         step = Step(refit(branch[-1].fit, declared), declared)
         branch = (*branch, replace(step, holdout=holdout_errors(step.fit, coarse.holdout)))
@@ -90,7 +90,7 @@ def test_what_one_joint_has_beside_all_gives_way_to_its_own_where_the_others_hav
     assert shorter_network.effects[-1] == own.declaration
     both = [replace(step, fit=branch[-1].fit).amplitude for step in branch[1:]]
     (power,) = own.declaration.parameters
-    assert power.value == pytest.approx(sum(each.value for each in both if each is not None))
+    assert power.value == pytest.approx(sum(amplitude.value for amplitude in both if amplitude is not None))
     assert power.bounds == own.declaration.effect.parameters[0].bounds
     search = _Search(coarse, None, said.append, lambda _: None)
     search.branches = [branch[:1]]
@@ -187,9 +187,9 @@ def test_an_error_of_the_log_is_told_before_what_all_have(leg: Leg) -> None:  # 
     model, data = leg(Hidden("forced_convection", "*"), Hidden("clock_offset", "*", size=0.25))
     coarse = for_search(data)
     branch = _branch(model, coarse, ("forced_convection", "*"), ("clock_offset", "*"))
-    told = _Search(coarse, None, lambda _: None, lambda _: None).reconsidered(branch)
-    assert [step.effect for step in told[1:]] == ["clock_offset", "forced_convection"]
-    assert told[1].gain < told[2].gain  # it is not told first for what would be missed most
+    reordered = _Search(coarse, None, lambda _: None, lambda _: None).reconsidered(branch)
+    assert [step.effect for step in reordered[1:]] == ["clock_offset", "forced_convection"]
+    assert reordered[1].gain < reordered[2].gain  # it is not told first for what would be missed most
 
 
 @pytest.mark.long
@@ -198,9 +198,9 @@ def test_everywhere_in_one_run_is_no_place_that_shares_what_is_missing_everywher
     model, data = leg(Hidden("forced_convection", "*"), Hidden("sensor_lag", "*"))
     coarse = for_search(data)
     branch = _branch(model, coarse, ("forced_convection", "*"), ("constant_heat", "*@fit1"))
-    told = _Search(coarse, None, lambda _: None, lambda _: None).reconsidered(branch)
-    assert [step.key for step in told[1:]] == [("forced_convection", "*"), ("constant_heat", "*@fit1")]
-    assert told[2].at_its_place < 0.5 < told[1].at_its_place
+    reordered = _Search(coarse, None, lambda _: None, lambda _: None).reconsidered(branch)
+    assert [step.key for step in reordered[1:]] == [("forced_convection", "*"), ("constant_heat", "*@fit1")]
+    assert reordered[2].at_its_place < 0.5 < reordered[1].at_its_place
 
 
 def test_a_step_is_as_probable_as_it_is_beside_the_others(improved: tuple[Model, DataSplit, History]) -> None:
@@ -228,7 +228,7 @@ def test_an_offset_of_all_sensors_fits_as_well_as_air_that_is_so_much_warmer(leg
     costs = []
     for effect, at in (("sensor_offset", "*"), ("ambient_offset", "ambient")):
         declared = EffectDeclaration(catalogue()[effect](), at)
-        parameters = tuple(replace(each, share="all").switched_on for each in declared.effect.parameters)
+        parameters = tuple(replace(parameter, share="all").switched_on for parameter in declared.effect.parameters)
         network = model.network.with_effects([replace(declared, parameters=parameters)])
         costs.append(fit_segments(Model(network), data.fit).cost)
     assert costs[0] == pytest.approx(costs[1], rel=1e-4)
@@ -274,7 +274,7 @@ def test_an_effect_of_one_run_is_declared_as_it_was_fitted(leg: Leg) -> None:  #
     coarse = for_search(data)
     base = fit_segments(with_errors_of_runs(model, coarse), coarse.fit)
     kind = catalogue()["surface_scale"]
-    switched = tuple(replace(each.switched_on, share="all") for each in kind.parameters)
+    switched = tuple(replace(parameter.switched_on, share="all") for parameter in kind.parameters)
     declared = EffectDeclaration(kind(), "FR_calf", switched, run="fit1")
     step = Step(refit(base, declared), declared)
     (rebuilt,) = effects_added([Step(base), step])

@@ -38,7 +38,7 @@ def test_it_lies_near_what_the_refit_gives(diagnosis: Diagnosis) -> None:
     (bound,), (before,) = diagnosis.fit.problem.bound_runs, diagnosis.fit.residuals
     assert diagnosis.helpful
     for step in diagnosis.helpful:
-        score = next(each for each in diagnosis.scores.ranked if each.candidate.key == step.key)
+        score = next(scored for scored in diagnosis.scores.ranked if scored.candidate.key == step.key)
         ((readings,),) = Previews(diagnosis.fit, [score]).of_fitted_runs()
         change = (readings - bound.measured - before)[bound.counted]
         refitted = (step.fit.residuals[0] - before)[bound.counted]

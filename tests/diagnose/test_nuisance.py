@@ -54,7 +54,11 @@ def test_as_logged_a_held_out_run_is_predicted_as_the_model_without_nuisances_do
     coarse = for_search(data)
     fitted = fit_segments(with_errors_of_runs(model, data, ambient=0.5), coarse.fit)
     step = Step(fitted).made_for_use(coarse).judged_on(coarse)
-    values = {each.name: each.value for each in step.for_use.model.parameters if not each.declared.nuisance}
+    values = {
+        parameter.name: parameter.value
+        for parameter in step.for_use.model.parameters
+        if not parameter.declared.nuisance
+    }
     plain = predict(Model(model.network.with_values(values)), coarse.holdout[0], fitted.problem.sigma)
     assert step.holdout is not None
     assert step.holdout_as_logged is not None
@@ -67,10 +71,10 @@ def test_a_nuisance_that_ends_at_its_limit_is_said(leg: Leg) -> None:
     model, data = leg(Hidden("ambient_offset", "ambient", size=3.0, run="fit2"))
     coarse = for_search(data)
     fit = fit_segments(with_errors_of_runs(model, data, ambient=0.3, torque=0.0, surface=0.0), coarse.fit)
-    (told,) = [each for each in nuisances_at_limit(fit) if each.run == "fit2"]
-    assert (told.effect, told.at) == ("ambient_offset", "ambient")
-    assert abs(told.size) == pytest.approx(0.6)
-    assert re.fullmatch("in fit2 the ambient was at least 0.6 K (warm|cool)er than given", told.text)
+    (nuisance,) = [limited for limited in nuisances_at_limit(fit) if limited.run == "fit2"]
+    assert (nuisance.effect, nuisance.at) == ("ambient_offset", "ambient")
+    assert abs(nuisance.size) == pytest.approx(0.6)
+    assert re.fullmatch("in fit2 the ambient was at least 0.6 K (warm|cool)er than given", nuisance.text)
     wide = fit_segments(with_errors_of_runs(model, data, ambient=5.0, torque=0.0, surface=0.0), coarse.fit)
     assert not nuisances_at_limit(wide)
 
@@ -89,7 +93,7 @@ def test_a_file_gets_the_fit_that_predicts_held_out_runs_as_they_were_logged(
     rmse = [error.rmse for error in errors if error is not None]
     assert (step.for_use is fitted) is with_nuisances
     assert rmse[2] == pytest.approx(min(rmse[:2]), rel=1e-2)
-    assert not any(each.nuisance for each in (step.plain or without).model.network.effects)
+    assert not any(effect.nuisance for effect in (step.plain or without).model.network.effects)
 
 
 def test_a_nuisance_does_not_hide_what_the_model_lacks(leg: Leg) -> None:
@@ -157,7 +161,9 @@ def test_a_surface_that_the_model_changes_already_may_differ_from_run_to_run_as_
     model, data = leg()
     fan = EffectDeclaration(catalogue()["surface_scale"](), at, run=run)
     declared = with_errors_of_runs(Model(model.network.with_effects([fan])), data).network.effects
-    surfaces = [each for each in declared if each.nuisance and each.effect.key == "surface_scale"]
+    surfaces = [
+        declaration for declaration in declared if declaration.nuisance and declaration.effect.key == "surface_scale"
+    ]
     assert len(surfaces) == len(model.nodes) * 3  # runs
 
 
@@ -219,7 +225,9 @@ def test_what_a_log_had_wrong_does_not_depend_on_how_often_it_reads(leg: Leg) ->
     fit = fit_segments(with_errors, coarse.fit)
     for segment in (data.holdout[0], coarse.holdout[0]):
         own = with_own_errors(fit.model, segment, fit.problem.sigma)
-        offsets.append(next(each.value for each in own.parameters if each.name.endswith("ambient@holdout")))
+        offsets.append(
+            next(parameter.value for parameter in own.parameters if parameter.name.endswith("ambient@holdout"))
+        )
     assert (data.holdout[0].run.step, coarse.holdout[0].run.step) == (1.0, 5.0)
     assert 0.01 < abs(offsets[1]) < 0.09  # K; between nothing and the most
     assert offsets[0] == pytest.approx(offsets[1], rel=0.02)

@@ -104,45 +104,47 @@ def test_of_a_run_like_the_fitted_ones_nothing_is_said(fitted: Fit) -> None:
 
 @pytest.mark.long
 def test_a_fan_is_found_and_its_size(fitted: Fit) -> None:
-    (found,) = said_of(fitted, fan=3.0)
-    assert (found.run, found.effect, found.at) == ("run4", "surface_scale", "*")
-    assert found.amplitude == pytest.approx(2.0, rel=0.1)
-    assert found.rmse_after is not None
-    assert found.rmse_after < 1.2 * NOISE < found.rmse_before
-    assert found.text().startswith("run4 loses heat 3 times as fast as the other runs: was a fan on?")
-    assert "not a prediction" in found.text()
+    (difference,) = said_of(fitted, fan=3.0)
+    assert (difference.run, difference.effect, difference.at) == ("run4", "surface_scale", "*")
+    assert difference.amplitude == pytest.approx(2.0, rel=0.1)
+    assert difference.rmse_after is not None
+    assert difference.rmse_after < 1.2 * NOISE < difference.rmse_before
+    assert difference.text().startswith("run4 loses heat 3 times as fast as the other runs: was a fan on?")
+    assert "not a prediction" in difference.text()
 
 
 @pytest.mark.long
 def test_a_fan_at_one_node_is_placed(fitted: Fit) -> None:
-    (found,) = said_of(fitted, fan=3.0, fan_at=(1,))
-    assert (found.effect, found.at) == ("surface_scale", "body")
-    assert "run4 loses heat at body 3 times as fast" in found.text()
+    (difference,) = said_of(fitted, fan=3.0, fan_at=(1,))
+    assert (difference.effect, difference.at) == ("surface_scale", "body")
+    assert "run4 loses heat at body 3 times as fast" in difference.text()
 
 
 @pytest.mark.long
 def test_a_cover_is_told_from_a_fan(fitted: Fit) -> None:
-    (found,) = said_of(fitted, fan=0.4)
-    assert (found.effect, found.at) == ("surface_scale", "*")
-    assert "only 0.4 times as fast" in found.text()
+    (difference,) = said_of(fitted, fan=0.4)
+    assert (difference.effect, difference.at) == ("surface_scale", "*")
+    assert "only 0.4 times as fast" in difference.text()
 
 
 @pytest.mark.long
 def test_a_warmer_room_is_found(fitted: Fit) -> None:
-    (found,) = said_of(fitted, warmer=2.3)
-    assert (found.effect, found.at) == ("ambient_offset", "ambient")
-    assert found.amplitude == pytest.approx(2.3, abs=0.3)
-    assert "In run4 the ambient was 2.3 K warmer than given." in found.text()
+    (difference,) = said_of(fitted, warmer=2.3)
+    assert (difference.effect, difference.at) == ("ambient_offset", "ambient")
+    assert difference.amplitude == pytest.approx(2.3, abs=0.3)
+    assert "In run4 the ambient was 2.3 K warmer than given." in difference.text()
     # The same data to the last bit, up to the start: every sensor off by as much.
-    assert [(each.effect, each.at) for each in found.indistinguishable] == [("sensor_offset", "*")]
+    assert [(alternative.effect, alternative.at) for alternative in difference.indistinguishable] == [
+        ("sensor_offset", "*")
+    ]
 
 
 @pytest.mark.long
 def test_a_sensor_that_reads_high_is_found(fitted: Fit) -> None:
-    (found,) = said_of(fitted, reads_high=1.5)
-    assert (found.effect, found.at) == ("sensor_offset", "winding")
-    assert found.amplitude == pytest.approx(1.5, abs=0.15)
-    assert "the sensor of winding reads 1.5 K high" in found.text()
+    (difference,) = said_of(fitted, reads_high=1.5)
+    assert (difference.effect, difference.at) == ("sensor_offset", "winding")
+    assert difference.amplitude == pytest.approx(1.5, abs=0.15)
+    assert "the sensor of winding reads 1.5 K high" in difference.text()
 
 
 @pytest.mark.long
@@ -155,40 +157,40 @@ def test_an_offset_below_the_steps_of_its_sensor_is_found() -> None:
     done = fit_segments(Model(held_gain()), split_data(runs).fit)
     like, high = (in_steps(truth("run4", 200, reads_high=size)) for size in (0.0, 0.7))
     assert runs_that_differ(done, split_data([], [like]).holdout) == []
-    (found,) = runs_that_differ(done, split_data([], [high]).holdout)
-    assert (found.effect, found.at) == ("sensor_offset", "winding")
-    assert found.amplitude == pytest.approx(0.7, abs=0.15)
+    (difference,) = runs_that_differ(done, split_data([], [high]).holdout)
+    assert (difference.effect, difference.at) == ("sensor_offset", "winding")
+    assert difference.amplitude == pytest.approx(0.7, abs=0.15)
 
 
 @pytest.mark.long
 def test_a_heater_that_gives_more_is_not_called_a_draught(fitted: Fit) -> None:
-    (found,) = said_of(fitted, heat=1.3)
-    assert (found.effect, found.at) == ("heat_scale", "winding")
-    assert found.amplitude == pytest.approx(0.3, rel=0.05)
+    (difference,) = said_of(fitted, heat=1.3)
+    assert (difference.effect, difference.at) == ("heat_scale", "winding")
+    assert difference.amplitude == pytest.approx(0.3, rel=0.05)
 
 
 @pytest.mark.long
 def test_clocks_apart_are_found(fitted: Fit) -> None:
-    (found,) = said_of(fitted, late=40.0)
-    assert found.effect == "clock_offset"
-    assert found.amplitude == pytest.approx(40.0, abs=5.0)
-    assert "s later than the inputs" in found.text()
+    (difference,) = said_of(fitted, late=40.0)
+    assert difference.effect == "clock_offset"
+    assert difference.amplitude == pytest.approx(40.0, abs=5.0)
+    assert "s later than the inputs" in difference.text()
 
 
 @pytest.mark.long
 def test_what_no_one_parameter_explains_is_said_plainly(fitted: Fit) -> None:
-    (found,) = said_of(fitted, bursts=20.0, reads_high=3.0, fan=2.0)
-    assert (found.effect, found.amplitude, found.indistinguishable) == (None, None, ())
-    assert "no one parameter that may differ from run to run explains half of it" in found.text()
-    assert re.search(r"on the fitted runs, most clearly at winding \(\S+ for \S+ K\)", found.text())
-    assert found.as_json()["rmse_before"] == found.rmse_before > 1.0
+    (difference,) = said_of(fitted, bursts=20.0, reads_high=3.0, fan=2.0)
+    assert (difference.effect, difference.amplitude, difference.indistinguishable) == (None, None, ())
+    assert "no one parameter that may differ from run to run explains half of it" in difference.text()
+    assert re.search(r"on the fitted runs, most clearly at winding \(\S+ for \S+ K\)", difference.text())
+    assert difference.as_json()["rmse_before"] == difference.rmse_before > 1.0
 
 
 @pytest.mark.long
 def test_a_cause_that_leaves_much_says_so(fitted: Fit) -> None:
-    (found,) = said_of(fitted, bursts=40.0)
-    assert found.effect == "constant_heat"
-    assert "It does not explain all" in found.text()
+    (difference,) = said_of(fitted, bursts=40.0)
+    assert difference.effect == "constant_heat"
+    assert "It does not explain all" in difference.text()
 
 
 def test_the_rest_of_a_fitted_run_is_left_out(fitted: Fit) -> None:
@@ -208,7 +210,7 @@ def test_a_fan_in_the_held_out_run_is_its_own_and_judges_nothing_else() -> None:
     held_out = truth("run4", 3, fan=3.0)
     history = improve(Model(held_gain()), split_data(fitted, [held_out]))
     assert history.verdict == "adequate"
-    assert [(each.run, each.effect) for each in history.differing] == [("run4", "surface_scale")]
+    assert [(difference.run, difference.effect) for difference in history.differing] == [("run4", "surface_scale")]
     assert history.best.holdout is not None
     assert history.best.holdout.rmse < 2 * NOISE
 
@@ -216,11 +218,11 @@ def test_a_fan_in_the_held_out_run_is_its_own_and_judges_nothing_else() -> None:
 @pytest.mark.long
 def test_one_diagnosis_takes_it_out_as_the_whole_improvement_does() -> None:
     fitted = [truth("monday", 1), truth("tuesday", 2)]
-    found = diagnose(Model(held_gain()), split_data(fitted, [truth("run4", 3, fan=3.0)]))
-    assert found.verdict == "adequate"
-    assert [(each.run, each.effect) for each in found.differing] == [("run4", "surface_scale")]
-    assert found.holdout is not None
-    assert found.holdout.rmse < 2 * NOISE
+    diagnosis = diagnose(Model(held_gain()), split_data(fitted, [truth("run4", 3, fan=3.0)]))
+    assert diagnosis.verdict == "adequate"
+    assert [(difference.run, difference.effect) for difference in diagnosis.differing] == [("run4", "surface_scale")]
+    assert diagnosis.holdout is not None
+    assert diagnosis.holdout.rmse < 2 * NOISE
 
 
 @pytest.mark.long
@@ -228,7 +230,7 @@ def test_a_room_warmer_than_a_sensors_error_is_the_runs_own_too() -> None:
     fitted = [truth("monday", 1), truth("tuesday", 2)]
     history = improve(Model(held_gain()), split_data(fitted, [truth("run4", 3, warmer=3.0)]))
     assert history.verdict == "adequate"
-    assert [(each.run, each.effect) for each in history.differing] == [("run4", "ambient_offset")]
+    assert [(difference.run, difference.effect) for difference in history.differing] == [("run4", "ambient_offset")]
 
 
 @pytest.mark.long
@@ -236,10 +238,10 @@ def test_nuisance_parameters_of_a_run_do_not_stand_in_for_its_fan(leg: Leg) -> N
     """Air off by half a kelvin and losses by 6 % take a third of what a fan does; named, they are nought."""
     history = improve(*leg(Hidden("surface_scale", "*", size=4.0, run="holdout")))
     assert history.verdict == "adequate"
-    (found,) = history.differing
-    assert (found.run, found.effect, found.at) == ("holdout", "surface_scale", "*")
-    assert found.amplitude == pytest.approx(4.0 * 0.3, rel=0.05)
-    assert found.explained
+    (difference,) = history.differing
+    assert (difference.run, difference.effect, difference.at) == ("holdout", "surface_scale", "*")
+    assert difference.amplitude == pytest.approx(4.0 * 0.3, rel=0.05)
+    assert difference.explained
 
 
 @pytest.mark.long
@@ -249,7 +251,9 @@ def test_a_held_out_run_that_differs_does_not_choose_what_is_missing_in_all(leg:
     history = improve(*leg(Hidden(effect, "*"), Hidden("loss_scale", "FR_calf", size=0.8, run="holdout")))
     assert (history.verdict, history.remaining) == ("missing", "adequate")
     assert [step.key for step in history.steps[1:]] == [(effect, "*")]
-    assert [(each.run, each.effect, each.at) for each in history.differing] == [("holdout", "loss_scale", "FR_calf")]
+    assert [(difference.run, difference.effect, difference.at) for difference in history.differing] == [
+        ("holdout", "loss_scale", "FR_calf")
+    ]
 
 
 @pytest.mark.long
@@ -269,19 +273,19 @@ def test_what_a_held_out_run_does_not_log_is_not_looked_for(leg: Leg) -> None:  
     lacking = replace(held_out, columns=columns)
     data = DataSplit(data.fit, (holdout_segment(lacking),))
     assert data.lacking() == {"holdout": ["speed.base"]}
-    asked = {each.candidate.effect.key for each in diagnose(model, data, refits=2).scores.ranked}
+    asked = {scored.candidate.effect.key for scored in diagnose(model, data, refits=2).scores.ranked}
     assert "second_mass" in asked
     assert "forced_convection" not in asked
 
 
 def test_what_is_a_runs_own_stands_beside_what_it_is_asked_to_lack_at_each_place() -> None:
     kind = catalogue()["constant_heat"]
-    everywhere = tuple(replace(each, share="all") for each in kind.parameters)
+    everywhere = tuple(replace(parameter, share="all") for parameter in kind.parameters)
     cause = Cause(EffectDeclaration(kind(), "*", everywhere, run="holdout"), 1.5, 0.1, "")
     differs = with_differences(Model(network()), [RunDifference("holdout", 2.0, 0.1, (cause,))])
     asked = [EffectDeclaration(kind(), name, run="holdout") for name in NODES]
     model = Model(differs.network.with_effects(asked))
-    names = [each.name for each in model.parameters if each.name.startswith("constant_heat")]
+    names = [parameter.name for parameter in model.parameters if parameter.name.startswith("constant_heat")]
     assert names == [
         "constant_heat_differing.power.*@holdout",
         *(f"constant_heat.power.{name}@holdout" for name in NODES),

@@ -28,8 +28,8 @@ def test_a_preview_of_a_held_out_run_comes_near_to_the_refit(nuisances: bool) ->
     model = with_errors_of_runs(robot(), data, 0.3, 0.015) if nuisances else robot()
     fit = fit_segments(model, data.fit)
     ranked = score(fit, possible_effects(fit, runs[0].columns)).ranked
-    answer = next(each for each in ranked if each.candidate.key == ("constant_heat", NODES[0]))
-    other = next(each for each in ranked if each.candidate.key == ("radiation", NODES[1]))
+    answer = next(scored for scored in ranked if scored.candidate.key == ("constant_heat", NODES[0]))
+    other = next(scored for scored in ranked if scored.candidate.key == ("radiation", NODES[1]))
     (segment,), sigma = data.holdout, fit.problem.sigma
     preview, _ = Previews(fit, [answer, other]).of(segment)
 

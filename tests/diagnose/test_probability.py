@@ -72,8 +72,8 @@ def test_a_parameter_off_its_prior_counts_in_standard_deviations_however_quiet_t
         gain = replace(heat.resolved["gain"], fixed=False, prior=(mean, 0.1))
         first, *others = HEATED.nodes
         assert first.capacity is not None
-        known = replace(first, capacity=replace(first.capacity, fixed=True))  # so that the data tell the gain
-        given = Model(replace(HEATED, nodes=(known, *others), effects=(replace(heat, parameters=(gain,)),)))
+        fixed = replace(first, capacity=replace(first.capacity, fixed=True))  # so that the data tell the gain
+        given = Model(replace(HEATED, nodes=(fixed, *others), effects=(replace(heat, parameters=(gain,)),)))
         return fit_segments(given, split_data([run_with(np.zeros(STEPS), noise=0.002)]).fit)
 
     at_mean, off = fit_with_prior(1.0), fit_with_prior(1.2)
@@ -130,9 +130,11 @@ def test_scores_are_the_same_whether_or_not_the_scale_of_all_heat_is_known() -> 
     assert len(gains) == 2
     others = [index for index in done.problem.free if index not in gains]
     held = fit(done.model, done.problem.bound_runs, sigma=done.problem.sigma, guess=done.point, free=others)
-    known = score(held, candidates(HEATED, run.columns, ["run"]))
-    expected = {each.candidate.key: each.gain for each in known.ranked}
-    assert {each.candidate.key: each.gain for each in scores.ranked} == pytest.approx(expected, rel=1e-3, abs=1e-3)
+    reference = score(held, candidates(HEATED, run.columns, ["run"]))
+    expected = {scored.candidate.key: scored.gain for scored in reference.ranked}
+    assert {scored.candidate.key: scored.gain for scored in scores.ranked} == pytest.approx(
+        expected, rel=1e-3, abs=1e-3
+    )
 
 
 def test_no_score_asks_for_more_than_an_amplitude_may_be() -> None:
@@ -140,17 +142,17 @@ def test_no_score_asks_for_more_than_an_amplitude_may_be() -> None:
     scores, done = _scored(run_with(np.linspace(0.0, -40.0, STEPS)))
     squares = float(np.sum(done.problem.residuals(done.z) ** 2))
     at_an_end = 0
-    for each in scores.ranked:
-        lower, upper = each.candidate.room
-        assert lower <= each.amplitude <= upper
-        assert 0.0 <= each.gain <= squares
-        at_an_end += each.gain > 0 and each.amplitude == upper
+    for scored in scores.ranked:
+        lower, upper = scored.candidate.room
+        assert lower <= scored.amplitude <= upper
+        assert 0.0 <= scored.gain <= squares
+        at_an_end += scored.gain > 0 and scored.amplitude == upper
     assert at_an_end
 
 
 def test_what_is_refitted_is_the_more_probable_of_what_scores_alike() -> None:
     scores, done = _scored(run_with(np.linspace(0.0, 0.5, STEPS)))
-    drift = next(each for each in scores.ranked if each.candidate.key == ("sensor_drift", "a"))
+    drift = next(scored for scored in scores.ranked if scored.candidate.key == ("sensor_drift", "a"))
     usual = float(log_odds_by_score(done, [drift], np.zeros(1))[0])
     large = replace(drift, candidate=replace(drift.candidate, sizes=(0.01 * drift.candidate.typical,)))
     assert log_odds_by_score(done, [large], np.zeros(1))[0] == pytest.approx(usual - 3.0, abs=0.3)  # hardly believed
@@ -160,7 +162,7 @@ def test_what_is_refitted_is_the_more_probable_of_what_scores_alike() -> None:
 
 def test_what_would_not_show_and_what_does_not_matter_are_nothing() -> None:
     scores, done = _scored(run_with(np.zeros(STEPS)))
-    unseen = [replace(each, per_unit=1e-9 * each.per_unit) for each in scores.ranked]
+    unseen = [replace(scored, per_unit=1e-9 * scored.per_unit) for scored in scores.ranked]
     assert probabilities_by_score(done, unseen, 3.0).sum() < 1e-6
     assert probabilities_by_score(done, scores.ranked, 1e4).sum() < 1e-6
 
@@ -232,11 +234,19 @@ def test_what_a_sensor_reads_before_anything_runs_tells_its_error() -> None:
 
 @pytest.mark.parametrize("runs", [(), ("monday", "tuesday")], ids=["one run", "two runs"])
 def test_an_effects_candidates_share_its_odds(runs: tuple[str, ...]) -> None:
-    found = candidates(HEATED, COLUMNS, runs)
-    odds = np.exp(log_priors(found))
-    for stated in {each.effect for each in found}:
-        of_all = [value for each, value in zip(found, odds, strict=True) if each.effect is stated and not each.run]
-        of_one = [value for each, value in zip(found, odds, strict=True) if each.effect is stated and each.run]
+    proposed = candidates(HEATED, COLUMNS, runs)
+    odds = np.exp(log_priors(proposed))
+    for stated in {candidate.effect for candidate in proposed}:
+        of_all = [
+            value
+            for candidate, value in zip(proposed, odds, strict=True)
+            if candidate.effect is stated and not candidate.run
+        ]
+        of_one = [
+            value
+            for candidate, value in zip(proposed, odds, strict=True)
+            if candidate.effect is stated and candidate.run
+        ]
         assert sum(of_all) == pytest.approx(stated.prior_odds)
         assert sum(of_one) == pytest.approx(0.1 * stated.prior_odds if of_one else 0.0)
 
@@ -245,10 +255,10 @@ def test_the_clock_of_one_logger_is_rarely_off() -> None:
     apart, alike = (
         next(
             value
-            for each, value in zip(found, log_priors(found), strict=True)
-            if each.effect.key == "clock_offset" and not each.run
+            for candidate, value in zip(proposed, log_priors(proposed), strict=True)
+            if candidate.effect.key == "clock_offset" and not candidate.run
         )
-        for found in (candidates(HEATED, COLUMNS), candidates(HEATED, COLUMNS, joined=[]))
+        for proposed in (candidates(HEATED, COLUMNS), candidates(HEATED, COLUMNS, joined=[]))
     )
     assert alike == pytest.approx(apart + np.log(0.03))
 
@@ -257,8 +267,8 @@ def test_levels_share_evenly_and_one_run_is_rarer() -> None:
     joints = ("FL_hip", "FL_calf", "FR_hip", "FR_calf")
     links = (link("{leg}_hip", "{leg}_calf"), link("*_*", "ambient"))
     network = Network("legs", (node("*_*"), AMBIENT), links, (effect("copper_loss"),), joints=joints)
-    found = candidates(network, ["temperature.ambient", *(f"torque.{joint}" for joint in joints)], ("mon", "tue"))
-    odds = dict(zip((each.key for each in found), np.exp(log_priors(found)).tolist(), strict=True))
+    proposed = candidates(network, ["temperature.ambient", *(f"torque.{joint}" for joint in joints)], ("mon", "tue"))
+    odds = dict(zip((candidate.key for candidate in proposed), np.exp(log_priors(proposed)).tolist(), strict=True))
     own = {at: value for (key, at), value in odds.items() if key == "constant_heat"}
     assert sum(own[joint] for joint in joints) == pytest.approx(own["*"])
     assert own["*_hip"] == pytest.approx(own["*_calf"])
@@ -274,8 +284,8 @@ def at_size(key: str, name: str, share: float, at: str = "a") -> tuple[Fit, Effe
     declared = effect(key, at)
     fitted = fit_of(run_with(np.zeros(STEPS)), declared)
     values = fitted.model.values
-    values[[each.name for each in fitted.model.parameters].index(f"{key}.{name}.{at}")] = share * next(
-        each.typical for each in declared.parameters if each.name == name
+    values[[parameter.name for parameter in fitted.model.parameters].index(f"{key}.{name}.{at}")] = share * next(
+        parameter.typical for parameter in declared.parameters if parameter.name == name
     )
     return replace(fitted, model=fitted.model.with_values(values)), declared
 
@@ -331,7 +341,7 @@ def test_what_went_as_far_as_nature_lets_it_is_not_believed(
     kind: str, at: str, parameter: str, size: float, believed: bool
 ) -> None:
     """But for where an effect vanishes, and for all of a share."""
-    typical = next(each.typical for each in catalogue()[kind].parameters if each.name == parameter)
+    typical = next(definition.typical for definition in catalogue()[kind].parameters if definition.name == parameter)
     fitted, declared = at_size(kind, parameter, size / typical, at)
     assert is_implausible(fitted, [declared], fitted) != believed
 
@@ -366,7 +376,7 @@ def test_no_effect_takes_the_place_of_what_the_model_was_given_with() -> None:
         values[fit.problem.free[row]] = bound
         return replace(fit, z=z, model=fit.model.with_values(values))
 
-    usual = next(each.value for each in given.model.parameters if each.name == "resistance.a~ambient")
+    usual = next(parameter.value for parameter in given.model.parameters if parameter.name == "resistance.a~ambient")
     assert not is_implausible(fitted, [radiating], given)
     assert is_implausible(at_its_bound(fitted, 4 * usual), [radiating], given)
     # A bound may be too near; and what had no way before has none because of no effect.
@@ -377,7 +387,7 @@ def test_no_effect_takes_the_place_of_what_the_model_was_given_with() -> None:
 def test_any_time_constant_of_the_grid_is_usual() -> None:
     declared = effect("second_mass", "a")
     fitted = fit_of(run_with(np.zeros(STEPS)), declared)
-    (shape,) = (each for each in declared.parameters if each.grid)
+    (shape,) = (parameter for parameter in declared.parameters if parameter.grid)
     names = [parameter.name for parameter in fitted.model.parameters]
     amplitude = names.index("second_mass.capacity.a")
 

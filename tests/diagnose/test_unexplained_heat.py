@@ -34,25 +34,25 @@ def burst_fit(request: pytest.FixtureRequest) -> Fit:
     return fitted(truth_run(request.param, bursts))
 
 
-def _between(found: UnexplainedHeat, start: float, stop: float) -> BoolArray:
-    return np.asarray((found.time > start) & (found.time < stop))
+def _between(estimate: UnexplainedHeat, start: float, stop: float) -> BoolArray:
+    return np.asarray((estimate.time > start) & (estimate.time < stop))
 
 
-def _quiet(found: UnexplainedHeat) -> BoolArray:
+def _quiet(estimate: UnexplainedHeat) -> BoolArray:
     """Blocks a minute and a half from any burst; their edges are blurred."""
-    return _between(found, 0, 1110) | _between(found, 1590, 2310) | _between(found, 2610, 3600)
+    return _between(estimate, 0, 1110) | _between(estimate, 1590, 2310) | _between(estimate, 2610, 3600)
 
 
 def test_bursts_at_their_node_in_their_minutes(burst_fit: Fit) -> None:
-    (found,) = unexplained_heat(burst_fit)
-    assert found.nodes == LEG
-    assert found.heat.shape == found.band.shape == (3, 360)
+    (estimate,) = unexplained_heat(burst_fit)
+    assert estimate.nodes == LEG
+    assert estimate.heat.shape == estimate.band.shape == (3, 360)
     for start, stop in ((1200, 1500), (2400, 2520)):
-        inside = found.heat[:, _between(found, start, stop)].mean(axis=1)
+        inside = estimate.heat[:, _between(estimate, start, stop)].mean(axis=1)
         assert 3.0 < inside[1] < 8.0
         assert np.abs(inside[[0, 2]]).max() < 1.2
-        assert (found.clear[1, _between(found, start + 30, stop - 30)] > 0).any()
-    peak = largest([found])
+        assert (estimate.clear[1, _between(estimate, start + 30, stop - 30)] > 0).any()
+    peak = largest([estimate])
     assert peak is not None
     assert peak.node == "FR_thigh"
     near = [(1200.0, 1500.0), (2400.0, 2520.0)]
@@ -61,10 +61,10 @@ def test_bursts_at_their_node_in_their_minutes(burst_fit: Fit) -> None:
 
 
 def test_zero_elsewhere_within_the_band(burst_fit: Fit) -> None:
-    (found,) = unexplained_heat(burst_fit)
-    quiet = _quiet(found)
-    assert np.mean(np.abs(found.heat[:, quiet]) < found.band[:, quiet]) > 0.93
-    assert not found.clear[:, quiet].any()
+    (estimate,) = unexplained_heat(burst_fit)
+    quiet = _quiet(estimate)
+    assert np.mean(np.abs(estimate.heat[:, quiet]) < estimate.band[:, quiet]) > 0.93
+    assert not estimate.clear[:, quiet].any()
 
 
 @pytest.mark.long
@@ -74,28 +74,28 @@ def test_coarse_sensors_and_gaps_still_show_the_node(steps: float) -> None:
     columns = {name: values.copy() for name, values in run.columns.items()}
     columns["temperature.FR_thigh"][600:900] = np.nan
     columns["temperature.FR_hip"][np.random.default_rng(0).uniform(size=3600) < 0.2] = np.nan
-    (found,) = unexplained_heat(fitted(replace(run, columns=columns)))
-    peak = largest([found])
+    (estimate,) = unexplained_heat(fitted(replace(run, columns=columns)))
+    peak = largest([estimate])
     assert peak is not None
     assert peak.node == "FR_thigh"
     assert peak.start < 1500
     assert peak.stop > 1200
-    assert np.isfinite(found.heat).all()
+    assert np.isfinite(estimate.heat).all()
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("steps", [0.0, 1.0])
 def test_nothing_hidden_covers_zero(steps: float) -> None:
-    found = [unexplained_heat(fitted(truth_run(seed, nothing, steps=steps)))[0] for seed in SEEDS]
-    assert np.mean([np.abs(each.heat) < each.band for each in found]) > 0.93
-    assert largest(found) is None
+    estimates = [unexplained_heat(fitted(truth_run(seed, nothing, steps=steps)))[0] for seed in SEEDS]
+    assert np.mean([np.abs(estimate.heat) < estimate.band for estimate in estimates]) > 0.93
+    assert largest(estimates) is None
 
 
 def test_heat_of_one_of_several_runs_is_placed_in_that_run() -> None:
     done = fitted(truth_run(21, nothing, length=1800.0), truth_run(22, bursts, length=1800.0))
-    found = unexplained_heat(done)
-    assert [each.run for each in found] == ["run21", "run22"]
-    peak = largest(found)
+    estimates = unexplained_heat(done)
+    assert [estimate.run for estimate in estimates] == ["run21", "run22"]
+    peak = largest(estimates)
     assert peak is not None
     assert (peak.run, peak.node) == ("run22", "FR_thigh")
 
@@ -121,20 +121,20 @@ def test_smoothing_is_the_least_squares_answer(burst_fit: Fit) -> None:
             wander[states : states + nodes, nodes * k : nodes * (k + 1)] += np.eye(nodes)
         wanders.append(wander)
     weighted = np.vstack(rows) / np.sqrt(run.variance.ravel())[:, None]
-    known = np.isfinite(run.error.ravel())
+    measured = np.isfinite(run.error.ravel())
     walk = np.full(nodes * 24, prior.walk * np.sqrt(run.seconds))
     unknown = block_diag(start, np.diag(walk**2))
-    information = weighted[known].T @ weighted[known] + np.linalg.inv(unknown)
-    target = (-run.error.ravel() / np.sqrt(run.variance.ravel()))[known]
+    information = weighted[measured].T @ weighted[measured] + np.linalg.inv(unknown)
+    target = (-run.error.ravel() / np.sqrt(run.variance.ravel()))[measured]
     covariance = np.linalg.inv(information)
-    solution = covariance @ (weighted[known].T @ target)
+    solution = covariance @ (weighted[measured].T @ target)
     expected = np.array([state @ solution for state in at]).T
     deviations = np.array([np.sqrt(np.diag(state @ covariance @ state.T)) for state in at]).T
     np.testing.assert_allclose(heat, expected, atol=1e-6)
     np.testing.assert_allclose(spread, deviations, rtol=1e-5)
-    loads = weighted[known] * np.sqrt(run.variance.ravel()[known])[:, None]
-    spreads = loads @ unknown @ loads.T + np.diag(run.variance.ravel()[known])
-    error = run.error.ravel()[known]
+    loads = weighted[measured] * np.sqrt(run.variance.ravel()[measured])[:, None]
+    spreads = loads @ unknown @ loads.T + np.diag(run.variance.ravel()[measured])
+    error = run.error.ravel()[measured]
     density = -0.5 * (error @ np.linalg.solve(spreads, error) + np.linalg.slogdet(spreads)[1])  # but for 2π
     assert likelihood(run, prior) == pytest.approx(density, rel=1e-6)
 
@@ -164,7 +164,10 @@ def test_blocks_carry_heat_as_the_model_does(burst_fit: Fit) -> None:
     d[4] = 2.0  # W at the thigh
     for k in range(len(run.time)):
         d[:3] = run.top[k] @ d
-    values = {each.name: value for each, value in zip(burst_fit.model.parameters, burst_fit.point.values, strict=True)}
+    values = {
+        parameter.name: value
+        for parameter, value in zip(burst_fit.model.parameters, burst_fit.point.values, strict=True)
+    }
     g = {name.removeprefix("resistance."): 1.0 / value for name, value in values.items() if name.startswith("resis")}
     flow = np.diag([g[f"{name}~ambient"] for name in LEG])
     for a, b, key in ((0, 1, "FR_hip~FR_thigh"), (1, 2, "FR_calf~FR_thigh")):
@@ -181,12 +184,12 @@ def test_blocks_carry_heat_as_the_model_does(burst_fit: Fit) -> None:
 def test_a_node_without_a_sensor_gets_no_heat_of_its_own() -> None:
     # Of one run alone the joint without a sensor takes up the heat, at 1e6 J/K.
     runs = truth_run(12, bursts, length=2400.0), truth_run(13, nothing, length=2400.0)
-    sensed = [{name: each for name, each in run.columns.items() if name != "temperature.FR_hip"} for run in runs]
+    sensed = [{name: column for name, column in run.columns.items() if name != "temperature.FR_hip"} for run in runs]
     both = (replace(run, columns=columns) for run, columns in zip(runs, sensed, strict=True))
-    found, other = unexplained_heat(fitted(*both))
+    estimate, other = unexplained_heat(fitted(*both))
     assert largest([other]) is None
-    assert found.nodes == ("FR_thigh", "FR_calf")
-    peak = largest([found])
+    assert estimate.nodes == ("FR_thigh", "FR_calf")
+    peak = largest([estimate])
     assert peak is not None
     assert peak.node == "FR_thigh"
     assert abs(peak.start - 1200) <= 60
@@ -195,13 +198,13 @@ def test_a_node_without_a_sensor_gets_no_heat_of_its_own() -> None:
 def test_the_input_that_heat_follows_comes_first() -> None:
     run = truth_run(31, nothing, length=1800.0)
     done = fitted(run)
-    (found,) = unexplained_heat(done)
-    torque = block_means(run, found, "torque.FR_hip", squared=True)
-    made = replace(found, heat=np.vstack([np.zeros_like(torque), 0.3 * torque, np.zeros_like(torque)]))
+    (estimate,) = unexplained_heat(done)
+    torque = block_means(run, estimate, "torque.FR_hip", squared=True)
+    made = replace(estimate, heat=np.vstack([np.zeros_like(torque), 0.3 * torque, np.zeros_like(torque)]))
     first = input_links(done, [made])[0]
     assert (first.node, first.what) == ("FR_thigh", "torque.FR_hip²")
     assert first.correlation == pytest.approx(1.0)
-    assert all(link.column != "temperature.ambient" for link in input_links(done, [found]))
+    assert all(link.column != "temperature.ambient" for link in input_links(done, [estimate]))
 
 
 def test_a_long_run_gets_longer_blocks() -> None:
@@ -213,6 +216,6 @@ def test_a_long_run_gets_longer_blocks() -> None:
     measured, counted = np.tile(bound.measured, (1, 40)), np.tile(bound.counted, (1, 40))
     long = replace(bound, run=run, inputs=many, measured=measured, counted=counted)
     problem = type(done.problem)(done.model, [long], done.problem.sigma)
-    found = blocks(replace(done, problem=problem), 0)
-    assert found.seconds == 20.0
-    assert len(found.time) == 1200
+    grid = blocks(replace(done, problem=problem), 0)
+    assert grid.seconds == 20.0
+    assert len(grid.time) == 1200

@@ -89,4 +89,4 @@ def test_the_page_says_how_it_was_made() -> None:
 
 def test_the_page_in_the_project_has_each_benchmark() -> None:
     text = PAGE.read_text(encoding="utf-8")
-    assert all(f"## {each.name}" in text or f"| {each.name} | – |" in text for each in BENCHMARKS)
+    assert all(f"## {benchmark.name}" in text or f"| {benchmark.name} | – |" in text for benchmark in BENCHMARKS)

@@ -24,9 +24,9 @@ def test_the_example_runs_as_printed(name: str, tmp_path: Path, monkeypatch: pyt
     monkeypatch.chdir(tmp_path)
     mpl.use("agg")
     finder = doctest.DocTestFinder(recurse=False)
-    (found,) = finder.find(getattr(lptn, name), name, module=False)
-    assert found.examples, f"{name} has no example"
+    (example,) = finder.find(getattr(lptn, name), name, module=False)
+    assert example.examples, f"{name} has no example"
     said: list[str] = []
     runner = doctest.DocTestRunner(optionflags=doctest.NORMALIZE_WHITESPACE)
-    runner.run(found, out=said.append)
+    runner.run(example, out=said.append)
     assert not runner.failures, "".join(said)

@@ -47,18 +47,20 @@ def test_an_unknown_option_is_refused_in_one_line(command: str, capsys: pytest.C
 
 
 def test_the_shell_completes_options(tmp_path: Path) -> None:
-    told = _run(["--install-completion", "--shell", "bash"], tmp_path)
-    assert told.returncode == 0
+    result = _run(["--install-completion", "--shell", "bash"], tmp_path)
+    assert result.returncode == 0
     script = tmp_path / ".local/share/bash-completion/completions/lptn"
     asked = f"source {script}; COMP_WORDS=(lptn fit --hold); COMP_CWORD=2; _lptn; echo ${{COMPREPLY[@]}}"
-    found = subprocess.run(["bash", "-c", asked], capture_output=True, text=True, check=True).stdout.split()
-    assert {"--holdout", "--holdout-after"} <= set(found)
+    options = subprocess.run(["bash", "-c", asked], capture_output=True, text=True, check=True).stdout.split()
+    assert {"--holdout", "--holdout-after"} <= set(options)
 
 
 def test_a_shell_that_is_not_known_is_said_in_one_line(tmp_path: Path) -> None:
-    told = _run(["--install-completion"], tmp_path, SHELL="/bin/tcsh")
-    assert told.returncode == 2
-    assert told.stderr.startswith("lptn: --install-completion: $SHELL: found 'tcsh'; expected --shell and one of bash,")
+    result = _run(["--install-completion"], tmp_path, SHELL="/bin/tcsh")
+    assert result.returncode == 2
+    assert result.stderr.startswith(
+        "lptn: --install-completion: $SHELL: found 'tcsh'; expected --shell and one of bash,"
+    )
     assert not list(tmp_path.iterdir())
 
 

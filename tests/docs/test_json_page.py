@@ -73,7 +73,7 @@ def _typed(words: str) -> None:
 def documented(section: str) -> set[Keys]:
     """The keys that a section's tables list."""
     (text,) = re.findall(rf"^## `lptn {section}`\n(.*?)(?=^## |\Z)", PAGE.read_text(), re.MULTILINE | re.DOTALL)
-    found: set[Keys] = set()
+    listed: set[Keys] = set()
     for row in re.findall(r"^\| (`.*?) \| ", text, re.MULTILINE):
         beside: Keys = ()
         for span in re.findall(r"`([^`]+)`", row):
@@ -82,8 +82,8 @@ def documented(section: str) -> set[Keys]:
                 keys = (*beside, *keys)
             else:
                 beside = keys[:-1]
-            found.add(keys)
-    return found
+            listed.add(keys)
+    return listed
 
 
 def written(value: object, above: Keys = ()) -> Iterator[Keys]:
@@ -116,16 +116,18 @@ def test_the_page_lists_what_is_written(section: str, folder: Path, monkeypatch:
     monkeypatch.chdir(folder)
     listed = documented(section)
     common = documented(BOTH[1]) if section == BOTH[0] else set()
-    found: set[Keys] = set()
+    keys_written: set[Keys] = set()
     for words in TYPED[section]:
         _typed(" ".join((words, *OUT)))
-        found |= set(written(json.loads(Path("out.json").read_text())))
+        keys_written |= set(written(json.loads(Path("out.json").read_text())))
         Path("out.json").unlink()
     unlisted = [
-        keys for keys in found if not any(is_one(keys, each) or is_above(keys, each) for each in listed | common)
+        keys for keys in keys_written if not any(is_one(keys, path) or is_above(keys, path) for path in listed | common)
     ]
     assert not unlisted, "written, and not on the page"
-    unwritten = [each for each in listed if not any(is_one(keys, each) or is_above(keys, each) for keys in found)]
+    unwritten = [
+        path for path in listed if not any(is_one(keys, path) or is_above(keys, path) for keys in keys_written)
+    ]
     assert not unwritten, "on the page, and not written"
 
 
@@ -138,6 +140,6 @@ def test_a_key_too_many_or_too_few_is_found() -> None:
     listed = documented("compare")
     assert ("all", "max") in listed
     assert ("runs", "<run>", "nodes", "<node>", "floor") in listed
-    assert not any(is_one(("all", "least"), each) for each in listed)
+    assert not any(is_one(("all", "least"), path) for path in listed)
     assert is_one(("ladder", "[]", "step"), ("ladder", "…"))
     assert is_above(("experiment",), ("experiment", "moves", "[]", "at"))

@@ -88,14 +88,14 @@ def test_the_catalogue_page_says_all_of_an_effect() -> None:
         "amplitude, off at 0",
         "| J/K | 0 to ∞ |",
     )
-    for each in (
+    for phrase in (
         *said,
         "shape, tried at 15, 60, 240, 900",
         "Looks like: fast at first",
         "Source: two-node network",
         ".py)",
     ):
-        assert each in section
+        assert phrase in section
     assert text.count("\n## ") == len(built_in()) + 1  # and the references
 
 

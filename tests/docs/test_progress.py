@@ -42,7 +42,12 @@ def test_a_count_tells_what_is_left() -> None:
 
 
 def test_durations() -> None:
-    assert [duration(each) for each in (0.4, 59.6, 3600.0, 7800.0)] == ["0 s", "1 min 0 s", "1 h 0 min", "2 h 10 min"]
+    assert [duration(seconds) for seconds in (0.4, 59.6, 3600.0, 7800.0)] == [
+        "0 s",
+        "1 min 0 s",
+        "1 h 0 min",
+        "2 h 10 min",
+    ]
 
 
 def test_nothing_is_said_into_a_pipe(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -26,13 +26,13 @@ def _shown() -> Iterator[tuple[str, str]]:
         for block in page.blocks("python"):
             for node in ast.walk(ast.parse(block)):
                 if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("lptn"):
-                    yield from ((node.module or "", each.name) for each in node.names)
+                    yield from ((node.module or "", alias.name) for alias in node.names)
 
 
 def _public() -> dict[str, Any]:
     names = {(room.__name__, name) for room in _ROOMS for name in room.__all__} | set(_shown())
-    found = {f"{module}.{name}": getattr(import_module(module), name) for module, name in sorted(names)}
-    return {name: thing for name, thing in found.items() if callable(thing)}
+    public = {f"{module}.{name}": getattr(import_module(module), name) for module, name in sorted(names)}
+    return {name: thing for name, thing in public.items() if callable(thing)}
 
 
 PUBLIC = _public()
@@ -42,7 +42,11 @@ every = pytest.mark.parametrize("name", PUBLIC)
 def _arguments(thing: Callable[..., object]) -> list[str]:
     kinds = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
     parameters = inspect.signature(thing).parameters.values()
-    return [each.name for each in parameters if each.kind not in kinds and each.name not in ("self", "cls")]
+    return [
+        parameter.name
+        for parameter in parameters
+        if parameter.kind not in kinds and parameter.name not in ("self", "cls")
+    ]
 
 
 def _documented(text: str) -> set[str]:

@@ -52,12 +52,12 @@ def test_a_broken_plug_in_is_named_in_one_line_and_left_out(
     entry = EntryPoint("broken_fan", value, "lptn.effects")
     monkeypatch.setattr(lptn.effects, "entry_points", lambda group: [entry])
     with caplog.at_level(logging.WARNING, "lptn"):
-        known = catalogue()
+        effects = catalogue()
     (record,) = caplog.records
     assert record.getMessage().startswith(f"plug-in broken_fan ({value}) is left out: {said}")
     assert "\n" not in record.getMessage()
-    assert "copper_loss" in known
-    assert "no_heat" not in known
+    assert "copper_loss" in effects
+    assert "no_heat" not in effects
 
 
 @pytest.mark.parametrize(

@@ -28,8 +28,8 @@ FACTORS = ("surface_scale", "loss_scale")
 def _shared(key: str, size: float, at: str = "*") -> EffectDeclaration:
     kind = catalogue()[key]
     parameters = tuple(
-        replace(each, value=size, share="all") if each.off is not None else replace(each, share="all")
-        for each in kind.parameters
+        replace(parameter, value=size, share="all") if parameter.off is not None else replace(parameter, share="all")
+        for parameter in kind.parameters
     )
     return EffectDeclaration(kind(), at, parameters)
 
@@ -37,7 +37,9 @@ def _shared(key: str, size: float, at: str = "*") -> EffectDeclaration:
 def _difference(key: str, at: str, size: float) -> EffectDeclaration:
     kind = catalogue()[key]
     stated = kind.stated(difference=True)
-    parameters = tuple(replace(each, value=size) if each.off is not None else each for each in stated)
+    parameters = tuple(
+        replace(parameter, value=size) if parameter.off is not None else parameter for parameter in stated
+    )
     return EffectDeclaration(kind(), at, parameters, difference=True)
 
 
@@ -55,12 +57,12 @@ def test_a_difference_adds_to_what_is_common(key: str) -> None:
     kind = catalogue()[key]
     amplitude = kind.amplitude()
     assert amplitude is not None
-    base = two_nodes([each for each in base_for(kind) if each.effect.key != key])
+    base = two_nodes([declaration for declaration in base_for(kind) if declaration.effect.key != key])
     place = _place(kind, base)
     size = 0.4 * amplitude.typical
     both = base.with_effects([_shared(key, size), _difference(key, place, size / 2)])
     whole = base.with_effects([_shared(key, 1.5 * size, place)])
-    others = [each for each, _ in base.places_for(EffectDeclaration(kind(), "*")) if each != place]
+    others = [other for other, _ in base.places_for(EffectDeclaration(kind(), "*")) if other != place]
     if others and not kind.one_place_a_pattern:
         whole = whole.with_effects([replace(_shared(key, size, other)) for other in others])
     np.testing.assert_allclose(_readings(both), _readings(whole), rtol=1e-9)
@@ -93,7 +95,7 @@ def test_a_sensor_may_sit_less_in_the_heat_than_the_others() -> None:
 
 def test_it_has_names_of_its_own_and_is_taken_away_alone() -> None:
     network = two_nodes([_shared("second_mass", 20.0), _difference("second_mass", "a", 10.0)])
-    names = [each.name for each in network.parameters]
+    names = [parameter.name for parameter in network.parameters]
     assert names[-4:] == [
         "second_mass.capacity.*",
         "second_mass.time_constant.*",
@@ -103,8 +105,8 @@ def test_it_has_names_of_its_own_and_is_taken_away_alone() -> None:
     assert len(set(names)) == len(names)
     states = Model(network).states
     assert states == ["a", "b", "second_mass.a", "second_mass.b", "second_mass_difference.a"]
-    assert [each.at for each in network.without_effect("second_mass", "a").effects] == ["*"]
-    assert [each.at for each in network.without_effect("second_mass", "*").effects] == ["a"]
+    assert [declaration.at for declaration in network.without_effect("second_mass", "a").effects] == ["*"]
+    assert [declaration.at for declaration in network.without_effect("second_mass", "*").effects] == ["a"]
 
 
 FILE = """
@@ -135,22 +137,28 @@ def test_the_file_keeps_it(tmp_path: Path) -> None:
 
 def test_what_is_added_where_a_common_one_stands_is_a_difference(tmp_path: Path) -> None:
     file = added(parse_model(FILE, tmp_path / "a.toml"), "constant_heat", "a")
-    assert [each.difference for each in file.network.effects] == [False, True]
+    assert [declaration.difference for declaration in file.network.effects] == [False, True]
     alone = added(parse_model(FILE.replace("all", "each"), tmp_path / "a.toml"), "constant_heat", "a")
-    assert [(each.place, each.declaration.at) for each in alone.network.effect_instances] == [("b", "*"), ("a", "a")]
+    assert [(instance.place, instance.declaration.at) for instance in alone.network.effect_instances] == [
+        ("b", "*"),
+        ("a", "a"),
+    ]
 
 
 def test_what_is_all_or_nothing_is_added_instead_of_the_common_one(tmp_path: Path) -> None:
     file = parse_model(FILE.replace("constant_heat", "sensor_lag"), tmp_path / "a.toml")
     network = added(file, "sensor_lag", "a").network
-    assert not any(each.difference for each in network.effects)
-    assert [(each.place, each.declaration.at) for each in network.effect_instances] == [("b", "*"), ("a", "a")]
+    assert not any(declaration.difference for declaration in network.effects)
+    assert [(instance.place, instance.declaration.at) for instance in network.effect_instances] == [
+        ("b", "*"),
+        ("a", "a"),
+    ]
 
 
 def test_without_the_word_an_effect_of_fewer_places_stands_in_place_of_the_common_one(tmp_path: Path) -> None:
     second = '[[effects]]\nkind = "constant_heat"\nat = "a"\n'
     instances = parse_model(FILE + second, tmp_path / "a.toml").network.effect_instances
-    assert [(each.place, each.declaration.at) for each in instances] == [("b", "*"), ("a", "a")]
+    assert [(instance.place, instance.declaration.at) for instance in instances] == [("b", "*"), ("a", "a")]
     with pytest.raises(InputError, match="difference = true"):
         parse_model(FILE + second + second, tmp_path / "a.toml")
     parse_model(FILE + second + "difference = true\n", tmp_path / "a.toml")

@@ -60,12 +60,12 @@ Rates = Callable[[FloatArray, dict[str, float]], Sequence[float]]
 
 def _solved(rates: Rates, start: Sequence[float]) -> FloatArray:
     """States at the steps by an adaptive integrator that stops at each jump of the inputs, shape (states, N)."""
-    x, found = np.array(start), []
+    x, path = np.array(start), []
     for k in range(N):
-        found.append(x)
+        path.append(x)
         now = {name: float(values[k]) for name, values in COLUMNS.items()}
         x = solve_ivp(lambda _, y: rates(y, now), (0.0, STEP), x, rtol=1e-9, atol=1e-9).y[:, -1]  # noqa: B023
-    return np.array(found).T
+    return np.array(path).T
 
 
 def _two(
@@ -99,7 +99,9 @@ HEATS: list[tuple[EffectDeclaration, Callable[[dict[str, float]], float]]] = [
 
 
 @pytest.mark.parametrize(
-    ("declared", "heat"), HEATS, ids=[f"{each.effect.key} {each.effect.chosen.get('input', '')}" for each, _ in HEATS]
+    ("declared", "heat"),
+    HEATS,
+    ids=[f"{declared.effect.key} {declared.effect.chosen.get('input', '')}" for declared, _ in HEATS],
 )
 def test_heat_into_a_node(declared: EffectDeclaration, heat: Callable[[dict[str, float]], float]) -> None:
     expected = _solved(_two(heat), [30.0, 24.0])
@@ -126,8 +128,8 @@ def test_a_torque_constant_a_tenth_too_high_is_a_loss_scale_of_23_percent() -> N
         return 0.15 * (u["torque.a"] / (0.9 * 0.84)) ** 2
 
     copper = effect("copper_loss", "a", resistance=0.15, torque_constant=0.84)
-    found = _readings([copper, effect("loss_scale", "a", change=0.9**-2 - 1)])
-    np.testing.assert_allclose(found, _solved(_two(heat), [30.0, 24.0]), atol=2e-4)
+    readings = _readings([copper, effect("loss_scale", "a", change=0.9**-2 - 1)])
+    np.testing.assert_allclose(readings, _solved(_two(heat), [30.0, 24.0]), atol=2e-4)
 
 
 def test_ambient_offset_moves_the_air_of_all_nodes() -> None:
@@ -135,8 +137,8 @@ def test_ambient_offset_moves_the_air_of_all_nodes() -> None:
         air = u["temperature.ambient"] - 3.0
         return [-(x[0] - air) / RA / CA, -(x[1] - air) / RB / CB]
 
-    found = _readings([effect("ambient_offset", "ambient", offset=-3.0)])
-    np.testing.assert_allclose(found, _solved(rates, [30.0, 24.0]), atol=2e-4)
+    readings = _readings([effect("ambient_offset", "ambient", offset=-3.0)])
+    np.testing.assert_allclose(readings, _solved(rates, [30.0, 24.0]), atol=2e-4)
 
 
 def test_ambient_lag_starts_at_the_ambient_and_follows_it() -> None:
@@ -145,8 +147,8 @@ def test_ambient_lag_starts_at_the_ambient_and_follows_it() -> None:
         late = (u["temperature.ambient"] - x[2]) / 400.0
         return [-(x[0] - air) / RA / CA, -(x[1] - air) / RB / CB, late]
 
-    found = _readings([effect("ambient_lag", "ambient", fraction=0.8, time_constant=400.0)])
-    np.testing.assert_allclose(found, _solved(rates, [30.0, 24.0, 20.0])[:2], atol=2e-4)
+    readings = _readings([effect("ambient_lag", "ambient", fraction=0.8, time_constant=400.0)])
+    np.testing.assert_allclose(readings, _solved(rates, [30.0, 24.0, 20.0])[:2], atol=2e-4)
 
 
 def test_air_that_drifts_rises_evenly_from_where_it_started() -> None:
@@ -179,8 +181,8 @@ def test_shared_mass_starts_at_the_mean_of_its_nodes() -> None:
 
     model = Model(two_nodes([effect("shared_mass", "*", conductance=g, time_constant=t, leak=leak)]))
     assert model.states == ["a", "b", "shared_mass.*"]
-    found = simulate(model, bind(model, RUN)).readings
-    np.testing.assert_allclose(found, _solved(rates, [30.0, 24.0, 27.0])[:2], atol=2e-4)
+    readings = simulate(model, bind(model, RUN)).readings
+    np.testing.assert_allclose(readings, _solved(rates, [30.0, 24.0, 27.0])[:2], atol=2e-4)
 
 
 def test_shared_mass_keeps_the_energy() -> None:
@@ -202,10 +204,10 @@ def test_shared_mass_without_any_surroundings_has_no_leak() -> None:
 
 def test_drift_grows_by_its_rate_whatever_the_node_does() -> None:
     heat = effect("constant_heat", "a", power=5.0)
-    found = _readings([heat, effect("sensor_drift", "a", rate=-4.0)])
+    readings = _readings([heat, effect("sensor_drift", "a", rate=-4.0)])
     expected = _readings([heat])
-    np.testing.assert_allclose(found[0] - expected[0], -4.0 * np.arange(N) * STEP / 3600, atol=1e-9)
-    np.testing.assert_array_equal(found[1], expected[1])
+    np.testing.assert_allclose(readings[0] - expected[0], -4.0 * np.arange(N) * STEP / 3600, atol=1e-9)
+    np.testing.assert_array_equal(readings[1], expected[1])
 
 
 def test_drift_goes_on_where_a_log_is_cut() -> None:
@@ -213,8 +215,8 @@ def test_drift_goes_on_where_a_log_is_cut() -> None:
     later = replace(RUN, name="log#2", time=RUN.time + late, log_start=float(RUN.time[0]))
     of_log, of_piece = (replace(effect("sensor_drift", "a", rate=-4.0), run=run) for run in ("log", "log#2"))
     for drift, begun in ((of_log, -4.0 * late / 3600), (of_piece, 0.0)):
-        found = _readings([heat, drift], later)[0] - _readings([heat], later)[0]
-        np.testing.assert_allclose(found, begun - 4.0 * np.arange(N) * STEP / 3600, atol=1e-9)
+        readings = _readings([heat, drift], later)[0] - _readings([heat], later)[0]
+        np.testing.assert_allclose(readings, begun - 4.0 * np.arange(N) * STEP / 3600, atol=1e-9)
 
 
 def test_position_reads_a_share_of_the_other_node() -> None:
@@ -251,8 +253,8 @@ def test_hot_spot_leads_by_the_copper_loss_it_sits_in() -> None:
 
     states = _solved(rates, [30.0, 24.0, 0.0])
     hot = effect("hot_spot", "a", resistance=r, time_constant=t)
-    found = _readings([effect("copper_loss", "a"), effect("resistance_rise", "a", alpha=alpha), hot])
-    np.testing.assert_allclose(found[0], states[0] + r * states[2], atol=5e-4)
+    readings = _readings([effect("copper_loss", "a"), effect("resistance_rise", "a", alpha=alpha), hot])
+    np.testing.assert_allclose(readings[0], states[0] + r * states[2], atol=5e-4)
     assert np.ptp(r * states[2]) > 1.0
 
 
@@ -264,9 +266,9 @@ def test_a_winding_passes_its_loss_on_late_and_keeps_none_of_it() -> None:
         return [(x[2] - (x[0] - air) / RA) / CA, -(x[1] - air) / RB / CB, (loss - x[2]) / t]
 
     copper, late = effect("copper_loss", "a"), effect("winding_mass", "a", fraction=1.0, time_constant=t)
-    found = _readings([copper, late])
-    np.testing.assert_allclose(found, _solved(rates, [30.0, 24.0, 0.0])[:2], atol=2e-4)
-    assert np.abs(found[0] - _readings([copper])[0]).max() > 1.0
+    readings = _readings([copper, late])
+    np.testing.assert_allclose(readings, _solved(rates, [30.0, 24.0, 0.0])[:2], atol=2e-4)
+    assert np.abs(readings[0] - _readings([copper])[0]).max() > 1.0
 
 
 def test_half_of_a_loss_may_take_the_way_through_the_winding() -> None:
@@ -289,10 +291,12 @@ def test_half_of_a_loss_may_take_the_way_through_the_winding() -> None:
 def test_a_clock_offset_shifts_the_readings_in_time(delay: float) -> None:
     heat, time = effect("driver_loss", "a", voltage=2.0), np.arange(N) * STEP
     without = _readings([heat])
-    found = _readings([heat, effect("clock_offset", "*", delay=delay)])
+    readings = _readings([heat, effect("clock_offset", "*", delay=delay)])
     inside = (time - delay < time[-1]) & (time > delay)
     for row in range(2):
-        np.testing.assert_allclose(found[row][inside], np.interp(time - delay, time, without[row])[inside], rtol=1e-12)
+        np.testing.assert_allclose(
+            readings[row][inside], np.interp(time - delay, time, without[row])[inside], rtol=1e-12
+        )
 
 
 def test_one_surroundings_has_one_ambient_error() -> None:

@@ -43,9 +43,9 @@ def _run(name: str, world: World, seed: int, start: float = 24.0) -> Run:
     torque = {place: rng.uniform(0.0, 12.0, N // 60).repeat(60) for place in ("a", "b")}
     air = 24.0 + 6.0 * np.sin(2 * np.pi * np.arange(N) / 2000.0)
     ta, tb, trunk, wall, spot = start, start, start, air[0], 0.0
-    h, found = 1.0 / PARTS, np.empty((2, N))
+    h, readings = 1.0 / PARTS, np.empty((2, N))
     for k in range(N):
-        found[:, k] = (1 - world.mix) * ta + world.mix * tb + world.hot * spot, tb + world.drift * k / 3600
+        readings[:, k] = (1 - world.mix) * ta + world.mix * tb + world.hot * spot, tb + world.drift * k / 3600
         for _ in range(PARTS):
             heat = [world.loss * 0.15 * (torque[place][k] / 0.84) ** 2 for place in ("a", "b")]
             felt = air[k] + world.air_offset + world.late * (wall - air[k])
@@ -55,9 +55,9 @@ def _run(name: str, world: World, seed: int, start: float = 24.0) -> Run:
             dtrunk = ((ta + tb) / 2 - trunk - 0.5 * (trunk - felt)) / 700.0
             wall, spot = wall + h * (air[k] - wall) / 600.0, spot + h * (heat[0] - spot) / 5.0
             ta, tb, trunk = ta + h * da, tb + h * db, trunk + h * dtrunk
-    found = found[:, np.clip(np.arange(N) - world.delay, 0, N - 1)] + rng.normal(0.0, NOISE, found.shape)
+    readings = readings[:, np.clip(np.arange(N) - world.delay, 0, N - 1)] + rng.normal(0.0, NOISE, readings.shape)
     columns = {f"torque.{place}": values for place, values in torque.items()}
-    columns |= {"temperature.ambient": air, "temperature.a": found[0], "temperature.b": found[1]}
+    columns |= {"temperature.ambient": air, "temperature.a": readings[0], "temperature.b": readings[1]}
     return make_run(columns, name=name)
 
 
@@ -69,7 +69,7 @@ def _network(added: EffectDeclaration) -> Network:
 def _only(key: str, at: str, run: str = "", **values: float) -> EffectDeclaration:
     """One amplitude for all places, as a candidate has it."""
     declared = replace(effect(key, at, **values), run=run)
-    return replace(declared, parameters=tuple(replace(each, share="all") for each in declared.parameters))
+    return replace(declared, parameters=tuple(replace(parameter, share="all") for parameter in declared.parameters))
 
 
 Case = tuple[EffectDeclaration, World, World, str, float]
@@ -94,10 +94,10 @@ def test_its_size_is_found_and_the_rest_with_it(
     added: EffectDeclaration, cool: World, hot: World, name: str, size: float
 ) -> None:
     model = Model(_network(added))
-    found = fit(model, bound_runs(model, [_run("cool", cool, 1), _run("hot", hot, 2, start=26.0)]))
-    values = {parameter.name: parameter.value for parameter in found.model.parameters}
-    assert found.rmse == pytest.approx(NOISE, rel=0.15)
+    result = fit(model, bound_runs(model, [_run("cool", cool, 1), _run("hot", hot, 2, start=26.0)]))
+    values = {parameter.name: parameter.value for parameter in result.model.parameters}
+    assert result.rmse == pytest.approx(NOISE, rel=0.15)
     assert values[name] == pytest.approx(size, rel=0.1)
-    assert abs(values[name] - size) < 5 * found.standard_errors[name] + 0.02 * abs(size)
-    for each, truth in TRUTH.items():
-        assert values[each] == pytest.approx(truth, rel=0.1), each
+    assert abs(values[name] - size) < 5 * result.standard_errors[name] + 0.02 * abs(size)
+    for other, truth in TRUTH.items():
+        assert values[other] == pytest.approx(truth, rel=0.1), other

@@ -33,17 +33,19 @@ def _named(run: Run, name: str) -> Run:
 @every_amplitude
 def test_acts_in_its_run_as_it_always_would_and_in_no_other_at_all(kind: type[Effect]) -> None:
     base = two_nodes(base_for(kind))
-    without, always, confined = (Model(base.with_effects(each)) for each in ([], [_on(kind)], [_on(kind, "monday")]))
+    without, always, confined = (
+        Model(base.with_effects(effects)) for effects in ([], [_on(kind)], [_on(kind, "monday")])
+    )
     run = random_run(always, 60, seed=3, rise=5.0)
     paths = {
         name: [simulate(model, bind(model, _named(run, name))).readings for model in (without, always, confined)]
         for name in ("monday", "friday")
     }
-    off, on, found = paths["monday"]
-    np.testing.assert_allclose(found, on, rtol=1e-12, atol=0)
-    assert np.abs(found - off).max() > 1e-4
-    off, _, found = paths["friday"]
-    np.testing.assert_array_equal(found, off)
+    off, on, path = paths["monday"]
+    np.testing.assert_allclose(path, on, rtol=1e-12, atol=0)
+    assert np.abs(path - off).max() > 1e-4
+    off, _, path = paths["friday"]
+    np.testing.assert_array_equal(path, off)
 
 
 @every_amplitude
@@ -110,11 +112,11 @@ def test_the_file_keeps_the_run(run: str, tmp_path: Path) -> None:
     )
     file = parse_model(text, tmp_path / "a.toml").with_effects([effect_in("surface_scale", run, "a", change=0.4)])
     again = parse_model(file.text, tmp_path / "a.toml").network
-    assert [each.run for each in again.effects] == [run]
+    assert [declaration.run for declaration in again.effects] == [run]
     assert [(u.name, u.value) for u in again.parameters] == [(u.name, u.value) for u in file.network.parameters]
 
 
 def test_the_effect_of_one_run_is_taken_away_alone() -> None:
     network: Network = two_nodes([effect("constant_heat", "a"), effect_in("constant_heat", "monday", "a")])
-    assert [each.run for each in network.without_effect("constant_heat", "a@monday").effects] == [""]
-    assert [each.run for each in network.without_effect("constant_heat", "a").effects] == ["monday"]
+    assert [declaration.run for declaration in network.without_effect("constant_heat", "a@monday").effects] == [""]
+    assert [declaration.run for declaration in network.without_effect("constant_heat", "a").effects] == ["monday"]

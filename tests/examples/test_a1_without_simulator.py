@@ -78,5 +78,5 @@ def test_windows_keep_the_heat_of_each_sample() -> None:
 
 def test_the_scale_falls_from_soft_limit_to_limit() -> None:
     model = quadruped()
-    found = [CasadiThermal(model, start, LIMIT, SOFT).scale for start in (20.0, 50.0, 57.5, 60.0, 70.0)]
-    assert [scale.max() for scale in found] == pytest.approx([1.0, 1.0, 0.25, 0.0, 0.0])
+    factors = [CasadiThermal(model, start, LIMIT, SOFT).scale for start in (20.0, 50.0, 57.5, 60.0, 70.0)]
+    assert [scale.max() for scale in factors] == pytest.approx([1.0, 1.0, 0.25, 0.0, 0.0])

@@ -69,23 +69,25 @@ def test_the_later_run_of_the_ur3_arm_is_told_from_a_warmer_room() -> None:
     folder = EXAMPLES / "ur3"
     loaded = load_model(folder / "coupled.toml")
     data = split_data(loaded.runs([folder / "warm_up.parquet"]), loaded.runs([folder / "later.parquet"])).coarsened(5.0)
-    known = candidates(loaded.model.network, data.fit[0].run.columns)
-    named = next(each for each in known if each.key == ("loss_scale", "wrist1"))  # what `lptn improve` adds
+    proposed = candidates(loaded.model.network, data.fit[0].run.columns)
+    named = next(
+        candidate for candidate in proposed if candidate.key == ("loss_scale", "wrist1")
+    )  # what `lptn improve` adds
     model = Model(loaded.model.network.with_effects([named.declaration(None, None)]))
-    (found,) = runs_that_differ(fit_segments(model, data.fit), data.holdout)
-    assert "ambient_offset" in {cause.effect for cause in found.causes}
+    (difference,) = runs_that_differ(fit_segments(model, data.fit), data.holdout)
+    assert "ambient_offset" in {cause.effect for cause in difference.causes}
 
 
 @pytest.mark.long
 def test_neighbouring_joints_of_the_ur3_arm_heat_each_other() -> None:
-    folder, found = EXAMPLES / "ur3", []
+    folder, fits = EXAMPLES / "ur3", []
     for name in ("coupled", "single_nodes"):
         loaded = load_model(folder / f"{name}.toml")
         data = split_data(loaded.runs([folder / "warm_up.parquet"]), loaded.runs([folder / "later.parquet"])).coarsened(
             5.0
         )
-        found.append((fit_segments(loaded.model, data.fit), data.holdout))
-    (coupled, parts), (single, single_parts) = found
+        fits.append((fit_segments(loaded.model, data.fit), data.holdout))
+    (coupled, parts), (single, single_parts) = fits
     both = versus(coupled.model, single.model, parts, single_parts)
     assert both.runs[0].mean[0] < both.runs[0].mean[1] < 0.5
     assert both.runs[0].reduction > 0.2
@@ -98,7 +100,9 @@ def test_no_driver_s_loss_takes_the_place_of_the_ur3_arm_s_copper() -> None:
     loaded = load_model(folder / "coupled.toml")
     data = split_data(loaded.runs([folder / "warm_up.parquet"]), loaded.runs([folder / "later.parquet"]))
     history = improve(loaded.model, data, most=1)
-    resistance = next(each for each in history.best.fit.model.parameters if each.name == "copper_loss.resistance.*")
+    resistance = next(
+        parameter for parameter in history.best.fit.model.parameters if parameter.name == "copper_loss.resistance.*"
+    )
     assert resistance.value > 10 * resistance.declared.bounds[0]
 
 

@@ -26,22 +26,22 @@ def _said(model: str, fitted: str, held_out: str) -> tuple[Fit, list[RunDifferen
 @pytest.mark.long
 @pytest.mark.parametrize("model", ["two_nodes", "own_surfaces"])
 def test_of_the_run_with_a_fan_the_loss_to_the_air_is_named(model: str) -> None:
-    done, (found,) = _said(model, "135", "4")
+    done, (difference,) = _said(model, "135", "4")
     assert done.rmse < 3.5
-    assert found.rmse_before > 50.0
-    assert (found.run, found.effect, found.at) == ("Run4", "surface_scale", "*")
-    assert found.amplitude is not None
-    assert found.rmse_after is not None
-    assert 3.0 < found.amplitude < 12.0
-    assert found.rmse_after < 0.3 * found.rmse_before
-    assert "times as fast as the other runs: was a fan on?" in found.text()
+    assert difference.rmse_before > 50.0
+    assert (difference.run, difference.effect, difference.at) == ("Run4", "surface_scale", "*")
+    assert difference.amplitude is not None
+    assert difference.rmse_after is not None
+    assert 3.0 < difference.amplitude < 12.0
+    assert difference.rmse_after < 0.3 * difference.rmse_before
+    assert "times as fast as the other runs: was a fan on?" in difference.text()
     # A fan on two lumps is not all that there is.
-    assert "It does not explain all" in found.text()
+    assert "It does not explain all" in difference.text()
 
 
 def test_of_a_run_in_still_air_nothing_is_said() -> None:
-    _, found = _said("two_nodes", "15", "3")
-    assert found == []
+    _, differences = _said("two_nodes", "15", "3")
+    assert differences == []
 
 
 def test_run_4_is_slower_from_the_first_seconds() -> None:

@@ -75,8 +75,8 @@ def test_the_maximum_lies_where_the_gradient_vanishes_or_at_the_hotter_end(block
 def test_hottest_places_of_the_source_table(block: HeatedBlock, place: float, maximum: float) -> None:
     assert block.hottest_place == pytest.approx(place, abs=1e-9)
     assert block.maximum == pytest.approx(maximum, abs=1e-9)
-    found = minimize_scalar(lambda x: -float(block.temperature(x)), bounds=(0.0, block.length), method="bounded")
-    assert block.maximum >= -found.fun - 1e-9
+    minimum = minimize_scalar(lambda x: -float(block.temperature(x)), bounds=(0.0, block.length), method="bounded")
+    assert block.maximum >= -minimum.fun - 1e-9
 
 
 def test_the_printed_place_is_wrong_but_for_one_difference() -> None:
@@ -119,21 +119,21 @@ ROWS = [
 def test_steady_errors_of_the_source_table(
     method: Method, n: int, top: float, mean: float, unequal: float, heat: float
 ) -> None:
-    found, other = (steady_errors(block_network(block, n, method)) for block in (EQUAL, UNEQUAL))
-    assert found.maximum == pytest.approx(top, abs=5e-4)
-    assert found.mean == pytest.approx(mean, abs=5e-4)
+    errors, other = (steady_errors(block_network(block, n, method)) for block in (EQUAL, UNEQUAL))
+    assert errors.maximum == pytest.approx(top, abs=5e-4)
+    assert errors.mean == pytest.approx(mean, abs=5e-4)
     assert other.maximum == pytest.approx(unequal, abs=5e-4)
     if not method.shifted:
-        assert other.mean == pytest.approx(found.mean, abs=1e-9)
-    assert (found.heat, other.heat) == pytest.approx((heat, heat), abs=1e-10)
+        assert other.mean == pytest.approx(errors.mean, abs=1e-9)
+    assert (errors.heat, other.heat) == pytest.approx((heat, heat), abs=1e-10)
 
 
 @given(blocks, st.integers(1, 9))
 def test_the_negative_resistance_makes_the_mean_exact(block: HeatedBlock, n: int) -> None:
     """[BlockLPTN, eq. 9] for every n and any ends; all heat arrives."""
-    found = steady_errors(block_network(block, n, NEGATIVE))
-    assert found.mean == pytest.approx(0.0, abs=1e-10 * (block.rise + abs(block.left) + abs(block.right)))
-    assert found.heat == pytest.approx(1.0, abs=1e-7 * (1.0 + abs(block.left - block.right) / block.rise))
+    errors = steady_errors(block_network(block, n, NEGATIVE))
+    assert errors.mean == pytest.approx(0.0, abs=1e-10 * (block.rise + abs(block.left) + abs(block.right)))
+    assert errors.heat == pytest.approx(1.0, abs=1e-7 * (1.0 + abs(block.left - block.right) / block.rise))
 
 
 @given(blocks)
@@ -143,17 +143,17 @@ def test_half_the_heat_at_the_right_place_makes_the_maximum_exact(block: HeatedB
         with pytest.raises(ValueError, match="inside"):
             block_network(block, 1, SHIFTED)
         return
-    found = steady_errors(block_network(block, 1, SHIFTED))
-    assert found.maximum == pytest.approx(0.0, abs=1e-12 * (block.rise + abs(block.left) + abs(block.right)) * 10)
-    assert found.heat == pytest.approx(0.5, abs=1e-6 * (1.0 + abs(block.left - block.right) / block.rise))
+    errors = steady_errors(block_network(block, 1, SHIFTED))
+    assert errors.maximum == pytest.approx(0.0, abs=1e-12 * (block.rise + abs(block.left) + abs(block.right)) * 10)
+    assert errors.heat == pytest.approx(0.5, abs=1e-6 * (1.0 + abs(block.left - block.right) / block.rise))
 
 
 @pytest.mark.parametrize("block", [EQUAL, UNEQUAL, STEEP])
 def test_node_and_mean_converge_with_order_two(block: HeatedBlock) -> None:
     """[BlockLPTN, sec. 2.3]: error × n² is constant to 1e-4: q L²/(8k) at every node, q L²/(6k) in the mean."""
     n = np.array([1, 3, 5, 9, 17, 33])
-    found = [steady_errors(block_network(block, int(each))) for each in n]
-    node, mean = np.array([one.node for one in found]), np.array([one.mean for one in found])
+    errors = [steady_errors(block_network(block, int(count))) for count in n]
+    node, mean = np.array([one.node for one in errors]), np.array([one.mean for one in errors])
     np.testing.assert_allclose(node * n**2, block.rise, rtol=1e-4)
     np.testing.assert_allclose(mean * n**2, 4.0 / 3.0 * block.rise, rtol=1e-4)
     assert order(n, node) == pytest.approx(2.0, abs=1e-6)
@@ -162,7 +162,7 @@ def test_node_and_mean_converge_with_order_two(block: HeatedBlock) -> None:
 def test_a_maximum_on_the_end_converges_with_order_one() -> None:
     """[BlockLPTN, sec. 1.3]: the network is not always too hot; at T1 = 80 degC one node is 5 K too cold."""
     n = np.array([1, 3, 5, 9, 17, 33])
-    top = np.array([steady_errors(block_network(STEEP, int(each))).maximum for each in n])
+    top = np.array([steady_errors(block_network(STEEP, int(count))).maximum for count in n])
     assert top[0] == pytest.approx(-5.0)
     assert order(n, top) == pytest.approx(1.0, abs=1e-3)
 

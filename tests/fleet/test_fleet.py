@@ -54,8 +54,8 @@ def _command(capsys: pytest.CaptureFixture[str], *words: object) -> tuple[int, s
 def test_the_command_fits_all_but_the_bad_log_and_names_the_odd_robot(
     model: Path, logs: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    out, found = tmp_path / "out", tmp_path / "fleet.json"
-    status, said, complained = _command(capsys, model, "--each", *logs, "-o", out, "--json", found)
+    out, target = tmp_path / "out", tmp_path / "fleet.json"
+    status, said, complained = _command(capsys, model, "--each", *logs, "-o", out, "--json", target)
     assert status == 1
     assert complained.count("\n") == 1
     assert complained.startswith(f"lptn: robot_003: not fitted: {logs[3]}: line ")
@@ -80,7 +80,7 @@ def test_the_command_fits_all_but_the_bad_log_and_names_the_odd_robot(
         }
         assert fitted[LINK] == pytest.approx(table.set_index("robot")[LINK][name], rel=1e-5)
 
-    written = json.loads(found.read_text())
+    written = json.loads(target.read_text())
     assert written["robots"]["robot_003"]["message"].startswith(str(logs[3]))
     assert written["outliers"][0]["robot"] == "robot_007"
     assert written["spread"][LINK]["unit"] == "K/W"
@@ -88,7 +88,7 @@ def test_the_command_fits_all_but_the_bad_log_and_names_the_odd_robot(
 
 def test_only_what_changed_is_fitted_again(model: Path, logs: list[Path], tmp_path: Path) -> None:
     def statuses(**options: Any) -> list[str]:
-        return [each.status for each in fit_each(model, logs[:3], into=tmp_path / "out", **options).outcomes]
+        return [outcome.status for outcome in fit_each(model, logs[:3], into=tmp_path / "out", **options).outcomes]
 
     assert statuses() == ["fitted"] * 3
     assert statuses() == ["unchanged"] * 3
@@ -157,13 +157,13 @@ def test_no_more_than_asked_for_are_handed_out_at_once(model: Path, logs: list[P
         fleet = fit_each(model, logs, executor=executor, in_flight=3)
     assert executor.most == 3
     assert len(fleet.fitted) == 11
-    assert [each.robot for each in fleet.outcomes] == [log.stem for log in logs]
+    assert [outcome.robot for outcome in fleet.outcomes] == [log.stem for log in logs]
 
 
-def _fit_or_die(order: FleetFit, name: str, logs: Sequence[str], known: str = "") -> Outcome:
+def _fit_or_die(order: FleetFit, name: str, logs: Sequence[str], fingerprint: str = "") -> Outcome:
     if name == "robot_002":
         os.kill(os.getpid(), signal.SIGKILL)
-    return fit_robot(order, name, logs, known)
+    return fit_robot(order, name, logs, fingerprint)
 
 
 @pytest.mark.long
@@ -173,11 +173,11 @@ def test_a_worker_that_dies_costs_its_robot_and_no_other(
 ) -> None:
     monkeypatch.setattr("lptn.fleet.work.fit_robot", _fit_or_die)
     fleet = fit_each(model, logs, jobs=2)
-    assert {each.robot for each in fleet.failed} == {"robot_002", "robot_003"}
-    assert "worker died" in next(each.message for each in fleet.failed if each.robot == "robot_002")
+    assert {outcome.robot for outcome in fleet.failed} == {"robot_002", "robot_003"}
+    assert "worker died" in next(outcome.message for outcome in fleet.failed if outcome.robot == "robot_002")
     with ProcessPoolExecutor(1) as executor:  # the caller's own is not made anew
         fleet = fit_each(model, logs[1:5], executor=executor, in_flight=1)
-    assert [each.status for each in fleet.outcomes] == ["fitted", "failed", "failed", "failed"]
+    assert [outcome.status for outcome in fleet.outcomes] == ["fitted", "failed", "failed", "failed"]
 
 
 def test_two_processes_do_not_fit_into_one_folder(
@@ -230,10 +230,10 @@ def test_a_robot_stands_apart_only_if_its_logs_say_so(model: Path) -> None:
     errors = [0.05, 0.05, 0.05, 0.05, 0.05, 0.05, 0.2, 1.5, None]
     fleet = list(_outcomes(values, errors))
     spread = spread_of(network, fleet)
-    assert [(each.what, each.robots) for each in spread] == [(LINK, 8)]
+    assert [(entry.what, entry.robots) for entry in spread] == [(LINK, 8)]
     assert spread[0].median == pytest.approx(5.01)
     apart = outliers(spread, fleet)
-    assert [each.robot for each in apart] == ["r6"]  # r7 scatters as much itself, r8 says nothing
+    assert [outlier.robot for outlier in apart] == ["r6"]  # r7 scatters as much itself, r8 says nothing
     assert str(apart[0]).startswith(f"r6: {LINK} 3 times the fleet's: 15 against 5.01 K/W")
     assert outliers(spread_of(network, fleet[3:7]), fleet[3:7]) == ()  # of four nobody can tell
 
@@ -262,4 +262,4 @@ def test_ctrl_c_ends_workers_and_keeps_what_is_done(model: Path, tmp_path: Path)
     kept = {path.stem for path in tmp_path.glob("out/records/*.json")}
     assert 10 <= len(kept) < 150
     some = robots_of([tmp_path / "logs" / f"{name}.csv" for name in sorted(kept)[:5]])
-    assert {each.status for each in fit_each(model, some, into=tmp_path / "out").outcomes} == {"unchanged"}
+    assert {outcome.status for outcome in fit_each(model, some, into=tmp_path / "out").outcomes} == {"unchanged"}

@@ -19,8 +19,8 @@ def _touch(*paths: Path) -> None:
 def test_a_file_is_a_robot_and_a_folder_of_logs_is_one(tmp_path: Path) -> None:
     alone, first, second = tmp_path / "spot.csv.gz", tmp_path / "anymal" / "a.csv", tmp_path / "anymal" / "b.parquet"
     _touch(alone, first, second, tmp_path / "anymal" / "notes.txt", tmp_path / "anymal" / ".hidden.csv")
-    found = robots_of([alone, tmp_path / "anymal"])
-    assert [(robot.name, robot.logs) for robot in found] == [("spot", (alone,)), ("anymal", (first, second))]
+    robots = robots_of([alone, tmp_path / "anymal"])
+    assert [(robot.name, robot.logs) for robot in robots] == [("spot", (alone,)), ("anymal", (first, second))]
 
 
 def test_a_folder_of_folders_is_a_shelf_of_robots(tmp_path: Path) -> None:

@@ -26,7 +26,7 @@ def with_fmpy(plan: Plan) -> Rows:
     signal = []
     for k, row in enumerate(rows):
         signal += [(k * step, *row), ((k + 1) * step, *row)]
-    found = fmpy.simulate_fmu(
+    result = fmpy.simulate_fmu(
         plan["file"],
         stop_time=len(rows) * step,
         output_interval=step,
@@ -36,7 +36,7 @@ def with_fmpy(plan: Plan) -> Rows:
         output=plan["outputs"],
         set_input_derivatives=False,
     )
-    return [[float(row[name]) for name in plan["outputs"]] for row in found[1:]]
+    return [[float(row[name]) for name in plan["outputs"]] for row in result[1:]]
 
 
 def with_fmuloader(plan: Plan) -> Rows:
@@ -56,14 +56,14 @@ def with_fmuloader(plan: Plan) -> Rows:
         put, get = slave.set_float64, slave.get_float64
     slave.enter_initialization_mode()
     slave.exit_initialization_mode()
-    found = []
+    table = []
     for k, row in enumerate(plan["rows"]):
         put(plan["input_references"], row)
         slave.do_step(k * plan["step"], plan["step"])
-        found.append(list(get(plan["output_references"])))
+        table.append(list(get(plan["output_references"])))
     slave.terminate()
     slave.free_instance()
-    return found
+    return table
 
 
 def with_libcosimpy(plan: Plan) -> Rows:
@@ -79,12 +79,12 @@ def with_libcosimpy(plan: Plan) -> Rows:
     manipulator, observer = CosimManipulator.create_override(), CosimObserver.create_last_value()
     execution.add_manipulator(manipulator)
     execution.add_observer(observer)
-    found = []
+    table = []
     for row in plan["rows"]:
         manipulator.slave_real_values(index, plan["input_references"], row)
         execution.step()
-        found.append(list(observer.last_real_values(index, plan["output_references"])))
-    return found
+        table.append(list(observer.last_real_values(index, plan["output_references"])))
+    return table
 
 
 def with_ecospy(plan: Plan) -> Rows:
@@ -95,14 +95,14 @@ def with_ecospy(plan: Plan) -> Rows:
         structure.add_model("one", plan["file"])
         with EcosSimulation(structure=structure, step_size=plan["step"]) as simulation:
             simulation.init()
-            found = []
+            table = []
             for row in plan["rows"]:
                 for name, value in zip(plan["inputs"], row, strict=True):
                     simulation.set_real(f"one::{name}", value)
                 simulation.step()
-                found.append([simulation.get_real(f"one::{name}") for name in plan["outputs"]])
+                table.append([simulation.get_real(f"one::{name}") for name in plan["outputs"]])
             simulation.terminate()
-            return found
+            return table
 
 
 IMPORTERS = {"fmpy": with_fmpy, "fmuloader": with_fmuloader, "libcosimpy": with_libcosimpy, "ecospy": with_ecospy}

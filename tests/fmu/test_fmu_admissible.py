@@ -41,9 +41,9 @@ CASES = {
 
 def _values(temperatures: list[float], torques: list[float], ambient: float) -> dict[str, float]:
     """A case as the FMU takes it."""
-    found = {f"{joint}.temperature": warm + ZERO for joint, warm in zip(JOINTS, temperatures, strict=True)}
-    found |= {f"{joint}.torque": torque for joint, torque in zip(JOINTS, torques, strict=True)}
-    return found | {"ambient.temperature": ambient + ZERO}
+    values = {f"{joint}.temperature": warm + ZERO for joint, warm in zip(JOINTS, temperatures, strict=True)}
+    values |= {f"{joint}.torque": torque for joint, torque in zip(JOINTS, torques, strict=True)}
+    return values | {"ambient.temperature": ambient + ZERO}
 
 
 def _expected(case: str, limits: float | Mapping[str, float] = DEFAULT_LIMIT, current: float = np.inf) -> FloatArray:
@@ -57,9 +57,9 @@ def _expected(case: str, limits: float | Mapping[str, float] = DEFAULT_LIMIT, cu
 @pytest.mark.parametrize("case", CASES)
 def test_the_outputs_are_those_of_the_limiter(case: str, fmi: int, built: Build) -> None:
     with Session(built("leg", fmi, admissible=True).path, outputs=NAMES, values=_values(*CASES[case])) as session:
-        found = session.read(NAMES)
+        outputs = session.read(NAMES)
     expected = _expected(case)
-    assert found == pytest.approx(expected, rel=1e-9)
+    assert outputs == pytest.approx(expected, rel=1e-9)
     assert expected.any()
     assert (case in ("too hot", "overloaded neighbour")) == (not expected.all())
 
@@ -71,16 +71,16 @@ def test_the_outputs_follow_a_step(fmi: int, built: Build) -> None:
     _, torques, ambient = CASES["loaded"]
     path = built("leg", fmi, admissible=True).path
     with Session(path, outputs=[*NAMES, *temperatures], values=_values(*CASES["loaded"])) as session:
-        found = session.step(30.0).copy()
+        outputs = session.step(30.0).copy()
     limiter = Limiter(Model(network("leg")), DEFAULT_LIMIT)
-    expected = limiter.admissible((found[len(NAMES) :] - ZERO).tolist(), torques, [ambient]).ravel()
-    assert found[: len(NAMES)] == pytest.approx(expected, rel=1e-9)
+    expected = limiter.admissible((outputs[len(NAMES) :] - ZERO).tolist(), torques, [ambient]).ravel()
+    assert outputs[: len(NAMES)] == pytest.approx(expected, rel=1e-9)
     assert np.abs(expected / _expected("loaded") - 1).max() > 1e-3
 
 
 @pytest.mark.parametrize("fmi", [2, 3])
 def test_model_exchange_shows_them_too(fmi: int, built: Build) -> None:
-    found = fmpy.simulate_fmu(
+    rows = fmpy.simulate_fmu(
         str(built("leg", fmi, admissible=True).path),
         fmi_type="ModelExchange",
         stop_time=1.0,
@@ -88,7 +88,7 @@ def test_model_exchange_shows_them_too(fmi: int, built: Build) -> None:
         start_values=_values(*CASES["loaded"]),
         output=NAMES,
     )
-    assert [found[0][name] for name in NAMES] == pytest.approx(_expected("loaded").tolist(), rel=1e-9)
+    assert [rows[0][name] for name in NAMES] == pytest.approx(_expected("loaded").tolist(), rel=1e-9)
 
 
 @pytest.mark.long
@@ -118,9 +118,9 @@ def test_fmpy_finds_no_fault(fmi: int, solver: str, tmp_path: Path) -> None:
     description = fmpy.read_model_description(str(exported.path))
     assert description.modelExchange is not None
     assert description.coSimulation is not None
-    torques = [each for each in description.outputs if "admissible" in each.variable.name]
+    torques = [output for output in description.outputs if "admissible" in output.variable.name]
     assert len(torques) == 12 * 4
-    assert all(unit_of(each.variable) == "N*m" and each.variable.causality == "output" for each in torques)
+    assert all(unit_of(output.variable) == "N*m" and output.variable.causality == "output" for output in torques)
     depends = {variable.name for variable in torques[0].dependencies}
     assert {"FR_calf.temperature", "RL_hip.torque", "RL_hip.temperature_limit", "FR_calf.capacity"} <= depends
     assert not {"limiter.band", "limiter.horizon"} & depends
@@ -139,7 +139,7 @@ def test_forward_derivatives_are_those_of_differences(case: str, fmi: int, built
     asked = [exported.variables[name] for name in NAMES]
     direction = np.random.default_rng(4).normal(size=len(knowns)) * np.array([abs(v or 1.0) for v in starts.values()])
     with Session(exported.path, values=starts) as session:
-        found = np.array(session._fmu.getDirectionalDerivative(asked, knowns, direction.tolist()))
+        derivatives = np.array(session._fmu.getDirectionalDerivative(asked, knowns, direction.tolist()))
         sides = []
         for sign in (1.0, -1.0):
             moved = zip(starts.items(), direction, strict=True)
@@ -147,7 +147,7 @@ def test_forward_derivatives_are_those_of_differences(case: str, fmi: int, built
             sides.append(session.read(NAMES))
     differences = (sides[0] - sides[1]) / 2e-6
     assert np.count_nonzero(differences) == np.count_nonzero(_expected(case))
-    assert found == pytest.approx(differences, rel=2e-4, abs=1e-4)
+    assert derivatives == pytest.approx(differences, rel=2e-4, abs=1e-4)
 
 
 @pytest.mark.parametrize("case", ["loaded", "too hot"])

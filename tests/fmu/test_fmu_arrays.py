@@ -25,7 +25,7 @@ ALL = {"forecast": True, "events": True, "arrays": True}
 def test_arrays_have_dimensions_places_and_valid_descriptions(built: Build) -> None:
     exported = built("quadruped", **ALL)
     assert validate_fmu(str(exported.path)) == []
-    variables = {each.name: each for each in fmpy.read_model_description(str(exported.path)).modelVariables}
+    variables = {rows.name: rows for rows in fmpy.read_model_description(str(exported.path)).modelVariables}
     assert variables["torque"].shape == (12,)
     assert variables["temperature"].shape == (13,)  # the computer too
     assert variables["der(temperature)"].derivative is variables["temperature"]
@@ -57,7 +57,7 @@ def test_a_session_shows_elements_by_their_places(built: Build) -> None:
     model = Model(network("leg"))
     rows = in_kelvin(model, np.abs(steps(model, 20)))
     names = ["FR_calf.torque_scale", "FR_hip.temperature"]
-    found = []
+    results = []
     for exported in (built("leg"), built("leg", arrays=True)):
         with Session(exported.path) as session, Session(exported.path, inputs=["FR_calf.torque"], outputs=names) as few:
             assert session.input_names == [
@@ -70,9 +70,9 @@ def test_a_session_shows_elements_by_their_places(built: Build) -> None:
                 session.inputs[:], few.inputs[:] = row, row[-1]
                 session.step(1.3)
                 few.step(1.3)
-            every = [each.name for each in exported.component.variables]
-            found.append((session.read(every), few.outputs.copy(), few.read(["FR_hip.torque"])))
-    for one, other in zip(*found, strict=True):
+            every = [variable.name for variable in exported.component.variables]
+            results.append((session.read(every), few.outputs.copy(), few.read(["FR_hip.torque"])))
+    for one, other in zip(*results, strict=True):
         assert (one == other).all()
 
 
@@ -88,7 +88,9 @@ def test_sets_and_gets_count_elements(built: Build, tmp_path: Path) -> None:
         assert "FR_thigh.torque" in leg.said[-1][1]
         assert leg.call("GetFloat64", ctypes.byref(torque), one, before, three) == OK
         assert list(before) == [1.0, 2.0, 3.0]
-        (element,) = (each for each in built("leg", **ALL).component.variables if each.name == "FR_calf.torque")
+        (element,) = (
+            variable for variable in built("leg", **ALL).component.variables if variable.name == "FR_calf.torque"
+        )
         scalar = ctypes.c_uint32(element.reference)
         assert leg.call("GetFloat64", ctypes.byref(scalar), one, before, one) == ERROR
         assert "array's element" in leg.said[-1][1]
@@ -144,6 +146,6 @@ def test_logs_drive_arrays(tmp_path: Path, built: Build) -> None:
         cosimulate(built("leg", arrays=on).path, [file], mapped={"FR_calf.torque": "torque.FR_calf"})
         for on in (False, True)
     ]
-    (one,), (other,) = (each.runs for each in done)
+    (one,), (other,) = (cosimulation.runs for cosimulation in done)
     assert one.outputs.keys() == other.outputs.keys()
     assert all((one.outputs[name] == other.outputs[name]).all() for name in one.outputs)

@@ -194,11 +194,11 @@ def case(request: pytest.FixtureRequest, built: Build) -> tuple[Any, FloatArray]
 
 
 def _run(session: Session, rows: FloatArray) -> FloatArray:
-    found = []
+    outputs = []
     for row in rows:
         session.inputs[:] = row
-        found.append(session.step(1.3).copy())
-    return np.array(found)
+        outputs.append(session.step(1.3).copy())
+    return np.array(outputs)
 
 
 def _state(session: Session) -> Any:

@@ -72,9 +72,9 @@ def _refused(words: list[object], capsys: pytest.CaptureFixture[str]) -> str:
 
 @pytest.mark.long
 def test_an_fmu_follows_a_log_as_its_model_does(exported: Path, log: Path, tmp_path: Path) -> None:
-    found, outputs = tmp_path / "found.json", tmp_path / "outputs.csv"
-    _run("cosim", exported, log, "--json", found, "-o", outputs)
-    said = json.loads(found.read_text())
+    target, outputs = tmp_path / "found.json", tmp_path / "outputs.csv"
+    _run("cosim", exported, log, "--json", target, "-o", outputs)
+    said = json.loads(target.read_text())
     assert said["fmi"] == "3.0"
     assert said["all"]["from_model"] < 1e-6
     assert said["all"]["rmse"] < 1e-3
@@ -85,18 +85,18 @@ def test_an_fmu_follows_a_log_as_its_model_does(exported: Path, log: Path, tmp_p
 
 
 def test_an_fmu_without_a_model_inside_reads_the_log_by_its_names(built: Build, log: Path, tmp_path: Path) -> None:
-    found = tmp_path / "found.json"
-    _run("cosim", built("leg", 2).path, log, "--json", found)
-    said = json.loads(found.read_text())
+    target = tmp_path / "found.json"
+    _run("cosim", built("leg", 2).path, log, "--json", target)
+    said = json.loads(target.read_text())
     assert said["all"]["from_model"] is None
     assert said["all"]["rmse"] < 1e-3
 
 
 @pytest.mark.parametrize("fmi", [2, 3])
 def test_inputs_in_straight_lines_differ_from_held_ones(fmi: int, built: Build, log: Path, tmp_path: Path) -> None:
-    found = tmp_path / "found.json"
-    _run("cosim", built("leg", fmi).path, log, "--ramps", "--json", found)
-    assert 1e-3 < json.loads(found.read_text())["all"]["rmse"] < 0.5  # the log was made with held inputs
+    target = tmp_path / "found.json"
+    _run("cosim", built("leg", fmi).path, log, "--ramps", "--json", target)
+    assert 1e-3 < json.loads(target.read_text())["all"]["rmse"] < 0.5  # the log was made with held inputs
 
 
 @pytest.mark.long
@@ -124,18 +124,18 @@ def test_cosimulation_says_to_the_fmu_which_run_it_is(tmp_path: Path) -> None:
 def test_a_refused_table_or_model_writes_nothing(
     exported: Path, log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    found, other = tmp_path / "found.json", tmp_path / "other.toml"
+    target, other = tmp_path / "found.json", tmp_path / "other.toml"
     other.write_text(presets()["leg"].replace('"temperature.ambient"', "22"))
-    assert ".csv or .parquet" in _refused(["cosim", exported, log, "-o", tmp_path / "x.txt", "--json", found], capsys)
-    said = _refused(["cosim", exported, log, "--model", other, "--json", found], capsys)
+    assert ".csv or .parquet" in _refused(["cosim", exported, log, "-o", tmp_path / "x.txt", "--json", target], capsys)
+    said = _refused(["cosim", exported, log, "--model", other, "--json", target], capsys)
     assert "ambient.temperature, which the model lacks" in said
-    assert not found.exists()
+    assert not target.exists()
 
 
 @pytest.mark.long
 @pytest.mark.usefixtures("built")  # the trust store in a folder of its own
 def test_names_of_any_letters_cannot_get_into_the_code_or_break_the_xml(tmp_path: Path) -> None:
-    model, path, log, found = (tmp_path / name for name in ("x.toml", "x.fmu", "x.csv", "found.json"))
+    model, path, log, target = (tmp_path / name for name in ("x.toml", "x.fmu", "x.csv", "found.json"))
     model.write_text(
         r"""
         [model]
@@ -156,8 +156,8 @@ def test_names_of_any_letters_cannot_get_into_the_code_or_break_the_xml(tmp_path
     header = "time,temperature.größe-1,torque.größe-1,temperature.ambient"
     log.write_text("\n".join([header, *rows]) + "\n", encoding="utf-8")
     _run("fmu", model, "-o", path)
-    _run("cosim", path, log, "--json", found)
-    assert json.loads(found.read_text())["all"]["from_model"] < 1e-6
+    _run("cosim", path, log, "--json", target)
+    assert json.loads(target.read_text())["all"]["from_model"] < 1e-6
     assert fmpy.validation.validate_fmu(str(path)) == []
 
 
@@ -268,12 +268,12 @@ def test_a_mistake_in_the_command_is_one_line(
 
 def test_sources_alone_need_no_compiler(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("lptn.fmu.compile._compile", None)
-    model, path, found = tmp_path / "leg.toml", tmp_path / "leg.fmu", tmp_path / "found.json"
+    model, path, target = tmp_path / "leg.toml", tmp_path / "leg.fmu", tmp_path / "found.json"
     model.write_text(presets()["leg"])
-    _run("fmu", model, "-o", path, "--platforms", "source", "--json", found)
+    _run("fmu", model, "-o", path, "--platforms", "source", "--json", target)
     with zipfile.ZipFile(path) as archive:
         assert not any(name.startswith("binaries") for name in archive.namelist())
-    assert json.loads(found.read_text())["platforms"] == []
+    assert json.loads(target.read_text())["platforms"] == []
 
 
 # --- libraries that were cut off: one line, where loading one kills the process ---------------------

@@ -37,7 +37,7 @@ def test_forward_derivatives_are_those_of_differences(fmi: int, solver: str, bui
     rng = np.random.default_rng(4)
     direction = rng.normal(size=len(knowns)) * np.array([abs(starts[name] or 1.0) for name in names])
     with Session(exported.path, values=starts) as session:
-        found = _forward(session, parameters, knowns, direction)
+        derivatives = _forward(session, parameters, knowns, direction)
         sides = []
         for sign in (1.0, -1.0):
             moved = {name: starts[name] + sign * 1e-6 * step for name, step in zip(names, direction, strict=True)}
@@ -46,8 +46,8 @@ def test_forward_derivatives_are_those_of_differences(fmi: int, solver: str, bui
     differences = (sides[0] - sides[1]) / 2e-6
     assert np.count_nonzero(differences) > 15
     forecasts = [name.endswith("time_to_limit") for name in every]
-    assert np.abs(np.array(found)[forecasts]).min() > 0
-    assert found == pytest.approx(differences, rel=2e-4, abs=1e-4)
+    assert np.abs(np.array(derivatives)[forecasts]).min() > 0
+    assert derivatives == pytest.approx(differences, rel=2e-4, abs=1e-4)
 
 
 @pytest.mark.parametrize("name", ["leg", "everything"])
@@ -113,7 +113,7 @@ def test_an_intermediate_update_may_end_a_step_early(built: Build) -> None:
 def test_model_exchange_by_fmpy_with_constant_inputs(fmi: int, built: Build) -> None:
     """fmpy's CVODES; its own handling of inputs that vary is off, so they stay."""
     names = [f"FR_{joint}.temperature" for joint in ("hip", "thigh", "calf")]
-    found = fmpy.simulate_fmu(
+    rows = fmpy.simulate_fmu(
         str(built("leg", fmi).path),
         fmi_type="ModelExchange",
         stop_time=100.0,
@@ -123,7 +123,7 @@ def test_model_exchange_by_fmpy_with_constant_inputs(fmi: int, built: Build) -> 
         output=names,
     )
     expected = leg_by_hand(np.tile([290.0 - ZERO, 0.0, 0.0, 5.0], (10, 1)), 10.0)
-    temperatures = np.array([[row[name] for name in names] for row in found[1:]]) - ZERO
+    temperatures = np.array([[row[name] for name in names] for row in rows[1:]]) - ZERO
     assert np.abs(temperatures - expected).max() < 1e-4
 
 
@@ -147,9 +147,9 @@ class _Point:
         self.u = np.where(hot, 295.0, rng.uniform(0.5, 5.0, len(model.inputs)))
         self.p = np.array([variable.start for variable in component.of("parameter")])
         assert [component.names[name].kind for name in imported.p()] == ["parameter"] * len(self.p)
-        known = len(model.parameters)
+        count = len(model.parameters)
         raised = np.array([ZERO if parameter.declared.unit == "degC" else 0.0 for parameter in model.parameters])
-        point = (self.x - ZERO, self.u - np.where(hot, ZERO, 0.0), self.p[:known] - raised)
+        point = (self.x - ZERO, self.u - np.where(hot, ZERO, 0.0), self.p[:count] - raised)
         symbols = model.symbols
         by_input = ca.Function(
             "B", [symbols.x, symbols.u, symbols.p], [ca.densify(ca.jacobian(symbols.rates, symbols.u))]
@@ -157,11 +157,11 @@ class _Point:
         self.by_state = model.state_jacobian(*point).full()
         self.by_input = by_input(*point).full()
         self.by_parameter = np.zeros((len(self.x), len(self.p)))
-        self.by_parameter[:, :known] = model.parameter_jacobian(*point).full()
+        self.by_parameter[:, :count] = model.parameter_jacobian(*point).full()
 
     def agrees(self, jacobians: Any) -> bool:
-        for found, expected in zip(jacobians, (self.by_state, self.by_input, self.by_parameter), strict=True):
-            if np.abs(np.array(ca.DM(found)) - expected).max() > 1e-10:
+        for jacobian, expected in zip(jacobians, (self.by_state, self.by_input, self.by_parameter), strict=True):
+            if np.abs(np.array(ca.DM(jacobian)) - expected).max() > 1e-10:
                 return False
         return True
 
@@ -179,8 +179,8 @@ def test_jacobians_before_and_after_an_adjoint_call(name: str, fmi: int, built: 
         seed = np.linspace(-1.0, 2.0, len(point.x))
         back = rates.reverse(1)(point.x, point.u, point.p, rates(point.x, point.u, point.p), seed)
         expected = (seed @ point.by_state, seed @ point.by_input, seed @ point.by_parameter)
-        for found, row in zip(back, expected, strict=True):
-            assert np.abs(np.array(ca.DM(found)).ravel() - row).max() < 1e-10
+        for product, row in zip(back, expected, strict=True):
+            assert np.abs(np.array(ca.DM(product)).ravel() - row).max() < 1e-10
         assert point.agrees(jacobians(point.x, point.u, point.p))
 
 

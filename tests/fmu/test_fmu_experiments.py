@@ -32,12 +32,12 @@ def test_the_fmu_gives_the_results_that_it_carries(tmp_path: Path, monkeypatch: 
     for related in manifest.iterfind("Related"):
         file = content[f"{FOLDER}/{related.get('source')}"]
         assert related.get("checksum") == hashlib.sha3_256(file).hexdigest()
-    (found,) = (each for each in manifest if each.get("role") == "experiment/smoke-test")
-    (experiment,) = ElementTree.fromstring(content[f"{FOLDER}/{found.get('source')}"])
+    (entry,) = (element for element in manifest if element.get("role") == "experiment/smoke-test")
+    (experiment,) = ElementTree.fromstring(content[f"{FOLDER}/{entry.get('source')}"])
     run, stimuli, references = experiment
     assert run.tag == "TransientSimulation"
     inputs, results = (
-        pd.read_csv(io.BytesIO(content[f"{FOLDER}/{each.get('source')}"])) for each in (stimuli, references)
+        pd.read_csv(io.BytesIO(content[f"{FOLDER}/{element.get('source')}"])) for element in (stimuli, references)
     )
     hold = float(run.get("stepSize", "nan"))
     with Session(exported.path, inputs=list(inputs.columns[1:]), outputs=list(results.columns[1:])) as session:

@@ -100,21 +100,21 @@ def test_a_terminal_a_joint_joins_what_is_connected_to_it(tmp_path: Path) -> Non
     exported = export(Model(network("quadruped")), tmp_path / "x.fmu", platforms=())
     with ZipFile(exported.path) as archive:
         root = etree.fromstring(archive.read("terminalsAndIcons/terminalsAndIcons.xml"))
-    found = {each.get("name"): each for each in root.iter("Terminal")}
+    terminals = {element.get("name"): element for element in root.iter("Terminal")}
     members = {
-        name: {each.get("memberName"): each.get("variableName") for each in terminal}
-        for name, terminal in found.items()
+        name: {member.get("memberName"): member.get("variableName") for member in terminal}
+        for name, terminal in terminals.items()
     }
-    joints = {name for name, terminal in found.items() if terminal.get("terminalKind") == "lptn.joint"}
+    joints = {name for name, terminal in terminals.items() if terminal.get("terminalKind") == "lptn.joint"}
     assert len(joints) == 12
     for joint in joints:
         wanted = {"torque", "velocity", "powered", "temperature", "to_ambient.heat_flow", "copper_loss.heat_flow"}
         assert wanted <= set(members[joint])
         assert members[joint]["torque"] == f"{joint}.torque"
-    assert found["ambient"].get("terminalKind") == "lptn.temperature"
+    assert terminals["ambient"].get("terminalKind") == "lptn.temperature"
     assert members["ambient"] == {"temperature": "ambient.temperature"}
     # Two joints are alike: what fits one terminal fits the other.
-    of_one, of_other = ({each for each in members[name] if "to_F" not in each} for name in ("FR_calf", "FL_calf"))
+    of_one, of_other = ({member for member in members[name] if "to_F" not in member} for name in ("FR_calf", "FL_calf"))
     assert of_one == of_other
     shown = {variable.name for variable in exported.component.variables if variable.causality in ("input", "output")}
     assert {name for terminal in members.values() for name in terminal.values()} == shown
@@ -139,8 +139,8 @@ def test_units_have_the_right_base_exponents(tmp_path: Path) -> None:
     }
     for name, expected in exponents.items():
         base = units[name]
-        found = {each: getattr(base, each) for each in ("kg", "m", "s", "A", "K", "mol", "cd", "rad")}
-        assert {each: power for each, power in found.items() if power} == expected
+        powers = {unit: getattr(base, unit) for unit in ("kg", "m", "s", "A", "K", "mol", "cd", "rad")}
+        assert {unit: power for unit, power in powers.items() if power} == expected
 
 
 @pytest.mark.parametrize("fmi", [2, 3])
@@ -170,7 +170,7 @@ def test_dependencies_are_those_of_the_numbers(fmi: int, tmp_path: Path) -> None
                     moved[component.of("rate")[index].name].add(variable.name)
     description = read_model_description(str(exported.path))
     for parameter in description.derivatives:
-        assert {each.name for each in parameter.dependencies} == moved[parameter.variable.name]
+        assert {dependency.name for dependency in parameter.dependencies} == moved[parameter.variable.name]
 
 
 def test_the_archive_holds_sources_documentation_and_the_model(tmp_path: Path) -> None:
@@ -329,10 +329,10 @@ def test_other_platforms_print_the_same_digits(system: str, exported: tuple[Expo
     if shutil.which(EMULATORS[system][0]) is None:
         pytest.skip(f"no {EMULATORS[system][0]} on this machine")
     expected = [float(line) for line in _run_on("linux64", *exported).split()]
-    found = [float(line) for line in _run_on(system, *exported).split()]
+    digits = [float(line) for line in _run_on(system, *exported).split()]
     assert len(expected) == len(exported[0].component.variables) - 1
     # Everything but `exp` and `pow`, which each C library rounds its own way, is the same to the last bit.
-    assert found == pytest.approx(expected, rel=1e-12, abs=1e-12)
+    assert digits == pytest.approx(expected, rel=1e-12, abs=1e-12)
 
 
 @pytest.mark.long
@@ -356,22 +356,22 @@ def test_the_library_for_windows_runs_and_gives_the_digits_of_linux(
     words = [str(library), token, "100", str(inputs[0].reference), str(len(inputs)), "1", str(len(outputs))]
     ran = subprocess.run([tmp_path / "windows", *words], capture_output=True, text=True, check=True, timeout=60)
     *digits, said = ran.stdout.splitlines()
-    with Session(done.path, outputs=[each.name for each in outputs]) as session:
+    with Session(done.path, outputs=[variable.name for variable in outputs]) as session:
         session.inputs[:] = [u if u >= 200 else 1.0 + k % 5 for k, u in enumerate(session.inputs)]
         for _ in range(100):
             session.step(0.1)
-        assert [float(each) for each in digits] == pytest.approx(session.outputs, rel=1e-12, abs=1e-12)
+        assert [float(text) for text in digits] == pytest.approx(session.outputs, rel=1e-12, abs=1e-12)
     assert f"{inputs[0].name} ({inputs[0].reference}): nan refused" in said
 
 
 @pytest.mark.slow
 def test_libraries_for_all_platforms_are_what_they_claim(exported: tuple[Exported, Path]) -> None:
     starts = {"linux": b"\x7fELF", "windows": b"MZ", "darwin": b"\xcf\xfa\xed\xfe"}
-    found = {
+    heads = {
         path.parent.name: path.read_bytes()[:4] for path in (exported[1] / "binaries").rglob("*") if path.is_file()
     }
-    assert set(found) == {each.folder3 for each in PLATFORMS.values()}
-    for folder, start in found.items():
+    assert set(heads) == {target.folder3 for target in PLATFORMS.values()}
+    for folder, start in heads.items():
         assert start.startswith(starts[folder.partition("-")[2]])
 
 
@@ -391,7 +391,9 @@ def test_fmpy_compiles_a_source_fmu_by_its_own_description(fmi: int, tmp_path: P
 
 def test_linux_on_arm_is_found_by_importers_of_fmi_2(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """FMI 2 has no name for it: the library also stands where 64-bit Linux is sought, unless that is there itself."""
-    monkeypatch.setattr("lptn.fmu.exporter.compile_all", lambda *words: {each: each.name.encode() for each in words[3]})
+    monkeypatch.setattr(
+        "lptn.fmu.exporter.compile_all", lambda *words: {target: target.name.encode() for target in words[3]}
+    )
     folders = {}
     for chosen in (["linux-aarch64"], ["linux-aarch64", "linux64"]):
         done = export(Model(network("bare")), tmp_path / "x.fmu", fmi=2, platforms=chosen)

@@ -62,8 +62,8 @@ def _driven(importer: str, exported: Exported, rows: FloatArray, tmp_path: Path)
 def test_an_importer_gives_the_leg_written_by_hand(importer: str, fmi: int, built: Build, tmp_path: Path) -> None:
     exported = built("leg", fmi)
     inputs = steps(exported.component.model, 40)
-    found = _driven(importer, exported, in_kelvin(exported.component.model, inputs), tmp_path)
-    assert np.abs(found - leg_by_hand(inputs, STEP)).max() < 1e-6
+    temperatures = _driven(importer, exported, in_kelvin(exported.component.model, inputs), tmp_path)
+    assert np.abs(temperatures - leg_by_hand(inputs, STEP)).max() < 1e-6
 
 
 @pytest.mark.parametrize(
@@ -79,5 +79,5 @@ def test_an_importer_gives_the_quadruped(importer: str, fmi: int, built: Build, 
     exported = built("quadruped", fmi)
     model = exported.component.model
     inputs = steps(model, 20)
-    found = _driven(importer, exported, in_kelvin(model, inputs), tmp_path)
-    assert np.abs(found - solved(model, inputs, STEP)[:, : len(model.nodes)]).max() < 1e-6
+    temperatures = _driven(importer, exported, in_kelvin(model, inputs), tmp_path)
+    assert np.abs(temperatures - solved(model, inputs, STEP)[:, : len(model.nodes)]).max() < 1e-6

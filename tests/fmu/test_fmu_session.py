@@ -25,12 +25,12 @@ from tests.model import slot
 
 
 def _temperatures(session: Session, rows: np.ndarray, step: float, ramps: bool = False) -> np.ndarray:
-    found = []
+    readings = []
     for k, row in enumerate(rows):
         session.inputs[:] = row
         target = rows[min(k + 1, len(rows) - 1)] if ramps else None
-        found.append(session.step(step, target).copy())
-    return np.array(found) - ZERO
+        readings.append(session.step(step, target).copy())
+    return np.array(readings) - ZERO
 
 
 def _session(built: Build, name: str, fmi: int = 3, solver: str = "rk4", **more: object) -> Session:
@@ -43,8 +43,8 @@ def _session(built: Build, name: str, fmi: int = 3, solver: str = "rk4", **more:
 def test_piecewise_constant_inputs(fmi: int, solver: str, built: Build) -> None:
     inputs = steps(built("leg", fmi, solver).component.model, 120)
     with _session(built, "leg", fmi, solver) as session:
-        found = _temperatures(session, in_kelvin(built("leg", fmi, solver).component.model, inputs), 5.0)
-    assert np.abs(found - leg_by_hand(inputs, 5.0)).max() < 1e-6
+        temperatures = _temperatures(session, in_kelvin(built("leg", fmi, solver).component.model, inputs), 5.0)
+    assert np.abs(temperatures - leg_by_hand(inputs, 5.0)).max() < 1e-6
 
 
 @pytest.mark.long
@@ -52,8 +52,8 @@ def test_every_effect_of_the_catalogue(built: Build) -> None:
     model = built("everything").component.model
     inputs = np.abs(steps(model, 60))
     with _session(built, "everything") as session:
-        found = _temperatures(session, in_kelvin(model, inputs), 2.0)
-    assert np.abs(found - solved(model, inputs, 2.0)).max() < 1e-6
+        temperatures = _temperatures(session, in_kelvin(model, inputs), 2.0)
+    assert np.abs(temperatures - solved(model, inputs, 2.0)).max() < 1e-6
 
 
 def test_steps_of_any_size_give_the_same_end(built: Build) -> None:
@@ -120,10 +120,10 @@ def test_tuning_a_resistance_between_steps(built: Build) -> None:
 def test_a_parameter_tuned_past_the_step_divides_it_and_says_so(built: Build) -> None:
     with _session(built, "leg", values={"FR_hip.capacity": 0.01}) as session:
         session.inputs[1] = 1.0
-        found = session.step(10.0).copy()
+        outputs = session.step(10.0).copy()
         assert "too long" in session.messages[-1]
     expected = solved(built("leg").component.model, np.array([[ROOM, 1.0, 0, 0]]), 10.0, values=_with_small_hip(built))
-    assert np.abs(found - ZERO - expected[0]).max() < 1e-3
+    assert np.abs(outputs - ZERO - expected[0]).max() < 1e-3
 
 
 def _with_small_hip(built: Build) -> np.ndarray:
@@ -233,12 +233,12 @@ def test_every_effect_of_a_run_of_any_name(fmi: int, trusted: Path) -> None:
         (indicator,) = (name for name in session.variables if name.endswith(".run"))
         for flag, values in ((0.0, model.values), (1.0, on)):
             session.reset({indicator: flag})
-            found = []
+            outputs = []
             for row in in_kelvin(model, inputs):
                 session.inputs[:] = row
-                found.append(session.step(2.0).copy())
+                outputs.append(session.step(2.0).copy())
             assert (
-                np.abs(np.array(found) - ZERO - solved(model, inputs, 2.0, values=values)).max() < 1e-5
+                np.abs(np.array(outputs) - ZERO - solved(model, inputs, 2.0, values=values)).max() < 1e-5
             )  # RK4 of its own step
     assert not np.array_equal(on, model.values)
 
@@ -255,11 +255,11 @@ def _apart(fmu: Path, name: str) -> float:
     expected = pd.read_csv(REFERENCE / name / f"{name}_ref.csv")
     outputs, driven = [*expected.columns[1:]], [*inputs.columns[1:]]
     with Session(fmu, inputs=driven, outputs=outputs, trust=True) as session:
-        found = [session.outputs.copy()]
+        results = [session.outputs.copy()]
         for row, step in zip(inputs.iloc[::2].to_numpy(), np.diff(expected["time"]), strict=True):
             session.inputs[:] = row[1:]
-            found.append(session.step(float(step)).copy())
-    return float(np.abs(np.array(found) - expected[outputs].to_numpy()).max())
+            results.append(session.step(float(step)).copy())
+    return float(np.abs(np.array(results) - expected[outputs].to_numpy()).max())
 
 
 def test_each_preset_has_its_folder() -> None:
@@ -299,12 +299,12 @@ def test_a_hottest_point_is_an_output_with_a_limit_of_its_own(tmp_path: Path, mo
     with Session(path, outputs=outputs, trust=True) as session:
         session.inputs[session.input_names.index("winding.current")] = 20.0
         session.inputs[session.input_names.index("ambient.temperature")] = slot.AIR + ZERO
-        found = np.array([session.step(1.0).copy() for _ in range(300)])
+        results = np.array([session.step(1.0).copy() for _ in range(300)])
     truth = slot.truth(np.full(1200, 20.0), 1.0)
     rise = truth["winding.hottest"] - slot.AIR
-    assert np.abs(found[:, 2] - ZERO - truth["winding.hottest"][:300]).max() < 0.02 * rise[299]
+    assert np.abs(results[:, 2] - ZERO - truth["winding.hottest"][:300]).max() < 0.02 * rise[299]
     reached = int((truth["winding.hottest"] > 98.0).argmax()) + 1
-    assert found[-1, 3] == pytest.approx(reached - 300, abs=1.5)
-    derated = found[:, 4] < 1
+    assert results[-1, 3] == pytest.approx(reached - 300, abs=1.5)
+    derated = results[:, 4] < 1
     assert derated.any()
-    np.testing.assert_array_equal(derated, found[:, 2] - ZERO > 88.0, "10 K below the hottest point's limit")
+    np.testing.assert_array_equal(derated, results[:, 2] - ZERO > 88.0, "10 K below the hottest point's limit")

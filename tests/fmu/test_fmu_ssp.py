@@ -69,7 +69,7 @@ def test_values_of_a_fitted_model_make_its_fmu_of_the_nominal_one(tmp_path: Path
     for name, given in (("nominal", values), ("fitted", None), ("nominal", None)):
         with Session(tmp_path / f"{name}.fmu") as session:
             if given is not None:
-                session.write({key: each.value for key, each in read_values(given).items()})
+                session.write({key: parameter.value for key, parameter in read_values(given).items()})
             session.inputs[1:] = 5.0
             for _ in range(100):
                 session.step(1.0)
@@ -99,7 +99,7 @@ def test_cosim_takes_values_from_a_file_in_any_unit(log: Path, built: Build, tmp
     entry = '<Parameter name="{}"><Real value="{}" unit="{}"/></Parameter>'
     inside = entry.format("FR_calf.capacity", 0.15, "kJ/K") + entry.format("FR_calf.temperature_limit", 60.0, "degC")
     path.write_text(f"{head}<Parameters>{inside}</Parameters></ParameterSet>")
-    plain, hot = (cosimulate(built("leg").path, [log], parameters=each).runs[0] for each in (None, path))
+    plain, hot = (cosimulate(built("leg").path, [log], parameters=file).runs[0] for file in (None, path))
     warming = [run.outputs["FR_calf.temperature"][-1] - ZERO - 22.0 for run in (plain, hot)]
     assert warming[1] == pytest.approx(2 * warming[0], rel=0.1)
     scale = hot.outputs["FR_calf.torque_scale"][-1]
@@ -155,7 +155,7 @@ CONNECTIONS = [
 def fmus(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory, built: Build) -> dict[str, Path]:
     folder = tmp_path_factory.mktemp("pair")
     models = zip(("motor", "body"), _pair(), request.param, strict=True)
-    return {name: export(Model(each), folder / f"{name}.fmu", fmi=fmi, step=0.25).path for name, each, fmi in models}
+    return {name: export(Model(part), folder / f"{name}.fmu", fmi=fmi, step=0.25).path for name, part, fmi in models}
 
 
 def _both(torque: float, seconds: float, held: float | None = None) -> np.ndarray:
@@ -180,8 +180,8 @@ def test_two_connected_fmus_are_one_model(kind: str, fmus: dict[str, Path], tmp_
     path = tmp_path / f"drive.{kind}"
     write_system(path, fmus, CONNECTIONS)
     for step in (20.0, 2.0):
-        found = _connected(path, step)
-        assert np.abs(found - _both(6.0, 60.0)).max() < 1e-9
+        temperatures = _connected(path, step)
+        assert np.abs(temperatures - _both(6.0, 60.0)).max() < 1e-9
 
 
 def _connected(path: Path, step: float, held: bool = False) -> np.ndarray:
@@ -202,9 +202,9 @@ def test_an_exchange_that_holds_costs_in_proportion_to_the_step(fmus: dict[str, 
     write_system(path, fmus, CONNECTIONS)
     errors = []
     for step in (2.0, 1.0, 0.5):
-        found = _connected(path, step, held=True)
-        assert np.abs(found - _both(6.0, 60.0, held=step)).max() < 1e-9
-        errors.append(np.abs(found - _both(6.0, 60.0)).max())
+        temperatures = _connected(path, step, held=True)
+        assert np.abs(temperatures - _both(6.0, 60.0, held=step)).max() < 1e-9
+        errors.append(np.abs(temperatures - _both(6.0, 60.0)).max())
     assert errors[1] / errors[0] == pytest.approx(0.5, abs=0.05)
     assert errors[2] / errors[1] == pytest.approx(0.5, abs=0.05)
 
@@ -216,9 +216,12 @@ def test_a_systems_file_is_what_the_standard_and_fmpy_read(fmus: dict[str, Path]
         for text in ((tmp_path / "drive.ssd").read_bytes(), archive.read("SystemStructure.ssd")):
             _valid(text, "Description")
         assert archive.read("resources/motor.fmu") == fmus["motor"].read_bytes()
-    found = read_ssd(str(tmp_path / "drive.ssp"))
-    drawn = found.system.connections
-    pairs = {(f"{each.startElement}.{each.startConnector}", f"{each.endElement}.{each.endConnector}") for each in drawn}
+    description = read_ssd(str(tmp_path / "drive.ssp"))
+    drawn = description.system.connections
+    pairs = {
+        (f"{connection.startElement}.{connection.startConnector}", f"{connection.endElement}.{connection.endConnector}")
+        for connection in drawn
+    }
     assert pairs == set(CONNECTIONS)
 
 
@@ -228,13 +231,13 @@ def test_the_command_connects_fmus_and_drives_them_by_a_log(fmus: dict[str, Path
     table = pd.DataFrame({"time": np.arange(n), "temperature.air": 25.0, "torque.winding": 6.0})
     table["temperature.winding"] = [_both(6.0, float(k))[0] if k else 25.0 for k in range(n)]
     table.to_csv(tmp_path / "log.csv", index=False)
-    path, outputs, found = tmp_path / "drive.ssd", tmp_path / "out.csv", tmp_path / "found.json"
+    path, outputs, target = tmp_path / "drive.ssd", tmp_path / "out.csv", tmp_path / "found.json"
     connect = [word for pair in CONNECTIONS for word in ("--connect", "=".join(pair))]
     _run("fmu", fmus["motor"], fmus["body"], "-o", path, *connect)
-    _run("cosim", path, tmp_path / "log.csv", "-o", outputs, "--json", found)
+    _run("cosim", path, tmp_path / "log.csv", "-o", outputs, "--json", target)
     seen = pd.read_csv(outputs)
     assert seen["temperature.housing"].iloc[-1] == pytest.approx(_both(6.0, float(n))[1], abs=1e-6)
-    assert '"motor.winding"' in found.read_text()
+    assert '"motor.winding"' in target.read_text()
     done = cosimulate(path, [tmp_path / "log.csv"])
     assert done.all.rmse == pytest.approx(0.0, abs=1e-6)
 
@@ -275,7 +278,7 @@ def test_parameters_of_a_system_come_from_its_bindings(fmus: dict[str, Path], tm
 )
 def test_what_cannot_be_connected_is_said(connection: tuple[str, str], said: str, tmp_path: Path) -> None:
     models = zip(("motor", "body"), _pair(), strict=True)
-    fmus = {name: export(Model(each), tmp_path / f"{name}.fmu", platforms=()).path for name, each in models}
+    fmus = {name: export(Model(part), tmp_path / f"{name}.fmu", platforms=()).path for name, part in models}
     with pytest.raises(InputError, match=said):
         write_system(tmp_path / "x.ssd", fmus, [connection])
     with pytest.raises(InputError, match="one connection"):
@@ -299,7 +302,7 @@ def test_a_system_of_foreign_fmus_is_not_run_without_trust(fmus: dict[str, Path]
 
 def test_columns_are_mapped_to_the_variables_of_any_fmu(log: Path, built: Build, tmp_path: Path) -> None:
     """The names of columns that the FMU knows nothing of; a measured column that its output is compared with."""
-    fmu, found = tmp_path / "any.fmu", tmp_path / "out.csv"
+    fmu, target = tmp_path / "any.fmu", tmp_path / "out.csv"
     shutil.copy(built("leg").path, fmu)
     joints = ("FR_hip", "FR_thigh", "FR_calf")
     words = [f"{joint}.torque=torque.{'motor' if joint == 'FR_calf' else 'rest'}" for joint in joints]
@@ -309,7 +312,7 @@ def test_columns_are_mapped_to_the_variables_of_any_fmu(log: Path, built: Build,
         "FR_calf.temperature=temperature.case",
         "temperature.case=T3[degC]",
     ]
-    _run("cosim", fmu, log, "--trust", "-o", found, *(word for each in words for word in ("--map", each)))
-    table = pd.read_csv(found)
+    _run("cosim", fmu, log, "--trust", "-o", target, *(word for pair in words for word in ("--map", pair)))
+    table = pd.read_csv(target)
     assert table["temperature.case"].iloc[-1] > 23.0  # alone it gives torque
     assert table["temperature.FR_hip"].iloc[-1] < 22.1

@@ -53,9 +53,9 @@ def test_steps_of_any_size_at_any_time_follow_the_leg(
         assert leg.set_named(torques) == OK
         for k in range(count):
             assert leg.step(begin + k * step, step) == OK, leg.said[-1]
-        found = np.array(leg.get(*NODES)[1]) - ZERO
+        temperatures = np.array(leg.get(*NODES)[1]) - ZERO
     row = np.array([[ROOM, *torques.values()]])
-    assert np.abs(found - leg_by_hand(row, count * step)[-1]).max() < 1e-6
+    assert np.abs(temperatures - leg_by_hand(row, count * step)[-1]).max() < 1e-6
 
 
 @FMI
@@ -126,18 +126,18 @@ def test_states_and_parameters_are_set_where_the_standard_lets_them(fmi: int, bu
         "terminated": (ERROR, ERROR, ERROR),
     }
     with Raw(built("leg", fmi), tmp_path, exchange=True) as leg:
-        found = {"instantiated": tuple(map(leg.set_named, (state, parameter, entrance)))}
+        statuses = {"instantiated": tuple(map(leg.set_named, (state, parameter, entrance)))}
         leg.start()
-        found["event"] = tuple(map(leg.set_named, (state, parameter, entrance)))
+        statuses["event"] = tuple(map(leg.set_named, (state, parameter, entrance)))
         states = (doubles(300.0, 300.0, 300.0), ctypes.c_size_t(3))
         assert leg.call("SetContinuousStates", *states) == ERROR
         leg.go_continuous()
-        found["continuous"] = tuple(map(leg.set_named, (state, parameter, entrance)))
+        statuses["continuous"] = tuple(map(leg.set_named, (state, parameter, entrance)))
         assert leg.call("SetContinuousStates", *states) == OK
         assert leg.call("Terminate") == OK
-        found["terminated"] = tuple(map(leg.set_named, (state, parameter, entrance)))
+        statuses["terminated"] = tuple(map(leg.set_named, (state, parameter, entrance)))
         assert leg.get("FR_calf.temperature")[0] == OK
-    assert found == expected
+    assert statuses == expected
 
 
 def test_fmi_2_gives_no_values_before_initialization(built: Build, tmp_path: Path) -> None:
@@ -233,9 +233,9 @@ def test_cvodes_goes_on_after_trial_steps_out_of_range(fmi: int, built: Build, t
         leg.go_continuous()
         solver = _Patient(leg, 86400.0)
         solver.step(0.0, 100.0)
-        found = np.array(leg.get(*NODES)[1]) - ZERO
+        temperatures = np.array(leg.get(*NODES)[1]) - ZERO
     assert solver.discarded > 0
-    assert np.abs(found - leg_by_hand(np.array([[150.0 - ZERO, 0.0, 0.0, 5.0]]), 100.0)[-1]).max() < 1e-3
+    assert np.abs(temperatures - leg_by_hand(np.array([[150.0 - ZERO, 0.0, 0.0, 5.0]]), 100.0)[-1]).max() < 1e-3
 
 
 @pytest.mark.long

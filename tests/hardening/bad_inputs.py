@@ -371,10 +371,10 @@ BAD = [*MODELS, *LOGS, *COMMANDS, *OUTPUTS, *TASKS, *STUDIES, *DRAWINGS, *KEPT, 
 
 def by_kind() -> dict[str, Counter[str]]:
     """For each kind how many bad inputs each command is given."""
-    found: dict[str, Counter[str]] = {}
+    commands: dict[str, Counter[str]] = {}
     for bad in BAD:
-        found.setdefault(bad.kind, Counter())[bad.words.split()[0]] += 1
-    return found
+        commands.setdefault(bad.kind, Counter())[bad.words.split()[0]] += 1
+    return commands
 
 
 if __name__ == "__main__":

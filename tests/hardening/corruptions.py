@@ -418,7 +418,9 @@ def main() -> None:
     for kind, corruption in chosen.items():
         logs = list(product(ROBOTS, seeds, STEPS if corruption.coarse else STEPS[:1]))
         answers = [ask(kind, *log) for log in logs]
-        row = np.array([sum(each.found for each in answers), len(answers), sum(len(each.blamed) for each in answers)])
+        row = np.array(
+            [sum(reply.found for reply in answers), len(answers), sum(len(reply.blamed) for reply in answers)]
+        )
         for (robot, seed, steps), answer in zip(logs, answers, strict=True):
             said = [*["missed"] * (not answer.found), *(f"{key} named" for key in sorted(answer.blamed))]
             wrong += [f"{kind}, {robot}, seed {seed}, {steps:g} K: {', '.join(said)}"] * bool(said)

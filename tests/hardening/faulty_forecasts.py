@@ -101,8 +101,8 @@ def forecasts(seed: int, folder: Path, faults: Sequence[str], minutes: Sequence[
     """The model file `model.toml`, fitted runs and the logs to forecast from, in a folder."""
     rng = np.random.default_rng([seed, 15])
     (folder / "preset.toml").write_text(presets()["leg"], encoding="utf-8")
-    for name, each in leg_logs(seed=seed, quantisation=0.1, rate=1.0).items():
-        each.to_parquet(folder / f"{name}.parquet")
+    for name, frame in leg_logs(seed=seed, quantisation=0.1, rate=1.0).items():
+        frame.to_parquet(folder / f"{name}.parquet")
     now, names = STAND + TROT, [f"temperature.{joint}" for joint in LEG_JOINTS]
     made: dict[Path, Asked] = {}
     for step in (0.1, 1.0):
@@ -112,7 +112,7 @@ def forecasts(seed: int, folder: Path, faults: Sequence[str], minutes: Sequence[
                 path = folder / f"{number}_{length}_{step:g}.parquet"
                 log, truth = _walked(seed, path.stem, step, rng)
                 # Of joints that still warm by some kelvins any may be struck.
-                warms = [each for each in names if truth[each].iloc[now + 1200] > truth[each].iloc[now] + 3.0]
+                warms = [joint for joint in names if truth[joint].iloc[now + 1200] > truth[joint].iloc[now] + 3.0]
                 name = warms[int(rng.integers(len(warms)))]
                 true, ahead = truth[name].to_numpy(), int(rng.uniform(300, 1500))
                 table = log.iloc[:now].copy()
@@ -169,7 +169,7 @@ def row(kind: str, pairs: Sequence[tuple[Asked, Answer]]) -> str:
     errors = [abs(answer.time - asked.true) / asked.true for asked, answer in said if isfinite(answer.time)]
     nevers = sum(not isfinite(answer.time) for _, answer in said)
     inside = sum(answer.low <= asked.true <= answer.high for asked, answer in said)
-    middle, worst = (f"{each:.0%}" for each in (np.median(errors), max(errors))) if errors else ("–", "–")
+    middle, worst = (f"{share:.0%}" for share in (np.median(errors), max(errors))) if errors else ("–", "–")
     return f"| {kind} | {len(said)} of {len(pairs)} | {middle} | {worst} | {nevers} | {inside} of {len(said)} |"
 
 

@@ -143,9 +143,9 @@ def watched_logs(seed: int, folder: Path, steps: float) -> dict[str, Asked]:
         seed=seed, quantisation=0.0, rate=1.0, runs={"now": Run(tuple(pieces), float(rng.uniform(12, 28)), cutout=None)}
     )["now"]
     made = {}
-    for number, (kind, each) in enumerate(KINDS.items()):
+    for number, (kind, fault) in enumerate(KINDS.items()):
         log, joint = healthy.copy(), LEG_JOINTS[int(rng.integers(len(LEG_JOINTS)))]
-        each.spoil(log, joint, rng)
+        fault.spoil(log, joint, rng)
         for name in (f"temperature.{joint}" for joint in LEG_JOINTS):
             log[name] = np.round(np.round(log[name] / steps) * steps, 6)
         log.to_parquet(folder / f"watched{number}.parquet")
@@ -155,7 +155,7 @@ def watched_logs(seed: int, folder: Path, steps: float) -> dict[str, Asked]:
 
 def ask(command: Path, folder: Path, logs: Sequence[str], *, healthy: bool) -> dict[str, list[dict[str, str]]]:
     """The alarms of both detectors by log; what was refused has one whose kind says so."""
-    found: dict[str, list[dict[str, str]]] = {}
+    by_log: dict[str, list[dict[str, str]]] = {}
     words = [command, "monitor", "model.toml", *(f"{log}.parquet" for log in logs), "--json", "found.json"]
     words += ["--healthy", "fit1.parquet", "fit2.parquet"] if healthy else []
     done = subprocess.run([str(word) for word in words], cwd=folder, check=False, capture_output=True, text=True)
@@ -163,16 +163,16 @@ def ask(command: Path, folder: Path, logs: Sequence[str], *, healthy: bool) -> d
         if len(logs) == 1:
             return {logs[0]: [{"kind": "refused", "channel": done.stderr.strip(), "node": ""}]}
         for log in logs:
-            found |= ask(command, folder, [log], healthy=healthy)
-        return found
+            by_log |= ask(command, folder, [log], healthy=healthy)
+        return by_log
     runs = json.loads((folder / "found.json").read_text(encoding="utf-8"))["runs"]
     for name, both in runs.items():
         # What the statistical detector calls is what is named; the plain one adds what that one does not call.
         alarms = both["statistical"]["alarms"]
         called = {alarm["node"] for alarm in alarms}
         alarms = alarms + [alarm for alarm in both["threshold"]["alarms"] if alarm["node"] not in called]
-        found.setdefault(name.partition("#")[0], []).extend(alarms)
-    return found
+        by_log.setdefault(name.partition("#")[0], []).extend(alarms)
+    return by_log
 
 
 def channel(alarm: Mapping[str, str]) -> str:
@@ -210,10 +210,10 @@ def main() -> None:
                 subprocess.run([*map(str, fit), "-o", "model.toml"], cwd=folder, check=True, capture_output=True)
                 for version, command in versions.items():
                     for healthy in (True, False):
-                        found = ask(command, folder, list(logs), healthy=healthy)
+                        by_log = ask(command, folder, list(logs), healthy=healthy)
                         of_version = results.setdefault((version, healthy), {kind: [] for kind in KINDS})
                         for log, asked in logs.items():
-                            answer = judged(asked, found.get(log, []))
+                            answer = judged(asked, by_log.get(log, []))
                             of_version[asked.kind].append(answer)
                             mode = "with" if healthy else "without"
                             said = f"'{answer[0]}', {answer[1]} others blamed"

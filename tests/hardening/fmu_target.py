@@ -24,7 +24,7 @@ def fmus() -> Mapping[str, bytes]:
         (folder / "leg.toml").write_text(presets()["leg"])
         model = read_model_file(folder / "leg.toml")
         made = [export(model, folder / f"leg{fmi}.fmu", fmi=fmi, platforms=()) for fmi in (2, 3)]
-        return {each.path.name: each.path.read_bytes() for each in made}
+        return {exported.path.name: exported.path.read_bytes() for exported in made}
 
 
 def read_fmu(path: Path, _: Random) -> None:

@@ -101,7 +101,7 @@ def _wrong(line: str) -> str:
 def _key(kind: str) -> str:
     """The exception and the line of this package that it passed last."""
     frames = traceback.extract_tb(sys.exc_info()[2])
-    ours = [each for each in frames if "/tests/" not in each.filename and "site-packages" not in each.filename]
+    ours = [frame for frame in frames if "/tests/" not in frame.filename and "site-packages" not in frame.filename]
     last = ours[-1] if ours else frames[-1]
     return f"{kind} in {Path(last.filename).name}:{last.lineno} {last.name}"
 

@@ -198,7 +198,7 @@ def _wait_for_change(process: subprocess.Popen[bytes], folder: Path) -> None:
 
 
 def _names(folder: Path) -> list[tuple[str, int]]:
-    places = [folder, *(each for each in folder.iterdir() if each.is_dir() and not each.name.startswith("."))]
+    places = [folder, *(child for child in folder.iterdir() if child.is_dir() and not child.name.startswith("."))]
     times = []
     for place in places:
         with os.scandir(place) as entries:
@@ -241,7 +241,7 @@ def trial(name: str, kills: int, random: Random, folder: Path) -> KillTally:
     command, tally = COMMANDS[name], KillTally()
     took = run(command, folder)
     expected = command.figure(folder)
-    tally.wrong += [f"{each}: {wrong}" for each, wrong in _broken(command, folder).items()]
+    tally.wrong += [f"{file}: {wrong}" for file, wrong in _broken(command, folder).items()]
     for number in range(kills):
         aimed = number % 2 == 1
         kill_once(command, folder, random.uniform(0.0, _AFTER if aimed else took), aimed, tally)
@@ -249,7 +249,7 @@ def trial(name: str, kills: int, random: Random, folder: Path) -> KillTally:
     figure = command.figure(folder)
     if abs(figure - expected) > 1e-3 * abs(expected):
         tally.wrong.append(f"{figure:g} after the kills, {expected:g} without")
-    tally.wrong += [f"at last {each}: {wrong}" for each, wrong in _broken(command, folder).items()]
+    tally.wrong += [f"at last {file}: {wrong}" for file, wrong in _broken(command, folder).items()]
     return tally
 
 
@@ -270,7 +270,7 @@ def main() -> None:
         states = ", ".join(f"{state} {count}" for state, count in sorted(tally.states.items()))
         counts = f"{tally.kills:5} {tally.ended_before:13}  {states}  {tally.leftovers}  {len(tally.wrong)}"
         print(f"{name:10} {counts}", flush=True)
-        print(*(f"  {each}" for each in tally.wrong), sep="\n", end="\n" if tally.wrong else "")
+        print(*(f"  {problem}" for problem in tally.wrong), sep="\n", end="\n" if tally.wrong else "")
         wrong += len(tally.wrong)
     sys.exit(1 if wrong else 0)
 

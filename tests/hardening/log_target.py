@@ -39,28 +39,28 @@ def logs() -> Mapping[str, bytes]:
     text = table.to_csv(index=False)
     dated = table.assign(time=pd.Timestamp("2026-01-01") + pd.to_timedelta(table["time"], unit="s"))
     typed = table.astype({"torque.a": "float32", "power.pc": "int64"})
-    found = {"log.csv": text.encode(), "log.csv.gz": gzip.compress(text.encode(), mtime=0)}
-    found["dated.csv"] = dated.to_csv(index=False).encode()
-    found["comma.csv"] = table.to_csv(index=False, sep=";", decimal=",").encode()
-    for name, each in (("log.parquet", table), ("dated.parquet", dated), ("typed.parquet", typed)):
-        found[name] = _parquet(each)
-    return found | _recordings()
+    files = {"log.csv": text.encode(), "log.csv.gz": gzip.compress(text.encode(), mtime=0)}
+    files["dated.csv"] = dated.to_csv(index=False).encode()
+    files["comma.csv"] = table.to_csv(index=False, sep=";", decimal=",").encode()
+    for name, frame in (("log.parquet", table), ("dated.parquet", dated), ("typed.parquet", typed)):
+        files[name] = _parquet(frame)
+    return files | _recordings()
 
 
 def _recordings() -> dict[str, bytes]:
     """A ROS 2 bag and a ULog, where the packages that read them are installed."""
-    found = {}
+    files = {}
     if find_spec("rosbags"):
         with tempfile.TemporaryDirectory() as name:
             legs = {"bag": leg_logs(seed=1)["holdout"][:300]}
-            found["bag.mcap"] = write_logs(Path(name), legs, "mcap")[0].read_bytes()
+            files["bag.mcap"] = write_logs(Path(name), legs, "mcap")[0].read_bytes()
     if find_spec("pyulog"):
         parts = [header(), definitions(FORMATS)]
         for k in range(300):
             slots = [(3000, 2.5, 40 + k // 100), (-600, 1.0, 35), (0, 0.0, 0), (0, 0.0, 0)]
             parts.append(esc_status(5 + 0.1 * k, 2, slots))
-        found["flight.ulg"] = b"".join(parts)
-    return found
+        files["flight.ulg"] = b"".join(parts)
+    return files
 
 
 def _parquet(table: pd.DataFrame) -> bytes:

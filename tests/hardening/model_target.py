@@ -84,12 +84,12 @@ data = [{ file = "log.csv", sha256 = "00" }]
 def models() -> Mapping[str, bytes]:
     """Presets and examples, and one with all that a model file may say."""
     small = [name for name in presets() if name not in ("quadruped", "heated-block")]
-    found = {f"{name}.toml": presets()[name].encode() for name in small}
+    files = {f"{name}.toml": presets()[name].encode() for name in small}
     for path in sorted(EXAMPLES.glob("*/*.toml")):
         if path.parent.name in ("tclab", "ur3", "pmsm", "bldc_stators", "u8_thesis"):
-            found[path.name] = path.read_bytes()
-    found["all.toml"] = ALL.encode()
-    return found
+            files[path.name] = path.read_bytes()
+    files["all.toml"] = ALL.encode()
+    return files
 
 
 def read_model(path: Path, random: Random) -> None:

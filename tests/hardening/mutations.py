@@ -90,7 +90,7 @@ def spoil_zip(random: Random, content: bytes) -> bytes:
         elif kind == 3:
             entries[k] = name, spoil_bytes(random, body)
         else:
-            xml = [n for n, (each, _) in enumerate(entries) if each.endswith((".xml", ".toml"))]
+            xml = [n for n, (file, _) in enumerate(entries) if file.endswith((".xml", ".toml"))]
             if xml:
                 k = random.choice(xml)
                 entries[k] = entries[k][0], _spoil_xml(random, entries[k][1].decode("utf-8", "replace"))
@@ -115,10 +115,10 @@ def zipped(entries: Sequence[tuple[str | zipfile.ZipInfo, bytes]]) -> bytes:
 
 def _replaced(pattern: re.Pattern[str], odd: Callable[[Random], str]) -> Callable[[Random, str, Sequence[str]], str]:
     def move(random: Random, text: str, _: Sequence[str]) -> str:
-        found = list(pattern.finditer(text))
-        if not found:
+        matches = list(pattern.finditer(text))
+        if not matches:
             return text
-        chosen = random.choice(found)
+        chosen = random.choice(matches)
         return text[: chosen.start()] + odd(random) + text[chosen.end() :]
 
     return move

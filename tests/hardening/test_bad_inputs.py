@@ -22,9 +22,9 @@ def _spoilt(content: object, good: bytes) -> bytes:
         old, new = content
         assert old.encode() in good
         return good.replace(old.encode(), new.encode(), 1)
-    found: object = content(good) if callable(content) else content
-    assert isinstance(found, bytes | str)
-    return found.encode() if isinstance(found, str) else found
+    spoilt: object = content(good) if callable(content) else content
+    assert isinstance(spoilt, bytes | str)
+    return spoilt.encode() if isinstance(spoilt, str) else spoilt
 
 
 def _lay_out(folder: Path, good: dict[str, bytes], bad: Bad) -> dict[str, str]:

@@ -78,10 +78,10 @@ def test_leftovers_of_a_killed_process_go_after_an_hour(tmp_path: Path) -> None:
     path = tmp_path / "out.json"
     young, old, others = (tmp_path / name for name in (".out.json.0123456789ab.part", ".out.json.ba9876543210.part",
                                                        ".out.json.notes.part"))  # fmt: skip
-    for each in (young, old, others):
-        each.write_text("half")
-    for each in (old, others):
-        os.utime(each, (time.time() - 4000,) * 2)
+    for file in (young, old, others):
+        file.write_text("half")
+    for file in (old, others):
+        os.utime(file, (time.time() - 4000,) * 2)
     write_whole(path, "whole")
     assert sorted(tmp_path.iterdir()) == sorted([path, young, others])
 
@@ -91,8 +91,8 @@ def test_a_folder_comes_whole_and_spares_what_else_is_in_it(tmp_path: Path) -> N
     assert write_folder(folder, {"main.c": "1", "model.c": "2"}) == [folder / "main.c", folder / "model.c"]
     (folder / "Makefile").write_text("all:")
     write_folder(folder, {"main.c": "3", "model.c": "4"})
-    found = {path.name: path.read_text() for path in folder.iterdir()}
-    assert found == {"main.c": "3", "model.c": "4", "Makefile": "all:"}
+    contents = {path.name: path.read_text() for path in folder.iterdir()}
+    assert contents == {"main.c": "3", "model.c": "4", "Makefile": "all:"}
     assert list(tmp_path.iterdir()) == [folder]
 
 

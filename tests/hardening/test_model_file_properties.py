@@ -121,7 +121,7 @@ def test_any_value_in_any_place_is_read_or_refused_in_one_line(data: st.DataObje
         if not isinstance(place[key], dict | list) or not place[key] or data.draw(st.booleans()):
             break
         place = place[key]
-    value = data.draw(VALUES.filter(lambda found: found is not None))
+    value = data.draw(VALUES.filter(lambda drawn: drawn is not None))
     place[key] = value
     try:
         text = tomlkit.dumps(content)

@@ -80,8 +80,8 @@ class Point:
 
     def rates(self) -> FloatArray:
         """dT/dt [K/s] in the order of the nodes' names."""
-        found = np.asarray(self.model.rhs(self.x, self.u, self.model.values).full()).ravel()
-        return found[np.argsort(self.model.nodes)]
+        derivatives = np.asarray(self.model.rhs(self.x, self.u, self.model.values).full()).ravel()
+        return derivatives[np.argsort(self.model.nodes)]
 
     def jacobian(self) -> FloatArray:
         """d rates / d temperatures."""
@@ -131,31 +131,31 @@ UNITS = {
 
 
 def _text(values: dict[str, tuple[float, str]]) -> str:
-    told = {name: f'{{ value = {value!r}, unit = "{unit}" }}' for name, (value, unit) in values.items()}
+    entries = {name: f'{{ value = {value!r}, unit = "{unit}" }}' for name, (value, unit) in values.items()}
     return f"""
 [model]
-ambient = {told["ambient"]}
+ambient = {entries["ambient"]}
 [nodes.a]
-capacity = {told["capacity"]}
+capacity = {entries["capacity"]}
 [nodes.body.element]
 kind = "cuboid"
-length_x = {told["x"]}
-length_y = {told["y"]}
+length_x = {entries["x"]}
+length_y = {entries["y"]}
 length_z = 0.03
 conductivity = 20
 density = 2700
 specific_heat = 900
 [[links]]
 between = ["a", "ambient"]
-resistance = {told["resistance"]}
+resistance = {entries["resistance"]}
 [[links]]
 between = ["body.x1", "a"]
 resistance = 0.5
 [[effects]]
 kind = "copper_loss"
 at = "a"
-resistance = {told["ohms"]}
-torque_constant = {told["constant"]}
+resistance = {entries["ohms"]}
+torque_constant = {entries["constant"]}
 """
 
 

@@ -73,7 +73,7 @@ def _risks(path: Path) -> Iterator[str]:
     """What in a module could run what a file holds."""
     for node in _nodes(path):
         if isinstance(node, ast.Import | ast.ImportFrom):
-            names = [each.name for each in node.names] if isinstance(node, ast.Import) else [node.module or ""]
+            names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else [node.module or ""]
             yield from {name.partition(".")[0] for name in names} & RUNS_DATA
     for call in _calls(path):
         text, name = ast.unparse(call.func), _name(call)
@@ -95,16 +95,20 @@ def test_no_module_runs_text_or_unpickles() -> None:
 
 
 def _made(path: Path) -> set[str]:
-    found = set()
+    names = set()
     for call in _calls(path):
         name = _name(call)
         writes_to = name in ("to_csv", "to_parquet") and bool(call.args)
         values = [*call.args, *(word.value for word in call.keywords)]
-        modes = [each.value for each in values if isinstance(each, ast.Constant) and isinstance(each.value, str)]
+        modes = [
+            constant.value
+            for constant in values
+            if isinstance(constant, ast.Constant) and isinstance(constant.value, str)
+        ]
         opens = name in ("open", "fdopen") and any(set(mode) & set("wxa+") for mode in modes if len(mode) <= 3)
         if name in MAKES or writes_to or opens:
-            found.add("open" if opens else name)
-    return found
+            names.add("open" if opens else name)
+    return names
 
 
 def test_files_are_made_only_where_they_come_whole() -> None:
@@ -255,7 +259,9 @@ def test_an_archive_with_a_trick_is_refused_and_nothing_leaves_its_folder(
 def test_devices_and_modes_in_an_archive_become_plain_files(tmp_path: Path) -> None:
     special = [_special("pipe", stat.S_IFIFO | 0o777), _special("device", stat.S_IFCHR | 0o777)]
     special.append(_special("root", stat.S_IFREG | stat.S_ISUID | 0o4777))
-    unpack(_zipped(*((each, b"x") for each in special), ("modelDescription.xml", XML)), tmp_path / "x.fmu", tmp_path)
+    unpack(
+        _zipped(*((member, b"x") for member in special), ("modelDescription.xml", XML)), tmp_path / "x.fmu", tmp_path
+    )
     for path in tmp_path.iterdir():
         assert stat.S_ISREG(path.lstat().st_mode)
         assert not path.stat().st_mode & (stat.S_ISUID | 0o111)

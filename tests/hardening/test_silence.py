@@ -40,7 +40,7 @@ def test_noise_that_a_coarse_sensor_hides_is_not_missed() -> None:
     assert not silences(time, readings, resolution=1.0)
     fine = np.round(true + rng.normal(0.0, 0.15, time.size), 1)
     fine[2000:2800] = fine[2000]
-    assert [each.kind for each in silences(time, fine, resolution=0.1)] == ["frozen"]
+    assert [silence.kind for silence in silences(time, fine, resolution=0.1)] == ["frozen"]
 
 
 def test_one_move_by_two_steps_in_forty_is_chance_and_no_noise() -> None:
@@ -53,7 +53,7 @@ def test_one_move_by_two_steps_in_forty_is_chance_and_no_noise() -> None:
     assert not silences(time, readings, resolution=1.0)
     noisy = readings.copy()
     noisy[:100:7] += 2.0  # its noise is plain, so that a live sensor would not stand
-    assert [each.kind for each in silences(time, noisy, resolution=1.0)] == ["clamped"]  # at its lowest number
+    assert [silence.kind for silence in silences(time, noisy, resolution=1.0)] == ["clamped"]  # at its lowest number
 
 
 def test_what_stands_on_both_sides_of_a_gap_did_not_stand_in_it() -> None:
@@ -63,7 +63,7 @@ def test_what_stands_on_both_sides_of_a_gap_did_not_stand_in_it() -> None:
     readings[297:303] = 30.0  # six seconds before the gap and after it
     assert not silences(time, readings)
     readings[250:350] = 30.0
-    assert [each.kind for each in silences(time, readings)] == ["frozen"]
+    assert [silence.kind for silence in silences(time, readings)] == ["frozen"]
 
 
 @pytest.mark.parametrize(
@@ -80,7 +80,7 @@ def test_rows_that_come_in_bursts_are_no_gaps(apart: npt.NDArray[np.float64]) ->
     readings = np.round(30.0 + np.random.default_rng(2).normal(0.0, 0.1, time.size), 2)
     stands = (time > time[-1] - 1500) & (time < time[-1] - 300)
     readings[stands] = 30.0
-    assert [each.kind for each in silences(time, readings)] == ["frozen"]
+    assert [silence.kind for silence in silences(time, readings)] == ["frozen"]
 
 
 def test_a_torque_of_nothing_but_zero_is_frozen_only_if_it_was_logged_for_long() -> None:
@@ -89,7 +89,7 @@ def test_a_torque_of_nothing_but_zero_is_frozen_only_if_it_was_logged_for_long()
     assert "torque.knee" not in silences_of(zero)
     time = np.arange(300.0)
     zero = {"time": time, "torque.knee": np.zeros(time.size), "velocity.knee": np.sin(time)}
-    assert [each.kind for each in silences_of(zero)["torque.knee"]] == ["frozen"]
+    assert [silence.kind for silence in silences_of(zero)["torque.knee"]] == ["frozen"]
 
 
 def test_two_joints_at_rest_that_read_alike_are_no_copies() -> None:

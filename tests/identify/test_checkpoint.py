@@ -160,18 +160,18 @@ def test_kill_9_loses_no_more_than_the_last_seconds(
     _lptn(*words)
     assert "goes on" not in capsys.readouterr().out
     assert not list(cache.glob("lptn/fits/*"))
-    found = {parameter.name: parameter.value for parameter in read_model_file(fitted).network.parameters}
-    assert found["capacity.a"] == pytest.approx(120.0, rel=0.02)
+    values = {parameter.name: parameter.value for parameter in read_model_file(fitted).network.parameters}
+    assert values["capacity.a"] == pytest.approx(120.0, rel=0.02)
 
 
 def test_a_damaged_checkpoint_or_one_of_another_model_is_none(tmp_path: Path) -> None:
     model, checkpoint = Model(network()), Checkpoint("f" * 64, tmp_path / "fits")
     assert checkpoint.load(model, 1) is None
     checkpoint.save(model, Point(model.values, [np.array([20.0, 21.0])], averaged=True))
-    found = checkpoint.load(model, 1)
-    assert found is not None
-    assert found.averaged
-    np.testing.assert_array_equal(found.starts[0], [20.0, 21.0])
+    saved = checkpoint.load(model, 1)
+    assert saved is not None
+    assert saved.averaged
+    np.testing.assert_array_equal(saved.starts[0], [20.0, 21.0])
     assert checkpoint.load(model, 2) is None
     whole = checkpoint.path.read_text()
     for damaged in (

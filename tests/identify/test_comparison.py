@@ -61,10 +61,10 @@ def test_the_start_comes_from_the_initialisation_window_alone(true_model: Model,
 def test_error_is_predicted_minus_measured(true_model: Model, held_out: DataSplit) -> None:
     """A winding that the model believes to have more resistance is predicted too hot."""
     hot = Model(true_model.network.with_values({"copper_loss.resistance.a": 0.25}))
-    found = compare(hot, held_out.holdout)
-    assert found.node("a").mean > 1.0
-    assert found.node("b").mean > 0.5
-    assert found.all.rmse > found.all.mean > 0
+    comparison = compare(hot, held_out.holdout)
+    assert comparison.node("a").mean > 1.0
+    assert comparison.node("b").mean > 0.5
+    assert comparison.all.rmse > comparison.all.mean > 0
 
 
 def test_errors_of_numbers() -> None:
@@ -80,23 +80,23 @@ def test_errors_of_nothing_are_no_numbers() -> None:
 
 
 def test_json_has_the_agreed_keys(perfect: Comparison) -> None:
-    found = json.loads(json.dumps(perfect.as_json(), allow_nan=False))
-    assert set(found) == {"runs", "all"}
-    assert set(found["all"]) == {"rmse", "max"}
-    assert set(found["runs"]) == {"run1", "run2"}
-    for run in found["runs"].values():
+    written = json.loads(json.dumps(perfect.as_json(), allow_nan=False))
+    assert set(written) == {"runs", "all"}
+    assert set(written["all"]) == {"rmse", "max"}
+    assert set(written["runs"]) == {"run1", "run2"}
+    for run in written["runs"].values():
         assert set(run) == {"nodes"}
         assert set(run["nodes"]) == {"a", "b"}
         for errors in run["nodes"].values():
             assert {"rmse", "max", "mean"} <= set(errors)
-    assert found["all"]["rmse"] == pytest.approx(perfect.all.rmse)
+    assert written["all"]["rmse"] == pytest.approx(perfect.all.rmse)
 
 
 def test_json_leaves_out_a_node_that_is_not_measured(true_model: Model, held_out: DataSplit) -> None:
     segment = held_out.holdout[0]
     columns = {name: values for name, values in segment.run.columns.items() if name != "temperature.b"}
-    found = compare(true_model, [replace(segment, run=replace(segment.run, columns=columns))]).as_json()
-    text = json.dumps(found, allow_nan=False)
+    written = compare(true_model, [replace(segment, run=replace(segment.run, columns=columns))]).as_json()
+    text = json.dumps(written, allow_nan=False)
     assert set(json.loads(text)["runs"]["run1"]["nodes"]) == {"a"}
 
 
@@ -111,16 +111,16 @@ def test_json_keeps_two_runs_of_the_same_name(true_model: Model, held_out: DataS
 
 def test_bins_of_each_condition_hold_every_counted_reading_once(true_model: Model) -> None:
     run = with_garbage(truth_run(1500.0, seed=1))
-    found = compare(true_model, [holdout_segment(run)])
-    conditions = found.conditions()
+    comparison = compare(true_model, [holdout_segment(run)])
+    conditions = comparison.conditions()
     assert {"torque [N·m]", "temperature [°C]", "time since start [s]"} <= {c.quantity for c in conditions}
     for name in true_model.nodes:
-        counted = found.node(name).count
+        counted = comparison.node(name).count
         for quantity in {c.quantity for c in conditions if c.node == name}:
             bins = [c for c in conditions if (c.node, c.quantity) == (name, quantity)]
             assert sum(c.errors.count for c in bins) == counted
             assert sum(c.errors.rmse**2 * c.errors.count for c in bins) == pytest.approx(
-                found.node(name).rmse ** 2 * counted
+                comparison.node(name).rmse ** 2 * counted
             )
             assert all(c.lower < c.upper for c in bins)
 

@@ -18,14 +18,14 @@ def _run(n: int, step: float = 1.0, name: str = "run") -> Run:
 
 
 def test_fitted_runs_count_as_a_whole() -> None:
-    found = split_data([_run(100), _run(200)])
-    assert [(segment.initialisation, segment.evaluation) for segment in found.fit] == [(ALWAYS, ALWAYS)] * 2
-    assert found.holdout == found.test == ()
+    split = split_data([_run(100), _run(200)])
+    assert [(segment.initialisation, segment.evaluation) for segment in split.fit] == [(ALWAYS, ALWAYS)] * 2
+    assert split.holdout == split.test == ()
 
 
 def test_held_out_runs_are_predicted_behind_their_initialisation_window() -> None:
-    found = split_data([_run(100)], [_run(2000)], [_run(3000)])
-    for segment, border in ((found.holdout[0], 200.0), (found.test[0], 300.0)):
+    split = split_data([_run(100)], [_run(2000)], [_run(3000)])
+    for segment, border in ((split.holdout[0], 200.0), (split.test[0], 300.0)):
         assert segment.initialisation == (float("-inf"), border)
         assert segment.evaluation == (border, float("inf"))
 
@@ -48,10 +48,10 @@ def test_an_initialisation_window_counts_from_the_start_of_the_log() -> None:
 
 
 def test_holding_out_the_end_of_each_log_starts_from_where_the_fit_ended() -> None:
-    found = split_data([_run(1000), _run(400)], holdout_after=600.0)
-    assert [segment.evaluation for segment in found.fit] == [(float("-inf"), 600.0)] * 2
-    (later,) = found.holdout  # the short log has nothing after it
-    assert later.run is found.fit[0].run
+    split = split_data([_run(1000), _run(400)], holdout_after=600.0)
+    assert [segment.evaluation for segment in split.fit] == [(float("-inf"), 600.0)] * 2
+    (later,) = split.holdout  # the short log has nothing after it
+    assert later.run is split.fit[0].run
     assert later.initialisation == (float("-inf"), 600.0)
     assert later.evaluation == (600.0, float("inf"))
 
@@ -59,13 +59,13 @@ def test_holding_out_the_end_of_each_log_starts_from_where_the_fit_ended() -> No
 def test_logs_that_begin_later_are_not_fitted() -> None:
     late = make_run({"temperature.a": np.full(500, 20.0)})
     late = Run(late.name, 1.0, late.time + 700.0, late.columns, False, "late.csv", "00")
-    found = split_data([_run(1000), late], holdout_after=600.0)
-    assert len(found.fit) == len(found.holdout) == 1
+    split = split_data([_run(1000), late], holdout_after=600.0)
+    assert len(split.fit) == len(split.holdout) == 1
 
 
 def test_whole_held_out_runs_join_those_behind_the_border() -> None:
-    found = split_data([_run(1000)], [_run(2000, name="other")], holdout_after=600.0)
-    assert [segment.run.name for segment in found.holdout] == ["run", "other"]
+    split = split_data([_run(1000)], [_run(2000, name="other")], holdout_after=600.0)
+    assert [segment.run.name for segment in split.holdout] == ["run", "other"]
 
 
 @pytest.mark.parametrize("border", [0.0, 5.0, 995.0, 5000.0])

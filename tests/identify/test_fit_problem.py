@@ -122,18 +122,18 @@ def test_a_point_that_cannot_be_simulated_costs_infinitely_much() -> None:
 def test_no_symmetry_penalty_leaves_left_and_right_free() -> None:
     model = Model(_sides())
     run = make_run(_simulated(model, _sides_run(model)), step=COARSE)
-    found = {u.name: u.value for u in fit(model, bound_runs(model, [run])).model.parameters}
-    assert found["capacity.left_knee"] == pytest.approx(200.0, rel=0.05)
-    assert found["capacity.right_knee"] == pytest.approx(300.0, rel=0.05)
+    values = {u.name: u.value for u in fit(model, bound_runs(model, [run])).model.parameters}
+    assert values["capacity.left_knee"] == pytest.approx(200.0, rel=0.05)
+    assert values["capacity.right_knee"] == pytest.approx(300.0, rel=0.05)
 
 
 def test_a_large_symmetry_penalty_makes_left_and_right_equal() -> None:
     model = Model(_sides())
     run = make_run(_simulated(model, _sides_run(model)), step=COARSE)
-    found = {u.name: u.value for u in fit(model, bound_runs(model, [run]), symmetry_penalty=1e9).model.parameters}
-    assert found["capacity.left_knee"] == pytest.approx(found["capacity.right_knee"], rel=1e-3)
-    assert 200.0 < found["capacity.left_knee"] < 300.0
-    assert found["resistance.ambient~left_knee"] == pytest.approx(found["resistance.ambient~right_knee"], rel=1e-3)
+    values = {u.name: u.value for u in fit(model, bound_runs(model, [run]), symmetry_penalty=1e9).model.parameters}
+    assert values["capacity.left_knee"] == pytest.approx(values["capacity.right_knee"], rel=1e-3)
+    assert 200.0 < values["capacity.left_knee"] < 300.0
+    assert values["resistance.ambient~left_knee"] == pytest.approx(values["resistance.ambient~right_knee"], rel=1e-3)
 
 
 def test_a_larger_symmetry_penalty_brings_them_closer() -> None:
@@ -141,10 +141,10 @@ def test_a_larger_symmetry_penalty_brings_them_closer() -> None:
     run = make_run(_simulated(model, _sides_run(model)), step=COARSE)
 
     def gap(weight: float) -> float:
-        found = {
+        values = {
             u.name: u.value for u in fit(model, bound_runs(model, [run]), symmetry_penalty=weight).model.parameters
         }
-        return abs(float(np.log(found["capacity.left_knee"] / found["capacity.right_knee"])))
+        return abs(float(np.log(values["capacity.left_knee"] / values["capacity.right_knee"])))
 
     assert gap(0.0) > gap(1e4) > gap(1e7)
 
@@ -152,8 +152,8 @@ def test_a_larger_symmetry_penalty_brings_them_closer() -> None:
 def test_places_that_are_not_shared_by_sides_are_never_pulled_together() -> None:
     model = Model(_sides("each"))
     run = make_run(_simulated(model, _sides_run(model)), step=COARSE)
-    found = {u.name: u.value for u in fit(model, bound_runs(model, [run]), symmetry_penalty=1e9).model.parameters}
-    assert found["capacity.right_knee"] / found["capacity.left_knee"] == pytest.approx(1.5, rel=0.05)
+    values = {u.name: u.value for u in fit(model, bound_runs(model, [run]), symmetry_penalty=1e9).model.parameters}
+    assert values["capacity.right_knee"] / values["capacity.left_knee"] == pytest.approx(1.5, rel=0.05)
 
 
 def test_a_scale_that_nothing_fixes_is_said() -> None:
@@ -162,40 +162,40 @@ def test_a_scale_that_nothing_fixes_is_said() -> None:
     copper = declared.effects[0]
     free = replace(copper, parameters=tuple(replace(p, fixed=p.name != "resistance") for p in copper.parameters))
     model = Model(replace(declared, effects=(free,)))
-    found = fit(model, bound_runs(model, [truth_run(900.0, step=COARSE)]))
-    (warning,) = [text for text in found.uncertainty.warnings if "fix one of them" in text]
+    result = fit(model, bound_runs(model, [truth_run(900.0, step=COARSE)]))
+    (warning,) = [text for text in result.uncertainty.warnings if "fix one of them" in text]
     assert "multiplying them all by one factor" in warning
     for name in [*TRUTH, "copper_loss.resistance.a"]:
         assert name in warning
-        assert found.standard_errors[name] == float("inf")
+        assert result.standard_errors[name] == float("inf")
 
 
 def test_a_parameter_that_the_data_cannot_see_is_named() -> None:
     model = Model(_with([effect("forced_convection", "b")]))
     run = truth_run(900.0, step=COARSE)
     run = replace(run, columns={**run.columns, "speed.base": np.zeros(len(run))})
-    found = fit(model, bound_runs(model, [run]))
-    assert any("forced_convection.gamma.b" in text for text in found.uncertainty.warnings)
-    assert found.standard_errors["forced_convection.gamma.b"] == float("inf")
-    assert np.isfinite(found.standard_errors["capacity.a"])
+    result = fit(model, bound_runs(model, [run]))
+    assert any("forced_convection.gamma.b" in text for text in result.uncertainty.warnings)
+    assert result.standard_errors["forced_convection.gamma.b"] == float("inf")
+    assert np.isfinite(result.standard_errors["capacity.a"])
 
 
 def test_a_parameter_that_the_data_hardly_see_is_named() -> None:
     """A run of a minute says nothing of the way out of a node that a resistance of 4 K/W cools."""
     model = Model(network())
-    found = fit(model, bound_runs(model, [truth_run(60.0)]))
-    assert any(text.startswith("resistance.ambient~b:") for text in found.uncertainty.warnings)
+    result = fit(model, bound_runs(model, [truth_run(60.0)]))
+    assert any(text.startswith("resistance.ambient~b:") for text in result.uncertainty.warnings)
 
 
 def test_bounds_are_kept_and_the_end_at_one_is_said() -> None:
     declared = network()
     narrow = NodeDeclaration("a", capacity(150.0, bounds=(140.0, 160.0)))
     model = Model(replace(declared, nodes=(narrow, *declared.nodes[1:])))
-    found = fit(model, bound_runs(model, [truth_run(900.0, step=COARSE)]))
-    values = {u.name: u.value for u in found.model.parameters}
+    result = fit(model, bound_runs(model, [truth_run(900.0, step=COARSE)]))
+    values = {u.name: u.value for u in result.model.parameters}
     assert 140.0 <= values["capacity.a"] < 140.1
     assert any(
-        text.startswith("capacity.a: ends at its bound, 140 (140 to 160 J/K)") for text in found.uncertainty.warnings
+        text.startswith("capacity.a: ends at its bound, 140 (140 to 160 J/K)") for text in result.uncertainty.warnings
     )
 
 
@@ -205,8 +205,8 @@ def test_a_guess_outside_the_bounds_is_brought_inside() -> None:
     model = Model(replace(declared, nodes=(narrow, *declared.nodes[1:])))
     guess = model.values
     guess[0] = 900.0
-    found = fit(model, bound_runs(model, [truth_run(900.0, step=COARSE)]), guess=guess)
-    assert found.model.values[0] == pytest.approx(TRUTH["capacity.a"], rel=0.05)
+    result = fit(model, bound_runs(model, [truth_run(900.0, step=COARSE)]), guess=guess)
+    assert result.model.values[0] == pytest.approx(TRUTH["capacity.a"], rel=0.05)
 
 
 def _interrupting(at: int) -> Callable[[int, float], None]:
@@ -222,24 +222,24 @@ def test_ctrl_c_keeps_the_best_point_so_far(guessed: bool) -> None:
     model = Model(network())
     bound = bound_runs(model, [truth_run(900.0, step=COARSE)])
     before = signal.getsignal(signal.SIGINT)
-    found = fit(model, bound, guess=model.values if guessed else None, progress=_interrupting(1))
-    assert found.status == "interrupted"
+    result = fit(model, bound, guess=model.values if guessed else None, progress=_interrupting(1))
+    assert result.status == "interrupted"
     assert signal.getsignal(signal.SIGINT) is before
-    assert found.cost <= found.problem.cost(found.problem.guess(model.values))
-    assert found.cost == pytest.approx(found.problem.cost(found.z), rel=1e-9)
-    assert found.iterations < 5
+    assert result.cost <= result.problem.cost(result.problem.guess(model.values))
+    assert result.cost == pytest.approx(result.problem.cost(result.z), rel=1e-9)
+    assert result.iterations < 5
 
 
 def test_progress_hears_every_iteration_and_the_error_falls() -> None:
     model = Model(network())
     heard: list[tuple[int, float]] = []
-    found = fit(
+    result = fit(
         model,
         bound_runs(model, [truth_run(900.0, step=COARSE)]),
         guess=model.values,
         progress=lambda iteration, rms: heard.append((iteration, rms)),
     )
-    assert [iteration for iteration, _ in heard] == list(range(found.iterations + 1))
+    assert [iteration for iteration, _ in heard] == list(range(result.iterations + 1))
     errors = [rms for _, rms in heard]
     assert errors == sorted(errors, reverse=True)
 
@@ -256,6 +256,6 @@ def test_a_mistake_in_the_progress_callback_is_not_swallowed() -> None:
 
 def test_few_iterations_end_as_not_converged() -> None:
     model = Model(network())
-    found = fit(model, bound_runs(model, [truth_run(900.0, step=COARSE)]), guess=model.values, iterations=1)
-    assert found.status == "not converged"
-    assert found.cost <= found.problem.cost(found.problem.guess(model.values))
+    result = fit(model, bound_runs(model, [truth_run(900.0, step=COARSE)]), guess=model.values, iterations=1)
+    assert result.status == "not converged"
+    assert result.cost <= result.problem.cost(result.problem.guess(model.values))

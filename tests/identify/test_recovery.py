@@ -19,8 +19,8 @@ from tests.builders import bound_runs
 from tests.identify.truth import TRUTH, network, truth_run, with_garbage
 
 
-def _values(found: Fit) -> dict[str, float]:
-    return {u.name: u.value for u in found.model.parameters if u.free}
+def _values(result: Fit) -> dict[str, float]:
+    return {u.name: u.value for u in result.model.parameters if u.free}
 
 
 @pytest.fixture(scope="module")
@@ -60,13 +60,13 @@ def test_the_fitted_model_holds_the_values_of_the_point(fitted: Fit) -> None:
 
 
 def test_json_holds_every_free_parameter_with_error_and_unit(fitted: Fit) -> None:
-    found = fitted.as_json()
-    parameters = found["parameters"]
+    written = fitted.as_json()
+    parameters = written["parameters"]
     assert isinstance(parameters, dict)
     assert set(parameters) == set(TRUTH)
     assert set(parameters["capacity.a"]) == {"value", "error", "unit"}
     assert parameters["capacity.a"]["unit"] == "J/K"
-    assert found["rmse_fit"] == pytest.approx(fitted.rmse)
+    assert written["rmse_fit"] == pytest.approx(fitted.rmse)
 
 
 def test_ten_random_starts_reach_the_same_optimum(model: Model) -> None:
@@ -78,10 +78,10 @@ def test_ten_random_starts_reach_the_same_optimum(model: Model) -> None:
         guess = model.values
         guess[model.free] = np.array(list(TRUTH.values())) * np.exp(rng.uniform(-np.log(5), np.log(5), len(TRUTH)))
         problem = reference.problem
-        found = minimise(problem, problem.guess(guess))
-        assert found.status == "converged"
-        assert found.cost == pytest.approx(reference.cost, rel=1e-3)
-        np.testing.assert_allclose(problem.point(found.z).values, reference.point.values, rtol=0.01)
+        optimum = minimise(problem, problem.guess(guess))
+        assert optimum.status == "converged"
+        assert optimum.cost == pytest.approx(reference.cost, rel=1e-3)
+        np.testing.assert_allclose(problem.point(optimum.z).values, reference.point.values, rtol=0.01)
 
 
 def test_a_poor_guess_leads_to_the_same_optimum(model: Model) -> None:
@@ -93,44 +93,44 @@ def test_missing_readings_do_not_count(model: Model) -> None:
     run = with_garbage(truth_run(1800.0))
     missing = sum(int(np.isnan(run.temperature(name)).sum()) for name in model.nodes)
     assert missing > 500
-    found = fit(model, bound_runs(model, [run]))
-    assert found.problem.readings == 2 * len(run) - missing
-    assert _values(found) == pytest.approx(TRUTH, rel=0.05)
-    assert found.rmse == pytest.approx(0.1, rel=0.05)
+    result = fit(model, bound_runs(model, [run]))
+    assert result.problem.readings == 2 * len(run) - missing
+    assert _values(result) == pytest.approx(TRUTH, rel=0.05)
+    assert result.rmse == pytest.approx(0.1, rel=0.05)
 
 
 def test_a_node_without_a_sensor_is_found_through_the_others(model: Model) -> None:
     run = truth_run(1800.0)
     run = replace(run, columns={name: values for name, values in run.columns.items() if name != "temperature.b"})
-    found = fit(model, bound_runs(model, [run]))
-    assert found.rmse == pytest.approx(0.1, rel=0.05)
-    assert _values(found)["capacity.a"] == pytest.approx(TRUTH["capacity.a"], rel=0.1)
+    result = fit(model, bound_runs(model, [run]))
+    assert result.rmse == pytest.approx(0.1, rel=0.05)
+    assert _values(result)["capacity.a"] == pytest.approx(TRUTH["capacity.a"], rel=0.1)
 
 
 def test_runs_of_different_length_are_fitted_together(model: Model) -> None:
     runs = [truth_run(400.0, seed=1), truth_run(900.0, seed=2), truth_run(1300.0, seed=3)]
-    found = fit(model, bound_runs(model, runs))
-    assert [residuals.shape for residuals in found.residuals] == [(2, 400), (2, 900), (2, 1300)]
-    assert len(found.point.starts) == 3
-    for start, run in zip(found.point.starts, runs, strict=True):
+    result = fit(model, bound_runs(model, runs))
+    assert [residuals.shape for residuals in result.residuals] == [(2, 400), (2, 900), (2, 1300)]
+    assert len(result.point.starts) == 3
+    for start, run in zip(result.point.starts, runs, strict=True):
         air = run.columns["temperature.ambient"][0]
         assert start == pytest.approx([air, air], abs=0.2)
-    assert _values(found) == pytest.approx(TRUTH, rel=0.05)
+    assert _values(result) == pytest.approx(TRUTH, rel=0.05)
 
 
 def test_readings_outside_the_counted_window_do_not_pull(model: Model) -> None:
     run = truth_run(1800.0)
     run.columns["temperature.a"][1200:] += 40.0
-    found = fit(model, [bind(model, run).count((0.0, 1200.0))])
-    assert _values(found) == pytest.approx(TRUTH, rel=0.05)
+    result = fit(model, [bind(model, run).count((0.0, 1200.0))])
+    assert _values(result) == pytest.approx(TRUTH, rel=0.05)
 
 
 def test_integral_start_lands_near_without_a_guess(model: Model) -> None:
     bound = bound_runs(model, [truth_run(1800.0)])
     sigma = balanced_sigma(bound, estimate_noise(bound, model.nodes))
     start = integral_start(model, bound, sigma)
-    found = {model.parameters[i].name: start[i] for i in model.free}
-    assert found == pytest.approx(TRUTH, rel=0.3)
+    guessed = {model.parameters[i].name: start[i] for i in model.free}
+    assert guessed == pytest.approx(TRUTH, rel=0.3)
 
 
 def test_integral_start_of_a_model_with_nothing_free_is_the_model() -> None:
@@ -165,7 +165,7 @@ def test_transform_goes_there_and_back(model: Model) -> None:
 
 
 def test_a_resistance_is_searched_by_its_conductance_which_may_be_none(model: Model) -> None:
-    resistances = [each for each in model.parameters if each.resistance]
+    resistances = [parameter for parameter in model.parameters if parameter.resistance]
     transform = Transform(resistances)
     endless = np.full(len(resistances), 1e12)
     coordinates = transform.forward(endless)
@@ -174,6 +174,6 @@ def test_a_resistance_is_searched_by_its_conductance_which_may_be_none(model: Mo
     assert np.isfinite(transform.slope(transform.backward(0.0 * coordinates))).all()
     # A step back from there is a conductance that counts, and few steps are a link as it was.
     assert (transform.backward(coordinates - 1.0) < 1000.0).all()
-    usual = np.array([each.declared.typical for each in resistances])
+    usual = np.array([parameter.declared.typical for parameter in resistances])
     logarithms = transform.forward(usual) - transform.forward(usual / 2)
     np.testing.assert_allclose(logarithms, np.log(2.0), rtol=0.01)

@@ -31,9 +31,9 @@ def _rounded(run: Run, step: float) -> Run:
 def test_nineteen_of_twenty_true_values_lie_within_two_standard_errors(step: float) -> None:
     model, inside = Model(network()), []
     for seed in range(8):
-        found = fit(model, bound_runs(model, [_rounded(truth_run(3000.0, step=4.0, noise=0.05, seed=seed), step)]))
-        values = {parameter.name: parameter.value for parameter in found.model.parameters}
-        inside += [abs(values[name] - true) < 2 * found.standard_errors[name] for name, true in TRUTH.items()]
+        result = fit(model, bound_runs(model, [_rounded(truth_run(3000.0, step=4.0, noise=0.05, seed=seed), step)]))
+        values = {parameter.name: parameter.value for parameter in result.model.parameters}
+        inside += [abs(values[name] - true) < 2 * result.standard_errors[name] for name, true in TRUTH.items()]
     assert len(inside) == 32
     # Of 32, 30.4 are expected; fewer than 27 come once in a hundred times.
     assert sum(inside) >= 27
@@ -50,7 +50,7 @@ def test_a_coarse_sensor_widens_the_intervals() -> None:
 def _with_prior_of_winding(mean: float, deviation: float) -> Model:
     given = network()
     winding = replace(given.effects[0].resolved["resistance"], value=mean, fixed=False, prior=(mean, deviation))
-    others = tuple(each for each in given.effects[0].parameters if each.name != "resistance")
+    others = tuple(parameter for parameter in given.effects[0].parameters if parameter.name != "resistance")
     return Model(replace(given, effects=(replace(given.effects[0], parameters=(winding, *others)),)))
 
 
@@ -58,13 +58,13 @@ def _with_prior_of_winding(mean: float, deviation: float) -> Model:
 def test_what_the_data_leave_open_is_as_uncertain_as_its_prior(step: float) -> None:
     """All heat, capacities and conductances may be multiplied by one factor: only the winding's prior holds them."""
     model = _with_prior_of_winding(0.22, 0.02)
-    found = fit(model, bound_runs(model, [truth_run(1800.0, step=step, noise=0.05)]))
-    values = {parameter.name: parameter.value for parameter in found.model.parameters}
+    result = fit(model, bound_runs(model, [truth_run(1800.0, step=step, noise=0.05)]))
+    values = {parameter.name: parameter.value for parameter in result.model.parameters}
     assert values["copper_loss.resistance.a"] == pytest.approx(0.22, rel=0.01)
-    assert found.standard_errors["copper_loss.resistance.a"] == pytest.approx(0.02, rel=0.05)
+    assert result.standard_errors["copper_loss.resistance.a"] == pytest.approx(0.02, rel=0.05)
     assert values["capacity.b"] == pytest.approx(1.1 * TRUTH["capacity.b"], rel=0.03)
-    assert found.standard_errors["capacity.b"] == pytest.approx(0.02 / 0.22 * values["capacity.b"], rel=0.1)
-    assert not found.uncertainty.warnings
+    assert result.standard_errors["capacity.b"] == pytest.approx(0.02 / 0.22 * values["capacity.b"], rel=0.1)
+    assert not result.uncertainty.warnings
 
 
 def test_data_that_contradict_a_prior_are_told() -> None:
@@ -72,8 +72,8 @@ def test_data_that_contradict_a_prior_are_told() -> None:
     model = Model(
         replace(given, nodes=(NodeDeclaration("a", replace(capacity(200.0), prior=(200.0, 5.0))), *given.nodes[1:]))
     )
-    found = fit(model, bound_runs(model, [truth_run(1800.0, noise=0.05)]))
-    (warning,) = found.uncertainty.warnings
+    result = fit(model, bound_runs(model, [truth_run(1800.0, noise=0.05)]))
+    (warning,) = result.uncertainty.warnings
     assert warning.startswith("capacity.a: 12")
     assert "standard deviations from what was known of it, 200 ± 5 J/K" in warning
 

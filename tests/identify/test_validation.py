@@ -43,8 +43,8 @@ def _data() -> DataSplit:
 
 def test_a_side_that_was_never_loaded_is_learnt_from_the_other() -> None:
     trials = symmetry_trials(_model(), _data(), penalties=(0.0, 1e2, 1e4))
-    assert [each.symmetry_penalty for each in trials] == [0.0, 1e2, 1e4]
-    best = min(trials, key=lambda each: each.holdout.rmse)
+    assert [trial.symmetry_penalty for trial in trials] == [0.0, 1e2, 1e4]
+    best = min(trials, key=lambda trial: trial.holdout.rmse)
     assert best.symmetry_penalty > 0
     assert best.holdout.rmse < 0.5 * trials[0].holdout.rmse
 

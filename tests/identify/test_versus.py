@@ -54,7 +54,7 @@ def test_classes_and_runs_are_those_of_the_logs(result: Versus) -> None:
     assert [pair.what for pair in result.classes] == ["*_hip", "*_thigh", "*_calf", "all"]
     assert [pair.what for pair in result.runs] == ["monday", "tuesday"]
     assert all(pair.mean[0] < 0.1 < pair.mean[1] for pair in result.runs)
-    whole = np.concatenate([each.error.ravel() for each in result.other.predictions])
+    whole = np.concatenate([prediction.error.ravel() for prediction in result.other.predictions])
     assert result.classes[-1].mean[1] == pytest.approx(np.nanmean(np.abs(whole)))
 
 

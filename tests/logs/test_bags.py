@@ -66,8 +66,8 @@ class Recorder:
 
     def dynamic(self, stamp: float | None, values: dict[str, dict[str, float]]) -> Any:
         entries = [
-            self.make("control_msgs/InterfaceValue", list(each), np.array(list(each.values())))
-            for each in values.values()
+            self.make("control_msgs/InterfaceValue", list(interfaces), np.array(list(interfaces.values())))
+            for interfaces in values.values()
         ]
         return self.make("control_msgs/DynamicJointState", self.header(stamp), list(values), entries)
 
@@ -158,7 +158,7 @@ def test_messages_of_a_maker_s_own_type(recorder: Recorder, tmp_path: Path) -> N
         "temperature.hip": ColumnSource(("/lowstate.motor_state[0].temperature",)),
         "torque.knee": ColumnSource(("/lowstate.motor_state[1].tau_est",)),
     }
-    (file,) = (each for each in (tmp_path / "bag").iterdir() if each.suffix in {".mcap", ".db3"})
+    (file,) = (entry for entry in (tmp_path / "bag").iterdir() if entry.suffix in {".mcap", ".db3"})
     for path in (tmp_path / "bag", file):
         (run,) = read_log(path, columns)
         np.testing.assert_allclose(run.temperature("hip"), 20.0 + np.arange(30))
@@ -199,7 +199,7 @@ def test_numbers_are_found_among_the_bytes_of_any_layout(tmp_path: Path) -> None
 
     kind = "maker_msgs/msg/Mixed"
     messages = [message(k, "same" if k % 10 else "other text") for k in range(60)]
-    raws = [bytes(recorder.store.serialize_cdr(each, kind)) for each in messages]
+    raws = [bytes(recorder.store.serialize_cdr(original, kind)) for original in messages]
     wanted = list(dict(numbers_in(messages[0])))
     assert {"cells[2].temperature", "cells[0].counts[2]", "y", "triple[1]", "last"} <= set(wanted)
     assert not any(name.startswith("picture") for name in wanted)
@@ -307,7 +307,7 @@ def test_truncated_storage(tmp_path: Path, refuse: Refuse, plugin: str) -> None:
     with recorder.writer:
         for k in range(500):
             recorder.send("/joint_states", 1.0 * k, recorder.joints(k, ["a"], [1.0], [1.0]))
-    storage = next(each for each in (tmp_path / "bag").iterdir() if each.suffix in {".db3", ".mcap"})
+    storage = next(entry for entry in (tmp_path / "bag").iterdir() if entry.suffix in {".db3", ".mcap"})
     storage.write_bytes(storage.read_bytes()[: storage.stat().st_size // 2])
     for path in (tmp_path / "bag", storage):
         assert "found a broken file" in refuse(path, read_log, path)
@@ -392,13 +392,13 @@ def write_chunk(path: Path, way: str, data: bytes, declared: int) -> None:
     path.write_bytes(out.getvalue() + _MAGIC)
 
 
-@pytest.mark.parametrize("way", ["zstd", "lz4"])
+@pytest.mark.parametrize("compression", ["zstd", "lz4"])
 @pytest.mark.parametrize(("declared", "said"), [(1000, "more than the 1000 bytes"), (1 << 40, "in one piece")])
 def test_a_chunk_that_unfolds_to_more_than_it_may(
-    tmp_path: Path, refuse: Refuse, way: str, declared: int, said: str
+    tmp_path: Path, refuse: Refuse, compression: str, declared: int, said: str
 ) -> None:
     path = tmp_path / "bomb.mcap"
-    write_chunk(path, way, _COMPRESSED[way](bytes(_SIZE)), declared)
+    write_chunk(path, compression, _COMPRESSED[compression](bytes(_SIZE)), declared)
     tracemalloc.start()
     try:
         assert said in refuse(path, read_log, path)
@@ -407,10 +407,10 @@ def test_a_chunk_that_unfolds_to_more_than_it_may(
         tracemalloc.stop()
 
 
-@pytest.mark.parametrize("way", ["zstd", "lz4"])
-def test_a_chunk_that_is_cut_off(tmp_path: Path, refuse: Refuse, way: str) -> None:
-    whole = _COMPRESSED[way](bytes(range(256)) * 8)
-    write_chunk(tmp_path / "cut.mcap", way, whole[:-6], 2048)
+@pytest.mark.parametrize("compression", ["zstd", "lz4"])
+def test_a_chunk_that_is_cut_off(tmp_path: Path, refuse: Refuse, compression: str) -> None:
+    whole = _COMPRESSED[compression](bytes(range(256)) * 8)
+    write_chunk(tmp_path / "cut.mcap", compression, whole[:-6], 2048)
     assert "cut off" in refuse(tmp_path / "cut.mcap", read_log, tmp_path / "cut.mcap")
 
 

@@ -60,7 +60,7 @@ def test_a_norm_joins_columns() -> None:
 
 
 @pytest.mark.parametrize(
-    ("key", "entry", "found", "expected"),
+    ("key", "entry", "actual", "expected"),
     [
         (
             "temperature.a",
@@ -85,11 +85,11 @@ def test_a_norm_joins_columns() -> None:
         ("torque.a", 5, "5", "a column's name or a table"),
     ],
 )
-def test_a_wrong_entry_is_named(refuse: object, key: str, entry: object, found: str, expected: str) -> None:
+def test_a_wrong_entry_is_named(refuse: object, key: str, entry: object, actual: str, expected: str) -> None:
     assert callable(refuse)
     line = refuse("m.toml", parse_columns, {key: entry}, "m.toml", "[columns]")
     assert line.startswith(f"m.toml: [columns] {key}")
-    assert f"found {found}" in line
+    assert f"found {actual}" in line
     assert expected in line.partition("expected ")[2]
 
 
@@ -165,8 +165,8 @@ def test_a_winding_is_its_own_thermometer() -> None:
     entry = {"ratio": ["u", "i"], "thermometer": {"resistance": 0.186, "at": 25, "alpha": 0.0039}}
     source = parse_columns({"temperature.a": entry}, "m.toml", "[columns]")["temperature.a"]
     voltage = 0.186 * (1 + 0.0039 * (temperature - 25.0)) * current
-    found = source.values("temperature.a", {"u": voltage, "i": current})
-    np.testing.assert_allclose(found, [25.0, 60.0, 105.0, np.nan])
+    temperatures = source.values("temperature.a", {"u": voltage, "i": current})
+    np.testing.assert_allclose(temperatures, [25.0, 60.0, 105.0, np.nan])
     # In ohm, as a quantity of its own; copper at 25 degC is what is taken where nothing else is said.
     own = parse_columns({"resistance.a": {"ratio": ["u", "i"], "unit": "mohm"}}, "m", "[columns]")["resistance.a"]
     np.testing.assert_allclose(own.values("resistance.a", {"u": 1e3 * voltage, "i": current})[1], 0.186 * 1.1365)
@@ -188,7 +188,7 @@ def test_a_rate_is_of_time_alone() -> None:
 
 
 @pytest.mark.parametrize(
-    ("entry", "found"),
+    ("entry", "actual"),
     [
         ({"column": "T", "wrap": -1}, "-1"),
         ({"column": "T", "wrap": 0}, "0"),
@@ -209,8 +209,8 @@ def test_a_rate_is_of_time_alone() -> None:
         ({"column": "R", "thermometer": {"resistance": 0.1}, "scale": 2}, "scale beside thermometer"),
     ],
 )
-def test_a_wrong_setting_is_named(refuse: Refuse, entry: dict[str, object], found: str) -> None:
-    assert f"found {found};" in refuse("m.toml", parse_columns, {"temperature.a": entry}, "m.toml", "[columns]")
+def test_a_wrong_setting_is_named(refuse: Refuse, entry: dict[str, object], actual: str) -> None:
+    assert f"found {actual};" in refuse("m.toml", parse_columns, {"temperature.a": entry}, "m.toml", "[columns]")
 
 
 @pytest.mark.parametrize(

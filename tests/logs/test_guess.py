@@ -35,13 +35,13 @@ def lptn(*words: object) -> int:
 
 def guessed(path: Path, inputs: tuple[str, ...] = INPUTS, outputs: tuple[str, ...] = OUTPUTS) -> dict[str, str]:
     """Key -> column and unit, after both ways to write each guess were read back and found the same."""
-    found = {}
-    for each in guess(open_table(path), {}, inputs, outputs):
-        written = parse_columns(tomllib.loads(each.line), "m.toml", "[columns]")
-        assert written == dict([parse_map_option(each.option.removeprefix('--map "').removesuffix('"'))])
-        assert written == {each.key: each.source}
-        found[each.key] = f"{each.source.columns[0]}|{each.source.unit or ''}"
-    return found
+    guesses = {}
+    for suggestion in guess(open_table(path), {}, inputs, outputs):
+        written = parse_columns(tomllib.loads(suggestion.line), "m.toml", "[columns]")
+        assert written == dict([parse_map_option(suggestion.option.removeprefix('--map "').removesuffix('"'))])
+        assert written == {suggestion.key: suggestion.source}
+        guesses[suggestion.key] = f"{suggestion.source.columns[0]}|{suggestion.source.unit or ''}"
+    return guesses
 
 
 def test_names_with_the_joint_in_them(write: Write) -> None:
@@ -53,12 +53,12 @@ def test_names_with_the_joint_in_them(write: Write) -> None:
             f"tau_cmd_{joint}": TIME,
             f"{joint}_temp_limit": TIME,
         }
-    found = guessed(write(table))
-    assert found["time"] == "t_ms|ms"
-    assert found["temperature.ambient"] == "T_amb|"
-    assert found["temperature.FR_thigh"] == "FR_thigh_temp|"
-    assert found["torque.FR_calf"] == "tau_FR_calf|"
-    assert set(found) == {"time", *INPUTS, *OUTPUTS}
+    guesses = guessed(write(table))
+    assert guesses["time"] == "t_ms|ms"
+    assert guesses["temperature.ambient"] == "T_amb|"
+    assert guesses["temperature.FR_thigh"] == "FR_thigh_temp|"
+    assert guesses["torque.FR_calf"] == "tau_FR_calf|"
+    assert set(guesses) == {"time", *INPUTS, *OUTPUTS}
 
 
 @pytest.mark.parametrize(
@@ -99,9 +99,9 @@ def test_a_leg_whose_columns_do_not_say_which_leg_it_is(write: Write) -> None:
     table: dict[str, list[object]] = {"time": TIME, "hip_rpm": TIME}
     for name in ("hip", "thigh", "knee"):
         table |= {f"Temp {name} (F)": list(WARM), f"{name} torque": TIME}
-    found = guessed(write(table))
-    assert [found[key] for key in OUTPUTS] == [f"Temp {name} (F)|degF" for name in ("hip", "thigh", "knee")]
-    assert found["torque.FR_calf"] == "knee torque|"
+    guesses = guessed(write(table))
+    assert [guesses[key] for key in OUTPUTS] == [f"Temp {name} (F)|degF" for name in ("hip", "thigh", "knee")]
+    assert guesses["torque.FR_calf"] == "knee torque|"
     two_legs = (*OUTPUTS, *(key.replace("FR", "FL") for key in OUTPUTS))
     assert "temperature.FR_calf" not in guessed(write(table), INPUTS, two_legs)
 
@@ -116,11 +116,13 @@ def test_numbered_columns_in_the_order_of_the_nodes(write: Write) -> None:
     for number in range(3):
         table |= {f"motor_temperature[{number}]": [value + 273.15 for value in WARM], f"tau_est[{number}]": TIME}
     path = write(table)
-    found = guessed(path)
-    assert found["time"] == "timestamp|us"
-    assert found["temperature.FR_calf"] == "motor_temperature[2]|K"
-    assert found["torque.FR_hip"] == "tau_est[0]|"
-    (one, *_) = (each for each in guess(open_table(path), {}, INPUTS, OUTPUTS) if each.key == "torque.FR_hip")
+    guesses = guessed(path)
+    assert guesses["time"] == "timestamp|us"
+    assert guesses["temperature.FR_calf"] == "motor_temperature[2]|K"
+    assert guesses["torque.FR_hip"] == "tau_est[0]|"
+    (one, *_) = (
+        suggestion for suggestion in guess(open_table(path), {}, INPUTS, OUTPUTS) if suggestion.key == "torque.FR_hip"
+    )
     assert "in the order of the model's nodes: check that" in one.why
 
 
@@ -132,8 +134,8 @@ def test_motors_are_numbered_and_the_computer_is_not(write: Write) -> None:
         table |= {name: list(WARM) for name in names}
     speeds = ("speed.base", *(f"velocity_rms.{place}" for place in (*JOINTS, "pc")))
     outputs = (*OUTPUTS, "temperature.pc")
-    found = guess(open_table(write(table)), {}, INPUTS, outputs, speeds)
-    columns = {each.key: each.source.columns[0] for each in found}
+    suggestions = guess(open_table(write(table)), {}, INPUTS, outputs, speeds)
+    columns = {suggestion.key: suggestion.source.columns[0] for suggestion in suggestions}
     assert columns["temperature.FR_calf"] == "motor_2_temperature"
     assert columns["torque.FR_thigh"] == "motor_1_tau_est"
     assert columns["velocity.FR_hip"] == "motor_0_dq"
@@ -151,9 +153,9 @@ def test_an_opensourceleg_log(write: Write) -> None:
         "Winding Temperature": [value + 5 for value in WARM],
     }
     path = write(table)
-    found = guessed(path, ("current.motor",), ("temperature.motor",))
-    assert found["current.motor"] == "Motor Current|mA"
-    assert found["temperature.motor"] == "Case Temperature|"  # what is measured, and not what is estimated
+    guesses = guessed(path, ("current.motor",), ("temperature.motor",))
+    assert guesses["current.motor"] == "Motor Current|mA"
+    assert guesses["temperature.motor"] == "Case Temperature|"  # what is measured, and not what is estimated
     both = guessed(path, ("current.winding",), ("temperature.winding", "temperature.housing"))
     assert both["temperature.winding"] == "Winding Temperature|"
     assert both["temperature.housing"] == "Case Temperature|"
@@ -221,8 +223,8 @@ def test_map_guess_says_what_it_takes(tmp_path: Path, write: Write, capsys: pyte
 def test_electrical_turns_are_guessed_and_never_converted_by_a_number_that_nobody_said(write: Write) -> None:
     erpm = [1200.0 + k for k in range(60)]
     path = write({"time": TIME[:60], "knee_erpm": erpm, "temperature.knee": WARM})
-    (found,) = guess(open_table(path), {}, ["velocity.knee"], ["temperature.knee"])
-    assert (found.key, found.source) == ("velocity.knee", ColumnSource(("knee_erpm",)))
-    assert "electrical turns" in found.why
+    (suggestion,) = guess(open_table(path), {}, ["velocity.knee"], ["temperature.knee"])
+    assert (suggestion.key, suggestion.source) == ("velocity.knee", ColumnSource(("knee_erpm",)))
+    assert "electrical turns" in suggestion.why
     with pytest.raises(InputError, match=r"for 14 pole pairs, say, write"):
         read_log(path, inputs=["velocity.knee"], outputs=["temperature.knee"], guessing=True)

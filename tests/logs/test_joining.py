@@ -24,8 +24,8 @@ def warmed(time: np.ndarray, heat: Callable[[float], float], winding: float = 60
         across = (x[0] - x[1]) / 1.5
         return [(heat(t) - across) / winding, (across - (x[1] - 22.0) / 8.0) / 300.0]
 
-    found = solve_ivp(rates, (float(time[0]), float(time[-1])), [22.0, 22.0], t_eval=time, max_step=0.5, rtol=1e-7)
-    return np.asarray(found.y[0])
+    solution = solve_ivp(rates, (float(time[0]), float(time[-1])), [22.0, 22.0], t_eval=time, max_step=0.5, rtol=1e-7)
+    return np.asarray(solution.y[0])
 
 
 def files(folder: Path, shift: float, *, rest: float = 40.0, noise: float = 0.05, seed: int = 0) -> tuple[Path, Path]:
@@ -63,9 +63,9 @@ def said_shift(notes: tuple[str, ...]) -> tuple[float, float]:
 def test_the_shift_is_found_within_its_error(tmp_path: Path, shift: float, seed: int) -> None:
     warm, moved = files(tmp_path, shift, seed=seed)
     (run,) = read_log(f"{warm}+{moved}", COLUMNS, step=1.0)
-    found, error = said_shift(run.notes)
+    estimate, error = said_shift(run.notes)
     assert 0.1 < error < 2.0
-    assert abs(found - shift) < 3 * error
+    assert abs(estimate - shift) < 3 * error
     assert run.name == "warm"
     # Mixed rates: RMS of the fast torque, mean of the slow temperature, on one clock.
     hot = run.columns["torque.motor"][(run.time > 60) & (run.time < 240)]
@@ -77,8 +77,8 @@ def test_the_other_way_round_the_shift_turns_its_sign(tmp_path: Path) -> None:
     warm, moved = files(tmp_path, 12.4)
     swapped = COLUMNS | {"time": COLUMNS["time.2"], "time.2": COLUMNS["time"]}
     (run,) = read_log(f"{moved}+{warm}", swapped, step=1.0)
-    found, error = said_shift(run.notes)
-    assert abs(found + 12.4) < 3 * error
+    estimate, error = said_shift(run.notes)
+    assert abs(estimate + 12.4) < 3 * error
 
 
 def test_real_logs_cut_in_two(tmp_path: Path) -> None:
@@ -90,9 +90,9 @@ def test_real_logs_cut_in_two(tmp_path: Path) -> None:
         power.to_csv(tmp_path / "power.csv", index=False)
         columns = {"time": "time_s", "temperature.winding": "T_winding", "power.winding": "power_W"}
         (run,) = read_log(tmp_path / "warm.csv+power.csv", parse_columns(columns, "m.toml", "[columns]"))
-        found, error = said_shift(run.notes)
+        estimate, error = said_shift(run.notes)
         assert error < 1.5
-        assert abs(found - 17.0) < 1.5
+        assert abs(estimate - 17.0) < 1.5
 
 
 def test_a_shift_that_the_user_knows(tmp_path: Path) -> None:

@@ -273,8 +273,8 @@ def test_nan_and_float32_do_not_hide_a_step() -> None:
 
 def test_a_rounded_step_is_found_or_not_but_never_wrong() -> None:
     adc = 3.3 / 4096 * 400
-    found = quantisation_step(np.round(np.round(SMOOTH / adc) * adc, 2))
-    assert found == 0.0 or found == pytest.approx(adc, rel=0.02)
+    step = quantisation_step(np.round(np.round(SMOOTH / adc) * adc, 2))
+    assert step == 0.0 or step == pytest.approx(adc, rel=0.02)
 
 
 @pytest.mark.parametrize(
@@ -333,13 +333,13 @@ def test_a_torque_that_always_brakes_has_its_sign_turned_round(write: Write) -> 
     speed = [5.0 + 0.01 * k for k in range(100)]
     torque = [2.0 + 0.02 * k for k in range(100)]
     columns = {"time": TIME, "velocity.a": speed, "temperature.a": WARMING}
-    run = only(write(columns | {"torque.a": [-each for each in torque]}))
+    run = only(write(columns | {"torque.a": [-value for value in torque]}))
     (issue,) = run.issues
     assert issue.kind == "sign"
     assert "100% of its work" in issue.problem
     assert "scale = -1" in issue.remedy
     assert not only(write(columns | {"torque.a": torque})).issues
-    in_turn = [each * (-1) ** (k // 10) for k, each in enumerate(torque)]
+    in_turn = [value * (-1) ** (k // 10) for k, value in enumerate(torque)]
     assert not only(write(columns | {"torque.a": in_turn})).issues
 
 

@@ -242,8 +242,8 @@ def test_steps_without_a_reading_stay_empty(write: Write) -> None:
     slow[50] = slow[55] = None
     path = write({"time": list(range(200)), "temperature.a": slow, "torque.a": [1.0] * 200})
     (run,) = read_log(path, step=2.0)
-    known = np.flatnonzero(np.isfinite(run.temperature("a")))
-    assert len(known) == 38
+    measured = np.flatnonzero(np.isfinite(run.temperature("a")))
+    assert len(measured) == 38
     assert "temperature.a: logged every 5 s, 1 times later." in run.notes
 
 
@@ -289,7 +289,7 @@ def spoilt(column: str, row: int, value: object) -> dict[str, list[object]]:
 
 
 @pytest.mark.parametrize(
-    ("columns", "place", "found", "expected"),
+    ("columns", "place", "actual", "expected"),
     [
         (spoilt("torque.a", 3, "off"), "line 5, column 'torque.a'", "'off'", "a number or an empty cell"),
         (spoilt("torque.a", 3, "inf"), "line 5, column 'torque.a'", "an infinite value", "a number"),
@@ -337,11 +337,11 @@ def spoilt(column: str, row: int, value: object) -> dict[str, list[object]]:
     ],
 )
 def test_a_fault_in_the_table(
-    write: Write, refuse: Refuse, columns: dict[str, list[object]], place: str, found: str, expected: str
+    write: Write, refuse: Refuse, columns: dict[str, list[object]], place: str, actual: str, expected: str
 ) -> None:
     path = write(columns)
     line = refuse(path, read_log, path)
-    assert line.startswith(f"{path}: {place}: found {found}")
+    assert line.startswith(f"{path}: {place}: found {actual}")
     assert expected in line.partition("; expected ")[2]
 
 
@@ -398,16 +398,16 @@ def test_kelvin_with_its_unit_is_fine(write: Write) -> None:
 
 
 @pytest.mark.parametrize(
-    ("options", "found"),
+    ("options", "actual"),
     [
         ({"step": 0.0}, "step: found 0 s"),
         ({"max_gap": -1.0}, "max_gap: found -1 s"),
         ({"max_gap": 1.0}, "1 s"),
     ],
 )
-def test_wrong_options(write: Write, refuse: Refuse, options: dict[str, float], found: str) -> None:
+def test_wrong_options(write: Write, refuse: Refuse, options: dict[str, float], actual: str) -> None:
     path = write(GOOD)
-    assert found in refuse(path, read_log, path, **options)
+    assert actual in refuse(path, read_log, path, **options)
 
 
 def test_a_name_that_stands_twice_is_refused_when_needed(tmp_path: Path, refuse: Refuse) -> None:
@@ -424,7 +424,7 @@ def test_files_that_are_no_logs(tmp_path: Path, refuse: Refuse) -> None:
     (tmp_path / "empty.csv").write_text("")
     (tmp_path / "binary.csv").write_bytes(b"\xff\xfe\x00\x81" * 50)
     (tmp_path / "folder.csv").mkdir()
-    for name, found in [
+    for name, actual in [
         ("none.csv", "no such file"),
         ("folder.csv", "a folder"),
         ("log.docx", "the ending '.docx'"),
@@ -432,7 +432,7 @@ def test_files_that_are_no_logs(tmp_path: Path, refuse: Refuse) -> None:
         ("empty.csv", "an empty file"),
         ("binary.csv", "a file that can't be read"),
     ]:
-        assert f"log: found {found}" in refuse(tmp_path / name, read_log, tmp_path / name)
+        assert f"log: found {actual}" in refuse(tmp_path / name, read_log, tmp_path / name)
 
 
 def test_truncated_files(tmp_path: Path, refuse: Refuse) -> None:

@@ -17,15 +17,15 @@ def test_its_tables_are_read() -> None:
     blocks = re.findall(r"```toml\n(.*?)```", PAGE, flags=re.DOTALL)
     assert len(blocks) == 4
     tables = [parse_columns(tomllib.loads(block)["columns"], "README.md", "[columns]") for block in blocks]
-    found: dict[str, ColumnSource] = {}
+    sources: dict[str, ColumnSource] = {}
     for table in tables:
-        found |= table
-    assert found["temperature.FR_calf"].invalid == (850.0, -127.0)
-    assert found["current.FR_hip"].wrap == 65536.0
-    assert found["power.battery"].how == "product"
-    assert found["temperature.FR_thigh"].how == "mean"
+        sources |= table
+    assert sources["temperature.FR_calf"].invalid == (850.0, -127.0)
+    assert sources["current.FR_hip"].wrap == 65536.0
+    assert sources["power.battery"].how == "product"
+    assert sources["temperature.FR_thigh"].how == "mean"
     assert tables[2]["time"].rows == "means before"
-    assert found["time"].rate == 50.0
+    assert sources["time"].rate == 50.0
 
 
 def test_its_options_are_read() -> None:

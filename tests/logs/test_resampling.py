@@ -109,9 +109,9 @@ def test_readings_between_the_rows_of_another_clock_are_kept(every: float, late:
     samples = Samples(time, raw)
     step = max(1.0, samples.period)
     at = step * np.arange(int(own[-1] / step) + 1)
-    (found,) = temperatures_on_grid(samples, ["temperature.a"], 0.0, step, at.size, 10.0).values()
-    there = np.isfinite(found)
+    (resampled,) = temperatures_on_grid(samples, ["temperature.a"], 0.0, step, at.size, 10.0).values()
+    there = np.isfinite(resampled)
     assert there.sum() >= 0.7 * min(own.size, at.size)  # two readings of one step are one
     meant = at + 0.5 * step * samples.averaged(step)
     inside = there & (meant >= own[0]) & (meant <= own[-1])
-    np.testing.assert_allclose(found[inside], 20 + 0.5 * meant[inside], atol=1e-9)
+    np.testing.assert_allclose(resampled[inside], 20 + 0.5 * meant[inside], atol=1e-9)

@@ -27,7 +27,7 @@ def definitions(formats: dict[str, str]) -> bytes:
     """Format messages, then one subscription for each format."""
     text = b"".join(message("F", f"{name}:{fields}".encode()) for name, fields in formats.items())
     logged = (struct.pack("<BH", 0, number) + name.encode() for number, name in enumerate(formats))
-    return text + b"".join(message("A", each) for each in logged)
+    return text + b"".join(message("A", body) for body in logged)
 
 
 def data(topic: str, content: bytes) -> bytes:
@@ -38,7 +38,7 @@ def data(topic: str, content: bytes) -> bytes:
 def esc_status(time: float, count: int, escs: Iterable[tuple[int, float, int]]) -> bytes:
     """Speed [rpm], current [A] and temperature [degC] of four slots."""
     stamp = struct.pack("<Q", round(time * 1e6))
-    slots = b"".join(stamp + struct.pack("<ifB3x", *each) for each in escs)
+    slots = b"".join(stamp + struct.pack("<ifB3x", *esc) for esc in escs)
     return data("esc_status", stamp + struct.pack("<B7x", count) + slots)
 
 

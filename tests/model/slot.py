@@ -73,10 +73,10 @@ def truth(currents: FloatArray, step: float, start: float = AIR) -> dict[str, Fl
     moved = expm(step * a)
     by_air = -np.linalg.solve(a, np.eye(n + 1)[n] * AIR / TO_AIR / capacity)
     by_watt = -np.linalg.solve(a, np.append(np.full(n, 1.0 / n), 0.0) / capacity)
-    T, found = np.full(n + 1, start), []
+    T, results = np.full(n + 1, start), []
     for current in currents:
         settled = by_air + RESISTANCE * current**2 * by_watt
         T = settled + moved @ (T - settled)
-        found.append([T[:n].mean(), T[:n].max(), T[n]])
-    mean, hottest, iron = np.array(found).T
+        results.append([T[:n].mean(), T[:n].max(), T[n]])
+    mean, hottest, iron = np.array(results).T
     return {"winding": mean, "winding.hottest": hottest, "iron": iron}

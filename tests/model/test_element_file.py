@@ -124,8 +124,8 @@ def test_a_conductivity_is_found_from_a_log_and_kept_in_the_file() -> None:
     for row, name in enumerate(truth.nodes):
         columns[f"temperature.{name}"] = readings[row]
     model = Model(_parse(text).network)
-    found = fit(model, bound_runs(model, [make_run(columns)]))
-    kept = _parse(_parse(text).with_fit(found.table()).text).network
+    result = fit(model, bound_runs(model, [make_run(columns)]))
+    kept = _parse(_parse(text).with_fit(result.table()).text).network
     values = {parameter.name: parameter.value for parameter in kept.parameters}
     assert values["conductivity_radial.stator"] == pytest.approx(12.0, rel=1e-3)
 

@@ -50,8 +50,8 @@ def test_steady_the_hottest_radius_of_a_ring(low: float, high: float, heat: floa
     side[0], side[-1] = side[0] + g[0] * low, side[-1] + g[-1] * high
     T = solve_banded((1, 1), np.vstack([-g[:-1], g[:-1] + g[1:], -g[1:]]), side)
     mean = (T * middles).sum() / middles.sum()
-    found = float(RingProfile(inner, outer).hottest(float(mean), (low, high)))
-    assert found == pytest.approx(max(T.max(), low, high), abs=1e-4 * max(T.max(), 20.0))
+    hottest = float(RingProfile(inner, outer).hottest(float(mean), (low, high)))
+    assert hottest == pytest.approx(max(T.max(), low, high), abs=1e-4 * max(T.max(), 20.0))
 
 
 def test_a_thin_ring_is_a_slab_and_a_rod_is_hottest_on_its_axis() -> None:
@@ -70,31 +70,31 @@ def test_a_body_that_is_cooler_inside_is_hottest_at_a_face(profile: SlabProfile 
 
 def test_a_winding_cooled_on_one_side_is_19_7_k_above_its_mean_at_35_a() -> None:
     currents = np.full(1000, 35.0)
-    found = slot.truth(currents, 3.0)
+    solution = slot.truth(currents, 3.0)
     model = slot.model()
     inputs = np.vstack([np.full(1000, slot.AIR if name.startswith("temp") else 35.0) for name in model.inputs])
     course = model.run(1000)(np.full(3, slot.AIR), inputs, model.values, 3.0).full()
     assert course[model.states.index("winding.hottest"), -1] - course[0, -1] == pytest.approx(19.7, abs=0.05)
     for place, tolerance in (("winding", 0.01), ("iron", 0.01), ("winding.hottest", 0.02)):
-        assert course[model.states.index(place), -1] == pytest.approx(found[place][-1], abs=tolerance)
+        assert course[model.states.index(place), -1] == pytest.approx(solution[place][-1], abs=tolerance)
 
 
 def test_in_time_the_hottest_point_follows_the_heat_equation_and_its_mean_delay_is_exact() -> None:
     """A step of the current: never off by 3 % of its rise, and the integral of the error nearly vanishes."""
     step, n = 1.0, 3000
-    found, model = slot.truth(np.full(n, 20.0), step), slot.model()
+    solution, model = slot.truth(np.full(n, 20.0), step), slot.model()
     inputs = np.vstack([np.full(n, slot.AIR if name.startswith("temp") else 20.0) for name in model.inputs])
     course = model.run(n)(np.full(3, slot.AIR), inputs, model.values, step).full()
-    above_iron = found["winding.hottest"][-1] - found["iron"][-1]
-    error = course[model.states.index("winding.hottest")] - found["winding.hottest"]
+    above_iron = solution["winding.hottest"][-1] - solution["iron"][-1]
+    error = course[model.states.index("winding.hottest")] - solution["winding.hottest"]
     assert np.abs(error).max() < 0.03 * above_iron
-    one_node = course[0] - found["winding"]
+    one_node = course[0] - solution["winding"]
     assert abs(error.sum()) < 0.01 * abs(one_node.sum()), "what the mean alone is off by, in time"
 
 
 def test_it_stands_in_the_predicted_log(tmp_path: Path) -> None:
-    found, n = slot.truth(np.full(300, 20.0), 1.0), 300
-    columns = {f"temperature.{node}": np.append(slot.AIR, found[node][:-1]) for node in slot.model().nodes}
+    solution, n = slot.truth(np.full(300, 20.0), 1.0), 300
+    columns = {f"temperature.{node}": np.append(slot.AIR, solution[node][:-1]) for node in slot.model().nodes}
     columns |= {"current.winding": np.full(n, 20.0), "temperature.ambient": np.full(n, slot.AIR)}
     pd.DataFrame({"time": np.arange(float(n)), **columns}).to_csv(tmp_path / "log.csv", index=False)
     (tmp_path / "slot.toml").write_text(slot.TEXT)
@@ -102,7 +102,7 @@ def test_it_stands_in_the_predicted_log(tmp_path: Path) -> None:
         main(["simulate", str(tmp_path / "slot.toml"), str(tmp_path / "log.csv"), "-o", str(tmp_path / "p.csv")])
     assert not ended.value.code
     written = pd.read_csv(tmp_path / "p.csv")["temperature.winding.hottest"].to_numpy()
-    assert written[-1] == pytest.approx(found["winding.hottest"][-2], rel=0.01)
+    assert written[-1] == pytest.approx(solution["winding.hottest"][-2], rel=0.01)
 
 
 def test_several_axes_add_and_the_quickest_leads() -> None:

@@ -125,13 +125,13 @@ def test_names_units_bounds_and_sharing_are_read() -> None:
     [("0.3", 0.3), ('{ value = 300, unit = "mN*m" }', 0.3), ('{ value = 2, unit = "ft*lbf" }', 2.7116)],
 )
 def test_admissible_units_are_converted(given_as: str, value: float) -> None:
-    found = _values(LEG.replace("torque = 0.3", f"torque = {given_as}"))
-    assert found["coulomb_friction.torque.*_calf"] == pytest.approx(value, rel=1e-4)
+    values = _values(LEG.replace("torque = 0.3", f"torque = {given_as}"))
+    assert values["coulomb_friction.torque.*_calf"] == pytest.approx(value, rel=1e-4)
 
 
 def test_bounds_alone_bring_the_start_inside() -> None:
-    found = _values(SMALL.replace("capacity = 300\n", "capacity = { bounds = [10, 20] }\n"))
-    assert 10 <= found["capacity.a"] <= 20
+    values = _values(SMALL.replace("capacity = 300\n", "capacity = { bounds = [10, 20] }\n"))
+    assert 10 <= values["capacity.a"] <= 20
 
 
 def test_a_prior_frees_a_parameter_and_starts_it_at_its_mean() -> None:
@@ -145,7 +145,7 @@ def test_a_prior_frees_a_parameter_and_starts_it_at_its_mean() -> None:
     assert winding.declared.prior == pytest.approx((0.2, 0.01))
     assert air.declared.prior == pytest.approx((20.0, 1.0))  # a deviation has no zero
     held = _parse(text.replace(given, given.replace(" }", ", fixed = true }"))).network.parameters
-    assert not next(each for each in held if each.name == "copper_loss.resistance.a").free
+    assert not next(parameter for parameter in held if parameter.name == "copper_loss.resistance.a").free
 
 
 def test_a_fitted_value_stands_before_the_prior_that_it_began_at() -> None:
@@ -377,8 +377,8 @@ def test_an_effect_is_added_to_effects_written_in_one_line() -> None:
 def test_a_fit_that_ends_at_a_long_bound_can_be_read_again() -> None:
     text = SMALL.replace("capacity = 300\n", "capacity = { value = 150, bounds = [140.123456, 160] }\n")
     model = Model(_parse(text).network)
-    found = fit(model, bound_runs(model, [truth_run(300.0, step=5.0)]))
-    _parse(text).with_fit(found.table())
+    result = fit(model, bound_runs(model, [truth_run(300.0, step=5.0)]))
+    _parse(text).with_fit(result.table())
 
 
 def test_bounds_of_an_added_effect_are_kept() -> None:
@@ -587,7 +587,9 @@ share = "all"
 
 def test_each_housing_is_driven_by_the_winding_that_it_is_linked_to() -> None:
     file = _parse(WHEELS)
-    driven = [each.driven_by for each in file.network.effect_instances if each.effect.key == "coulomb_friction"]
+    driven = [
+        instance.driven_by for instance in file.network.effect_instances if instance.effect.key == "coulomb_friction"
+    ]
     assert driven == ["FL", "FR"]
     assert {"velocity.FL", "velocity.FR"} <= set(Model(file.network).inputs)
     without = _parse(WHEELS[: WHEELS.rindex("[[effects]]")])
@@ -595,12 +597,12 @@ def test_each_housing_is_driven_by_the_winding_that_it_is_linked_to() -> None:
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "found"),
+    ("old", "new", "message"),
     [
         ('at = "F?"', 'at = "FL"', "FR_hub is linked to no winding"),
         ('["FR", "FR_hub"]', '["FR", "FL_hub"]', "FL_hub is linked to FL and FR"),
     ],
 )
-def test_a_housing_beside_no_winding_or_two_is_refused(old: str, new: str, found: str) -> None:
-    with pytest.raises(InputError, match=found):
+def test_a_housing_beside_no_winding_or_two_is_refused(old: str, new: str, message: str) -> None:
+    with pytest.raises(InputError, match=message):
         _parse(WHEELS.replace(old, new))

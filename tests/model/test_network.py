@@ -101,9 +101,9 @@ def test_of_two_declarations_that_cover_a_place_the_one_of_fewer_places_holds(or
     power = catalogue()["constant_heat"].parameters[0]
     everywhere = replace(effect("constant_heat"), parameters=(replace(power, share="all"),))
     network = leg([everywhere, effect("constant_heat", "FR_calf")][order])
-    owners = {each.place: each.declaration.at for each in network.effect_instances}
+    owners = {instance.place: instance.declaration.at for instance in network.effect_instances}
     assert owners == {"FR_hip": "*", "FR_thigh": "*", "FR_calf": "FR_calf"}
-    assert {each.place for each in network.in_common("constant_heat")} == {"FR_hip", "FR_thigh"}
+    assert {instance.place for instance in network.in_common("constant_heat")} == {"FR_hip", "FR_thigh"}
 
 
 def test_values_replace_declared_ones_by_name() -> None:

@@ -22,17 +22,17 @@ CELLS = 6
 
 def _grids(shape: Shape, conductivity: tuple[float, ...], cells: int) -> list[Grid]:
     """The shape in so many cells along each axis that matters, and in twice as many."""
-    found = []
+    grids = []
     for n in (cells, 2 * cells):
         if isinstance(shape, Cuboid):
             sizes = (shape.length_x, shape.length_y, shape.length_z)
-            found.append(Grid([np.linspace(0.0, size, n + 1) for size in sizes], conductivity))
+            grids.append(Grid([np.linspace(0.0, size, n + 1) for size in sizes], conductivity))
         else:
             assert isinstance(shape, Annulus)
             radii = np.linspace(shape.inner_radius, shape.outer_radius, 4 * n + 1)
             edges = [radii, np.array([0.0, shape.angle]), np.linspace(0.0, shape.length, n + 1)]
-            found.append(Grid(edges, (conductivity[0], 1.0, conductivity[1]), ring=True))
-    return found
+            grids.append(Grid(edges, (conductivity[0], 1.0, conductivity[1]), ring=True))
+    return grids
 
 
 def _heat_out(axis: Axis, conductivity: float, mean: float, low: float, high: float) -> tuple[float, float]:

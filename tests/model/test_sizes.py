@@ -57,7 +57,8 @@ def test_the_conductance_is_what_warms_the_node_by_a_kelvin_in_the_long_run() ->
     network = Network("two", (*quick, AMBIENT), links)
     model = Model(Network("two", (*quick, AMBIENT), links, (effect("constant_heat", "a", power=1.0),)))
     warmed, other = (
-        simulate(each, bind(each, random_run(model, 200))).readings[0, -1] for each in (model, Model(network))
+        simulate(compared, bind(compared, random_run(model, 200))).readings[0, -1]
+        for compared in (model, Model(network))
     )
     assert Sizes(network).typical(conductance, [("a",)]) == pytest.approx(1 / (warmed - other), rel=1e-3)
 

@@ -46,11 +46,11 @@ class Grid:
 
     def _across(self, axis: int) -> Array:
         """Product of the sizes along the other axes."""
-        found = np.ones(self.shape)
+        area = np.ones(self.shape)
         for other in range(3):
             if other != axis:
-                found = found * self._widths(other)
-        return found
+                area = area * self._widths(other)
+        return area
 
     def half(self, axis: int, side: int) -> Array:
         """Conductance from the middle of each cell to its low (0) or high (1) face along an axis [W/K]."""
@@ -108,17 +108,20 @@ def solve(grid: Grid, power: float, held: dict[Face, float], fed: dict[Face, flo
     columns.append(index.ravel())
     entries.append(diagonal)
     matrix = coo_array((np.concatenate(entries), (np.concatenate(rows), np.concatenate(columns)))).tocsc()
-    found = np.asarray(spsolve(matrix, side))
+    temperatures = np.asarray(spsolve(matrix, side))
     faces, out = {}, {}
     for face in [(axis, end) for axis in range(3) for end in (0, 1)]:
         cells, conductance = _boundary(grid, index, face)
         if face in held:
-            faces[face], out[face] = held[face], float((conductance * (found[cells] - held[face])).sum())
+            faces[face], out[face] = held[face], float((conductance * (temperatures[cells] - held[face])).sum())
         else:
             share = _share(grid, face)
             inward = fed.get(face, 0.0) * share
-            faces[face], out[face] = float((share * (found[cells] + inward / conductance)).sum()), -fed.get(face, 0.0)
-    return Answer(float((found * volume.ravel()).sum() / volume.sum()), faces, out)
+            faces[face], out[face] = (
+                float((share * (temperatures[cells] + inward / conductance)).sum()),
+                -fed.get(face, 0.0),
+            )
+    return Answer(float((temperatures * volume.ravel()).sum() / volume.sum()), faces, out)
 
 
 def refined(grids: Sequence[Grid], power: float, held: dict[Face, float], fed: dict[Face, float]) -> Answer:

@@ -71,11 +71,11 @@ def followed(model: Model, readings: FloatArray, **options: bool) -> list[Estima
     """An estimator led along the true run."""
     run = truth_run(1500.0, noise=0.0, seed=1)
     estimator = Estimator(model, noise=NOISE, step=0.1, **options)  # type: ignore[arg-type]
-    found = []
+    estimates = []
     for k in range(len(run)):
         inputs = {name: float(run.columns[name][max(k - 1, 0)]) for name in model.inputs}
-        found.append(estimator.update(inputs, dict(zip(model.nodes, readings[:, k], strict=True)), float(k > 0)))
-    return found
+        estimates.append(estimator.update(inputs, dict(zip(model.nodes, readings[:, k], strict=True)), float(k > 0)))
+    return estimates
 
 
 @pytest.fixture(scope="module")
@@ -92,14 +92,14 @@ def test_what_a_dead_sensor_said_is_taken_back(model: Model, true: FloatArray, v
     dead, blind = healthy.copy(), healthy.copy()
     dead[0, SINCE:1200] = dead[0, SINCE] if value is None else value
     blind[0, SINCE + 1 : 1200] = np.nan
-    found, without, fooled = followed(model, dead), followed(model, blind), followed(model, dead, watch=False)
-    assert "bit for bit" in found[1199].untrusted["a"]
-    assert found[1199].temperatures == pytest.approx(without[1199].temperatures, abs=0.05)
-    assert found[1199].deviations == pytest.approx(without[1199].deviations, rel=0.05)
-    assert abs(fooled[1199].temperatures[0] - true[0, 1199]) > 5 * abs(found[1199].temperatures[0] - true[0, 1199])
-    assert found[1199].deviations[0] > 3 * found[SINCE - 1].deviations[0]
-    assert not found[-1].untrusted  # it moves again, where it is expected
-    assert found[-1].deviations[0] < 2 * found[SINCE - 1].deviations[0]
+    watched, without, fooled = followed(model, dead), followed(model, blind), followed(model, dead, watch=False)
+    assert "bit for bit" in watched[1199].untrusted["a"]
+    assert watched[1199].temperatures == pytest.approx(without[1199].temperatures, abs=0.05)
+    assert watched[1199].deviations == pytest.approx(without[1199].deviations, rel=0.05)
+    assert abs(fooled[1199].temperatures[0] - true[0, 1199]) > 5 * abs(watched[1199].temperatures[0] - true[0, 1199])
+    assert watched[1199].deviations[0] > 3 * watched[SINCE - 1].deviations[0]
+    assert not watched[-1].untrusted  # it moves again, where it is expected
+    assert watched[-1].deviations[0] < 2 * watched[SINCE - 1].deviations[0]
 
 
 @pytest.mark.long
@@ -107,10 +107,10 @@ def test_spikes_are_not_taken_in_and_a_first_one_is_no_start(model: Model, true:
     spiky = np.array([rounded(row, 0.1, seed) for seed, row in enumerate(true)])
     clean = followed(model, spiky)
     spiky[0, [0, 400, 401, 800]] = [85.0, 0.0, 85.0, 70.0]
-    found = followed(model, spiky)
-    assert "far from what is expected" in found[800].untrusted["a"]
+    estimates = followed(model, spiky)
+    assert "far from what is expected" in estimates[800].untrusted["a"]
     for k in (60, 401, 802, 1499):
-        assert found[k].temperatures == pytest.approx(clean[k].temperatures, abs=0.1)
+        assert estimates[k].temperatures == pytest.approx(clean[k].temperatures, abs=0.1)
 
 
 # --- a forecast -------------------------------------------------------------------------------------

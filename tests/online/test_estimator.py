@@ -54,20 +54,20 @@ def follow(estimator: Estimator, readings: FloatArray, every: int = 1) -> list[E
     """Lead an estimator along the true run's inputs; one update in `every` seconds."""
     run = truth_run(LENGTH, noise=0.0, seed=1)
     columns = [run.columns[column] for column in estimator.model.inputs]
-    found = []
+    estimates = []
     for k in range(0, len(run), every):
         inputs = {
             name: float(values[max(k - 1, 0)]) for name, values in zip(estimator.model.inputs, columns, strict=True)
         }
         now = {node: float(value) for node, value in zip(estimator.model.nodes, readings[:, k], strict=True)}
-        found.append(estimator.update(inputs, now, 0.0 if k == 0 else float(every)))
-    return found
+        estimates.append(estimator.update(inputs, now, 0.0 if k == 0 else float(every)))
+    return estimates
 
 
 def errors(found: list[Estimate], truth: FloatArray, every: int = 1) -> tuple[FloatArray, FloatArray]:
     """Errors [K] and errors in standard deviations, once settled, shape (n, 2) each."""
-    error = np.array([each.temperatures for each in found]) - truth[:, ::every].T
-    deviations = np.array([each.deviations for each in found])
+    error = np.array([estimate.temperatures for estimate in found]) - truth[:, ::every].T
+    deviations = np.array([estimate.deviations for estimate in found])
     return error[SETTLED // every :], (error / deviations)[SETTLED // every :]
 
 
@@ -165,12 +165,12 @@ def test_missing_readings_and_long_steps_cost_certainty_not_truth(model: Model, 
     readings = rounded(truth, step=0.0)
     readings[0, 1000:2000] = np.nan
     readings[np.random.default_rng(2).uniform(size=readings.shape) < 0.4] = np.nan
-    found = follow(Estimator(model, noise=NOISE), readings, every=5)
-    error, share = errors(found, truth, every=5)
+    estimates = follow(Estimator(model, noise=NOISE), readings, every=5)
+    error, share = errors(estimates, truth, every=5)
     assert np.abs(error).max() < 2.0
     assert np.mean(np.abs(share) < 1.96) > 0.9
-    assert found[390].deviations[0] > 3 * found[190].deviations[0]
-    assert np.isnan(found[300].innovations[0])
+    assert estimates[390].deviations[0] > 3 * estimates[190].deviations[0]
+    assert np.isnan(estimates[300].innovations[0])
 
 
 def test_a_long_gap_is_as_uncertain_as_many_short_ones(model: Model) -> None:
@@ -188,12 +188,14 @@ def test_a_long_gap_is_as_uncertain_as_many_short_ones(model: Model) -> None:
 def test_it_learns_the_resistance_to_the_air(truth: FloatArray) -> None:
     name = "resistance.ambient~b"
     wrong = Model(network().with_values(TRUTH | {name: 6.0}))
-    found = follow(Estimator(wrong, noise=NOISE, step=1.0, error=ModelError(heat=0.1), learn=[name]), rounded(truth))
-    value, error = found[-1].parameters[name]
+    estimates = follow(
+        Estimator(wrong, noise=NOISE, step=1.0, error=ModelError(heat=0.1), learn=[name]), rounded(truth)
+    )
+    value, error = estimates[-1].parameters[name]
     assert value == pytest.approx(TRUTH[name], rel=0.05)
     assert abs(value - TRUTH[name]) < 3 * error
-    assert found[0].parameters[name][0] == pytest.approx(6.0)
-    assert error < 0.2 * found[0].parameters[name][1]
+    assert estimates[0].parameters[name][0] == pytest.approx(6.0)
+    assert error < 0.2 * estimates[0].parameters[name][1]
 
 
 @pytest.mark.long
@@ -203,11 +205,11 @@ def test_doubt_about_fitted_parameters_widens_and_stays() -> None:
     done = fit(start, [bind(start, run)])
     doubting = Estimator.from_fit(done, error=ModelError(heat=0.01))
     sure = Estimator(done.model, noise=NOISE, error=ModelError(heat=0.01))
-    last = [list(run_filter(each, bind(start, run)))[-1] for each in (doubting, sure)]
+    last = [list(run_filter(variant, bind(start, run)))[-1] for variant in (doubting, sure)]
     assert (last[0].deviations >= last[1].deviations).all()
-    for each in (doubting, sure):
+    for estimator in (doubting, sure):
         for _ in range(20):
-            each.advance(inputs_of(start) | {"torque.a": 12.0}, 60.0)
+            estimator.advance(inputs_of(start) | {"torque.a": 12.0}, 60.0)
     assert (doubting.estimate.deviations > 1.2 * sure.estimate.deviations).all()
     block = doubting.state()["covariance"][-len(start.free) :, -len(start.free) :]
     assert block == pytest.approx(done.uncertainty.covariance, rel=1e-6, abs=1e-12)
@@ -246,7 +248,7 @@ def test_a_saved_state_goes_on_as_if_nothing_had_happened(model: Model, tmp_path
     np.savez(file, **first.state())  # type: ignore[arg-type]
     with np.load(file) as saved:
         second.restore(dict(saved))
-    further = [each.update(inputs_of(model) | {"torque.a": 8.0}, {"a": 35.0}, 2.0) for each in (first, second)]
+    further = [resumed.update(inputs_of(model) | {"torque.a": 8.0}, {"a": 35.0}, 2.0) for resumed in (first, second)]
     assert (further[0].temperatures == further[1].temperatures).all()
     assert (further[0].deviations == further[1].deviations).all()
     with pytest.raises(InputError, match="expected an array of shape"):
@@ -298,17 +300,17 @@ def test_a_log_that_begins_at_rest_needs_no_ambient() -> None:
     estimator = Estimator(model)
     torques = {column: 0.0 for column in model.inputs if column.startswith("torque.")}
     for k in range(100):
-        found = estimator.update(torques, dict.fromkeys(model.nodes, 23.0), 60.0 if k else 0.0)
-    assert found.temperatures == pytest.approx(23.0, abs=0.1)
+        estimate = estimator.update(torques, dict.fromkeys(model.nodes, 23.0), 60.0 if k else 0.0)
+    assert estimate.temperatures == pytest.approx(23.0, abs=0.1)
 
 
 def test_without_any_reading_it_starts_at_the_ambient_and_says_how_little_it_knows(model: Model) -> None:
     estimator = Estimator(model)
-    found = estimator.update(inputs_of(model), {"a": None}, 0.0)
-    assert found.temperatures.tolist() == [20.0, 20.0]
-    assert found.deviations.min() > 10.0
-    found = estimator.update(inputs_of(model), {"a": 41.0, "b": 32.0}, 1.0)
-    assert found.temperatures == pytest.approx([41.0, 32.0], abs=0.2)
+    estimate = estimator.update(inputs_of(model), {"a": None}, 0.0)
+    assert estimate.temperatures.tolist() == [20.0, 20.0]
+    assert estimate.deviations.min() > 10.0
+    estimate = estimator.update(inputs_of(model), {"a": 41.0, "b": 32.0}, 1.0)
+    assert estimate.temperatures == pytest.approx([41.0, 32.0], abs=0.2)
 
 
 def test_a_log_that_begins_at_rest_needs_a_first_reading() -> None:
@@ -322,11 +324,11 @@ def test_the_whole_quadruped_fits_through_the_front_door() -> None:
     model = Model(parse_model(presets()["quadruped"], Path("quadruped.toml")).network)
     estimator = lptn.Estimator(model, step=1.0)
     run = random_run(model, 30)
-    found = list(run_filter(estimator, bind(model, run)))
-    assert len(found) == 30
-    assert found[-1].nodes == tuple(model.nodes)
-    assert len(found[-1].nodes) == 13
-    assert found[-1].temperature("pc")[1] < 1.0
+    estimates = list(run_filter(estimator, bind(model, run)))
+    assert len(estimates) == 30
+    assert estimates[-1].nodes == tuple(model.nodes)
+    assert len(estimates[-1].nodes) == 13
+    assert estimates[-1].temperature("pc")[1] < 1.0
 
 
 def test_state_is_plain_arrays(model: Model) -> None:

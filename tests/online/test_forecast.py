@@ -42,8 +42,8 @@ def warming(torque: FloatArray, *, extra: float = 0.0, noise: float = 0.0, step:
     """A log of the motor at 1 Hz from the ambient on: the exact solution for torques held over each second."""
     temperature = np.empty(torque.size + 1)
     temperature[0], fading = AIR, math.exp(-1 / (RESISTANCE * CAPACITY))
-    for k, each in enumerate(torque):
-        settled = AIR + RESISTANCE * (PER_TORQUE * each**2 + extra)
+    for k, value in enumerate(torque):
+        settled = AIR + RESISTANCE * (PER_TORQUE * value**2 + extra)
         temperature[k + 1] = settled + (temperature[k] - settled) * fading
     shown = temperature[:-1] + noise * np.random.default_rng(seed).standard_normal(torque.size)
     shown = np.round(shown / step) * step if step else shown
@@ -61,19 +61,19 @@ def exactly(torque: float, limit: float, after: float, extra: float = 0.0) -> fl
 
 
 def test_time_to_the_limit_is_that_of_the_exact_solution(motor: Model) -> None:
-    found = forecast(motor, warming(np.full(300, 10.0)), 60.0, fit=certain(motor)).nodes["m"]
-    assert found.time_to_limit == pytest.approx(exactly(10.0, 60.0, 300.0), rel=0.005)
-    assert found.low < found.time_to_limit < found.high
-    assert found.steady == pytest.approx(AIR + RESISTANCE * PER_TORQUE * 100, rel=0.01)
+    prediction = forecast(motor, warming(np.full(300, 10.0)), 60.0, fit=certain(motor)).nodes["m"]
+    assert prediction.time_to_limit == pytest.approx(exactly(10.0, 60.0, 300.0), rel=0.005)
+    assert prediction.low < prediction.time_to_limit < prediction.high
+    assert prediction.steady == pytest.approx(AIR + RESISTANCE * PER_TORQUE * 100, rel=0.01)
 
 
 def test_never_is_said_with_the_temperature_at_which_it_settles(motor: Model) -> None:
-    found = forecast(motor, warming(np.full(300, 4.0)), 60.0, fit=certain(motor)).nodes["m"]
-    assert not found.reaches
-    assert found.time_to_limit == found.low == found.high == math.inf
-    assert found.steady == pytest.approx(AIR + RESISTANCE * PER_TORQUE * 16, abs=0.3)
-    assert found.steady_low < found.steady < found.steady_high < 60
-    assert found.chance < 0.01
+    prediction = forecast(motor, warming(np.full(300, 4.0)), 60.0, fit=certain(motor)).nodes["m"]
+    assert not prediction.reaches
+    assert prediction.time_to_limit == prediction.low == prediction.high == math.inf
+    assert prediction.steady == pytest.approx(AIR + RESISTANCE * PER_TORQUE * 16, abs=0.3)
+    assert prediction.steady_low < prediction.steady < prediction.steady_high < 60
+    assert prediction.chance < 0.01
 
 
 def test_the_hottest_point_of_a_winding_is_forecast_though_no_sensor_measures_it() -> None:
@@ -90,15 +90,15 @@ def test_the_hottest_point_of_a_winding_is_forecast_though_no_sensor_measures_it
 
 
 def test_a_limit_that_is_passed_takes_no_time(motor: Model) -> None:
-    found = forecast(motor, warming(np.full(300, 10.0)), 25.0, fit=certain(motor)).nodes["m"]
-    assert found.time_to_limit == 0
+    prediction = forecast(motor, warming(np.full(300, 10.0)), 25.0, fit=certain(motor)).nodes["m"]
+    assert prediction.time_to_limit == 0
 
 
 def test_averaging_keeps_the_squares(motor: Model) -> None:
     """A torque that is 14.14 half of the time heats like 10 all the time; its mean would be 7.07."""
     torque = np.tile([np.sqrt(200.0), 0.0], 150)
-    found = forecast(motor, warming(torque), 60.0, fit=certain(motor)).nodes["m"]
-    assert found.time_to_limit == pytest.approx(exactly(10.0, 60.0, 300.0), rel=0.02)
+    prediction = forecast(motor, warming(torque), 60.0, fit=certain(motor)).nodes["m"]
+    assert prediction.time_to_limit == pytest.approx(exactly(10.0, 60.0, 300.0), rel=0.02)
 
 
 def test_heat_that_the_model_lacks_is_found_in_the_log(motor: Model) -> None:
@@ -108,9 +108,9 @@ def test_heat_that_the_model_lacks_is_found_in_the_log(motor: Model) -> None:
     now = float(run.columns["temperature.m"][-1])
     bare = RESISTANCE * CAPACITY * math.log((settled - now) / (settled - 80.0))
     doubt = ModelUncertainty(np.zeros((len(motor.free),) * 2), np.ones(1), "test")
-    found = forecast(motor, run, 80.0, fit=doubt).nodes["m"]
-    assert abs(found.time_to_limit - true) < 0.1 * abs(bare - true)
-    assert found.low < true < found.high
+    prediction = forecast(motor, run, 80.0, fit=doubt).nodes["m"]
+    assert abs(prediction.time_to_limit - true) < 0.1 * abs(bare - true)
+    assert prediction.low < true < prediction.high
 
 
 def test_parameters_that_the_fit_left_open_are_learnt_from_the_log(motor: Model) -> None:
@@ -123,7 +123,7 @@ def test_parameters_that_the_fit_left_open_are_learnt_from_the_log(motor: Model)
     doubt = ModelUncertainty(np.diag(variance), certain(motor).error, "test")
     run = warming(np.full(1200, 10.0))
     true = exactly(10.0, 90.0, 1200.0)
-    learnt, kept = (forecast(doubted, run, 90.0, fit=each).nodes["m"] for each in (doubt, certain(motor)))
+    learnt, kept = (forecast(doubted, run, 90.0, fit=uncertainty).nodes["m"] for uncertainty in (doubt, certain(motor)))
     assert abs(learnt.time_to_limit - true) < 0.01 * true
     assert abs(learnt.time_to_limit - true) < abs(kept.time_to_limit - true)
     assert learnt.high - learnt.low < 0.5 * (kept.high - kept.low)  # which goes by missing heat, that fades
@@ -138,7 +138,7 @@ def test_a_model_that_lacks_something_is_not_bent_to_the_log(motor: Model) -> No
     assert "lptn diagnose" in poor.source
     run = warming(np.full(600, 10.0), extra=8.0)
     noise = Noise(np.array([0.05]), np.array([0.0]))
-    kept, learnt = (present(motor, run, noise, each) for each in (poor, good))
+    kept, learnt = (present(motor, run, noise, uncertainty) for uncertainty in (poor, good))
     np.testing.assert_allclose(kept.values, motor.values, rtol=1e-14)
     assert kept.state()["mean"][kept.augmented.layout.air] == 0
     assert np.abs(learnt.values / motor.values - 1).max() > 1e-6
@@ -185,8 +185,8 @@ def test_standard_errors_of_parameters_at_a_bound_are_not_believed(motor: Model)
     values[stopped] = motor.parameters[stopped].declared.bounds[1]
     model = motor.with_values(values)
     sure = {model.parameters[k].name: FittedTable(value=values[k], error=0.01 * values[k]) for k in (stopped, inside)}
-    known = ModelUncertainty.of_table(model, FitTable(rmse=0.3, parameters=sure), np.array([0.1]))
-    assert known.covariance[0, 0] > 100 * known.covariance[1, 1]
+    uncertainty = ModelUncertainty.of_table(model, FitTable(rmse=0.3, parameters=sure), np.array([0.1]))
+    assert uncertainty.covariance[0, 0] > 100 * uncertainty.covariance[1, 1]
 
 
 @pytest.mark.long
@@ -200,10 +200,10 @@ def test_intervals_cover_what_they_promise(motor: Model) -> None:
         whole = warming(torque)
         true = float(np.flatnonzero(whole.columns["temperature.m"] >= 60.0)[0]) - 300.0
         seen = warming(torque, noise=0.15, step=1.0, seed=seed)
-        found = forecast(motor, first(seen, 300), 60.0, fit=certain(motor)).nodes["m"]
-        inside.append(found.low <= true <= found.high)
-        errors.append(abs(found.time_to_limit - true) / true)
-        widths.append((found.high - found.low) / true)
+        prediction = forecast(motor, first(seen, 300), 60.0, fit=certain(motor)).nodes["m"]
+        inside.append(prediction.low <= true <= prediction.high)
+        errors.append(abs(prediction.time_to_limit - true) / true)
+        widths.append((prediction.high - prediction.low) / true)
     assert np.mean(inside) >= 0.75
     assert np.median(errors) < 0.06
     assert np.median(widths) < 0.35
@@ -212,7 +212,7 @@ def test_intervals_cover_what_they_promise(motor: Model) -> None:
 def test_doubt_about_parameters_widens_the_interval(motor: Model) -> None:
     run = warming(np.full(300, 10.0))
     doubt = ModelUncertainty(np.eye(len(motor.free)) * 0.1**2, certain(motor).error, "test")
-    sure, unsure = (forecast(motor, run, 60.0, fit=each).nodes["m"] for each in (certain(motor), doubt))
+    sure, unsure = (forecast(motor, run, 60.0, fit=uncertainty).nodes["m"] for uncertainty in (certain(motor), doubt))
     assert unsure.high - unsure.low > 1.5 * (sure.high - sure.low)
     wider = forecast(motor, run, 60.0, fit=doubt, coverage=0.99).nodes["m"]
     assert wider.low < unsure.low < unsure.high < wider.high
@@ -223,9 +223,9 @@ def test_a_model_that_runs_away_settles_nowhere() -> None:
     hotter = effect("resistance_rise", alpha=0.0039)
     nodes = (node("m", CAPACITY), AMBIENT)
     model = Model(Network("motor", nodes, (link("m", "ambient", 20.0),), (copper, hotter)))
-    found = forecast(model, warming(np.full(300, 12.0)), 60.0).nodes["m"]
-    assert found.reaches
-    assert found.steady == math.inf
+    prediction = forecast(model, warming(np.full(300, 12.0)), 60.0).nodes["m"]
+    assert prediction.reaches
+    assert prediction.steady == math.inf
 
 
 # --- what is taken to go on -----------------------------------------------------------------------
@@ -234,9 +234,9 @@ def test_a_model_that_runs_away_settles_nowhere() -> None:
 def test_only_the_present_activity_is_averaged(motor: Model) -> None:
     rng = np.random.default_rng(1)
     torque = np.concatenate([np.full(400, 2.0), np.full(200, 8.0)]) * rng.normal(1, 0.05, 600)
-    found = forecast(motor, warming(torque), 60.0)
-    assert found.window.seconds == pytest.approx(200, abs=10)
-    assert "unchanged" in found.window.why
+    result = forecast(motor, warming(torque), 60.0)
+    assert result.window.seconds == pytest.approx(200, abs=10)
+    assert "unchanged" in result.window.why
 
 
 def test_an_activity_that_never_changes_is_averaged_whole(motor: Model) -> None:
@@ -346,11 +346,11 @@ def test_the_command_says_times_and_writes_json_and_figure(
     lptn("forecast", *words, "--json", str(written), "--plot", str(picture))
     said = capsys.readouterr().out
     assert "gait cycles of 0.5 s" in said
-    found = json.loads(written.read_text())
-    assert found["nodes"]["m"]["limit"] == 65
-    assert found["nodes"]["m"]["time_to_limit"] == pytest.approx(exactly(10.0, 65.0, 300.0), rel=0.05)
-    assert found["window"]["gait_period"] == pytest.approx(0.5, rel=0.01)
-    assert len(found["path"]["time"]) == len(found["path"]["temperature"]["m"])
+    content = json.loads(written.read_text())
+    assert content["nodes"]["m"]["limit"] == 65
+    assert content["nodes"]["m"]["time_to_limit"] == pytest.approx(exactly(10.0, 65.0, 300.0), rel=0.05)
+    assert content["window"]["gait_period"] == pytest.approx(0.5, rel=0.01)
+    assert len(content["path"]["time"]) == len(content["path"]["temperature"]["m"])
     assert picture.read_bytes().startswith(b"\x89PNG")
 
 

@@ -62,9 +62,9 @@ def drift(rate: float) -> Callable[[FloatArray, FloatArray], FloatArray]:
 def calibration(model: Model) -> Calibration:
     """Learnt from two healthy runs."""
     said: list[str] = []
-    found = calibrate(model, [log(seed) for seed in (1, 2)], report=said.append)
+    calibrated = calibrate(model, [log(seed) for seed in (1, 2)], report=said.append)
     assert said[-1] == "learning what is healthy: log 2 of 2"
-    return found
+    return calibrated
 
 
 def seen(model: Model, calibration: Calibration, run: Run) -> MonitoredRun:
@@ -204,9 +204,9 @@ def test_the_tail_of_an_exponential_is_found() -> None:
 
 @pytest.mark.long
 def test_without_healthy_logs_it_guesses_and_says_so(model: Model) -> None:
-    found = monitor(model, [log(4, drift(0.05))])
-    assert found.calibration.hours == 0.0
-    assert only(found.runs[0].statistical_alarms).kind == "drift"
+    result = monitor(model, [log(4, drift(0.05))])
+    assert result.calibration.hours == 0.0
+    assert only(result.runs[0].statistical_alarms).kind == "drift"
     with pytest.raises(ValueError, match="threshold"):
         monitor(model, [], threshold=0.0)
     with pytest.raises(ValueError, match="healthy"):
@@ -302,14 +302,14 @@ def run_command(*words: object) -> int:
 
 @pytest.mark.long
 def test_the_command_shows_both_detectors(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    found, picture, kept_file = folder / "found.json", folder / "found.png", folder / "calibration.json"
-    words = ("monitor", folder / "two.toml", folder / "today.csv", "--threshold", 10, "--json", found)
+    target, picture, kept_file = folder / "found.json", folder / "found.png", folder / "calibration.json"
+    words = ("monitor", folder / "two.toml", folder / "today.csv", "--threshold", 10, "--json", target)
     healthy = ("--healthy", folder / "good.csv", "--calibration", kept_file)
     assert run_command(*words, *healthy, "--plot", picture) == 0
     shown = capsys.readouterr().out
     assert "drift" in shown
     assert "h of healthy logs" in shown
-    written = json.loads(found.read_text())
+    written = json.loads(target.read_text())
     both = written["runs"]["today"]
     (early,), (late,) = both["statistical"]["alarms"], both["threshold"]["alarms"]
     assert set(early) == {"node", "kind", "time", "onset", "size", "detail", "channel"}
@@ -319,7 +319,7 @@ def test_the_command_shows_both_detectors(folder: Path, capsys: pytest.CaptureFi
     assert both["threshold"]["largest_error"] == both["threshold"]["largest_residual"]
     assert picture.read_bytes().startswith(b"\x89PNG")
     assert run_command(*words, "--calibration", kept_file) == 0
-    assert json.loads(found.read_text())["runs"] == written["runs"]
+    assert json.loads(target.read_text())["runs"] == written["runs"]
     assert run_command(*words) == 0
     assert "guesses" in capsys.readouterr().out
 
@@ -348,8 +348,8 @@ def test_mistakes_are_one_line_and_exit_2(
 
 @pytest.mark.long
 def test_nothing_found_is_no_mistake(model: Model, calibration: Calibration) -> None:
-    found = monitor(model, [log(5)], calibration=calibration)
-    assert isinstance(found, Monitoring)
-    written = found.as_json()["runs"]
+    result = monitor(model, [log(5)], calibration=calibration)
+    assert isinstance(result, Monitoring)
+    written = result.as_json()["runs"]
     assert isinstance(written, dict)
     assert written["run5"]["statistical"]["alarms"] == []

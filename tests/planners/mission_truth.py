@@ -41,7 +41,7 @@ def task(activities: Sequence[dict[str, object]], limit: float = LIMIT, **task: 
     return {
         "task": {"kind": "mission", "ambient": AMBIENT} | task,
         "limits": {"*": limit},
-        "activities": [dict(each) for each in activities],
+        "activities": [dict(activity) for activity in activities],
         "gaits": {name: dict(gait) for name, gait in GAITS.items()},
     }
 
@@ -75,7 +75,7 @@ def simulate(
     plan: Sequence[tuple[str, float, float, float]], start: FloatArray, ambient: float = AMBIENT
 ) -> FloatArray:
     """Temperatures [degC] at 200 points of each piece (activity, seconds, speed, load), shape (3, points)."""
-    found, now = [np.asarray(start, dtype=float)[:, None]], np.asarray(start, dtype=float)
+    pieces, now = [np.asarray(start, dtype=float)[:, None]], np.asarray(start, dtype=float)
     for do, seconds, speed, load in plan:
 
         def slope(_: float, T: FloatArray, do: str = do, speed: float = speed, load: float = load) -> FloatArray:
@@ -83,6 +83,6 @@ def simulate(
 
         at = np.linspace(0.0, seconds, 200)
         done = solve_ivp(slope, (0.0, seconds), now, rtol=1e-9, atol=1e-9, t_eval=at)
-        found.append(done.y)
+        pieces.append(done.y)
         now = done.y[:, -1]
-    return np.hstack(found)
+    return np.hstack(pieces)

@@ -32,9 +32,9 @@ def slope(_: float, T: FloatArray, torque: FloatArray) -> FloatArray:
 def test_the_functions_are_what_an_integrator_finds() -> None:
     constraint = thermal_constraint(MODEL, {"*_calf": LIMIT}, request="torque", margin=0.5)
     for torque in (REQUEST, -REQUEST):
-        found = constraint.step(60.0)(START, torque, AMBIENT).full().ravel()
-        known = solve_ivp(slope, (0, 60), START, args=(torque,), rtol=1e-9).y[:, -1]
-        np.testing.assert_allclose(found, known, atol=1e-4)
+        stepped = constraint.step(60.0)(START, torque, AMBIENT).full().ravel()
+        integrated = solve_ivp(slope, (0, 60), START, args=(torque,), rtol=1e-9).y[:, -1]
+        np.testing.assert_allclose(stepped, integrated, atol=1e-4)
         np.testing.assert_allclose(constraint.rate()(START, torque, AMBIENT).full().ravel(), slope(0, START, torque))
     assert constraint.excess()(START).full().ravel() == pytest.approx(58 - 59.5)
     assert (constraint.unit, constraint.conditions) == ("N*m", ("temperature.ambient",))
@@ -55,13 +55,13 @@ def test_opti_with_the_constraint_plans_as_the_controller_does() -> None:
     opti.set_initial(x, np.tile(START[:, None], count + 1))
     opti.set_initial(u, 0.5 * np.tile(REQUEST[:, None], count))
     opti.solver("ipopt", {"print_time": False, "expand": True}, {"print_level": 0, "sb": "yes"})
-    found = opti.solve()
+    solution = opti.solve()
     mpc = TorqueMPC(MODEL, LIMIT, request="torque", period=5, horizon=150, stages=count, level=0.5)
     plan = mpc.step(START, REQUEST, [AMBIENT])
-    assert np.sum((found.value(u) - REQUEST[:, None]) ** 2) / (count * REQUEST @ REQUEST) == pytest.approx(
+    assert np.sum((solution.value(u) - REQUEST[:, None]) ** 2) / (count * REQUEST @ REQUEST) == pytest.approx(
         plan.cost, rel=1e-3
     )
-    np.testing.assert_allclose(np.asarray(found.value(u)).T, plan.currents, atol=0.05)
+    np.testing.assert_allclose(np.asarray(solution.value(u)).T, plan.currents, atol=0.05)
 
 
 def test_acados_objects_are_filled() -> None:

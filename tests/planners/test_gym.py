@@ -118,12 +118,12 @@ def test_what_is_observed_is_named() -> None:
     env = many(1)
     seen, info = env.reset(seed=0)
     assert len(env.names) == seen.shape[1] == env.single_observation_space.shape[0]
-    told = dict(zip(env.names, seen[0].tolist(), strict=True))
+    observed = dict(zip(env.names, seen[0].tolist(), strict=True))
     calf = quadruped().nodes.index("FR_calf")
-    assert told["margin.FR_calf"] == pytest.approx((LIMIT - info["temperature"][0, calf]) / 10.0, abs=1e-5)
-    assert told["asked.FR_calf"] == pytest.approx(env._courses[0, 0, 2] / env.rated[2], rel=1e-6)
+    assert observed["margin.FR_calf"] == pytest.approx((LIMIT - info["temperature"][0, calf]) / 10.0, abs=1e-5)
+    assert observed["asked.FR_calf"] == pytest.approx(env._courses[0, 0, 2] / env.rated[2], rel=1e-6)
     ahead = np.sqrt((env._courses[0, :60, 2] ** 2).mean()) / env.rated[2]
-    assert told["asked_300s.FR_calf"] == pytest.approx(ahead, rel=1e-6)
+    assert observed["asked_300s.FR_calf"] == pytest.approx(ahead, rel=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -162,8 +162,8 @@ class Pushed(gymnasium.Env[Any, Any]):
 
 
 def wrapped(**options: Any) -> ThermalWrapper:
-    told = lambda env: {"torque.a": env.unwrapped.torque}  # noqa: E731
-    return ThermalWrapper(Pushed(), model=one_motor(), limits=LIMIT, columns=told, seconds=0.1, **options)
+    columns = lambda env: {"torque.a": env.unwrapped.torque}  # noqa: E731
+    return ThermalWrapper(Pushed(), model=one_motor(), limits=LIMIT, columns=columns, seconds=0.1, **options)
 
 
 def test_a_wrapped_robot_is_as_warm_as_its_torques_make_it() -> None:

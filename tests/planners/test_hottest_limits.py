@@ -39,9 +39,9 @@ def test_mpc_holds_the_hottest_slice_at_its_limit() -> None:
     for _ in range(120):
         plan = mpc.step(readings, [40.0], CONDITIONS)
         currents.append(float(plan.admitted[0]))
-        found = slot.truth(np.repeat(currents, 5), 1.0)
-        readings = {node: float(found[node][-1]) for node in COLD}
-    hottest = found["winding.hottest"]
+        solution = slot.truth(np.repeat(currents, 5), 1.0)
+        readings = {node: float(solution[node][-1]) for node in COLD}
+    hottest = solution["winding.hottest"]
     assert hottest.max() < LIMIT + 0.5
     assert hottest[300:].min() > LIMIT - 2.0, "and uses it up"
 

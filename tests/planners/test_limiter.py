@@ -48,19 +48,19 @@ def bisected(load: FloatArray, direction: FloatArray, start: FloatArray, seconds
 def test_admissible_torque_is_what_bisection_finds(seed: int, row: int, seconds: int) -> None:
     random = np.random.default_rng(seed)
     start, load = random.uniform(30, 58, 13), random.uniform(0, 5, 12)
-    found = limiter().admissible(start, load, conditions(limiter().conditions))
+    admissible = limiter().admissible(start, load, conditions(limiter().conditions))
     for joint in (0, 4, 8, 11):
         others, direction = load * (np.arange(12) != joint), np.eye(12)[joint]
         expected = bisected(others, direction, start, seconds, MOST * CONSTANT)
-        assert found[joint, row] == pytest.approx(expected, rel=1e-3)
+        assert admissible[joint, row] == pytest.approx(expected, rel=1e-3)
 
 
 @pytest.mark.long
 def test_continuous_torque_settles_at_the_limit() -> None:
     load, around = np.full(12, 1.5), conditions(limiter().conditions)
-    found = limiter().admissible(np.full(13, 40.0), load, around)[:, 3]
+    admissible = limiter().admissible(np.full(13, 40.0), load, around)[:, 3]
     for joint in (2, 7):
-        torque = np.where(np.arange(12) == joint, found[joint], load)
+        torque = np.where(np.arange(12) == joint, admissible[joint], load)
         settled = World(true_robot(3), 50.0).step(torque, 20_000)[-1, :12]
         assert settled.max() == pytest.approx(LIMIT, abs=0.02)
 
@@ -69,16 +69,16 @@ def test_continuous_torque_settles_at_the_limit() -> None:
 @pytest.mark.parametrize("seconds", [10.0, 60.0, 300.0])
 def test_the_largest_scale_is_what_bisection_finds(seconds: float) -> None:
     activity, start = np.tile([4.0, 7.0, 9.0], 4), np.linspace(40, 55, 13)
-    found = limiter().largest_scale(start, activity, seconds, conditions(limiter().conditions))
+    scale = limiter().largest_scale(start, activity, seconds, conditions(limiter().conditions))
     expected = bisected(np.zeros(12), activity, start, int(seconds), 20.0)
-    assert found == pytest.approx(min(expected, MOST * CONSTANT / 9.0), rel=1e-3)
+    assert scale == pytest.approx(min(expected, MOST * CONSTANT / 9.0), rel=1e-3)
 
 
 def test_longer_is_less() -> None:
     load = np.full(12, 1.0)
-    found = limiter().admissible(np.full(13, 45.0), load, conditions(limiter().conditions))
-    assert np.all(np.diff(found, axis=1) <= 1e-9)
-    assert found.min() > 1.0
+    admissible = limiter().admissible(np.full(13, 45.0), load, conditions(limiter().conditions))
+    assert np.all(np.diff(admissible, axis=1) <= 1e-9)
+    assert admissible.min() > 1.0
 
 
 # --- edges, on three joints -----------------------------------------------------------------------------
@@ -97,21 +97,21 @@ def test_a_node_above_its_limit_admits_nothing() -> None:
 
 
 def test_a_neighbour_that_overheats_by_itself_admits_nothing() -> None:
-    found = small().admissible([40.0, 40.0, 59.9], [0.0, 0.0, 40.0], AROUND)
-    assert not found[0].any()
-    assert not found[1].any()
-    assert found[2, 0] > 0
+    admissible = small().admissible([40.0, 40.0, 59.9], [0.0, 0.0, 40.0], AROUND)
+    assert not admissible[0].any()
+    assert not admissible[1].any()
+    assert admissible[2, 0] > 0
 
 
 def test_what_is_no_number_admits_nothing() -> None:
-    found = small().admissible([40.0, np.nan, 40.0], np.zeros(3), AROUND)
-    assert np.all(found == 0.0)
+    admissible = small().admissible([40.0, np.nan, 40.0], np.zeros(3), AROUND)
+    assert np.all(admissible == 0.0)
     assert np.all(small().admissible(np.full(3, 40.0), np.zeros(3), [np.nan]) == 0.0)
 
 
 def test_the_current_limit_is_an_end() -> None:
-    found = small(current_limits=5.0).admissible(np.full(3, 30.0), np.zeros(3), AROUND)
-    assert found[:, 0].tolist() == pytest.approx([5.0 * 0.84] * 3)
+    admissible = small(current_limits=5.0).admissible(np.full(3, 30.0), np.zeros(3), AROUND)
+    assert admissible[:, 0].tolist() == pytest.approx([5.0 * 0.84] * 3)
 
 
 def test_no_load_has_no_largest_scale() -> None:
@@ -126,8 +126,8 @@ def test_a_falling_torque_constant_admits_less() -> None:
 def test_the_function_is_what_is_called() -> None:
     one, x, load = small(0.0012), np.array([40.0, 50.0, 55.0]), np.array([1.0, 2.0, 3.0])
     flat = one.function(x, load, AROUND, one.model.values, one.limits, one.most)
-    found = one.admissible(x, load, AROUND)
-    np.testing.assert_allclose(np.asarray(flat).reshape(found.shape), found, rtol=1e-12)
+    admissible = one.admissible(x, load, AROUND)
+    np.testing.assert_allclose(np.asarray(flat).reshape(admissible.shape), admissible, rtol=1e-12)
 
 
 def test_mistakes_are_refused() -> None:
@@ -152,10 +152,10 @@ def test_it_errs_to_the_safe_side_by_a_hundred_thousandth_at_most(limit: float) 
     random = np.random.default_rng(1)
     for _ in range(4):
         start = random.uniform(20, limit - 1, 3)
-        found = limiter.admissible(start, np.zeros(3), AROUND)
+        admissible = limiter.admissible(start, np.zeros(3), AROUND)
         for column, seconds in enumerate(limiter.horizons):
-            held = hottest(start, np.array([0, 0, found[2, column]]), seconds) - limit
-            more = hottest(start, np.array([0, 0, found[2, column] * (1 + 1e-5)]), seconds) - limit
+            held = hottest(start, np.array([0, 0, admissible[2, column]]), seconds) - limit
+            more = hottest(start, np.array([0, 0, admissible[2, column] * (1 + 1e-5)]), seconds) - limit
             assert held < 5e-3  # K, of RK4's steps
             assert more > -5e-3
 
@@ -178,9 +178,9 @@ def test_what_nothing_limits_is_infinite() -> None:
     effects = [effect("copper_loss"), effect("resistance_rise")]
     alone = Network("apart", (node("a"), node("b"), AMBIENT),
                     (link("a", "ambient"), link("b", "ambient")), tuple(effects))  # fmt: skip
-    found = Limiter(Model(alone), {"a": 60.0}).admissible(np.full(2, 30.0), np.zeros(2), AROUND)
-    assert np.all(np.isinf(found[1, :3]))
-    assert np.all(np.isfinite(found[0]))
+    admissible = Limiter(Model(alone), {"a": 60.0}).admissible(np.full(2, 30.0), np.zeros(2), AROUND)
+    assert np.all(np.isinf(admissible[1, :3]))
+    assert np.all(np.isfinite(admissible[0]))
     cut = Limiter(Model(alone), {"a": 60.0}, current_limits=10.0)
     assert cut.admissible(np.full(2, 30.0), np.zeros(2), AROUND)[1].tolist() == pytest.approx([8.4] * 4)
     hot = Limiter(Model(alone), {"a": 60.0}).admissible([61.0, 30.0], np.zeros(2), AROUND)

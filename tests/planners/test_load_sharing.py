@@ -178,10 +178,10 @@ def test_no_other_sharing_lasts_longer(stance: Stance, uneven: bool) -> None:
     rng, compared = np.random.default_rng(0), 0
     for _ in range(2):
         inside = NonlinearConstraint(room, 0.0, np.inf)
-        found = minimize(lasting, rng.normal(0.0, 3.0, 6), method="SLSQP", constraints=[inside], tol=1e-3)
-        if room(found.x).min() > -0.01:
+        optimum = minimize(lasting, rng.normal(0.0, 3.0, 6), method="SLSQP", constraints=[inside], tol=1e-3)
+        if room(optimum.x).min() > -0.01:
             compared += 1
-            assert lasting(found.x) >= -best.time * (1 + 2e-3)
+            assert lasting(optimum.x) >= -best.time * (1 + 2e-3)
     assert compared > 0
 
 
@@ -205,33 +205,33 @@ def test_a_hot_leg_is_relieved() -> None:
 
 @pytest.mark.parametrize("friction", [0.1, 0.3])
 def test_friction_and_torque_limits_hold(friction: float) -> None:
-    found = sharing().share(Stance(posture(1.1), load=8.0, friction=friction), 25.0)
-    assert found.grip <= 1 + 1e-6
-    assert found.effort <= 1 + 1e-6
+    solution = sharing().share(Stance(posture(1.1), load=8.0, friction=friction), 25.0)
+    assert solution.grip <= 1 + 1e-6
+    assert solution.effort <= 1 + 1e-6
     rougher = sharing().share(Stance(posture(1.1), load=8.0, friction=0.6), 25.0)
-    assert rougher.time > found.time
+    assert rougher.time > solution.time
 
 
 def test_three_legs_can_stand() -> None:
     stance = Stance(posture(0.9), load_at=(-0.05, 0.05, 0.1), load=4.0, standing=("FL", "RR", "RL"))
-    found = sharing().share(stance, 25.0)
-    assert np.abs(found.forces[0]).max() == 0.0
-    assert found.time > 0
+    solution = sharing().share(stance, 25.0)
+    assert np.abs(solution.forces[0]).max() == 0.0
+    assert solution.time > 0
 
 
 def test_what_never_gets_hot_lasts_for_ever_with_the_margin_said() -> None:
     light = LoadSharing(model(), load_body(), {"*": 200.0})
-    found = light.share(POSTURES["upright"], 25.0)
-    assert np.isinf(found.time)
-    assert found.first is None
-    assert found.margin > 50.0
+    solution = light.share(POSTURES["upright"], 25.0)
+    assert np.isinf(solution.time)
+    assert solution.first is None
+    assert solution.margin > 50.0
 
 
 def test_above_the_limit_the_coolest_way_on_is_found() -> None:
-    found = sharing().share(POSTURES["bent"], by_name(COOL + 36.0))
+    solution = sharing().share(POSTURES["bent"], by_name(COOL + 36.0))
     equal = sharing().equal(POSTURES["bent"], by_name(COOL + 36.0))
-    assert found.time == 0.0
-    assert found.margin > equal.margin
+    assert solution.time == 0.0
+    assert solution.margin > equal.margin
 
 
 # --- mistakes -----------------------------------------------------------------------------------
@@ -277,13 +277,13 @@ def test_what_does_not_fit_the_model_is_named() -> None:
 
 
 def test_a_model_that_is_driven_by_currents_needs_a_torque_constant() -> None:
-    torque = next(each for each in model().network.effects if each.effect.key == "copper_loss")
+    torque = next(declaration for declaration in model().network.effects if declaration.effect.key == "copper_loss")
     current = replace(torque, effect=CopperLoss(input="current"))
     bound = Model(replace(model().network, effects=(current,)))
     with pytest.raises(InputError, match="torque_constant in N·m/A"):
         LoadSharing(bound, load_body(), {"*": LIMIT})
-    found = LoadSharing(bound, load_body(), {"*": LIMIT}, torque_constant=0.84).share(POSTURES["bent"], 25.0)
-    assert found.time == pytest.approx(sharing().share(POSTURES["bent"], 25.0).time, rel=1e-3)
+    solution = LoadSharing(bound, load_body(), {"*": LIMIT}, torque_constant=0.84).share(POSTURES["bent"], 25.0)
+    assert solution.time == pytest.approx(sharing().share(POSTURES["bent"], 25.0).time, rel=1e-3)
 
 
 def test_a_body_of_ones_own_is_read_and_its_mistakes_are_named(tmp_path: Path) -> None:

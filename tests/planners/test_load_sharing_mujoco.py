@@ -34,7 +34,7 @@ def test_statics_are_those_of_the_urdf_in_mujoco(seed: int) -> None:
 def test_the_robot_stands_by_the_planned_torques_on_the_planned_forces(name: str) -> None:
     """Forward simulation on a floor: the drives hold the planned torques, contacts give the planned forces."""
     stance = POSTURES[name]
-    found: Sharing = sharing().share(stance, 25.0)
-    forces, torques = stand.stands(stance, found.torques)
-    np.testing.assert_allclose(forces, found.forces, atol=0.4)
-    np.testing.assert_allclose(torques, found.torques, atol=0.1)
+    solution: Sharing = sharing().share(stance, 25.0)
+    forces, torques = stand.stands(stance, solution.torques)
+    np.testing.assert_allclose(forces, solution.forces, atol=0.4)
+    np.testing.assert_allclose(torques, solution.torques, atol=0.1)

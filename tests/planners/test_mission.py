@@ -147,9 +147,9 @@ def test_the_price_of_work_is_what_finite_differences_say() -> None:
 
 def test_a_failed_solve_has_no_prices() -> None:
     program = Program(mission([{"do": "stand", "duration": 3000, "load": 4}]))
-    found = program.solve()
-    assert not found.success
-    assert found.prices == {}
+    solution = program.solve()
+    assert not solution.success
+    assert solution.prices == {}
 
 
 def test_without_a_limit_in_the_way_there_is_no_bottleneck() -> None:
@@ -223,8 +223,8 @@ def test_where_no_plan_does_all_of_it_the_rise_that_would_do_is_the_one_of_the_c
 
 def test_a_solve_that_no_plan_can_satisfy_ends_when_its_multipliers_grow_without_bound() -> None:
     """With 13 nodes such a solve took a minute, nearly all of it in the last two steps of IPOPT."""
-    found = Program(mission([WALK], ambient=65.0, start=40.0)).solve()
-    assert (found.success, found.status) == (False, "Multipliers_Without_Bound")
+    solution = Program(mission([WALK], ambient=65.0, start=40.0)).solve()
+    assert (solution.success, solution.status) == (False, "Multipliers_Without_Bound")
 
 
 def test_what_begins_above_its_limit_rests_until_it_is_below() -> None:
@@ -256,7 +256,7 @@ def test_where_even_a_rest_is_too_hot_the_answer_says_so() -> None:
     assert answer.plan.verdict == "none"
     assert answer.plan.prices == {}
     assert "even at rest" in answer.text()
-    assert [each.gait.name for each in answer.plan.segments] == ["rest"]
+    assert [segment.gait.name for segment in answer.plan.segments] == ["rest"]
 
 
 def test_limits_below_the_air_are_refused_before_anything_is_solved(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -112,8 +112,8 @@ def test_a_gait_may_come_from_a_log_beside_the_task(tmp_path: Path) -> None:
     path = tmp_path / "task.toml"
     path.write_text(FROM_LOGS, encoding="utf-8")
     mission = plan_kind.read(tomllib.loads(FROM_LOGS), str(path), truth.model())
-    found = mission.activities[0].gait.at(0.6, 2.0)
-    assert found[mission.model.inputs.index("torque.FR_calf")] == pytest.approx(rms(2, 0.6, 2.0), rel=5e-3)
+    inputs = mission.activities[0].gait.at(0.6, 2.0)
+    assert inputs[mission.model.inputs.index("torque.FR_calf")] == pytest.approx(rms(2, 0.6, 2.0), rel=5e-3)
     path.write_text(FROM_LOGS.replace("loaded.parquet", "lost.parquet"), encoding="utf-8")
     with pytest.raises(InputError, match=r"lost\.parquet"):
         plan_kind.read(tomllib.loads(path.read_text(encoding="utf-8")), str(path), truth.model())
@@ -126,12 +126,12 @@ def test_the_command_plans_the_deliveries(tmp_path: Path, capsys: pytest.Capture
     with pytest.raises(SystemExit) as left:
         main(["plan", str(model), str(DELIVERIES), "-o", str(table), "--json", str(result), "--plot", str(plot)])
     assert left.value.code in (0, None)
-    found, rows = json.loads(result.read_text()), pd.read_csv(table)
-    assert found["verdict"] == "met"
-    assert found["total"] < found["deadline"] == 2100.0
-    assert max(found["peaks"][node] - limit for node, limit in found["limits"].items()) < 0.01
+    answer, rows = json.loads(result.read_text()), pd.read_csv(table)
+    assert answer["verdict"] == "met"
+    assert answer["total"] < answer["deadline"] == 2100.0
+    assert max(answer["peaks"][node] - limit for node, limit in answer["limits"].items()) < 0.01
     assert rows["distance [m]"].sum() == pytest.approx(1050.0, rel=1e-4)
-    assert np.isclose(rows["duration [s]"].sum(), found["total"])
+    assert np.isclose(rows["duration [s]"].sum(), answer["total"])
     assert "bottleneck" in capsys.readouterr().out
     assert plot.stat().st_size > 10_000
 

@@ -129,11 +129,11 @@ def test_cells_are_learned_from_logs(tmp_path: Path) -> None:
     gait = gait_from_logs("walk", [0.2, 1.0], [0.0, 4.0], parts, leg(), "task.toml")
     for k, joint in enumerate(truth.VELOCITY):
         for speed, load in ((0.2, 0.0), (1.0, 4.0), (0.6, 2.0)):
-            found = gait.at(speed, load)
-            assert found[row(f"torque.{joint}")] == pytest.approx(rms(k, speed, load), rel=5e-3)
-            assert found[row(f"velocity.{joint}")] == pytest.approx((k + speed) * 2 / np.pi, rel=5e-3)
-            assert found[row(f"velocity_rms.{joint}")] == pytest.approx((k + speed) / np.sqrt(2), rel=5e-3)
-            assert found[row(f"powered.{joint}")] == pytest.approx(1.0)
+            inputs = gait.at(speed, load)
+            assert inputs[row(f"torque.{joint}")] == pytest.approx(rms(k, speed, load), rel=5e-3)
+            assert inputs[row(f"velocity.{joint}")] == pytest.approx((k + speed) * 2 / np.pi, rel=5e-3)
+            assert inputs[row(f"velocity_rms.{joint}")] == pytest.approx((k + speed) / np.sqrt(2), rel=5e-3)
+            assert inputs[row(f"powered.{joint}")] == pytest.approx(1.0)
 
 
 def test_a_part_of_a_log_is_only_that_part(tmp_path: Path) -> None:

@@ -126,7 +126,9 @@ def test_what_is_measured_on_the_way_corrects_its_table() -> None:
     heavier = {f"torque.{joint}": 1.3 * torque for joint, torque in truth.FOLDING.items()}
     control.update(still, inputs | heavier, 12.0)
     row = asked.model.inputs.index("torque.FR_calf")
-    after = {between: way.gait.at(0.0, 4.0)[row] for between, way in control.remaining().transitions.items()}
+    after = {
+        between: transition.gait.at(0.0, 4.0)[row] for between, transition in control.remaining().transitions.items()
+    }
     factor = np.sqrt((60.0 + 12.0 * 1.3**2) / (60.0 + 12.0))  # the table counts as if measured for a minute
     assert after["rest", "walk"] == pytest.approx(factor * truth.FOLDING["FR_calf"])
     assert after["walk", "rest"] == truth.FOLDING["FR_calf"], "nothing was measured of it yet"

@@ -51,14 +51,14 @@ def planned(folder: Path, seed: int) -> Plan:
             Segment("trot", seconds, speed, float(load)) for seconds, speed in ((400, 0.2), (400, 0.6), (300, 1.0))
         ]
         rests = [Segment("rest", seconds) for seconds in (300, 300, 600)]
-        happens = tuple(each for pair in zip(trots, rests, strict=True) for each in pair)
+        happens = tuple(segment for pair in zip(trots, rests, strict=True) for segment in pair)
         write_quadruped(folder, **options(seed, {f"trot_{load}": Run(happens, cutout=None)}))
     model = folder / "quadruped.toml"
     model.write_text(preset_text("quadruped"), encoding="utf-8")
     loaded = load_model(model)
     runs = loaded.runs([folder / f"trot_{load}.parquet" for load in LOADS])
-    found = fit(loaded.model, bound_runs(loaded.model, runs))
-    read_model_file(model).with_fit(found.table()).write(model)
+    fitted = fit(loaded.model, bound_runs(loaded.model, runs))
+    read_model_file(model).with_fit(fitted.table()).write(model)
     logs = [
         f'[[gaits.walk.logs]]\nfile = "trot_{load}.parquet"\nload = {load}\nstart = {start}\nend = {end}\n'
         for load in LOADS
@@ -76,9 +76,9 @@ def hottest(plan: Plan, seed: int) -> float:
     """The hottest joint [degC] of the virtual robot that does what was planned, each walk with luck of its own."""
     doing = [
         Segment(
-            "rest" if each.gait.name == "rest" else "trot", max(1, round(time)), min(float(speed), 1.0), float(load)
+            "rest" if segment.gait.name == "rest" else "trot", max(1, round(time)), min(float(speed), 1.0), float(load)
         )
-        for each, time, speed, load in zip(plan.segments, plan.time.tolist(), plan.speed, plan.load, strict=True)
+        for segment, time, speed, load in zip(plan.segments, plan.time.tolist(), plan.speed, plan.load, strict=True)
     ]
     truth = quadruped_logs(**options(seed, {"mission": Run(tuple(doing), cutout=None)})).truth["mission"]
     joints = [f"temperature.{joint}" for joint in plan.mission.limits]

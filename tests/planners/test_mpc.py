@@ -45,11 +45,11 @@ def test_it_finds_what_ipopt_finds() -> None:
     for start in (50.0, 55.0, 59.0, 61.0):
         mpc.reset()
         plan = mpc.step(np.full(3, start), REQUEST, AROUND)
-        found = reference.solve(np.full(3, start), np.tile(REQUEST, (30, 1)), np.full((30, 1), 25.0))
-        assert found.converged
+        optimum = reference.solve(np.full(3, start), np.tile(REQUEST, (30, 1)), np.full((30, 1), 25.0))
+        assert optimum.converged
         assert plan.converged
-        assert plan.cost == pytest.approx(found.cost, rel=2e-4)
-        np.testing.assert_allclose(plan.temperatures, found.temperatures, atol=0.02)
+        assert plan.cost == pytest.approx(optimum.cost, rel=2e-4)
+        np.testing.assert_allclose(plan.temperatures, optimum.temperatures, atol=0.02)
 
 
 def test_with_smoothing_a_share_rises_slowly_and_falls_at_once() -> None:
@@ -60,12 +60,12 @@ def test_with_smoothing_a_share_rises_slowly_and_falls_at_once() -> None:
     assert first == pytest.approx(
         plain.step(np.full(3, 59.0), REQUEST, AROUND).admitted, rel=1e-6
     )  # nothing to rise from
-    cooler, wanted = (each.step(np.full(3, 57.0), REQUEST, AROUND).admitted for each in (mpc, plain))
+    cooler, wanted = (controller.step(np.full(3, 57.0), REQUEST, AROUND).admitted for controller in (mpc, plain))
     assert (wanted > 1.01 * first).all()
     assert cooler == pytest.approx(first + (1 - np.exp(-5 / 100.0)) * (wanted - first), rel=2e-3)
-    hotter, wanted = (each.step(np.full(3, 60.0), REQUEST, AROUND).admitted for each in (mpc, plain))
+    hotter, wanted = (controller.step(np.full(3, 60.0), REQUEST, AROUND).admitted for controller in (mpc, plain))
     assert hotter == pytest.approx(wanted, rel=2e-3)
-    another, wanted = (each.step(np.full(3, 57.0), 0.7 * REQUEST, AROUND).admitted for each in (mpc, plain))
+    another, wanted = (controller.step(np.full(3, 57.0), 0.7 * REQUEST, AROUND).admitted for controller in (mpc, plain))
     assert another == pytest.approx(wanted, rel=2e-3)  # another request is no change of share
 
 
@@ -196,10 +196,10 @@ def test_a_copy_at_other_values_plans_with_its_own() -> None:
     values = np.array([weak.get(parameter.name, parameter.value) for parameter in model.parameters])
     mpc = TorqueMPC(model.with_values(values), LIMIT, period=5, horizon=150, stages=30, **KNOWN)
     plan = mpc.step(np.full(3, 55.0), REQUEST, AROUND)
-    found = Reference(mpc.heating, mpc.settings).solve(
+    optimum = Reference(mpc.heating, mpc.settings).solve(
         np.full(3, 55.0), np.tile(REQUEST, (30, 1)), np.full((30, 1), 25.0)
     )
-    assert plan.cost == pytest.approx(found.cost, rel=2e-4)
+    assert plan.cost == pytest.approx(optimum.cost, rel=2e-4)
     assert plan.cost > 1.05 * TorqueMPC(model, LIMIT, horizon=150, **KNOWN).step(np.full(3, 55.0), REQUEST, AROUND).cost
 
 
@@ -230,20 +230,20 @@ def test_the_margin_is_what_the_level_asks_of_the_covariance() -> None:
     random = np.random.default_rng(0)
     for _ in range(30):
         read = start + 0.1 * random.standard_normal(3)
-        found, rough = (mpc.step(read, REQUEST, AROUND).margin for mpc in (fine, coarse))
-    assert np.all(found < first)
+        precise, rough = (mpc.step(read, REQUEST, AROUND).margin for mpc in (fine, coarse))
+    assert np.all(precise < first)
     assert np.all(rough > 1.645 / np.sqrt(12))
 
 
 def test_standard_errors_of_parameters_widen_the_margin() -> None:
     name = "resistance.FR_calf~ambient"
-    known = TorqueMPC(leg_model(), LIMIT, model_error=0.05)
+    certain = TorqueMPC(leg_model(), LIMIT, model_error=0.05)
     doubted = TorqueMPC(leg_model(), LIMIT, model_error=0.05, standard_errors={name: 5.0})
     # Heat to the air (60 - 25) / 10 W, by half unsure, on 300 J/K; the other nodes as before.
-    added = np.sqrt(doubted.settings.doubt**2 - known.settings.doubt**2)
+    added = np.sqrt(doubted.settings.doubt**2 - certain.settings.doubt**2)
     np.testing.assert_allclose(added, [0, 0, 35 / 10 * 0.5 / 300], atol=1e-6)
     start = np.full(3, 55.0)
-    margins = [mpc.step(start, REQUEST, AROUND).margin for mpc in (known, doubted)]
+    margins = [mpc.step(start, REQUEST, AROUND).margin for mpc in (certain, doubted)]
     assert margins[1][2] > margins[0][2]
     with pytest.raises(InputError, match="no such parameter"):
         TorqueMPC(leg_model(), LIMIT, standard_errors={"resistance.nowhere": 1.0})
@@ -308,8 +308,8 @@ def test_a_recovery_spares_the_neighbours() -> None:
         -np.arange(31) * 5 / 60.0
     )
     assert np.all(slowly.temperatures[2] <= course + 1e-3)
-    found = Reference(mpc.heating, mpc.settings).solve(start, np.tile(REQUEST, (30, 1)), np.full((30, 1), 25.0))
-    assert slowly.cost == pytest.approx(found.cost, rel=1e-3)
+    optimum = Reference(mpc.heating, mpc.settings).solve(start, np.tile(REQUEST, (30, 1)), np.full((30, 1), 25.0))
+    assert slowly.cost == pytest.approx(optimum.cost, rel=1e-3)
 
 
 def test_torque_falls_smoothly_with_what_a_node_is_above_its_limit() -> None:
@@ -388,10 +388,10 @@ def test_requests_and_conditions_that_are_no_numbers() -> None:
     assert plan.admitted[0] == 0.0
     assert plan.admitted[2] == 0.0
     assert any("taken as zero" in said for said in plan.given_up)
-    later, known = [], TorqueMPC(leg_model(), LIMIT)
-    known.step(np.full(3, 50.0), [np.nan, 10.0, np.inf], AROUND)
-    for each, ambient in ((mpc, np.nan), (known, 25.0)):
-        later.append(each.step(np.full(3, 50.0), REQUEST, {"temperature.ambient": ambient}))
+    later, other = [], TorqueMPC(leg_model(), LIMIT)
+    other.step(np.full(3, 50.0), [np.nan, 10.0, np.inf], AROUND)
+    for controller, ambient in ((mpc, np.nan), (other, 25.0)):
+        later.append(controller.step(np.full(3, 50.0), REQUEST, {"temperature.ambient": ambient}))
     assert any("condition is no number" in said for said in later[0].given_up)
     assert later[0].admitted.tolist() == later[1].admitted.tolist()
 

@@ -59,9 +59,9 @@ def test_the_emitted_step_is_pythons(tmp_path: Path, options: tuple[str, ...]) -
     measured[random.random(measured.shape) < 0.1] = np.nan
     request, ambient = random.uniform(-20, 20, (steps, 3)), random.uniform(20, 30, (steps, 1))
     mpc.emit(tmp_path, np.full(3, 50.0), request, ambient)
-    told = answered(built(tmp_path, "lptn_mpc.c", *options), np.hstack([measured, request, ambient]))
+    answers = answered(built(tmp_path, "lptn_mpc.c", *options), np.hstack([measured, request, ambient]))
     mpc.reset()
-    for row, *given in zip(told, measured, request, ambient, strict=True):
+    for row, *given in zip(answers, measured, request, ambient, strict=True):
         plan = mpc.step(*given)
         np.testing.assert_allclose(row[:3], plan.admitted, rtol=0, atol=1e-9)
         assert row[3] == plan.status
@@ -77,9 +77,9 @@ def test_the_emitted_step_takes_a_preview_of_each_stage(tmp_path: Path) -> None:
     request, ambient = random.uniform(5, 20, (steps, 12, 3)), random.uniform(20, 30, (steps, 12, 1))
     mpc.emit(tmp_path, np.full(3, 50.0), request[:, 0], ambient[:, 0])
     lines = np.hstack([measured, request.reshape(steps, -1), ambient.reshape(steps, -1)])
-    told = answered(built(tmp_path, "lptn_mpc.c", "-O2", "-ffp-contract=off"), lines, "preview")
+    answers = answered(built(tmp_path, "lptn_mpc.c", "-O2", "-ffp-contract=off"), lines, "preview")
     mpc.reset()
-    for row, *given in zip(told, measured, request, ambient, strict=True):
+    for row, *given in zip(answers, measured, request, ambient, strict=True):
         plan = mpc.step(*given)
         np.testing.assert_allclose(row[:3], plan.admitted, rtol=0, atol=1e-9)
         assert row[3] == plan.status
@@ -146,7 +146,7 @@ def test_the_emitted_limiter_is_pythons(tmp_path: Path) -> None:
     random = np.random.default_rng(0)
     rows = np.hstack([random.uniform(40, 61, (20, 3)), random.uniform(0, 5, (20, 3)), np.full((20, 1), 25.0)])
     emit_limiter(limiter, tmp_path, rows[0, :3], rows[0, 3:6], rows[0, 6:])
-    told = answered(built(tmp_path, "admissible.c", "-O2", "-ffp-contract=off"), rows)
-    for row, given in zip(told, rows, strict=True):
+    answers = answered(built(tmp_path, "admissible.c", "-O2", "-ffp-contract=off"), rows)
+    for row, given in zip(answers, rows, strict=True):
         here = limiter.admissible(given[:3], given[3:6], given[6:])
         np.testing.assert_allclose(row, here.ravel(), rtol=0, atol=1e-9)

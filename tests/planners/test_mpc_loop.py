@@ -131,8 +131,8 @@ def test_the_emitted_loop_is_pythons(tmp_path: Path) -> None:
     rows = np.hstack([asked, 0.9 * asked, readings, np.full((len(asked), 1), 25.0)])
     options = ("-O1", "-ffp-contract=off", "-fsanitize=address,undefined", "-fno-sanitize-recover")
     program = built(tmp_path, "lptn_loop.c lptn_mpc.c", *options, main="loop.c")
-    told = answered(program, rows, f"{TICK}")
-    for row, torque, reading in zip(told, asked, readings, strict=True):
+    answers = answered(program, rows, f"{TICK}")
+    for row, torque, reading in zip(answers, asked, readings, strict=True):
         np.testing.assert_allclose(row[:3], loop.update(torque, reading, AROUND, 0.9 * torque), rtol=0, atol=1e-9)
         assert row[3] == loop.status
 

@@ -90,18 +90,18 @@ def plan(leg: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Plan:
 
 
 def test_a_torque_plan_as_table_json_and_picture(plan: Plan, tmp_path: Path) -> None:
-    csv, told, picture = tmp_path / "plan.csv", tmp_path / "plan.json", tmp_path / "plan.png"
-    status, out, err = plan(TRACK, "-o", csv, "--json", told, "--plot", picture)
+    csv, target, picture = tmp_path / "plan.csv", tmp_path / "plan.json", tmp_path / "plan.png"
+    status, out, err = plan(TRACK, "-o", csv, "--json", target, "--plot", picture)
     assert (status, err) == (0, "")
     assert "FR_calf" in out
-    table, found = pd.read_csv(csv), json.loads(told.read_text())
+    table, written = pd.read_csv(csv), json.loads(target.read_text())
     assert len(table) == 30
     assert table["requested.FR_calf [N*m]"].iloc[0] == 12
     assert np.all(table["torque.FR_calf [N*m]"] <= table["requested.FR_calf [N*m]"] + 1e-9)
     assert table["temperature.FR_calf [degC]"].max() <= 60
-    assert found["joints"]["FR_calf"]["admitted"] == pytest.approx(table["torque.FR_calf [N*m]"].tolist())
-    assert found["given_up"] == []
-    assert 0 < found["cost"] < 1
+    assert written["joints"]["FR_calf"]["admitted"] == pytest.approx(table["torque.FR_calf [N*m]"].tolist())
+    assert written["given_up"] == []
+    assert 0 < written["cost"] < 1
     assert picture.read_bytes().startswith(b"\x89PNG")
 
 
@@ -109,8 +109,8 @@ def test_a_start_above_the_limit_is_answered_and_said_first(plan: Plan, tmp_path
     status, out, _ = plan(TRACK.replace('"*" = 50\n[current', '"*" = 63\n[current'), "--json", tmp_path / "p.json")
     assert status == 0
     assert out.startswith("Given up: a limit less its margin can't be met: FR_hip by ")
-    found = json.loads((tmp_path / "p.json").read_text())
-    assert 2 < found["nodes"]["FR_hip"]["slack"] < 3.2
+    written = json.loads((tmp_path / "p.json").read_text())
+    assert 2 < written["nodes"]["FR_hip"]["slack"] < 3.2
 
 
 def test_without_a_compiler_ipopt_plans_the_same(plan: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -126,14 +126,14 @@ def test_without_a_compiler_ipopt_plans_the_same(plan: Plan, tmp_path: Path, mon
 
 
 def test_admissible_torques_as_table_json_and_picture(plan: Plan, tmp_path: Path) -> None:
-    csv, told, picture = tmp_path / "limits.csv", tmp_path / "limits.json", tmp_path / "limits.svg"
-    status, out, err = plan(LIMIT, "-o", csv, "--json", told, "--plot", picture)
+    csv, target, picture = tmp_path / "limits.csv", tmp_path / "limits.json", tmp_path / "limits.svg"
+    status, out, err = plan(LIMIT, "-o", csv, "--json", target, "--plot", picture)
     assert (status, err) == (0, "")
     assert "continuous" in out
-    table, found = pd.read_csv(csv), json.loads(told.read_text())
-    assert found["seconds"] == [10, 60, None]
-    assert table["60 s [N*m]"].tolist() == pytest.approx([row[1] for row in found["admissible"].values()])
-    assert found["scale"][0] > found["scale"][1] > found["scale"][2]
+    table, written = pd.read_csv(csv), json.loads(target.read_text())
+    assert written["seconds"] == [10, 60, None]
+    assert table["60 s [N*m]"].tolist() == pytest.approx([row[1] for row in written["admissible"].values()])
+    assert written["scale"][0] > written["scale"][1] > written["scale"][2]
     assert picture.read_text().startswith("<?xml")
 
 
@@ -232,6 +232,6 @@ def test_a_mission_has_no_controller_step(tmp_path: Path, capsys: pytest.Capture
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_kind_is_there(kind: str) -> None:
-    found = kind_of({"task": {"kind": kind}}, "task.toml")
-    assert callable(found.read)
-    assert callable(found.run)
+    planner = kind_of({"task": {"kind": kind}}, "task.toml")
+    assert callable(planner.read)
+    assert callable(planner.run)

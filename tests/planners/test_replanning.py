@@ -82,7 +82,7 @@ def test_a_plan_that_is_too_bold_yields_before_the_limit() -> None:
     assert beyond > truth.LIMIT + 2.0, "the fixed plan must fail"
     assert hottest < truth.LIMIT + 0.1
     assert min(control.done.values()) == pytest.approx(1.0, abs=0.01)
-    assert any("above its limit of 60 degC" in each.why for each in control.replanned)
+    assert any("above its limit of 60 degC" in change.why for change in control.replanned)
 
 
 @pytest.mark.long

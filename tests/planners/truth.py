@@ -52,7 +52,7 @@ class World:
         other += robot.coulomb * JOINT_SPEED + robot.viscous * JOINT_SPEED**2 + robot.drive
         other[robot.nodes.index("pc")] += COMPUTER
         to_air = robot.to_air * (1 + robot.forced_convection * SPEED)
-        held = [np.tile(each, (seconds, 1)) for each in (copper, other, to_air)]
+        held = [np.tile(constant, (seconds, 1)) for constant in (copper, other, to_air)]
         path = self.network.solve(Drive(*held), self.temperature)
         self.temperature = path[-1]
         return np.asarray(path[1:])
@@ -76,9 +76,9 @@ def model_of(robot: Robot, error: float, seed: int = 0) -> Model:
 
 def conditions(names: tuple[str, ...]) -> FloatArray:
     """Inputs of the model beside torques, as they are in this world."""
-    known = {"temperature.ambient": AMBIENT, "speed.base": SPEED, "power.pc": COMPUTER}
+    given = {"temperature.ambient": AMBIENT, "speed.base": SPEED, "power.pc": COMPUTER}
     by_feature = {"velocity": JOINT_SPEED, "velocity_rms": JOINT_SPEED, "powered": 1.0}
-    return np.array([known[name] if name in known else by_feature[name.partition(".")[0]] for name in names])
+    return np.array([given[name] if name in given else by_feature[name.partition(".")[0]] for name in names])
 
 
 def _true(robot: Robot, network: Network, name: str) -> float | None:
@@ -91,8 +91,8 @@ def _true(robot: Robot, network: Network, name: str) -> float | None:
         ends = [end for end in place.split("~") if end != "ambient"]
         if len(ends) == 1:
             return float(1 / robot.to_air[nodes.index(ends[0])])
-        found = {edge(nodes[i], nodes[j]): 1 / g for i, j, g in robot.links}
-        return float(found[place])
+        resistances = {edge(nodes[i], nodes[j]): 1 / g for i, j, g in robot.links}
+        return float(resistances[place])
     arrays = {"copper_loss.resistance": robot.resistance, "resistance_rise.alpha": robot.resistance_rise,
               "coulomb_friction.torque": robot.coulomb, "viscous_friction.damping": robot.viscous,
               "drive_heat.power": robot.drive, "natural_convection.beta": robot.natural_convection,

@@ -27,27 +27,27 @@ def texts() -> dict[str, str]:
 
 
 def test_every_citation_in_the_repository_resolves() -> None:
-    found = {name: citations(text) for name, text in texts().items()}
-    assert sum(map(len, found.values())) > 150
+    cited = {name: citations(text) for name, text in texts().items()}
+    assert sum(map(len, cited.values())) > 150
 
 
 def test_no_work_stands_in_the_list_uncited() -> None:
-    cited = {each.reference.key for each in works_cited(texts().values())}
+    cited = {citation.reference.key for citation in works_cited(texts().values())}
     assert set(bibliography()) == cited
 
 
 def test_nothing_is_cited_by_a_private_name() -> None:
     """But for the table of the sources' rows, whose page says what its ids mean."""
     others = {name: text for name, text in texts().items() if not name.startswith("tests/sources/")}
-    found = {name: match[0] for name, text in others.items() if (match := _PRIVATE.search(text))}
-    assert not found
+    matches = {name: match[0] for name, text in others.items() if (match := _PRIVATE.search(text))}
+    assert not matches
 
 
 def test_sources_of_effects_resolve_and_are_those_of_the_docstring() -> None:
     for key, effect in catalogue().items():
         assert effect.source, key
-        cited = {each.reference.key for each in citations(effect.source)}
-        assert cited <= {each.reference.key for each in citations(effect.__doc__ or "")}, key
+        cited = {citation.reference.key for citation in citations(effect.source)}
+        assert cited <= {citation.reference.key for citation in citations(effect.__doc__ or "")}, key
 
 
 @pytest.mark.parametrize(
@@ -86,7 +86,9 @@ def test_citations_are_put_in_words() -> None:
 
 def test_a_plug_in_may_cite_works_of_its_own() -> None:
     assert cite("after [Smith2020, eq. 1] and [Geyer1992]") == "after [Smith2020, eq. 1] and Geyer (1992)"
-    assert [each.reference.key for each in works_cited(["after [Smith2020, eq. 1] and [Geyer1992]"])] == ["Geyer1992"]
+    assert [citation.reference.key for citation in works_cited(["after [Smith2020, eq. 1] and [Geyer1992]"])] == [
+        "Geyer1992"
+    ]
 
 
 def test_a_misprint_is_said_where_the_place_is() -> None:

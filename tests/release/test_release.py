@@ -21,8 +21,8 @@ def test_the_version_is_said_in_one_place() -> None:
     assert version("lptn") == lptn.__version__ == said
     assert f"## {said}" in (ROOT / "CHANGELOG.md").read_text()
     words = ["git", "grep", "-lF", f'"{said}"', "--", "*.py", "*.pyi", "*.toml", "*.j2", "*.c", "*.h"]
-    found = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=False).stdout.split()
-    assert set(found) <= {"pyproject.toml", "examples/own_effect/pyproject.toml"}
+    files = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=False).stdout.split()
+    assert set(files) <= {"pyproject.toml", "examples/own_effect/pyproject.toml"}
 
 
 def test_each_package_and_its_files_are_in_the_wheel() -> None:

@@ -59,16 +59,16 @@ def test_text_of_users_cannot_end_the_data() -> None:
     charts = Charts("time [s]", (panel,), [View((name,), name, "x", {"a": np.ones(3)})], values, {"node": [name]})
     html = charts.html("one")
     assert html.count("</script>") == 1
-    found = re.search(r'id="one-data">(.*)</script>', html)
-    assert found is not None
-    assert json.loads(found[1])["views"][0]["title"] == name
+    match = re.search(r'id="one-data">(.*)</script>', html)
+    assert match is not None
+    assert json.loads(match[1])["views"][0]["title"] == name
 
 
 def test_ticks_are_round_and_inside() -> None:
     for low, high in ((0.0, 1.0), (-3.2, 7.7), (19.9, 20.1), (0.0, 7200.0), (1e5, 9e5)):
-        found = ticks(low, high, 6)
-        assert 2 <= len(found) <= 7
-        assert all(low - 1e-9 <= value <= high + 1e-9 for value in found)
+        marks = ticks(low, high, 6)
+        assert 2 <= len(marks) <= 7
+        assert all(low - 1e-9 <= value <= high + 1e-9 for value in marks)
     assert ticks(0.01, 10.0, 6, log=True) == [0.01, 0.1, 1.0, 10.0]
 
 

@@ -17,7 +17,7 @@ from lptn.report.network_drawing import draw_network, heat_flows
 from tests.builders import AMBIENT, link, node
 from tests.report.two_joints import NODES, robot
 
-MODELS = sorted(each.name for each in files("lptn.robots").iterdir() if each.name.endswith(".toml"))
+MODELS = sorted(file.name for file in files("lptn.robots").iterdir() if file.name.endswith(".toml"))
 SVG = "{http://www.w3.org/2000/svg}"
 
 
@@ -27,13 +27,13 @@ def _network(name: str) -> Network:
 
 
 def _boxes(drawn: ElementTree.Element) -> dict[str, tuple[float, float, float, float]]:
-    found = {}
+    boxes = {}
     for group in drawn.iter(f"{SVG}g"):
         if group.get("class") == "node":
             (box,) = group.findall(f"{SVG}rect")
             x, y, width, height = (float(box.get(name) or "nan") for name in ("x", "y", "width", "height"))
-            found[group.get("data-node") or ""] = (x, y, x + width, y + height)
-    return found
+            boxes[group.get("data-node") or ""] = (x, y, x + width, y + height)
+    return boxes
 
 
 @pytest.mark.parametrize("name", MODELS)
@@ -50,10 +50,10 @@ def test_every_part_is_drawn_once_and_no_box_covers_another(name: str) -> None:
     links = re.findall(r'data-link="([^"]*)"', text)
     assert len(links) == len(set(links)) >= len(network.resistors)
     assert text.count("data-effect=") == len(network.effect_instances)
-    named = {each for found in drawn.iter() for each in json.loads(found.get("data-parameter", "[]"))}
-    known = {parameter.name for parameter in network.parameters}
-    assert named <= known
-    assert {name for name in known if name.startswith(("capacity.", "resistance."))} <= named
+    named = {parameter for element in drawn.iter() for parameter in json.loads(element.get("data-parameter", "[]"))}
+    names = {parameter.name for parameter in network.parameters}
+    assert named <= names
+    assert {name for name in names if name.startswith(("capacity.", "resistance."))} <= named
     assert draw_network(_network(name)) == text
 
 
@@ -104,7 +104,7 @@ def test_flows_balance_the_rates() -> None:
 
 def test_the_wider_the_line_the_more_heat() -> None:
     model = Model(_network("leg.toml"))
-    flows = {each.place: float(number) for number, each in enumerate(model.network.resistors, start=1)}
+    flows = {resistor.place: float(number) for number, resistor in enumerate(model.network.resistors, start=1)}
     text = draw_network(model, {"FR_hip": 30.0, "FR_calf": 80.0}, flows)
     widths = {}
     for group in ElementTree.fromstring(text).iter(f"{SVG}g"):

@@ -48,12 +48,12 @@ def _short(history: History, heat: HeatStory, proposal: Advice | None = None) ->
     return dict(in_short(history, heat, proposal))
 
 
-def _bursting(found: UnexplainedHeat, watts: float) -> UnexplainedHeat:
+def _bursting(estimate: UnexplainedHeat, watts: float) -> UnexplainedHeat:
     """The same run with clear heat at the second joint in its second quarter."""
-    made = np.zeros_like(found.heat)
-    quarter = found.time.size // 4
+    made = np.zeros_like(estimate.heat)
+    quarter = estimate.time.size // 4
     made[1, quarter : 2 * quarter] = watts
-    return replace(found, heat=made, band=np.full_like(made, 0.5))
+    return replace(estimate, heat=made, band=np.full_like(made, 0.5))
 
 
 @pytest.mark.long
@@ -74,10 +74,10 @@ def test_errors_by_node_and_time_are_the_means_of_the_errors(missing: Told) -> N
 
 
 def test_heat_within_its_band_is_drawn_as_none(heat: HeatStory) -> None:
-    (found,) = heat.given[:1]
-    made = _bursting(found, 4.0)
+    (estimate,) = heat.given[:1]
+    made = _bursting(estimate, 4.0)
     (field,) = heat_fields([made])
-    quarter = found.time.size // 4
+    quarter = estimate.time.size // 4
     assert set(np.unique(field.values)) == {0.0, 4.0}
     assert (field.values[1, quarter : 2 * quarter] == 4.0).all()
     assert not heat_fields([replace(made, band=np.full_like(made.heat, 5.0))])[0].values.any()
@@ -89,7 +89,7 @@ def test_the_worst_runs_are_drawn_in_their_order(heat: HeatStory) -> None:
 
 
 def test_the_line_has_the_heat_and_the_inputs(heat: HeatStory, missing: Told) -> None:
-    made = [_bursting(each, 4.0) for each in heat.given]
+    made = [_bursting(estimate, 4.0) for estimate in heat.given]
     story = replace(heat, given=made, best=[], node=NODES[1])
     drawn = heat_line_picture(story)
     text = str(drawn.drawings[0])
@@ -107,69 +107,69 @@ def test_heat_without_a_burst_has_no_map(adequate: Told) -> None:
     assert story.where == ""
     assert heat_map_picture(story) is None
     assert "No node lacks heat beyond chance" in heat_line_picture(story).caption
-    told = _short(adequate[0], story)
-    assert told["What is missing"].startswith("Nothing")
-    assert told["Where"].startswith("Nowhere: no node lacks heat beyond chance; the 95 % band")
-    assert told["What to do"].startswith("Use the model.")
+    short = _short(adequate[0], story)
+    assert short["What is missing"].startswith("Nothing")
+    assert short["Where"].startswith("Nowhere: no node lacks heat beyond chance; the 95 % band")
+    assert short["What to do"].startswith("Use the model.")
 
 
 def test_the_opening_paragraph_of_a_missing_effect(missing: Told, heat: HeatStory) -> None:
-    told = _short(missing[0], heat)
-    assert list(told) == ["What was missing", "Where", "How sure", "What to do"]
-    assert told["What was missing"] == "Constant heat."
-    assert told["Where"].startswith(NODES[0].capitalize()[:1])
-    assert "in at most 0.5 % of logs" in told["How sure"]
-    assert "The RMSE on the test runs goes from" in told["How sure"]
-    assert told["What to do"].endswith("Use the best model.")
+    short = _short(missing[0], heat)
+    assert list(short) == ["What was missing", "Where", "How sure", "What to do"]
+    assert short["What was missing"] == "Constant heat."
+    assert short["Where"].startswith(NODES[0].capitalize()[:1])
+    assert "in at most 0.5 % of logs" in short["How sure"]
+    assert "The RMSE on the test runs goes from" in short["How sure"]
+    assert short["What to do"].endswith("Use the best model.")
 
 
 @pytest.mark.long
 def test_a_proposal_is_what_to_do(missing: Told, heat: HeatStory) -> None:
-    told = _short(missing[0], heat, Advice())
-    assert "Hold 2 N*m at thigh for 8.5 min. Section 7 says what that shows." in told["What to do"]
+    short = _short(missing[0], heat, Advice())
+    assert "Hold 2 N*m at thigh for 8.5 min. Section 7 says what that shows." in short["What to do"]
     html = story_html(*missing, "story", (), Advice())
     assert "At 4\u00a0min the two predictions differ by 3\u00a0K." in html
     assert "No run was worked out" not in html
 
 
 def test_heat_that_stays_is_said_and_asked_about(missing: Told, heat: HeatStory) -> None:
-    given = [_bursting(each, 4.0) for each in heat.given]
+    given = [_bursting(estimate, 4.0) for estimate in heat.given]
     run, node, peak = worst_of(given)
     burst = replace(heat, given=given, run=run, node=node, peak=peak)
-    stays = replace(burst, best=[_bursting(each, 3.0) for each in heat.given])
-    told = _short(missing[0], stays)
-    assert "what was added does not explain that" in told["How sure"]
-    assert told["What to do"].startswith(f"Ask what happened at {NODES[1]} from 150 to 300 s")
-    gone = replace(burst, best=[_bursting(each, 0.0) for each in heat.given])
+    stays = replace(burst, best=[_bursting(estimate, 3.0) for estimate in heat.given])
+    short = _short(missing[0], stays)
+    assert "what was added does not explain that" in short["How sure"]
+    assert short["What to do"].startswith(f"Ask what happened at {NODES[1]} from 150 to 300 s")
+    gone = replace(burst, best=[_bursting(estimate, 0.0) for estimate in heat.given])
     assert "Ask what happened" not in _short(missing[0], gone)["What to do"]
     unexplained = replace(missing[0], verdict="unexplained", steps=missing[0].steps[:1])
-    told = _short(unexplained, replace(burst, best=[]))
-    assert "the catalogue does not hold" in told["What is missing"]
-    assert f"heat is missing most clearly at {NODES[1]} from 150 to 300 s, about 4 W (3.5 to 4.5 W)" in told["Where"]
+    short = _short(unexplained, replace(burst, best=[]))
+    assert "the catalogue does not hold" in short["What is missing"]
+    assert f"heat is missing most clearly at {NODES[1]} from 150 to 300 s, about 4 W (3.5 to 4.5 W)" in short["Where"]
 
 
 def test_confusion_shows_every_pair(missing: Told) -> None:
-    found = missing[0].first.scores.confusability
-    ax = plot_collinearity(found, new_figure(3.0).add_subplot())
-    assert len(ax.texts) == len(found.keys) ** 2
+    confusability = missing[0].first.scores.confusability
+    ax = plot_collinearity(confusability, new_figure(3.0).add_subplot())
+    assert len(ax.texts) == len(confusability.keys) ** 2
     assert isinstance(ax.figure, Figure)
     assert "|correlation| [1]" in _labels(ax.figure)
     keys = tuple(("constant_heat", name) for name in "abcd")
     matrix = np.eye(4)
     matrix[0, 2] = matrix[2, 0] = 0.99
-    told = words.caption_of_collinearity(Confusability(keys, matrix))
-    assert told.endswith("one answer with several names: 1 and 3.")
+    caption = words.caption_of_collinearity(Confusability(keys, matrix))
+    assert caption.endswith("one answer with several names: 1 and 3.")
     assert "tell them apart" in words.caption_of_collinearity(Confusability(keys, np.eye(4)))
 
 
 def test_detectability_has_a_row_for_each_effect(missing: Told) -> None:
-    found = smallest(missing[0].first.scores)
-    rows = reaches(found)
-    assert len(rows) == len({each.effect for each in found})
-    shares = [each.easiest.share for each in rows]
+    detectable = smallest(missing[0].first.scores)
+    rows = reaches(detectable)
+    assert len(rows) == len({entry.effect for entry in detectable})
+    shares = [row.easiest.share for row in rows]
     assert shares == sorted(shares)
     figure = new_figure(3.0)
-    plot_detectability(found, figure.add_subplot())
+    plot_detectability(detectable, figure.add_subplot())
     assert _labels(figure) == {"smallest size that would show, as a share of the typical size [1]"}
     pair = [Detectable("radiation", at, size, "m^2", size / 0.02) for at, size in (("a", 0.01), ("b", 0.5))]
     (one,) = reaches(pair)
@@ -198,14 +198,14 @@ def test_a_place_in_one_run_is_said_in_words() -> None:
 
 @pytest.mark.parametrize("key", sorted(catalogue()))
 def test_what_is_in_words_already_stays_as_it_is(key: str) -> None:
-    told = f"{named(key, 'FR_hip')} and {named(key, '*')}"
-    assert for_people(told) == told
+    text = f"{named(key, 'FR_hip')} and {named(key, '*')}"
+    assert for_people(text) == text
     assert for_people(f"{key} at FR_hip") == named(key, "FR_hip")
 
 
 def test_the_terminals_sentence_as_it_is_printed() -> None:
-    told = for_people("At 20 degC sensor_lag at * and radiation at a~b differ by -0.72 W (x-1, 3 N*m).")
-    assert told == (
+    text = for_people("At 20 degC sensor_lag at * and radiation at a~b differ by -0.72 W (x-1, 3 N*m).")
+    assert text == (
         "At 20 °C sensor lag everywhere and radiation to the surroundings at a~b differ by −0.72 W (x-1, 3 N·m)."
     )
 

@@ -46,8 +46,8 @@ def _figure(ax: Axes) -> Figure:
     return ax.figure
 
 
-def _comparison(told: Told) -> Comparison:
-    return compare(told[0].steps[0].fit.model, told[1].holdout)
+def _comparison(outcome: Told) -> Comparison:
+    return compare(outcome[0].steps[0].fit.model, outcome[1].holdout)
 
 
 def test_decimation_keeps_extremes() -> None:
@@ -132,10 +132,10 @@ def test_maps_name_every_node_once_on_the_left(missing: Told) -> None:
 def test_long_times_are_in_minutes() -> None:
     model = robot()
     comparison = compare(model, [holdout_segment(make_run(model, 7, "long", count=1800))])
-    found = conditions_of(comparison)
-    times = [each for each in found if each.quantity.startswith("time")]
-    assert {each.quantity for each in times} == {"time since start [min]"}
-    assert max(each.upper for each in times) < 60.0
+    conditions = conditions_of(comparison)
+    times = [condition for condition in conditions if condition.quantity.startswith("time")]
+    assert {condition.quantity for condition in times} == {"time since start [min]"}
+    assert max(condition.upper for condition in times) < 60.0
     assert "time [min]" in _labels(predictions_figure(comparison))
 
 
@@ -169,10 +169,10 @@ def test_an_unmeasured_node_is_left_out(missing: Told) -> None:
 
 
 def test_ranking_on_both_scales(missing: Told, adequate: Told) -> None:
-    for told in (missing, adequate):
-        found = told[0].first
-        ax = plot_ranking(found, {("constant_heat", NODES[0])})
-        assert len(ax.patches) >= len(found.refits)
+    for outcome in (missing, adequate):
+        diagnosis = outcome[0].first
+        ax = plot_ranking(diagnosis, {("constant_heat", NODES[0])})
+        assert len(ax.patches) >= len(diagnosis.refits)
 
 
 def test_two_models_are_called_by_their_names(missing: Told) -> None:

@@ -93,10 +93,10 @@ def test_every_figure_has_its_sentence(html: str, missing: Told) -> None:
         assert page.tags.count("figure") == len(page.captions) > 0
         assert all(caption.strip().endswith(".") for caption in page.captions)
     assert Page(html).tags.count("figure") == 11
-    told = re.findall(r'<h2 id="s\d">(\d)\. ([^<]*)</h2>', html)
-    assert [number for number, _ in told] == [str(number) for number in range(1, 10)]
+    headings = re.findall(r'<h2 id="s\d">(\d)\. ([^<]*)</h2>', html)
+    assert [number for number, _ in headings] == [str(number) for number in range(1, 10)]
     story = ["The log", "The model", "Where it fails", "What was missing", "Test", "What to do next"]
-    assert all(title.startswith(start) for (_, title), start in zip(told[1:], story, strict=False))
+    assert all(title.startswith(start) for (_, title), start in zip(headings[1:], story, strict=False))
 
 
 def test_the_effects_named_have_their_references(html: str) -> None:
@@ -134,11 +134,11 @@ def test_words_missing(missing: Told) -> None:
     history, _ = missing
     assert history.verdict == "missing"
     assert (history.best.effect, history.best.at) == ("constant_heat", NODES[0])
-    told = " ".join(story_in_words(*missing))
-    assert f"Missing: constant heat at {NODES[0]}." in told
-    assert "Chance alone would score as high in at most 0.5 % of logs" in told
-    assert "Held out: two (60 to 600 s)" in told
-    assert "Test: three (60 to 600 s). It chose nothing" in told
+    text = " ".join(story_in_words(*missing))
+    assert f"Missing: constant heat at {NODES[0]}." in text
+    assert "Chance alone would score as high in at most 0.5 % of logs" in text
+    assert "Held out: two (60 to 600 s)" in text
+    assert "Test: three (60 to 600 s). It chose nothing" in text
     assert next_step(history) == "use the best model."
 
 
@@ -146,9 +146,9 @@ def test_words_missing(missing: Told) -> None:
 def test_words_adequate(adequate: Told) -> None:
     history, _ = adequate
     assert history.verdict == "adequate"
-    told = " ".join(story_in_words(*adequate))
-    assert told.startswith("Nothing is missing that these data can show")
-    assert "This holds for what the fitted runs cover: 10 min at" in told
+    text = " ".join(story_in_words(*adequate))
+    assert text.startswith("Nothing is missing that these data can show")
+    assert "This holds for what the fitted runs cover: 10 min at" in text
     assert "use the model" in next_step(history)
     assert "nothing to plot" in story_html(*adequate, "adequate")
 
@@ -158,38 +158,38 @@ def test_a_held_out_run_that_differs_is_named(adequate: Told) -> None:
     blown = EffectDeclaration(SurfaceScale(), "*", run="friday")
     cause = Cause(blown, 1.2, 0.02, "friday loses heat 2.2 times as fast: was a fan on?")
     told_apart = replace(history, last=replace(history.last, differing=(RunDifference("friday", 3.4, 0.02, (cause,)),)))
-    told = " ".join(story_in_words(told_apart, data))
-    assert "friday loses heat 2.2 times as fast: was a fan on? With that its error goes from 3.4 to 0.02 K" in told
+    text = " ".join(story_in_words(told_apart, data))
+    assert "friday loses heat 2.2 times as fast: was a fan on? With that its error goes from 3.4 to 0.02 K" in text
 
 
 def test_words_unexplained(missing: Told) -> None:
     history, data = missing
-    told = " ".join(story_in_words(replace(history, verdict="unexplained", remaining="unexplained"), data))
-    assert "the catalogue does not explain it" in told
-    assert "Do not read what was added as physics." in told
-    assert "How sure" not in told
+    text = " ".join(story_in_words(replace(history, verdict="unexplained", remaining="unexplained"), data))
+    assert "the catalogue does not explain it" in text
+    assert "Do not read what was added as physics." in text
+    assert "How sure" not in text
     alone = " ".join(story_in_words(_without_steps(history, "unexplained"), data))
     assert "No effect of the catalogue was worth adding." in alone
 
 
 def test_words_missing_but_nothing_helped(missing: Told) -> None:
     history, data = missing
-    told = " ".join(story_in_words(_without_steps(history, "missing"), data))
-    assert "none was added" in told
+    text = " ".join(story_in_words(_without_steps(history, "missing"), data))
+    assert "none was added" in text
 
 
 def test_words_of_rivals(missing: Told) -> None:
     history, data = missing
     best = replace(history.best, indistinguishable=(("radiation", NODES[0]), ("sensor_offset", "*")))
     rivals = replace(history, steps=(history.steps[0], best))
-    told = " ".join(story_in_words(rivals, data))
+    text = " ".join(story_in_words(rivals, data))
     assert (
-        f"radiation to the surroundings at {NODES[0]} and sensor offset everywhere explain them about as well" in told
+        f"radiation to the surroundings at {NODES[0]} and sensor offset everywhere explain them about as well" in text
     )
     assert "leave the robot powered and resting for an hour" in next_step(rivals)
     elsewhere = replace(history.best, indistinguishable=(("constant_heat", "*"),))
-    told = " ".join(story_in_words(replace(history, steps=(history.steps[0], elsewhere)), data))
-    assert "its place is not: constant heat everywhere explains the fitted runs about as well" in told
+    text = " ".join(story_in_words(replace(history, steps=(history.steps[0], elsewhere)), data))
+    assert "its place is not: constant heat everywhere explains the fitted runs about as well" in text
 
 
 @pytest.mark.long

@@ -35,9 +35,9 @@ from lptn.report.words import (
 from tests.report.two_joints import NODES, NOISE, Told
 
 
-def _everything(history: History, told: Told) -> str:
+def _everything(history: History, outcome: Told) -> str:
     heat = HeatStory.of(history)
-    parts = [headline(history), left_in_words(history), next_step(history), *story_in_words(history, told[1])]
+    parts = [headline(history), left_in_words(history), next_step(history), *story_in_words(history, outcome[1])]
     return " ".join([*parts, *(f"{label}: {text}" for label, text in in_short(history, heat))])
 
 
@@ -46,30 +46,30 @@ def test_a_solved_story_says_what_was_found_and_not_that_something_is_missing(mi
     before, after = history.steps[0].test, history.best.test
     assert before is not None
     assert after is not None
-    found = f"Found: constant heat at {NODES[0]}; test {before.rmse:.3g} → {after.rmse:#.3g} K, floor "
-    assert headline(history).startswith(found)
-    floor = float(headline(history).removeprefix(found).removesuffix(" K."))
+    opening = f"Found: constant heat at {NODES[0]}; test {before.rmse:.3g} → {after.rmse:#.3g} K, floor "
+    assert headline(history).startswith(opening)
+    floor = float(headline(history).removeprefix(opening).removesuffix(" K."))
     assert floor == pytest.approx(NOISE, rel=0.1)
     assert left_in_words(history) == "What is left on the fitted runs is no more than the sensors' noise."
-    told = _everything(history, missing)
+    text = _everything(history, missing)
     for wrong in ("is missing:", "Something", "still wrong", "does not explain"):
-        assert wrong not in told
+        assert wrong not in text
 
 
 def test_what_a_first_verdict_could_not_explain_but_two_steps_did_is_found(missing: Told) -> None:
     solved = replace(missing[0], verdict="unexplained", remaining="adequate")
     assert outcome_of(solved) == "found"
-    told = _everything(solved, missing)
-    assert "Do not read" not in told
-    assert "stays" not in told
+    text = _everything(solved, missing)
+    assert "Do not read" not in text
+    assert "stays" not in text
 
 
 def test_what_nothing_explains_is_not_called_found(missing: Told) -> None:
     stuck = replace(missing[0], verdict="unexplained", remaining="unexplained")
-    told = _everything(stuck, missing)
-    assert told.startswith("Not explained; the best that the catalogue offers is constant heat at")
-    assert "Found" not in told
-    assert "no more than the sensors' noise" not in told
+    text = _everything(stuck, missing)
+    assert text.startswith("Not explained; the best that the catalogue offers is constant heat at")
+    assert "Found" not in text
+    assert "no more than the sensors' noise" not in text
 
 
 def test_an_effect_added_to_an_adequate_model_is_added_and_not_found(missing: Told) -> None:
@@ -78,9 +78,9 @@ def test_an_effect_added_to_an_adequate_model_is_added_and_not_found(missing: To
     assert "Nothing is missing" not in _everything(added, missing)
 
 
-def _by_hand(told: Told, effect: Effect, at: str) -> History:
+def _by_hand(outcome: Told, effect: Effect, at: str) -> History:
     """The model as given with one effect that somebody chose, and what a diagnosis says of the two."""
-    history, data = told
+    history, data = outcome
     given = history.steps[0]
     declared = EffectDeclaration(effect, at)
     fit = finished(continued(given.fit, given.fit.model.network.with_effects([declared])))
@@ -94,11 +94,11 @@ def _by_hand(told: Told, effect: Effect, at: str) -> History:
 def test_what_was_added_and_did_not_help_is_not_called_found(
     adequate: Told, missing: Told, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    for told in (adequate, missing):
-        history = _by_hand(told, Radiation(), NODES[1])
+    for outcome in (adequate, missing):
+        history = _by_hand(outcome, Radiation(), NODES[1])
         assert outcome_of(history) == "tried"
         assert headline(history).startswith(f"Radiation at {NODES[1]}, added, did not help; test ")
-        text = _everything(history, told)
+        text = _everything(history, outcome)
         show_history(history)
         text += capsys.readouterr().out
         for wrong in ("Found", "What was missing", "Nothing else in the catalogue", "nothing else", "best that the"):
@@ -143,14 +143,14 @@ def test_held_out_runs_far_above_the_noise_are_not_called_noise(missing: Told) -
     holdout = history.best.holdout
     assert holdout is not None
     far = replace(history.best, holdout=replace(holdout, rmse=1.0))
-    told = left_in_words(replace(history, steps=(history.steps[0], far)))
-    assert "but the held-out ones are off by 1.00 K" in told
+    sentence = left_in_words(replace(history, steps=(history.steps[0], far)))
+    assert "but the held-out ones are off by 1.00 K" in sentence
 
 
 def test_an_error_like_the_noise_is_no_failure(adequate: Told, missing: Told) -> None:
-    def caption(told: Told) -> tuple[str, Comparison]:
-        comparison = compare(told[0].steps[0].fit.model, told[1].holdout)
-        comparison = replace(comparison, noise=told[0].steps[0].fit.noise)
+    def caption(outcome: Told) -> tuple[str, Comparison]:
+        comparison = compare(outcome[0].steps[0].fit.model, outcome[1].holdout)
+        comparison = replace(comparison, noise=outcome[0].steps[0].fit.noise)
         return caption_of_conditions(comparison, None, "held-out"), comparison
 
     said, comparison = caption(adequate)
@@ -166,10 +166,10 @@ def test_heat_that_is_drawn_as_sure_is_heat_that_is_said(adequate: Told) -> None
     time = np.arange(5.0, 3600.0, 10.0)
     for shift in (0.0, 0.5, 1.0, 1.5, 2.5):
         heat = rng.normal(0.0, 0.3, (2, time.size)) + shift * np.exp(-(((time - 1800) / 300) ** 2))
-        found = UnexplainedHeat("run", time, NODES, heat, np.full_like(heat, 0.8), 10.0)
-        (drawn,) = heat_fields([found])
-        beyond = bool((np.abs(heat) > found.sure_band).any())
-        assert (largest([found]) is not None) == beyond == bool(drawn.values.any()) == bool(stretches([found]))
+        estimate = UnexplainedHeat("run", time, NODES, heat, np.full_like(heat, 0.8), 10.0)
+        (drawn,) = heat_fields([estimate])
+        beyond = bool((np.abs(heat) > estimate.sure_band).any())
+        assert (largest([estimate]) is not None) == beyond == bool(drawn.values.any()) == bool(stretches([estimate]))
     story = HeatStory.of(adequate[0])
     assert ("no node lacks heat beyond chance" in in_short(adequate[0], story)[1][1]) == (story.peak is None)
 
@@ -191,9 +191,9 @@ def test_a_step_that_the_fitted_data_alone_speak_against_is_not_called_the_best(
 ) -> None:
     history = missing[0]
     first = replace(history.steps[1], probability=0.01, indistinguishable=())
-    told = replace(history, steps=(history.steps[0], first, *history.steps[2:]))
-    show_history(told)
-    text = _everything(told, missing) + capsys.readouterr().out
+    reordered = replace(history, steps=(history.steps[0], first, *history.steps[2:]))
+    show_history(reordered)
+    text = _everything(reordered, missing) + capsys.readouterr().out
     assert "othing else in the catalogue explains" not in text
     assert text.count("another answer") >= 3
     assert "held-out runs included, decided" in text
@@ -239,11 +239,11 @@ def test_where_something_is_missing_is_surer_than_what_it_is(missing: Told, caps
     declared = EffectDeclaration(Radiation(), NODES[1])
     other = (("solar", NODES[1]),)
     step = replace(history.steps[1], declaration=declared, probability=0.4, by_all_runs=0.3, indistinguishable=other)
-    for at_its_place, told in ((0.97, True), (0.4, False)):
+    for at_its_place, stated in ((0.97, True), (0.4, False)):
         show_history(replace(history, steps=(history.steps[0], replace(step, at_its_place=at_its_place))))
         said = " ".join(capsys.readouterr().out.split())
         assert "with the held-out data it is 30 % probable" in said
-        assert (f", and that something is missing at {NODES[1]} 97 %" in said) is told
+        assert (f", and that something is missing at {NODES[1]} 97 %" in said) is stated
 
 
 def test_where_next_to_nothing_goes_is_not_told(missing: Told) -> None:
@@ -260,7 +260,7 @@ def test_where_next_to_nothing_goes_is_not_told(missing: Told) -> None:
 
 def test_the_size_of_a_lag_is_its_time_constant(missing: Told) -> None:
     fit = missing[0].best.fit
-    slow = tuple(each.switched_on for each in SensorLag.parameters)
+    slow = tuple(parameter.switched_on for parameter in SensorLag.parameters)
     network = fit.model.network.with_effects([EffectDeclaration(SensorLag(), NODES[0], slow)])
     lagging = replace(missing[0].best, declaration=network.effects[-1])
     assert re.fullmatch(r"time constant \S+( ± \S+)? s", size_in_words(lagging, continued(fit, network)))

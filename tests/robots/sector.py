@@ -119,10 +119,10 @@ class Sector:
         entries = np.concatenate(self._entries)
         matrix = coo_array((entries, (np.concatenate(self._rows), np.concatenate(self._columns))), shape=(n, n)).tocsr()
         heat = np.append((self.source * self.volume).ravel(), np.zeros(self.extra))
-        found = np.full(n, np.nan)
+        temperatures = np.full(n, np.nan)
         kept = np.flatnonzero(there)
-        found[kept] = spsolve(matrix[kept][:, kept].tocsc(), heat[kept])
-        return np.asarray(found[: self.index.size].reshape(self.shape))
+        temperatures[kept] = spsolve(matrix[kept][:, kept].tocsc(), heat[kept])
+        return np.asarray(temperatures[: self.index.size].reshape(self.shape))
 
     def _pair(self, axis: int) -> tuple[Index, Index]:
         """Cells and their neighbours above along an axis."""

@@ -98,10 +98,10 @@ def test_each_part_is_as_warm_as_the_finite_volumes_say(
 @pytest.mark.parametrize("drawing", [LONG, FLAT])
 def test_other_motors_are_met_as_well(drawing: Drawing) -> None:
     """Nothing was chosen for the one motor above: a long one of 18 slots and a flat one of 9."""
-    known = temperatures(drawing, 2)
+    reference = temperatures(drawing, 2)
     rises = _rises(_model(_written(drawing, {"winding": 3})))
     for part in PARTS:
-        assert rises[part] == pytest.approx(known[part], rel=0.025), part
+        assert rises[part] == pytest.approx(reference[part], rel=0.025), part
 
 
 def _written(d: Drawing, pieces: Mapping[str, int]) -> str:
@@ -274,9 +274,9 @@ def test_the_command_prints_a_drawing_and_makes_a_model_of_it(
             main(["motor", str(drawing), "-o", str(tmp_path / "m.toml"), "--json", str(tmp_path / "m.json")])
         assert ended.value.code == 0
         made = Model(read_model_file(tmp_path / "m.toml").network)
-        told = json.loads((tmp_path / "m.json").read_text())
-        assert list(told["nodes"]) == made.nodes
-        assert told["parameters"] == len(made.parameters)
+        written = json.loads((tmp_path / "m.json").read_text())
+        assert list(written["nodes"]) == made.nodes
+        assert written["parameters"] == len(made.parameters)
 
 
 def test_a_bad_drawing_is_one_line_and_nothing_is_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

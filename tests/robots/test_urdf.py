@@ -85,19 +85,21 @@ def chain_logs(names: list[str], before: list[str | None], torque: dict[str, flo
         log = {"time": 2.0 * np.arange(len(shares)), "temperature.ambient": np.full(len(shares), 21.0)}
         log |= {f"torque.{name}": torque[name] * share for name, share in zip(names, shares.T, strict=True)}
         warm = 21.0 + np.array(rises) + 0.1 * random.standard_normal(shares.shape)
-        logs[run] = pd.DataFrame(log | {f"temperature.{name}": each for name, each in zip(names, warm.T, strict=True)})
+        logs[run] = pd.DataFrame(
+            log | {f"temperature.{name}": column for name, column in zip(names, warm.T, strict=True)}
+        )
     return logs
 
 
 def shipped(file: str) -> Path:
     """A URDF of the package example-robot-data, which the extra `robots` installs."""
     try:
-        found = [each for each in metadata.files("example-robot-data") or [] if each.name == file]
+        matches = [path for path in metadata.files("example-robot-data") or [] if path.name == file]
     except metadata.PackageNotFoundError:
-        found = []
-    if not found:
+        matches = []
+    if not matches:
         pytest.skip(f"no {file}: pip install 'lptn[robots]'")
-    return Path(str(found[0].locate()))
+    return Path(str(matches[0].locate()))
 
 
 @pytest.mark.long
@@ -109,9 +111,9 @@ def test_a_real_robot_is_checked_drawn_and_fitted(file: str, nodes: int, chains:
     urdf, model = shipped(file), tmp_path / "model.toml"
     joints = read_joints(urdf)[1]
     assert len(joints) == nodes
-    assert sum(each.before is None for each in joints) == chains
-    limits = {each.name: each.effort for each in joints}
-    logs = chain_logs([each.name for each in joints], [each.before for each in joints], limits)
+    assert sum(axis.before is None for axis in joints) == chains
+    limits = {axis.name: axis.effort for axis in joints}
+    logs = chain_logs([axis.name for axis in joints], [axis.before for axis in joints], limits)
     files = write_logs(tmp_path, logs)
     for words in (
         ["new", "--urdf", str(urdf), "-o", str(model)],
@@ -154,17 +156,20 @@ def test_joints_that_nothing_drives_are_passed_over(tmp_path: Path) -> None:
         joint("spring", "upper", "sprung", at="0.3 0 0"),
         joint("elbow_joint", "sprung", "fore", at="0.2 0 0"),
         joint("finger_joint", "fore", "finger", "prismatic", '<mimic joint="elbow_joint"/>'),
-        *(f'<transmission name="{each}"><joint name="{each}_joint"/></transmission>' for each in ("shoulder", "elbow")),
+        *(
+            f'<transmission name="{motor}"><joint name="{motor}_joint"/></transmission>'
+            for motor in ("shoulder", "elbow")
+        ),
     )
     name, joints = read_joints(written(tmp_path, text))
     assert name == "test"
-    assert [(each.name, each.before) for each in joints] == [("shoulder", None), ("elbow", "shoulder")]
+    assert [(axis.name, axis.before) for axis in joints] == [("shoulder", None), ("elbow", "shoulder")]
     assert joints[1].distance == pytest.approx(0.5)
 
 
 def test_names_stay_apart_and_legal(tmp_path: Path) -> None:
     text = robot(joint("a_joint", "base", "1"), joint("a_motor", "1", "2"), joint("wrist roll", "2", "3"))
-    assert [each.name for each in read_joints(written(tmp_path, text))[1]] == ["a_joint", "a_motor", "wrist_roll"]
+    assert [axis.name for axis in read_joints(written(tmp_path, text))[1]] == ["a_joint", "a_motor", "wrist_roll"]
 
 
 def test_joints_with_other_limits_have_sections_of_their_own(tmp_path: Path) -> None:
@@ -174,7 +179,7 @@ def test_joints_with_other_limits_have_sections_of_their_own(tmp_path: Path) -> 
     assert '[nodes."*_hip"]' in made
     assert "FR_hip, FL_hip sit on trunk" in made
     model = lptn.load_model(tmp_path / "model.toml").model
-    values = {each.name: each.value for each in model.parameters}
+    values = {parameter.name: parameter.value for parameter in model.parameters}
     assert values["capacity.FR_hip"] / values["capacity.FR_calf"] == pytest.approx(3.35, rel=0.01)
     assert values["resistance.FR_calf~ambient"] > values["resistance.FR_hip~ambient"]
 
@@ -204,7 +209,7 @@ def test_what_is_no_urdf_is_one_line(tmp_path: Path, text: str, words: str) -> N
 
 def test_a_chain_that_bites_its_tail_ends(tmp_path: Path) -> None:
     text = robot(joint("a", "1", "2"), joint("held", "3", "1", "fixed"), joint("back", "1", "3", "fixed"))
-    assert [each.before for each in read_joints(written(tmp_path, text))[1]] == [None]
+    assert [axis.before for axis in read_joints(written(tmp_path, text))[1]] == [None]
 
 
 @pytest.mark.parametrize(

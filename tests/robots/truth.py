@@ -124,10 +124,10 @@ def temperatures(d: Drawing, fine: int = 1) -> dict[str, float]:
     density = d.power / (2 * d.slots) / copper
     s.source[slot, wires, stack] = s.source[slot, :, :ne] = s.source[slot, :, ne + nz :] = density
     _joints(s, d, spans, (stack, teeth, wires), (ne, nz))
-    found = s.solve()
-    ends = [s.mean(found, (slot, slice(None), end)) for end in (slice(0, ne), slice(ne + nz, None))]
-    answer = {part: s.mean(found, (slice(*spans[part]), slice(None), stack)) for part, _, _ in d.conductivity}
-    answer |= {"tooth": s.mean(found, (slot, teeth, stack)), "winding": s.mean(found, (slot, wires, stack))}
+    solution = s.solve()
+    ends = [s.mean(solution, (slot, slice(None), end)) for end in (slice(0, ne), slice(ne + nz, None))]
+    answer = {part: s.mean(solution, (slice(*spans[part]), slice(None), stack)) for part, _, _ in d.conductivity}
+    answer |= {"tooth": s.mean(solution, (slot, teeth, stack)), "winding": s.mean(solution, (slot, wires, stack))}
     return answer | {"end_winding": sum(ends) / 2.0}
 
 
@@ -168,13 +168,13 @@ def _joints(
     s.link((surface, 0, 1), None, 1.0 / (d.outside * float(s.area(0, 1).ravel()[surface].sum())))
     slot = slice(*spans["slots"])
     for end, face, side in ((slice(0, ne), 0, 0), (slice(ne + nz, None), -1, 1)):
-        for cells, axis, way in (
+        for cells, axis, direction in (
             (s.index[slot.start, :, end], 0, 0),
             (s.index[slot.stop - 1, :, end], 0, 1),
             (s.index[slot, :, face], 2, side),
         ):
             flat: Index = cells.ravel()
-            s.link((flat, axis, way), None, 1.0 / (d.ends * float(s.area(axis, way).ravel()[flat].sum())))
+            s.link((flat, axis, direction), None, 1.0 / (d.ends * float(s.area(axis, direction).ravel()[flat].sum())))
     house, shaft = (slice(*spans[part]) for part in ("housing", "shaft"))
     s.link((s.index[house, :, ne].ravel(), 2, 0), None, d.mount * pieces)
     for m, side in ((ne, 0), (ne + nz - 1, 1)):

@@ -34,9 +34,9 @@ def _pieces(width: int) -> Iterator[Piece]:
 def test_pieces_of_any_length_give_the_whole(width: int, late: tuple[float, float]) -> None:
     steps, by_delay = np.array(late), np.array([[0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 2.0, 0.0]])
     (whole,) = delayed_pieces(_pieces(N), steps, by_delay, 2.0, N + 1)
-    found = list(delayed_pieces(_pieces(width), steps, by_delay, 2.0, N + 1))
-    assert [piece.first for piece in found] == list(range(0, N, width))
-    for piece in found:
+    pieces = list(delayed_pieces(_pieces(width), steps, by_delay, 2.0, N + 1))
+    assert [piece.first for piece in pieces] == list(range(0, N, width))
+    for piece in pieces:
         span = slice(piece.first, piece.first + piece.readings.shape[1])
         np.testing.assert_array_equal(piece.readings, whole.readings[:, span])
         np.testing.assert_array_equal(piece.derivatives, whole.derivatives[span])
@@ -45,10 +45,10 @@ def test_pieces_of_any_length_give_the_whole(width: int, late: tuple[float, floa
 
 def test_late_readings_are_those_of_earlier_instants() -> None:
     readings, _ = _whole()
-    found = delayed(readings, np.array([2.0, -0.25]))
-    np.testing.assert_array_equal(found[0, 2:], readings[0, :-2])
-    np.testing.assert_array_equal(found[0, :2], readings[0, 0])
-    np.testing.assert_allclose(found[1, :-1], 0.75 * readings[1, :-1] + 0.25 * readings[1, 1:], rtol=1e-12)
+    shifted = delayed(readings, np.array([2.0, -0.25]))
+    np.testing.assert_array_equal(shifted[0, 2:], readings[0, :-2])
+    np.testing.assert_array_equal(shifted[0, :2], readings[0, 0])
+    np.testing.assert_allclose(shifted[1, :-1], 0.75 * readings[1, :-1] + 0.25 * readings[1, 1:], rtol=1e-12)
     np.testing.assert_array_equal(delayed(readings, np.zeros(2)), readings)
 
 
@@ -78,14 +78,14 @@ def test_late_means_over_rows_as_long_as_a_time_constant(delay: float, monkeypat
     shown = substeps(model, bound, model.values, default_start(model, bound))[1]
     assert shown > 1
     monkeypatch.setattr("lptn.simulate.simulation._WINDOW", 12 * shown)
-    found = sensitivities(model, bound, model.values, chosen)
-    np.testing.assert_allclose(found.readings, simulate(model, bound).readings, rtol=1e-12)
+    result = sensitivities(model, bound, model.values, chosen)
+    np.testing.assert_allclose(result.readings, simulate(model, bound).readings, rtol=1e-12)
     for column, name in enumerate(parameter.name for parameter in model.parameters):
         e = np.zeros(len(chosen))
         e[column] = 1e-5 * max(abs(model.values[column]), 1.0)
         there, back = (simulate(model, bound, model.values + sign * e).readings for sign in (1, -1))
         slope = (there - back) / (2 * e[column])
-        exact = found.by_parameter[:, :, column]
+        exact = result.by_parameter[:, :, column]
         if (
             delay == 0 and "delay" in name
         ):  # at a window's ends it has the slope of one side only, and at the run's none

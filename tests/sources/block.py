@@ -97,9 +97,9 @@ def figures() -> Iterable[Check]:
 @row("S2-M1", "half the source", '"aligns the results with the analytical solution" (sec. 2.1)', more=LONG)
 def half_the_source() -> Iterable[Check]:
     for block, ends in ((EQUAL, "T1 = T2"), (UNEQUAL, "T1 = T2 + 20 K")):
-        found = steady_errors(block_network(block, 1, HALVED))
-        yield equal(f"error at the node's own place, {ends}", found.node, 0.0, "K", 1e-10)
-        yield equal(f"heat that arrives, {ends}", found.heat, 0.5, why="the other half is lost")
+        errors = steady_errors(block_network(block, 1, HALVED))
+        yield equal(f"error at the node's own place, {ends}", errors.node, 0.0, "K", 1e-10)
+        yield equal(f"heat that arrives, {ends}", errors.heat, 0.5, why="the other half is lost")
     four = steady_errors(block_network(EQUAL, 4, HALVED)).maximum
     yield equal("error of the maximum, 4 nodes", four, -6.25, "K", why="only one node aligns")
 
@@ -107,8 +107,10 @@ def half_the_source() -> Iterable[Check]:
 @row("S2-M1b", "half the source, node shifted", '"iteratively adjusted until convergence" (sec. 2.1)', more=LONG)
 def shifted_node() -> Iterable[Check]:
     for block, ends in ((EQUAL, "T1 = T2"), (UNEQUAL, "T1 = T2 + 20 K")):
-        found = steady_errors(block_network(block, 1, SHIFTED))
-        yield equal(f"error of the maximum, {ends}", found.maximum, 0.0, "K", 1e-12, "no iteration: the place is known")
+        errors = steady_errors(block_network(block, 1, SHIFTED))
+        yield equal(
+            f"error of the maximum, {ends}", errors.maximum, 0.0, "K", 1e-12, "no iteration: the place is known"
+        )
         off = _ready(block)[1] - block.maximum
         yield equal(f"ready model's hottest point, {ends}", off, 0.0, "K", 1e-9, "and all heat arrives")
 
@@ -124,9 +126,9 @@ def _ready(block: HeatedBlock) -> tuple[float, float]:
 
 @row("S2-M2", "negative resistance, the node", '"ensures a more accurate average" (sec. 3)', more=LONG)
 def mean_and_maximum() -> Iterable[Check]:
-    found = steady_errors(block_network(EQUAL, 1, NEGATIVE))
-    yield equal("error of the mean", found.mean, 0.0, "K", 1e-10)
-    yield equal("error of the maximum, T1 = T2", found.maximum, -1e5 * 0.1**2 / (24 * 10), "K")
+    errors = steady_errors(block_network(EQUAL, 1, NEGATIVE))
+    yield equal("error of the mean", errors.mean, 0.0, "K", 1e-10)
+    yield equal("error of the maximum, T1 = T2", errors.maximum, -1e5 * 0.1**2 / (24 * 10), "K")
     for block, ends in ((EQUAL, "T1 = T2"), (UNEQUAL, "T1 = T2 + 20 K"), (STEEP, "T1 = T2 + 60 K")):
         mean, hottest = _ready(block)
         yield equal(f"ready model: error of the mean, {ends}", mean - block.mean, 0.0, "K")
@@ -153,9 +155,9 @@ def overestimates() -> Iterable[Check]:
 
 @row("S2-N2", "halving aligns", '"aligns with the analytical solution" (fig. 4)', Verdict.CONTRADICTED, more=LONG)
 def aligns_at_the_node() -> Iterable[Check]:
-    found = steady_errors(block_network(EQUAL, 1, HALVED))
-    yield equal("error at the node", found.node, 0.0, "K")
-    yield equal("error of the mean", found.mean, 25.0 / 6.0, "K", why="at the node only")
+    errors = steady_errors(block_network(EQUAL, 1, HALVED))
+    yield equal("error at the node", errors.node, 0.0, "K")
+    yield equal("error of the mean", errors.mean, 25.0 / 6.0, "K", why="at the node only")
     unequal = steady_errors(block_network(UNEQUAL, 1, HALVED)).maximum
     yield equal("error of the maximum, T1 = T2 + 20 K", unequal, -2.0, "K")
 

@@ -205,8 +205,8 @@ def euler() -> Iterable[Check]:
     yield equal("stable below", form.euler_stable, 2 * 300.0 * 1.69, "s")
     for step, share in ((1.0, 0.5 * 1.0 / (math.e * 507.0)),):
         # The largest error of Euler's step response, rise·h/(2 e τ) to first order.
-        found = form.euler_error(step, 3000.0)
-        yield equal(f"largest error, h = {step:g} s", found, share * 25.0 * 1.69, "K", 1e-3)
+        error = form.euler_error(step, 3000.0)
+        yield equal(f"largest error, h = {step:g} s", error, share * 25.0 * 1.69, "K", 1e-3)
     fast = state_space(_one(0.4, 1.0, "constant_heat", power=1.0), np.array([20.0]), np.array([20.0]))
     yield below("0.4 J/K behind 1 K/W: stable below", fast.euler_stable, 1.0, "s", "refused at h = 1 s")
 
@@ -266,7 +266,7 @@ def resampling() -> Iterable[Check]:
 def network_diagram() -> Iterable[Check]:
     network = Model(parse_model(presets()["quadruped"], Path("quadruped.toml")).network).network
     yield equal("nodes with a mass", len(network.dynamic), 13)
-    inner = [each for each in network.resistors if "ambient" not in each.place.split("~")]
+    inner = [resistor for resistor in network.resistors if "ambient" not in resistor.place.split("~")]
     yield equal("links between them: 3 a leg, 2 between hips, 4 to the computer", len(inner), 18)
     yield equal("links to the air", len(network.resistors) - len(inner), 13)
 
@@ -285,7 +285,7 @@ def identification_runs() -> Iterable[Check]:
         there = sum(f"{word}_{diagonal}_{torque}Nm" in runs for diagonal in ("RF_LR", "LF_RR") for torque in torques)
         yield equal(f"of torque, {word}", there, 2 * len(torques))
     for name, speed in (("trot_low", "0.2"), ("trot_medium", "0.5"), ("trot_high", "1.0")):
-        yield printed(f"speed of {name}", max(each.speed for each in runs[name].segments), speed, "m/s")
+        yield printed(f"speed of {name}", max(segment.speed for segment in runs[name].segments), speed, "m/s")
 
 
 @row(
@@ -330,19 +330,19 @@ def largest_errors() -> Iterable[Check]:
     source's largest; its smaller ones can't all be met, for the oracle, which has the robot's own physics, misses some.
     """
     for seed in SEEDS:
-        for name, (found, _) in largest(seed, "none").items():
+        for name, (errors, _) in largest(seed, "none").items():
             if name not in SOURCE_RUNS:
                 continue
             most, square, reduction = SOURCE_RUNS[name]
-            yield below(f"robot {seed}, {name}: largest error", found.max[0], most + 0.005, "K", "printed")
-            yield below(f"robot {seed}, {name}: mean square error", found.square[0], square + 0.005, "K²", "printed")
-            reduced = 100 * found.reduction
+            yield below(f"robot {seed}, {name}: largest error", errors.max[0], most + 0.005, "K", "printed")
+            yield below(f"robot {seed}, {name}: mean square error", errors.square[0], square + 0.005, "K²", "printed")
+            reduced = 100 * errors.reduction
             yield above(
                 f"robot {seed}, {name}: reduction against single nodes", reduced, reduction - 0.005, "%", "printed"
             )
-        for name, (found, floor) in largest(seed, "default").items():
+        for name, (errors, floor) in largest(seed, "default").items():
             beside = f"oracle {floor[0]:.2f} K, {floor[1]:.2f} K²"
-            yield below(f"robot {seed}, {name}, errors of runs: largest error", found.max[0], 4.77, "K", beside)
+            yield below(f"robot {seed}, {name}, errors of runs: largest error", errors.max[0], 4.77, "K", beside)
 
 
 # --- numbers --------------------------------------------------------------------------------------------------
@@ -351,7 +351,7 @@ def largest_errors() -> Iterable[Check]:
 @row("S0-N1", "the robot", "12 motors, Unitree A1, 100 Hz")
 def robot() -> Iterable[Check]:
     network = parse_model(presets()["quadruped"], Path("quadruped.toml")).network
-    motors = [each for each in Model(network).nodes if f"copper_loss.resistance.{each}" in _names(network)]
+    motors = [place for place in Model(network).nodes if f"copper_loss.resistance.{place}" in _names(network)]
     yield printed("motors of the ready model", len(motors), "12")
     one = quadruped_logs(seed=0, runs={"stand": Run((Segment("stand", 5),))}, rate=100)["stand"]
     yield printed("samples a second of its logs", len(one) / 5, "100", "Hz")
@@ -379,8 +379,8 @@ def unpowered_neighbours() -> Iterable[Check]:
 )
 def below_five() -> Iterable[Check]:
     for seed in SEEDS:
-        for name, (found, floor) in largest(seed, "default").items():
-            yield below(f"robot {seed}, {name}: largest error", found.max[0], 5.0, "K", f"oracle {floor[0]:.2f} K")
+        for name, (errors, floor) in largest(seed, "default").items():
+            yield below(f"robot {seed}, {name}: largest error", errors.max[0], 5.0, "K", f"oracle {floor[0]:.2f} K")
 
 
 @row("S0-N4", "high-speed trot", "2.38 for 7.11 °C; reduction 66.67 % in table 3", Verdict.CONTRADICTED)
@@ -503,10 +503,10 @@ def time_to_limit() -> Iterable[Check]:
         why="its torque was chosen for it",
     )
     done = forecasts()
-    errors = np.array([each.error for each in done])
+    errors = np.array([trial.error for trial in done])
     yield below("shipped model: median error of the time still to go", float(np.median(errors)), 0.10)
     yield below("its worst error", float(errors.max()), 0.25)
-    yield above("share of times inside the 90 % interval", float(np.mean([each.inside for each in done])), 0.8)
+    yield above("share of times inside the 90 % interval", float(np.mean([trial.inside for trial in done])), 0.8)
 
 
 @row(

@@ -33,8 +33,8 @@ def test_row(row: object) -> None:
 
 
 def test_every_row_of_the_three_sources_is_there() -> None:
-    found = {source: sum(row.id.startswith(source) for row in rows()) for source in COUNTS}
-    assert found == COUNTS
+    counts = {source: sum(row.id.startswith(source) for row in rows()) for source in COUNTS}
+    assert counts == COUNTS
 
 
 def test_the_page_has_every_row_as_it_stands() -> None:
@@ -58,7 +58,7 @@ def test_the_command_says_what_falls_short(capsys: pytest.CaptureFixture[str], t
     assert "| S2-E8 |" in (tmp_path / "page.md").read_text()
     assert main(["--only", "S2-E6/E7", "-o", str(tmp_path / "page.md")]) == 0
     assert "85 rows: 2 holds, 83 not run." in (tmp_path / "page.md").read_text(), "the row of before is kept"
-    (row,) = (each for each in rows() if each.id == "S2-E8")
+    (row,) = (check for check in rows() if check.id == "S2-E8")
     line = evaluate(row)
     wrong = Line(row, (printed("x", 1.0, "2"),), Verdict.SHORT.value)
     assert wrong.short

@@ -56,12 +56,12 @@ def neighbours(seed: int) -> dict[str, tuple[float, float, float]]:
     """Rise [K] of the unpowered joints beside a powered knee over its run: truth, whole body, single nodes."""
     name, beside = "knee_RF_LR_10Nm", ("FR_hip", "FR_thigh", "RL_hip", "RL_thigh")
     logs = quadruped_logs(seed=seed, level="none", quantisation=1.0)
-    found: dict[str, list[float]] = {joint: [] for joint in beside}
+    rises: dict[str, list[float]] = {joint: [] for joint in beside}
     truth, study = logs.truth[name], import_module("whole_body")
     with tempfile.TemporaryDirectory() as folder:  # fitted to all runs of the protocol, this one too, as the source's
         fitted = study.trial(seed, "none", Path(folder), tuple(logs))
     for joint in beside:
-        found[joint].append(_rise(truth[f"temperature.{joint}"].to_numpy()))
+        rises[joint].append(_rise(truth[f"temperature.{joint}"].to_numpy()))
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder)
         write_logs(place / "logs", logs)
@@ -72,8 +72,8 @@ def neighbours(seed: int) -> dict[str, tuple[float, float, float]]:
             (segment,) = split_data(loaded.runs([place / "logs" / f"{name}.parquet"])).fit
             prediction = predict(fit.model, segment, np.ones(len(fit.model.nodes)))
             for joint in beside:
-                found[joint].append(_rise(prediction.readings[fit.model.nodes.index(joint)]))
-    return {joint: (values[0], values[1], values[2]) for joint, values in found.items()}
+                rises[joint].append(_rise(prediction.readings[fit.model.nodes.index(joint)]))
+    return {joint: (values[0], values[1], values[2]) for joint, values in rises.items()}
 
 
 def _rise(temperature: np.ndarray) -> float:

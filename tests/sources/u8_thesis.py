@@ -351,7 +351,7 @@ def at_15_amperes() -> Iterable[Check]:
         time = of.heating_time(circuit, 15.0, 55.0, of.housing_resistance(15.0))
         yield differs(f"its formula, {name}", time, text, "s")
     _, motor, passive, fan = _of("table").networks()
-    times = [each.time_to(55.0, 15.0) for each in (motor, passive, fan)]
+    times = [variant.time_to(55.0, 15.0) for variant in (motor, passive, fan)]
     yield printed("ready model u8-heat-sink", times[1], "50", "s", within=4.0, why="two standard deviations of 2 s")
     yield printed("the same with fan", times[2], "56", "s", within=4.0, why="two standard deviations of 2 s")
     yield below(
@@ -494,11 +494,11 @@ def jumping() -> Iterable[Check]:
 def sweep() -> Iterable[Check]:
     of = _of("as_printed")
     r_h = of.housing_resistance(35.0)
-    found = [of.heating(of.Circuit("", 1.2, c, 0.0), 35.0, 1.0, r_h) for c in (240.0, 250.0, 300.0, 400.0)]
-    for capacity, temperature, wanted in zip((240, 250, 300, 400), found, (49.9, 47.7, 39.8, 31.9), strict=True):
+    temperatures = [of.heating(of.Circuit("", 1.2, c, 0.0), 35.0, 1.0, r_h) for c in (240.0, 250.0, 300.0, 400.0)]
+    for capacity, temperature, wanted in zip((240, 250, 300, 400), temperatures, (49.9, 47.7, 39.8, 31.9), strict=True):
         yield equal(f"its formula, 35 A for 1 s, C = {capacity} J/K", temperature, wanted, "degC", 2e-3)
     adiabatic = 21.5 + 35.0**2 * 0.186 / 240.0
-    yield below("the same by energy alone, C = 240 J/K", adiabatic, min(found), "degC", "the formula makes heat")
+    yield below("the same by energy alone, C = 240 J/K", adiabatic, min(temperatures), "degC", "the formula makes heat")
 
 
 @row("S1-A2", "exchanger or bigger motor", "chapter 5", more="tests/cooling/test_trade_optimum.py")
@@ -518,7 +518,7 @@ def exchanger_or_bigger_motor() -> Iterable[Check]:
 def _held() -> dict[str, float]:
     """Torque [N·m] that each candidate of the example holds for an hour."""
     designs = import_module("compare_designs")
-    return {each.name: designs.held(each, (3600.0,))[0] for each in designs.CANDIDATES}
+    return {candidate.name: designs.held(candidate, (3600.0,))[0] for candidate in designs.CANDIDATES}
 
 
 @row(
@@ -534,15 +534,15 @@ def structure_as_sink() -> Iterable[Check]:
     yield above("an hour's torque with it over without", structure / alone, 1.1)
     best = held["U8, a sink without any resistance"]
     yield below("U8 with any sink whatever over a U10", best / held["U10 alone"], 1.0, why="so it can't, for an hour")
-    found = {each.option.name: each for each in _prosthesis().designs}
-    optimised, thesis = found["U8, passive"], _held_for_minutes()
+    by_name = {design.option.name: design for design in _prosthesis().designs}
+    optimised, thesis = by_name["U8, passive"], _held_for_minutes()
     yield above(
         "structure optimised at the exchanger's mass and volume, ten minutes' torque over the thesis's C and R",
         optimised.value / thesis,
         1.0,
         why=f"{optimised.capacity:.0f} J/K and {optimised.resistance:.2f} K/W in place of 353 and 3.3",
     )
-    yield below("the same over a U10 without any sink", optimised.value / found["U10, no sink"].value, 1.0)
+    yield below("the same over a U10 without any sink", optimised.value / by_name["U10, no sink"].value, 1.0)
 
 
 @cache
@@ -554,7 +554,7 @@ def _prosthesis() -> Any:
 def _held_for_minutes() -> float:
     """Torque [N·m] held for ten minutes with a structure like the thesis's exchanger."""
     designs = import_module("compare_designs")
-    (candidate,) = (each for each in designs.CANDIDATES if each.name == "U8, prosthesis's structure as the sink")
+    (candidate,) = (option for option in designs.CANDIDATES if option.name == "U8, prosthesis's structure as the sink")
     return float(designs.held(candidate, (600.0,))[0])
 
 
@@ -562,5 +562,5 @@ def _held_for_minutes() -> float:
 def intermittent() -> Iterable[Check]:
     motor = _of("table").networks()[0]
     for every, wanted in ((20, 61.0), (10, 114.0), (5, 309.0)):
-        found = motor.steady(35.0 / math.sqrt(every))
-        yield equal(f"every {every} s, in the end", found, wanted, "degC", 0.5 / wanted)
+        temperature = motor.steady(35.0 / math.sqrt(every))
+        yield equal(f"every {every} s, in the end", temperature, wanted, "degC", 0.5 / wanted)

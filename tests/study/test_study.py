@@ -133,11 +133,11 @@ def test_a_stretch_is_left_out_or_held_out_and_used_again() -> None:
     held_out = study.data.holdout[-1]
     assert (held_out.run.time[0], held_out.run.time[-1]) == (200, 259)
     predicted = study.predictions()
-    errors = np.concatenate([each.error[each.bound.counted] for each in predicted["fit"]])
+    errors = np.concatenate([prediction.error[prediction.bound.counted] for prediction in predicted["fit"]])
     assert np.sqrt(np.mean(errors**2)) == pytest.approx(study.steps[-1].fit.rmse)
     assert len(predicted["holdout"]) == 2
     study.use_again(study.stretches[0])
-    assert [each.held_out for each in study.stretches] == [True]
+    assert [stretch.held_out for stretch in study.stretches] == [True]
     pd.testing.assert_frame_equal(study.use_again().history, before, rtol=1e-6)
 
 
@@ -168,14 +168,14 @@ def test_a_stretch_is_fitted_alone() -> None:
     study.fit_on("log", 100, 200)
     (fitted,) = study.data.fit
     assert (fitted.run.time[0], fitted.run.time[-1]) == (100, 199)
-    assert [(each.run.time[0], each.run.time[-1]) for each in study.data.holdout] == [
+    assert [(segment.run.time[0], segment.run.time[-1]) for segment in study.data.holdout] == [
         (300, 598),  # as it was before
         (0, 99),
         (200, 239),
         (250, 299),
     ]
     study.fit_on("log", 10, 290)  # what is too short to be held out is left out
-    assert [each.held_out for each in study.stretches] == [False, False, False]
+    assert [stretch.held_out for stretch in study.stretches] == [False, False, False]
     assert not study.use_again().stretches
 
 
@@ -199,12 +199,12 @@ def test_parameters_are_fixed_bounded_and_freed() -> None:
     study.add("sensor_lag", at="*")
     errors = study.steps[-1].fit.standard_errors
     assert "capacity.heater*" not in errors
-    fitted = {each.name: each for each in study.model.parameters}
+    fitted = {parameter.name: parameter for parameter in study.model.parameters}
     assert fitted["capacity.heater*"].value == 5.0
     study.set_parameter("sensor_lag.time_constant.*", bounds=(1.0, 5.0))  # of an effect that was added
     assert 1.0 <= study.model.values[-1] <= 5.0
     study.set_parameter("capacity.heater*", fixed=False, bounds=(3.0, 6.0))
-    free = {each.name: each for each in study.model.parameters if each.free}
+    free = {parameter.name: parameter for parameter in study.model.parameters if parameter.free}
     assert free["capacity.heater*"].declared.bounds == (3.0, 6.0)
     assert 3.0 <= free["capacity.heater*"].value <= 6.0
     assert "# Like heaters" in study.file.text  # comments stay

@@ -55,9 +55,9 @@ def test_a_driver_that_reckons_otherwise_changes_its_torque_alone(logs: dict[str
 
 
 def test_answers_are_effects_of_the_catalogue_at_the_change_s_place() -> None:
-    known = {*catalogue()}
-    assert known >= {
-        *(each.partition("@")[0] for each in ALWAYS),
+    keys = {*catalogue()}
+    assert keys >= {
+        *(name.partition("@")[0] for name in ALWAYS),
         *(effect for change in CHANGES.values() for effect in change.effects),
     }
     assert CHANGES["fan"].answers("FR_hip") == [("fan", "FR_hip")]

@@ -73,8 +73,8 @@ def test_size_zero_is_off_to_the_last_bit() -> None:
 @pytest.mark.long
 @pytest.mark.parametrize("effect", ["resistance_rise", "radiation", "sensor_lag", "splash"])
 def test_everywhere_is_every_joint(effect: str) -> None:
-    each = tuple(Hidden(effect, joint) for joint in LEG_JOINTS)
-    assert temperatures((Hidden(effect, "*"),)) == pytest.approx(temperatures(each), abs=0)
+    separate = tuple(Hidden(effect, joint) for joint in LEG_JOINTS)
+    assert temperatures((Hidden(effect, "*"),)) == pytest.approx(temperatures(separate), abs=0)
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -208,8 +208,10 @@ def test_conduction_joins_two_nodes_that_were_apart() -> None:
 def test_class_and_everywhere_are_all_their_nodes(effect: str) -> None:
     calves = tuple((effect, joint, 0.5) for joint in QUADRUPED_JOINTS if joint.endswith("_calf"))
     assert quadruped_temperatures((effect, "*_calf", 0.5)) == pytest.approx(quadruped_temperatures(*calves), abs=0)
-    each = tuple((effect, node, 0.5) for node in (QUADRUPED_JOINTS if effect == "resistance_rise" else QUADRUPED_NODES))
-    assert quadruped_temperatures((effect, "*", 0.5)) == pytest.approx(quadruped_temperatures(*each), abs=0)
+    separate = tuple(
+        (effect, node, 0.5) for node in (QUADRUPED_JOINTS if effect == "resistance_rise" else QUADRUPED_NODES)
+    )
+    assert quadruped_temperatures((effect, "*", 0.5)) == pytest.approx(quadruped_temperatures(*separate), abs=0)
 
 
 def test_size_zero_is_off_to_the_last_bit_on_the_quadruped() -> None:

@@ -36,9 +36,9 @@ class Server:
         self.process = subprocess.Popen(words, env=surroundings, stdout=subprocess.PIPE, text=True)
         assert self.process.stdout is not None
         lines = [self.process.stdout.readline().strip() for _ in range(2)]
-        found = re.fullmatch(r"(http://127\.0\.0\.1:(\d+))/\?token=\S+", lines[1])
-        assert found, lines
-        self.address, self.home, self.port = found[0], found[1], int(found[2])
+        match = re.fullmatch(r"(http://127\.0\.0\.1:(\d+))/\?token=\S+", lines[1])
+        assert match, lines
+        self.address, self.home, self.port = match[0], match[1], int(match[2])
 
     def kill(self) -> None:
         """As a crash does."""
@@ -153,7 +153,11 @@ def test_from_opening_to_a_fallen_error(browser: Browser, tmp_path: Path) -> Non
         page.goto(server.address)
         expect(page.locator(".figures .now b")).to_have_text("0.999 K")
         assert {url[: len(server.home)] for url in asked} == {server.home}
-        assert not [each for each in complaints if "401" not in each and "ERR_CONNECTION_REFUSED" not in each]
+        assert not [
+            complaint
+            for complaint in complaints
+            if "401" not in complaint and "ERR_CONNECTION_REFUSED" not in complaint
+        ]
     finally:
         server.kill()
 

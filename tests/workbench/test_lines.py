@@ -53,7 +53,7 @@ def test_a_window_has_the_readings_of_its_time() -> None:
     assert shown["time"][0] == pytest.approx(499.9)
     assert shown["time"][-1] == pytest.approx(510.1)
     assert len(shown["time"]) == 103
-    assert all(each == pytest.approx(1.5, abs=1e-4) for each in shown["error now"])
+    assert all(error == pytest.approx(1.5, abs=1e-4) for error in shown["error now"])
     assert {"torque.hip", "speed.base"} <= set(shown)
     assert "torque.knee" not in shown
 

@@ -101,7 +101,7 @@ def test_the_state_is_told_once_a_version(browser: TestClient) -> None:
     state = browser.get("/state").json()
     assert state["name"] == "two heaters"
     assert state["head"]["given"] == pytest.approx(4.720, abs=1e-3)
-    assert [each["job"] for each in state["segments"]] == ["fitted", "held out"]
+    assert [segment["job"] for segment in state["segments"]] == ["fitted", "held out"]
     assert state["tiles"]["holdout 0"]["now"][1]["mean"] > 4  # predicted minus measured: too hot
     assert browser.get(f"/state?since={state['version']}").status_code == 204
     assert "file" not in state
@@ -123,11 +123,11 @@ def test_lines_of_a_window(browser: TestClient) -> None:
 
 def test_residuals_and_what_is_special_are_answered(browser: TestClient) -> None:
     asked = {"segment": "holdout 0", "node": "heater2"}
-    found = browser.get("/residuals", params=asked).json()
-    assert found["correlation"][0] == 1.0
-    assert found["memory"] is None  # the errors never end: the model lacks something
+    residuals = browser.get("/residuals", params=asked).json()
+    assert residuals["correlation"][0] == 1.0
+    assert residuals["memory"] is None  # the errors never end: the model lacks something
     special = browser.get("/special", params=asked | {"start": "400", "stop": "450"}).json()
-    assert {each["column"] for each in special["companions"]} == {"power.heater1", "power.heater2"}
+    assert {companion["column"] for companion in special["companions"]} == {"power.heater1", "power.heater2"}
     for path, wrong in (("/residuals", {"node": "elbow"}), ("/special", {"start": "0", "stop": "590"})):
         answer = browser.get(path, params=asked | wrong)
         assert answer.status_code == 422
@@ -269,7 +269,7 @@ def test_the_network_at_a_moment_has_that_moments_temperatures(browser: TestClie
     assert answer.status_code == 200
     said = re.findall(r">(-?[0-9.]+) °C<", answer.json()["drawing"])
     near = [float(row[100]) for row in prediction.states[:2]]  # moments are some seconds apart
-    assert [float(each) for each in said[:2]] == pytest.approx(near, abs=0.3)
+    assert [float(number) for number in said[:2]] == pytest.approx(near, abs=0.3)
     hottest = browser.get("/network", params={"segment": "fit 0"}).json()
     assert hottest["time"] > time
     assert browser.get("/network", params={"segment": "fit 7"}).status_code == 422

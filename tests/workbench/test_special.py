@@ -36,21 +36,21 @@ def test_an_input_that_is_different_there_comes_first() -> None:
     inputs["velocity.a"] = inputs["velocity.a"] * (1 + 3 * INSIDE)
     heat = np.square(inputs["velocity.a"]) * INSIDE
     error = np.convolve(heat, np.exp(-TIME / 60) / 60)[: TIME.size] + rng.normal(0.0, 0.2, TIME.size)
-    found = special(TIME, error, inputs, START, STOP)
-    first = found.companions[0]
+    result = special(TIME, error, inputs, START, STOP)
+    first = result.companions[0]
     assert first.column == "velocity.a"
-    assert first.score > found.chance
-    assert all(each.score < found.chance for each in found.companions[1:])
-    assert {each.column for each in found.companions} == inputs.keys() - {"power.b"}  # it never changes
+    assert first.score > result.chance
+    assert all(companion.score < result.chance for companion in result.companions[1:])
+    assert {companion.column for companion in result.companions} == inputs.keys() - {"power.b"}  # it never changes
 
 
 def test_a_level_that_is_another_there_is_found_and_its_means_are_told() -> None:
     rng = np.random.default_rng(1)
     inputs = _inputs(rng) | {"temperature.ambient": 20 + 0.1 * rng.normal(0.0, 1.0, TIME.size) + 6 * INSIDE}
-    found = special(TIME, 1.5 * INSIDE + rng.normal(0.0, 0.2, TIME.size), inputs, START, STOP)
-    first = found.companions[0]
+    result = special(TIME, 1.5 * INSIDE + rng.normal(0.0, 0.2, TIME.size), inputs, START, STOP)
+    first = result.companions[0]
     assert first.column == "temperature.ambient"
-    assert first.score > found.chance
+    assert first.score > result.chance
     assert first.inside - first.outside == pytest.approx(6.0, abs=0.1)
 
 
@@ -59,8 +59,8 @@ def test_chance_is_held_where_nothing_is_special() -> None:
     for seed in range(100):
         rng = np.random.default_rng(seed)
         error = _walk(rng, 100) + rng.normal(0.0, 0.2, TIME.size)
-        found = special(TIME, error, _inputs(rng), START, STOP)
-        beyond += found.companions[0].score > found.chance
+        result = special(TIME, error, _inputs(rng), START, STOP)
+        beyond += result.companions[0].score > result.chance
     assert beyond <= 15  # one of twenty is promised; fifteen of a hundred would come once in ten thousand such tests
 
 

@@ -32,8 +32,8 @@ def compiler() -> tuple[str, ...] | None:
         program, *flags = shlex.split(os.environ.get("CC", "").strip() or "cc")
     except ValueError:  # a quotation mark that is not closed
         return None
-    found = shutil.which(program)
-    return None if found is None else (found, *flags)
+    path = shutil.which(program)
+    return None if path is None else (path, *flags)
 
 
 def shared_library(sources: Mapping[str, str], main: str, options: Sequence[str]) -> Path:

@@ -39,7 +39,9 @@ def equations_of(docstring: str) -> list[str]:
     """The equations of a docstring as Unicode text, such as `R(v) = R₀ / (1 + γ |v|)`."""
     blocks = inspect.cleandoc(docstring).split("\n\n")
     latex = " ".join(block.removeprefix(MATH) for block in blocks if block.startswith(MATH))
-    return [equation_text(each).strip().removesuffix(",") for each in latex.split(r"\qquad") if each.strip()]
+    return [
+        equation_text(equation).strip().removesuffix(",") for equation in latex.split(r"\qquad") if equation.strip()
+    ]
 
 
 def _sequence(tokens: deque[str]) -> str:
@@ -86,7 +88,7 @@ def _token(token: str, tokens: deque[str]) -> str:
 
 def _fraction(above: str, below: str, tokens: deque[str]) -> str:
     """One line, with the brackets that it then needs."""
-    above, below = (each if _ATOM.fullmatch(each) else f"({each})" for each in (above, below))
+    above, below = (term if _ATOM.fullmatch(term) else f"({term})" for term in (above, below))
     behind = next((token for token in tokens if not token.isspace() and token != r"\,"), "}")
     apart = behind in {"}", "=", "+", "-", ")", ",", "]", "|", r"\right", r"\qquad", r"\quad"}
     return f"{above}/{below}" if apart else f"({above}/{below})"

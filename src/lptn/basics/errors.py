@@ -57,11 +57,11 @@ def shown(found: object) -> str:
     return _short(_as_toml(found), _LONGEST_VALUE)
 
 
-def _as_toml(found: object) -> str:
-    if isinstance(found, bool):
-        return str(found).lower()
-    if isinstance(found, Mapping):
-        return "{ " + ", ".join(f"{key} = {_as_toml(inner)}" for key, inner in found.items()) + " }" if found else "{}"
-    if isinstance(found, list):
-        return "[" + ", ".join(map(_as_toml, found)) + "]"
-    return repr(found)
+def _as_toml(value: object) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{key} = {_as_toml(inner)}" for key, inner in value.items()) + " }" if value else "{}"
+    if isinstance(value, list):
+        return "[" + ", ".join(map(_as_toml, value)) + "]"
+    return repr(value)

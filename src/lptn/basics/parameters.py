@@ -127,9 +127,9 @@ class Setting:
         lower, upper = declared.bounds if self.bounds is None else self.bounds
         value = min(max(declared.value, lower), upper) if self.value is None else self.value
         if not lower <= value <= upper:
-            found = f"{value:g} {declared.unit} with bounds {lower:g} to {upper:g}"
+            problem = f"{value:g} {declared.unit} with bounds {lower:g} to {upper:g}"
             raise InputError(
-                "parameter", self.name, found, "the lower bound, the value and the upper bound in this order"
+                "parameter", self.name, problem, "the lower bound, the value and the upper bound in this order"
             )
         fixed = declared.fixed if self.fixed is None else self.fixed
         return replace(declared, value=value, bounds=(lower, upper), fixed=fixed)

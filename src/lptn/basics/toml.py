@@ -125,8 +125,8 @@ def _check_integers(path: Path, content: object, place: str = "") -> None:
         for number, inner in enumerate(content):
             _check_integers(path, inner, f"{place}[{number}]")
     elif isinstance(content, int) and abs(content) > _LARGEST_INTEGER:
-        found = f"a whole number of {len(hex(content)) * 4 // 13} digits"
-        raise InputError(path, place.lstrip("."), found, "one of 18 digits at most")
+        problem = f"a whole number of {len(hex(content)) * 4 // 13} digits"
+        raise InputError(path, place.lstrip("."), problem, "one of 18 digits at most")
 
 
 @contextmanager

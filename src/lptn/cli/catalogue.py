@@ -31,8 +31,14 @@ def show_effects(key: str | None) -> None:
     effect = effect_named(key, "effects", "KEY")
     print(docstring_text(effect), "", sep="\n")
     rows = [
-        (each.name, each.title, each.unit, f"{each.typical:g}", "" if each.off is None else f"{each.off:g}")
-        for each in effect.parameters
+        (
+            parameter.name,
+            parameter.title,
+            parameter.unit,
+            f"{parameter.typical:g}",
+            "" if parameter.off is None else f"{parameter.off:g}",
+        )
+        for parameter in effect.parameters
     ]
     if rows:
         show_table(("parameter", "what it is", "unit", ">typical", ">off"), rows)
@@ -64,8 +70,13 @@ def catalogue_json(key: str | None) -> dict[str, object]:
             "source": cite(effect.source),
             "references": [cited.reference.full for cited in works_cited(cited_by(effect))],
             "parameters": {
-                each.name: {"title": each.title, "unit": each.unit, "typical": each.typical, "off": each.off}
-                for each in effect.parameters
+                parameter.name: {
+                    "title": parameter.title,
+                    "unit": parameter.unit,
+                    "typical": parameter.typical,
+                    "off": parameter.off,
+                }
+                for parameter in effect.parameters
             },
         }
         for name, effect in catalogue().items()
@@ -97,11 +108,11 @@ def columns_text(effect: type[Effect], place: str = "<place>") -> str:
     from lptn.logs.resampling import raw_keys  # here and not above: a list of effects needs no logs and no model
     from lptn.model.heat_balance import input_column
 
-    said = [
+    columns = [
         " and ".join(f"`{column}`" for column in raw_keys(input_column(name, place)))
         for name in effect.options.get("input", effect.needs)
     ]
-    joined = " or ".join(said) if "input" in effect.options else " and ".join(said)
+    joined = " or ".join(columns) if "input" in effect.options else " and ".join(columns)
     heat = f"; it acts on `{effect.heat_of}` at the same place" if effect.heat_of else ""
     return (joined or "none beside the temperatures") + heat
 
@@ -170,13 +181,13 @@ def catalogue_markdown(effects: Mapping[str, type[Effect]] | None = None) -> str
     """
     chosen = catalogue() if effects is None else effects
     rows = ["| effect | what it is | acts on |", "| --- | --- | --- |"]
-    rows += [f"| [`{key}`](#{key}) | {each.title} | {SITES[each.site]} |" for key, each in chosen.items()]
+    rows += [f"| [`{key}`](#{key}) | {effect.title} | {SITES[effect.site]} |" for key, effect in chosen.items()]
     return "\n".join([HEAD, *rows, "", *map(_section, chosen.values()), *_works(chosen.values())])
 
 
 def built_in() -> dict[str, type[Effect]]:
     """The effects of this package, without plug-ins."""
-    return {key: each for key, each in catalogue().items() if each.__module__.startswith(_OURS)}
+    return {key: effect for key, effect in catalogue().items() if effect.__module__.startswith(_OURS)}
 
 
 def _section(effect: type[Effect]) -> str:
@@ -218,20 +229,23 @@ def _parameters(effect: type[Effect]) -> list[str]:
     if not effect.parameters:
         return ["No parameter."]
     head = ["| parameter | what it is | unit | bounds | typical | role |", "| --- | --- | --- | --- | --- | --- |"]
-    return head + [_row(effect, each) for each in effect.parameters]
+    return head + [_row(effect, parameter) for parameter in effect.parameters]
 
 
-def _row(effect: type[Effect], each: Parameter) -> str:
-    lower, upper = (("−∞" if end < 0 else "∞") if abs(end) >= LARGEST else f"{end:g}" for end in each.bounds)
-    typical = f"{each.typical:g}" + (f", goes with the {each.relative_to}" if each.relative_to else "")
+def _row(effect: type[Effect], parameter: Parameter) -> str:
+    lower, upper = (("−∞" if end < 0 else "∞") if abs(end) >= LARGEST else f"{end:g}" for end in parameter.bounds)
+    typical = f"{parameter.typical:g}" + (f", goes with the {parameter.relative_to}" if parameter.relative_to else "")
     role = []
-    if each is effect.amplitude():
-        role.append(f"amplitude, off at {each.off:g}")
-    if each.grid:
-        role.append(f"shape, tried at {', '.join(f'{value:g}' for value in each.grid)}")
-    if each.fixed:
-        role.append(f"held at {each.value:g}")
-    return f"| `{each.name}` | {each.title} | {each.unit} | {lower} to {upper} | {typical} | {'; '.join(role)} |"
+    if parameter is effect.amplitude():
+        role.append(f"amplitude, off at {parameter.off:g}")
+    if parameter.grid:
+        role.append(f"shape, tried at {', '.join(f'{value:g}' for value in parameter.grid)}")
+    if parameter.fixed:
+        role.append(f"held at {parameter.value:g}")
+    return (
+        f"| `{parameter.name}` | {parameter.title} | {parameter.unit} | "
+        f"{lower} to {upper} | {typical} | {'; '.join(role)} |"
+    )
 
 
 def _options(effect: type[Effect]) -> list[str]:

@@ -68,7 +68,7 @@ def check(
         _show_identifiability(effects)
         _show_steps(loaded.model, bound_runs[0])
         warn_of_absent_runs(loaded.model.network, runs)
-        result |= {"excitation": excited.as_json(), "effects": [each.as_json() for each in effects]}
+        result |= {"excitation": excited.as_json(), "effects": [assessment.as_json() for assessment in effects]}
     _refuse(contents)
     if drawing is not None:
         from lptn.basics.files import write_whole
@@ -154,7 +154,8 @@ class LogContent:
             ],
             "notes": self.notes,
             "guesses": [
-                {"quantity": each.key, "line": each.line, "map": each.option, "why": each.why} for each in self.guesses
+                {"quantity": guess.key, "line": guess.line, "map": guess.option, "why": guess.why}
+                for guess in self.guesses
             ],
             "wanting": list(self.missing),
             "runs": [
@@ -187,12 +188,12 @@ def _content(loaded: LoadedModel, log: Path) -> LogContent:
     optional = optional_columns(loaded.model)
     guesses = tuple(guess(table, columns, inputs, outputs, optional))
     if loaded.guessing:
-        columns |= {each.key: each.source for each in guesses}
+        columns |= {proposal.key: proposal.source for proposal in guesses}
     missing = tuple(missing_keys(table, columns, inputs, outputs))
     currents = [key.replace("torque.", "current.") for key in missing if key.startswith("torque.")]
     logged_currents = [key for key in currents if key in table.names]
     logged_currents += [
-        each.source.columns[0] for each in guess(table, columns, currents, outputs) if each.key in currents
+        proposal.source.columns[0] for proposal in guess(table, columns, currents, outputs) if proposal.key in currents
     ]
     used: dict[str, tuple[str, ...]] = {}
     runs: Sequence[Run] = ()
@@ -234,12 +235,12 @@ def _show_log(content: LogContent, guessing: bool) -> None:
     if content.guesses and not guessing:
         use = "what is missing" if content.missing else "speeds, by which `lptn diagnose` can ask for more effects"
         print(f"  Some columns may be {use}. If so, put into the model file, under [columns]:")
-        for each in content.guesses:
-            print(f"    {each.line}   # {each.why}")
-        print(f"  or write behind the command: {' '.join(each.option for each in content.guesses)}")
+        for guess in content.guesses:
+            print(f"    {guess.line}   # {guess.why}")
+        print(f"  or write behind the command: {' '.join(guess.option for guess in content.guesses)}")
         print("  or --map guess, which takes them all and says so.")
     if content.refused is not None:
-        for line in _missing_lines(content, () if guessing else tuple(each.key for each in content.guesses)):
+        for line in _missing_lines(content, () if guessing else tuple(guess.key for guess in content.guesses)):
             print(line)
 
 
@@ -318,12 +319,12 @@ def _show_excitation(excited: Excitation) -> None:
 
 def _show_identifiability(effects: Sequence[Identifiability]) -> None:
     """Which effects could show, and which not and why."""
-    could = [each.effect for each in effects if each.identifiable]
+    could = [assessment.effect for assessment in effects if assessment.identifiable]
     print(f"Could show, if it is there: {', '.join(could) or 'nothing'}.")
     reasons: dict[str, list[str]] = {}
-    for each in effects:
-        if not each.identifiable:
-            reasons.setdefault(each.why, []).append(each.effect)
+    for assessment in effects:
+        if not assessment.identifiable:
+            reasons.setdefault(assessment.why, []).append(assessment.effect)
     if reasons:
         print("Could not:")
     for why, names in reasons.items():

@@ -106,14 +106,14 @@ def _show_comparison(comparison: Comparison) -> None:
     show_table(table.columns, table.rows)
     print("error = predicted − measured; noise alone: the RMSE that the sensor's noise alone would leave.")
     print(f"All: RMSE {kelvin(comparison.all.rmse)}, max {kelvin(comparison.all.max)}.")
-    worst = sorted(comparison.conditions(), key=lambda each: -each.errors.rmse)[:_WORST]
-    found = worst_condition(comparison)
-    if found is not None:
-        is_far = found[1]
+    worst = sorted(comparison.conditions(), key=lambda condition: -condition.errors.rmse)[:_WORST]
+    largest = worst_condition(comparison)
+    if largest is not None:
+        is_far = largest[1]
         print("It fails worst where:" if is_far else "It errs nowhere by much more than noise; most where:")
-    for each in worst:
-        errors = each.errors
-        where = f"{each.node}, {bin_text(each.quantity, each.lower, each.upper)}"
+    for condition in worst:
+        errors = condition.errors
+        where = f"{condition.node}, {bin_text(condition.quantity, condition.lower, condition.upper)}"
         print(f"  {where}: RMSE {kelvin(errors.rmse)}, mean error {signed_kelvin(errors.mean)}")
 
 

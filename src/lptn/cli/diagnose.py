@@ -168,15 +168,18 @@ def show_what_runs_have_of_their_own(
     from lptn.diagnose.runs_that_differ import nuisances_at_limit
     from lptn.report.text import nuisances_in_words
 
-    for each in differing:
-        print(f"{each.run} is predicted with one parameter of its own, fitted on it; it judges the rest of the model.")
+    for difference in differing:
+        print(
+            f"{difference.run} is predicted with one parameter of its own, fitted on it; "
+            "it judges the rest of the model."
+        )
     errors = nuisances_in_words(fit.model)
     if errors:
         print(
             f"Each run, held-out ones too, may have {errors} (standard deviations; at most twice that): fitted to "
             f"that run alone. {as_logged}"
         )
-    at_limit = [each.text for each in nuisances_at_limit(fit)]
+    at_limit = [nuisance.text for nuisance in nuisances_at_limit(fit)]
     if at_limit:
         print(f"That is not enough: {listed(at_limit)}. Something there may differ from run to run.")
 

@@ -130,7 +130,7 @@ def _fit_one(
         print(f"Held out: RMSE {kelvin(held_out.rmse)}, max {kelvin(held_out.max)}.")
     if output is not None:
         study.save(output)
-    tried = [{"weight": each.symmetry_penalty, "rmse_holdout": each.holdout.rmse} for each in study.symmetry_trials]
+    tried = [{"weight": trial.symmetry_penalty, "rmse_holdout": trial.holdout.rmse} for trial in study.symmetry_trials]
     more = {"rmse_holdout": held_out.rmse if held_out else None, "symmetry_trials": tried}
     write_json(json, done.as_json() | more | {"mirror_weights": tried})  # the last by its former name
 
@@ -140,7 +140,7 @@ def _show_symmetry_trials(trials: Sequence[SymmetryTrial]) -> None:
     from lptn.cli.terminal import show_table
     from lptn.report.text import kelvin
 
-    rows = [(f"{each.symmetry_penalty:g}", kelvin(each.fit.rmse), kelvin(each.holdout.rmse)) for each in trials]
+    rows = [(f"{trial.symmetry_penalty:g}", kelvin(trial.fit.rmse), kelvin(trial.holdout.rmse)) for trial in trials]
     if rows:
         show_table((">symmetry penalty", ">fit", ">held out"), rows)
 
@@ -209,7 +209,7 @@ def _fit_each(
                 on_outcome=on_outcome,
             )
     except KeyboardInterrupt:
-        kept = sum(each.status in ("fitted", "unchanged") for each in outcomes)
+        kept = sum(outcome.status in ("fitted", "unchanged") for outcome in outcomes)
         complain(f"stopped; {kept} of {len(robots)} robots are kept in {folder}, the same command goes on from there")
         sys.exit(130)
     write_tables(fleet, folder)
@@ -234,17 +234,17 @@ def _show_fleet(fleet: Fleet, folder: Path) -> None:
     from lptn.cli.terminal import show_table
 
     rows = []
-    for each in fleet.spread:
-        numbers = (f"{value:.4g}" for value in (each.quartiles[0], each.median, each.quartiles[1]))
-        rows.append((each.what, str(each.robots), *numbers, each.unit))
+    for spread in fleet.spread:
+        numbers = (f"{value:.4g}" for value in (spread.quartiles[0], spread.median, spread.quartiles[1]))
+        rows.append((spread.what, str(spread.robots), *numbers, spread.unit))
     if fleet.fitted:
         show_table(("parameter", ">robots", ">25 %", ">median", ">75 %", "unit"), rows)
-    notes = Counter(note for each in fleet.fitted for note in each.result.get("notes", ()))
-    warnings = Counter(warning for each in fleet.fitted for warning in _warnings_of(each))
-    _show_lines([str(each) for each in fleet.outliers], "robots that stand apart")
+    notes = Counter(note for outcome in fleet.fitted for note in outcome.result.get("notes", ()))
+    warnings = Counter(warning for outcome in fleet.fitted for warning in _warnings_of(outcome))
+    _show_lines([str(outlier) for outlier in fleet.outliers], "robots that stand apart")
     _show_lines([f"{_robots(count)}: {what}" for what, count in notes.most_common()], "notes on logs")
     _show_lines([f"Warning: {what}, {_robots(count)}." for what, count in warnings.most_common()], "warnings")
-    before = sum(each.status == "unchanged" for each in fleet.outcomes)
+    before = sum(outcome.status == "unchanged" for outcome in fleet.outcomes)
     words = f"{len(fleet.fitted)} of {len(fleet.outcomes)} robots fitted"
     words += f", {before} of them before" if before else ""
     words += f"; {len(fleet.failed)} not" if fleet.failed else ""

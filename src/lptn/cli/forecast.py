@@ -81,7 +81,7 @@ _LATE = 60.0  # s before a log's end, that are worth a word
 
 def _limits(words: list[str]) -> dict[str, float]:
     """Limits by node or pattern; the empty pattern stands for all joints."""
-    found = {}
+    limits = {}
     for word in words:
         node, separator, number = word.rpartition("=")
         try:
@@ -90,9 +90,9 @@ def _limits(words: list[str]) -> dict[str, float]:
             value = float("nan")
         if not isfinite(value) or (separator and not node.strip()):
             raise InputError("command line", "--limit", f"'{word}'", "degC or NODE=degC, such as 60 or FR_calf=70")
-        found[node.strip()] = value
+        limits[node.strip()] = value
     # What is said of all joints must not hide what is said of one.
-    return {"": found.pop(""), **found} if "" in found else found
+    return {"": limits.pop(""), **limits} if "" in limits else limits
 
 
 def _window(word: str) -> WindowChoice:
@@ -127,7 +127,7 @@ def _gait(loaded: LoadedModel, log: Path) -> Gait:
 
     inputs, outputs = needed_columns(loaded.model)
     signed = [f"signed_velocity.{node}" for node in loaded.model.nodes]
-    found = read_log(
+    runs = read_log(
         log,
         loaded.columns,
         step=_FINEST,
@@ -136,7 +136,7 @@ def _gait(loaded: LoadedModel, log: Path) -> Gait:
         optional=signed,
         guessing=loaded.guessing,
     )
-    run = found[-1]
+    run = runs[-1]
     return find_gait([run.columns[name] for name in signed if run.has(name)], run.step)
 
 

@@ -154,10 +154,10 @@ def _sure(history: History, number: int) -> str:
     if not step.probability:
         return "chosen by hand, and not compared with others"
     # What was added as well, later or before, is no other name for it any more.
-    added = {each.key for each in history.steps}
+    added = {added_step.key for added_step in history.steps}
     others = [key for key in step.indistinguishable if key not in added]
     share = percent(step.probability)
-    likeliest = max(history.first.refits, key=lambda each: each.probability, default=step)
+    likeliest = max(history.first.refits, key=lambda refit: refit.probability, default=step)
     if len(history.steps) == 2 and likeliest.key != step.key and likeliest.probability > step.probability:
         share += f", {in_words([likeliest.key])} {percent(likeliest.probability)}"
         others = [key for key in others if key != likeliest.key]

@@ -109,11 +109,11 @@ def _calibration(
 
 def _refuse_shared(runs: list[Run], healthy: list[Run]) -> None:
     """A log that taught what is healthy would be found healthy."""
-    known = {run.fingerprint: run.source for run in healthy}
+    sources = {run.fingerprint: run.source for run in healthy}
     for run in runs:
-        if run.fingerprint in known:
-            found = f"the same data as {known[run.fingerprint]} (--healthy)"
-            raise InputError(run.source, "LOGS", found, "each log once: to learn from, or to watch")
+        if run.fingerprint in sources:
+            problem = f"the same data as {sources[run.fingerprint]} (--healthy)"
+            raise InputError(run.source, "LOGS", problem, "each log once: to learn from, or to watch")
 
 
 _UNITS = {"offset": "K", "drift": "K/s", "lag": "s"}

@@ -48,7 +48,7 @@ class Advice:
     @property
     def sentences(self) -> list[str]:
         """What a person wants to read, most urgent first; `heat` has every stretch, not the surest alone."""
-        sentences = [*([self.rows] if self.rows else []), *(each.text() for each in self.differing)]
+        sentences = [*([self.rows] if self.rows else []), *(difference.text() for difference in self.differing)]
         if self.heat:
             sentences.append(f"Where heat is most clearly unexplained: {self.heat[0].text()}.")
         if self.experiment is not None:
@@ -61,9 +61,9 @@ class Advice:
             "experiment": self.experiment.as_json() if self.experiment else None,
             "rows": self.rows or None,
             "unexplained_heat": self.heat[0].text() if self.heat else None,
-            "unexplained_stretches": [each.as_json() for each in self.heat],
-            "runs_that_differ": [each.as_json() for each in self.differing],
-            "detectable": [each.as_json() for each in self.detectable[:_MOST_DETECTABLE]],
+            "unexplained_stretches": [peak.as_json() for peak in self.heat],
+            "runs_that_differ": [difference.as_json() for difference in self.differing],
+            "detectable": [limit.as_json() for limit in self.detectable[:_MOST_DETECTABLE]],
         }
 
 
@@ -112,14 +112,14 @@ def _rows_as_means(last: Fit, data: DataSplit) -> str:
     samples = unless_interrupted(fit_segments(last.model, data.fit, last.point))
     means = unless_interrupted(fit_segments(last.model, _as_means(data.fit), last.point))
     held_out = holdout_errors(samples, data.holdout), holdout_errors(means, _as_means(data.holdout))
-    before, after = (0.0 if each is None else each.rmse for each in held_out)
+    before, after = (0.0 if errors is None else errors.rmse for errors in held_out)
     if criterion_difference(samples, means) <= TIE or after > before:
         return ""
-    found = (
+    sentence = (
         f"Read as means, these slow rows are met to {short_size(means.rmse)} K in place of {short_size(samples.rmse)} K"
     )
-    found += f", held-out ones to {short_size(after)} K in place of {short_size(before)} K" if data.holdout else ""
-    return f"{found}: {note.partition('; ')[2]}"
+    sentence += f", held-out ones to {short_size(after)} K in place of {short_size(before)} K" if data.holdout else ""
+    return f"{sentence}: {note.partition('; ')[2]}"
 
 
 def _unknown(segment: Segment) -> list[str]:
@@ -128,5 +128,6 @@ def _unknown(segment: Segment) -> list[str]:
 
 def _as_means(segments: Sequence[Segment]) -> list[Segment]:
     return [
-        replace(each, run=replace(each.run, averaged=each.run.averaged or bool(_unknown(each)))) for each in segments
+        replace(segment, run=replace(segment.run, averaged=segment.run.averaged or bool(_unknown(segment))))
+        for segment in segments
     ]

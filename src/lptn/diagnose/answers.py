@@ -124,7 +124,7 @@ class Step(Tabular):
         if declared is None or amplitude is None:
             return None
         name = declared.shared_name(amplitude.name)
-        return next((each for each in self.fit.model.parameters if each.name == name), None)
+        return next((parameter for parameter in self.fit.model.parameters if parameter.name == name), None)
 
     @property
     def size(self) -> float:
@@ -197,7 +197,7 @@ class Step(Tabular):
         """
         network, plain = self.fit.model.network, None
         errors = holdout_errors(self.fit, data.holdout, own_errors=False)
-        if errors is not None and any(each.nuisance for each in network.effects):
+        if errors is not None and any(declaration.nuisance for declaration in network.effects):
             without = unless_interrupted(finished(continued(self.fit, network.without_nuisances())))
             fewer = holdout_errors(without, data.holdout)
             if fewer is not None and fewer.rmse < errors.rmse:
@@ -248,14 +248,14 @@ def answers(
     """
     report(f"scoring {len(possible)} candidates")
     scores = score(base, possible)
-    odds = {each.key: float(log_odds) for each, log_odds in zip(possible, log_priors(possible), strict=True)}
+    odds = {candidate.key: float(log_odds) for candidate, log_odds in zip(possible, log_priors(possible), strict=True)}
     worthwhile = _shortlist(base, scores, odds, refits)
     report(f"refitting {len(worthwhile)} of them")
     refitted = refit_all(base, worthwhile, executor)
     if (better := _beside_an_optimum(base, refitted)) is not None:
         report("a refit found a better fit of the model as it stands: again from there")
         return answers(better, possible, refits=refits, executor=executor, report=report)
-    gains = {each.candidate.key: each.gain for each in worthwhile}
+    gains = {entry.candidate.key: entry.gain for entry in worthwhile}
     steps = [
         replace(step, log_odds=odds[step.key], p_value=scores.p_value(gains[step.key]))
         for step in refitted
@@ -280,18 +280,18 @@ def _shortlist(base: Fit, scores: Scores, log_priors: Mapping[Key, float], most:
     None that chance alone would score. Effects with an inner state look the same to first order, so each effect gets
     its chance; and which of two runs is the odd one, the fitted data can't tell.
     """
-    significant = [each for each in scores.ranked if scores.p_value(each.gain) < SIGNIFICANT]
+    significant = [entry for entry in scores.ranked if scores.p_value(entry.gain) < SIGNIFICANT]
     if not significant:
         return []
-    odds = log_odds_by_score(base, significant, np.array([log_priors[each.candidate.key] for each in significant]))
+    odds = log_odds_by_score(base, significant, np.array([log_priors[entry.candidate.key] for entry in significant]))
     ordered = [significant[k] for k in np.argsort(-odds, kind="stable")]
     chosen, least = ordered[:most], _SAME_EFFECT_SHARE * significant[0].gain
-    kinds = {_kind(each.candidate) for each in chosen}
-    for each in ordered[most:]:
-        kind = _kind(each.candidate)
-        if each.gain >= least and kind not in kinds:
+    kinds = {_kind(entry.candidate) for entry in chosen}
+    for entry in ordered[most:]:
+        kind = _kind(entry.candidate)
+        if entry.gain >= least and kind not in kinds:
             kinds.add(kind)
-            chosen.append(each)
+            chosen.append(entry)
     return chosen
 
 
@@ -312,7 +312,7 @@ def refit_all(base: Fit, scores: Sequence[Score], executor: Executor | None = No
     run = executor.map if executor else map
     # What has no hope to come near the most promising one is not fitted to the end.
     steps = [_refitted((base, scores[0], np.inf))]
-    steps += run(_refitted, [(base, each, HOPELESS * steps[0].fit.cost) for each in scores[1:]])
+    steps += run(_refitted, [(base, entry, HOPELESS * steps[0].fit.cost) for entry in scores[1:]])
     # A large effect is a long way from the baseline; cut off, it would seem worse than another name for the same.
     near = HOPELESS * min(step.fit.cost for step in steps)
     cut_off = [k for k, step in enumerate(steps) if step.fit.status == "not converged" and step.fit.cost <= near]
@@ -400,7 +400,7 @@ def compared(base: Fit, known: Sequence[Step], step: Step, data: DataSplit) -> S
     """A step that could be taken from a model, fitted elsewhere, among the answers to what that model lacks."""
     others = [other for other in known if other.key != step.key]
     steps = [replace(step, gain=criterion_difference(base, step.fit)), *others]
-    judged = next(each for each in _by_probability(base, steps) if each.key == step.key)
+    judged = next(answer for answer in _by_probability(base, steps) if answer.key == step.key)
     if not data.holdout:
         return judged
     by_all_runs = _by_all_runs(Step(base), steps, data)

@@ -91,7 +91,9 @@ class Site:
 
     def declaration(self) -> EffectDeclaration:
         """The effect at this place, switched off."""
-        stated = (_sized(_shaped(each, self.shape), self.typical) for each in self.effect.stated(self.difference))
+        stated = (
+            _sized(_shaped(parameter, self.shape), self.typical) for parameter in self.effect.stated(self.difference)
+        )
         parameters = tuple(replace(parameter.switched_off, share="each") for parameter in stated)
         effect = self.effect(**dict(self.words))
         return EffectDeclaration(
@@ -152,7 +154,7 @@ class Candidate:
     @property
     def amplitude(self) -> Parameter:
         """The parameter that switches the effect off, with the size that is usual at its places."""
-        stated = next(each for each in self.effect.stated(self.difference) if each.off is not None)
+        stated = next(parameter for parameter in self.effect.stated(self.difference) if parameter.off is not None)
         return replace(stated, typical=self.typical)
 
     @property
@@ -262,8 +264,11 @@ def candidates(
             grid = _grid(effect.shape(), step, duration)
             one_logger = joined is not None and not any(is_of_run(name, run or EVERYWHERE) for name in joined)
             proposed += [
-                replace(_with_sizes(each, network, sizes, rms), grid=grid, one_logger=one_logger)
-                for each in [*_of_effect(network, effect, columns, run), *_differences(network, effect, columns, run)]
+                replace(_with_sizes(candidate, network, sizes, rms), grid=grid, one_logger=one_logger)
+                for candidate in [
+                    *_of_effect(network, effect, columns, run),
+                    *_differences(network, effect, columns, run),
+                ]
             ]
     return sorted(proposed, key=lambda candidate: limits.index(candidate.run))
 
@@ -333,10 +338,10 @@ def _of_effect(network: Network, effect: type[Effect], columns: Collection[str],
         else:
             groups = [(place, [place]) for place in places] if not effect.whole_robot else []
             groups += _groups(effect, places, network, run)
-        found = [Candidate(effect, in_run(at, run), tuple(group), run, words) for at, group in groups]
-        found += _driven_by_windings(network, effect, words, columns, run)
-        if found:
-            return found
+        proposals = [Candidate(effect, in_run(at, run), tuple(group), run, words) for at, group in groups]
+        proposals += _driven_by_windings(network, effect, words, columns, run)
+        if proposals:
+            return proposals
     return []
 
 
@@ -395,9 +400,9 @@ def _share_of_a_legs_joint(network: Network, node: str, rms: Mapping[str, float]
 def _loss_by_current(network: Network, node: str, rms: Mapping[str, float]) -> float:
     """What the currents of these root mean squares lose in a node [W], by the network as it stands."""
     column = input_column("current", node)
-    declared = [each for each in network.effects if set(each.effect.needed()) == {"current"}]
-    here = [each for each in declared if any(node in ends for _, ends in network.places_for(each))]
-    return sum(_heat_driven(each, {"current": rms.get(column, 0.0)}) for each in here)
+    declared = [declaration for declaration in network.effects if set(declaration.effect.needed()) == {"current"}]
+    here = [declaration for declaration in declared if any(node in ends for _, ends in network.places_for(declaration))]
+    return sum(_heat_driven(declaration, {"current": rms.get(column, 0.0)}) for declaration in here)
 
 
 def _heat_driven(declared: EffectDeclaration, inputs: Mapping[str, float]) -> float:
@@ -435,15 +440,17 @@ def _driven_by_windings(
     logged = {key.partition(".")[0] for feature in own.needed() for key in raw_keys(input_column(feature, "joint"))}
     if own.site != "node" or not logged or not logged <= _OF_A_JOINT:
         return []
-    found: dict[str, str] = {}
+    winding_of: dict[str, str] = {}
     for place, (node, *_) in _places_without(network, effect, words, run):
         windings = network.layout.windings_at(node)
         if not _logs(columns, own, node) and len(windings) == 1 and _logs(columns, own, *windings):
-            found[place] = windings[0]
-    groups = [(place, [place]) for place in found] if not effect.whole_robot else []
-    groups += _groups(effect, list(found), network, run)
+            winding_of[place] = windings[0]
+    groups = [(place, [place]) for place in winding_of] if not effect.whole_robot else []
+    groups += _groups(effect, list(winding_of), network, run)
     return [
-        Candidate(effect, in_run(at, run), tuple(group), run, words, windings=tuple(found[place] for place in group))
+        Candidate(
+            effect, in_run(at, run), tuple(group), run, words, windings=tuple(winding_of[place] for place in group)
+        )
         for at, group in groups
     ]
 
@@ -475,7 +482,9 @@ def _differences(network: Network, effect: type[Effect], columns: Collection[str
     if run or alike or amplitude is None:
         return []
     differing = {
-        each.place for each in network.effect_instances if each.effect.key == effect.key and each.declaration.difference
+        instance.place
+        for instance in network.effect_instances
+        if instance.effect.key == effect.key and instance.declaration.difference
     }
     common = [
         instance
@@ -489,14 +498,14 @@ def _differences(network: Network, effect: type[Effect], columns: Collection[str
     return [
         Candidate(
             effect,
-            each.place,
-            (each.place,),
-            words=tuple(each.effect.chosen.items()),
+            instance.place,
+            (instance.place,),
+            words=tuple(instance.effect.chosen.items()),
             difference=True,
-            common_shape=values[each.parameters[shape.name]] if shape else 0.0,
-            windings=() if each.driven_by == each.ends[0] else (each.driven_by,),
+            common_shape=values[instance.parameters[shape.name]] if shape else 0.0,
+            windings=() if instance.driven_by == instance.ends[0] else (instance.driven_by,),
         )
-        for each in {instance.place: instance for instance in common}.values()
+        for instance in {instance.place: instance for instance in common}.values()
     ]
 
 
@@ -625,7 +634,7 @@ def with_errors_of_runs(
     runs = separate_runs([*fitted, *(segment.run.name for segment in (*data.holdout, *data.test))])
     network = model.network
     surroundings = [name for name, source in network.prescribed.items() if not isinstance(source, int)]
-    driven = [each.ends[0] for each in network.effect_instances if each.effect.key == LossScale.heat_of]
+    driven = [instance.ends[0] for instance in network.effect_instances if instance.effect.key == LossScale.heat_of]
     wanted: list[tuple[Effect, str, float]] = [(AmbientOffset(), place, ambient) for place in surroundings]
     wanted += [(LossScale(), place, 2 * torque) for place in dict.fromkeys(driven)]
     surfaces = network.places_for(EffectDeclaration(SurfaceScale(), EVERYWHERE))

@@ -84,16 +84,16 @@ class Diagnosis(Tabular):
         """
         if self.verdict == "unexplained":
             return []
-        found = [(step.key, step.probability) for step in self.refits] or self._by_score
-        of_nothing = 1.0 - sum(probability for _, probability in found)
-        listed = [answer for answer in found if self.refits or answer[1] >= _WORTH_A_LINE]
+        alternatives = [(step.key, step.probability) for step in self.refits] or self._by_score
+        of_nothing = 1.0 - sum(probability for _, probability in alternatives)
+        listed = [answer for answer in alternatives if self.refits or answer[1] >= _WORTH_A_LINE]
         return sorted([(NOTHING, of_nothing), *listed], key=lambda answer: -answer[1])
 
     @cached_property
     def _by_score(self) -> list[tuple[Key, float]]:
         ranked = self.scores.ranked
         shares = probabilities_by_score(self.fit, ranked, self.scores.negligible)
-        return [(each.candidate.key, float(share)) for each, share in zip(ranked, shares, strict=True)]
+        return [(score.candidate.key, float(share)) for score, share in zip(ranked, shares, strict=True)]
 
     def probabilities_as_json(self) -> list[dict[str, object]]:
         """The same as other tools read it, `null` for nothing."""
@@ -156,7 +156,7 @@ class Diagnosis(Tabular):
             "rmse_fit": self.fit.rmse,
             "rmse_holdout": before,
             "lack_of_fit": self.scores.lack_of_fit,
-            "nuisances_at_limit": [asdict(each) for each in nuisances_at_limit(self.fit)],
+            "nuisances_at_limit": [asdict(nuisance) for nuisance in nuisances_at_limit(self.fit)],
             "probabilities": self.probabilities_as_json(),
             "candidates": listed,
         }
@@ -236,13 +236,13 @@ def examine(
     Where that fit had ended in a local minimum, the diagnosis is of a better one.
     """
     columns = set.intersection(*(set(segment.run.columns) for segment in data.fit))
-    found = answers(base, possible_effects(base, columns), refits=refits, executor=executor, report=report)
-    steps = [step.predicting(data) for step in found.steps]
+    result = answers(base, possible_effects(base, columns), refits=refits, executor=executor, report=report)
+    steps = [step.predicting(data) for step in result.steps]
     ordered = _holdout_decides(steps)
-    predicted = Step(found.fit).predicting(data)
+    predicted = Step(result.fit).predicting(data)
     likely = something_missing(predicted, ordered, data)
-    verdict = _verdict(predicted, found.scores, ordered, likely)
-    return Diagnosis(verdict, found.fit, predicted.holdout, found.scores, tuple(ordered), likely)
+    verdict = _verdict(predicted, result.scores, ordered, likely)
+    return Diagnosis(verdict, result.fit, predicted.holdout, result.scores, tuple(ordered), likely)
 
 
 # --- Held-out runs among the names of the first answer ---------------------------------------------
@@ -276,7 +276,7 @@ _RUNS_DIFFER = 0.3  # K; two runs differ by so much in their air and sensors alo
 def _verdict(given: Step, scores: Scores, steps: Sequence[Step], likely: float) -> Verdict:
     base = given.fit
     if not _more_is_wanted(scores, likely):
-        agree = not any(standing_out(base, each, _RUNS_DIFFER) for each in given.predicted)
+        agree = not any(standing_out(base, prediction, _RUNS_DIFFER) for prediction in given.predicted)
         return "adequate" if agree else "unexplained"
     if not steps or not explained_elsewhere(base, given.holdout, steps[0].holdout):
         return "unexplained"

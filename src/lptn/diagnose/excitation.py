@@ -39,24 +39,28 @@ def excitation(runs: Sequence[Run], nodes: Sequence[str]) -> Excitation:
         nodes: the model's nodes.
     """
     blocks = [_Blocks(run, nodes) for run in runs]
-    most = max((float(each.load.max(initial=0.0)) for each in blocks), default=0.0)
-    loads = [each.load / most if most > 0 else np.zeros(0) for each in blocks]
+    most = max((float(record.load.max(initial=0.0)) for record in blocks), default=0.0)
+    loads = [record.load / most if most > 0 else np.zeros(0) for record in blocks]
     rests = [load < _STILL for load in loads]
     steady = np.concatenate([_steady(load) for load in loads]) if loads else np.zeros(0)
-    ambient = np.concatenate([each.means[_AMBIENT] for each in blocks if _AMBIENT in each.means] or [np.zeros(1)])
-    columns = dict.fromkeys(column for each in blocks for column in each.means)
+    ambient = np.concatenate([record.means[_AMBIENT] for record in blocks if _AMBIENT in record.means] or [np.zeros(1)])
+    columns = dict.fromkeys(column for record in blocks for column in record.means)
     return Excitation(
         minutes=sum(len(run) * run.step for run in runs) / 60,
         runs=len(runs),
         levels=max(_levels(np.sort(steady)), int(most > 0)),
         still=float(np.mean(np.concatenate(rests))) if most > 0 else 0.0,
-        cool_downs=sum(_cool_downs(load < _LOW, each.temperatures) for load, each in zip(loads, blocks, strict=True)),
+        cool_downs=sum(
+            _cool_downs(load < _LOW, record.temperatures) for load, record in zip(loads, blocks, strict=True)
+        ),
         steps=sum(int((np.abs(np.diff(load)) > _STEP).sum()) for load in loads),
-        rise=max((each.rise for each in blocks), default=0.0),
-        spread=max((each.spread for each in blocks), default=0.0),
+        rise=max((record.rise for record in blocks), default=0.0),
+        spread=max((record.spread for record in blocks), default=0.0),
         ambient=float(np.ptp(ambient)),
         coarse=max((step for run in runs for step in run.resolution.values()), default=0.0),
-        ranges={column: _range([each.means[column] for each in blocks if column in each.means]) for column in columns},
+        ranges={
+            column: _range([record.means[column] for record in blocks if column in record.means]) for column in columns
+        },
         together=_together(blocks, nodes),
     )
 
@@ -130,7 +134,7 @@ def _together(blocks: Sequence[_Blocks], nodes: Sequence[str]) -> dict[str, floa
     """Correlation of speed and load over one-minute means, by place."""
     correlations = {}
     for node in nodes:
-        own = [each for each in blocks if node in each.heats and f"velocity.{node}" in each.means]
+        own = [record for record in blocks if node in record.heats and f"velocity.{node}" in record.means]
         if not own:
             continue
         speed, load = (

@@ -84,18 +84,18 @@ class Experiment:
     @property
     def separates(self) -> bool:
         """Whether the run decides at least one of the pairs in four cases of five."""
-        return any(each.clear for each in self.differences)
+        return any(contrast.clear for contrast in self.differences)
 
     @property
     def weakest(self) -> Difference:
         """The least clear pair of those that the run separates; if it separates none, of all."""
-        clear = [each for each in self.differences if each.clear]
+        clear = [contrast for contrast in self.differences if contrast.clear]
         return (clear or list(self.differences))[-1]
 
     @property
     def indistinguishable(self) -> tuple[tuple[Key, Key], ...]:
         """Pairs that the run leaves undecided."""
-        return tuple(each.pair for each in self.differences if not each.clear)
+        return tuple(contrast.pair for contrast in self.differences if not contrast.clear)
 
     @property
     def time(self) -> FloatArray:
@@ -136,16 +136,16 @@ class Experiment:
             "moves": list(self.moves),
             "differences": [
                 {
-                    "pair": [list(key) for key in each.pair],
-                    "kelvin": each.kelvin,
-                    "kelvin_as_fitted": each.as_fitted,
-                    "deviations": each.deviations,
-                    "decisive": each.decisive,
-                    "node": each.node,
-                    "minute": each.minute,
-                    "clear": each.clear,
+                    "pair": [list(key) for key in contrast.pair],
+                    "kelvin": contrast.kelvin,
+                    "kelvin_as_fitted": contrast.as_fitted,
+                    "deviations": contrast.deviations,
+                    "decisive": contrast.decisive,
+                    "node": contrast.node,
+                    "minute": contrast.minute,
+                    "clear": contrast.clear,
                 }
-                for each in self.differences
+                for contrast in self.differences
             ],
             "hottest": float(max(readings.max() for readings in self.predictions.values())),
             "limit": self.limit,
@@ -205,7 +205,7 @@ def possible_moves(rivals: Sequence[Step]) -> list[Move]:
 def _places(rival: Step) -> list[str]:
     """The single places where a rival's effect acts."""
     instances = rival.fit.model.network.effect_instances
-    return [each.place for each in instances if (each.effect.key, each.declaration.where) == rival.key]
+    return [instance.place for instance in instances if (instance.effect.key, instance.declaration.where) == rival.key]
 
 
 def _stage(rivals: Sequence[Step]) -> ProgramRuns:
@@ -234,8 +234,8 @@ def _experiment(rivals: Sequence[Step], search: ProgramSearch, best: ProgramTria
         keys,
         best.program,
         run,
-        tuple(sorted(differences, key=lambda each: -each.decisive)),
-        {key: each.readings for key, each in zip(keys, predictions, strict=True)},
+        tuple(sorted(differences, key=lambda contrast: -contrast.decisive)),
+        {key: prediction.readings for key, prediction in zip(keys, predictions, strict=True)},
         nodes,
         search.limit,
         len(search.trials),
@@ -307,9 +307,9 @@ class Rivals:
 
     def __init__(self, fits: Sequence[Fit]) -> None:
         self.fits = list(fits)
-        self._density = noise_density(min(self.fits, key=lambda each: each.cost))
-        self._misfits = [block_misfits(fitted_errors(each), each.problem.sigma)[0].sum(axis=1) for each in self.fits]
-        self._priors = [self._prior(each) for each in self.fits]
+        self._density = noise_density(min(self.fits, key=lambda fit: fit.cost))
+        self._misfits = [block_misfits(fitted_errors(fit), fit.problem.sigma)[0].sum(axis=1) for fit in self.fits]
+        self._priors = [self._prior(fit) for fit in self.fits]
 
     @property
     def pairs(self) -> list[tuple[int, int]]:
@@ -322,7 +322,7 @@ class Rivals:
         Raises:
             SimulationError: a model runs away.
         """
-        return [_predicted(each, run) for each in self.fits]
+        return [_predicted(fit, run) for fit in self.fits]
 
     def apart(self, predictions: Sequence[RivalPrediction], run: Run) -> dict[tuple[int, int], Separation]:
         """For each pair the less decisive of both ways round: whichever of the two is true, so much is to be seen.
@@ -332,8 +332,11 @@ class Rivals:
             run: that run.
         """
         weight = np.sqrt(run.step / self._density)
-        rows = [(each.moved * weight[:, None, None]).reshape(-1, each.moved.shape[2]) for each in predictions]
-        information = [prior + each.T @ each for prior, each in zip(self._priors, rows, strict=True)]
+        rows = [
+            (prediction.moved * weight[:, None, None]).reshape(-1, prediction.moved.shape[2])
+            for prediction in predictions
+        ]
+        information = [prior + jacobian.T @ jacobian for prior, jacobian in zip(self._priors, rows, strict=True)]
         separations = {}
         for pair in self.pairs:
             difference = predictions[pair[0]].readings - predictions[pair[1]].readings
@@ -342,7 +345,7 @@ class Rivals:
                 rise, left = _absorbed(rows[wrong], information[wrong], difference, weight)
                 before = self._misfits[wrong] - self._misfits[true]
                 both.append(self._separation(rise, left, weight, run, before))
-            separations[pair] = min(both, key=lambda each: each.decisive)
+            separations[pair] = min(both, key=lambda separation: separation.decisive)
         return separations
 
     def _ways(self, pair: tuple[int, int]) -> list[tuple[int, int]]:
@@ -394,7 +397,7 @@ def noise_density(done: Fit) -> FloatArray:
     variance = np.empty(len(done.model.nodes))
     for row, floor in enumerate(done.noise.floor):
         residual = np.concatenate(
-            [error[row][each.counted[row]] for error, each in zip(errors, bound_runs, strict=True)]
+            [error[row][bound.counted[row]] for error, bound in zip(errors, bound_runs, strict=True)]
         )
         variance[row] = max(float(np.mean(residual**2)), floor**2) if residual.size else _NO_SENSOR**2
     return np.asarray(variance * repeated * _mean_step(done) + _MODEL_ERROR**2 * _MODEL_ERROR_TIME)
@@ -508,10 +511,10 @@ class ProgramSearch:
             predictions = self.rivals.predict(run)
         except SimulationError:
             return None
-        if max(float(each.readings.max()) for each in predictions) > self.limit:
+        if max(float(prediction.readings.max()) for prediction in predictions) > self.limit:
             return None
         apart = self.rivals.apart(predictions, run)
-        return ProgramTrial(wanted, tuple(each.decisive for each in apart.values()))
+        return ProgramTrial(wanted, tuple(separation.decisive for separation in apart.values()))
 
     def _ranked(self) -> list[ProgramTrial]:
         """Those that stay cool enough, the best first."""

@@ -88,20 +88,20 @@ class LoggedInputs:
 
     def loads(self, move: Move) -> tuple[str, list[float]]:
         """The quantity that a move's load is of, and its values at the move's joints."""
-        quantity = next((each for each in self._heating if any(_quantity(name) == each for name in self.inputs)), "")
+        quantity = next((load for load in self._heating if any(_quantity(name) == load for name in self.inputs)), "")
         return quantity, [self.value(f"{quantity}.{joint}", move) for joint in move.joints]
 
     def speeds(self, move: Move) -> list[float]:
         """Mean speed of the move's joints [rad/s]; none where it is not among the inputs."""
-        quantity = next((each for each in SPEEDS if any(_quantity(name) == each for name in self.columns)), "")
+        quantity = next((speed for speed in SPEEDS if any(_quantity(name) == speed for name in self.columns)), "")
         columns = (f"{quantity}.{joint}" for joint in move.joints)
         return [self.value(name, move) for name in columns if name in self.high]
 
     def _heating_quantities(self) -> tuple[str, ...]:
         """Load where it is logged; else whatever else varies from place to place (the heat of a heater)."""
         quantities = dict.fromkeys(_quantity(name) for name in self.inputs)
-        loads = tuple(each for each in LOADS if each in quantities)
-        others = (each for each in quantities if each not in (*SPEEDS, *_PRODUCTS, _quantity(BASE)))
+        loads = tuple(load for load in LOADS if load in quantities)
+        others = (quantity for quantity in quantities if quantity not in (*SPEEDS, *_PRODUCTS, _quantity(BASE)))
         return loads or tuple(others)
 
     def _working(self) -> BoolArray:

@@ -52,7 +52,7 @@ def fitted_errors(fit: Fit) -> list[RunErrors]:
 
 def predicted_errors(predictions: Sequence[Prediction]) -> list[RunErrors]:
     """Predicted runs with the errors of their evaluation windows."""
-    return [(each.bound, each.readings - each.bound.measured) for each in predictions]
+    return [(prediction.bound, prediction.readings - prediction.bound.measured) for prediction in predictions]
 
 
 def independent_readings(runs: Sequence[RunErrors]) -> float:
@@ -180,8 +180,11 @@ class NoiseLevel:
         squares = _mean_squares(fit, noise)
         sigma = dict(zip(fit.model.nodes, fit.problem.sigma, strict=True))
         return cls(
-            {node: float(each.mean()) for node, each in squares.items()},
-            {node: float(np.quantile(each, 0.95)) + (NEGLIGIBLE / sigma[node]) ** 2 for node, each in squares.items()},
+            {node: float(trials.mean()) for node, trials in squares.items()},
+            {
+                node: float(np.quantile(trials, 0.95)) + (NEGLIGIBLE / sigma[node]) ** 2
+                for node, trials in squares.items()
+            },
         )
 
 
@@ -248,7 +251,7 @@ def is_negligible(smaller: Fit, larger: Fit, before: Sequence[Prediction], after
         after: as the larger one does.
     """
     of_fits = [fitted_errors(fit) for fit in (smaller, larger)]
-    of_held_out = [predicted_errors(each) for each in (before, after)]
+    of_held_out = [predicted_errors(predictions) for predictions in (before, after)]
     return all(
         np.all(_squares_by_node(without) - _squares_by_node(with_it) < NEGLIGIBLE**2)
         for without, with_it in (of_fits, of_held_out)
@@ -263,7 +266,7 @@ def _squares_by_node(runs: Sequence[RunErrors]) -> FloatArray:
         size = max(1, round(BLOCK / bound.run.step))
         for own, error in zip(squares, np.where(bound.counted, errors, np.nan), strict=True):
             own.append(_block_squares(error, size))
-    return np.array([np.concatenate(own).mean() if any(each.size for each in own) else 0.0 for own in squares])
+    return np.array([np.concatenate(own).mean() if any(blocks.size for blocks in own) else 0.0 for own in squares])
 
 
 def cost_of_noise(fit: Fit) -> float:
@@ -310,7 +313,7 @@ def standing_out(fit: Fit, before: Prediction, least: float = NEGLIGIBLE) -> dic
     from scipy.special import chdtri  # heavy, and few commands need it
 
     size = max(1, round(BLOCK / before.bound.run.step))
-    found = {}
+    errors = {}
     for row, (node, usual) in enumerate(zip(fit.model.nodes, _squares_by_node(fitted_errors(fit)), strict=True)):
         squares = _block_squares(before.error[row], size)
         if not squares.size:
@@ -319,8 +322,8 @@ def standing_out(fit: Fit, before: Prediction, least: float = NEGLIGIBLE) -> dic
         noise = fit.noise.white[row] ** 2 / size + fit.noise.step[row] ** 2 / 12
         chance = noise * float(chdtri(squares.size, 0.05)) / squares.size
         if squares.mean() > max(CLEARLY**2 * usual, LACKING * chance, least**2):
-            found[node] = (float(np.sqrt(squares.mean())), float(np.sqrt(usual)))
-    return dict(sorted(found.items(), key=lambda item: -item[1][0]))
+            errors[node] = (float(np.sqrt(squares.mean())), float(np.sqrt(usual)))
+    return dict(sorted(errors.items(), key=lambda item: -item[1][0]))
 
 
 def _block_squares(error: FloatArray, size: int) -> FloatArray:

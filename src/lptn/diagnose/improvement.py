@@ -124,7 +124,7 @@ class History(Tabular):
         return {
             "verdict": self.verdict,
             "remaining": self.remaining,
-            "nuisances_at_limit": [asdict(each) for each in nuisances_at_limit(self.best.fit)],
+            "nuisances_at_limit": [asdict(nuisance) for nuisance in nuisances_at_limit(self.best.fit)],
             "probabilities": self.first.probabilities_as_json(),
             "history": table,
             "ladder": table,
@@ -327,7 +327,7 @@ class _Search:
         if fit is branch[-1].fit:
             return branch
         better = _ending_in(branch, fit, self.data)
-        self.branches = [better if each is branch else each for each in self.branches]
+        self.branches = [better if other is branch else other for other in self.branches]
         return better
 
     def settled(self, branch: Branch) -> Branch:
@@ -349,8 +349,8 @@ class _Search:
                 tried.add(_effects(other))
                 left_out = len(other) < len(branch) and _is_negligible(other, branch)
                 if other is in_the_robot or left_out or _chosen([branch, other], self.data) is other:
-                    added = [each for each in other[1:] if each.key not in _effects(branch)]
-                    successors = " and ".join(named(each.key) for each in added)
+                    added = [successor for successor in other[1:] if successor.key not in _effects(branch)]
+                    successors = " and ".join(named(successor.key) for successor in added)
                     self.report(f"{named(step.key)} {f'gives way to {successors}' if added else 'is not needed'}")
                     branch, number = other, 1
                     break
@@ -378,8 +378,8 @@ class _Search:
             return None
         longer = [other for other in self._longer(without) if not _errs(other[-1]) and _effects(other) not in tried]
         done = (self._to_the_end(other) for other in (_ranked(longer, self.data) if longer else ()))
-        found = next((other for other in done if other is not None), without)
-        return _ranked([without, found], self.data)[0]
+        replacement = next((other for other in done if other is not None), without)
+        return _ranked([without, replacement], self.data)[0]
 
     def _to_the_end(self, branch: Branch) -> Branch | None:
         """The branch with its last model fitted to the end; `None` where nobody believes that."""
@@ -438,9 +438,9 @@ class _Search:
     def _without(self, branch: Branch, step: Step) -> Branch | None:
         """The branch without one of its steps; `None` where a later one stands at an edge that this made."""
         left = _effects(branch) - {step.key}
-        known = next((each for each in self.branches if _effects(each) == left), None)
-        if known is not None:
-            return known
+        match = next((other for other in self.branches if _effects(other) == left), None)
+        if match is not None:
+            return match
         last = branch[-1].fit
         try:
             network, others = _less(branch, step)
@@ -493,7 +493,7 @@ class _Search:
             errors = [step for step in self.diagnosis(branch).refits if _errs(step)]
             while left := [step for step in errors if self._standing.get(step.key, True)]:
                 # Of what is left without those that do not stand, half at least.
-                of_left, of_all = (sum(step.probability for step in each) for each in (left, errors))
+                of_left, of_all = (sum(step.probability for step in steps) for steps in (left, errors))
                 if of_left < LIKELY * (1 - of_all + of_left):
                     break
                 likeliest = max(left, key=lambda step: step.probability)
@@ -514,17 +514,17 @@ class _Search:
         if len(confused) == len(branch) or is_implausible(last, _declarations(confused), branch[0].fit):
             return True
         rivals: list[Branch] = [confused, (*branch, error)]
-        both = (*confused, *(replace(error, fit=refit(last, each)) for each in error.declarations))
+        both = (*confused, *(replace(error, fit=refit(last, declaration)) for declaration in error.declarations))
         if not is_implausible(both[-1].fit, _declarations(both), branch[0].fit):
             rivals.append(both)
-        predicted = [_ending_in(each, each[-1].fit, self.data) for each in rivals]
+        predicted = [_ending_in(rival, rival[-1].fit, self.data) for rival in rivals]
         return _ranked(predicted, self.data)[0] is not predicted[0]
 
     def _with_all_confused(self, branch: Branch, error: Step) -> Branch:
         """The branch with all in the robot that an error is confused with, there or, failing that, everywhere."""
         diagnosis = self.diagnosis(branch)
-        candidates, fit = {each.candidate.key: each for each in diagnosis.scores.ranked}, diagnosis.fit
-        odds = dict(zip(candidates, log_priors([each.candidate for each in candidates.values()]), strict=True))
+        candidates, fit = {score.candidate.key: score for score in diagnosis.scores.ranked}, diagnosis.fit
+        odds = dict(zip(candidates, log_priors([score.candidate for score in candidates.values()]), strict=True))
         if error.declaration is None:
             return branch
         for kind in error.declaration.effect.signature.confused_with:
@@ -567,7 +567,7 @@ def _less(branch: Branch, step: Step) -> tuple[Network, Branch]:
         InputError: another step stands at an edge that this made.
     """
     network, others = branch[-1].fit.model.network.without_effect(*step.key), []
-    for other in (each for each in branch if each is not step):
+    for other in (member for member in branch if member is not step):
         declared = other.declaration
         if declared is not None and declared.difference:
             common = {instance.place for instance in network.in_common(declared.effect.key)}
@@ -585,7 +585,7 @@ def _as_its_own(difference: EffectDeclaration, fit: Fit, common: Step) -> Effect
     amplitude, shared = difference.effect.amplitude(), replace(common, fit=fit).amplitude
     parameters = []
     for stated in difference.effect.stated():
-        own = next((each for each in difference.parameters if each.name == stated.name), stated)
+        own = next((parameter for parameter in difference.parameters if parameter.name == stated.name), stated)
         value = fitted.get(difference.shared_name(own.name), own.value)
         if amplitude is not None and shared is not None and own.name == amplitude.name:
             value += shared.value

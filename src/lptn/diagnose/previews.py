@@ -34,10 +34,13 @@ class Previews:
     @one_blas_thread
     def __init__(self, fit: Fit, scores: Sequence[Score]) -> None:
         self._fit = fit
-        self._places = list(dict.fromkeys(site for each in scores for site in each.candidate.sites(each.shape)))
-        acts = [set(each.candidate.sites(each.shape)) for each in scores]
+        self._places = list(dict.fromkeys(site for score in scores for site in score.candidate.sites(score.shape)))
+        acts = [set(score.candidate.sites(score.shape)) for score in scores]
         sizes = np.array(
-            [[each.amplitude * (site in own) for each, own in zip(scores, acts, strict=True)] for site in self._places]
+            [
+                [score.amplitude * (site in own) for score, own in zip(scores, acts, strict=True)]
+                for site in self._places
+            ]
         ).reshape(len(self._places), len(scores))
         residuals, baseline = fit.problem.jacobian(fit.z)
         able = ~pushed_beyond_bounds(fit, baseline.T @ residuals)
@@ -101,14 +104,14 @@ def _moved(fit: Fit, places: Sequence[Site], steps: FloatArray, segment: Segment
     if of_the_run:  # the run's own errors were fitted to all of it, and make room for what a candidate explains
         every = bound.count((segment.initialisation[0], segment.evaluation[1])).counted
         declared = [full.parameters[number].declared for number in of_the_run]
-        spread = np.array([each.prior[1] for each in declared if each.prior]) / weight_of_priors(bound.run.step)
+        spread = np.array([error.prior[1] for error in declared if error.prior]) / weight_of_priors(bound.run.step)
         by_own = from_its_window(by_own)
         rows = np.vstack([by_own[every] * _weight(every, sigma), np.diag(1.0 / spread)])
         left = (as_it_is.readings - bound.measured)[every][:, None] + change[every]
         left = np.vstack(
             [left * _weight(every, sigma), np.repeat((values[of_the_run] / spread)[:, None], left.shape[1], 1)]
         )
-        least, most = (np.array(each)[:, None] for each in zip(*(each.bounds for each in declared), strict=True))
+        least, most = (np.array(bounds)[:, None] for bounds in zip(*(error.bounds for error in declared), strict=True))
         before = values[of_the_run][:, None]
         change += by_own @ (np.clip(before - np.linalg.lstsq(rows, left)[0], least, most) - before)
     return [replace(as_it_is, readings=as_it_is.readings + change[:, :, k]) for k in range(steps.shape[1])]

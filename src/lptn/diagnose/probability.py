@@ -87,7 +87,7 @@ class _Fits:
         self.free = np.array([len(fit.free) for fit in fits])
         self.log_priors, self.of_parameters = log_priors, np.array(list(map(_log_prior_of, fits)))
         self.fitted = _Misfits([fitted_errors(fit) for fit in fits], sigma)
-        self.predicted = _Misfits([predicted_errors(each) for each in predicted], sigma) if predicted else None
+        self.predicted = _Misfits([predicted_errors(runs) for runs in predicted], sigma) if predicted else None
 
     def probabilities(self, chosen: IntArray) -> FloatArray:
         """Of the chosen fits, given that one of them is right, shape (chosen,)."""
@@ -174,15 +174,15 @@ def probabilities_by_score(fit: Fit, scores: Sequence[Score], matters: float) ->
         matters: the gain from which on an effect matters.
     """
     independent = _independent_share(fitted_errors(fit), fit.problem.sigma)
-    found = np.sqrt([independent * each.gain for each in scores])
-    usual = np.array([independent * (each.candidate.typical * each.per_unit) ** 2 for each in scores])
+    estimate = np.sqrt([independent * score.gain for score in scores])
+    usual = np.array([independent * (score.candidate.typical * score.per_unit) ** 2 for score in scores])
     least = np.sqrt(independent * matters)
-    told = usual / (1.0 + usual)
-    size, deviation = found * told, np.sqrt(np.maximum(told, LEAST_SHARE))
+    shrinkage = usual / (1.0 + usual)
+    size, deviation = estimate * shrinkage, np.sqrt(np.maximum(shrinkage, LEAST_SHARE))
     above = ndtr((size - least) / deviation)
-    below = np.where([each.candidate.one_sided for each in scores], above, ndtr((-size - least) / deviation))
-    beforehand = log_priors([each.candidate for each in scores])
-    evidence = beforehand - logsumexp(beforehand) - 0.5 * np.log1p(usual) + 0.5 * found**2 * told
+    below = np.where([score.candidate.one_sided for score in scores], above, ndtr((-size - least) / deviation))
+    beforehand = log_priors([score.candidate for score in scores])
+    evidence = beforehand - logsumexp(beforehand) - 0.5 * np.log1p(usual) + 0.5 * estimate**2 * shrinkage
     odds = np.exp(evidence) * (above + below)
     return np.asarray(odds / (1.0 + odds.sum()))
 
@@ -200,8 +200,8 @@ def log_odds_by_score(fit: Fit, scores: Sequence[Score], log_priors: FloatArray)
     """
     errors = fitted_errors(fit)
     squares = float(block_misfits(errors, fit.problem.sigma)[0].sum())
-    left = np.array([max(1.0 - each.gain / squares, LEAST_SHARE) for each in scores])
-    sizes = [log_prior_of_size(each.candidate.amplitude, each.amplitude) for each in scores]
+    left = np.array([max(1.0 - score.gain / squares, LEAST_SHARE) for score in scores])
+    sizes = [log_prior_of_size(score.candidate.amplitude, score.amplitude) for score in scores]
     return np.asarray(-0.5 * independent_readings(errors) * np.log(left) + log_priors + np.maximum(sizes, -BELIEVED))
 
 
@@ -231,8 +231,8 @@ def log_priors(candidates: Sequence[Candidate]) -> FloatArray:
     sensors unevenly, and over the places of a level; those of single runs likewise.
     """
     weights = np.zeros(len(candidates))
-    for effect in {each.effect: None for each in candidates}:
-        own = [k for k, each in enumerate(candidates) if each.effect is effect]
+    for effect in {candidate.effect: None for candidate in candidates}:
+        own = [k for k, candidate in enumerate(candidates) if candidate.effect is effect]
         most = max(len(candidates[k].places) for k in own)
         levels = [(bool(candidates[k].run), _level(candidates[k], most)) for k in own]
         for k, level in zip(own, levels, strict=True):
@@ -273,8 +273,8 @@ def log_prior_of_starts(fit: Fit) -> float:
         nodes = start[: len(model.nodes)][np.isfinite(bound.start)]
         off = nodes - np.clip(nodes, felt.min(), felt.max())
         rooms = np.linspace(off.min(initial=0.0) - _FAR, off.max(initial=0.0) + _FAR, _ROOMS)
-        of_each = np.append(_log_cauchy(rooms) + log(rooms[1] - rooms[0]), 0.0)
-        total += float(logsumexp(of_each + _log_density_of_starts(off, np.append(rooms, 0.0)))) - log(2.0)
+        of_rooms = np.append(_log_cauchy(rooms) + log(rooms[1] - rooms[0]), 0.0)
+        total += float(logsumexp(of_rooms + _log_density_of_starts(off, np.append(rooms, 0.0)))) - log(2.0)
     return total
 
 
@@ -305,18 +305,18 @@ def log_evidence_of_starts(fit: Fit) -> float:
         return 0.0
     errors, start = fitted_errors(fit), len(problem.free)
     off, spreads = problem.starts_off(fit.point.starts)
-    known = 1.0 / spreads.ravel() ** 2
+    precision = 1.0 / spreads.ravel() ** 2
     independent = independent_readings(errors) / block_misfits(errors, problem.sigma)[0].sum()
-    by_data = independent * (problem.normal(fit.z)[1][start:, start:] - np.diag(known))
+    by_data = independent * (problem.normal(fit.z)[1][start:, start:] - np.diag(precision))
     total = 0.0
-    for run, (bound, first) in enumerate(zip(problem.bound_runs, range(0, len(known), states), strict=True)):
+    for run, (bound, first) in enumerate(zip(problem.bound_runs, range(0, len(precision), states), strict=True)):
         seen, hidden = slice(first, first + nodes), slice(first + nodes, first + states)
-        of_seen = by_data[seen, seen] + np.diag(known[seen])
-        told = by_data[hidden, hidden] - by_data[hidden, seen] @ np.linalg.solve(of_seen, by_data[seen, hidden])
-        told_of_each = np.maximum(np.diag(told), 0.0) / known[hidden]
+        of_seen = by_data[seen, seen] + np.diag(precision[seen])
+        information = by_data[hidden, hidden] - by_data[hidden, seen] @ np.linalg.solve(of_seen, by_data[seen, hidden])
+        information_ratio = np.maximum(np.diag(information), 0.0) / precision[hidden]
         distance = off[run, nodes:]
-        in_equilibrium = -0.5 * distance**2 * told_of_each
-        anywhere = -np.log1p(distance**2) - 0.5 * np.log1p(told_of_each)
+        in_equilibrium = -0.5 * distance**2 * information_ratio
+        anywhere = -np.log1p(distance**2) - 0.5 * np.log1p(information_ratio)
         values = fit.model.in_run(bound.run.name, fit.point.values)
         at_start = fit.point.starts[run][:, None], bound.inputs[:, :1], values
         rates = np.diag(slopes_at_points(fit.model, *at_start)[0])[nodes:]
@@ -369,15 +369,15 @@ def _takes_more_than_there_is(fit: Fit, declarations: Sequence[EffectDeclaration
     What multiplies has bounds of its own for that.
     """
     network, values = fit.model.network, fit.model.values
-    for difference in (each for each in declarations if each.difference):
+    for difference in (declaration for declaration in declarations if declaration.difference):
         effect, amplitude = difference.effect, difference.effect.amplitude()
         one_sided = amplitude is not None and amplitude.off == amplitude.bounds[0]
         if amplitude is None or not one_sided or effect.changes_link or effect.scales_heat:
             continue
         total: dict[str, float] = {}
-        for each in network.effect_instances:
-            if each.effect.key == effect.key and not each.declaration.run:
-                total[each.place] = total.get(each.place, 0.0) + values[each.parameters[amplitude.name]]
+        for instance in network.effect_instances:
+            if instance.effect.key == effect.key and not instance.declaration.run:
+                total[instance.place] = total.get(instance.place, 0.0) + values[instance.parameters[amplitude.name]]
         if any(total[place] < 0.0 for place, _ in network.places_for(difference)):
             return True
     return False

@@ -133,7 +133,7 @@ class RunDifference:
             text += f" It does not explain all: the fitted runs are met within {short_size(self.rmse_fit)} K."
         if not self.indistinguishable:
             return text
-        others = "; or: ".join(_without_question(each.words) for each in self.indistinguishable[:_MOST_LISTED])
+        others = "; or: ".join(_without_question(cause.words) for cause in self.indistinguishable[:_MOST_LISTED])
         more = len(self.indistinguishable) - _MOST_LISTED
         return f"{text} The run can't tell that from: {others}{f'; or {more} more' if more > 0 else ''}."
 
@@ -148,8 +148,8 @@ class RunDifference:
             "rmse_after": self.rmse_after,
             "rmse_fit": self.rmse_fit,
             "indistinguishable": [
-                {"effect": each.effect, "at": each.at, "amplitude": each.amplitude, "rmse_after": each.rmse}
-                for each in self.indistinguishable
+                {"effect": cause.effect, "at": cause.at, "amplitude": cause.amplitude, "rmse_after": cause.rmse}
+                for cause in self.indistinguishable
             ],
             "text": self.text(),
         }
@@ -181,7 +181,7 @@ def runs_that_differ(fit: Fit, segments: Sequence[Segment]) -> list[RunDifferenc
     differences = (
         _difference(fit, segment.coarsened(step)) for segment in segments if segment.run.source not in fitted
     )
-    return [each for each in differences if each is not None]
+    return [difference for difference in differences if difference is not None]
 
 
 def _difference(fit: Fit, segment: Segment) -> RunDifference | None:
@@ -208,7 +208,7 @@ def _fitted(fit: Fit, before: Prediction, *, alone: bool) -> Fit:
     """
     model = with_own_errors(fit.model, before.segment, fit.problem.sigma)
     others = [] if alone else zip(fit.problem.bound_runs, fit.point.starts, strict=True)
-    runs = [(replace(bind(model, each.run), counted=each.counted), start) for each, start in others]
+    runs = [(replace(bind(model, bound.run), counted=bound.counted), start) for bound, start in others]
     runs.append((before.bound.count((float("-inf"), float("inf"))), before.states[:, 0]))
     bound_runs, starts = zip(*runs, strict=True)
     free = nuisances(model, before.segment.run.name) if alone else None
@@ -223,10 +223,10 @@ def _names_of_one_answer(alone: Fit) -> list[Step]:
     run = alone.problem.bound_runs[0].run
     log = run.name.partition("#")[0]
     fitted = ""  # the other runs, by whatever name: what differs in a run differs from them
-    possible = [each for each in possible_effects(alone, run.columns, [fitted, log]) if each.run == log]
-    found = answers(alone, possible).steps
-    names = {found[0].key, *found[0].indistinguishable} if found and found[0].gain > 0 else set()
-    return [step for step in found if step.key in names]
+    possible = [candidate for candidate in possible_effects(alone, run.columns, [fitted, log]) if candidate.run == log]
+    steps = answers(alone, possible).steps
+    names = {steps[0].key, *steps[0].indistinguishable} if steps and steps[0].gain > 0 else set()
+    return [step for step in steps if step.key in names]
 
 
 def _decided_together(fit: Fit, before: Prediction, names: Sequence[Step]) -> list[Step]:
@@ -234,7 +234,8 @@ def _decided_together(fit: Fit, before: Prediction, names: Sequence[Step]) -> li
     together = _fitted(fit, before, alone=False)
     done = [refit(together, declaration) for step in names for declaration in step.declarations]
     priors = [
-        step.log_odds + log_prior_of_sizes(each, step.declarations) for step, each in zip(names, done, strict=True)
+        step.log_odds + log_prior_of_sizes(solution, step.declarations)
+        for step, solution in zip(names, done, strict=True)
     ]
     return [names[k] for k in in_occams_window(probabilities(done, np.array(priors)))]
 
@@ -254,7 +255,7 @@ def explained_differences(
         be excused by halves.
     """
     differing = runs_that_differ(fit, segments)
-    if not all(each.explained for each in differing):
+    if not all(difference.explained for difference in differing):
         return model, ()
     return with_differences(model, differing), tuple(differing)
 
@@ -265,7 +266,7 @@ def with_differences(model: Model, differing: Sequence[RunDifference]) -> Model:
     A run that is predicted so judges the rest of a model, and no longer the one parameter that is its own.
     """
     declared = []
-    for cause in (each.causes[0] for each in differing):
+    for cause in (difference.causes[0] for difference in differing):
         parameters = tuple(
             replace(one.switched_off, fixed=True)
             if one.off is None
@@ -303,13 +304,13 @@ class NuisanceAtLimit:
 def nuisances_at_limit(fit: Fit) -> list[NuisanceAtLimit]:
     """Nuisance parameters of fitted runs that ended at their bounds: these runs differ by more than that."""
     ended = [fit.problem.free[row] for row in rows_at_bounds(fit.problem, fit.z)]
-    found = []
-    for each in fit.model.network.effect_instances:
-        for index in set(ended) & set(each.parameters.values()) if each.declaration.nuisance else ():
-            amplitude, run = fit.model.parameters[index], each.declaration.run
-            words = _in_words(each.declaration, amplitude, run)
-            found.append(NuisanceAtLimit(each.effect.key, each.place, run, amplitude.value, words))
-    return found
+    errors = []
+    for instance in fit.model.network.effect_instances:
+        for index in set(ended) & set(instance.parameters.values()) if instance.declaration.nuisance else ():
+            amplitude, run = fit.model.parameters[index], instance.declaration.run
+            words = _in_words(instance.declaration, amplitude, run)
+            errors.append(NuisanceAtLimit(instance.effect.key, instance.place, run, amplitude.value, words))
+    return errors
 
 
 # --- Words ----------------------------------------------------------------------------------------

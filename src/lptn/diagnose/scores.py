@@ -112,7 +112,7 @@ def score(fit: Fit, candidates: Sequence[Candidate]) -> Scores:
     traces = _Traces(fit, candidates, basis)
 
     # Chance is the worse of two models of it: the sensors' noise alone, and what else the residuals hold at random.
-    scores, by_noise = {each: Score(each, 0.0, 0.0, None, 0.0) for each in candidates}, np.zeros(_LOGS)
+    scores, by_noise = {candidate: Score(candidate, 0.0, 0.0, None, 0.0) for candidate in candidates}, np.zeros(_LOGS)
     best, best_trace = 0.0, np.zeros_like(residuals)
     for group in traces:
         for number, (trace, statistic) in enumerate(zip(group.traces, -(group.rows @ residuals), strict=True)):
@@ -121,9 +121,11 @@ def score(fit: Fit, candidates: Sequence[Candidate]) -> Scores:
                 best, best_trace = scored.gain, group.projected(number, basis)
         by_noise = np.maximum(by_noise, group.largest_gains(-(group.rows @ noise)))
     del noise
-    ranked = sorted(scores.values(), key=lambda each: -each.gain)
+    ranked = sorted(scores.values(), key=lambda entry: -entry.gain)
 
-    compared = {(each.candidate, each.shape): place for place, each in enumerate(ranked[:_COMPARED]) if each.gain > 0}
+    compared = {
+        (entry.candidate, entry.shape): place for place, entry in enumerate(ranked[:_COMPARED]) if entry.gain > 0
+    }
     compared_traces = np.zeros((len(compared), len(residuals)))
     resampling = _WildBootstrap(fit, residuals - best_trace * (best_trace @ residuals), basis, rng)
     by_resampling = np.zeros(_LOGS)
@@ -252,14 +254,14 @@ class _Traces:
             for candidate in candidates
             for shape in candidate.shapes
         ]
-        self._single = [each for each in wanted if len(each[2]) == 1]
-        self._sums = [each for each in wanted if len(each[2]) > 1]
+        self._single = [trace for trace in wanted if len(trace[2]) == 1]
+        self._sums = [trace for trace in wanted if len(trace[2]) > 1]
 
     def __iter__(self) -> Iterator[_Group]:
         sums = np.zeros((len(self._sums), len(self._basis)))
         for first, columns in self._blocks():
             last = first + columns.shape[1]
-            single = [each for each in self._single if first <= each[2][0] < last]
+            single = [trace for trace in self._single if first <= trace[2][0] < last]
             for some in _groups(len(single)):
                 numbers = np.concatenate([members for _, _, members in single[some]])
                 yield self._group(single[some], columns[:, numbers - first].T)
@@ -453,4 +455,4 @@ def smallest(scores: Scores) -> list[Detectable]:
             effect, at = score.candidate.key
             size = needed / score.per_unit
             sizes.append(Detectable(effect, at, size, score.candidate.amplitude.unit, size / score.candidate.typical))
-    return sorted(sizes, key=lambda each: each.share)
+    return sorted(sizes, key=lambda limit: limit.share)

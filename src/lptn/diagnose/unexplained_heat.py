@@ -145,12 +145,12 @@ def unexplained_heat(fit: Fit) -> list[UnexplainedHeat]:
 
 def _likeliest(walks: Sequence[float], density: Callable[[float], float]) -> float:
     """The walk with the highest density, which has one peak: climbed to from near the slow end, where most have it."""
-    known: dict[int, float] = {}
+    heights: dict[int, float] = {}
 
     def height(number: int) -> float:
-        if number not in known:
-            known[number] = density(walks[number])
-        return known[number]
+        if number not in heights:
+            heights[number] = density(walks[number])
+        return heights[number]
 
     top = min(_FIRST_TRIED, len(walks) - 1)
     while True:
@@ -168,7 +168,7 @@ def stretches(runs: Sequence[UnexplainedHeat]) -> list[HeatPeak]:
     on another's slope, with no valley as deep as half its height between them, is part of it.
     """
     return sorted(
-        (peak for each in runs for row in range(len(each.nodes)) for peak in _of_row(each, row)),
+        (peak for run in runs for row in range(len(run.nodes)) for peak in _of_row(run, row)),
         key=lambda peak: -peak.clear,
     )
 
@@ -304,7 +304,7 @@ def blocks(fit: Fit, number: int) -> Blocks:
     path = simulate(fit.model, bound, fit.point.values, fit.point.starts[number]).states
     capacities = values[[fit.model.network.capacities[fit.model.nodes[row]] for row in rows]]
     pieces = [_mean_derivatives(fit, path[:, w], bound.inputs[:, w], values, size) for w in _parts(window, size)]
-    a, b, c, e = (np.concatenate(each) for each in zip(*pieces, strict=True))
+    a, b, c, e = (np.concatenate(derivatives) for derivatives in zip(*pieces, strict=True))
     top = _exact(a, b, rows, capacities, step * size)
     error = np.where(bound.counted, fit.residuals[number], np.nan)[rows, window]
     counts = np.isfinite(error).reshape(len(rows), count, size).sum(axis=2)
@@ -344,7 +344,7 @@ def _mean_derivatives(
         of_readings[:, :, :states],
         of_readings[:, :, states:] * slope,
     )
-    a, b, c, e = (each.reshape(-1, size, *each.shape[1:]).mean(axis=1) for each in derivatives)
+    a, b, c, e = (derivative.reshape(-1, size, *derivative.shape[1:]).mean(axis=1) for derivative in derivatives)
     return a, b, c, e
 
 
@@ -572,7 +572,9 @@ def input_links(fit: Fit, heat: Sequence[UnexplainedHeat]) -> list[InputLink]:
     for column in columns:
         if column not in outputs:
             plain, squared = (
-                np.concatenate([block_means(run, each, column, square) for run, each in zip(runs, heat, strict=True)])
+                np.concatenate(
+                    [block_means(run, unexplained, column, square) for run, unexplained in zip(runs, heat, strict=True)]
+                )
                 for square in (False, True)
             )
             links += _links(heat, column, plain, squared)
@@ -589,8 +591,8 @@ def block_means(run: Run, heat: UnexplainedHeat, column: str, squared: bool = Fa
 
 def _links(runs: Sequence[UnexplainedHeat], column: str, plain: FloatArray, squared: FloatArray) -> list[InputLink]:
     links = []
-    for node in dict.fromkeys(node for each in runs for node in each.nodes):
-        heat = np.concatenate([_of_node(each, node) for each in runs])
+    for node in dict.fromkeys(node for run in runs for node in run.nodes):
+        heat = np.concatenate([_of_node(run, node) for run in runs])
         finite = np.isfinite(heat)
         both = [_correlation(heat[finite], values[finite]) for values in (plain, squared)]
         square, closest = max(enumerate(both), key=lambda pair: abs(pair[1]))

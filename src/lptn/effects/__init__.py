@@ -84,16 +84,16 @@ def effect_named(key: str, file: str | Path, place: str) -> type[Effect]:
     Raises:
         InputError: there is none of this key; with those that share a word with it or are spelled like it.
     """
-    known = catalogue()
-    if key in known:
-        return known[key]
+    effects = catalogue()
+    if key in effects:
+        return effects[key]
     words = {word for word in key.lower().replace("-", "_").split("_") if len(word) > 2}
     similar = (
-        get_close_matches(key, known, n=1, cutoff=_TYPING_ERROR)
-        or [name for name in known if words & set(name.split("_"))]
-        or get_close_matches(key, known, cutoff=_SIMILAR)
+        get_close_matches(key, effects, n=1, cutoff=_TYPING_ERROR)
+        or [name for name in effects if words & set(name.split("_"))]
+        or get_close_matches(key, effects, cutoff=_SIMILAR)
     )
-    hint = f"{' or '.join(similar)} (`lptn effects` lists them all)" if similar else f"one of {', '.join(known)}"
+    hint = f"{' or '.join(similar)} (`lptn effects` lists them all)" if similar else f"one of {', '.join(effects)}"
     raise InputError(file, place, f'unknown effect "{key}"', hint)
 
 

@@ -105,10 +105,10 @@ def spread_of(model: Model, fitted: Sequence[Outcome]) -> tuple[Spread, ...]:
         fitted: robots with a result.
     """
     logarithmic = {parameter.name: parameter.logarithmic for parameter in model.parameters} | {RMSE: True}
-    names = [RMSE, *dict.fromkeys(name for each in fitted for name in each.parameters)]
-    found = []
+    names = [RMSE, *dict.fromkeys(name for outcome in fitted for name in outcome.parameters)]
+    spreads = []
     for name in names:
-        entries = [entry for each in fitted if (entry := _entry(each, name)) is not None]
+        entries = [entry for outcome in fitted if (entry := _entry(outcome, name)) is not None]
         if not entries:
             continue
         values = np.array([value for value, _, _ in entries])
@@ -116,8 +116,8 @@ def spread_of(model: Model, fitted: Sequence[Outcome]) -> tuple[Spread, ...]:
         straight = logarithmic.get(name, False) and bool((values > 0).all())
         apart = _coordinate(values, straight) - _coordinate(np.array([median]), straight)
         scale = _MAD_TO_SIGMA * float(np.median(np.abs(apart)))
-        found.append(Spread(name, entries[0][2], len(entries), median, (low, high), scale, straight))
-    return tuple(found)
+        spreads.append(Spread(name, entries[0][2], len(entries), median, (low, high), scale, straight))
+    return tuple(spreads)
 
 
 def outliers(spread: Sequence[Spread], fitted: Sequence[Outcome]) -> tuple[Outlier, ...]:
@@ -127,15 +127,17 @@ def outliers(spread: Sequence[Spread], fitted: Sequence[Outcome]) -> tuple[Outli
         spread: of the fleet.
         fitted: its robots.
     """
-    found = []
-    for each in spread:
-        if each.robots < _FEWEST:
+    result = []
+    for distribution in spread:
+        if distribution.robots < _FEWEST:
             continue
         for outcome in fitted:
-            entry = _entry(outcome, each.what)
-            if entry is not None and abs(z := _distance(each, *entry[:2])) > FAR:
-                found.append(Outlier(outcome.robot, each.what, entry[0], each.median, each.unit, z))
-    return tuple(sorted(found, key=lambda each: -abs(each.z)))
+            entry = _entry(outcome, distribution.what)
+            if entry is not None and abs(z := _distance(distribution, *entry[:2])) > FAR:
+                result.append(
+                    Outlier(outcome.robot, distribution.what, entry[0], distribution.median, distribution.unit, z)
+                )
+    return tuple(sorted(result, key=lambda outlier: -abs(outlier.z)))
 
 
 def _distance(spread: Spread, value: float, error: float) -> float:
@@ -152,10 +154,10 @@ def _entry(outcome: Outcome, name: str) -> tuple[float, float, str] | None:
     """Value, standard error and unit; `None` where the robot's logs don't determine it."""
     if name == RMSE:
         return (outcome.rmse, 0.0, "K") if math.isfinite(outcome.rmse) else None
-    found: Any = outcome.parameters.get(name)
-    if found is None or found["error"] is None or not math.isfinite(found["error"]):
+    parameter: Any = outcome.parameters.get(name)
+    if parameter is None or parameter["error"] is None or not math.isfinite(parameter["error"]):
         return None
-    return float(found["value"]), float(found["error"]), str(found["unit"])
+    return float(parameter["value"]), float(parameter["error"]), str(parameter["unit"])
 
 
 def _coordinate(values: FloatArray, logarithmic: bool) -> FloatArray:
@@ -192,22 +194,22 @@ class Fleet:
     @property
     def fitted(self) -> tuple[Outcome, ...]:
         """Those with a result, of this call or an earlier one."""
-        return tuple(each for each in self.outcomes if each.status in ("fitted", "unchanged"))
+        return tuple(outcome for outcome in self.outcomes if outcome.status in ("fitted", "unchanged"))
 
     @property
     def failed(self) -> tuple[Outcome, ...]:
         """Those without."""
-        return tuple(each for each in self.outcomes if each.status in ("failed", "interrupted"))
+        return tuple(outcome for outcome in self.outcomes if outcome.status in ("failed", "interrupted"))
 
     def as_json(self) -> dict[str, object]:
         """The fleet as other tools read it."""
         return {
             "robots": {
-                each.robot: {"status": each.status, "message": each.message or None, **each.result}
-                for each in self.outcomes
+                outcome.robot: {"status": outcome.status, "message": outcome.message or None, **outcome.result}
+                for outcome in self.outcomes
             },
-            "spread": {each.what: each.as_json() for each in self.spread},
-            "outliers": [each.as_json() for each in self.outliers],
+            "spread": {distribution.what: distribution.as_json() for distribution in self.spread},
+            "outliers": [outlier.as_json() for outlier in self.outliers],
         }
 
 
@@ -258,7 +260,7 @@ def fit_each(
     fleet = _as_robots(robots)
     results = ResultFolder(into) if into is not None else None
     named = {robot.name: robot for robot in fleet}
-    found: dict[str, Outcome] = {}
+    by_robot: dict[str, Outcome] = {}
     count = _Count(len(fleet), report)
     work = Work(order, results)
     with results.alone() if results else nullcontext():
@@ -270,18 +272,18 @@ def fit_each(
             outcomes = here(work, fleet)
         with closing(outcomes):
             for outcome in outcomes:
-                found[outcome.robot] = work.kept(outcome, named[outcome.robot])
-                on_outcome(found[outcome.robot])
+                by_robot[outcome.robot] = work.kept(outcome, named[outcome.robot])
+                on_outcome(by_robot[outcome.robot])
                 count.add(outcome)
-    ordered = tuple(found[robot.name] for robot in fleet)
-    good = [each for each in ordered if each.status in ("fitted", "unchanged")]
+    ordered = tuple(by_robot[robot.name] for robot in fleet)
+    good = [outcome for outcome in ordered if outcome.status in ("fitted", "unchanged")]
     spread = spread_of(loaded.model, good)
     return Fleet(ordered, spread, outliers(spread, good))
 
 
 def _as_robots(robots: Sequence[Robot] | Sequence[Path]) -> list[Robot]:
-    places = [each for each in robots if not isinstance(each, Robot)]
-    fleet = [each for each in robots if isinstance(each, Robot)] + (robots_of(places) if places else [])
+    places = [place for place in robots if not isinstance(place, Robot)]
+    fleet = [robot for robot in robots if isinstance(robot, Robot)] + (robots_of(places) if places else [])
     if not fleet:
         raise InputError("robots", "names", "none", "one robot or more")
     names: set[str] = set()
@@ -320,8 +322,8 @@ def table_of(fleet: Fleet) -> pd.DataFrame:
 
     A standard error is missing where the logs don't determine the parameter; all numbers of a robot that failed are.
     """
-    names = list(dict.fromkeys(name for each in fleet.outcomes for name in each.parameters))
-    return pd.DataFrame([_row(each, names) for each in fleet.outcomes])
+    names = list(dict.fromkeys(name for outcome in fleet.outcomes for name in outcome.parameters))
+    return pd.DataFrame([_row(outcome, names) for outcome in fleet.outcomes])
 
 
 def write_tables(fleet: Fleet, folder: Path) -> None:
@@ -344,9 +346,9 @@ def _row(outcome: Outcome, names: list[str]) -> dict[str, object]:
         "message": outcome.message,
     }
     for name in names:
-        found = outcome.parameters.get(name, {})
-        row[name] = _number(found.get("value"))
-        row[f"{name}.error"] = _number(found.get("error"))
+        parameter = outcome.parameters.get(name, {})
+        row[name] = _number(parameter.get("value"))
+        row[f"{name}.error"] = _number(parameter.get("error"))
     return row
 
 

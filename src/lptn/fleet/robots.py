@@ -41,10 +41,10 @@ def robots_of(places: Sequence[Path]) -> list[Robot]:
     Raises:
         InputError: a place does not exist, holds no log, or is given twice.
     """
-    found = [robot for place in places for robot in _robots_at(place)]
-    _refuse_twice(found)
-    names = _different_names([_named_after(robot) for robot in found])
-    return [Robot(name, robot.logs) for name, robot in zip(names, found, strict=True)]
+    robots = [robot for place in places for robot in _robots_at(place)]
+    _refuse_twice(robots)
+    names = _different_names([_named_after(robot) for robot in robots])
+    return [Robot(name, robot.logs) for name, robot in zip(names, robots, strict=True)]
 
 
 def _robots_at(place: Path) -> list[Robot]:
@@ -55,7 +55,7 @@ def _robots_at(place: Path) -> list[Robot]:
     logs = _logs_in(place)
     if logs:
         return [Robot(place.resolve().name, logs)]
-    folders = sorted(each for each in place.iterdir() if each.is_dir() and not each.name.startswith("."))
+    folders = sorted(path for path in place.iterdir() if path.is_dir() and not path.name.startswith("."))
     robots = [Robot(folder.name, logs) for folder in folders if (logs := _logs_in(folder))]
     if not robots:
         raise InputError(place, "--each", "no log in it", f"bags, or files that end in {', '.join(_ENDINGS)}")
@@ -63,8 +63,8 @@ def _robots_at(place: Path) -> list[Robot]:
 
 
 def _logs_in(folder: Path) -> tuple[Path, ...]:
-    seen = sorted(each for each in folder.iterdir() if not each.name.startswith("."))
-    return tuple(each for each in seen if _is_bag(each) or (each.is_file() and each.name.endswith(_ENDINGS)))
+    seen = sorted(path for path in folder.iterdir() if not path.name.startswith("."))
+    return tuple(path for path in seen if _is_bag(path) or (path.is_file() and path.name.endswith(_ENDINGS)))
 
 
 def _is_bag(place: Path) -> bool:
@@ -80,7 +80,7 @@ def _stem(path: Path) -> str:
 
 def _refuse_twice(robots: Sequence[Robot]) -> None:
     seen = Counter(log.resolve() for robot in robots for log in robot.logs)
-    log, times = max(seen.items(), key=lambda each: each[1], default=(Path(), 0))
+    log, times = max(seen.items(), key=lambda item: item[1], default=(Path(), 0))
     if times > 1:
         raise InputError(log, "--each", "a log that is given twice", "each log once")
 

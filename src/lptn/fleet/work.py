@@ -87,8 +87,8 @@ class Outcome:
     @property
     def parameters(self) -> Mapping[str, Mapping[str, Any]]:
         """Value, standard error (`None` where undetermined) and unit of each parameter by name."""
-        found: Mapping[str, Mapping[str, Any]] = self.result.get("parameters", {})
-        return found
+        parameters: Mapping[str, Mapping[str, Any]] = self.result.get("parameters", {})
+        return parameters
 
     @property
     def rmse(self) -> float:
@@ -241,8 +241,8 @@ class ResultFolder:
                 return fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError as error:
                 if time.monotonic() > stop:
-                    found = "another process that fits into this folder"
-                    raise InputError(self.folder, "output", found, "a folder of its own for each") from error
+                    problem = "another process that fits into this folder"
+                    raise InputError(self.folder, "output", problem, "a folder of its own for each") from error
                 time.sleep(0.1)
             except OSError:
                 return None  # a file system without locks

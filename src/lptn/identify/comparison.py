@@ -75,7 +75,7 @@ class Errors:
 
 def errors_of(predictions: Sequence[Prediction]) -> Errors | None:
     """Errors over all readings that count of some runs, `None` without any."""
-    return Errors.of(np.concatenate([each.error.ravel() for each in predictions])) if predictions else None
+    return Errors.of(np.concatenate([prediction.error.ravel() for prediction in predictions])) if predictions else None
 
 
 @dataclass(frozen=True)
@@ -112,7 +112,7 @@ class Comparison(Tabular):
         """Errors at one node, over all runs or in one."""
         row = self.model.nodes.index(name)
         chosen = self.predictions if prediction is None else (prediction,)
-        return Errors.of(np.concatenate([each.error[row] for each in chosen]))
+        return Errors.of(np.concatenate([result.error[row] for result in chosen]))
 
     def floor(self, name: str) -> float:
         """The RMSE that noise and steps of the sensor alone would give at a node [K]."""
@@ -160,9 +160,9 @@ class Comparison(Tabular):
             errors = {node: self.node(node, prediction) for node in self.model.nodes}
             runs[name] = {
                 "nodes": {
-                    node: {"rmse": each.rmse, "max": each.max, "mean": each.mean, "floor": self.floor(node)}
-                    for node, each in errors.items()
-                    if each.count
+                    node: {"rmse": summary.rmse, "max": summary.max, "mean": summary.mean, "floor": self.floor(node)}
+                    for node, summary in errors.items()
+                    if summary.count
                 }
             }
         return {"runs": runs, "all": {"rmse": self.all.rmse, "max": self.all.max}}

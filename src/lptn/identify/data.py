@@ -69,7 +69,7 @@ class DataSplit:
 
     def coarsened(self, step: float) -> DataSplit:
         """All segments in steps of about `step` seconds."""
-        return self._each(lambda segment: segment.coarsened(step))
+        return self._mapped(lambda segment: segment.coarsened(step))
 
     def lacking(self) -> dict[str, list[str]]:
         """The inputs that a run lacks and others have, by the run's name; temperatures are no inputs."""
@@ -86,9 +86,9 @@ class DataSplit:
             columns = {name: values for name, values in segment.run.columns.items() if name not in absent}
             return replace(segment, run=replace(segment.run, columns=columns))
 
-        return self._each(common) if absent else self
+        return self._mapped(common) if absent else self
 
-    def _each(self, changed: Callable[[Segment], Segment]) -> DataSplit:
+    def _mapped(self, changed: Callable[[Segment], Segment]) -> DataSplit:
         return DataSplit(*(tuple(map(changed, group)) for group in (self.fit, self.holdout, self.test)))
 
 
@@ -231,16 +231,16 @@ def all_but(data: DataSplit, stretch: Stretch, left_out: Sequence[Stretch] = ())
     for segment in data.fit:
         run, (first, last) = segment.run, segment.evaluation
         begin, end = max(float(run.time[0]), first), min(float(run.time[-1] + run.step), last)
-        own = sorted((each for each in kept if each.run == run.name), key=lambda each: each.start)
+        own = sorted((span for span in kept if span.run == run.name), key=lambda span: span.start)
         steps += _steps_in(run, (max(stretch.start, begin), min(stretch.stop, end))) if stretch in own else 0
-        for each in [*own, Stretch(run.name, end, end)]:
-            if each.start > begin:
-                enough = _steps_in(run, (begin, each.start)) >= _LEAST_PIECE
-                held.append(Stretch(run.name, begin, min(each.start, end), held_out=enough))
-            begin = max(begin, each.stop)
+        for span in [*own, Stretch(run.name, end, end)]:
+            if span.start > begin:
+                enough = _steps_in(run, (begin, span.start)) >= _LEAST_PIECE
+                held.append(Stretch(run.name, begin, min(span.start, end), held_out=enough))
+            begin = max(begin, span.stop)
     if steps < _LEAST_PIECE:
-        found = f"{stretch.start:g} to {stretch.stop:g} s"
-        raise InputError(stretch.run, "stretch to fit", found, f"{_LEAST_PIECE} fitted steps or more")
+        interval = f"{stretch.start:g} to {stretch.stop:g} s"
+        raise InputError(stretch.run, "stretch to fit", interval, f"{_LEAST_PIECE} fitted steps or more")
     return (*left_out, *held)
 
 
@@ -250,13 +250,13 @@ Pieces = dict[tuple[int, float, float], Run]
 def _outside(segment: Segment, stretches: Sequence[Stretch], pieces: Pieces) -> list[Segment]:
     """The pieces of a segment outside the stretches of its run."""
     run = segment.run
-    own = sorted((each for each in stretches if each.run == run.name), key=lambda each: each.start)
+    own = sorted((stretch for stretch in stretches if stretch.run == run.name), key=lambda stretch: stretch.start)
     if not own:
         return [segment]
     rest, begin, end = [], float(run.time[0]), float(run.time[-1] + run.step)
-    for number, each in enumerate([*own, Stretch(run.name, end, end)], start=1):
-        piece = _piece(run, begin, min(each.start, end), f"#{number}", pieces)
-        begin = max(begin, each.stop)
+    for number, stretch in enumerate([*own, Stretch(run.name, end, end)], start=1):
+        piece = _piece(run, begin, min(stretch.start, end), f"#{number}", pieces)
+        begin = max(begin, stretch.stop)
         if piece is not None and _steps_in(piece, segment.evaluation) >= _LEAST_INITIALISATION_STEPS:
             started = _steps_in(piece, segment.initialisation) >= _LEAST_INITIALISATION_STEPS
             windows = segment.initialisation, segment.evaluation
@@ -272,8 +272,8 @@ def _inside(data: DataSplit, stretch: Stretch, pieces: Pieces) -> Segment:
             start, stop = max(stretch.start, first), min(stretch.stop, last)
             if (piece := _piece(segment.run, start, stop, f"#{start:g}s", pieces)) is not None:
                 return holdout_segment(piece)
-    found = f"{stretch.start:g} to {stretch.stop:g} s"
-    raise InputError(stretch.run, "stretch to hold out", found, f"{_LEAST_PIECE} fitted steps or more")
+    interval = f"{stretch.start:g} to {stretch.stop:g} s"
+    raise InputError(stretch.run, "stretch to hold out", interval, f"{_LEAST_PIECE} fitted steps or more")
 
 
 _LEAST_PIECE = 2 * _LEAST_INITIALISATION_STEPS  # steps: half of them find the start of what is held out

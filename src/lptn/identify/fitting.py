@@ -80,7 +80,7 @@ class Fit(Tabular):
         ends = {"K/W": 1, "J/K": 0, "ohm": 0}  # where a link, a capacity, and a winding's loss, has no effect
         numbers = rows_at_bounds(self.problem, self.z)
         at_bounds = {self.model.parameters[self.problem.free[row]]: end for row, end in numbers.items()}
-        return {each.name for each, end in at_bounds.items() if ends.get(each.declared.unit) == end}
+        return {parameter.name for parameter, end in at_bounds.items() if ends.get(parameter.declared.unit) == end}
 
     @cached_property
     def uncertainty(self) -> Uncertainty:

@@ -100,9 +100,11 @@ class Problem:
             self._guesses, self._spreads = list(starts), [np.full(len(start), _KNOWN) for start in starts]
         self._penalties = self._penalties_on_parameters(symmetry_penalty)
         declared = [model.parameters[index].declared for index in self.free]
-        self._with_prior = [row for row, each in enumerate(declared) if each.prior is not None]
-        known = np.array([each.prior for each in declared if each.prior is not None], dtype=float).reshape(-1, 2)
-        self._means, self._deviations = known[:, 0], known[:, 1] / self.weight_of_priors
+        self._with_prior = [row for row, parameter in enumerate(declared) if parameter.prior is not None]
+        priors = np.array(
+            [parameter.prior for parameter in declared if parameter.prior is not None], dtype=float
+        ).reshape(-1, 2)
+        self._means, self._deviations = priors[:, 0], priors[:, 1] / self.weight_of_priors
         self.readings = sum(int(bound.counted.sum()) for bound in self.bound_runs)
         """Number of readings that count."""
 
@@ -255,7 +257,7 @@ class Problem:
     def _acting(self) -> list[IntArray]:
         """For each run the places in `free` of the parameters that act in it: none of other runs' own effects."""
         acting = [self.model.acting_in(bound.run.name) for bound in self.bound_runs]
-        return [np.flatnonzero([index in each for index in self.free]) for each in acting]
+        return [np.flatnonzero([index in indices for index in self.free]) for indices in acting]
 
     def _sensitivities(self, number: int, point: Point) -> Iterator[tuple[slice, Sensitivities]]:
         """Window by window of a run: its steps, readings, and their derivatives by parameters and initial states."""

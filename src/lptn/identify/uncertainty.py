@@ -146,8 +146,8 @@ def _single_parameters(
             continue
         if perhaps_none[row]:
             least = problem.point(z - 2 * spread[row] * (np.arange(len(z)) == row)).values[problem.free[row]]
-            told = f"; {least:.2g} K/W at least" if least > parameter.declared.bounds[0] else ", nor how much"
-            warnings.append(f"{name}: these data don't tell whether heat passes there{told}")
+            detail = f"; {least:.2g} K/W at least" if least > parameter.declared.bounds[0] else ", nor how much"
+            warnings.append(f"{name}: these data don't tell whether heat passes there{detail}")
         elif row in at_bounds:
             bounds = " to ".join(f"{bound:g}" for bound in parameter.declared.bounds)
             end = parameter.declared.bounds[at_bounds[row]]

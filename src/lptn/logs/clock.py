@@ -65,8 +65,8 @@ def check_time(table: Table, name: str, time: FloatArray) -> tuple[npt.NDArray[n
 
 def _require_rows(table: Table, rows: int, different: int) -> None:
     if different < FEWEST_ROWS:
-        found = f"{rows} rows" + f" at {different} different times" * (different < rows)
-        raise InputError(table.path, "log", found, f"at least {FEWEST_ROWS} at different times")
+        problem = f"{rows} rows" + f" at {different} different times" * (different < rows)
+        raise InputError(table.path, "log", problem, f"at least {FEWEST_ROWS} at different times")
 
 
 _MOSTLY_TWICE = 0.5  # share of the rows of one stamp that say something else than the one before; else it is a copy
@@ -99,15 +99,15 @@ def within_stamps(
         return time, ""
     inside = np.setdiff1d(np.arange(1, time.size), first)
     differ = np.zeros(inside.size, dtype=bool)
-    for each in values.values():
-        differ |= (each[inside] != each[inside - 1]) & ~(np.isnan(each[inside]) & np.isnan(each[inside - 1]))
+    for column in values.values():
+        differ |= (column[inside] != column[inside - 1]) & ~(np.isnan(column[inside]) & np.isnan(column[inside - 1]))
     if differ.mean() < _MOSTLY_TWICE:
         return time, ""
-    for key, each in values.items():
-        if key.startswith("temperature.") and np.isfinite(each).any():
+    for key, column in values.items():
+        if key.startswith("temperature.") and np.isfinite(column).any():
             within, between = (
-                np.nanmedian(np.abs(np.diff(each))[inside - 1]),
-                np.nanmedian(np.abs(np.diff(each[first]))),
+                np.nanmedian(np.abs(np.diff(column))[inside - 1]),
+                np.nanmedian(np.abs(np.diff(column[first]))),
             )
             if within > _OF_DEVICES * between:
                 problem = f"{np.median(counts):.0f} rows at each time, in which {key} differs by {within:.3g} K"

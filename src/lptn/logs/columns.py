@@ -272,8 +272,8 @@ class _Entry:
             if name not in _ENTRIES:
                 self.refuse("", f"key '{name}'", f"one of {', '.join(_ENTRIES)}")
 
-    def refuse(self, name: str, found: str, expected: str) -> NoReturn:
-        raise InputError(self.file, f"{self.place} {name}" if name else self.place, found, expected)
+    def refuse(self, name: str, problem: str, expected: str) -> NoReturn:
+        raise InputError(self.file, f"{self.place} {name}" if name else self.place, problem, expected)
 
     def source(self) -> ColumnSource:
         """What the entry says.
@@ -306,8 +306,8 @@ class _Entry:
         said = self.table["thermometer"]
         both = [name for name in ("unit", "scale", "offset") if name in self.table]
         if both or not self.key.startswith("temperature."):
-            found = f"{both[0]} beside thermometer" if both else f"a thermometer for {self.key}"
-            self.refuse("", found, f"of a temperature: thermometer = {_THERMOMETER}")
+            problem = f"{both[0]} beside thermometer" if both else f"a thermometer for {self.key}"
+            self.refuse("", problem, f"of a temperature: thermometer = {_THERMOMETER}")
         numbers = {"at": 25.0, "alpha": 0.0039, **(said if isinstance(said, Mapping) else {})}
         if set(numbers) != {"resistance", "at", "alpha"} or not all(map(_is_finite_number, numbers.values())):
             self.refuse("thermometer", shown(said), _THERMOMETER)
@@ -320,7 +320,7 @@ class _Entry:
     def rows(self) -> str:
         rows, possible = self.table.get("rows", ""), (*MEANS, SAMPLES)
         if "rows" in self.table and not (self.key == "time" and rows in possible):
-            self.refuse("rows", shown(rows), f"of time: one of {', '.join(shown(each) for each in possible)}")
+            self.refuse("rows", shown(rows), f"of time: one of {', '.join(shown(value) for value in possible)}")
         return str(rows)
 
     def rate(self) -> ColumnSource:

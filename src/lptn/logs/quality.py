@@ -341,43 +341,44 @@ def suspect_silence(
         numbers: the file's columns, (n,) each, as they stand there.
         roles: what the columns are to the model.
     """
-    issues = [_of_codes(key, source, [each for each in silent if each.kind == "code"], numbers)]
+    issues = [_of_codes(key, source, [silence for silence in silent if silence.kind == "code"], numbers)]
     quantity, _, place = key.partition(".")
     unit = column_unit(key)
-    for each in (each for each in silent if each.kind != "code"):
-        number, count = f"{each.value + 0.0:.6g}", int(each.rows.sum())  # no zero with a sign
-        problem = f"{each.kind} at {number} {unit} from {each.start:.6g} to {each.stop:.6g} s"
+    for silence in (silence for silence in silent if silence.kind != "code"):
+        number, count = f"{silence.value + 0.0:.6g}", int(silence.rows.sum())  # no zero with a sign
+        problem = f"{silence.kind} at {number} {unit} from {silence.start:.6g} to {silence.stop:.6g} s"
         believed = f"write {_believed(key, source, numbers)}"
-        if each.kind == "spike":
-            problem = f"{count} spike{'s' * (count > 1)} of up to {each.value:.3g} K in single readings "
-            problem += f"from {each.start:.6g} to {each.stop:.6g} s"
+        if silence.kind == "spike":
+            problem = f"{count} spike{'s' * (count > 1)} of up to {silence.value:.3g} K in single readings "
+            problem += f"from {silence.start:.6g} to {silence.stop:.6g} s"
             remedy = "these readings are left out"
-        elif each.whole and quantity in INPUTS:
-            problem = f"reads {number} {unit} throughout, {each.stop - each.start:.4g} s, while the joint moves"
+        elif silence.whole and quantity in INPUTS:
+            problem = f"reads {number} {unit} throughout, {silence.stop - silence.start:.4g} s, while the joint moves"
             remedy = f"the heat of {place} is not known; map the column that has it; if it was so, {believed}"
-        elif each.whole and key not in roles.predicted:
+        elif silence.whole and key not in roles.predicted:
             problem = (
-                f"reads {number} {unit} throughout, {each.stop - each.start:.4g} s, where all others begin elsewhere"
+                f"reads {number} {unit} throughout, {silence.stop - silence.start:.4g} s, "
+                "where all others begin elsewhere"
             )
             remedy = f"no sensor is there; map another column, or write a number for {place}; if it was so, {believed}"
-        elif each.whole:
-            problem = f"reads {number} {unit} throughout, {each.stop - each.start:.4g} s, while another one moves"
+        elif silence.whole:
+            problem = f"reads {number} {unit} throughout, {silence.stop - silence.start:.4g} s, while another one moves"
             remedy = "it is the only sensor, and counts all the same; if it was stuck, nothing can be concluded from it"
-            if roles.left_out(key, source, each):
+            if roles.left_out(key, source, silence):
                 remedy = f"it is left out; if it is alive all the same, {believed}"
-        elif not roles.left_out(key, source, each):
-            gap = replace(source, invalid=(*source.invalid, _in_file(source, each, numbers)))
+        elif not roles.left_out(key, source, silence):
+            gap = replace(source, invalid=(*source.invalid, _in_file(source, silence, numbers)))
             remedy = f"it is taken as it stands; to have a gap there, write {as_line_or_option(key, gap)}"
         elif key in roles.predicted:
             remedy = "these readings are left out"
         else:
             what = f"the heat of {place}" if quantity in INPUTS else "what it gives to the model"
             remedy = f"{what} is not known there, so that the log is cut; if it was so, {believed}"
-        if each.column:
-            problem = f"its column '{each.column}' {'is ' * (not each.whole)}{problem}"
-        stretch = (each.start, each.stop)
-        column = each.column or source.columns[0]
-        issues.append([Issue(key, column, problem, remedy, False, kind=each.kind, stretch=stretch)])
+        if silence.column:
+            problem = f"its column '{silence.column}' {'is ' * (not silence.whole)}{problem}"
+        stretch = (silence.start, silence.stop)
+        column = silence.column or source.columns[0]
+        issues.append([Issue(key, column, problem, remedy, False, kind=silence.kind, stretch=stretch)])
     return [issue for some in issues for issue in some]
 
 
@@ -427,8 +428,8 @@ def _suspect_torque(key: str, source: ColumnSource, values: FloatArray) -> list[
 def duplicates_of(sources: Mapping[str, ColumnSource], values: Mapping[str, FloatArray]) -> dict[str, str]:
     """Temperatures that say number by number what another column says, by quantity, each with that other."""
     read = {key: values[key] for key in sources if key.startswith("temperature.") and key != AMBIENT}
-    found = duplicates(read)
-    return {key: other for key, other in found.items() if sources[key].columns != sources[other].columns}
+    pairs = duplicates(read)
+    return {key: other for key, other in pairs.items() if sources[key].columns != sources[other].columns}
 
 
 def _suspect_duplicates(sources: Mapping[str, ColumnSource], values: Mapping[str, FloatArray]) -> list[Issue]:
@@ -541,7 +542,7 @@ def issues_of(
         said = silent.get(key, [])
         if of_column:
             # Readings in another unit look like codes, and like spikes; a converter rests at another number than 0.
-            said = [each for each in said if each.lasts and of_column[0].kind != "counts"]
+            said = [silence for silence in said if silence.lasts and of_column[0].kind != "counts"]
         elif key.startswith("torque."):
             of_column = _suspect_torque(key, source, values[key]) or _suspect_sign(key, source, values)
         elif key.startswith("velocity."):

@@ -343,8 +343,8 @@ def read_log(
     else:
         table, columns = open_log(path, columns or {})
     if rows in MEANS and table.mixed:
-        found = f'"{rows}", of columns at rates of their own'
-        raise InputError(path, "rows of time", found, "rows that hold all columns")
+        problem = f'"{rows}", of columns at rates of their own'
+        raise InputError(path, "rows of time", problem, "rows that hold all columns")
     guesses = guess(table, columns, inputs, outputs, optional) if guessing else []
     columns |= {guessed.key: guessed.source for guessed in guesses}
     choice = choose_columns(table, columns, inputs, outputs, optional)
@@ -384,14 +384,14 @@ def _checked_samples(table: Table, choice: ColumnChoice, strict: bool) -> tuple[
     predicted = frozenset(choice.outputs) - frozenset(choice.inputs)
     with np.errstate(over="ignore", invalid="ignore"):  # what overflows here is refused as a time below
         silent = _silences(choice.sources, numbers, raw)
-        speaking = [key for key in predicted if not any(each.whole for each in silent.get(key, []))]
+        speaking = [key for key in predicted if not any(stretch.whole for stretch in silent.get(key, []))]
         roles = Roles(predicted, bool(speaking))
         issues = issues_of(choice.sources, numbers, raw, silent, roles, table.units)
     for issue in issues:
         if strict and issue.certain:
             raise InputError(table.path, *issue.error)
     for key, stretches in silent.items():
-        left_out = [each for each in stretches if roles.left_out(key, choice.sources[key], each)]
+        left_out = [stretch for stretch in stretches if roles.left_out(key, choice.sources[key], stretch)]
         raw[key] = without_silent(raw[key], left_out)
     alike = {key for pair in duplicates_of(choice.sources, raw).items() for key in pair}
     if not alike.issuperset(choice.outputs):  # of the only two sensors one is right
@@ -427,7 +427,7 @@ def _silences(
         if source.how == "mean" and key.startswith("temperature."):
             parts = {part.columns[0]: part.values(key, numbers) for part in source.parts()}
             own = {name: of_sensor(values["time"], part) for name, part in parts.items()}
-            silent[key] = [replace(each, column=name) for name, found in own.items() for each in found]
+            silent[key] = [replace(stretch, column=name) for name, stretches in own.items() for stretch in stretches]
     return silent
 
 

@@ -45,10 +45,10 @@ def repeated_stretch(one: Run, other: Run) -> tuple[float, float] | None:
     for means in (False, True) if ratio > _MEANS else (False,):
         copies = {name: _Copy(fine.columns[name], ratio, means) for name in names}
         for stretch in _stretches(readings, copies):
-            found = _same(readings, copies, stretch) or _same_noise(readings, copies, stretch)
-            if found is not None:
-                start = other.time[0] + (found.first * coarse.step if other is coarse else found.position * fine.step)
-                return float(start), float(start + (found.size - 1) * coarse.step)
+            match = _same(readings, copies, stretch) or _same_noise(readings, copies, stretch)
+            if match is not None:
+                start = other.time[0] + (match.first * coarse.step if other is coarse else match.position * fine.step)
+                return float(start), float(start + (match.size - 1) * coarse.step)
     return None
 
 
@@ -78,10 +78,10 @@ class _Copy:
     def _at(self, positions: FloatArray) -> FloatArray:
         if not self._means:
             return np.asarray(np.interp(positions, self._steps[:-1], self._readings, left=np.nan, right=np.nan))
-        ends = [np.clip(each, 0, self.length) for each in (positions, positions + self.ratio)]
+        ends = [np.clip(edge, 0, self.length) for edge in (positions, positions + self.ratio)]
         total, count = (
-            np.diff([np.interp(end, self._steps, each) for end in ends], axis=0)[0]
-            for each in (self._sums, self._counts)
+            np.diff([np.interp(end, self._steps, sums) for end in ends], axis=0)[0]
+            for sums in (self._sums, self._counts)
         )
         return np.where(count > self.ratio - 1e-6, total / self.ratio, np.nan)
 
@@ -195,7 +195,7 @@ def _same_noise(coarse: Mapping[str, FloatArray], copies: Mapping[str, _Copy], s
     parts = {name: values[first : first + size] for name, values in coarse.items()}
     noises = {name: np.diff(part, n=2) for name, part in parts.items() if not _is_rounding(part)}
     noises = {name: noises[name] for name in [name for name in noises if _is_noise(noises[name])][:_MOST_COLUMNS]}
-    best, found = 0.0, None
+    best, match = 0.0, None
     for at in position + np.arange(-np.ceil(_AROUND * ratio), np.ceil(_AROUND * ratio) + 1):
         score, rows = 0.0, 0
         for name, noise in noises.items():
@@ -210,8 +210,8 @@ def _same_noise(coarse: Mapping[str, FloatArray], copies: Mapping[str, _Copy], s
             score, rows = score + float(a @ b) / float(np.sqrt((a @ a) * (b @ b))) * a.size, rows + a.size
         weight = score / (_SPREAD * np.sqrt(max(rows, 1)))
         if weight > max(best, _CHANCE) and score > _LEAST_SHARED * rows:
-            best, found = weight, _Stretch(first, size, float(at))
-    return found
+            best, match = weight, _Stretch(first, size, float(at))
+    return match
 
 
 _TOGETHER, _OFF = 20, 0.5

@@ -301,19 +301,19 @@ def _means_of_means(
     ends = samples.time + samples.period
     lost = np.flatnonzero(samples.time[1:] > ends[:-1] + 0.5 * samples.period)  # rows that the log lacks
     time = np.insert(samples.time, lost + 1, ends[lost])
-    bins, found = Bins(time, start, step, n), {}
+    bins, means = Bins(time, start, step, n), {}
     for name in columns:
         own = samples.time[np.isfinite(samples.raw[name])]
         if own.size > 1 and np.median(np.diff(own)) >= SEVERAL * samples.period:  # read more seldom than there are rows
             middles = samples.time + 0.5 * samples.period
-            found[name] = _averages(middles, samples.raw[name], start, step, n, max_gap)
+            means[name] = _averages(middles, samples.raw[name], start, step, n, max_gap)
             continue
         values = np.insert(samples.raw[name], lost + 1, np.nan)
         there = np.isfinite(values)
-        known = bins.reduce(name, there.astype(np.float64))
+        share = bins.reduce(name, there.astype(np.float64))
         total = bins.reduce(name, np.where(there, values, 0.0))
-        found[name] = np.divide(total, known, out=np.full(n, np.nan), where=known > 0.5)
-    return found
+        means[name] = np.divide(total, share, out=np.full(n, np.nan), where=share > 0.5)
+    return means
 
 
 def _averages(time: FloatArray, values: FloatArray, start: float, step: float, n: int, max_gap: float) -> FloatArray:

@@ -40,7 +40,7 @@ def scatter_of(time: FloatArray, values: FloatArray) -> Scatter:
 
 def usual(scatters: Collection[Scatter], step: float) -> float:
     """What half of all readings of several logs scatter by at most, in steps of so many seconds [K]; 0 of none."""
-    ordered = sorted((each.within(step), each.readings) for each in scatters)
+    ordered = sorted((scatter.within(step), scatter.readings) for scatter in scatters)
     counts = np.cumsum([count for _, count in ordered])
     return ordered[int(np.searchsorted(counts, 0.5 * counts[-1]))][0] if ordered else 0.0
 

@@ -92,7 +92,7 @@ def silences(
     changes = np.flatnonzero(np.diff(readings) != 0)
     first, last = np.concatenate(([0], changes + 1)), np.concatenate((changes, [readings.size - 1]))
     spans = logged[last] - logged[first]
-    found: list[Silence] = []
+    stretches: list[Silence] = []
     rests = (spans >= _SHORTEST) & (readings[first] == 0) & (not temperature)  # joints that stand say so for long
     shortest = _SHORTEST if temperature and _hardly_repeats(last - first, spans) else STILL
     for k in np.flatnonzero(spans >= _SHORTEST):
@@ -108,10 +108,12 @@ def silences(
         for begin, end in pieces:
             rows = np.zeros(len(values), dtype=bool)
             rows[there[begin] : there[end] + 1] = True
-            if not any(each.rows[there[begin]] for each in found):
-                found.append(Silence(kind, float(readings[first[k]]), float(stamps[begin]), float(stamps[end]), rows))
-    found.sort(key=lambda each: each.start)
-    return found
+            if not any(stretch.rows[there[begin]] for stretch in stretches):
+                stretches.append(
+                    Silence(kind, float(readings[first[k]]), float(stamps[begin]), float(stamps[end]), rows)
+                )
+    stretches.sort(key=lambda stretch: stretch.start)
+    return stretches
 
 
 def _gaps(stamps: FloatArray) -> tuple[BoolArray, FloatArray]:
@@ -245,8 +247,8 @@ def clamped_while_heated(time: FloatArray, values: FloatArray, load: FloatArray,
     steps = np.round((readings.max() - readings) / resolution)
     edges = np.flatnonzero(np.diff(steps == 0, prepend=False, append=False))
     tops = [(first, last) for first, last in zip(edges[::2], edges[1::2] - 1, strict=True)]
-    known = np.isfinite(load)
-    clock, total = time[known], np.concatenate(([0.0], np.cumsum(np.square(load[known]))))
+    finite = np.isfinite(load)
+    clock, total = time[finite], np.concatenate(([0.0], np.cumsum(np.square(load[finite]))))
 
     def mean(begins: FloatArray, length: float) -> FloatArray:
         """Of the squared load in windows of `length` s."""
@@ -272,13 +274,15 @@ def clamped_while_heated(time: FloatArray, values: FloatArray, load: FloatArray,
 
     if not any(stops(first, last) for first, last in tops):
         return []
-    found = []
+    stretches = []
     for first, last in tops:
         if stamps[last] - stamps[first] >= _SHORTEST:
             rows = np.zeros(len(values), dtype=bool)
             rows[there[first] : there[last] + 1] = True
-            found.append(Silence("clamped", float(readings[first]), float(stamps[first]), float(stamps[last]), rows))
-    return found
+            stretches.append(
+                Silence("clamped", float(readings[first]), float(stamps[first]), float(stamps[last]), rows)
+            )
+    return stretches
 
 
 # --- Single readings that no thermal mass could have ------------------------------------------------
@@ -342,21 +346,21 @@ def codes(time: FloatArray, values: FloatArray, known: Collection[float] = ()) -
     levels = readings[np.concatenate(([True], np.diff(readings) != 0))]
     distance = np.fmin(np.abs(np.diff(levels, prepend=np.nan)), np.abs(np.diff(levels, append=np.nan)))
     quick = float(np.median(np.diff(time[there]))) <= _SPIKE_TIME
-    found, lone, far = [], np.count_nonzero(distance > _FAR_OF_UNLISTED), np.count_nonzero(distance > _FAR)
+    suspects, lone, far = [], np.count_nonzero(distance > _FAR_OF_UNLISTED), np.count_nonzero(distance > _FAR)
     for level in np.unique(levels[distance > _FAR]):
         distances = distance[levels == level]
         nearest, count = distances.min(), distances.size
         listed = (level in _FAULT_CODES or level in known) and nearest > _FAR
         farther = nearest > _FAR_OF_UNLISTED and (abs(level) > _TOO_HOT or count > max(1, _OF_FAR * lone))
         if listed or farther or (quick and nearest > _FAR and count >= max(_FEWEST_NEAR, _OF_FAR * far)):
-            found.append(float(level))
+            suspects.append(float(level))
     # A minority: of a sensor that reads nothing else, nothing tells which is the code.
-    if np.isin(readings, found).mean() >= 0.5 or len(found) > _MOST_CODES:
+    if np.isin(readings, suspects).mean() >= 0.5 or len(suspects) > _MOST_CODES:
         return []
-    stamps = [time[values == level] for level in found]
+    stamps = [time[values == level] for level in suspects]
     return [
         Silence("code", level, float(own[0]), float(own[-1]), np.asarray(values == level))
-        for level, own in zip(found, stamps, strict=True)
+        for level, own in zip(suspects, stamps, strict=True)
     ]
 
 
@@ -404,45 +408,45 @@ def silences_of(values: Mapping[str, FloatArray]) -> dict[str, list[Silence]]:
     Args:
         values: time [s] and the quantities, (n,) each, in SI and degC.
     """
-    found: dict[str, list[Silence]] = {}
+    silent: dict[str, list[Silence]] = {}
     still = _still_throughout(values)
-    speeds = [np.abs(each) for key, each in values.items() if key.startswith("velocity.")]
+    speeds = [np.abs(velocity) for key, velocity in values.items() if key.startswith("velocity.")]
     of_all = np.sum(speeds, axis=0) if speeds else np.zeros(values["time"].size)  # a motor's may stand at its housing
     # Speeds first: a joint of which nobody knows whether it moves may have no torque.
     for key in sorted(values, key=lambda key: not key.startswith("velocity.")):
-        each, (quantity, _, place) = values[key], key.partition(".")
+        channel, (quantity, _, place) = values[key], key.partition(".")
         if quantity == "temperature":
-            found[key] = still[key] if key in still else of_sensor(values["time"], each)
+            silent[key] = still[key] if key in still else of_sensor(values["time"], channel)
             load = values.get(f"torque.{place}", values.get(f"current.{place}"))
-            if load is not None and not found[key]:
-                found[key] = clamped_while_heated(values["time"], each, load, resolution=quantisation_step(each))
+            if load is not None and not silent[key]:
+                silent[key] = clamped_while_heated(values["time"], channel, load, resolution=quantisation_step(channel))
         elif quantity in INPUTS:
             speed = f"velocity.{place}"
-            moving = without_silent(values.get(speed, np.zeros(each.size)), found.get(speed, []))
-            stands = silences(values["time"], each, temperature=False) or _zero_throughout(values["time"], each)
+            moving = without_silent(values.get(speed, np.zeros(channel.size)), silent.get(speed, []))
+            stands = silences(values["time"], channel, temperature=False) or _zero_throughout(values["time"], channel)
             # Once is a fault, again and again at other numbers is a column's way: it gives what was asked for, as
             # commanded and simulated torques do. A fault that comes twice looks the same, unless the joint moves.
             several = len({one.value for one in stands} - {0.0}) > 1
-            found[key] = [
+            silent[key] = [
                 one
                 for one in stands
                 if (_moves(moving, one) and key != speed)
                 or not (
                     one.value == 0
                     or several
-                    or _only_while_it_rests(values["time"], each, values.get(speed, of_all), one)
+                    or _only_while_it_rests(values["time"], channel, values.get(speed, of_all), one)
                 )
             ]
-    return {key: each for key, each in found.items() if each}
+    return {key: stretches for key, stretches in silent.items() if stretches}
 
 
 def of_sensor(time: FloatArray, values: FloatArray) -> list[Silence]:
     """What a temperature sensor says that is no reading: stretches, codes and spikes; (n,) s and degC."""
     resolution = quantisation_step(values)
-    found = silences(time, values, resolution=resolution)
-    dead = {each.value for each in found if each.kind == "dead"}
-    found += codes(time, without_silent(values, found), dead)
-    return found + spikes(time, without_silent(values, found), resolution=resolution)
+    stretches = silences(time, values, resolution=resolution)
+    dead = {stretch.value for stretch in stretches if stretch.kind == "dead"}
+    stretches += codes(time, without_silent(values, stretches), dead)
+    return stretches + spikes(time, without_silent(values, stretches), resolution=resolution)
 
 
 _STUCK = 600.0  # s
@@ -456,14 +460,14 @@ def _still_throughout(values: Mapping[str, FloatArray]) -> dict[str, list[Silenc
 
     People write one number for the room: that is dead where it is a fault code, and the robot begins elsewhere.
     """
-    read = {key: each[np.isfinite(each)] for key, each in values.items() if key.startswith("temperature.")}
-    read = {key: each for key, each in read.items() if each.size}
-    ranges = {key: float(np.ptp(each)) for key, each in read.items()}
+    read = {key: readings[np.isfinite(readings)] for key, readings in values.items() if key.startswith("temperature.")}
+    read = {key: readings for key, readings in read.items() if readings.size}
+    ranges = {key: float(np.ptp(readings)) for key, readings in read.items()}
     if all(ranges.values()):
         return {}
-    coarsest = max((quantisation_step(each) for key, each in read.items() if ranges.get(key)), default=0.0)
+    coarsest = max((quantisation_step(readings) for key, readings in read.items() if ranges.get(key)), default=0.0)
     moved = max(ranges.values(), default=0.0) > max(_MOVED_APART, _MOVED_STEPS * coarsest)
-    found = {}
+    still = {}
     for key, extent in ranges.items():
         rows = np.isfinite(values[key])
         stamps = values["time"][rows]
@@ -471,12 +475,12 @@ def _still_throughout(values: Mapping[str, FloatArray]) -> dict[str, list[Silenc
             continue
         one = Silence("frozen", float(read[key][0]), float(stamps[0]), float(stamps[-1]), rows, whole=True)
         if key != AMBIENT:
-            found[key] = [one]
+            still[key] = [one]
         elif one.value in _FAULT_CODES and all(
-            abs(each[0] - one.value) > _FAR for each in read.values() if np.ptp(each)
+            abs(readings[0] - one.value) > _FAR for readings in read.values() if np.ptp(readings)
         ):
-            found[key] = [replace(one, kind="dead")]
-    return found
+            still[key] = [replace(one, kind="dead")]
+    return still
 
 
 def _zero_throughout(time: FloatArray, values: FloatArray) -> list[Silence]:
@@ -508,7 +512,7 @@ def _moves(speed: FloatArray, silence: Silence) -> bool:
 
 def without_silent(values: FloatArray, silent: list[Silence]) -> FloatArray:
     """A channel's values, NaN where it is silent."""
-    return np.where(np.any([each.rows for each in silent], axis=0), np.nan, values) if silent else values
+    return np.where(np.any([stretch.rows for stretch in silent], axis=0), np.nan, values) if silent else values
 
 
 # --- Channels that say the same -------------------------------------------------------------------
@@ -527,7 +531,7 @@ def duplicates(values: Mapping[str, FloatArray]) -> dict[str, str]:
     Args:
         values: by channel, (n,) degC each.
     """
-    found: dict[str, str] = {}
+    pairs: dict[str, str] = {}
     names = list(values)
     for number, name in enumerate(names):
         for earlier in names[:number]:
@@ -539,10 +543,10 @@ def duplicates(values: Mapping[str, FloatArray]) -> dict[str, str]:
                 continue
             one, other = np.diff(values[name][both]), np.diff(values[earlier][both])
             changes = np.count_nonzero(one)
-            if earlier in found or changes < _FEWEST or np.ptp(values[name][both]) < _MOVED:
+            if earlier in pairs or changes < _FEWEST or np.ptp(values[name][both]) < _MOVED:
                 continue
             if np.count_nonzero((one == other) & (one != 0)) < _TOGETHER * changes:
                 continue
-            found[name] = earlier
+            pairs[name] = earlier
             break
-    return found
+    return pairs

@@ -41,15 +41,15 @@ def _with_the_year_last(text: pd.Series) -> pd.Series | None:
     midnight to the next no month passes, and while the date stays both are the same.
     """
     parts = text.str.extract(f"^{_YEAR_LAST}$")
-    found = parts[["one", "two", "year", "hour", "minute"]].apply(_numbers)
-    if found.isna().to_numpy().any():
+    numbers = parts[["one", "two", "year", "hour", "minute"]].apply(_numbers)
+    if numbers.isna().to_numpy().any():
         return None
     noon = parts["half"].str.lower()
-    hours = found["hour"].where(noon.isna(), found["hour"] % 12) + 12 * (noon == "p")
-    of_day = pd.to_timedelta(3600 * hours + 60 * found["minute"] + _numbers(parts["second"]).fillna(0.0), unit="s")
+    hours = numbers["hour"].where(noon.isna(), numbers["hour"] % 12) + 12 * (noon == "p")
+    of_day = pd.to_timedelta(3600 * hours + 60 * numbers["minute"] + _numbers(parts["second"]).fillna(0.0), unit="s")
 
     def read(day: str, month: str) -> pd.Series | None:
-        days = pd.DataFrame({"year": found["year"], "month": found[month], "day": found[day]})
+        days = pd.DataFrame({"year": numbers["year"], "month": numbers[month], "day": numbers[day]})
         dates = pd.to_datetime(days, errors="coerce", utc=True)
         return None if dates.isna().any() else dates + of_day
 

@@ -495,8 +495,8 @@ class Bodies:
         if first not in self.faces:
             first, second = second, first
         if first not in self.faces:
-            found = f"perfect contact of {one} and {other}"
-            raise InputError(self.origin, where, found, "a face without a fixed temperature at one end at least")
+            problem = f"perfect contact of {one} and {other}"
+            raise InputError(self.origin, where, problem, "a face without a fixed temperature at one end at least")
         if first != second:
             self._same[first] = second
         self.touch(one, other)

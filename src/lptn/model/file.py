@@ -89,7 +89,7 @@ class ModelFile:
             entry["bounds"] = [convert(bound, parameter.unit, unit) for bound in parameter.bounds]
         if setting.fixed is not None:
             entry["fixed"] = parameter.fixed
-        by_owner = {owner: declared[each].value for each, owner in owners.items()} | {
+        by_owner = {owner: declared[full_name].value for full_name, owner in owners.items()} | {
             owners[setting.name]: parameter.value
         }
         written = {owner: _rounded(convert(value, parameter.unit, unit)) for owner, value in by_owner.items()}
@@ -259,11 +259,11 @@ def _fit_table(
     table.add("standard_errors", _errors_table(fitted, declared, elsewhere))
     if elsewhere:
         parameters = tomlkit.table()
-        for name, found in elsewhere.items():
-            number = _rounded(found.value)
+        for name, estimate in elsewhere.items():
+            number = _rounded(estimate.value)
             if name in declared:
                 number = min(max(number, declared[name].bounds[0]), declared[name].bounds[1])
-            error = {} if found.error is None else {"error": _rounded(found.error)}
+            error = {} if estimate.error is None else {"error": _rounded(estimate.error)}
             parameters.add(name, _inline({"value": number} | error))
         table.add("parameters", parameters)
     return table
@@ -274,9 +274,9 @@ def _errors_table(
 ) -> tomlkit.items.Table:
     table = tomlkit.table()
     table.comment("of the fitted values, which stand where their parameters are declared")
-    for name, found in fitted.parameters.items():
-        if found.error is not None and name not in elsewhere:
-            table.add(name, _rounded(found.error))
+    for name, estimate in fitted.parameters.items():
+        if estimate.error is not None and name not in elsewhere:
+            table.add(name, _rounded(estimate.error))
             table[name].comment(declared[name].unit)
     return table
 

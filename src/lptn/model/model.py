@@ -75,7 +75,7 @@ class Model:
         self.rests: list[tuple[str, ...]] = [*((name,) for name in self.nodes), *inside, *hidden]
         """For each state the places whose mean temperature it has in equilibrium."""
         behind = len(self.places)
-        of_log = (0.0 if "#" in each.declaration.run else each.effect.rises for each in self.balance.hidden)
+        of_log = (0.0 if "#" in instance.declaration.run else instance.effect.rises for instance in self.balance.hidden)
         self.rises = np.array([0.0] * behind + [*of_log])
         """K/s; how fast each state rises that keeps the time since a log began, and no piece of it; shape (states,)."""
         self.owners: list[int] = [self._owner(places) for places in self.rests]
@@ -140,7 +140,7 @@ class Model:
             for instance in self.network.effect_instances
             if instance.declaration.run and not is_of_run(name, instance.declaration.run)
         )
-        return set(range(len(self.parameters))).difference(*(each.parameters.values() for each in elsewhere))
+        return set(range(len(self.parameters))).difference(*(instance.parameters.values() for instance in elsewhere))
 
     @property
     def resting_shares(self) -> FloatArray:

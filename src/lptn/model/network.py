@@ -258,7 +258,7 @@ class Layout:
         """
         places = self.places_for(declared)
         fewest = self._fewest_places
-        return [each for each in places if len(places) <= fewest.get(declared.instance_label(each[0]), len(places))]
+        return [place for place in places if len(places) <= fewest.get(declared.instance_label(place[0]), len(places))]
 
     @cached_property
     def _fewest_places(self) -> dict[str, int]:
@@ -284,10 +284,10 @@ class Layout:
     @cached_property
     def _declared_at(self) -> dict[str, list[str]]:
         """The dynamic nodes of each effect."""
-        found: dict[str, set[str]] = {}
+        nodes: dict[str, set[str]] = {}
         for declared in self.effects:
-            found.setdefault(declared.effect.key, set()).update(matching(declared.at, self.dynamic))
-        return {key: [name for name in self.dynamic if name in names] for key, names in found.items()}
+            nodes.setdefault(declared.effect.key, set()).update(matching(declared.at, self.dynamic))
+        return {key: [name for name in self.dynamic if name in names] for key, names in nodes.items()}
 
 
 # --- The network -----------------------------------------------------------------------------------
@@ -446,24 +446,30 @@ class Network:
     def with_effects(self, extra: Iterable[EffectDeclaration]) -> Network:
         """The same network and more effects; an error of a run that is named is no nuisance besides."""
         added = tuple(extra)
-        nuisances = {(each.effect.key, each.run) for each in self.effects if each.nuisance}
+        nuisances = {(declaration.effect.key, declaration.run) for declaration in self.effects if declaration.nuisance}
         named = {
-            (each.effect.key, each.run, place)
-            for each in added
-            if not each.nuisance and (each.effect.key, each.run) in nuisances
-            for place, _ in self.places_for(each)
+            (declaration.effect.key, declaration.run, place)
+            for declaration in added
+            if not declaration.nuisance and (declaration.effect.key, declaration.run) in nuisances
+            for place, _ in self.places_for(declaration)
         }
-        kept = [each for each in self.effects if not each.nuisance or (each.effect.key, each.run, each.at) not in named]
+        kept = [
+            declaration
+            for declaration in self.effects
+            if not declaration.nuisance or (declaration.effect.key, declaration.run, declaration.at) not in named
+        ]
         return replace(self, effects=(*kept, *added))
 
     def with_values(self, values: Mapping[str, float]) -> Network:
         """The same network with parameter values replaced, by the parameters' names."""
         other = copy(self)  # working out all places and parameters anew would take much of a search's time
         parameters = [
-            replace(each, declared=_revalued(self.origin, each.name, each.declared, values[each.name]))
-            if each.name in values
-            else each
-            for each in self.parameters
+            replace(
+                parameter, declared=_revalued(self.origin, parameter.name, parameter.declared, values[parameter.name])
+            )
+            if parameter.name in values
+            else parameter
+            for parameter in self.parameters
         ]
         object.__setattr__(other, "values", {**self.values, **values})
         object.__setattr__(other, "parameters", parameters)
@@ -471,11 +477,15 @@ class Network:
 
     def without_nuisances(self) -> Network:
         """The same network less the nuisance parameters of single runs."""
-        return replace(self, effects=tuple(each for each in self.effects if not each.nuisance))
+        return replace(self, effects=tuple(declaration for declaration in self.effects if not declaration.nuisance))
 
     def without_effect(self, key: str, at: str) -> Network:
         """The same network less the effect declared with this key and place (`"*_calf"`, `"*_calf@monday"`)."""
-        kept = tuple(each for each in self.effects if each.nuisance or (each.effect.key, each.where) != (key, at))
+        kept = tuple(
+            declaration
+            for declaration in self.effects
+            if declaration.nuisance or (declaration.effect.key, declaration.where) != (key, at)
+        )
         return replace(self, effects=kept)
 
 
@@ -574,8 +584,8 @@ def _nodes(
         names = matching(node.pattern, joints) if is_glob(node.pattern) else [node.pattern]
         where = f'nodes."{node.pattern}"'
         if not names:
-            known = f"one of {', '.join(joints)}" if joints else "joints listed in [model] joints = [...]"
-            raise InputError(origin, where, "a pattern that matches no joint", known)
+            expected = f"one of {', '.join(joints)}" if joints else "joints listed in [model] joints = [...]"
+            raise InputError(origin, where, "a pattern that matches no joint", expected)
         for name in names:
             if _NO_NAME.search(name):
                 raise InputError(origin, where, f'the name "{name}"', "a name without blanks, dots, ~ or braces")
@@ -639,8 +649,8 @@ def _pairs(
         if all(("." in end) == ("." in pattern) for end, pattern in zip(pair, link.between, strict=True))
     ]
     if not pairs:
-        found = f"{link.between[0]} and {link.between[1]}, which match no pair of nodes"
-        raise InputError(origin, where, found, f"two of {', '.join(bodies.linkable(names))}, or patterns of them")
+        problem = f"{link.between[0]} and {link.between[1]}, which match no pair of nodes"
+        raise InputError(origin, where, problem, f"two of {', '.join(bodies.linkable(names))}, or patterns of them")
     for end in (end for pair in pairs for end in pair if end in bodies.shapes):
         expected = f"one of its faces: {', '.join(bodies.faces_of(end))}"
         raise InputError(origin, where, f"a link to the middle of element {end}", expected)
@@ -656,8 +666,8 @@ def _refuse_isolated(origin: str, layout: Layout, bodies: Bodies) -> None:
     for name in layout.capacities:
         if name not in touched:
             ends = f'["{bodies.linkable([name])[0]}", "{next(iter(layout.prescribed), "ambient")}"]'
-            found, expected = "an isolated node, whose heat has no way out", f"a link to it, such as between = {ends}"
-            raise InputError(origin, f'nodes."{name}"', found, expected)
+            problem, expected = "an isolated node, whose heat has no way out", f"a link to it, such as between = {ends}"
+            raise InputError(origin, f'nodes."{name}"', problem, expected)
 
 
 def _effects(origin: str, layout: Layout, parameters: _Parameters) -> tuple[list[EffectInstance], dict[str, int]]:
@@ -668,15 +678,15 @@ def _effects(origin: str, layout: Layout, parameters: _Parameters) -> tuple[list
     for number, declared in enumerate(layout.effects):
         where = f"effects[{number}].at"
         if not layout.places_for(declared):
-            found = f'"{declared.at}", which matches no place for {declared.effect.key}'
-            raise InputError(origin, where, found, declared.effect.places_in_words(layout))
+            problem = f'"{declared.at}", which matches no place for {declared.effect.key}'
+            raise InputError(origin, where, problem, declared.effect.places_in_words(layout))
         if run := declared.run:
             # 1 in the run, and 0 wherever no run is simulated: in an FMU, an estimator, a forecast.
             indicator = Parameter(RUN, 0.0, "1", (0.0, 1.0), title=f"1 in run {run}", fixed=True)
             runs[run] = parameters.index((RUN, run), RUN, run_label(run), run, indicator)
         if not (held := layout.places_held(declared)):
-            found = f'"{declared.at}", of whose places each has a declaration of fewer places'
-            raise InputError(origin, where, found, f"a place for {declared.effect.key}")
+            problem = f'"{declared.at}", of whose places each has a declaration of fewer places'
+            raise InputError(origin, where, problem, f"a place for {declared.effect.key}")
         for place, ends in held:
             indices = {
                 name: parameters.index(
@@ -702,6 +712,6 @@ def _driving(origin: str, where: str, layout: Layout, declared: EffectDeclaratio
         return declared.driven_by or node
     windings = layout.windings_at(node)
     if len(windings) != 1:
-        found = f'"*", but {node} is linked to {" and ".join(windings) or "no winding"}'
-        raise InputError(origin, where, found, "one winding, a node with copper_loss, beside each place")
+        problem = f'"*", but {node} is linked to {" and ".join(windings) or "no winding"}'
+        raise InputError(origin, where, problem, "one winding, a node with copper_loss, beside each place")
     return windings[0]

@@ -76,7 +76,10 @@ class Sizes:
         times = np.diag(np.linalg.inv(np.eye(len(rates)) / _LONGEST_MEMORY - rates)).tolist()
         capacities = [self._capacities[name] for name in nodes]
         held = {name: c / time for name, c, time in zip(nodes, capacities, times, strict=False) if time > 0}
-        return {name: max(each, self._capacities[name] / _LONGEST_MEMORY, _LEAST) for name, each in held.items()}
+        return {
+            name: max(conductance, self._capacities[name] / _LONGEST_MEMORY, _LEAST)
+            for name, conductance in held.items()
+        }
 
     def typical(self, parameter: Parameter, places: Iterable[Sequence[str]]) -> float:
         """The usual size of an effect's parameter, in the parameter's unit: the geometric mean over places.

@@ -214,8 +214,8 @@ class ElementReader:
             raise InputError(self.path, self.place, f"{self.kind.kind} without {name}", f"a key {keys}")
         return self.given[name]
 
-    def _mistake(self, key: str, found: str, expected: str) -> InputError:
-        return InputError(self.path, f"{self.place}.{key}", found, expected)
+    def _mistake(self, key: str, problem: str, expected: str) -> InputError:
+        return InputError(self.path, f"{self.place}.{key}", problem, expected)
 
 
 # --- The checked tables turned into the declarations of a network -----------------------------------
@@ -266,12 +266,12 @@ class Reader:
             str(self.path),
             fitted,
         )
-        known = {parameter.name for parameter in network.parameters}
+        names = {parameter.name for parameter in network.parameters}
         for name in fitted:
-            if name not in known:
-                found = "a fitted value that no part of the model uses"
+            if name not in names:
+                problem = "a fitted value that no part of the model uses"
                 expected = "none, or [fit] removed: the model was changed after the fit"
-                raise InputError(self.path, f'fit.parameters."{name}"', found, expected)
+                raise InputError(self.path, f'fit.parameters."{name}"', problem, expected)
         own = self._values_by_name(network)
         return network.with_values(own | fitted) if own else network
 
@@ -309,8 +309,8 @@ class Reader:
         if table.element is not None:
             return self._body(name, table, table.element, place)
         if (table.capacity is None) == (table.temperature is None):
-            found = "neither capacity nor" if table.capacity is None else "both capacity and"
-            raise InputError(self.path, place, f"{found} temperature", "one of the two")
+            problem = "neither capacity nor" if table.capacity is None else "both capacity and"
+            raise InputError(self.path, place, f"{problem} temperature", "one of the two")
         if table.capacity is not None:
             return NodeDeclaration(name, capacity=self._parameter(_NODE_CAPACITY, table.capacity, f"{place}.capacity"))
         return NodeDeclaration(name, temperature=self._temperature(table.temperature, f"{place}.temperature"))
@@ -323,9 +323,9 @@ class Reader:
         element = reader.element()
         computed = reader.capacity(element.shape)
         if (computed is None) == (table.capacity is None):
-            found = "neither capacity nor" if computed is None else "both capacity and"
+            problem = "neither capacity nor" if computed is None else "both capacity and"
             expected = "either capacity, or density and specific_heat in the element"
-            raise InputError(self.path, f"{place}.element", f"{found} density", expected)
+            raise InputError(self.path, f"{place}.element", f"{problem} density", expected)
         capacity = computed or self._parameter(_NODE_CAPACITY, table.capacity, f"{place}.capacity")
         return NodeDeclaration(name, capacity=capacity, element=element)
 
@@ -398,16 +398,16 @@ class Reader:
             bounds = max(bounds[0], declared.bounds[0]), bounds[1]
         lower, upper = bounds
         if lower > upper:
-            found = f"a lower bound {lower:g} above the upper {upper:g}"
-            raise InputError(self.path, f"{place}.bounds", found, "[least, greatest]")
+            problem = f"a lower bound {lower:g} above the upper {upper:g}"
+            raise InputError(self.path, f"{place}.bounds", problem, "[least, greatest]")
         if prior is not None:
             self._check_prior(prior, bounds, declared.unit, f"{place}.prior")
         for owner, value in values.items():
             slack = 0.0 if unit == declared.unit else ROUNDING * abs(value)
             if not lower - slack <= value <= upper + slack:
-                found = f"{value:g} {declared.unit}" + (f" for {owner}" if owner else "")
+                problem = f"{value:g} {declared.unit}" + (f" for {owner}" if owner else "")
                 expected = f"a value from {lower:g} to {upper:g} {declared.unit}"
-                raise InputError(self.path, f"{place}.value", found, expected)
+                raise InputError(self.path, f"{place}.value", problem, expected)
             values[owner] = min(max(value, lower), upper)
         if isinstance(table.value, dict):
             self._own_values[place] = values

@@ -67,8 +67,8 @@ class Aliveness:
         """
         seen = np.isfinite(readings)
         same, changed = seen & (readings == self.last), seen & np.isfinite(self.last) & (readings != self.last)
-        known = np.where(np.isfinite(self._grain), self._grain, np.where(self._step > 0, self._step, COARSEST))
-        cell, spread = np.maximum(self._step, known), np.sqrt(variance + self._noise)
+        grain = np.where(np.isfinite(self._grain), self._grain, np.where(self._step > 0, self._step, COARSEST))
+        cell, spread = np.maximum(self._step, grain), np.sqrt(variance + self._noise)
         with np.errstate(invalid="ignore"):
             away = readings - predicted
             inside = ndtr((away + cell / 2) / spread) - ndtr((away - cell / 2) / spread)
@@ -116,7 +116,7 @@ class Aliveness:
     def state(self) -> FloatArray:
         """All that is remembered, shape (11, nodes)."""
         clock = np.full(self.last.size, self.clock)
-        return np.array([clock, *(np.asarray(each, dtype=float) for each in self._remembered())])
+        return np.array([clock, *(np.asarray(array, dtype=float) for array in self._remembered())])
 
     def restore(self, state: FloatArray) -> None:
         """Go on from what `state` returned."""

@@ -119,5 +119,5 @@ def refuse_none(run: Run, nodes: tuple[str, ...], doubts: list[Doubt]) -> None:
         InputError: it is such a one.
     """
     readings = [run.columns[f"temperature.{node}"] for node in nodes if run.has(f"temperature.{node}")]
-    if not any(np.isfinite(each).any() for each in readings):
+    if not any(np.isfinite(column).any() for column in readings):
         raise InputError(run.source, "temperature columns", "; ".join(map(str, doubts)), "a sensor that is alive")

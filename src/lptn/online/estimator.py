@@ -333,8 +333,10 @@ class Estimator:
         for name, array in own.items():
             shape = np.shape(state[name]) if name in state else None
             if shape != array.shape:
-                found = "no such array" if shape is None else f"shape {shape}"
-                raise InputError(self.model.network.origin, f"state {name}", found, f"an array of shape {array.shape}")
+                problem = "no such array" if shape is None else f"shape {shape}"
+                raise InputError(
+                    self.model.network.origin, f"state {name}", problem, f"an array of shape {array.shape}"
+                )
         self._z = np.array(state["mean"], dtype=float)
         self._covariance = np.array(state["covariance"], dtype=float)
         self._resting = np.array(state["resting"], dtype=float)
@@ -355,9 +357,9 @@ class Estimator:
             self._recent = [*kept, _Part(before, [])]
         self._recent[-1].updates.append(_Update(now, u, np.full(len(self.model.nodes), math.nan), dt))
 
-    def _take_back(self, sensors: Aliveness, found: BoolArray) -> None:
+    def _take_back(self, sensors: Aliveness, standing: BoolArray) -> None:
         """Make the last updates again without the readings of sensors that were found to stand since."""
-        since = float(sensors.since[found].min())
+        since = float(sensors.since[standing].min())
         first = max((k for k, part in enumerate(self._recent) if part.updates[0].clock <= since), default=0)
         self._z, self._covariance, self._resting, self._last_inputs = (a.copy() for a in self._recent[first].before)
         for number, part in enumerate(self._recent[first:]):

@@ -47,13 +47,13 @@ class _Onsets:
     Args:
         first: slot of the first onset.
         count: of onsets that are followed at once.
-        each: slots of an onset.
+        width: slots of an onset.
         between: time between onsets [s].
     """
 
-    def __init__(self, first: int, count: int, each: int, between: float) -> None:
-        self.slots = slice(first, first + count * each)
-        self._count, self._each, self._between = count, each, between
+    def __init__(self, first: int, count: int, width: int, between: float) -> None:
+        self.slots = slice(first, first + count * width)
+        self._count, self._width, self._between = count, width, between
         self._followed, self._last = 0, -np.inf
 
     def next(self, onset: float, arrays: tuple[FloatArray, ...]) -> slice | None:
@@ -63,12 +63,12 @@ class _Onsets:
         if self._followed == self._count:
             self._followed, self._between = self._count // 2, 2 * self._between
             for array in arrays:
-                onsets = array[..., self.slots].reshape(*array.shape[:-1], self._count, self._each)
+                onsets = array[..., self.slots].reshape(*array.shape[:-1], self._count, self._width)
                 kept = onsets[..., ::2, :].reshape(*array.shape[:-1], -1)
                 array[..., self.slots.start : self.slots.start + kept.shape[-1]] = kept
-        start = self.slots.start + self._followed * self._each
+        start = self.slots.start + self._followed * self._width
         self._followed, self._last = self._followed + 1, onset
-        return slice(start, start + self._each)
+        return slice(start, start + self._width)
 
 
 class LikelihoodRatios:

@@ -70,7 +70,7 @@ def named(
         both = _expected(model, coarse, healthy, calibration, (row, other), behind)
         mutual = seen & np.isfinite(measured[other])
         apart = [measured[other] - both[row], measured[other] - both[other]]
-        crossed, straight = (float(np.mean(each[mutual] ** 2)) for each in apart)
+        crossed, straight = (float(np.mean(difference[mutual] ** 2)) for difference in apart)
         if crossed < straight:  # the other one reads what this one should, too
             best["swapped", None, f"with {model.nodes[other]}"] = nats(both[other], 0)
     kind, size, detail = min(best, key=best.__getitem__)
@@ -95,7 +95,7 @@ def _expected(
 
 def _lagged(path: FloatArray, lag: float, step: float, behind: BoolArray) -> FloatArray:
     """A path that is followed with a time constant [s] from the onset on."""
-    found, keep = path.copy(), float(np.exp(-step / lag))
+    lagged, keep = path.copy(), float(np.exp(-step / lag))
     for k in np.flatnonzero(behind).tolist():
-        found[k] = keep * found[max(k - 1, 0)] + (1 - keep) * path[k]
-    return found
+        lagged[k] = keep * lagged[max(k - 1, 0)] + (1 - keep) * path[k]
+    return lagged

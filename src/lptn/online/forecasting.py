@@ -363,7 +363,7 @@ def present_by_live_sensors(model: Model, run: Run, uncertainty: ModelUncertaint
             return lively, doubts
         since = {doubt.node: doubt.since for doubt in wander}
         believed = without(rest, nodes, np.array([run.time >= since.get(node, inf) for node in nodes]))
-        both = doubts + [doubt for doubt in wander if doubt.node not in {each.node for each in doubts}]
+        both = doubts + [doubt for doubt in wander if doubt.node not in {earlier.node for earlier in doubts}]
         refuse_none(believed, nodes, both)
         estimator = present(model, believed, estimate_noise([bind(model, believed)], nodes), uncertainty)
         if _heat(estimator.error) <= _heat(error):
@@ -379,15 +379,15 @@ def _heat(error: ModelError) -> float:
 
 def _without_readings(bound: BoundRun, model: Model, doubts: Sequence[Doubt]) -> list[Doubt]:
     """Sensors that the log measures, but not at its end."""
-    found, known = [], {doubt.node for doubt in doubts}
+    missing, doubted = [], {doubt.node for doubt in doubts}
     for node, readings in zip(model.nodes, bound.measured, strict=True):
         finite = np.flatnonzero(np.isfinite(readings))
         last = int(finite[-1]) + 1 if finite.size else 0
         seconds = (readings.size - last) * bound.run.step
-        if bound.run.has(f"temperature.{node}") and seconds >= _MISSING and node not in known:
+        if bound.run.has(f"temperature.{node}") and seconds >= _MISSING and node not in doubted:
             since = float(bound.run.time[min(last, readings.size - 1)])
-            found.append(Doubt(node, since, f"has no reading to be believed in the last {seconds:.0f} s"))
-    return found
+            missing.append(Doubt(node, since, f"has no reading to be believed in the last {seconds:.0f} s"))
+    return missing
 
 
 def _blocks(run: Run) -> Run:

@@ -26,7 +26,7 @@ def known_faults(runs: Sequence[Run], nodes: Sequence[str]) -> list[list[Alarm]]
 
     Pieces of a log have their issues in common: one belongs to the piece in which, or behind which, it begins.
     """
-    found: list[list[Alarm]] = [[] for _ in runs]
+    alarms: list[list[Alarm]] = [[] for _ in runs]
     for source in dict.fromkeys(run.source for run in runs):
         pieces = [number for number, run in enumerate(runs) if run.source == source]
         for issue in runs[pieces[0]].issues:
@@ -38,10 +38,10 @@ def known_faults(runs: Sequence[Run], nodes: Sequence[str]) -> list[list[Alarm]]
             piece = max((number for number in pieces if runs[number].time[0] <= start), default=pieces[0])
             time = min(start + STILL, stop)  # what stands for so long is seen to stand
             kind: Kind = "input" if is_input else _KINDS[issue.kind]
-            found[piece].append(
+            alarms[piece].append(
                 Alarm(place, kind, time, start, detail=issue.problem, channel=issue.key if is_input else "")
             )
-    return found
+    return alarms
 
 
 def silent_rows(run: Run, nodes: Sequence[str]) -> BoolArray:

@@ -115,10 +115,10 @@ def monitor(
         raise ValueError(f"threshold: found {threshold:g}; expected a number of kelvin above 0")
     calibration = calibration or uncalibrated(model, runs, rmse)
     watched = []
-    known = known_faults(runs, model.nodes)
+    faults = known_faults(runs, model.nodes)
     for number, run in enumerate(runs, start=1):
         report(f"watching log {number} of {len(runs)}")
-        one, said = MonitoredRun.of(model, run), known[number - 1]
+        one, said = MonitoredRun.of(model, run), faults[number - 1]
         by_threshold = alarms_by_threshold(one, threshold)
         by_statistics = alarms_by_statistics(model, one, calibration, said)
         watched.append(replace(one, threshold_alarms=by_threshold, statistical_alarms=by_statistics))
@@ -183,11 +183,11 @@ def alarms_by_statistics(
             faulty += [alarm] * (alarm.node not in named_already)
     while np.isfinite(trusted()).any():
         estimator = gaussian_estimator(model, calibration.noise, calibration.error)
-        found = first_alarm(estimator, coarse, trusted(), calibration.limits)
-        if found is None:
+        first = first_alarm(estimator, coarse, trusted(), calibration.limits)
+        if first is None:
             break
-        onsets[found.node] = found.onset
-        faulty += [or_stuck(watched, found)] * (found.node not in named_already)
+        onsets[first.node] = first.onset
+        faulty += [or_stuck(watched, first)] * (first.node not in named_already)
     healthy = trusted()
     for alarm in faulty:
         moves = alarm.kind in KINDS

@@ -109,8 +109,8 @@ class MonitoredRun:
     statistical_alarms: tuple[Alarm, ...] = ()
 
     def __repr__(self) -> str:
-        found = f"{len(self.statistical_alarms)} statistical, {len(self.threshold_alarms)} by the plain threshold"
-        return f"<MonitoredRun {self.run.name}: alarms: {found}>"
+        counts = f"{len(self.statistical_alarms)} statistical, {len(self.threshold_alarms)} by the plain threshold"
+        return f"<MonitoredRun {self.run.name}: alarms: {counts}>"
 
     @classmethod
     def of(cls, model: Model, run: Run) -> MonitoredRun:
@@ -200,8 +200,8 @@ def dropouts(watched: MonitoredRun, explained: BoolArray) -> list[Alarm]:
     """
     alarms = []
     need = max(_SILENT_STEPS, round(_SILENT / watched.run.step))
-    for node, readings, known in zip(watched.nodes, watched.measured, explained, strict=True):
-        missing = np.isnan(readings) & ~known
+    for node, readings, left_out in zip(watched.nodes, watched.measured, explained, strict=True):
+        missing = np.isnan(readings) & ~left_out
         count = np.arange(missing.size) - np.maximum.accumulate(np.where(missing, -1, np.arange(missing.size)))
         silent = np.flatnonzero(count >= need)
         if silent.size and np.isfinite(readings).any():

@@ -32,7 +32,7 @@ def swapped_sensors(
         calibration: noise, the model's errors and limits.
     """
     predicted = simulate(model, coarse).readings
-    measured, found = measured.copy(), list[tuple[Alarm, Alarm]]()
+    measured, alarms = measured.copy(), list[tuple[Alarm, Alarm]]()
     while pairs := [pair for pair in combinations(range(len(measured)), 2) if _crossed(measured, predicted, pair)]:
         as_read = _log_likelihoods(model, coarse, measured, calibration)
         best, gain, at = tuple[int, ...](), 0.0, 0
@@ -47,14 +47,14 @@ def swapped_sensors(
             break
         start, when = float(coarse.run.time[0]), float(coarse.run.time[at]) + coarse.run.step
         one, other = (model.nodes[row] for row in best)
-        found.append(
+        alarms.append(
             (
                 Alarm(one, "swapped", when, start, detail=f"with {other}"),
                 Alarm(other, "swapped", when, start, detail=f"with {one}"),
             )
         )
         measured[list(best)] = np.nan
-    return found
+    return alarms
 
 
 def _crossed(measured: FloatArray, predicted: FloatArray, pair: tuple[int, int]) -> bool:
@@ -75,8 +75,8 @@ def _of_one_fault(model: Model, coarse: BoundRun, measured: FloatArray, calibrat
 def _log_likelihoods(model: Model, coarse: BoundRun, measured: FloatArray, calibration: Calibration) -> FloatArray:
     """Logarithm of the likelihood of each step's innovations, shape (n,)."""
     estimator = gaussian_estimator(model, calibration.noise, calibration.error)
-    found = np.zeros(len(coarse))
+    log_likelihoods = np.zeros(len(coarse))
     for k, _ in enumerate(run_filter(estimator, coarse, measured)):
         if estimator.last is not None:
-            found[k] = estimator.last.log_likelihood
-    return found
+            log_likelihoods[k] = estimator.last.log_likelihood
+    return log_likelihoods

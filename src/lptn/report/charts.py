@@ -139,7 +139,7 @@ class Charts:
                     "title": view.title,
                     "across": view.across,
                     "lines": {line: packed(values) for line, values in view.lines.items()},
-                    "shaded": [[float(f"{end:.7g}") for end in each] for each in view.shaded],
+                    "shaded": [[float(f"{end:.7g}") for end in stretch] for stretch in view.shaded],
                     "floor": view.floor,
                 }
                 for view in self.views

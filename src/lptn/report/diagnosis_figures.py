@@ -116,16 +116,16 @@ def plot_ranking(diagnosis: Diagnosis, added: Collection[Key] = (), ax: Axes | N
     ax = new_axes(ranking_height(diagnosis)) if ax is None else ax
     shown = candidates_shown(diagnosis)
     refitted = {step.key for step in diagnosis.refits}
-    shares = [sqrt(each.gain / max(diagnosis.scores.threshold, 1e-30)) for each in shown]
+    shares = [sqrt(score.gain / max(diagnosis.scores.threshold, 1e-30)) for score in shown]
     wide = max(shares) > _WIDE_RANKING * max(min(shares), _LEAST)
-    for row, (each, share) in enumerate(zip(shown, shares, strict=True)):
-        key = each.candidate.key
+    for row, (score, share) in enumerate(zip(shown, shares, strict=True)):
+        key = score.candidate.key
         colour = BEST["color"] if key in added else "0.35"
         fill: dict[str, Any] = {"color": colour} if key in refitted else {"facecolor": "white", "edgecolor": colour}
         ax.barh(row, max(share, _LEAST) if wide else share, height=0.65, linewidth=0.8, **fill)
     ax.axvline(1.0, color=INK, linewidth=1.2, linestyle="--")
     ax.set_ylim(len(shown) - 0.4, -0.6)
-    ax.set_yticks(range(len(shown)), [plain(named(*each.candidate.key)) for each in shown])
+    ax.set_yticks(range(len(shown)), [plain(named(*score.candidate.key)) for score in shown])
     if wide:
         ax.set_xscale("log")
         ax.set_xlim(left=0.7 * _LEAST)
@@ -199,20 +199,20 @@ def plot_detectability(sizes: Sequence[Detectable], ax: Axes | None = None) -> A
     """
     ax = new_axes(detectability_height(sizes)) if ax is None else ax
     rows = reaches(sizes)
-    for row, each in enumerate(rows):
-        low, high = np.clip([each.easiest.share, each.hardest.share], _LEAST_REACH, _MOST_REACH)
+    for row, reach in enumerate(rows):
+        low, high = np.clip([reach.easiest.share, reach.hardest.share], _LEAST_REACH, _MOST_REACH)
         ax.plot([low, high], [row, row], color=FAINT, linewidth=1.2, zorder=1)
-        face = INK if each.easiest.share < _HIDDEN else "white"
+        face = INK if reach.easiest.share < _HIDDEN else "white"
         ax.plot(low, row, "o", color=INK, markerfacecolor=face, markersize=5, zorder=2)
         ax.plot(high, row, "|", color=FAINT, markersize=7, zorder=2)
-        size = f"{short_size(each.easiest.amplitude)} {unit_text(each.easiest.unit)}".removesuffix(" 1")
-        where = plain(f"{size}, {place_of(each.easiest.at)}")
+        size = f"{short_size(reach.easiest.amplitude)} {unit_text(reach.easiest.unit)}".removesuffix(" 1")
+        where = plain(f"{size}, {place_of(reach.easiest.at)}")
         ax.text(1.01, row, where, transform=ax.get_yaxis_transform(), va="center", size=SMALL)
     ax.axvline(_HIDDEN, color=INK, linewidth=1.2, linestyle="--")
     ax.set_xscale("log")
     _plain_numbers(ax.xaxis, (1.0,))
     ax.set_ylim(len(rows) - 0.4, -0.6)
-    ax.set_yticks(range(len(rows)), [plain(title_of(each.easiest.effect)) for each in rows])
+    ax.set_yticks(range(len(rows)), [plain(title_of(reach.easiest.effect)) for reach in rows])
     ax.set_xlabel("smallest size that would show, as a share of the typical size [1]", size=TEXT)
     ax.set_title("smallest, and where", size=SMALL, loc="right", pad=3)
     dress(ax)

@@ -88,7 +88,7 @@ class HeatStory:
     @property
     def hiding(self) -> str:
         """How much heat could hide in the bands, in words."""
-        widest = max(float(np.median(row)) for each in self.given for row in each.sure_band)
+        widest = max(float(np.median(row)) for estimate in self.given for row in estimate.sure_band)
         band = f"the 95 % band over all nodes and times is ±{number(widest, 2)} W where it is widest"
         return f"no node lacks heat beyond chance; {band}"
 
@@ -107,8 +107,8 @@ def worst_of(runs: Sequence[UnexplainedHeat]) -> tuple[int, str, HeatPeak | None
     """Run, node and peak where the heat is clearest; where none is, run and node where it comes nearest to its band."""
     peak = largest(runs)
     if peak is not None:
-        return [each.run for each in runs].index(peak.run), peak.node, peak
-    shares = [(np.abs(each.heat) / np.maximum(each.sure_band, 1e-12)).max(axis=1) for each in runs]
+        return [estimate.run for estimate in runs].index(peak.run), peak.node, peak
+    shares = [(np.abs(estimate.heat) / np.maximum(estimate.sure_band, 1e-12)).max(axis=1) for estimate in runs]
     run = max(range(len(runs)), key=lambda place: float(shares[place].max()))
     return run, runs[run].nodes[int(shares[run].argmax())], None
 
@@ -127,7 +127,7 @@ def heat_map_picture(story: HeatStory) -> Picture | None:
     """The map of nodes by time; none where no heat is beyond chance."""
     if story.peak is None:
         return None
-    least = _PALE * float(np.median(np.concatenate([each.sure_band.ravel() for each in story.given])))
+    least = _PALE * float(np.median(np.concatenate([estimate.sure_band.ravel() for estimate in story.given])))
     drawings = fields(heat_fields(story.given), heat_fields(story.best), "W of unexplained heat", least)
     text = "Heat that the model lacks (red) or has too much of (blue, hatched); blank where zero lies within the 95 % "
     text += f"band over all nodes and times. With the model as given {story.where}"

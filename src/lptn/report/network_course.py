@@ -42,8 +42,8 @@ class NetworkCourse:
         temperatures = dict(zip(model.nodes, states, strict=False))
         for name, source in model.network.prescribed.items():
             column = f"temperature.{name}" if source == "start" else source
-            known = model.values[column] if isinstance(column, int) else inputs[model.inputs.index(column)]
-            temperatures[name] = np.broadcast_to(known, moments.shape)
+            temperature = model.values[column] if isinstance(column, int) else inputs[model.inputs.index(column)]
+            temperatures[name] = np.broadcast_to(temperature, moments.shape)
         return cls(model.network, run.time[moments], temperatures, heat_flows(model, states, inputs))
 
     @property

@@ -43,8 +43,8 @@ def heat_flows(model: Model, states: FloatArray, inputs: FloatArray) -> dict[str
         if heats:
             parts[instance.label] = heats[0]
     parts = {name: balance.with_faces_solved(flow) for name, flow in parts.items()}
-    known = [balance.x, balance.u, balance.p]
-    make = lambda: ca.Function("flows", known, [ca.vertcat(*parts.values())])  # noqa: E731
+    arguments = [balance.x, balance.u, balance.p]
+    make = lambda: ca.Function("flows", arguments, [ca.vertcat(*parts.values())])  # noqa: E731
     flows = model.made_once("heat flows", make)(states, inputs, model.values)
     return dict(zip(parts, np.asarray(flows, dtype=float), strict=True))
 
@@ -71,10 +71,10 @@ class _Parts:
         self._lines: dict[str, _Line] = {}
         names = [parameter.name for parameter in network.parameters]
         resistors = [(link.place, link.ends, link.resistance) for link in network.resistors]
-        inside = [(edge(*each.ends), each.ends, each.conductivity) for each in network.conductors]
+        inside = [(edge(*conductor.ends), conductor.ends, conductor.conductivity) for conductor in network.conductors]
         for place, ends, index in [*resistors, *inside]:
-            if made := self._line(place, ends):
-                made.parameters.append(names[index])
+            if line := self._line(place, ends):
+                line.parameters.append(names[index])
         for instance in network.effect_instances:
             place_of_it = self._line_of(instance)
             if place_of_it:
@@ -102,8 +102,8 @@ class _Parts:
         if len(instance.ends) < 2:
             return None
         bodies = {self._body(place) for place in instance.ends}
-        there = (each for each in self.lines if set(each.ends) == bodies)
-        return next(there, None) or self._line(instance.place, instance.ends[:2])
+        matches = (line for line in self.lines if set(line.ends) == bodies)
+        return next(matches, None) or self._line(instance.place, instance.ends[:2])
 
 
 # --- how it looks --------------------------------------------------------------------------------------------
@@ -178,8 +178,8 @@ class _Drawing:
         self.network, self.parts, self.kinds = network, parts, kinds
         self.temperatures, self.flows = temperatures, flows
         self.names = [parameter.name for parameter in network.parameters]
-        known = [value for value in temperatures.values() if np.isfinite(value)]
-        self.coolest, self.hottest = (min(known), max(known)) if known else (0.0, 0.0)
+        finite = [value for value in temperatures.values() if np.isfinite(value)]
+        self.coolest, self.hottest = (min(finite), max(finite)) if finite else (0.0, 0.0)
         through = [abs(flows[line.name]) for line in parts.lines if np.isfinite(flows.get(line.name, np.nan))]
         self.most = max(through, default=0.0)
         self.sizes = {name: self._size(name) for name in parts.nodes}
@@ -289,12 +289,12 @@ class _Drawing:
 
     def _stubs(self) -> list[str]:
         """Links to the surroundings, each where its node has most room."""
-        taken: dict[str, list[float]] = {name: [] for name in self.parts.nodes}
+        angles: dict[str, list[float]] = {name: [] for name in self.parts.nodes}
         for line in self.parts.lines:
             if not self._surroundings_of(line):
                 for one, other in (line.ends, line.ends[::-1]):
                     dx, dy = np.subtract(self.at[other], self.at[one])
-                    taken[one].append(float(np.arctan2(dy, dx)))
+                    angles[one].append(float(np.arctan2(dy, dx)))
         drawn = []
         named = len(self.parts.around) > 1 or len(self.parts.nodes) < 3
         for line in self.parts.lines:
@@ -302,17 +302,17 @@ class _Drawing:
             if not around:
                 continue
             name = next(end for end in line.ends if end != around)
-            angle = self._free_angle(name, taken[name])
-            taken[name].append(angle)
-            way = np.array([np.cos(angle), np.sin(angle)])
+            angle = self._free_angle(name, angles[name])
+            angles[name].append(angle)
+            direction = np.array([np.cos(angle), np.sin(angle)])
             start = np.array(self.at[name])
-            rim = start + way * self._to_edge(name, way)
-            end = rim + way * (_STUB + 2 * _BADGE * bool(line.effects))
-            across = np.array([-way[1], way[0]])
+            rim = start + direction * self._to_edge(name, direction)
+            end = rim + direction * (_STUB + 2 * _BADGE * bool(line.effects))
+            across = np.array([-direction[1], direction[0]])
             mark = _mark(end, across)
             if named:
-                anchor = "middle" if abs(way[0]) < 0.5 else "start" if way[0] > 0 else "end"
-                x, y = end + way * 9 + [0.0, 4.0 + 5.0 * (way[1] if abs(way[0]) < 0.5 else 0.0)]
+                anchor = "middle" if abs(direction[0]) < 0.5 else "start" if direction[0] > 0 else "end"
+                x, y = end + direction * 9 + [0.0, 4.0 + 5.0 * (direction[1] if abs(direction[0]) < 0.5 else 0.0)]
                 mark += f'<text class="soft" x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}">{escape(around)}</text>'
                 wide = 6.4 * len(around)
                 first = {"middle": x - wide / 2, "start": x, "end": x - wide}[anchor]
@@ -322,11 +322,11 @@ class _Drawing:
             drawn.append(self._link(line, start, end, mark))
         return drawn
 
-    def _to_edge(self, name: str, way: FloatArray) -> float:
+    def _to_edge(self, name: str, direction: FloatArray) -> float:
         half = np.divide(self.sizes[name], 2)
-        return float(min(half[k] / abs(way[k]) for k in range(2) if abs(way[k]) > 1e-9))
+        return float(min(half[k] / abs(direction[k]) for k in range(2) if abs(direction[k]) > 1e-9))
 
-    def _free_angle(self, name: str, taken: Sequence[float]) -> float:
+    def _free_angle(self, name: str, angles: Sequence[float]) -> float:
         """The direction with most room between the node's other lines and other boxes; upward among equals."""
         here = np.array(self.at[name])
         badges = bool(self.parts.effects.get(name))
@@ -338,15 +338,15 @@ class _Drawing:
         best, room = 0.0, -np.inf
         for place in range(_DIRECTIONS):
             angle = 2 * np.pi * place / _DIRECTIONS
-            way = np.array([np.cos(angle), np.sin(angle)])
-            end = here + way * (self._to_edge(name, way) + _STUB)
-            clear = min((abs((angle - other + np.pi) % (2 * np.pi) - np.pi) for other in taken), default=np.pi)
+            direction = np.array([np.cos(angle), np.sin(angle)])
+            end = here + direction * (self._to_edge(name, direction) + _STUB)
+            clear = min((abs((angle - other + np.pi) % (2 * np.pi) - np.pi) for other in angles), default=np.pi)
             outside = np.maximum(np.abs(end - middles) - halves, 0.0)  # how far the end is from each box [px]
             near = float(np.hypot(outside[:, 0], outside[:, 1]).min(initial=99.0))
             crossing = int(_crossed(here, end, ends[:, 0], ends[:, 1]).sum())
             score = min(clear, 1.2) + min(near, 30.0) / 30.0 - 1.5 * crossing
-            score -= 0.7 * badges * max(way[1], 0.0)  # a node's badges stand below it
-            score += 0.1 * abs(way[1]) - 0.05 * way[1]  # up or down, where names are not
+            score -= 0.7 * badges * max(direction[1], 0.0)  # a node's badges stand below it
+            score += 0.1 * abs(direction[1]) - 0.05 * direction[1]  # up or down, where names are not
             if score > room + 1e-9:
                 best, room = angle, score
         return float(best)

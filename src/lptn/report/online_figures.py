@@ -81,8 +81,8 @@ def plot_forecast(
 
 def forecast_figure(forecast: Forecast) -> Figure:
     """Readings [°C] so far, expected temperatures with their interval, and the limit; the twelve soonest nodes."""
-    soonest = sorted(forecast.nodes.values(), key=lambda each: (each.time_to_limit, each.low, -each.steady))[:_MOST]
-    chosen = [each for each in forecast.nodes.values() if each in soonest]
+    soonest = sorted(forecast.nodes.values(), key=lambda node: (node.time_to_limit, node.low, -node.steady))[:_MOST]
+    chosen = [node for node in forecast.nodes.values() if node in soonest]
     columns = min(_COLUMNS, len(chosen))
     rows = ceil(len(chosen) / columns)
     figure = new_figure(rows * _PANEL + _LEGEND)
@@ -112,7 +112,7 @@ def forecast_figure(forecast: Forecast) -> Figure:
 
 def _span(forecast: Forecast, chosen: Sequence[NodeForecast]) -> tuple[float, float]:
     """From when to when to show [s]: all that is reached with its interval, else until little moves."""
-    ends = [each.high if isfinite(each.high) else 1.5 * each.time_to_limit for each in chosen if each.reaches]
+    ends = [node.high if isfinite(node.high) else 1.5 * node.time_to_limit for node in chosen if node.reaches]
     until = min(_BEYOND * max(ends), float(forecast.time[-1])) if ends else float(forecast.time[-1])
     until = max(until, _LEAST)
     return max(float(forecast.log[0]), -until), until
@@ -213,5 +213,5 @@ def _chosen(runs: Sequence[MonitoredRun]) -> list[tuple[MonitoredRun, str]]:
         for node in monitored.nodes
         if any(alarm.node == node for alarm in (*monitored.threshold_alarms, *monitored.statistical_alarms))
     ]
-    worst = [(each, max(each.largest_error, key=each.largest_error.__getitem__)) for each in runs]
+    worst = [(monitored, max(monitored.largest_error, key=monitored.largest_error.__getitem__)) for monitored in runs]
     return (called or worst)[:_MOST_SENSORS]

@@ -73,11 +73,11 @@ def sorted_steps(steps: Sequence[Step], searched_from: int | None) -> dict[Help,
         searched_from: as `History` says it.
     """
     helps = {number: help_of(steps, number) for number in range(1, len(steps))}
-    last = max((number for number, each in helps.items() if each == "all"), default=0)
+    last = max((number for number, lowered in helps.items() if lowered == "all"), default=0)
     for number in range(len(steps) if searched_from is None else searched_from + 1, last):
         helps[number] = "all"
     kinds: tuple[Help, ...] = ("all", "fitted", "")
-    return {kind: [steps[number] for number, each in helps.items() if each == kind] for kind in kinds}
+    return {kind: [steps[number] for number, lowered in helps.items() if lowered == kind] for kind in kinds}
 
 
 def tried_in_words(steps: Sequence[Step], searched_from: int | None, found: str = "") -> str:
@@ -109,7 +109,7 @@ def headline(history: History) -> str:
     runs, before, after = rmse_by_data(history.steps[0], history.best)[-1]
     runs = {"fitted": "RMSE", "held-out": "held out", "test": "test"}[runs]
     errors = f"{kelvin(after)}" if len(history.steps) == 1 else f"{significant(before, 3)} → {kelvin(after)}"
-    nuisances = any(each.nuisance for each in history.best.fit.model.network.effects)
+    nuisances = any(declaration.nuisance for declaration in history.best.fit.model.network.effects)
     logged = history.best.holdout_as_logged if nuisances and runs == "held out" else None
     errors += f" ({kelvin(logged.rmse)} as logged)" if logged else ""  # each run's nuisance parameters make it less
     numbers = f"{runs} {errors}, floor {kelvin(noise_alone(history.best.fit), 2)}."
@@ -122,13 +122,13 @@ def headline(history: History) -> str:
         if outcome == "unexplained":
             word = "Not explained; what helps"
         return f"{tried_in_words(history.steps, history.searched_from, word)}; {numbers}"
-    said = {
+    sentences = {
         "adequate": "Adequate: nothing is missing that these data can show",
         "asked": f"Something is missing{_first_answer(history)}; nothing was added yet",
         "unhelped": "Something is missing, but no effect that was tried makes the model better",
         "unexplained": "Not explained: wrong by more than noise, and the catalogue does not explain it",
     }
-    return f"{said[outcome]}; {numbers}"
+    return f"{sentences[outcome]}; {numbers}"
 
 
 def answer_in_words(history: History) -> str:

@@ -77,17 +77,17 @@ def ranking_figure(diagnosis: Diagnosis, added: Collection[Key] = ()) -> Markup:
     """
     shown = candidates_shown(diagnosis)
     refitted = {step.key for step in diagnosis.refits}
-    shares = [sqrt(each.gain / max(diagnosis.scores.threshold, 1e-30)) for each in shown]
+    shares = [sqrt(score.gain / max(diagnosis.scores.threshold, 1e-30)) for score in shown]
     log = max(shares) > _WIDE_RANKING * max(min(shares), _LEAST)
-    names = [named(*each.candidate.key) for each in shown]
+    names = [named(*score.candidate.key) for score in shown]
     left = min(LETTER * max(map(len, names)) + 14, 430.0)
     bottom = 6 + _BAR * len(shown)
     draw = Drawing(bottom + 40)
     ends = (0.7 * _LEAST, 1.1 * max(1.0, *shares)) if log else (0.0, 1.08 * max(1.0, *shares))
     panel = Panel(draw, (left, 4, WIDE - 20, bottom), ends, (0.0, 1.0), log=log)
-    for row, (each, share, name) in enumerate(zip(shown, shares, names, strict=True)):
-        look = "bar-added" if each.candidate.key in added else "bar"
-        look += "" if each.candidate.key in refitted else " hollow"
+    for row, (score, share, name) in enumerate(zip(shown, shares, names, strict=True)):
+        look = "bar-added" if score.candidate.key in added else "bar"
+        look += "" if score.candidate.key in refitted else " hollow"
         top = 6 + _BAR * row
         draw.text(left - 6, top + 12, name, "end")
         width = float(panel.x(max(share, _LEAST) if log else share)) - left
@@ -139,12 +139,12 @@ def detectability_figure(sizes: list[Detectable]) -> Markup:
         sizes: of `lptn.diagnose.scores.smallest`.
     """
     rows = reaches(sizes)
-    shown = [tuple(np.clip([each.easiest.share, each.hardest.share], _LEAST_REACH, _MOST_REACH)) for each in rows]
-    names = [title_of(each.easiest.effect) for each in rows]
+    shown = [tuple(np.clip([reach.easiest.share, reach.hardest.share], _LEAST_REACH, _MOST_REACH)) for reach in rows]
+    names = [title_of(reach.easiest.effect) for reach in rows]
     wheres = [
-        f"{short_size(each.easiest.amplitude)} {unit_text(each.easiest.unit)}".removesuffix(" 1")
-        + f", {place_of(each.easiest.at)}"
-        for each in rows
+        f"{short_size(reach.easiest.amplitude)} {unit_text(reach.easiest.unit)}".removesuffix(" 1")
+        + f", {place_of(reach.easiest.at)}"
+        for reach in rows
     ]
     left = min(LETTER * max(map(len, names)) + 14, 400.0)
     right = WIDE - min(LETTER * max(map(len, wheres)) + 14, 240.0)
@@ -153,12 +153,12 @@ def detectability_figure(sizes: list[Detectable]) -> Markup:
     low, high = min(min(low for low, _ in shown), _HIDDEN), max(max(high for _, high in shown), _HIDDEN)
     panel = Panel(draw, (left, 18, right, bottom), (0.7 * low, 1.4 * high), (0.0, 1.0), log=True)
     draw.text(WIDE, 12, "smallest, and where", "end", "title")
-    for row, (each, (least, most)) in enumerate(zip(rows, shown, strict=True)):
+    for row, (reach, (least, most)) in enumerate(zip(rows, shown, strict=True)):
         y = 22 + _BAR * (row + 0.5)
         first, last = float(panel.x(least)), float(panel.x(most))
         draw.line(first, y, last, y, "line-reach")
         draw.line(last, y - 4, last, y + 4, "line-reach")
-        draw.dot(first, y, "dot" if each.easiest.share < _HIDDEN else "dot hollow")
+        draw.dot(first, y, "dot" if reach.easiest.share < _HIDDEN else "dot hollow")
         draw.text(left - 6, y + 4, names[row], "end")
         draw.text(right + 8, y + 4, wheres[row])
     at = float(panel.x(_HIDDEN))

@@ -67,10 +67,18 @@ def _prediction(
     prediction = given.predictions[run]
     row = given.model.nodes.index(node)
     time, label = time_axis(prediction.segment.run.time)
-    both = [(each, look) for each, look in ((given, "line-given"), (best, "line-best")) if each is not None]
+    both = [
+        (comparison, look)
+        for comparison, look in ((given, "line-given"), (best, "line-best"))
+        if comparison is not None
+    ]
     measured = prediction.bound.measured[row]
-    lines = [(each.predictions[run].readings[each.model.nodes.index(node)], look) for each, look in both]
-    errors = [(each.predictions[run].error[each.model.nodes.index(node)], look) for each, look in both]
+    lines = [
+        (comparison.predictions[run].readings[comparison.model.nodes.index(node)], look) for comparison, look in both
+    ]
+    errors = [
+        (comparison.predictions[run].error[comparison.model.nodes.index(node)], look) for comparison, look in both
+    ]
     band = NOISE_BAND * given.floor(node)
     ends = float(time[0]), float(time[-1])
     boxes = [
@@ -90,7 +98,7 @@ def _prediction(
             panel.line(*decimated(time, values, _POINTS), look)
     upper.frame(label, "temperature [°C]" if corner[0] == 0 else "", numbers=False)
     lower.frame(label, ERROR if corner[0] == 0 else "")
-    rmse = ", ".join(kelvin(each.node(node, each.predictions[run]).rmse) for each, _ in both)
+    rmse = ", ".join(kelvin(comparison.node(node, comparison.predictions[run]).rmse) for comparison, _ in both)
     draw.text(left + width - 10, top + 30, f"RMSE {rmse}".replace(",", " →"), "end", "halo")
 
 
@@ -104,8 +112,8 @@ def _shade(panel: Panel, prediction: Prediction) -> None:
 def _extent(series: Sequence[FloatArray]) -> tuple[float, float]:
     """The smallest and the largest value of all."""
     finite = [values[np.isfinite(values)] for values in series]
-    known = np.concatenate(finite)
-    return (float(known.min()), float(known.max())) if known.size else (0.0, 1.0)
+    pooled = np.concatenate(finite)
+    return (float(pooled.min()), float(pooled.max())) if pooled.size else (0.0, 1.0)
 
 
 def _fitting(words: str, width: float) -> str:
@@ -174,7 +182,7 @@ def _field(draw: Drawing, field: Field, box: tuple[float, float, float, float], 
                 cells.setdefault((look, abs(share) if share == share else 1.0), []).append(place)
             if share < -_HATCHED:
                 cells.setdefault(("hatch", 1.0), []).append(place)
-    for (look, share), places in sorted(cells.items(), key=lambda each: each[0][0] == "hatch"):
+    for (look, share), places in sorted(cells.items(), key=lambda item: item[0][0] == "hatch"):
         draw.boxes(places, look, share)
     bottom = box[3]
     for x, anchor, value in ((box[0], "start", ends[0]), (box[2], "end", ends[1])):
@@ -222,11 +230,18 @@ def heat_line(
     unit = 60.0 if label.endswith("[min]") else 1.0
     ends = float(time[0]), float(time[-1])
     shown = [
-        (each, look) for each, look in ((given, "given"), (best, "best")) if each is not None and node in each.nodes
+        (estimate, look)
+        for estimate, look in ((given, "given"), (best, "best"))
+        if estimate is not None and node in estimate.nodes
     ]
     rows = [
-        (each.time / unit, each.heat[each.nodes.index(node)], each.sure_band[each.nodes.index(node)], look)
-        for each, look in shown
+        (
+            estimate.time / unit,
+            estimate.heat[estimate.nodes.index(node)],
+            estimate.sure_band[estimate.nodes.index(node)],
+            look,
+        )
+        for estimate, look in shown
     ]
     right = WIDE - 10
     panel = Panel(
@@ -286,7 +301,7 @@ def conditions(given: Comparison, best: Comparison | None = None) -> list[Markup
     noise = {cell.node: given.floor(cell.node) for cell in every}
     shares = {id(cell): math.sqrt(max(cell.errors.rmse**2 - noise[cell.node] ** 2, 0.0)) for cell in every}
     most = max(*shares.values(), _NOISE_IS_LIGHT * max(noise.values()))
-    shares = {number: strength(each / most) for number, each in shares.items()}
+    shares = {number: strength(share / most) for number, share in shares.items()}
     quantities = list(left)
     rows = (
         [[(q, left[q]), (q, right[q])] for q in quantities]

@@ -149,7 +149,7 @@ def _compared(fit: Fit, data: DataSplit) -> Comparison:
 
 def _only(comparison: Comparison, wanted: Sequence[bool]) -> Comparison:
     """A comparison of some of its runs."""
-    kept = tuple(each for each, is_wanted in zip(comparison.predictions, wanted, strict=True) if is_wanted)
+    kept = tuple(prediction for prediction, is_wanted in zip(comparison.predictions, wanted, strict=True) if is_wanted)
     return replace(comparison, predictions=kept)
 
 
@@ -225,7 +225,7 @@ def comparison_html(comparison: Comparison, title: str) -> str:
         maps=_conditions(comparison, None, "compared"),
         errors=error_table(comparison),
         conditions=condition_table(comparison),
-        data=data_table({"compared": tuple(each.segment for each in comparison.predictions)}),
+        data=data_table({"compared": tuple(prediction.segment for prediction in comparison.predictions)}),
     )
 
 
@@ -269,5 +269,5 @@ def versus_html(result: Versus, title: str) -> str:
         predictions=picture(caption, predictions(given, best, names=names)),
         classes=versus_table("joints", result.classes),
         runs=versus_table("run", result.runs),
-        data=data_table({"compared": tuple(each.segment for each in result.model.predictions)}),
+        data=data_table({"compared": tuple(prediction.segment for prediction in result.model.predictions)}),
     )

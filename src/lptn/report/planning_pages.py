@@ -187,7 +187,9 @@ def _front(result: StudyResult) -> Charts:
         for name, points in [*every.items(), ("", result.front)]:
             key = f"{label_up}, {name}"
             shown[key] = np.full(amounts.size, np.nan)
-            shown[key][np.searchsorted(amounts, [point.amount for point in points])] = [value(each) for each in points]
+            shown[key][np.searchsorted(amounts, [point.amount for point in points])] = [
+                value(point) for point in points
+            ]
             if name:
                 lines.append(Line(key, name, colour=_colour(result, name), dots=True))
             elif not panels:  # the design of the front is that of its choice
@@ -225,9 +227,10 @@ def _torque_speed(result: StudyResult) -> Charts:
     durations = [duration_words(duration) for duration in diagrams[0].durations.tolist()]
     drawn = tuple(Line(words, words, colour=number) for number, words in enumerate(durations))
     views = [
-        View((each.name,), each.name, each.name, dict(zip(durations, each.torque, strict=True))) for each in diagrams
+        View((diagram.name,), diagram.name, diagram.name, dict(zip(durations, diagram.torque, strict=True)))
+        for diagram in diagrams
     ]
-    across = {each.name: RPM * each.speed for each in diagrams}
+    across = {diagram.name: RPM * diagram.speed for diagram in diagrams}
     panel = ChartPanel("torque held [N·m]", "N·m", drawn, 380, zero=True)
     return Charts("speed [rpm]", (panel,), views, across, {"choice": list(across)})
 
@@ -235,9 +238,9 @@ def _torque_speed(result: StudyResult) -> Charts:
 def _curves(result: StudyResult) -> Charts:
     currents = result.curves[0].current
     shown = {
-        each.name: np.where(np.isfinite(each.time), each.time, np.nan)
-        for each in result.curves
-        if each.name in result.drawn
+        curve.name: np.where(np.isfinite(curve.time), curve.time, np.nan)
+        for curve in result.curves
+        if curve.name in result.drawn
     }
     drawn = tuple(Line(name, name, colour=_colour(result, name)) for name in shown)
     panel = ChartPanel(f"time to {result.curves[0].limit:.0f} °C [s]", "s", drawn, 320, log=True)

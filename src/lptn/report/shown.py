@@ -119,13 +119,13 @@ def heat_fields(runs: Sequence[UnexplainedHeat]) -> list[Field]:
     """Unexplained heat [W] of each run, 0 where zero lies within its band."""
     return [
         Field(
-            each.run,
-            float(each.time[0] - each.seconds / 2),
-            each.seconds,
-            each.nodes,
-            np.where(np.abs(each.heat) > each.sure_band, each.heat, 0.0),
+            estimate.run,
+            float(estimate.time[0] - estimate.seconds / 2),
+            estimate.seconds,
+            estimate.nodes,
+            np.where(np.abs(estimate.heat) > estimate.sure_band, estimate.heat, 0.0),
         )
-        for each in runs
+        for estimate in runs
     ]
 
 
@@ -149,8 +149,8 @@ def noise_alone(fit: Fit) -> float:
 def candidates_shown(diagnosis: Diagnosis) -> list[Score]:
     """The best candidates that score at all, and every one that was refitted."""
     refitted = {step.key for step in diagnosis.refits}
-    scoring = [each for each in diagnosis.scores.ranked if each.gain > 0]
-    return [each for place, each in enumerate(scoring) if place < _MOST_CANDIDATES or each.candidate.key in refitted]
+    scoring = [score for score in diagnosis.scores.ranked if score.gain > 0]
+    return [score for place, score in enumerate(scoring) if place < _MOST_CANDIDATES or score.candidate.key in refitted]
 
 
 @dataclass(frozen=True)
@@ -164,7 +164,7 @@ class Reach:
 def reaches(sizes: Sequence[Detectable]) -> list[Reach]:
     """One for each effect, the easiest to see first."""
     effects: dict[str, list[Detectable]] = {}
-    for each in sizes:
-        effects.setdefault(each.effect, []).append(each)
-    by_share = (sorted(places, key=lambda each: each.share) for places in effects.values())
-    return sorted((Reach(places[0], places[-1]) for places in by_share), key=lambda each: each.easiest.share)
+    for size in sizes:
+        effects.setdefault(size.effect, []).append(size)
+    by_share = (sorted(places, key=lambda size: size.share) for places in effects.values())
+    return sorted((Reach(places[0], places[-1]) for places in by_share), key=lambda reach: reach.easiest.share)

@@ -53,16 +53,16 @@ def shown_runs(jobs: Sequence[str], comparison: Comparison, heat: Sequence[Unexp
         comparison: of all runs.
         heat: of the first so many runs, the fitted ones.
     """
-    found: list[Shown] = []
+    runs: list[Shown] = []
     for number, (job, prediction) in enumerate(zip(jobs, comparison.predictions, strict=True)):
         run, window = prediction.segment.run, prediction.segment.evaluation
         label = f"{run.name} ({job})" if job else run.name
-        if any(label == each.label for each in found):
+        if any(label == earlier.label for earlier in runs):
             label += f" {number + 1}"
         first, last = float(run.time[0]), float(run.time[-1])
         stop = min(window[1], last) if job == "fitted" else last
-        found.append(Shown(label, number, first, stop, heat[number] if number < len(heat) else None))
-    return found
+        runs.append(Shown(label, number, first, stop, heat[number] if number < len(heat) else None))
+    return runs
 
 
 # --- tiles: node by run ---------------------------------------------------------------------------------------
@@ -192,7 +192,10 @@ def _heat(heat: UnexplainedHeat | None, node: str, at: FloatArray) -> dict[str, 
 
 def network_picture(comparison: Comparison) -> Picture:
     """The network, coloured and drawn as heat flows when a node of the shown runs is hottest."""
-    courses = {each.segment.run.name: NetworkCourse.of(comparison.model, each) for each in comparison.predictions}
+    courses = {
+        prediction.segment.run.name: NetworkCourse.of(comparison.model, prediction)
+        for prediction in comparison.predictions
+    }
     run = max(courses, key=lambda name: courses[name].hottest)
     _, node, time = courses[run].hottest
     caption = (

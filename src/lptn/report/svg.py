@@ -79,9 +79,9 @@ class Drawing:
 
     def area(self, xs: FloatArray, low: FloatArray, high: FloatArray, look: str) -> None:
         """What lies between two lines."""
-        there = np.isfinite(low) & np.isfinite(high)
-        if there.any():
-            points = np.concatenate([np.stack([xs, high], 1)[there], np.stack([xs, low], 1)[there][::-1]])
+        finite = np.isfinite(low) & np.isfinite(high)
+        if finite.any():
+            points = np.concatenate([np.stack([xs, high], 1)[finite], np.stack([xs, low], 1)[finite][::-1]])
             drawn = "L".join(f"{x:.1f} {y:.1f}" for x, y in points.tolist())
             self._parts.append(f'<path class="{look}" d="M{drawn}Z"/>')
 
@@ -205,15 +205,15 @@ def ticks(low: float, high: float, most: int, log: bool = False, sizes: Sequence
     if log:
         decades = range(floor(log10(low)) - 1, ceil(log10(high)) + 1)
         for steps in (_FINE, (1.0,)):
-            found = [step * 10.0**power for power in decades for step in steps]
-            found = [value for value in found if low * 0.999 <= value <= high * 1.001]
-            if len(found) <= max(most, 3):
+            values = [step * 10.0**power for power in decades for step in steps]
+            values = [value for value in values if low * 0.999 <= value <= high * 1.001]
+            if len(values) <= max(most, 3):
                 break
-        return found
+        return values
     span = max(high - low, 1e-12)
     powers = (1.0,) if sizes is not _FINE and span > 3 else tuple(10.0**power for power in range(-9, 12))
     candidates = [size * power for power in powers for size in sizes]
-    size = next((each for each in candidates if span / each <= most), candidates[-1])
+    size = next((candidate for candidate in candidates if span / candidate <= most), candidates[-1])
     if span / size > 2 * most:  # beyond the list of round times
         return ticks(low, high, most)
     return [number * size for number in range(ceil(low / size - 1e-9), floor(high / size + 1e-9) + 1)]

@@ -72,11 +72,11 @@ def error_table(comparison: Comparison) -> Table:
 def condition_table(comparison: Comparison) -> Table:
     """The conditions in which a model fails worst, worst first."""
     rows = []
-    for each in sorted(conditions_of(comparison), key=lambda each: -each.errors.rmse)[:_WORST]:
-        errors = each.errors
-        ends = (number(each.lower, 3), number(each.upper, 3))
+    for condition in sorted(conditions_of(comparison), key=lambda condition: -condition.errors.rmse)[:_WORST]:
+        errors = condition.errors
+        ends = (number(condition.lower, 3), number(condition.upper, 3))
         cells = (kelvin(errors.rmse), kelvin(errors.max), signed_kelvin(errors.mean), str(errors.count))
-        rows.append((each.node, each.quantity, *ends, *cells))
+        rows.append((condition.node, condition.quantity, *ends, *cells))
     heads = ("node", "condition", ">from", ">to", ">RMSE", ">max |error|", ">mean error", ">readings")
     return Table(heads, tuple(rows))
 
@@ -84,14 +84,19 @@ def condition_table(comparison: Comparison) -> Table:
 def conditions_of(comparison: Comparison) -> list[Condition]:
     """`Comparison.conditions` with times in the unit in which a person reads them."""
     conditions = comparison.conditions()
-    longest = max((each.upper for each in conditions if each.quantity.endswith("[s]")), default=0.0)
+    longest = max((condition.upper for condition in conditions if condition.quantity.endswith("[s]")), default=0.0)
     if longest <= _LONG:
         return conditions
     return [
-        replace(each, quantity=each.quantity[:-3] + "[min]", lower=each.lower / 60, upper=each.upper / 60)
-        if each.quantity.endswith("[s]")
-        else each
-        for each in conditions
+        replace(
+            condition,
+            quantity=condition.quantity[:-3] + "[min]",
+            lower=condition.lower / 60,
+            upper=condition.upper / 60,
+        )
+        if condition.quantity.endswith("[s]")
+        else condition
+        for condition in conditions
     ]
 
 
@@ -105,8 +110,8 @@ def worst_condition(comparison: Comparison) -> tuple[Condition, bool] | None:
     `None` where nothing can be binned.
     """
     every = conditions_of(comparison)
-    far = [each for each in every if each.errors.rmse > FAR * comparison.floor(each.node)]
-    worst = max(far or every, key=lambda each: each.errors.rmse, default=None)
+    far = [condition for condition in every if condition.errors.rmse > FAR * comparison.floor(condition.node)]
+    worst = max(far or every, key=lambda condition: condition.errors.rmse, default=None)
     return None if worst is None else (worst, bool(far))
 
 
@@ -200,12 +205,12 @@ def stretch_table(stretches: Sequence[HeatPeak]) -> Table:
     """One row for each stretch of unexplained heat, in the order given."""
     rows = tuple(
         (
-            each.run,
-            each.node,
-            *(f"{time:.0f}" for time in (each.start, each.stop)),
-            *(_signed(each.heat + side * each.band) for side in (0, -1, 1)),
+            stretch.run,
+            stretch.node,
+            *(f"{time:.0f}" for time in (stretch.start, stretch.stop)),
+            *(_signed(stretch.heat + side * stretch.band) for side in (0, -1, 1)),
         )
-        for each in stretches
+        for stretch in stretches
     )
     return Table(("run", "node", ">from [s]", ">to [s]", ">heat [W]", ">at least [W]", ">at most [W]"), rows)
 

@@ -102,8 +102,8 @@ def place_of(at: str) -> str:
     """A place as people call it, and the run where the effect acts in one alone."""
     place, _, run = at.partition("@")
     place = _EVERYWHERE if place == "*" else place
-    said = run if run.lower().startswith("run") else f"run {run}"
-    return f"{place} in {said}" if run else place
+    name = run if run.lower().startswith("run") else f"run {run}"
+    return f"{place} in {name}" if run else place
 
 
 def named(effect: str, at: str) -> str:
@@ -150,8 +150,13 @@ def nuisances_in_words(model: Model) -> str:
     """Which errors of its inputs and its air each run may have, and how large; empty for none."""
 
     def spread(effect: type[Effect]) -> float:
-        declared = [each for each in model.network.effects if each.label == f"{effect.key}{NUISANCE}"]
-        return min((one.prior[1] for each in declared for one in each.parameters if one.prior), default=0.0)
+        declared = [
+            declaration for declaration in model.network.effects if declaration.label == f"{effect.key}{NUISANCE}"
+        ]
+        return min(
+            (parameter.prior[1] for declaration in declared for parameter in declaration.parameters if parameter.prior),
+            default=0.0,
+        )
 
     air, losses, surfaces = spread(AmbientOffset), spread(LossScale), spread(SurfaceScale)
     words = [f"its ambient sensor off by {air:g} K"] if air else []

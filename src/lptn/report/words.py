@@ -75,7 +75,7 @@ def size_in_words(step: Step, last: Fit) -> str:
         step: the effect.
         last: a fit of a model that has it.
     """
-    values = {each.name: each for each in last.model.parameters}
+    values = {instance.name: instance for instance in last.model.parameters}
     sizes, times, doubt = "", "", ""
     for declaration in step.declarations:
         for parameter in declaration.parameters:
@@ -100,7 +100,7 @@ def size_in_words(step: Step, last: Fit) -> str:
 def _where_others_have(declaration: EffectDeclaration, parameter: Parameter, last: Fit) -> str:
     """What the other places have in common, of a place that has its own instead: `, where the others have 8 s`."""
     key, values = declaration.effect.key, last.model.parameters
-    common = {each.parameters[parameter.name] for each in last.model.network.in_common(key)}
+    common = {instance.parameters[parameter.name] for instance in last.model.network.in_common(key)}
     others = [values[k].value for k in sorted(common) if values[k].name != declaration.shared_name(parameter.name)]
     if declaration.difference or declaration.run or not others:
         return ""
@@ -306,7 +306,7 @@ def story_in_words(history: History, data: DataSplit) -> list[str]:
         "unexplained": _unexplained,
     }
     what = stories[outcome_of(history)]
-    differing = " ".join(each.text() for each in history.differing or history.last.differing)
+    differing = " ".join(difference.text() for difference in history.differing or history.last.differing)
     return [what(history, data), *filter(None, [_how_sure(history), differing]), _which_data(history, data)]
 
 
@@ -398,9 +398,9 @@ def _fall(given: Step, best: Step) -> str:
     alike = [
         f"at {kelvin(before)} on the {runs} runs" for runs, before, after in pairs if kelvin(before) == kelvin(after)
     ]
-    other = [each for each in pairs if kelvin(each[1]) != kelvin(each[2])]
+    other = [pair for pair in pairs if kelvin(pair[1]) != kelvin(pair[2])]
     changes = [f"goes from {kelvin(before)} to {kelvin(after)} on the {runs} runs" for runs, before, after in other]
-    changes = [*changes, *(f"stays {each}" for each in alike)]
+    changes = [*changes, *(f"stays {phrase}" for phrase in alike)]
     text = f"With that the RMSE {listed(changes)}."
     worse = [f"on the {runs} runs" for runs, before, after in other if after > HELPED * before]
     return f"{text} It does not get better {listed(worse, 'or')}." if worse else text
@@ -582,7 +582,7 @@ def caption_of_collinearity(result: Confusability) -> str:
 def caption_of_detectability(sizes: Sequence[Detectable]) -> str:
     """Under what the data could have shown."""
     rows = reaches(sizes)
-    hidden = sum(each.easiest.share >= 1 for each in rows)
+    hidden = sum(reach.easiest.share >= 1 for reach in rows)
     return (
         "The dot is the place where an effect shows most easily, the end of the line where it hides best. An effect "
         "that was not found is smaller than that, or absent; right of the dashed line even one of typical size could "

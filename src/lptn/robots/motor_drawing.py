@@ -304,9 +304,9 @@ class Geometry:
     def _check_materials(self) -> None:
         for part, chosen in self.given.materials.items():
             place = f"materials.{part}"
-            known = [name for name in _USUAL if name == "teeth" or name in self.order]
-            if part not in known:
-                raise self._mistake(place, f'"{part}"', f"one of {', '.join(known)}")
+            parts = [name for name in _USUAL if name == "teeth" or name in self.order]
+            if part not in parts:
+                raise self._mistake(place, f'"{part}"', f"one of {', '.join(parts)}")
             if isinstance(chosen, str) and chosen not in MATERIALS:
                 raise self._mistake(place, f'"{chosen}"', f"one of {', '.join(MATERIALS)}, or a table of its values")
             if isinstance(chosen, MaterialTable):
@@ -314,8 +314,8 @@ class Geometry:
                 if (chosen.conductivity is None) == (None in pair):
                     raise self._mistake(place, "its conductivity", "conductivity, or conductivity_radial and _axial")
 
-    def _mistake(self, place: str, found: str, expected: str) -> InputError:
-        return InputError(self.path, place, found, expected)
+    def _mistake(self, place: str, problem: str, expected: str) -> InputError:
+        return InputError(self.path, place, problem, expected)
 
 
 def sample(kind: str = "inrunner") -> str:

@@ -45,11 +45,11 @@ def preset_text(preset: str, model: str | None = None) -> str:
     Raises:
         InputError: no such robot, or no such model of it.
     """
-    known = presets()
-    if preset not in known:
-        raise InputError("new", "PRESET", f"'{preset}'", f"one of {', '.join(known)}")
+    texts = presets()
+    if preset not in texts:
+        raise InputError("new", "PRESET", f"'{preset}'", f"one of {', '.join(texts)}")
     if model is None:
-        return known[preset]
+        return texts[preset]
     others = variants(preset)
     if model not in others:
         expected = f"one of {', '.join(others)}" if others else f"no --model, for {preset} has only one"

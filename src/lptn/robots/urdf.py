@@ -92,15 +92,15 @@ def read_joints(path: str | Path) -> tuple[str, list[Joint]]:
         InputError: not a URDF, or a robot without driven joints.
     """
     root = _parsed(path)
-    driven = {each.get("name") for each in root.iterfind("transmission/joint")}
+    driven = {joint.get("name") for joint in root.iterfind("transmission/joint")}
     joints = root.findall("joint")
-    carrying = {_end(path, each, "child"): each for each in joints}
-    moved = [each for each in joints if each.get("type") in _MOVED and each.find("mimic") is None]
-    moved = [each for each in moved if each.get("name") in driven] or moved
+    carrying = {_end(path, joint, "child"): joint for joint in joints}
+    moved = [joint for joint in joints if joint.get("type") in _MOVED and joint.find("mimic") is None]
+    moved = [joint for joint in moved if joint.get("name") in driven] or moved
     if not moved:
         raise InputError(path, "robot", "no joint that moves", f"joints of type {', '.join(_MOVED)}")
     names = _node_names(path, moved)
-    found = []
+    result = []
     for joint in moved:
         body, distance, before = _end(path, joint, "parent"), 0.0, None
         below, seen = body, set[str]()
@@ -116,13 +116,13 @@ def read_joints(path: str | Path) -> tuple[str, list[Joint]]:
         slides = joint.get("type") == "prismatic"
         stated = _effort(path, joint)
         name, effort = names[str(joint.get("name"))], _NO_LIMIT if stated is None else stated
-        found.append(Joint(name, effort, slides, before, distance, body, assumed=stated is None))
-    return one_line(root.get("name", "robot")), found
+        result.append(Joint(name, effort, slides, before, distance, body, assumed=stated is None))
+    return one_line(root.get("name", "robot")), result
 
 
 def _parsed(path: str | Path) -> ElementTree.Element:
-    def refuse(found: str) -> NoReturn:
-        raise InputError(path, "file", found, "a URDF: XML with <robot> outermost (expand a .xacro first)")
+    def refuse(problem: str) -> NoReturn:
+        raise InputError(path, "file", problem, "a URDF: XML with <robot> outermost (expand a .xacro first)")
 
     try:
         if Path(path).stat().st_size > _LARGEST:
@@ -147,7 +147,7 @@ def _end(path: str | Path, joint: ElementTree.Element, which: str) -> str:
 
 def _node_names(path: str | Path, moved: list[ElementTree.Element]) -> dict[str, str]:
     """A node's name for each joint's: without `_joint` behind it where that leaves them different."""
-    given = [each.get("name", "") for each in moved]
+    given = [joint.get("name", "") for joint in moved]
     if len(set(given)) < len(given) or "" in given:
         raise InputError(path, "joint", "one without a name, or a name twice", "joints with names of their own")
     legal = [_NOT_IN_NAMES.sub("_", name) for name in given]
@@ -190,7 +190,7 @@ def _lines(file: str, robot: str, joints: list[Joint]) -> Iterator[str]:
     yield "# in winding resistance and torque constant at the joint from data sheets: they set the scale of the others."
     assumed = [joint for joint in joints if joint.assumed]
     if assumed:
-        named = ", ".join(each.name for each in assumed)
+        named = ", ".join(joint.name for joint in assumed)
         yield f"# The URDF states no limit of {named}; taken for it: {_NO_LIMIT:g} N·m (of a sliding joint N)."
     yield from ("", "[model]", f"name = {_quoted(robot)}", "joints = [")
     yield from (f"    {_quoted(name)}," for name in names)
@@ -239,7 +239,7 @@ def _groups(joints: list[Joint]) -> list[tuple[str, Joint]]:
         return [(EVERYWHERE, joints[0])]
     for joint in joints:
         pattern = class_of(joint.name)
-        alike = {(each.effort, each.slides) for each in joints if each.name in matching(pattern, names)}
+        alike = {(member.effort, member.slides) for member in joints if member.name in matching(pattern, names)}
         classes = {class_of(name) for name in matching(pattern, names)}
         several = len(matching(pattern, names)) > 1 and len(alike) == 1 and classes == {pattern}
         groups.setdefault(pattern if several else joint.name, joint)
@@ -252,7 +252,7 @@ def _unit(joint: Joint) -> str:
 
 def _guess(value: float, unit: str, share: str = "each", *, free: bool = False) -> str:
     """A start for the fit; `free` where it would be held otherwise."""
-    least, start, most = (f"{float(f'{each:.3g}'):g}" for each in (value / _RANGE, value, value * _RANGE))
+    least, start, most = (f"{float(f'{number:.3g}'):g}" for number in (value / _RANGE, value, value * _RANGE))
     said = f'value = {start}, unit = "{unit}", bounds = [{least}, {most}], share = "{share}"'
     return f"{{ {said}, fixed = false }}" if free else f"{{ {said} }}"
 

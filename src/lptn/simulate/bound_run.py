@@ -173,11 +173,11 @@ def _resting_temperature(model: Model, run: Run, start: FloatArray) -> float:
         raise InputError(run.source, "start", _one_apart(began), expected)
     rest = float(first.mean())
     readings = {node: run.temperature(node) for node in began if run.has(f"temperature.{node}")}
-    coldest = {node: float(np.nanmin(each)) for node, each in readings.items() if np.isfinite(each).any()}
+    coldest = {node: float(np.nanmin(values)) for node, values in readings.items() if np.isfinite(values).any()}
     node = min(coldest, key=lambda node: coldest[node], default="")
     if node and coldest[node] < rest - _AT_REST:
-        found = f"{rest:.1f} degC, below which {node} falls to {coldest[node]:.1f} degC later: the air was colder"
-        raise InputError(run.source, "start", found, expected)
+        problem = f"{rest:.1f} degC, below which {node} falls to {coldest[node]:.1f} degC later: the air was colder"
+        raise InputError(run.source, "start", problem, expected)
     return rest
 
 

@@ -106,7 +106,7 @@ class _Operations:
         parts = np.repeat([_STATES, _INPUTS, _PARAMETERS], self.sizes).tolist()
         values, constants, results = [_Value(part) for part in parts], {}, [0] * function.numel_out(0)
         offsets = [0, *accumulate(self.sizes)]
-        known: dict[object, int] = {}
+        indices: dict[object, int] = {}
         held: dict[int, int] = {}  # which value each place of CasADi's working memory holds
         for k in range(function.n_instructions()):
             kind, used, made = function.instruction_id(k), function.instruction_input(k), function.instruction_output(k)
@@ -121,18 +121,18 @@ class _Operations:
                 value = _Value(_PARAMETERS)
                 key: object = repr(constant)  # 0.0 and -0.0 are two
             elif kind in _NUMBERS:
-                operands = [held[each] for each in used]
-                part = max(values[each].part for each in operands)
-                depth = 1 + max(values[each].depth for each in operands if values[each].part == part)
+                operands = [held[place] for place in used]
+                part = max(values[operand].part for operand in operands)
+                depth = 1 + max(values[operand].depth for operand in operands if values[operand].part == part)
                 key = value = _Value(part, depth, kind, operands[0], operands[-1])
             else:
                 raise UnknownOperationError(f"operation {kind} of {function.name()}")
-            if key not in known:
-                known[key] = len(values)
+            if key not in indices:
+                indices[key] = len(values)
                 values.append(value)
                 if kind == ca.OP_CONST:
-                    constants[known[key]] = constant
-            held[made[0]] = known[key]
+                    constants[indices[key]] = constant
+            held[made[0]] = indices[key]
         self._sort(values, constants, results)
 
     def _sort(self, values: list[_Value], constants: dict[int, float], results: list[int]) -> None:
@@ -146,9 +146,9 @@ class _Operations:
         self.right = number[[values[k].right for k in order]]
         self.results = number[results]
         made = [values[k] for k in order if values[k].kind >= 0]
-        groups = [(group[0], group[2], len(list(same))) for group, same in groupby(made, key=lambda each: each[:3])]
+        groups = [(group[0], group[2], len(list(same))) for group, same in groupby(made, key=lambda value: value[:3])]
         self.groups = np.array([group[1:] for group in groups], dtype=np.int64)
-        in_part = [[each.part for each in made].count(part) for part in range(3)]
+        in_part = [[value.part for value in made].count(part) for part in range(3)]
         self.first = list(accumulate(in_part, initial=len(values) - len(made)))[:3]
         self.bounds = list(accumulate(([group[0] for group in groups].count(part) for part in range(3)), initial=0))
 
@@ -201,7 +201,7 @@ class _Program:
     ) -> None:
         self.library, self._operations = library, operations
         self._results = operations.results if results is None else operations.results[results]
-        self._pattern = np.concatenate([each.ravel() for each in (of_state, of_parameter)]).astype(np.int64)
+        self._pattern = np.concatenate([pattern.ravel() for pattern in (of_state, of_parameter)]).astype(np.int64)
         self.struct = _CModel(
             *operations.sizes,
             len(operations.initial),
@@ -219,10 +219,10 @@ class _Program:
     def at(self, x: FloatArray, u: FloatArray, p: FloatArray) -> FloatArray:
         """Results at n points, shape (n, results), of x (states, n), u (inputs, n) and p (m,)."""
         model, n = self.struct, x.shape[1]
-        arguments = [np.ascontiguousarray(each, dtype=np.float64) for each in (x.T, u.T, p)]
+        arguments = [np.ascontiguousarray(argument, dtype=np.float64) for argument in (x.T, u.T, p)]
         expected = [(n, model.states), (n, model.inputs), (model.parameters,)]
-        if (found := [each.shape for each in arguments]) != expected:
-            raise ValueError(f"arguments of shapes {found} in place of {expected}")
+        if (shapes := [argument.shape for argument in arguments]) != expected:
+            raise ValueError(f"arguments of shapes {shapes} in place of {expected}")
         results, work = np.empty((n, model.results)), np.empty(model.values)
         self.library.at_points(ctypes.byref(model), ctypes.c_longlong(n), *_addresses(*arguments, results, work))
         return results
@@ -365,7 +365,7 @@ def differentiated_with(model: Model, chosen: Sequence[int]) -> list[int]:
     Making derivatives takes as long as some fits do; those of a fit, and of each run's nuisance parameters, are
     made once.
     """
-    likely = [k for k, each in enumerate(model.parameters) if each.free or each.declared.nuisance]
+    likely = [k for k, parameter in enumerate(model.parameters) if parameter.free or parameter.declared.nuisance]
     return likely if chosen and set(chosen).issubset(likely) else list(chosen)
 
 

@@ -66,7 +66,7 @@ class Bench:
         self.heat: dict[str, dict[str, UnexplainedHeat]] = {}
         """Unexplained heat of each model, by segment."""
         self._predictions: dict[str, dict[str, Prediction]] = {}
-        self._told: set[tuple[str, str]] = set()
+        self._sent: set[tuple[str, str]] = set()
 
     # --- what can be ordered --------------------------------------------------------------------
 
@@ -110,23 +110,27 @@ class Bench:
 
     def _set(self, order: Set) -> None:
         """Set what is another than it was."""
-        known = next((each for each in self.study.model.parameters if each.name == order.name), None)
-        if known is None:
+        parameter = next((candidate for candidate in self.study.model.parameters if candidate.name == order.name), None)
+        if parameter is None:
             raise InputError("parameter", order.name, "no such parameter", "one that the page lists")
         least, most = order.bounds
-        old = known.declared.bounds
+        old = parameter.declared.bounds
         bounds = old[0] if least is None else least, old[1] if most is None else most
         self.study.set_parameter(
             order.name,
             order.value,
             bounds=None if bounds == old else bounds,
-            fixed=order.fixed if order.fixed == known.free else None,
+            fixed=order.fixed if order.fixed == parameter.free else None,
         )
         self._forget()
 
     def _cut(self, order: Cut) -> None:
         if order.what == "use_again":
-            again = [each for each in self.study.stretches if (each.run, each.start, each.stop) == _stretch(order)]
+            again = [
+                stretch
+                for stretch in self.study.stretches
+                if (stretch.run, stretch.start, stretch.stop) == _stretch(order)
+            ]
             if not again:
                 raise InputError("stretch", order.run, "not left out", "a stretch that was")
             self.study.use_again(again[0])
@@ -136,8 +140,8 @@ class Bench:
 
     def _forget(self) -> None:
         """All that was worked out of other data."""
-        for known in (self.attempts, self.heat, self._predictions, self._told):
-            known.clear()
+        for results in (self.attempts, self.heat, self._predictions, self._sent):
+            results.clear()
 
     def look_closer(self) -> None:
         """What takes time and may come after a diagnosis: what each answer would change, heat, the next experiment."""
@@ -147,7 +151,7 @@ class Bench:
         self.attempts[name] = self.tries() | self._attempted(self.study.diagnosed)
         if name not in self.heat:
             heat = self.study.unexplained_heat()
-            self.heat[name] = {f"fit {number}": each for number, each in enumerate(heat)}
+            self.heat[name] = {f"fit {number}": estimate for number, estimate in enumerate(heat)}
         self.study.advise()
 
     @property
@@ -157,7 +161,7 @@ class Bench:
         if diagnosis is None:
             return []
         refitted = {step.key for step in diagnosis.refits}
-        others = [each for each in diagnosis.scores.ranked if each.gain > 0 and each.candidate.key not in refitted]
+        others = [score for score in diagnosis.scores.ranked if score.gain > 0 and score.candidate.key not in refitted]
         return others[:_MOST_SCORED]
 
     def tries(self) -> dict[tuple[str, str], Attempt]:
@@ -171,7 +175,7 @@ class Bench:
     def _linearised(self, diagnosis: Diagnosis) -> dict[tuple[str, str], Attempt]:
         """By the scores alone: there as soon as the answers are."""
         answers = {step.key for step in diagnosis.helpful}
-        shown = [each for each in diagnosis.scores.ranked if each.gain > 0 and each.candidate.key in answers]
+        shown = [score for score in diagnosis.scores.ranked if score.gain > 0 and score.candidate.key in answers]
         scores = [*shown, *self.scored_only]
         if not scores:
             return {}
@@ -180,7 +184,7 @@ class Bench:
         try:
             for segment in (*coarse.holdout, *coarse.test):
                 predicted = first_order.of(segment)
-                runs.append((predicted[0].bound, np.array([each.readings for each in predicted])))
+                runs.append((predicted[0].bound, np.array([prediction.readings for prediction in predicted])))
         except InputError as error:  # a run lacks what a candidate goes by
             logger.info("held-out runs are tried once they are refitted: %s", error)
         return {
@@ -200,7 +204,7 @@ class Bench:
                 for bound, error in zip(problem.bound_runs, step.fit.residuals, strict=True)
             ]
             others = [predict(step.fit.model, segment, problem.sigma) for segment in (*coarse.holdout, *coarse.test)]
-            runs = [*fitted, *((each.bound, each.readings) for each in others)]
+            runs = [*fitted, *((prediction.bound, prediction.readings) for prediction in others)]
             for segment, (bound, readings) in zip(segments(self.study), runs, strict=True):
                 lines[segment, name_of(step)] = _attempt(bound, readings, linearised=False)
         return lines
@@ -226,7 +230,7 @@ class Bench:
         return self._predictions[name]
 
     def news(self) -> News:
-        """The lines that were not told yet."""
+        """The lines that were not sent yet."""
         news = News()
         if not self.study.steps:
             return news
@@ -234,16 +238,16 @@ class Bench:
         for number in {0, len(self.study.steps) - 1}:
             name = names_of(self.study.steps)[number]
             for segment, prediction in self.predictions(number).items():
-                if (segment, "") not in self._told:
+                if (segment, "") not in self._sent:
                     news.runs[segment] = RunLines.of(prediction, nodes)
-                if (segment, f"model {name}") not in self._told:
+                if (segment, f"model {name}") not in self._sent:
                     news.predicted[segment, name] = prediction.readings
-                self._told |= {(segment, ""), (segment, f"model {name}")}
+                self._sent |= {(segment, ""), (segment, f"model {name}")}
         news.attempts = self.tries()
         news.heat = self.heat.get(self.model, {})
         last = len(self.study.steps) - 1
         now = self.study.steps[last].fit.model
-        news.networks = {key: NetworkCourse.of(now, each) for key, each in self.predictions(last).items()}
+        news.networks = {key: NetworkCourse.of(now, predicted) for key, predicted in self.predictions(last).items()}
         return news
 
 

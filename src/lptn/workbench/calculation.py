@@ -163,8 +163,8 @@ def _do_again(study: Study, folder: Path) -> None:
             (study.hold_out if stretch.held_out else study.leave_out)(stretch.run, stretch.start, stretch.stop)
         for effect, at in done.steps:
             study.add(effect, at)
-        for each in done.settings:
-            study.set_parameter(each.name, each.value, bounds=each.bounds, fixed=each.fixed)
+        for setting in done.settings:
+            study.set_parameter(setting.name, setting.value, bounds=setting.bounds, fixed=setting.fixed)
     except InputError as error:
         logger.warning("not all of the session's steps can be done again: %s", one_line(error))
 

@@ -30,18 +30,20 @@ def by_condition(nodes: Sequence[str], predictions: Mapping[str, Prediction]) ->
         For each condition its group, its name, and a tile for each node: errors (predicted − measured) [K], the
         condition's limits in words, and the segment in which they are largest; `None` where nothing was measured.
     """
-    errors = {key: _sampled(each.error) for key, each in predictions.items()}
-    found: dict[tuple[str, str], list[dict[str, Any] | None]] = {}
+    errors = {key: _sampled(prediction.error) for key, prediction in predictions.items()}
+    conditions: dict[tuple[str, str], list[dict[str, Any] | None]] = {}
     for row, node in enumerate(nodes):
-        for group, name, limits, masks in _conditions(node, {key: each.bound.run for key, each in predictions.items()}):
+        for group, name, limits, masks in _conditions(
+            node, {key: prediction.bound.run for key, prediction in predictions.items()}
+        ):
             parts = {key: errors[key][row][mask] for key, mask in masks.items()}
             all_of_it = Errors.of(np.concatenate(list(parts.values())))
             if all_of_it.count:
                 squares = {key: float(np.nansum(part**2)) for key, part in parts.items()}
                 tile: dict[str, Any] = {"rmse": all_of_it.rmse, "mean": all_of_it.mean, "max": all_of_it.max}
                 tile |= {"limits": limits, "segment": max(squares, key=lambda key: squares[key])}
-                found.setdefault((group, name), [None] * len(nodes))[row] = tile
-    return [{"group": group, "name": name, "tiles": tiles} for (group, name), tiles in found.items()]
+                conditions.setdefault((group, name), [None] * len(nodes))[row] = tile
+    return [{"group": group, "name": name, "tiles": tiles} for (group, name), tiles in conditions.items()]
 
 
 Masks = dict[str, BoolArray]
@@ -49,25 +51,29 @@ Masks = dict[str, BoolArray]
 
 def _conditions(node: str, runs: Mapping[str, Run]) -> list[tuple[str, str, str, Masks]]:
     """Group, name, limits in words, and for each segment which of its sampled readings meet the condition."""
-    found: list[tuple[str, str, str, Masks]] = []
+    conditions: list[tuple[str, str, str, Masks]] = []
     for speed, group, unit in ((f"velocity.{node}", "joint", "rad/s"), ("speed.base", "robot", "m/s")):
         if values := _values(runs, speed):
-            size = {key: np.abs(each) for key, each in values.items()}
-            standing = {key: each < _STANDS for key, each in size.items()}
-            found.append((group, "stands", f"below {_STANDS} {unit}", standing))
-            found.append((group, "moves", f"from {_STANDS} {unit}", {key: ~each for key, each in standing.items()}))
+            size = {key: np.abs(samples) for key, samples in values.items()}
+            standing = {key: magnitude < _STANDS for key, magnitude in size.items()}
+            conditions.append((group, "stands", f"below {_STANDS} {unit}", standing))
+            conditions.append(
+                (group, "moves", f"from {_STANDS} {unit}", {key: ~mask for key, mask in standing.items()})
+            )
     for kind in _LOADS:
         if values := _values(runs, f"{kind}.{node}"):
-            found += _thirds("load", f"|{kind}|", {key: np.abs(each) for key, each in values.items()})
+            conditions += _thirds("load", f"|{kind}|", {key: np.abs(samples) for key, samples in values.items()})
             break
-    found += _thirds("air", "°C", _values(runs, "temperature.ambient"))
+    conditions += _thirds("air", "°C", _values(runs, "temperature.ambient"))
     since = {key: _sampled(run.time - run.time[0]) for key, run in runs.items()}
     first, later = (f"{seconds / 60:g} min" for seconds in _WARMING)
-    found.append(("since the start", f"to {first}", "", {key: each < _WARMING[0] for key, each in since.items()}))
-    between = {key: (each >= _WARMING[0]) & (each < _WARMING[1]) for key, each in since.items()}
-    found.append(("since the start", f"to {later}", "", between))
-    found.append(("since the start", "later", "", {key: each >= _WARMING[1] for key, each in since.items()}))
-    return found
+    conditions.append(
+        ("since the start", f"to {first}", "", {key: elapsed < _WARMING[0] for key, elapsed in since.items()})
+    )
+    between = {key: (elapsed >= _WARMING[0]) & (elapsed < _WARMING[1]) for key, elapsed in since.items()}
+    conditions.append(("since the start", f"to {later}", "", between))
+    conditions.append(("since the start", "later", "", {key: elapsed >= _WARMING[1] for key, elapsed in since.items()}))
+    return conditions
 
 
 def _thirds(group: str, unit: str, values: Mapping[str, FloatArray]) -> list[tuple[str, str, str, Masks]]:
@@ -75,18 +81,18 @@ def _thirds(group: str, unit: str, values: Mapping[str, FloatArray]) -> list[tup
     if not values:
         return []
     together = np.concatenate(list(values.values()))
-    low, high = (float(each) for each in np.nanquantile(together, (1 / 3, 2 / 3)))
+    low, high = (float(limit) for limit in np.nanquantile(together, (1 / 3, 2 / 3)))
     if not np.nanmin(together) < low < high:
         return []
     return [
-        (group, "low", f"below {low:.3g} {unit}", {key: each < low for key, each in values.items()}),
+        (group, "low", f"below {low:.3g} {unit}", {key: samples < low for key, samples in values.items()}),
         (
             group,
             "middle",
             f"{low:.3g} to {high:.3g} {unit}",
-            {key: (each >= low) & (each < high) for key, each in values.items()},
+            {key: (samples >= low) & (samples < high) for key, samples in values.items()},
         ),
-        (group, "high", f"from {high:.3g} {unit}", {key: each >= high for key, each in values.items()}),
+        (group, "high", f"from {high:.3g} {unit}", {key: samples >= high for key, samples in values.items()}),
     ]
 
 

@@ -43,7 +43,7 @@ def content_of(bench: Bench, opening: Opening) -> dict[str, Any]:
         "nodes": list(study.model.nodes),
         "segments": [_segment(study, key, segment) for key, segment in segments(study).items()],
         "issues": _issues(study),
-        "stretches": [_stretch(each) for each in study.stretches],
+        "stretches": [_stretch(stretch) for stretch in study.stretches],
         "fitted": bool(study.steps),
         "effects": {key: effect.title for key, effect in sorted(catalogue().items())},
         "commands": commands(study, opening),
@@ -65,7 +65,7 @@ def content_of(bench: Bench, opening: Opening) -> dict[str, Any]:
         "parameters": _parameters(study.steps[-1]),
         "correlations": _correlations(study.steps[-1]),
         "answers": _answers(study, study.diagnosed, bench) if study.diagnosed else None,
-        "advice": [for_people(each) for each in study.advised.sentences] if study.advised else [],
+        "advice": [for_people(sentence) for sentence in study.advised.sentences] if study.advised else [],
     }
 
 
@@ -108,7 +108,7 @@ def _sentence(bench: Bench, floor: float) -> str:
     helped = bool(by_help["all"] or by_help["fitted"])
     subject = "With what was added the model" if helped else "With or without it the model"
     subject = subject if len(study.steps) > 1 else "The model as given"
-    differing = "".join(f" {each.sentence}" for each in diagnosis.differing)
+    differing = "".join(f" {difference.sentence}" for difference in diagnosis.differing)
     if diagnosis.verdict == "adequate":
         where = " but for a run that differs" if differing else ""
         return f"{subject} is adequate{where}: what is left is no more than the sensors’ noise.{differing}"
@@ -134,8 +134,8 @@ def _worst(bench: Bench, floor: float) -> str:
         for key in judged
         for row, node in enumerate(study.model.nodes)
     }
-    errors = {where: each for where, each in errors.items() if each.count}
-    (node, key), worst = max(errors.items(), key=lambda each: each[1].rmse)
+    errors = {place: summary for place, summary in errors.items() if summary.count}
+    (node, key), worst = max(errors.items(), key=lambda item: item[1].rmse)
     if worst.rmse <= 2 * floor:
         return "It errs nowhere by much more than the sensors’ noise."
     side = "" if abs(worst.mean) < _PLAIN * worst.rmse else f", predicted too {'hot' if worst.mean > 0 else 'cold'}"
@@ -181,7 +181,8 @@ def _tiles(bench: Bench) -> dict[str, dict[str, list[dict[str, float] | None]]]:
         for key, prediction in bench.predictions(number).items():
             errors = [Errors.of(row) for row in prediction.error]
             tiles[key][name] = [
-                {"rmse": each.rmse, "mean": each.mean, "max": each.max} if each.count else None for each in errors
+                {"rmse": summary.rmse, "mean": summary.mean, "max": summary.max} if summary.count else None
+                for summary in errors
             ]
     return tiles
 
@@ -189,12 +190,12 @@ def _tiles(bench: Bench) -> dict[str, dict[str, list[dict[str, float] | None]]]:
 def _conditions(bench: Bench) -> dict[str, list[dict[str, Any]]]:
     """Of the models as given and now, errors by operating condition, on data that no fit saw where there are any."""
     study = bench.study
-    found = {}
+    by_model = {}
     for name, number in (("given", 0), ("now", len(study.steps) - 1)):
         predictions = bench.predictions(number)
-        judged = {key: each for key, each in predictions.items() if not key.startswith("fit")}
-        found[name] = by_condition(study.model.nodes, judged or predictions)
-    return found
+        judged = {key: prediction for key, prediction in predictions.items() if not key.startswith("fit")}
+        by_model[name] = by_condition(study.model.nodes, judged or predictions)
+    return by_model
 
 
 def _parameters(step: Step) -> list[dict[str, Any]]:
@@ -226,7 +227,7 @@ def _correlations(step: Step) -> list[dict[str, Any]]:
     own = [number for number, index in enumerate(fit.problem.free) if index in set(fit.free)]
     matrix = fit.uncertainty.correlations
     pairs = [(matrix[one, other], names[one], names[other]) for one, other in combinations(own, 2)]
-    pairs.sort(key=lambda each: -abs(each[0]))
+    pairs.sort(key=lambda pair: -abs(pair[0]))
     return [
         {"one": one, "other": other, "correlation": float(correlation)} for correlation, one, other in pairs[:_PAIRS]
     ]
@@ -269,7 +270,7 @@ def _answers(study: Study, diagnosis: Diagnosis, bench: Bench) -> dict[str, Any]
     return {
         "verdict": diagnosis.verdict,
         "answers": shown,
-        "scored": [_scored(diagnosis, each, tries) for each in bench.scored_only],
+        "scored": [_scored(diagnosis, score, tries) for score in bench.scored_only],
         "before": before,
         "fitted": diagnosis.fit.rmse,
         "step": seconds,
@@ -297,9 +298,9 @@ def _scored(diagnosis: Diagnosis, score: Score, tries: Mapping[tuple[str, str], 
 
 def _pooled(errors: Mapping[str, Errors], job: str) -> float | None:
     """RMSE [K] of the runs of a job together; `None` without any."""
-    some = [each for segment, each in errors.items() if segment.startswith(job) and each.count]
-    count = sum(each.count for each in some)
-    return math.sqrt(sum(each.count * each.rmse**2 for each in some) / count) if count else None
+    some = [summary for segment, summary in errors.items() if segment.startswith(job) and summary.count]
+    count = sum(summary.count for summary in some)
+    return math.sqrt(sum(summary.count * summary.rmse**2 for summary in some) / count) if count else None
 
 
 # --- data -----------------------------------------------------------------------------------------------------
@@ -307,14 +308,14 @@ def _pooled(errors: Mapping[str, Errors], job: str) -> float | None:
 
 def _issues(study: Study) -> list[dict[str, Any]]:
     """What looks wrong in the logs; `stretch` is from and to [s], `None` for all of a log."""
-    found: dict[tuple[str, str], dict[str, Any]] = {}
+    issues: dict[tuple[str, str], dict[str, Any]] = {}
     for run in study.runs:
         for issue in run.issues:
             place = issue.key.partition(".")[2]
             content = {"run": run.name, "key": issue.key, "place": place, "kind": issue.kind}
             content |= {"problem": for_people(issue.problem), "remedy": for_people(issue.remedy)}
-            found.setdefault((run.source, issue.sentence), content | {"stretch": issue.stretch})
-    return list(found.values())
+            issues.setdefault((run.source, issue.sentence), content | {"stretch": issue.stretch})
+    return list(issues.values())
 
 
 def _stretch(stretch: Stretch) -> dict[str, Any]:
@@ -353,13 +354,13 @@ def python_lines(study: Study, opening: Opening) -> str:
     }
     words += [f"{name}={value!r}" for name, value in options.items() if value is not None]
     lines = ["import lptn", "", f"study = lptn.Study({', '.join(words)})"]
-    for each in study.stretches:
-        call = "hold_out" if each.held_out else "leave_out"
-        lines.append(f"study.{call}({each.run!r}, {each.start:.6g}, {each.stop:.6g})")
+    for stretch in study.stretches:
+        call = "hold_out" if stretch.held_out else "leave_out"
+        lines.append(f"study.{call}({stretch.run!r}, {stretch.start:.6g}, {stretch.stop:.6g})")
     lines.append("study.fit()")
     lines += [f"study.add({step.effect!r}, at={step.at!r})" for step in study.steps[1:]]
     for setting in study.settings:
-        said = {"value": setting.value, "bounds": setting.bounds, "fixed": setting.fixed}
-        words = [repr(setting.name), *(f"{name}={value!r}" for name, value in said.items() if value is not None)]
+        arguments = {"value": setting.value, "bounds": setting.bounds, "fixed": setting.fixed}
+        words = [repr(setting.name), *(f"{name}={value!r}" for name, value in arguments.items() if value is not None)]
         lines.append(f"study.set_parameter({', '.join(words)})")
     return "\n".join([*lines, 'study.save("better.toml")', 'study.report("story.html")', ""])

@@ -47,26 +47,26 @@ def residuals(error: FloatArray, step: float) -> Residuals:
     Raises:
         InputError: too few readings, or all errors are the same.
     """
-    known = np.isfinite(error)
-    there = error[known]
-    if there.size < _LEAST or np.ptp(there) == 0:
-        raise InputError("plot", "residuals", f"{there.size} readings", f"{_LEAST} or more that differ")
-    correlation = _autocorrelation(np.where(known, error - there.mean(), 0.0), known)
+    finite = np.isfinite(error)
+    errors = error[finite]
+    if errors.size < _LEAST or np.ptp(errors) == 0:
+        raise InputError("plot", "residuals", f"{errors.size} readings", f"{_LEAST} or more that differ")
+    correlation = _autocorrelation(np.where(finite, error - errors.mean(), 0.0), finite)
     lags = np.unique(np.linspace(0, correlation.size - 1, _POINTS).astype(int))
-    band = _NORMAL_95 / float(np.sqrt(there.size))
+    band = _NORMAL_95 / float(np.sqrt(errors.size))
     within = np.flatnonzero(np.abs(correlation) < band)
-    probabilities = (np.arange(min(_POINTS, there.size)) + 0.5) / min(_POINTS, there.size)
+    probabilities = (np.arange(min(_POINTS, errors.size)) + 0.5) / min(_POINTS, errors.size)
     return Residuals(
         tuple((lags * step).tolist()),
         tuple(correlation[lags].tolist()),
         band,
         float(within[0]) * step if within.size else None,
-        tuple((there.mean() + there.std() * ndtri(probabilities)).tolist()),
-        tuple(np.quantile(there, probabilities).tolist()),
+        tuple((errors.mean() + errors.std() * ndtri(probabilities)).tolist()),
+        tuple(np.quantile(errors, probabilities).tolist()),
     )
 
 
-def _autocorrelation(deviation: FloatArray, known: np.typing.NDArray[np.bool_]) -> FloatArray:
+def _autocorrelation(deviation: FloatArray, finite: np.typing.NDArray[np.bool_]) -> FloatArray:
     """Correlation at lags of 0, 1, 2, … readings; pairs of which one is missing are left out."""
     n, most = deviation.size, max(int(_LONGEST * deviation.size), 2)
     size = 2 ** int(np.ceil(np.log2(n + most)))
@@ -75,6 +75,6 @@ def _autocorrelation(deviation: FloatArray, known: np.typing.NDArray[np.bool_]) 
         spectrum = np.fft.rfft(values, size)
         return np.asarray(np.fft.irfft(spectrum * spectrum.conj(), size)[:most])
 
-    pairs = np.maximum(np.round(products(known.astype(float))), 1.0)
+    pairs = np.maximum(np.round(products(finite.astype(float))), 1.0)
     covariance = products(deviation) / pairs
     return np.asarray(covariance / covariance[0])

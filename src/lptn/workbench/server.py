@@ -108,10 +108,10 @@ class _Site:
         return await _answered(request, LinesAsked, self._session.lines, _packed)
 
     async def special(self, request: Request) -> Response:
-        return await _answered(request, SpecialAsked, self._session.special, _told)
+        return await _answered(request, SpecialAsked, self._session.special, _as_json)
 
     async def residuals(self, request: Request) -> Response:
-        return await _answered(request, ResidualsAsked, self._session.residuals, _told)
+        return await _answered(request, ResidualsAsked, self._session.residuals, _as_json)
 
     async def network(self, request: Request) -> Response:
         return await _answered(request, NetworkAsked, self._session.network, JSONResponse)
@@ -148,12 +148,12 @@ def _packed(lines: Mapping[str, Mapping[str, FloatArray]]) -> Response:
     return Response(packed(lines), media_type="application/octet-stream")
 
 
-def _told(found: Special | Residuals) -> Response:
-    return JSONResponse(finite(asdict(found)))
+def _as_json(result: Special | Residuals) -> Response:
+    return JSONResponse(finite(asdict(result)))
 
 
 async def _answered(
-    request: Request, kind: type[Asked], answer: Callable[[Asked], Found], said: Callable[[Found], Response]
+    request: Request, kind: type[Asked], answer: Callable[[Asked], Found], respond: Callable[[Found], Response]
 ) -> Response:
     """The answer to a question whose parts stand in the address; what was wrong with it in a line."""
     lists = {name for name, field in kind.model_fields.items() if get_origin(field.annotation) is list}
@@ -161,7 +161,7 @@ async def _answered(
     parts = {name: words.getlist(name) if name in lists else words[name] for name in words}
     try:
         asked = kind.model_validate(parts)
-        return await run_in_threadpool(lambda: said(answer(asked)))
+        return await run_in_threadpool(lambda: respond(answer(asked)))
     except ValidationError as error:
         return _wrong(_in_words(error))
     except InputError as error:
@@ -174,8 +174,8 @@ def _wrong(what: str) -> Response:
 
 def _in_words(error: ValidationError) -> str:
     """What was wrong, in one line."""
-    found: list[dict[str, Any]] = json.loads(error.json(include_url=False, include_context=False))
-    return "; ".join(f"{'.'.join(map(str, each['loc'])) or 'order'}: {each['msg']}" for each in found)
+    problems: list[dict[str, Any]] = json.loads(error.json(include_url=False, include_context=False))
+    return "; ".join(f"{'.'.join(map(str, problem['loc'])) or 'order'}: {problem['msg']}" for problem in problems)
 
 
 # --- a server from its start to its end ------------------------------------------------------------------------

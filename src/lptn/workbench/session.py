@@ -133,13 +133,13 @@ class Session:
 
     def _ended(self, status: int | None) -> None:
         """The process ended by itself, as where memory is short; what can't even begin is not begun again."""
-        found = f"the calculation ended by itself (status {status})"
+        problem = f"the calculation ended by itself (status {status})"
         if not self._worked:
-            self._refused = InputError("workbench", "process", found, "one that reads the logs")
+            self._refused = InputError("workbench", "process", problem, "one that reads the logs")
             self._failed, self._busy = str(self._refused), None
             return
         self._begin(after_a_stop=True)
-        self._failed = f"{found}; the study is as it was before"
+        self._failed = f"{problem}; the study is as it was before"
 
     def _heard_opened(self, folder: Path) -> None:
         self.folder = folder
@@ -245,7 +245,7 @@ class Session:
             InputError: no such run or node, or too little was measured.
         """
         lines, models = self._lines_of(asked.segment)
-        segment = next(each for each in self._content["segments"] if each["key"] == asked.segment)
+        segment = next(entry for entry in self._content["segments"] if entry["key"] == asked.segment)
         counts = (lines.time >= segment["from"]) & (lines.time < segment["to"])
         step = float(lines.time[1] - lines.time[0])
         return residuals(lines.error(asked.node, models["now"])[counts], step)
@@ -325,7 +325,10 @@ class Session:
 
 
 def _examples() -> dict[str, dict[str, str]]:
-    return {name: {"title": each.title, "about": each.about, "solved": each.solved} for name, each in EXAMPLES.items()}
+    return {
+        name: {"title": example.title, "about": example.about, "solved": example.solved}
+        for name, example in EXAMPLES.items()
+    }
 
 
 def _end(process: multiprocessing.process.BaseProcess | None) -> None:

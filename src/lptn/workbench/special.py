@@ -83,30 +83,30 @@ def special(
     step = float(time[1] - time[0]) * block
     moments, deviation = means_of_blocks(time, block), means_of_blocks(error, block)
     inside = (moments >= start) & (moments < stop)
-    known = np.isfinite(deviation)
+    finite = np.isfinite(deviation)
     length = int(inside.sum())
-    if (inside & known).sum() < _LEAST_INSIDE or (~inside & known).sum() < 2 * length:
-        found = f"{start:.6g} to {stop:.6g} s"
-        raise InputError("plot", "stretch", found, "a third of the run or less, with readings in it and outside")
-    shape = np.where(known, deviation - np.mean(deviation[~inside & known]), 0.0)[inside]
+    if (inside & finite).sum() < _LEAST_INSIDE or (~inside & finite).sum() < 2 * length:
+        stretch = f"{start:.6g} to {stop:.6g} s"
+        raise InputError("plot", "stretch", stretch, "a third of the run or less, with readings in it and outside")
+    shape = np.where(finite, deviation - np.mean(deviation[~inside & finite]), 0.0)[inside]
     first = int(np.argmax(inside))
-    seen: list[FloatArray] = []
+    sizes: list[FloatArray] = []
     companions, everywhere = [], np.zeros(moments.size - length + 1)
     for name, values in inputs.items():
         column = means_of_blocks(values, block)
         if not np.isfinite(column).all() or np.ptp(column) <= _CONSTANT * np.abs(column).max():
             continue
-        if any(np.allclose(np.abs(column), other) for other in seen):
+        if any(np.allclose(np.abs(column), size) for size in sizes):
             continue  # the size of an input that was asked already
-        seen.append(np.abs(column))
-        scores = {words: _standing_out(each, shape) for words, each in _forms(column, name, step).items()}
-        words = max(scores, key=lambda each: abs(scores[each][first]))
-        everywhere = np.maximum(everywhere, np.max([np.abs(each) for each in scores.values()], axis=0))
+        sizes.append(np.abs(column))
+        scores = {words: _standing_out(form, shape) for words, form in _forms(column, name, step).items()}
+        words = max(scores, key=lambda label: abs(scores[label][first]))
+        everywhere = np.maximum(everywhere, np.max([np.abs(score) for score in scores.values()], axis=0))
         means = float(column[inside].mean()), float(column[~inside].mean())
         companions.append(Companion(name, words, abs(float(scores[words][first])), *means))
     elsewhere = np.abs(np.arange(everywhere.size) - first) >= length
     chance = float(np.quantile(everywhere[elsewhere], _CHANCE)) if companions else 0.0
-    return Special(tuple(sorted(companions, key=lambda each: -each.score)), chance)
+    return Special(tuple(sorted(companions, key=lambda companion: -companion.score)), chance)
 
 
 def _standing_out(values: FloatArray, shape: FloatArray) -> FloatArray:
@@ -127,8 +127,8 @@ def _forms(column: FloatArray, name: str, step: float) -> dict[str, FloatArray]:
     """An input in the ways in which heat may follow it, by their words; what only repeats another way is left out."""
     one_sided = column.min() >= 0
     forms = {}
-    for way, of in _WAYS.items():
-        if one_sided and way == "size of ":
+    for prefix, of in _WAYS.items():
+        if one_sided and prefix == "size of ":
             continue
         for lag, seconds in _LAGS.items():
             if seconds and seconds <= 2 * step:
@@ -137,5 +137,5 @@ def _forms(column: FloatArray, name: str, step: float) -> dict[str, FloatArray]:
             if seconds:
                 kept = float(np.exp(-step / seconds))
                 values = lfilter([1 - kept], [1, -kept], values, zi=[kept * values[0]])[0]
-            forms[f"{way}{name} {lag}".strip()] = values
+            forms[f"{prefix}{name} {lag}".strip()] = values
     return forms
