@@ -392,12 +392,12 @@ class Study:
         self._undone.clear()
         return self
 
-    def improve(self, most: int = 6, found: Callable[[tuple[Step, ...]], None] = lambda _: None) -> Study:
+    def improve(self, most: int = 6, on_step: Callable[[tuple[Step, ...]], None] = lambda _: None) -> Study:
         """Diagnose, add, refit, step by step, until nothing beyond chance is left or nothing helps.
 
         Args:
             most: how many effects to add at most.
-            found: called after each step with the best steps so far, the model as it is now first.
+            on_step: called after each step with the best steps so far, the model as it is now first.
 
         Raises:
             InputError: there is nothing to fit, or a channel of what is fitted may be in another unit.
@@ -412,7 +412,7 @@ class Study:
             surface_error=self.surface_error,
             executor=self.executor,
             report=logger.info,
-            found=found,
+            on_step=on_step,
         )
         self._leave()
         before = max(len(self._steps) - 1, 0)

@@ -111,7 +111,7 @@ def test_a_diagnosis_is_a_table_and_its_best_answer_can_be_added(study: lptn.Stu
 def test_improve_goes_the_whole_way(tmp_path: Path) -> None:
     study = lptn.Study(MODEL, fit=LOG, holdout_after=300)
     best_so_far: list[tuple[str, ...]] = []
-    study.improve(most=2, found=lambda steps: best_so_far.append(tuple(step.effect or "" for step in steps)))
+    study.improve(most=2, on_step=lambda steps: best_so_far.append(tuple(step.effect or "" for step in steps)))
     assert [len(steps) for steps in best_so_far] == [2, 3]
     assert best_so_far[-1] == ("", *study.history["effect"][1:])
     assert study.history["RMSE held out [K]"].iloc[-1] == pytest.approx(0.999, abs=0.01)

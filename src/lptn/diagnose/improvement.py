@@ -172,7 +172,7 @@ def improve(
     surface_error: float = SURFACE_ERROR,
     executor: Executor | None = None,
     report: Report = lambda _: None,
-    found: Callable[[Branch], None] = lambda _: None,
+    on_step: Callable[[Branch], None] = lambda _: None,
 ) -> History:
     """Diagnose, add the missing effect, refit, until nothing beyond chance is left or nothing helps.
 
@@ -189,7 +189,8 @@ def improve(
             deviation.
         executor: where refits run; here, one after the other, by default.
         report: called with a sentence on what is being done.
-        found: called after each step with the best steps so far, the model as given first; on the search's coarse data.
+        on_step: called after each step with the best steps so far, the model as given first; on the search's coarse
+            data.
 
     Raises:
         InputError: a run lacks an input of the model.
@@ -204,14 +205,14 @@ def improve(
     """
     coarse = for_search(data)
     model = with_errors_of_runs(model, data, ambient_error, torque_error, surface_error)
-    search, kept, verdicts = _searched(model, coarse, most, executor, report, found)
+    search, kept, verdicts = _searched(model, coarse, most, executor, report, on_step)
     differing: tuple[RunDifference, ...] = ()
     likeliest = _ranked(search.branches)[0]
     if coarse.holdout and (verdicts[0] == "unexplained" or search.diagnosis(likeliest).only_held_out_runs_object):
         report("looking for what differs in held-out runs")
         differs, differing = explained_differences(model, likeliest[-1].fit, coarse.holdout)
         if differing:
-            search, kept, verdicts = _searched(differs, coarse, most, executor, report, found)
+            search, kept, verdicts = _searched(differs, coarse, most, executor, report, on_step)
     first, last = search.diagnosis(search.branches[0]), search.diagnosis(kept)
     report("fitting the steps at full resolution")
     steps = _at_full_resolution(kept, data)
@@ -225,13 +226,13 @@ def _searched(
     most: int,
     executor: Executor | None,
     report: Report,
-    found: Callable[[Branch], None],
+    on_step: Callable[[Branch], None],
 ) -> tuple[_Search, Branch, tuple[Verdict, Verdict]]:
     """All branches from a model, the one that is kept, and the verdicts on the model as given and on that one."""
     report("fitting the model as it stands")
     base = unless_interrupted(fit_segments(model, data.fit))
     given: Branch = (Step(base).predicting(data),)
-    search = _Search(data, executor, report, found)
+    search = _Search(data, executor, report, on_step)
     search.follow(given, most)
     kept = search.reconsidered(search.settled(_chosen(search.branches, data)))
     remaining = search.remaining(kept)
@@ -278,13 +279,13 @@ class _Search:
         data: in the steps of the search.
         executor: where refits run; here, one after the other, by default.
         report: called with a sentence on what is being done.
-        found: called after each step with the best branch so far.
+        on_step: called after each step with the best branch so far.
     """
 
     def __init__(
-        self, data: DataSplit, executor: Executor | None, report: Report, found: Callable[[Branch], None]
+        self, data: DataSplit, executor: Executor | None, report: Report, on_step: Callable[[Branch], None]
     ) -> None:
-        self.data, self.executor, self.report, self.found = data, executor, report, found
+        self.data, self.executor, self.report, self.on_step = data, executor, report, on_step
         self.branches: list[Branch] = []
         self._believed: dict[frozenset[Key], bool] = {}
         self._standing: dict[Key, bool] = {}  # of each error of the log that was asked, as `_stands` says it
@@ -309,7 +310,7 @@ class _Search:
                 return
             self.branches += beam
             self.report(f"step {depth}: {_in_words(beam)}")
-            self.found(min(self.branches, key=_error))
+            self.on_step(min(self.branches, key=_error))
             # The first of a pair may help nobody alone, so one step without a gain is allowed at the start.
             if depth > 1 and _ranked(self.branches, self.data)[0] not in beam:
                 return

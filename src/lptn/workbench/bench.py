@@ -70,18 +70,18 @@ class Bench:
 
     # --- what can be ordered --------------------------------------------------------------------
 
-    def do(self, order: Order | Keep, found: Callable[[tuple[Step, ...]], None] = lambda _: None) -> None:
+    def do(self, order: Order | Keep, on_step: Callable[[tuple[Step, ...]], None] = lambda _: None) -> None:
         """Do what the page ordered.
 
         Args:
             order: what it ordered.
-            found: called with the best steps of a search while it goes on.
+            on_step: called with the best steps of a search while it goes on.
 
         Raises:
             InputError: it can't be done with this model and these logs.
         """
         if isinstance(order, Plain):
-            self._plain(order, found)
+            self._plain(order, on_step)
         elif isinstance(order, Add):
             answer = next((step for step in self._answers if step.key == (order.effect, order.at)), None)
             self.study.add(answer or order.effect, "" if answer else order.at)
@@ -95,9 +95,9 @@ class Bench:
             for effect, at in order.steps:
                 self.study.add(effect, at)
 
-    def _plain(self, order: Plain, found: Callable[[tuple[Step, ...]], None]) -> None:
+    def _plain(self, order: Plain, on_step: Callable[[tuple[Step, ...]], None]) -> None:
         if order.what == "improve":
-            self.study.improve(found=found)
+            self.study.improve(on_step=on_step)
         elif order.what == "report":
             self.study.report(self.folder / "story.html")
         elif order.what == "fmu":
