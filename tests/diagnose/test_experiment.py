@@ -6,8 +6,9 @@ The truth is integrated by SciPy with equations written out here.
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 
@@ -19,6 +20,7 @@ from lptn.basics.arrays import FloatArray
 from lptn.diagnose.answers import Step, refit_all
 from lptn.diagnose.candidates import candidates
 from lptn.diagnose.experiment import CLEAR, Experiment, Separation, difference, noise_density, possible_moves, propose
+from lptn.diagnose.experiment_runs import Move
 from lptn.diagnose.probability import open_pairs
 from lptn.diagnose.scores import score
 from lptn.identify.data import split_data
@@ -52,6 +54,13 @@ kind = "copper_loss"
 at = "*"
 resistance = 0.15
 torque_constant = 0.84
+"""
+ONE_BY_CURRENT = """
+[[effects]]
+kind = "copper_loss"
+at = "R_knee"
+input = "current"
+resistance = 0.15
 """
 
 
@@ -112,14 +121,14 @@ def _log(truth: Truth, torque: float, speed: float, minutes: int) -> Run:
 
 
 @cache
-def _model() -> Model:
-    return Model(parse_model(MODEL, Path("knees.toml")).network)
+def _model(text: str = MODEL) -> Model:
+    return Model(parse_model(text, Path("knees.toml")).network)
 
 
-def _refits(runs: tuple[Run, ...], keys: tuple[tuple[str, str], ...]) -> list[Step]:
+def _refits(runs: tuple[Run, ...], keys: tuple[tuple[str, str], ...], model: str = MODEL) -> list[Step]:
     """Both rivals refitted, the one that explains more first."""
-    base = fit_segments(_model(), split_data(runs).fit)
-    rivals = [candidate for candidate in candidates(_model().network, runs[0].columns) if candidate.key in keys]
+    base = fit_segments(_model(model), split_data(runs).fit)
+    rivals = [candidate for candidate in candidates(_model(model).network, runs[0].columns) if candidate.key in keys]
     return refit_all(base, score(base, rivals).ranked)
 
 
@@ -208,6 +217,18 @@ def test_a_wrong_sensor_is_told_from_heat_by_leaving_the_joint_alone() -> None:
     experiment = propose(SENSOR.before()[1])
     assert experiment is not None
     assert "unpowered" in experiment.text()
+
+
+def test_joints_that_log_torque_and_joints_that_log_current_have_both_in_one_proposal() -> None:
+    log, _ = FRICTION.before()
+    amperes = {"current.R_knee": log.columns["torque.R_knee"] / 0.84}
+    columns = {name: values for name, values in log.columns.items() if name != "torque.R_knee"} | amperes
+    by_current = MODEL.replace('at = "*"', 'at = "L_knee"') + ONE_BY_CURRENT
+    rivals = _refits((replace(log, columns=columns),), (FRICTION.name, FRICTION.rival), by_current)
+    experiment = propose(rivals, allowed=[Move("*", JOINTS, 0.5, speed) for speed in (0.2, 0.8)])
+    assert experiment is not None
+    assert "N*m and A" in [phase["load_unit"] for phase in experiment.moves]
+    assert re.search(r"all joints at 4 rad/s on average with 3\.\d N\*m and 2\.\d A for", experiment.text())
 
 
 def test_a_limit_below_every_run_leaves_nothing_to_propose() -> None:

@@ -86,10 +86,14 @@ class LoggedInputs:
             return self.high[column] if chosen else float(self._values[column].min())
         return self._usual(column, bool(move.joints))
 
-    def loads(self, move: Move) -> tuple[str, list[float]]:
-        """The quantity that a move's load is of, and its values at the move's joints."""
-        quantity = next((load for load in self._heating if any(_quantity(name) == load for name in self.inputs)), "")
-        return quantity, [self.value(f"{quantity}.{joint}", move) for joint in move.joints]
+    def loads(self, move: Move) -> dict[str, list[float]]:
+        """Values of a move's load, by the quantity that each joint logs it as: torque here, current there."""
+        values: dict[str, list[float]] = {}
+        for joint in move.joints:
+            quantity = next((quantity for quantity in self._heating if f"{quantity}.{joint}" in self.inputs), "")
+            if quantity:
+                values.setdefault(quantity, []).append(self.value(f"{quantity}.{joint}", move))
+        return values
 
     def speeds(self, move: Move) -> list[float]:
         """Mean speed of the move's joints [rad/s]; none where it is not among the inputs."""
@@ -318,15 +322,15 @@ def _phase(phase: Phase, logged: LoggedInputs) -> str:
 def _doing(move: Move, logged: LoggedInputs) -> str:
     if not move.joints:
         return "leave it unpowered"
-    quantity, loads = logged.loads(move)
-    load, speeds = _range(loads, unit_of(quantity) or f"of {quantity}"), logged.speeds(move)
+    loads = logged.loads(move).items()
+    load = " and ".join(_range(values, unit_of(quantity) or f"of {quantity}") for quantity, values in loads)
     where = _where(move)
     if move.travelling:
         base = logged.high.get(BASE, 0.0) * move.speed
         return f"walk at {base:.2g} m/s with {load} at {where}"
     if move.speed == 0.0:
         return f"hold {load} at {where} standing" if logged.moving else f"hold {load} at {where}"
-    pace = _range(speeds, "rad/s")
+    pace = _range(logged.speeds(move), "rad/s")
     if move.load == 0.0:
         return f"swing {where} without load at {pace} on average"
     return f"move {where} at {pace} on average with {load}"
