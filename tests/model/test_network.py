@@ -140,6 +140,14 @@ def test_effects_can_be_taken_out_again() -> None:
     assert [one.effect.key for one in left.effects] == ["coulomb_friction"]
 
 
+def test_an_effect_that_comes_back_has_the_values_it_is_declared_with() -> None:
+    network = leg([effect("constant_heat", "*_calf")]).with_values({"constant_heat.power.FR_calf": 7.0})
+    left = network.without_effect("constant_heat", "*_calf")
+    assert left == leg([])
+    again = left.with_effects([effect("constant_heat", "*_calf")])
+    assert again.parameters == leg([effect("constant_heat", "*_calf")]).parameters
+
+
 def test_the_effect_of_an_edge_pattern_acts_once_on_each_edge() -> None:
     assert [instance.place for instance in leg([effect("conduction", "*")]).effect_instances] == [
         "FR_hip~FR_thigh",

@@ -564,11 +564,14 @@ class _Search:
 def _less(branch: Branch, step: Step) -> tuple[Network, Branch]:
     """The branch's network without a step, and its other steps; what was a place's difference from it is its own.
 
+    Made from the given one, so that a run has back the nuisance parameter that the step stood for.
+
     Raises:
         InputError: another step stands at an edge that this made.
     """
-    network, others = branch[-1].fit.model.network.without_effect(*step.key), []
-    for other in (member for member in branch if member is not step):
+    left = [other for other in branch if other is not step]
+    network, others = branch[0].fit.model.network.with_effects(_declarations(left)), []
+    for other in left:
         declared = other.declaration
         if declared is not None and declared.difference:
             common = {instance.place for instance in network.in_common(declared.effect.key)}

@@ -352,6 +352,9 @@ class Network:
         worked_out = _work_out(self.origin, self.nodes, self.links, self.effects, self.joints, self.values)
         for name, value in worked_out._asdict().items():
             object.__setattr__(self, name, value)
+        # An effect that is taken out takes its values along: should it come back, it starts as it is declared then.
+        names = {parameter.name for parameter in self.parameters}
+        object.__setattr__(self, "values", {name: value for name, value in self.values.items() if name in names})
 
     @property
     def dynamic(self) -> list[str]:
