@@ -39,7 +39,7 @@ CONSTANTS = (
     "lptn.diagnose.candidates._MOST_RISE",
     "lptn.diagnose.candidates._ONE_RUN_ONLY",
     "lptn.diagnose.candidates._ONE_LOGGER",
-    "lptn.diagnose.probability._OCCAM",
+    "lptn.diagnose.probability.OCCAM",
     "lptn.diagnose.plausibility.FACTOR",
     "lptn.diagnose.plausibility.BELIEVED",
     "lptn.diagnose.probability._ERRORS_ALIKE",
@@ -62,7 +62,7 @@ CONSTANTS = (
 )
 """What decides; constants of the search for a number, such as precisions, are left out."""
 FACTORS = (1 / 1.5, 1.5)
-ABOVE_ONE = frozenset(("HOPELESS", "MUCH_WORSE", "LACKING", "CLEARLY", "_SHOWS_PLAINLY", "_OCCAM"))
+ABOVE_ONE = frozenset(("HOPELESS", "MUCH_WORSE", "LACKING", "CLEARLY", "_SHOWS_PLAINLY", "OCCAM"))
 """Ratios: what lies above one is changed."""
 STEPS = 3
 

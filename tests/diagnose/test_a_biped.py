@@ -95,7 +95,9 @@ def test_what_a_biped_lacks_is_named_and_nothing_else(missing: tuple[str, str], 
     study = lptn.Study(_model(tmp_path), fit=logs[:2], holdout=logs[2:])
     assert not [run.issues for run in study.runs if run.issues]
     steps = study.improve().steps
-    assert {step.key for step in steps[1:]} == {("resistance_rise", "*"), missing} - {("", "")}
+    # A housing of 1 K steps doesn't tell a winding's standing heat from its own: either may be told, beside the other.
+    named = {missing if missing in step.indistinguishable else step.key for step in steps[1:]}
+    assert named == {("resistance_rise", "*"), missing} - {("", "")}
     best = steps[-1].holdout
     assert best is not None
     assert best.rmse < 0.4  # K: rounding down leaves 0.29

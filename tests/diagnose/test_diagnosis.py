@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
+import lptn
 from lptn.diagnose.answers import refit_all
 from lptn.diagnose.candidates import candidates
 from lptn.diagnose.diagnosis import diagnose, examine, for_search
@@ -54,6 +57,48 @@ def test_however_few_are_refitted_either_run_may_be_the_odd_one(leg: Leg) -> Non
     refitted = {step.key for step in diagnosis.refits}
     assert {("surface_scale", "FR_calf@fit1"), ("surface_scale", "FR_calf@fit2")} <= refitted
     assert diagnosis.refits[0].key == ("surface_scale", "FR_calf@fit2")
+
+
+KNEES = """
+[model]
+name = "knees"
+joints = ["L_knee", "R_knee"]
+ambient = "temperature.ambient"
+[nodes."*"]
+capacity = { value = 250, unit = "J/K", bounds = [20, 3000], share = "all" }
+[[links]]
+between = ["*", "ambient"]
+resistance = { value = 8, unit = "K/W", bounds = [0.5, 200], share = "all" }
+[[effects]]
+kind = "copper_loss"
+at = "*"
+resistance = 0.15
+torque_constant = 0.84
+"""
+
+
+def _knees(seed: int) -> pd.DataFrame:
+    """A fan blows at the right one of two knees: it loses heat 1.6 times as fast."""
+    rng, seconds = np.random.default_rng(seed), 2400
+    log = pd.DataFrame({"time": np.arange(float(seconds)), "temperature.ambient": 21.0})
+    for knee, resistance in (("L_knee", 6.0), ("R_knee", 6.0 / 1.6)):
+        torque, excess = np.repeat(rng.uniform(0, 9, seconds // 200), 200), np.zeros(seconds)
+        for k, heat in enumerate(0.15 / 0.84**2 * torque[:-1] ** 2):
+            excess[k + 1] = excess[k] + (heat - excess[k] / resistance) / 300
+        log[f"torque.{knee}"], log[f"temperature.{knee}"] = torque, 21.0 + excess + rng.normal(0, 0.1, seconds)
+    return log
+
+
+def test_of_two_places_that_share_what_is_fitted_either_may_be_the_odd_one(tmp_path: Path) -> None:
+    """More at one is less at the other, whatever is refitted besides."""
+    (tmp_path / "knees.toml").write_text(KNEES, encoding="utf-8")
+    study = lptn.Study(tmp_path / "knees.toml", fit=[_knees(1), _knees(2)])
+    right, left = diagnose(study.model, study.data, refits=1).refits[:2]
+    assert {right.key, left.key} == {("surface_scale", "R_knee"), ("surface_scale", "L_knee")}
+    assert left.key in right.indistinguishable
+    factors = [1 + amplitude.value for step in (right, left) if (amplitude := step.amplitude)]
+    assert max(factors) == pytest.approx(1.6, abs=0.1)
+    assert np.prod(factors) == pytest.approx(1.0, abs=0.03)
 
 
 def test_nothing_hidden_is_adequate(leg: Leg) -> None:

@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import cached_property
+from math import log
 
 import numpy as np
 import pandas as pd
@@ -21,6 +22,7 @@ from lptn.basics.tables import Tabular
 from lptn.diagnose.candidates import Candidate
 from lptn.diagnose.fit_statistics import criterion_difference
 from lptn.diagnose.probability import (
+    OCCAM,
     is_implausible,
     log_evidence_of_starts,
     log_odds_by_score,
@@ -274,29 +276,46 @@ _TYPICAL_RANGE = (0.02, 20.0)  # first-order amplitudes outside this share of th
 
 
 def _shortlist(base: Fit, scores: Scores, log_priors: Mapping[Key, float], most: int) -> list[Score]:
-    """The candidates worth an exact refit: the most probable to first order, and of every effect that scores well the
-    most probable place and the most probable group of places, in all runs and in each alone.
+    """The candidates worth an exact refit: the most probable to first order; of every effect that scores well the
+    most probable place and the most probable group of places, in all runs and in each alone; and like places, where
+    first order does not rule one out beside the other.
 
     None that chance alone would score. Effects with an inner state look the same to first order, so each effect gets
-    its chance; and which of two runs is the odd one, the fitted data can't tell.
+    its chance; and which of two runs is the odd one, the fitted data can't tell, nor which of two places that have a
+    fitted parameter in common: more at one is less at the other.
     """
     significant = [entry for entry in scores.ranked if scores.p_value(entry.gain) < SIGNIFICANT]
     if not significant:
         return []
     odds = log_odds_by_score(base, significant, np.array([log_priors[entry.candidate.key] for entry in significant]))
-    ordered = [significant[k] for k in np.argsort(-odds, kind="stable")]
-    chosen, least = ordered[:most], _SAME_EFFECT_SHARE * significant[0].gain
-    kinds = {_kind(entry.candidate) for entry in chosen}
-    for entry in ordered[most:]:
-        kind = _kind(entry.candidate)
-        if entry.gain >= least and kind not in kinds:
-            kinds.add(kind)
+    least, nodes = _SAME_EFFECT_SHARE * significant[0].gain, base.model.network.dynamic
+    chosen: list[Score] = []
+    kinds: set[_Alike] = set()
+    best: dict[_Alike, float] = {}
+    for number in np.argsort(-odds, kind="stable"):
+        entry, of_this = significant[number], float(odds[number])
+        kind, like = _kind(entry.candidate), _like(entry.candidate, nodes)
+        first_of_its_kind = entry.gain >= least and kind not in kinds
+        if len(chosen) < most or first_of_its_kind or of_this > best.get(like, np.inf) - log(OCCAM):
             chosen.append(entry)
+            kinds.add(kind)
+            best.setdefault(like, of_this)
     return chosen
 
 
-def _kind(candidate: Candidate) -> tuple[type[Effect], str, bool]:
+_Alike = tuple[type[Effect], str, object]
+
+
+def _kind(candidate: Candidate) -> _Alike:
+    """Effect, run, and whether it acts at a single place."""
     return candidate.effect, candidate.run, len(candidate.places) == 1
+
+
+def _like(candidate: Candidate, nodes: Sequence[str]) -> _Alike:
+    """Effect, run, and what a single place has in common with its like; several places are like no others."""
+    if len(candidate.places) > 1:
+        return candidate.effect, candidate.run, candidate.places
+    return candidate.effect, candidate.run, candidate.effect.like_places(candidate.places[0], nodes)
 
 
 def refit_all(base: Fit, scores: Sequence[Score], executor: Executor | None = None) -> list[Step]:

@@ -46,7 +46,8 @@ from lptn.model.network import EffectDeclaration
 from lptn.simulate.dynamics import slopes_at_points
 
 _DRAWS = 1000  # of the weights: a probability of a half is met within 0.016
-_OCCAM = 20.0  # times less probable than the best, from which on a model is out of Occam's window [MadiganRaftery1994]
+OCCAM = 20.0
+"""Times less probable than the best, from which on a model is out of Occam's window [MadiganRaftery1994]."""
 
 
 def probabilities(
@@ -208,7 +209,7 @@ def log_odds_by_score(fit: Fit, scores: Sequence[Score], log_priors: FloatArray)
 def in_occams_window(probabilities: FloatArray) -> list[int]:
     """Numbers of the models that the most probable one does not rule out, the most probable first."""
     order = np.argsort(-probabilities, kind="stable")
-    return [int(number) for number in order if probabilities[number] * _OCCAM >= probabilities[order[0]]]
+    return [int(number) for number in order if probabilities[number] * OCCAM >= probabilities[order[0]]]
 
 
 # --- What is thought beforehand of an effect at a place, and of its size ------------------------------------
