@@ -57,16 +57,21 @@ def leg(effects: Sequence[EffectDeclaration] = (), ambient: float | None = 10.0)
     return Network("leg", tuple(nodes), tuple(links), tuple(effects))
 
 
-def two_nodes(effects: Sequence[EffectDeclaration] = ()) -> Network:
-    """Two nodes that touch only the ambient, so that every effect of the catalogue can be added."""
-    links = (link("a", "ambient", 4.0), link("b", "ambient", 7.0))
+def two_nodes(effects: Sequence[EffectDeclaration] = (), *, linked: bool = False) -> Network:
+    """Two nodes that touch the ambient, and each other if they are linked."""
+    links = (link("a", "ambient", 4.0), link("b", "ambient", 7.0), *((link("a", "b", 3.0),) if linked else ()))
     return Network("two", (node("a", 120.0), node("b", 250.0), AMBIENT), links, tuple(effects))
 
 
 def with_every_effect() -> Network:
     """Two nodes with everything that the catalogue holds, copper loss first since others act on it."""
     keys = sorted(catalogue(), key=lambda key: catalogue()[key].scales_heat)
-    return two_nodes([effect(key) for key in keys])
+    return two_nodes([effect(key) for key in keys], linked=True)
+
+
+def base_network(kind: type[Effect]) -> Network:
+    """Two nodes to which an effect of this kind can be added."""
+    return two_nodes(base_for(kind), linked=kind.site == "contact")
 
 
 def base_for(kind: type[Effect]) -> list[EffectDeclaration]:

@@ -18,12 +18,11 @@ from lptn.model.network import EffectDeclaration
 from lptn.simulate.bound_run import bind
 from lptn.simulate.simulation import simulate
 from tests.builders import (
-    base_for,
+    base_network,
     off,
     random_inputs,
     random_run,
     random_value,
-    two_nodes,
     with_every_effect,
 )
 
@@ -49,7 +48,7 @@ class _Pair:
 
     def __init__(self, kind: type[Effect], declaration: EffectDeclaration, seed: int) -> None:
         rng = np.random.default_rng(seed)
-        base = two_nodes(base_for(kind))
+        base = base_network(kind)
         self.without, self.extended = Model(base), Model(base.with_effects([declaration]))
         self.n = len(self.without.states)
         amplitude = kind.amplitude()
@@ -161,7 +160,7 @@ def test_off_is_the_model_without_it_to_the_last_bit(kind: type[Effect], seed: i
 
 @every_amplitude
 def test_off_run_is_the_run_without_it_to_the_last_bit(kind: type[Effect]) -> None:
-    base = two_nodes(base_for(kind))
+    base = base_network(kind)
     without, extended = Model(base), Model(base.with_effects([off(kind)]))
     run = random_run(extended, 120, seed=4, rise=5.0)
     path, other = simulate(without, bind(without, run)), simulate(extended, bind(extended, run))
@@ -171,7 +170,7 @@ def test_off_run_is_the_run_without_it_to_the_last_bit(kind: type[Effect]) -> No
 
 @every_amplitude
 def test_switched_on_it_moves_the_readings(kind: type[Effect]) -> None:
-    base = two_nodes(base_for(kind))
+    base = base_network(kind)
     without, extended = Model(base), Model(base.with_effects([_on(kind)]))
     run = random_run(extended, 120, seed=5, rise=5.0)
     path, other = simulate(without, bind(without, run)), simulate(extended, bind(extended, run))

@@ -16,7 +16,7 @@ from lptn.model.model import Model
 from lptn.model.network import EffectDeclaration, Network
 from lptn.simulate.bound_run import bind
 from lptn.simulate.simulation import simulate
-from tests.builders import base_for, effect, random_run, two_nodes
+from tests.builders import base_for, base_network, effect, random_run, two_nodes
 
 ADDING = (
     *("constant_heat", "coulomb_friction", "radiation", "conduction", "second_mass", "shared_mass", "sensor_lag"),
@@ -71,7 +71,7 @@ def test_a_difference_adds_to_what_is_common(key: str) -> None:
 @pytest.mark.parametrize("key", FACTORS)
 def test_a_difference_multiplies_a_common_factor(key: str) -> None:
     kind = catalogue()[key]
-    base = two_nodes(base_for(kind))
+    base = base_network(kind)
     both = base.with_effects([_shared(key, 0.3), _difference(key, "a", 0.2)])
     apart = base.with_effects([_shared(key, 1.3 * 1.2 - 1, "a"), _shared(key, 0.3, "b")])
     np.testing.assert_allclose(_readings(both), _readings(apart), rtol=1e-9)

@@ -16,7 +16,7 @@ from lptn.model.model import Model
 from lptn.model.network import EffectDeclaration, Network
 from lptn.simulate.bound_run import bind
 from lptn.simulate.simulation import sensitivities, simulate
-from tests.builders import base_for, effect, random_run, two_nodes
+from tests.builders import base_network, effect, random_run, two_nodes
 
 KINDS = [kind for kind in catalogue().values() if kind.amplitude() is not None]
 every_amplitude = pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.key)
@@ -32,7 +32,7 @@ def _named(run: Run, name: str) -> Run:
 
 @every_amplitude
 def test_acts_in_its_run_as_it_always_would_and_in_no_other_at_all(kind: type[Effect]) -> None:
-    base = two_nodes(base_for(kind))
+    base = base_network(kind)
     without, always, confined = (
         Model(base.with_effects(effects)) for effects in ([], [_on(kind)], [_on(kind, "monday")])
     )
@@ -50,7 +50,7 @@ def test_acts_in_its_run_as_it_always_would_and_in_no_other_at_all(kind: type[Ef
 
 @every_amplitude
 def test_no_other_run_tells_anything_of_it(kind: type[Effect]) -> None:
-    model = Model(two_nodes([*base_for(kind), _on(kind, "monday")]))
+    model = Model(base_network(kind).with_effects([_on(kind, "monday")]))
     amplitude = kind.amplitude()
     assert amplitude is not None
     own = [i for i, u in enumerate(model.parameters) if u.name.startswith(f"{kind.key}.{amplitude.name}.")]

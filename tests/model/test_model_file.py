@@ -231,7 +231,9 @@ def test_more_effects_keep_the_text_before_them() -> None:
 def test_a_file_with_one_more_effect_says_the_same_as_the_network_with_it(key: str) -> None:
     file = _parse(SMALL)
     kind = catalogue()[key]
-    at = {"edge": "a~b", "pair": "b~a", "link": "b", "group": "*", "boundary": "ambient"}.get(kind.site, "a")
+    at = {"edge": "a~b", "contact": "a~b", "pair": "b~a", "link": "b", "group": "*", "boundary": "ambient"}.get(
+        kind.site, "a"
+    )
     if kind.site == "edge":
         file = _parse(SMALL.replace('between = ["a", "b"]', 'between = ["a", "ambient"]'))
     if kind.scales_heat and not file.network.nodes_with(kind.heat_of):

@@ -57,7 +57,7 @@ def test_every_initial_state_equals_central_differences(case: tuple[Model, Bound
 
 def test_core_states_are_enough_while_the_other_effects_are_off() -> None:
     kinds = [kind for kind in catalogue().values() if kind.amplitude() is not None]
-    model = Model(two_nodes([declared("copper_loss"), *(off(kind) for kind in kinds)]))
+    model = Model(two_nodes([declared("copper_loss"), *(off(kind) for kind in kinds)], linked=True))
     bound = bind(model, random_run(model, 60, seed=2))
     start = default_start(model, bound)
     start[2:] += 4.0

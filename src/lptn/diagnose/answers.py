@@ -72,8 +72,8 @@ class Step(Tabular):
         probability: of this answer by the fitted runs, given that one of those that were refitted is right.
         in_some_run: probability that it, or the same in another run instead, is missing, of an effect of one run: which
             of two runs is odd is for held-out ones to tell.
-        at_its_place: probability that anything is missing at its place, by whatever name and, at a single place, in
-            whichever run; by all runs where `by_all_runs` is known.
+        at_its_place: probability that anything is missing at one of its `places`, by whatever name and, at a single
+            place, in whichever run; by all runs where `by_all_runs` is known.
         by_all_runs: probability by the held-out runs as well, which may have chosen it; `None` without any, or where no
             search asked.
         p_value: how often chance alone would score as much, over all candidates.
@@ -117,6 +117,15 @@ class Step(Tabular):
     def key(self) -> Key:
         """Effect and place, empty for the model as given."""
         return self.effect or "", self.at or ""
+
+    @property
+    def places(self) -> tuple[str, ...]:
+        """Its place, and others where the fitted data can't tell the same effect from it; without runs.
+
+        Of two joints that share a resistance, more loss at one is less at the other.
+        """
+        others = (_place(at) for effect, at in self.indistinguishable if effect == self.effect)
+        return tuple(dict.fromkeys([_place(self.at or ""), *(at for at in others if not is_glob(at))]))
 
     @property
     def amplitude(self) -> ParameterInstance | None:
@@ -385,20 +394,21 @@ def _by_probability(base: Fit, steps: Sequence[Step]) -> list[Step]:
         replace(
             step,
             probability=float(probability),
-            in_some_run=_of_those_alike(step, steps, of_all, _but_for_the_run),
-            at_its_place=_of_those_alike(step, steps, of_all, _place),
+            in_some_run=float(of_all[[_but_for_the_run(other) == _but_for_the_run(step) for other in steps]].sum()),
             indistinguishable=tuple(other.key for other, open_ in zip(steps, rivalled, strict=True) if open_),
         )
         for step, probability, rivalled in zip(steps, of_all, left_open, strict=True)
     ]
+    judged = [replace(step, at_its_place=_at_places_of(step, judged, of_all)) for step in judged]
     return [judged[k] for k in sorted(range(len(judged)), key=lambda k: (-judged[k].probability, -judged[k].gain))]
 
 
-def _of_those_alike(
-    step: Step, steps: Sequence[Step], probabilities: FloatArray, what: Callable[[Step], object]
-) -> float:
-    """Probability of all steps that have in common what one of them has."""
-    return float(probabilities[[what(other) == what(step) for other in steps]].sum())
+def _at_places_of(step: Step, steps: Sequence[Step], probabilities: FloatArray) -> float:
+    """Probability of all steps that stand where one of them may.
+
+    Everywhere in one run is no place that a fault may have.
+    """
+    return float(probabilities[[_place(other.at or "") in step.places for other in steps]].sum())
 
 
 def _but_for_the_run(step: Step) -> tuple[str | None, str, bool]:
@@ -407,12 +417,9 @@ def _but_for_the_run(step: Step) -> tuple[str | None, str, bool]:
     return step.effect, declared.at if declared else "", bool(declared and declared.run)
 
 
-def _place(step: Step) -> str:
-    """The place without the run; of several places with it: everywhere in one run is no place that a fault may have."""
-    declared = step.declaration
-    if declared is None:
-        return ""
-    return declared.where if is_glob(declared.at) else declared.at
+def _place(at: str) -> str:
+    """A single place whatever the run that is named behind it; a pattern as it is."""
+    return at if is_glob(at) else at.partition("@")[0]
 
 
 def compared(base: Fit, known: Sequence[Step], step: Step, data: DataSplit) -> Step:
@@ -423,7 +430,7 @@ def compared(base: Fit, known: Sequence[Step], step: Step, data: DataSplit) -> S
     if not data.holdout:
         return judged
     by_all_runs = _by_all_runs(Step(base), steps, data)
-    at_its_place = _of_those_alike(steps[0], steps, by_all_runs, _place)
+    at_its_place = _at_places_of(judged, steps, by_all_runs)
     return replace(judged, by_all_runs=float(by_all_runs[0]), at_its_place=at_its_place)
 
 

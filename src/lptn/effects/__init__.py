@@ -17,6 +17,7 @@ from lptn.basics.errors import InputError, one_line
 from lptn.effects.base import (
     BoundaryEffect,
     ClockEffect,
+    ContactEffect,
     EdgeEffect,
     Effect,
     ExcessEffect,
@@ -35,6 +36,7 @@ from lptn.effects.base import (
 __all__ = [
     "BoundaryEffect",
     "ClockEffect",
+    "ContactEffect",
     "EdgeEffect",
     "Effect",
     "ExcessEffect",

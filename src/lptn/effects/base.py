@@ -17,10 +17,11 @@ from lptn.basics.parameters import Parameter
 from lptn.basics.places import EVERYWHERE, class_of, edge, expand_pair, matching
 from lptn.effects.excitation import INPUTS_VARY, ExcitationRule
 
-Site = Literal["node", "link", "edge", "loss", "sensor", "pair", "group", "boundary"]
+Site = Literal["node", "link", "contact", "edge", "loss", "sensor", "pair", "group", "boundary"]
 SITES: Mapping[Site, str] = {
     "node": "a node",
     "link": "a link to the surroundings",
+    "contact": 'a link between two nodes, `"a~b"`',
     "edge": 'a pair of nodes `"a~b"` that no link joins',
     "loss": "another effect's heat at a node",
     "sensor": "a sensor",
@@ -423,6 +424,33 @@ class LinkEffect(Effect):
     def link_heat(self, here: Conditions) -> Symbol:
         node, surroundings = here.temperatures
         return self.extra_heat(node, surroundings, here.p)
+
+
+class ContactEffect(Effect):
+    """A change of the exchange between two nodes that the network links."""
+
+    site = "contact"
+    changes_link = True
+
+    @abstractmethod
+    def conductance_factor(self, p: SimpleNamespace) -> Symbol:
+        """Factor on the link's conductance, 1 when off."""
+
+    @classmethod
+    def places(cls, at: str, layout: Layout) -> list[Place]:
+        return [(edge(*pair), pair) for pair in _pairs(at, layout) if edge(*pair) in layout.linked]
+
+    @classmethod
+    def places_in_words(cls, layout: Layout) -> str:
+        names = ", ".join(place for place, _ in cls.places(EVERYWHERE, layout))
+        return f"one of {names}" if names else "a link between two nodes, which this model lacks"
+
+    @classmethod
+    def like_places(cls, place: str, nodes: Sequence[str]) -> str:
+        return _pattern_of_legs(place, nodes) or class_of(place)
+
+    def link_factor(self, here: Conditions) -> Symbol:
+        return self.conductance_factor(here.p)
 
 
 class EdgeEffect(Effect):

@@ -42,7 +42,7 @@ class HotSpot(ExcessEffect):
     signature = Signature(
         looks_like="the reading jumps up within seconds of a load, and down when it ends, by the same amount",
         separate_by="short strong bursts of load, 1 min on and 3 min off, logged once a second",
-        confused_with=("second_mass", "sensor_position"),
+        confused_with=("second_mass", "sensor_position", "contact_scale"),
     )
     excitation = LOAD_STEPS
     source = "definition"

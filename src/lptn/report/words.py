@@ -453,7 +453,7 @@ def chosen_in_words(step: Step) -> str:
     surer = step.by_all_runs < LIKELY <= step.at_its_place
     if declared is None or declared.at == EVERYWHERE or not surer:
         return text
-    return f"{text}, and that something is missing at {declared.at} {percent(step.at_its_place)}"
+    return f"{text}, and that something is missing at {' or '.join(step.places)} {percent(step.at_its_place)}"
 
 
 def outweighed_in_words(step: Step) -> str:

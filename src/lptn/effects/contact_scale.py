@@ -1,0 +1,42 @@
+"""A contact conducts better or worse than its like, or than in other runs: paste, a pad, a screw, a strap."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+from lptn.basics.parameters import Parameter
+from lptn.effects.base import ContactEffect, Signature, Symbol
+from lptn.effects.excitation import SEVERAL_RUNS_OR_PLACES
+
+
+class ContactScale(ContactEffect):
+    r"""Conductance between two linked nodes changed by a constant factor.
+
+    .. math:: \frac{1}{R'} = \frac{1 + g}{R}
+
+    Of a link whose resistance is its own and fitted it changes nothing but that resistance, unless in one run alone.
+    Two plates of aluminium conduct a fifth as well in air as with silicone oil between them.
+
+    Source: definition; [IncroperaDeWitt, table 3.1].
+    """
+
+    key = "contact_scale"
+    title = "contact that conducts better or worse"
+    per_run = True
+    in_one_run = (
+        "{run} carries heat{at} {factor} times as well as the other runs: was something clamped, or fixed, there?",
+        "{run} carries heat{at} only {factor} times as well as the other runs: was a contact loose, or dry?",
+    )
+    parameters = (
+        Parameter("change", 0.5, "1", (-0.95, 50.0), off=0.0, typical=0.5, title="change of the conductance"),
+    )
+    signature = Signature(
+        looks_like="of two linked parts the heated one is predicted too cold and the other too hot, or the reverse",
+        separate_by="hold a load until both stand, and look at the difference of the two; then cool down unpowered",
+        confused_with=("hot_spot", "sensor_position", "conduction"),
+    )
+    excitation = SEVERAL_RUNS_OR_PLACES
+    source = "definition"
+
+    def conductance_factor(self, p: SimpleNamespace) -> Symbol:
+        return 1 + p.change
