@@ -38,8 +38,9 @@ def substeps(
 ) -> tuple[int, int]:
     """How many Runge-Kutta steps each row of the run needs, and in how many steps it is looked at.
 
-    The fastest rate is the largest eigenvalue of the Jacobian at a sample of the inputs. Steps are a power of two, so
-    that few functions are made. A row is looked at as one step unless it is a mean and a transient bends within it.
+    The fastest rate is the largest eigenvalue of the Jacobian at a sample of the inputs, or hardly less. Steps are a
+    power of two, so that few functions are made. A row is looked at as one step unless it is a mean and a transient
+    bends within it.
 
     Args:
         core: how many leading states the mean is taken of, as in `sensitivities`.
@@ -72,7 +73,12 @@ def _row_sums(stacked: FloatArray) -> float:
 
 
 def _largest_eigenvalue(stacked: FloatArray) -> float:
-    return float(np.abs(np.linalg.eigvals(stacked)).max())
+    """No eigenvalue of several matrices, shape (k, n, n), is larger (Perron and Frobenius).
+
+    It is that of the matrix of their largest sizes, entry by entry: of one matrix whose nodes make no odd loops the
+    largest itself.
+    """
+    return float(np.abs(np.linalg.eigvals(np.abs(stacked).max(axis=0))).max())
 
 
 # --- The simulation -------------------------------------------------------------------------------
