@@ -290,6 +290,7 @@ class _Search:
         self._believed: dict[frozenset[Key], bool] = {}
         self._standing: dict[Key, bool] = {}  # of each error of the log that was asked, as `_stands` says it
         self._diagnoses: dict[frozenset[Key], Diagnosis] = {}
+        self._other_answers: dict[tuple[frozenset[Key], Key], tuple[Step, ...]] = {}
 
     def follow(self, given: Branch, most: int) -> None:
         """Follow branches until nothing is left to add or nothing helps; they end up in `branches`.
@@ -425,16 +426,44 @@ class _Search:
     def left_open(self, branch: Branch) -> tuple[Step, ...]:
         """As `History.rivals` has it, of a branch whose steps were reconsidered."""
         for step in branch[1:]:
-            diagnosis = self._diagnosis_without(branch, step) if step.indistinguishable else None
-            if diagnosis is not None:
-                others = [other for other in diagnosis.refits if other.key in step.indistinguishable]
-                return (step.fitted_as(branch[-1]), *others)
+            rivals = [other for other in self._others(branch, step) if other.key in step.indistinguishable]
+            if rivals:
+                return (step.fitted_as(branch[-1]), *rivals)
         return ()
 
     def _beside_the_others(self, branch: Branch, step: Step) -> Step:
         """A step of the branch as it is judged where all the other steps are there already."""
         last, diagnosis = branch[-1], self._diagnosis_without(branch, step)
-        return step if diagnosis is None else compared(diagnosis.fit, diagnosis.refits, step.fitted_as(last), self.data)
+        if diagnosis is None:
+            return step
+        return compared(diagnosis.fit, self._others(branch, step), step.fitted_as(last), self.data)
+
+    def _others(self, branch: Branch, step: Step) -> tuple[Step, ...]:
+        """All answers to what the branch lacks without one of its steps, each fitted as well as the branch is.
+
+        Refits start where nothing stands for the step, and may end in another optimum than the branch, which came to
+        its own over other models. So what such a refit of the step itself leaves open is fitted from there as well.
+        """
+        asked = _effects(branch), step.key
+        if asked not in self._other_answers:
+            diagnosis, last = self._diagnosis_without(branch, step), branch[-1].fit
+            refits = () if diagnosis is None else diagnosis.refits
+            own = next((other for other in refits if other.key == step.key), None)
+            open_ = own.indistinguishable if own is not None and last.cost < (1 - _SAME) * own.fit.cost else ()
+            self._other_answers[asked] = tuple(
+                self._from_the_branch(branch, step, other) if other.key in open_ else other for other in refits
+            )
+        return self._other_answers[asked]
+
+    def _from_the_branch(self, branch: Branch, step: Step, rival: Step) -> Step:
+        """A rival of one of the branch's steps, refitted in its place; as it was where that fits it no better."""
+        declarations = rival.declarations
+        network = _less(branch, step)[0].with_effects(declarations)
+        names = {declared.shared_name(parameter.name) for declared in declarations for parameter in declared.parameters}
+        sizes = {parameter.name: parameter.value for parameter in rival.fit.model.parameters if parameter.name in names}
+        fit = continued(branch[-1].fit, network.with_values(sizes))
+        better = fit.cost < rival.fit.cost and not is_implausible(fit, declarations, branch[0].fit)
+        return replace(rival, fit=fit).predicting(self.data) if better else rival
 
     def _without(self, branch: Branch, step: Step) -> Branch | None:
         """The branch without one of its steps; `None` where a later one stands at an edge that this made."""
