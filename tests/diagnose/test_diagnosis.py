@@ -14,6 +14,7 @@ from lptn.diagnose.answers import refit_all
 from lptn.diagnose.candidates import candidates
 from lptn.diagnose.diagnosis import diagnose, examine, for_search
 from lptn.diagnose.fit_statistics import fitted_errors, independent_readings
+from lptn.diagnose.improvement import improve
 from lptn.diagnose.scores import Scores, score
 from lptn.identify.validation import fit_segments
 from lptn.virtual import Hidden
@@ -99,6 +100,56 @@ def test_of_two_places_that_share_what_is_fitted_either_may_be_the_odd_one(tmp_p
     factors = [1 + amplitude.value for step in (right, left) if (amplitude := step.amplitude)]
     assert max(factors) == pytest.approx(1.6, abs=0.1)
     assert np.prod(factors) == pytest.approx(1.0, abs=0.03)
+
+
+MOTORS = """
+[model]
+name = "motors"
+joints = ["L_knee", "R_knee", "L_case", "R_case"]
+ambient = "temperature.ambient"
+[nodes."*_knee"]
+capacity = { value = 60, unit = "J/K", bounds = [5, 3000], share = "all" }
+[nodes."*_case"]
+capacity = { value = 250, unit = "J/K", bounds = [20, 3000], share = "all" }
+[[links]]
+between = ["{leg}_knee", "{leg}_case"]
+resistance = { value = 0.5, unit = "K/W", bounds = [0.01, 50], share = "all" }
+[[links]]
+between = ["*_case", "ambient"]
+resistance = { value = 4, unit = "K/W", bounds = [0.2, 200], share = "all" }
+[[effects]]
+kind = "copper_loss"
+at = "*_knee"
+resistance = 0.15
+torque_constant = 0.84
+"""
+
+
+def _motors(seed: int) -> pd.DataFrame:
+    """Paste is missing at the right one of two motors: its contact conducts 0.3 times as well."""
+    rng, seconds = np.random.default_rng(seed), 2400
+    log = pd.DataFrame({"time": np.arange(float(seconds)), "temperature.ambient": 21.0})
+    for leg, contact in (("L", 2.5), ("R", 0.75)):
+        torque, excess = np.repeat(rng.uniform(0, 9, seconds // 200), 200), np.zeros((2, seconds))
+        for k, heat in enumerate(0.15 / 0.84**2 * torque[:-1] ** 2):
+            across = contact * (excess[0, k] - excess[1, k])
+            rates = np.array([heat - across, across - excess[1, k] / 3.0]) / (80.0, 320.0)
+            excess[:, k + 1] = excess[:, k] + rates
+        log[f"torque.{leg}_knee"] = torque
+        for part, row in zip(("knee", "case"), excess, strict=True):
+            log[f"temperature.{leg}_{part}"] = 21.0 + row + rng.normal(0, 0.1, seconds)
+    return log
+
+
+def test_missing_paste_is_named_at_one_of_two_contacts_that_share_a_resistance(tmp_path: Path) -> None:
+    (tmp_path / "motors.toml").write_text(MOTORS, encoding="utf-8")
+    study = lptn.Study(tmp_path / "motors.toml", fit=[_motors(1), _motors(2)])
+    history = improve(study.model, study.data)
+    (step,) = history.steps[1:]
+    keys = {("contact_scale", "R_case~R_knee"), ("contact_scale", "L_case~L_knee")}
+    assert {step.key, *step.indistinguishable} == keys
+    assert set(step.places) == {at for _, at in keys}
+    assert step.at_its_place > 0.99 > 0.7 > step.probability
 
 
 def test_nothing_hidden_is_adequate(leg: Leg) -> None:
