@@ -13,7 +13,8 @@ from lptn.diagnose.answers import Step
 from lptn.diagnose.candidates import with_errors_of_runs
 from lptn.diagnose.diagnosis import for_search
 from lptn.diagnose.fit_statistics import explained_elsewhere
-from lptn.diagnose.improvement import improve
+from lptn.diagnose.improvement import _less, improve
+from lptn.diagnose.refits import refit
 from lptn.diagnose.runs_that_differ import Cause, RunDifference, nuisances_at_limit, with_differences
 from lptn.effects import catalogue
 from lptn.identify.comparison import Errors, predict, with_own_errors
@@ -165,6 +166,16 @@ def test_a_surface_that_the_model_changes_already_may_differ_from_run_to_run_as_
         declaration for declaration in declared if declaration.nuisance and declaration.effect.key == "surface_scale"
     ]
     assert len(surfaces) == len(model.nodes) * 3  # runs
+
+
+def test_a_run_gets_back_the_nuisance_parameter_that_a_step_stood_for(leg: Leg) -> None:
+    model, data = leg()
+    given = Step(fit_segments(with_errors_of_runs(model, data), for_search(data).fit))
+    effects = given.fit.model.network.effects
+    fan = EffectDeclaration(catalogue()["surface_scale"](), "FR_calf", run="fit1")
+    named = Step(refit(given.fit, fan), fan)
+    assert len(named.fit.model.network.effects) == len(effects)  # one more, and its nuisance parameter less
+    assert _less((given, named), named)[0].effects == effects
 
 
 def test_a_fan_of_one_held_out_run_is_no_nuisance_of_every_run(leg: Leg) -> None:

@@ -179,6 +179,7 @@ def test_clocks_apart_are_found(fitted: Fit) -> None:
 
 @pytest.mark.long
 def test_what_no_one_parameter_explains_is_said_plainly(fitted: Fit) -> None:
+    # Of a reading that is 3 K high a contact that conducts worse would explain half.
     (difference,) = said_of(fitted, bursts=20.0, reads_high=2.0, fan=1.9)
     assert (difference.effect, difference.amplitude, difference.indistinguishable) == (None, None, ())
     assert "no one parameter that may differ from run to run explains half of it" in difference.text()

@@ -15,7 +15,7 @@ from lptn.model.model import Model
 from lptn.model.network import Network, NodeDeclaration
 from lptn.simulate.bound_run import bind, default_start, needed_columns
 from lptn.simulate.readings import over_steps
-from lptn.simulate.simulation import SimulationError, simulate, substeps
+from lptn.simulate.simulation import SimulationError, _largest_eigenvalue, _parts, simulate, substeps
 from tests.builders import AMBIENT, bound_runs, effect, leg, link, make_run, node, random_run, two_nodes
 
 SIGMA = 5.670374419e-8
@@ -211,3 +211,16 @@ def test_until_cuts_run_and_readings_alike_despite_rounding() -> None:
     run = random_run(model, 10, step=0.1)
     short = bind(model, run).until(float(run.time[3]) + 1e-12)
     assert len(short) == len(short.run)
+
+
+@pytest.mark.parametrize("loops", [False, True])
+def test_the_steps_of_a_row_are_those_of_the_largest_eigenvalue_of_all(loops: bool) -> None:
+    """Of networks with odd loops, too, where the bound of the largest entries is up to twice as large."""
+    rng, size = np.random.default_rng(7), 6
+    for _ in range(200):
+        conductances = rng.uniform(0.0, 1.0, (5, size, size)) * 10 ** rng.uniform(-2, 1)
+        conductances = np.triu(conductances, 1) if loops else np.triu(conductances, 1) * np.eye(size, k=1)
+        conductances = conductances + np.swapaxes(conductances, 1, 2)
+        jacobians = conductances - conductances.sum(axis=2)[:, :, None] * np.eye(size)
+        largest = float(np.abs(np.linalg.eigvals(jacobians)).max())
+        assert _parts(_largest_eigenvalue(jacobians, _parts)) == _parts(largest)

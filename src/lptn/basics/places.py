@@ -22,6 +22,11 @@ def is_glob(name: str) -> bool:
     return any(character in name for character in "*?[")
 
 
+def is_pattern(name: str) -> bool:
+    """Whether it does, as a glob or as a pair `{leg}_hip~{leg}_thigh` on every leg."""
+    return is_glob(name) or "{" in name
+
+
 def class_of(name: str) -> str:
     """The class of a place: `FR_calf` is a `*_calf`, `knee_left` a `knee_*`, `heater2` a `heater*`."""
     if "~" in name:

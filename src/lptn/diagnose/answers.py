@@ -17,7 +17,7 @@ import pandas as pd
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.parameters import ParameterInstance
-from lptn.basics.places import is_glob
+from lptn.basics.places import is_pattern
 from lptn.basics.tables import Tabular
 from lptn.diagnose.candidates import Candidate
 from lptn.diagnose.fit_statistics import criterion_difference
@@ -72,8 +72,10 @@ class Step(Tabular):
         probability: of this answer by the fitted runs, given that one of those that were refitted is right.
         in_some_run: probability that it, or the same in another run instead, is missing, of an effect of one run: which
             of two runs is odd is for held-out ones to tell.
-        at_its_place: probability that anything is missing at one of its `places`, by whatever name and, at a single
-            place, in whichever run; by all runs where `by_all_runs` is known.
+        places: where it stands, in whichever run; with a single place those where the fitted data can't tell the same
+            effect from it: of two joints that share a resistance, more loss at one is less at the other.
+        at_its_place: probability that anything is missing at these places, by whatever name; by all runs where
+            `by_all_runs` is known.
         by_all_runs: probability by the held-out runs as well, which may have chosen it; `None` without any, or where no
             search asked.
         p_value: how often chance alone would score as much, over all candidates.
@@ -93,6 +95,7 @@ class Step(Tabular):
     log_odds: float = 0.0
     probability: float = 0.0
     in_some_run: float = 0.0
+    places: tuple[str, ...] = ()
     at_its_place: float = 0.0
     by_all_runs: float | None = None
     p_value: float = 1.0
@@ -117,15 +120,6 @@ class Step(Tabular):
     def key(self) -> Key:
         """Effect and place, empty for the model as given."""
         return self.effect or "", self.at or ""
-
-    @property
-    def places(self) -> tuple[str, ...]:
-        """Its place, and others where the fitted data can't tell the same effect from it; without runs.
-
-        Of two joints that share a resistance, more loss at one is less at the other.
-        """
-        others = (_place(at) for effect, at in self.indistinguishable if effect == self.effect)
-        return tuple(dict.fromkeys([_place(self.at or ""), *(at for at in others if not is_glob(at))]))
 
     @property
     def amplitude(self) -> ParameterInstance | None:
@@ -222,7 +216,7 @@ class Step(Tabular):
 SIGNIFICANT = 0.05
 """A score that chance alone reaches less often than this is beyond chance."""
 MOST_REFITS = 6
-"""The most probable by score; the best places of further effects come on top."""
+"""The most probable by score; the best places of further effects, and places like these, come on top."""
 
 
 @dataclass(frozen=True)
@@ -285,46 +279,44 @@ _TYPICAL_RANGE = (0.02, 20.0)  # first-order amplitudes outside this share of th
 
 
 def _shortlist(base: Fit, scores: Scores, log_priors: Mapping[Key, float], most: int) -> list[Score]:
-    """The candidates worth an exact refit: the most probable to first order; of every effect that scores well the
-    most probable place and the most probable group of places, in all runs and in each alone; and like places, where
-    first order does not rule one out beside the other.
+    """The candidates worth an exact refit; none that chance alone would score.
 
-    None that chance alone would score. Effects with an inner state look the same to first order, so each effect gets
-    its chance; and which of two runs is the odd one, the fitted data can't tell, nor which of two places that have a
-    fitted parameter in common: more at one is less at the other.
+    The most probable to first order; of every effect that scores well the most probable place and the most probable
+    group of places, in all runs and in each alone; and places like one of these, where first order leaves open which.
+    Effects with an inner state look the same to first order, so each effect gets its chance. Which of two runs is the
+    odd one, the fitted data can't tell, nor which of two like places, where these share a parameter: more at one is
+    less at the other.
     """
     significant = [entry for entry in scores.ranked if scores.p_value(entry.gain) < SIGNIFICANT]
     if not significant:
         return []
     odds = log_odds_by_score(base, significant, np.array([log_priors[entry.candidate.key] for entry in significant]))
-    least, nodes = _SAME_EFFECT_SHARE * significant[0].gain, base.model.network.dynamic
+    least = _SAME_EFFECT_SHARE * significant[0].gain
     chosen: list[Score] = []
-    kinds: set[_Alike] = set()
-    best: dict[_Alike, float] = {}
+    kinds: set[tuple[type[Effect], str, bool]] = set()
+    most_probable: dict[tuple[type[Effect], str, object], float] = {}  # of the chosen ones at like places
     for number in np.argsort(-odds, kind="stable"):
-        entry, of_this = significant[number], float(odds[number])
-        kind, like = _kind(entry.candidate), _like(entry.candidate, nodes)
+        entry, log_odds = significant[number], float(odds[number])
+        kind, like = _kind(entry.candidate), _like_places(entry.candidate, base.model.network.dynamic)
         first_of_its_kind = entry.gain >= least and kind not in kinds
-        if len(chosen) < most or first_of_its_kind or of_this > best.get(like, np.inf) - log(OCCAM):
+        left_open = log_odds > most_probable.get(like, np.inf) - log(OCCAM)
+        if len(chosen) < most or first_of_its_kind or left_open:
             chosen.append(entry)
             kinds.add(kind)
-            best.setdefault(like, of_this)
+            most_probable.setdefault(like, log_odds)
     return chosen
 
 
-_Alike = tuple[type[Effect], str, object]
-
-
-def _kind(candidate: Candidate) -> _Alike:
+def _kind(candidate: Candidate) -> tuple[type[Effect], str, bool]:
     """Effect, run, and whether it acts at a single place."""
     return candidate.effect, candidate.run, len(candidate.places) == 1
 
 
-def _like(candidate: Candidate, nodes: Sequence[str]) -> _Alike:
-    """Effect, run, and what a single place has in common with its like; several places are like no others."""
-    if len(candidate.places) > 1:
-        return candidate.effect, candidate.run, candidate.places
-    return candidate.effect, candidate.run, candidate.effect.like_places(candidate.places[0], nodes)
+def _like_places(candidate: Candidate, nodes: Sequence[str]) -> tuple[type[Effect], str, object]:
+    """Effect, run, and the pattern of a single place and its like; several places are like no others."""
+    single = len(candidate.places) == 1
+    pattern = candidate.effect.like_places(candidate.places[0], nodes) if single else candidate.places
+    return candidate.effect, candidate.run, pattern
 
 
 def refit_all(base: Fit, scores: Sequence[Score], executor: Executor | None = None) -> list[Step]:
@@ -390,25 +382,21 @@ def _by_probability(base: Fit, steps: Sequence[Step]) -> list[Step]:
     fits = [base, *(step.fit for step in steps)]
     of_all, left_open = probabilities(fits, priors)[1:], open_pairs(fits, priors)[1:, 1:]
 
-    judged = [
-        replace(
-            step,
-            probability=float(probability),
-            in_some_run=float(of_all[[_but_for_the_run(other) == _but_for_the_run(step) for other in steps]].sum()),
-            indistinguishable=tuple(other.key for other, open_ in zip(steps, rivalled, strict=True) if open_),
+    judged = []
+    for step, probability, rivalled in zip(steps, of_all, left_open, strict=True):
+        rivals = [other for other, open_ in zip(steps, rivalled, strict=True) if open_]
+        places = _places(step, rivals)
+        judged.append(
+            replace(
+                step,
+                probability=float(probability),
+                in_some_run=float(of_all[[_but_for_the_run(other) == _but_for_the_run(step) for other in steps]].sum()),
+                places=places,
+                at_its_place=_at(places, steps, of_all),
+                indistinguishable=tuple(rival.key for rival in rivals),
+            )
         )
-        for step, probability, rivalled in zip(steps, of_all, left_open, strict=True)
-    ]
-    judged = [replace(step, at_its_place=_at_places_of(step, judged, of_all)) for step in judged]
     return [judged[k] for k in sorted(range(len(judged)), key=lambda k: (-judged[k].probability, -judged[k].gain))]
-
-
-def _at_places_of(step: Step, steps: Sequence[Step], probabilities: FloatArray) -> float:
-    """Probability of all steps that stand where one of them may.
-
-    Everywhere in one run is no place that a fault may have.
-    """
-    return float(probabilities[[_place(other.at or "") in step.places for other in steps]].sum())
 
 
 def _but_for_the_run(step: Step) -> tuple[str | None, str, bool]:
@@ -417,9 +405,26 @@ def _but_for_the_run(step: Step) -> tuple[str | None, str, bool]:
     return step.effect, declared.at if declared else "", bool(declared and declared.run)
 
 
-def _place(at: str) -> str:
-    """A single place whatever the run that is named behind it; a pattern as it is."""
-    return at if is_glob(at) else at.partition("@")[0]
+def _places(step: Step, rivals: Sequence[Step]) -> tuple[str, ...]:
+    """As `Step.places` has it, of a step and what the fitted data can't tell from it."""
+    own = _place(step)
+    if is_pattern(own):
+        return (own,)
+    others = (_place(rival) for rival in rivals if rival.effect == step.effect)
+    return tuple(dict.fromkeys([own, *(place for place in others if not is_pattern(place))]))
+
+
+def _at(places: Sequence[str], steps: Sequence[Step], probabilities: FloatArray) -> float:
+    """Probability of all steps that stand at some places."""
+    return float(probabilities[[_place(step) in places for step in steps]].sum())
+
+
+def _place(step: Step) -> str:
+    """The place without the run; of several places with it: everywhere in one run is no place that a fault may have."""
+    declared = step.declaration
+    if declared is None:
+        return ""
+    return declared.where if is_pattern(declared.at) else declared.at
 
 
 def compared(base: Fit, known: Sequence[Step], step: Step, data: DataSplit) -> Step:
@@ -430,7 +435,7 @@ def compared(base: Fit, known: Sequence[Step], step: Step, data: DataSplit) -> S
     if not data.holdout:
         return judged
     by_all_runs = _by_all_runs(Step(base), steps, data)
-    at_its_place = _at_places_of(judged, steps, by_all_runs)
+    at_its_place = _at(judged.places, steps, by_all_runs)
     return replace(judged, by_all_runs=float(by_all_runs[0]), at_its_place=at_its_place)
 
 

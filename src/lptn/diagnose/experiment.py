@@ -252,7 +252,7 @@ def _table(program: Program, stage: ProgramRuns) -> list[dict[str, object]]:
             "joints": list(phase.move.joints),
             "travelling": phase.move.travelling,
             "minutes": phase.seconds / 60,
-            "load_unit": " and ".join(map(unit_of, stage.logged.loads(phase.move))),
+            "load_unit": " and ".join(dict.fromkeys(map(unit_of, stage.logged.loads(phase.move)))),
             "inputs": {name: stage.logged.value(name, phase.move) for name in stage.logged.columns},
         }
         for phase in program.phases

@@ -323,7 +323,9 @@ def _doing(move: Move, logged: LoggedInputs) -> str:
     if not move.joints:
         return "leave it unpowered"
     loads = logged.loads(move).items()
-    load = " and ".join(_range(values, unit_of(quantity) or f"of {quantity}") for quantity, values in loads)
+    load = (
+        " and ".join(_range(values, unit_of(quantity) or f"of {quantity}") for quantity, values in loads) or "no load"
+    )
     where = _where(move)
     if move.travelling:
         base = logged.high.get(BASE, 0.0) * move.speed

@@ -37,7 +37,14 @@ from lptn.basics.tables import Tabular
 from lptn.diagnose.answers import HOPELESS, LIKELY, SIGNIFICANT, Key, Report, Step, compared, held_out, named
 from lptn.diagnose.candidates import AMBIENT_ERROR, SURFACE_ERROR, TORQUE_ERROR, with_errors_of_runs
 from lptn.diagnose.diagnosis import MUCH_WORSE, Diagnosis, Verdict, examine, for_search
-from lptn.diagnose.fit_statistics import HALF, Removed, explained_elsewhere, explains, is_negligible
+from lptn.diagnose.fit_statistics import (
+    HALF,
+    Removed,
+    criterion_difference,
+    explained_elsewhere,
+    explains,
+    is_negligible,
+)
 from lptn.diagnose.probability import is_implausible, log_prior_of_sizes, log_priors, probabilities
 from lptn.diagnose.refits import continued, refit, unless_interrupted
 from lptn.diagnose.runs_that_differ import RunDifference, explained_differences, nuisances_at_limit
@@ -439,31 +446,35 @@ class _Search:
         return compared(diagnosis.fit, self._others(branch, step), step.fitted_as(last), self.data)
 
     def _others(self, branch: Branch, step: Step) -> tuple[Step, ...]:
-        """All answers to what the branch lacks without one of its steps, each fitted as well as the branch is.
+        """All answers to what the branch lacks without one of its steps.
 
         Refits start where nothing stands for the step, and may end in another optimum than the branch, which came to
-        its own over other models. So what such a refit of the step itself leaves open is fitted from there as well.
+        its own over other models. Where they do, what a refit of the step leaves open beside it, or, without one, the
+        most probable answer beside itself, is fitted from the branch, too.
         """
         asked = _effects(branch), step.key
         if asked not in self._other_answers:
             diagnosis, last = self._diagnosis_without(branch, step), branch[-1].fit
             refits = () if diagnosis is None else diagnosis.refits
-            own = next((other for other in refits if other.key == step.key), None)
-            open_ = own.indistinguishable if own is not None and last.cost < (1 - _SAME) * own.fit.cost else ()
+            own = next((other for other in refits if other.key == step.key), refits[0] if refits else step)
+            worse = last.cost < (1 - _SAME) * own.fit.cost
+            rivals = {own.key, *own.indistinguishable} - {step.key} if worse else set()
             self._other_answers[asked] = tuple(
-                self._from_the_branch(branch, step, other) if other.key in open_ else other for other in refits
+                self._refitted_from(branch, step, other) if other.key in rivals else other for other in refits
             )
         return self._other_answers[asked]
 
-    def _from_the_branch(self, branch: Branch, step: Step, rival: Step) -> Step:
+    def _refitted_from(self, branch: Branch, step: Step, rival: Step) -> Step:
         """A rival of one of the branch's steps, refitted in its place; as it was where that fits it no better."""
-        declarations = rival.declarations
-        network = _less(branch, step)[0].with_effects(declarations)
-        names = {declared.shared_name(parameter.name) for declared in declarations for parameter in declared.parameters}
+        network, others = _less(branch, step)
+        added = rival.declarations
+        names = {declared.shared_name(parameter.name) for declared in added for parameter in declared.parameters}
         sizes = {parameter.name: parameter.value for parameter in rival.fit.model.parameters if parameter.name in names}
-        fit = continued(branch[-1].fit, network.with_values(sizes))
-        better = fit.cost < rival.fit.cost and not is_implausible(fit, declarations, branch[0].fit)
-        return replace(rival, fit=fit).predicting(self.data) if better else rival
+        fit = continued(branch[-1].fit, network.with_effects(added).with_values(sizes))
+        if fit.cost >= rival.fit.cost or is_implausible(fit, [*_declarations(others), *added], branch[0].fit):
+            return rival
+        gain = rival.gain + criterion_difference(rival.fit, fit)
+        return replace(rival, fit=fit, gain=gain).predicting(self.data)
 
     def _without(self, branch: Branch, step: Step) -> Branch | None:
         """The branch without one of its steps; `None` where a later one stands at an edge that this made."""

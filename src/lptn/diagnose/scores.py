@@ -142,7 +142,7 @@ def score(fit: Fit, candidates: Sequence[Candidate]) -> Scores:
 def derivatives(fit: Fit, places: Sequence[Site]) -> FloatArray:
     """Weighted derivatives of the residuals by the sites' amplitudes, shape (rows, places), stored by columns."""
     problem, network = fit.problem, fit.model.network
-    # Beside nuisance parameters of the same name, at their fitted values: `with_effects` would take these out.
+    # Beside nuisance parameters of the same effect, place and run, which `with_effects` would take out.
     full = Model(replace(network, effects=(*network.effects, *(site.declaration() for site in places))))
     index = {parameter.name: number for number, parameter in enumerate(full.parameters)}
     amplitudes = [index[site.amplitude_name] for site in places]

@@ -427,7 +427,7 @@ class LinkEffect(Effect):
 
 
 class ContactEffect(Effect):
-    """A change of the exchange between two nodes that the network links."""
+    """A change of the exchange between two nodes that the network links; not of a link to the face of a body."""
 
     site = "contact"
     changes_link = True
@@ -447,7 +447,7 @@ class ContactEffect(Effect):
 
     @classmethod
     def like_places(cls, place: str, nodes: Sequence[str]) -> str:
-        return _pattern_of_legs(place, nodes) or class_of(place)
+        return _like_pairs(place, nodes)
 
     def link_factor(self, here: Conditions) -> Symbol:
         return self.conductance_factor(here.p)
@@ -478,7 +478,7 @@ class EdgeEffect(Effect):
 
     @classmethod
     def like_places(cls, place: str, nodes: Sequence[str]) -> str:
-        return _pattern_of_legs(place, nodes) or class_of(place)
+        return _like_pairs(place, nodes)
 
     def heat_into_ends(self, here: Conditions) -> Sequence[Symbol]:
         one, other = here.temperatures
@@ -615,6 +615,11 @@ def _pairs(at: str, layout: Layout) -> list[tuple[str, str]]:
     """Pairs of dynamic nodes that `"a~b"`, a pattern of it, or `"*"` means."""
     one, _, other = at.partition("~") if at != EVERYWHERE else (EVERYWHERE, "~", EVERYWHERE)
     return expand_pair((one, other), layout.dynamic)
+
+
+def _like_pairs(place: str, nodes: Sequence[str]) -> str:
+    """A pattern that means a pair of nodes and its like on the other legs."""
+    return _pattern_of_legs(place, nodes) or class_of(place)
 
 
 def _pattern_of_legs(place: str, nodes: Sequence[str]) -> str:

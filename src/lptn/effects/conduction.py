@@ -34,7 +34,7 @@ class Conduction(EdgeEffect):
     signature = Signature(
         looks_like="an unpowered node warms beside a powered one, and the powered one is predicted too hot",
         separate_by="power one of the two for 20 min, then only the other",
-        confused_with=("constant_heat",),
+        confused_with=("constant_heat", "contact_scale"),
     )
     excitation = nodes_apart()
     source = "[QuadrupedLPTN, eq. 5]"

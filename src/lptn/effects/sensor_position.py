@@ -28,7 +28,7 @@ class SensorPosition(PairSensorEffect):
     signature = Signature(
         looks_like="one reading follows a neighbour at once, without the delay that a mass would give",
         separate_by="a step of load on the neighbour alone: does the reading rise in the first seconds?",
-        confused_with=("conduction", "hot_spot"),
+        confused_with=("conduction", "hot_spot", "contact_scale"),
     )
     excitation = nodes_apart()
     source = "definition"

@@ -172,7 +172,7 @@ class Problem:
         return np.concatenate([*rows, self._prior_residuals(z, point)])
 
     def cost(self, z: FloatArray) -> float:
-        """Half the sum of squared residuals; infinite where the model can't be simulated, or runs that far away."""
+        """Half the sum of squared residuals; infinite where the model can't be simulated, or the squares overflow."""
         try:
             with np.errstate(over="ignore"):
                 return 0.5 * float(np.sum(self.residuals(z) ** 2))

@@ -445,7 +445,8 @@ def _sure(history: History, number: int, step: Step) -> str:
 def chosen_in_words(step: Step) -> str:
     """How probable held-out data make what the fitted data leave open; empty where none were held out.
 
-    Where several names stand for it at one place, that something is missing there is surer than what it is.
+    Where several names stand for it at one place, or one name at several, that something is missing there is surer than
+    what it is.
     """
     if step.by_all_runs is None:
         return ""
@@ -453,7 +454,15 @@ def chosen_in_words(step: Step) -> str:
     surer = step.by_all_runs < LIKELY <= step.at_its_place
     if declared is None or declared.at == EVERYWHERE or not surer:
         return text
-    return f"{text}, and that something is missing at {' or '.join(step.places)} {percent(step.at_its_place)}"
+    return f"{text}, and that something is missing at {_either(step.places)} {percent(step.at_its_place)}"
+
+
+def _either(places: Sequence[str]) -> str:
+    """Places of which one is meant: `a or b`, `a or one of 4 others`."""
+    first, *others = places
+    if len(others) > _FEW:
+        return f"{first} or one of {len(others)} others"
+    return " or ".join(places)
 
 
 def outweighed_in_words(step: Step) -> str:
