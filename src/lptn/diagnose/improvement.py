@@ -383,7 +383,7 @@ class _Search:
     def _in_the_robot(self, branch: Branch, error: Step, tried: Container[frozenset[Key]]) -> Branch | None:
         """The branch with what may be in the robot in place of an error of the log; `None` where that is believed."""
         without = self._without(branch, error)
-        if without is None or (self._errors_are_believed(without) and self._standing.get(error.key, True)):
+        if without is None or (self._errors_are_believed(without) and self._stands(without, error)):
             return None
         longer = [other for other in self._longer(without) if not _errs(other[-1]) and _effects(other) not in tried]
         done = (self._to_the_end(other) for other in (_ranked(longer, self.data) if longer else ()))
@@ -499,14 +499,15 @@ class _Search:
     def _longer(self, branch: Branch) -> list[Branch]:
         """The branch with each refit of its last model that is beyond chance, each name for one step once.
 
-        Errors of sensors, clocks and the air are added where they are believed, see `_errors_are_believed`. Of several
+        Errors of sensors, clocks and the air are added where such are believed, see `_errors_are_believed`, and each
+        stands beside what it may be confused with, see `_stands`. Of several
         names for one step, such as less air in one run and more in the other, that one stands which held-out runs make
         most probable.
         """
         longer: list[Branch] = []
         errors_believed = self._errors_are_believed(branch)
         for step in self.diagnosis(branch).refits:
-            if _errs(step) and not (errors_believed and self._standing.get(step.key, True)):
+            if _errs(step) and not (errors_believed and self._stands(branch, step)):
                 continue
             believed = not is_implausible(step.fit, _declarations((*branch, step)), branch[0].fit)
             beyond_chance = step.p_value < SIGNIFICANT and step.gain > 0
@@ -538,14 +539,18 @@ class _Search:
                 if of_left < LIKELY * (1 - of_all + of_left):
                     break
                 likeliest = max(left, key=lambda step: step.probability)
-                if likeliest.key not in self._standing:
-                    self._standing[likeliest.key] = self._stands(branch, likeliest)
-                if self._standing[likeliest.key]:
+                if self._stands(branch, likeliest):
                     self._believed[effects] = True
                     break
         return self._believed[effects]
 
     def _stands(self, branch: Branch, error: Step) -> bool:
+        """Whether an error of the log is likelier than all in the robot that it is confused with; asked once."""
+        if error.key not in self._standing:
+            self._standing[error.key] = self._beats_all_confused(branch, error)
+        return self._standing[error.key]
+
+    def _beats_all_confused(self, branch: Branch, error: Step) -> bool:
         """Whether, by all runs, all in the robot together that an error is confused with is less probable than it.
 
         Or than both together: a clock that is late is late in a robot whose heat is late as well.

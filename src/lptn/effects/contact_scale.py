@@ -1,4 +1,4 @@
-"""A contact conducts better or worse than its like, or than in other runs: paste, a pad, a screw, a strap."""
+"""A contact conducts better or worse than its like: paste, a pad, a screw, a strap."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 from lptn.basics.parameters import Parameter
 from lptn.effects.base import ContactEffect, Signature, Symbol
-from lptn.effects.excitation import SEVERAL_RUNS_OR_PLACES
+from lptn.effects.excitation import nodes_apart
 
 
 class ContactScale(ContactEffect):
@@ -14,7 +14,7 @@ class ContactScale(ContactEffect):
 
     .. math:: \frac{1}{R'} = \frac{1 + g}{R}
 
-    Of a link whose resistance is its own and fitted it changes nothing but that resistance, unless in one run alone.
+    Of a link whose resistance is its own and fitted it changes nothing but that resistance.
     Two plates of aluminium conduct a fifth as well in air as with silicone oil between them.
 
     Source: definition; [IncroperaDeWitt, table 3.1].
@@ -22,11 +22,6 @@ class ContactScale(ContactEffect):
 
     key = "contact_scale"
     title = "contact that conducts better or worse"
-    per_run = True
-    in_one_run = (
-        "{run} carries heat{at} {factor} times as well as the other runs: was something clamped, or fixed, there?",
-        "{run} carries heat{at} only {factor} times as well as the other runs: was a contact loose, or dry?",
-    )
     parameters = (
         Parameter("change", 0.5, "1", (-0.95, 50.0), off=0.0, typical=0.5, title="change of the conductance"),
     )
@@ -35,7 +30,7 @@ class ContactScale(ContactEffect):
         separate_by="hold a load until both stand, and look at the difference of the two; then cool down unpowered",
         confused_with=("hot_spot", "sensor_position", "conduction"),
     )
-    excitation = SEVERAL_RUNS_OR_PLACES
+    excitation = nodes_apart()
     source = "definition"
 
     def conductance_factor(self, p: SimpleNamespace) -> Symbol:

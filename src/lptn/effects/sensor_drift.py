@@ -38,7 +38,7 @@ class SensorDrift(ExcessEffect):
     signature = Signature(
         looks_like="predicted off by more and more, whatever the robot does",
         separate_by="two hours at rest with nothing powered: does the reading leave the ambient?",
-        confused_with=("sensor_offset", "constant_heat", "second_mass"),
+        confused_with=("sensor_offset", "constant_heat", "second_mass", "shared_mass"),
     )
     excitation = long_enough()
     source = "definition"
