@@ -499,10 +499,9 @@ class _Search:
     def _longer(self, branch: Branch) -> list[Branch]:
         """The branch with each refit of its last model that is beyond chance, each name for one step once.
 
-        Errors of sensors, clocks and the air are added where such are believed, see `_errors_are_believed`, and each
-        stands beside what it may be confused with, see `_stands`. Of several
-        names for one step, such as less air in one run and more in the other, that one stands which held-out runs make
-        most probable.
+        Errors of sensors, clocks and the air are added where such are believed, see `_errors_are_believed`, and each of
+        them stands beside what it may be confused with, see `_stands`. Of several names for one step, such as less air
+        in one run and more in the other, that one is taken which held-out runs make most probable.
         """
         longer: list[Branch] = []
         errors_believed = self._errors_are_believed(branch)
