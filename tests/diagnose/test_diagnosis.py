@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-import lptn
+from lptn import Study
 from lptn.diagnose.answers import refit_all
 from lptn.diagnose.candidates import candidates
 from lptn.diagnose.diagnosis import diagnose, examine, for_search
@@ -60,48 +60,6 @@ def test_however_few_are_refitted_either_run_may_be_the_odd_one(leg: Leg) -> Non
     assert diagnosis.refits[0].key == ("surface_scale", "FR_calf@fit2")
 
 
-KNEES = """
-[model]
-name = "knees"
-joints = ["L_knee", "R_knee"]
-ambient = "temperature.ambient"
-[nodes."*"]
-capacity = { value = 250, unit = "J/K", bounds = [20, 3000], share = "all" }
-[[links]]
-between = ["*", "ambient"]
-resistance = { value = 8, unit = "K/W", bounds = [0.5, 200], share = "all" }
-[[effects]]
-kind = "copper_loss"
-at = "*"
-resistance = 0.15
-torque_constant = 0.84
-"""
-
-
-def _knees(seed: int) -> pd.DataFrame:
-    """A fan blows at the right one of two knees: it loses heat 1.6 times as fast."""
-    rng, seconds = np.random.default_rng(seed), 2400
-    log = pd.DataFrame({"time": np.arange(float(seconds)), "temperature.ambient": 21.0})
-    for knee, resistance in (("L_knee", 6.0), ("R_knee", 6.0 / 1.6)):
-        torque, excess = np.repeat(rng.uniform(0, 9, seconds // 200), 200), np.zeros(seconds)
-        for k, heat in enumerate(0.15 / 0.84**2 * torque[:-1] ** 2):
-            excess[k + 1] = excess[k] + (heat - excess[k] / resistance) / 300
-        log[f"torque.{knee}"], log[f"temperature.{knee}"] = torque, 21.0 + excess + rng.normal(0, 0.1, seconds)
-    return log
-
-
-def test_of_two_places_that_share_what_is_fitted_either_may_be_the_odd_one(tmp_path: Path) -> None:
-    """More at one is less at the other, whatever is refitted besides."""
-    (tmp_path / "knees.toml").write_text(KNEES, encoding="utf-8")
-    study = lptn.Study(tmp_path / "knees.toml", fit=[_knees(1), _knees(2)])
-    right, left = diagnose(study.model, study.data, refits=1).refits[:2]
-    assert {right.key, left.key} == {("surface_scale", "R_knee"), ("surface_scale", "L_knee")}
-    assert left.key in right.indistinguishable
-    factors = [1 + amplitude.value for step in (right, left) if (amplitude := step.amplitude)]
-    assert max(factors) == pytest.approx(1.6, abs=0.1)
-    assert np.prod(factors) == pytest.approx(1.0, abs=0.03)
-
-
 MOTORS = """
 [model]
 name = "motors"
@@ -125,15 +83,15 @@ torque_constant = 0.84
 """
 
 
-def _motors(seed: int) -> pd.DataFrame:
-    """Paste is missing at the right one of two motors: its contact conducts 0.3 times as well."""
+def _motors(seed: int, contacts: tuple[float, float], losses: tuple[float, float]) -> pd.DataFrame:
+    """Two motors, left and right: conductance from winding to housing and from there to the air [W/K] of each."""
     rng, seconds = np.random.default_rng(seed), 2400
     log = pd.DataFrame({"time": np.arange(float(seconds)), "temperature.ambient": 21.0})
-    for leg, contact in (("L", 2.5), ("R", 0.75)):
+    for leg, contact, loss in zip("LR", contacts, losses, strict=True):
         torque, excess = np.repeat(rng.uniform(0, 9, seconds // 200), 200), np.zeros((2, seconds))
         for k, heat in enumerate(0.15 / 0.84**2 * torque[:-1] ** 2):
             across = contact * (excess[0, k] - excess[1, k])
-            rates = np.array([heat - across, across - excess[1, k] / 3.0]) / (80.0, 320.0)
+            rates = np.array([heat - across, across - loss * excess[1, k]]) / (80.0, 320.0)
             excess[:, k + 1] = excess[:, k] + rates
         log[f"torque.{leg}_knee"] = torque
         for part, row in zip(("knee", "case"), excess, strict=True):
@@ -141,11 +99,26 @@ def _motors(seed: int) -> pd.DataFrame:
     return log
 
 
+def _study(folder: Path, contacts: tuple[float, float] = (2.5, 2.5), losses: tuple[float, float] = (0.3, 0.3)) -> Study:
+    (folder / "motors.toml").write_text(MOTORS, encoding="utf-8")
+    return Study(folder / "motors.toml", fit=[_motors(seed, contacts, losses) for seed in (1, 2)])
+
+
+def test_of_two_places_that_share_what_is_fitted_either_may_be_the_odd_one(tmp_path: Path) -> None:
+    """A fan at the right one, which loses heat 1.6 times as fast: more there is less at the left one."""
+    study = _study(tmp_path, losses=(0.3, 0.48))
+    right, left = diagnose(study.model, study.data, refits=1).refits[:2]
+    assert {right.key, left.key} == {("surface_scale", "R_case"), ("surface_scale", "L_case")}
+    assert left.key in right.indistinguishable
+    factors = [1 + amplitude.value for step in (right, left) if (amplitude := step.amplitude)]
+    assert max(factors) == pytest.approx(1.6, abs=0.1)
+    assert np.prod(factors) == pytest.approx(1.0, abs=0.03)
+
+
 def test_missing_paste_is_named_at_one_of_two_contacts_that_share_a_resistance(tmp_path: Path) -> None:
-    (tmp_path / "motors.toml").write_text(MOTORS, encoding="utf-8")
-    study = lptn.Study(tmp_path / "motors.toml", fit=[_motors(1), _motors(2)])
-    history = improve(study.model, study.data)
-    (step,) = history.steps[1:]
+    """The right one conducts 0.3 times as well; the left one 3.3 times as well would be the same."""
+    study = _study(tmp_path, contacts=(2.5, 0.75))
+    (step,) = improve(study.model, study.data).steps[1:]
     keys = {("contact_scale", "R_case~R_knee"), ("contact_scale", "L_case~L_knee")}
     assert {step.key, *step.indistinguishable} == keys
     assert set(step.places) == {at for _, at in keys}
