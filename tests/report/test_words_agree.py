@@ -199,6 +199,20 @@ def test_a_step_that_the_fitted_data_alone_speak_against_is_not_called_the_best(
     assert "held-out runs included, decided" in text
 
 
+def test_of_two_places_that_share_a_parameter_either_is_told(missing: Told, capsys: pytest.CaptureFixture[str]) -> None:
+    history = missing[0]
+    declared = EffectDeclaration(Radiation(), NODES[1])
+    twin = replace(history.steps[1], declaration=replace(declared, at=NODES[0]), probability=0.5001)
+    step = replace(history.steps[1], declaration=declared, probability=0.4999, indistinguishable=(twin.key,))
+    step = replace(step, places=(NODES[1], NODES[0]), in_some_run=0.5)
+    first = replace(history.first, refits=(twin, step))
+    show_history(replace(history, first=first, steps=(history.steps[0], step)))
+    said = " ".join(capsys.readouterr().out.split())
+    assert f"radiation at {NODES[1]} (or {NODES[0]})" in said
+    assert f"by the fitted data 50 % probable; they don't rule out radiation to the surroundings at {NODES[0]}" in said
+    assert "was added, too" not in said
+
+
 def test_what_was_added_as_well_is_no_other_name_for_a_step(missing: Told, capsys: pytest.CaptureFixture[str]) -> None:
     history = missing[0]
     given, step = history.steps
@@ -239,7 +253,7 @@ def test_where_something_is_missing_is_surer_than_what_it_is(missing: Told, caps
     declared = EffectDeclaration(Radiation(), NODES[1])
     other = (("solar", NODES[1]),)
     step = replace(history.steps[1], declaration=declared, probability=0.4, by_all_runs=0.3, indistinguishable=other)
-    two, many = f"{NODES[1]} or {NODES[0]}", f"{NODES[1]} or one of 5 others"
+    two, many = f"{NODES[1]} or {NODES[0]}", "one of 6 places"
     for places, at_its_place, words in (
         ((NODES[1],), 0.97, f", and that something is missing at {NODES[1]} 97 %"),
         ((NODES[1], NODES[0]), 0.97, f", and that something is missing at {two} 97 %"),

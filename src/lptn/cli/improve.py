@@ -156,10 +156,12 @@ def _sure(history: History, number: int) -> str:
     # What was added as well, later or before, is no other name for it any more.
     added = {added_step.key for added_step in history.steps}
     others = [key for key in step.indistinguishable if key not in added]
-    share = percent(step.probability)
+    share, likelier = percent(step.probability), ""
     likeliest = max(history.first.refits, key=lambda refit: refit.probability, default=step)
     if len(history.steps) == 2 and likeliest.key != step.key and likeliest.probability > step.probability:
-        share += f", {in_words([likeliest.key])} {percent(likeliest.probability)}"
+        likelier = percent(likeliest.probability)
+    if likelier not in ("", share):
+        share += f", {in_words([likeliest.key])} {likelier}"
         others = [key for key in others if key != likeliest.key]
     if step.indistinguishable and step.probability < LIKELY:
         text = f"the fitted data alone leave it open (this one {share})"
@@ -168,7 +170,7 @@ def _sure(history: History, number: int) -> str:
     text = f"by the fitted data {share} probable; "
     if others:
         return f"{text}they don't rule out {in_words(others)}"
-    if step.indistinguishable:
+    if added & set(step.indistinguishable):
         return f"{text}what explains the fitted data as well was added, too"
     return text + (
         outweighed_in_words(step)

@@ -11,7 +11,7 @@ from lptn.diagnose.fit_statistics import criterion_difference
 from lptn.diagnose.improvement import History
 from lptn.report.shown import noise_alone
 from lptn.report.tables import FAR
-from lptn.report.text import kelvin, named, percent, place_of, significant
+from lptn.report.text import either, kelvin, named, percent, place_of, significant
 
 Outcome = Literal["adequate", "found", "tried", "asked", "unhelped", "unexplained"]
 
@@ -143,10 +143,14 @@ def _first_answer(history: History) -> str:
 
 
 def short_name(step: Step) -> str:
-    """An effect by its key, and where it acts, such as `conduction heater1–heater2`; no place for everywhere."""
+    """An effect by its key, and where it acts, such as `conduction heater1–heater2`; no place for everywhere.
+
+    With the other places where the data can't tell it from: `surface scale at L_knee (or R_knee)`.
+    """
     key, at = step.key
-    place = "" if at == "*" else f" {place_of(at).replace('~', '–')}" if "~" in at else f" at {place_of(at)}"
-    return f"{key.replace('_', ' ')}{place.removeprefix(' at everywhere')}"
+    place = "" if at == "*" else f" {place_of(at)}" if "~" in at else f" at {place_of(at)}"
+    others = f" (or {either(step.places[1:])})" if len(step.places) > 1 else ""
+    return f"{key.replace('_', ' ')}{(place.removeprefix(' at everywhere') + others).replace('~', '–')}"
 
 
 def left_in_words(history: History) -> str:

@@ -125,6 +125,14 @@ def few(items: Sequence[str], most: int) -> str:
     return listed(items if len(items) <= most + 1 else [*items[:most], f"{len(items) - most} others"])
 
 
+_MOST_PLACES = 4  # that are named
+
+
+def either(places: Sequence[str]) -> str:
+    """Places of which one is meant: `a or b`, of many `one of 5 places`."""
+    return " or ".join(places) if len(places) <= _MOST_PLACES else f"one of {len(places)} places"
+
+
 def capitalised(text: str) -> str:
     """A text as the beginning of a sentence."""
     return text[:1].upper() + text[1:]

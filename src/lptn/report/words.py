@@ -35,6 +35,7 @@ from lptn.report.tables import FAR, share_by_chance, worst_condition
 from lptn.report.text import (
     bin_text,
     capitalised,
+    either,
     experiment_for,
     few,
     kelvin,
@@ -454,15 +455,7 @@ def chosen_in_words(step: Step) -> str:
     surer = step.by_all_runs < LIKELY <= step.at_its_place
     if declared is None or declared.at == EVERYWHERE or not surer:
         return text
-    return f"{text}, and that something is missing at {_either(step.places)} {percent(step.at_its_place)}"
-
-
-def _either(places: Sequence[str]) -> str:
-    """Places of which one is meant: `a or b`, `a or one of 4 others`."""
-    first, *others = places
-    if len(others) > _FEW:
-        return f"{first} or one of {len(others)} others"
-    return " or ".join(places)
+    return f"{text}, and that something is missing at {either(step.places)} {percent(step.at_its_place)}"
 
 
 def outweighed_in_words(step: Step) -> str:
