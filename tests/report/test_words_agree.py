@@ -202,8 +202,8 @@ def test_a_step_that_the_fitted_data_alone_speak_against_is_not_called_the_best(
 def test_of_two_places_that_share_a_parameter_either_is_told(missing: Told, capsys: pytest.CaptureFixture[str]) -> None:
     history = missing[0]
     declared = EffectDeclaration(Radiation(), NODES[1])
-    twin = replace(history.steps[1], declaration=replace(declared, at=NODES[0]), probability=0.5001)
-    step = replace(history.steps[1], declaration=declared, probability=0.4999, indistinguishable=(twin.key,))
+    twin = replace(history.steps[1], declaration=replace(declared, at=NODES[0]), probability=0.5004)
+    step = replace(history.steps[1], declaration=declared, probability=0.5, indistinguishable=(twin.key,))
     step = replace(step, places=(NODES[1], NODES[0]), in_some_run=0.5)
     first = replace(history.first, refits=(twin, step))
     show_history(replace(history, first=first, steps=(history.steps[0], step)))
