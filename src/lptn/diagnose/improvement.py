@@ -295,7 +295,8 @@ class _Search:
         self.data, self.executor, self.report, self.on_step = data, executor, report, on_step
         self.branches: list[Branch] = []
         self._believed: dict[frozenset[Key], bool] = {}
-        self._standing: dict[Key, bool] = {}  # of each error of the log that was asked, as `_stands` says it
+        self._standing: dict[Key, bool] = {}  # of each error of the log that some model made the likeliest
+        self._standing_beside: dict[tuple[frozenset[Key], Key], bool] = {}  # of others, beside a model's effects
         self._diagnoses: dict[frozenset[Key], Diagnosis] = {}
         self._other_answers: dict[tuple[frozenset[Key], Key], tuple[Step, ...]] = {}
 
@@ -538,16 +539,23 @@ class _Search:
                 if of_left < LIKELY * (1 - of_all + of_left):
                     break
                 likeliest = max(left, key=lambda step: step.probability)
-                if self._stands(branch, likeliest):
+                self._standing[likeliest.key] = self._stands(branch, likeliest)
+                if self._standing[likeliest.key]:
                     self._believed[effects] = True
                     break
         return self._believed[effects]
 
     def _stands(self, branch: Branch, error: Step) -> bool:
-        """Whether an error of the log is likelier than all in the robot that it is confused with; asked once."""
-        if error.key not in self._standing:
-            self._standing[error.key] = self._beats_all_confused(branch, error)
-        return self._standing[error.key]
+        """Whether an error of the log is likelier than all in the robot that it is confused with.
+
+        That is asked of each model, until one makes it the likeliest error.
+        """
+        if error.key in self._standing:
+            return self._standing[error.key]
+        asked = _effects(branch), error.key
+        if asked not in self._standing_beside:
+            self._standing_beside[asked] = self._beats_all_confused(branch, error)
+        return self._standing_beside[asked]
 
     def _beats_all_confused(self, branch: Branch, error: Step) -> bool:
         """Whether, by all runs, all in the robot together that an error is confused with is less probable than it.
@@ -566,14 +574,15 @@ class _Search:
         return _ranked(predicted, self.data)[0] is not predicted[0]
 
     def _with_all_confused(self, branch: Branch, error: Step) -> Branch:
-        """The branch with all in the robot that an error is confused with, there or, failing that, everywhere."""
+        """The branch with all in the robot that an error is confused with, there; of the surroundings, everywhere."""
         diagnosis = self.diagnosis(branch)
         candidates, fit = {score.candidate.key: score for score in diagnosis.scores.ranked}, diagnosis.fit
         odds = dict(zip(candidates, log_priors([score.candidate for score in candidates.values()]), strict=True))
         if error.declaration is None:
             return branch
-        for kind in error.declaration.effect.signature.confused_with:
-            places = (error.at or "", error.declaration.at, EVERYWHERE)
+        effect = error.declaration.effect
+        places = (error.at or "", error.declaration.at, *([EVERYWHERE] if effect.site == "boundary" else []))
+        for kind in effect.signature.confused_with:
             key = next(((kind, at) for at in places if (kind, at) in candidates), None)
             if key is not None and not candidates[key].candidate.effect.errs:
                 declared = candidates[key].candidate.declaration(None, candidates[key].shape)
