@@ -248,7 +248,8 @@ def _short_found(history: History, heat: HeatStory) -> tuple[str, str, str]:
     what = f"{capitalised(listed([title_of(step.effect or '') for step in added]))}."
     places: dict[str, list[str]] = {}
     for step in added:
-        places.setdefault(place_of(step.at or ""), []).append(title_of(step.effect or ""))
+        at = either([place_of(step.at or ""), *step.places[1:]])
+        places.setdefault(at, []).append(title_of(step.effect or ""))
     where = "; ".join(f"{place} ({listed(effects)})" if len(places) > 1 else place for place, effects in places.items())
     sure = f"{_short_errors(history)}."
     refit = _first_refit(history)
