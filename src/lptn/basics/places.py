@@ -23,7 +23,7 @@ def is_glob(name: str) -> bool:
 
 
 def is_pattern(name: str) -> bool:
-    """Whether it does, as a glob or as a pair `{leg}_hip~{leg}_thigh` on every leg."""
+    """Whether a name may mean several places: a glob, or a pair `{leg}_hip~{leg}_thigh` on every leg."""
     return is_glob(name) or "{" in name
 
 
