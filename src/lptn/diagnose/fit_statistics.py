@@ -7,13 +7,14 @@ over a minute, where noise averages out and a missing effect does not.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from math import log
 
 import numpy as np
 
-from lptn.basics.arrays import FloatArray, IntArray
+from lptn.basics.arrays import BoolArray, FloatArray, IntArray
+from lptn.basics.places import EVERYWHERE, is_of_run
 from lptn.identify.comparison import Errors, Prediction
 from lptn.identify.fitting import Fit
 from lptn.simulate.bound_run import BoundRun
@@ -201,7 +202,9 @@ def lack_of_fit(fit: Fit, noise: NoiseLevel, residuals: FloatArray | None = None
     return {node: float(squares[node][0] / limit) for node, limit in noise.limit.items() if node in squares}
 
 
-def explains(share: float, base: Fit, larger: Fit, noise: NoiseLevel) -> bool:
+def explains(
+    share: float, base: Fit, larger: Fit, noise: NoiseLevel, nodes: Collection[str] = (), runs: str = EVERYWHERE
+) -> bool:
     """Whether a larger model removes more than a share of the misfit beyond noise.
 
     Of single readings where these show it plainly, since a lag or a clock is over within a minute; else of block
@@ -212,17 +215,30 @@ def explains(share: float, base: Fit, larger: Fit, noise: NoiseLevel) -> bool:
         base: the smaller model's fit.
         larger: the larger model's fit to the same runs.
         noise: what a perfect model would leave.
+        nodes: of which it is asked; of all by default.
+        run: name or glob of the runs of which it is asked; of all by default.
     """
-    floor = cost_of_noise(base)
-    if base.cost > _SHOWS_PLAINLY * floor:
-        return base.cost - larger.cost > share * (base.cost - floor)
-    before, after = (_beyond_noise(fit, noise) for fit in (base, larger))
+    asked = np.array([not nodes or node in nodes for node in base.model.nodes])
+    share_of_noise = (base.noise.floor / base.problem.sigma) ** 2
+    own = [bound for bound in base.problem.bound_runs if is_of_run(bound.run.name, runs)]
+    floor = float(sum((bound.counted.sum(axis=1) * share_of_noise)[asked].sum() for bound in own))
+    before, after = (_squares(fit, base.problem.sigma, asked, runs) for fit in (base, larger))
+    if before > _SHOWS_PLAINLY * floor:
+        return before - after > share * (before - floor)
+    before, after = (_beyond_noise(fit, noise, asked, runs) for fit in (base, larger))
     return before - after > share * max(before, 0.0)
 
 
-def _beyond_noise(fit: Fit, noise: NoiseLevel) -> float:
-    squares = _mean_squares(fit, fit.problem.residuals(fit.z)[:, None])
-    return sum(float(squares[node][0]) - mean for node, mean in noise.mean.items() if node in squares)
+def _squares(fit: Fit, sigma: FloatArray, asked: BoolArray, runs: str) -> float:
+    """Sum of squared weighted errors of some nodes in some of the fitted runs."""
+    errors = [(bound, error) for bound, error in fitted_errors(fit) if is_of_run(bound.run.name, runs)]
+    return float(block_misfits(errors, sigma)[0][:, asked].sum())
+
+
+def _beyond_noise(fit: Fit, noise: NoiseLevel, asked: BoolArray, runs: str) -> float:
+    squares = _mean_squares(fit, fit.problem.residuals(fit.z)[:, None], runs)
+    nodes = [node for node, wanted in zip(fit.model.nodes, asked, strict=True) if wanted and node in squares]
+    return sum(float(squares[node][0]) - noise.mean[node] for node in nodes)
 
 
 def explained_elsewhere(base: Fit, before: Errors | None, after: Errors | None) -> bool:
@@ -269,14 +285,8 @@ def _squares_by_node(runs: Sequence[RunErrors]) -> FloatArray:
     return np.array([np.concatenate(own).mean() if any(blocks.size for blocks in own) else 0.0 for own in squares])
 
 
-def cost_of_noise(fit: Fit) -> float:
-    """The misfit that the sensors' noise and steps alone would leave: half a sum of squared weighted residuals."""
-    share = (fit.noise.floor / fit.problem.sigma) ** 2
-    return 0.5 * float(sum((bound.counted.sum(axis=1) * share).sum() for bound in fit.problem.bound_runs))
-
-
-def _mean_squares(fit: Fit, residuals: FloatArray) -> dict[str, FloatArray]:
-    """Mean square of each node's block means, shape (trials,), of weighted residuals (rows, trials)."""
+def _mean_squares(fit: Fit, residuals: FloatArray, runs: str = EVERYWHERE) -> dict[str, FloatArray]:
+    """Mean square of each node's block means in some runs, shape (trials,), of weighted residuals (rows, trials)."""
     start = 0
     squares: dict[str, list[FloatArray]] = {node: [] for node in fit.model.nodes}
     for bound in fit.problem.bound_runs:
@@ -284,9 +294,10 @@ def _mean_squares(fit: Fit, residuals: FloatArray) -> dict[str, FloatArray]:
         for row, node in enumerate(fit.model.nodes):
             count = int(bound.counted[row].sum())
             whole_blocks = residuals[start : start + count // size * size]
-            squares[node].append(whole_blocks.reshape(-1, size, residuals.shape[1]).mean(axis=1) ** 2)
+            if is_of_run(bound.run.name, runs):
+                squares[node].append(whole_blocks.reshape(-1, size, residuals.shape[1]).mean(axis=1) ** 2)
             start += count
-    stacked = {node: np.vstack(blocks) for node, blocks in squares.items()}
+    stacked = {node: np.vstack(blocks) for node, blocks in squares.items() if blocks}
     return {node: np.asarray(blocks.mean(axis=0)) for node, blocks in stacked.items() if blocks.size}
 
 

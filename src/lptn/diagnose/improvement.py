@@ -384,7 +384,7 @@ class _Search:
     def _in_the_robot(self, branch: Branch, error: Step, tried: Container[frozenset[Key]]) -> Branch | None:
         """The branch with what may be in the robot in place of an error of the log; `None` where that is believed."""
         without = self._without(branch, error)
-        if without is None or (self._errors_are_believed(without) and self._stands(without, error)):
+        if without is None or self._is_believed(without, error.fitted_as(branch[-1])):
             return None
         longer = [other for other in self._longer(without) if not _errs(other[-1]) and _effects(other) not in tried]
         done = (self._to_the_end(other) for other in (_ranked(longer, self.data) if longer else ()))
@@ -500,14 +500,13 @@ class _Search:
     def _longer(self, branch: Branch) -> list[Branch]:
         """The branch with each refit of its last model that is beyond chance, each name for one step once.
 
-        Errors of sensors, clocks and the air are added where such are believed, see `_errors_are_believed`, and each of
-        them stands beside what it may be confused with, see `_stands`. Of several names for one step, such as less air
-        in one run and more in the other, that one is taken which held-out runs make most probable.
+        Errors of sensors, clocks and the air are added where they are believed, see `_is_believed`. Of several names
+        for one step, such as less air in one run and more in the other, that one is taken which held-out runs make most
+        probable.
         """
         longer: list[Branch] = []
-        errors_believed = self._errors_are_believed(branch)
         for step in self.diagnosis(branch).refits:
-            if _errs(step) and not (errors_believed and self._stands(branch, step)):
+            if _errs(step) and not self._is_believed(branch, step):
                 continue
             believed = not is_implausible(step.fit, _declarations((*branch, step)), branch[0].fit)
             beyond_chance = step.p_value < SIGNIFICANT and step.gain > 0
@@ -521,6 +520,22 @@ class _Search:
                 longer.append(one)
         return longer
 
+    def _is_believed(self, branch: Branch, error: Step) -> bool:
+        """Whether an error of the log may be added: where such are believed, and it is among them.
+
+        It must stand beside what it may be confused with, see `_stands`, and explain half at least of what the model
+        gets wrong where it is read: what a model lacks leaves smooth errors, of which any smooth curve takes its share.
+        """
+        believed = self._errors_are_believed(branch)
+        return believed and self._explains_half(branch, error) and self._stands(branch, error)
+
+    def _explains_half(self, branch: Branch, error: Step) -> bool:
+        """Whether an error of the log explains half of the misfit at its sensors and in its run; the air's, of all."""
+        diagnosis, network = self.diagnosis(branch), error.fit.model.network
+        touched = {node for declared in error.declarations for _, ends in network.places_for(declared) for node in ends}
+        nodes, run = touched.intersection(error.fit.model.nodes), error.declaration.run if error.declaration else ""
+        return explains(HALF, diagnosis.fit, error.fit, diagnosis.scores.noise, nodes, run or EVERYWHERE)
+
     def _errors_are_believed(self, branch: Branch) -> bool:
         """Whether by the fitted runs errors of the log are likelier than all else that the branch may lack.
 
@@ -533,8 +548,9 @@ class _Search:
         if effects not in self._believed:
             self._believed[effects] = False
             errors = [step for step in self.diagnosis(branch).refits if _errs(step)]
-            while left := [step for step in errors if self._standing.get(step.key, True)]:
-                # Of what is left without those that do not stand, half at least.
+            half = [step for step in errors if self._explains_half(branch, step)]
+            while left := [step for step in half if self._standing.get(step.key, True)]:
+                # Of what is left without those that are not believed, half at least.
                 of_left, of_all = (sum(step.probability for step in steps) for steps in (left, errors))
                 if of_left < LIKELY * (1 - of_all + of_left):
                     break
