@@ -147,6 +147,19 @@ def test_an_error_of_the_log_stays_only_while_it_is_likelier_than_all_in_the_rob
     assert any(text.startswith("sensor_offset at FR_hip gives way to") for text in said) != likely
 
 
+def test_an_error_of_the_log_is_believed_only_where_most_of_the_misfit_goes_with_it(leg: Leg) -> None:  # noqa: F811
+    """Where friction is missing at the same joint, some of the misfit goes with a drift of its sensor, too."""
+    friction, drift = ("viscous_friction", "FR_calf"), ("sensor_drift", "FR_calf")
+    model, data = leg(Hidden(*friction, size=2.0), Hidden(*drift))
+    coarse = for_search(data)
+    search = _Search(coarse, None, lambda _: None, lambda _: None)
+    given, alone = _branch(model, coarse), _branch(model, coarse, drift)[-1]
+    assert alone.fit.cost < 0.95 * given[-1].fit.cost
+    assert not search._explains_half(given, alone)
+    *with_friction, both = _branch(model, coarse, friction, drift)
+    assert search._explains_half(tuple(with_friction), both)
+
+
 @pytest.mark.parametrize("late", ["sensor_lag", "clock_offset"])
 def test_a_clock_is_believed_only_where_no_lags_do_as_well(leg: Leg, late: str) -> None:  # noqa: F811
     """A lag looks like a delay; a delay is like no number of lags."""

@@ -48,19 +48,24 @@ def test_pmsm_models_fit_their_log(name: str) -> None:
 
 
 @pytest.mark.long
-def test_held_out_data_lead_the_winding_to_a_model_that_predicts_other_operating_points() -> None:
+@pytest.mark.parametrize(("fitted", "most"), [(4400.0, 2.3), (5200.0, 0.9)])
+def test_held_out_data_lead_the_winding_to_a_model_that_predicts_other_operating_points(
+    fitted: float, most: float
+) -> None:
     """The names are stand-ins, since the fitted part holds one operating point; what they predict is not.
 
-    A hand-made model reached 1.72 K. A coolant 20 K colder than logged gives 1.5 K; nobody would believe it.
+    A hand-made model reached 1.72 K where 4400 s are fitted. A coolant 20 K colder than logged gives 1.5 K; nobody
+    would believe it, nor that a sensor on a test bench drifts by 1.6 K/h, which the longer part seems to ask for.
     """
     loaded = load_model(EXAMPLES / "pmsm" / "winding.toml")
-    history = improve(loaded.model, split_data(loaded.runs([EXAMPLES / "pmsm" / "log.csv"]), holdout_after=4400.0))
+    history = improve(loaded.model, split_data(loaded.runs([EXAMPLES / "pmsm" / "log.csv"]), holdout_after=fitted))
     before, after = history.steps[0].holdout, history.best.holdout
     assert before is not None
     assert after is not None
     assert before.rmse > 7
-    assert after.rmse < 2.3
-    assert not {"sensor_drift", "clock_offset", "ambient_offset"} & {step.effect for step in history.steps}
+    assert after.rmse < most
+    silly = {"sensor_drift", "clock_offset", "ambient_offset", "ambient_lag"}
+    assert not silly & {step.effect for step in history.steps}
 
 
 @pytest.mark.long
