@@ -310,6 +310,7 @@ class Rivals:
         self._density = noise_density(min(self.fits, key=lambda fit: fit.cost))
         self._misfits = [block_misfits(fitted_errors(fit), fit.problem.sigma)[0].sum(axis=1) for fit in self.fits]
         self._priors = [self._prior(fit) for fit in self.fits]
+        self._open = {pair: self._orders(pair) for pair in self.pairs}
 
     @property
     def pairs(self) -> list[tuple[int, int]]:
@@ -341,14 +342,14 @@ class Rivals:
         for pair in self.pairs:
             difference = predictions[pair[0]].readings - predictions[pair[1]].readings
             both = []
-            for true, wrong in self._ways(pair):
+            for true, wrong in self._open[pair]:
                 rise, left = _absorbed(rows[wrong], information[wrong], difference, weight)
                 before = self._misfits[wrong] - self._misfits[true]
                 both.append(self._separation(rise, left, weight, run, before))
             separations[pair] = min(both, key=lambda separation: separation.decisive)
         return separations
 
-    def _ways(self, pair: tuple[int, int]) -> list[tuple[int, int]]:
+    def _orders(self, pair: tuple[int, int]) -> list[tuple[int, int]]:
         """Which of a pair may be the true one and which the wrong one, where the old data have not decided that."""
         better, worse = sorted(pair, key=lambda number: self.fits[number].cost)
         undecided = criterion_difference(self.fits[worse], self.fits[better]) <= TIE
